@@ -1,0 +1,91 @@
+"""The pinhole camera on the vehicle and the flat road below it.
+
+Frames: *road* is the vehicle frame on the ground (origin below the rear axle, x forward, y left); *pixel* is the
+undistorted image (u right, v down). A function named ``a_from_b`` takes b and returns a.
+
+Hartley and Zisserman, Multiple View Geometry (2004), chapters 6 and 8.
+"""
+
+import math
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from trepid.config import Settings
+
+Matrix = NDArray[np.float64]
+
+
+class Camera(Settings):
+    """Intrinsics of the working image and the mounting on the vehicle (``config/camera.yaml``)."""
+
+    width_px: Annotated[int, Field(ge=16)]
+    height_px: Annotated[int, Field(ge=16)]
+    fx_px: Annotated[float, Field(gt=0)]
+    fy_px: Annotated[float, Field(gt=0)]
+    cx_px: float
+    cy_px: float
+    distortion: Annotated[tuple[float, ...], Field(max_length=5)] = ()
+    x_m: float  # ahead of the rear axle
+    y_m: float  # left of the centre line
+    height_m: Annotated[float, Field(gt=0)]
+    pitch_down_rad: Annotated[float, Field(gt=-1.2, lt=1.2)]
+    yaw_rad: float
+
+    @property
+    def intrinsics(self) -> Matrix:
+        """K, shape (3, 3)."""
+        return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1.0]])
+
+    @property
+    def optical_from_vehicle(self) -> Matrix:
+        """Rotation from vehicle axes (forward, left, up) to optical axes (right, down, ahead), shape (3, 3)."""
+        cp, sp = math.cos(self.pitch_down_rad), math.sin(self.pitch_down_rad)
+        cy, sy = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        ahead = np.array([cp * cy, cp * sy, -sp])
+        left = np.array([-sy, cy, 0.0])
+        return np.stack([-left, np.cross(ahead, -left), ahead])
+
+    @property
+    def pixel_from_road_matrix(self) -> Matrix:
+        """Homography from road points (x, y, 1) [m] to homogeneous pixels, shape (3, 3)."""
+        rotation = self.optical_from_vehicle
+        position = np.array([self.x_m, self.y_m, self.height_m])
+        return self.intrinsics @ np.column_stack([rotation[:, 0], rotation[:, 1], -rotation @ position])
+
+    @property
+    def horizon_row_px(self) -> float:
+        """Image row of the horizon of a flat road straight ahead."""
+        return self.cy_px - self.fy_px * math.tan(self.pitch_down_rad)
+
+    def pixel_from_road(self, road_m: ArrayLike) -> Matrix:
+        """Pixels, shape (n, 2), of road points (x, y) [m], shape (n, 2); NaN for points behind the camera."""
+        points = np.atleast_2d(np.asarray(road_m, float))
+        u, v, depth = self.pixel_from_road_matrix @ np.column_stack([points, np.ones(len(points))]).T
+        depth = np.where(depth > 1e-6, depth, np.nan)
+        return np.column_stack([u / depth, v / depth])
+
+    def road_from_pixel(self, pixel: ArrayLike) -> Matrix:
+        """Road points (x, y) [m], shape (n, 2), of pixels, shape (n, 2); NaN at and above the horizon."""
+        points = np.atleast_2d(np.asarray(pixel, float))
+        ray = self.optical_from_vehicle.T @ np.linalg.solve(
+            self.intrinsics, np.column_stack([points, np.ones(len(points))]).T
+        )
+        reach = self.height_m / np.where(ray[2] < -1e-9, -ray[2], np.nan)
+        return np.column_stack([self.x_m + reach * ray[0], self.y_m + reach * ray[1]])
+
+    def resized(self, width_px: int, height_px: int) -> "Camera":
+        """The same camera with its image resized."""
+        sx, sy = width_px / self.width_px, height_px / self.height_px
+        return self.model_copy(
+            update=dict(
+                width_px=width_px,
+                height_px=height_px,
+                fx_px=self.fx_px * sx,
+                fy_px=self.fy_px * sy,
+                cx_px=self.cx_px * sx,
+                cy_px=self.cy_px * sy,
+            )
+        )

@@ -1,0 +1,206 @@
+"""Every message of Trepid, as frozen dataclasses: the one source of truth for fields, units and signs.
+
+The ROS 2 types and their ``.msg`` text are derived from these classes (see :mod:`trepid.wire`).
+
+Signs: ISO 8855, positive to the left. ``t_s`` is the capture time of the camera frame that a message goes back
+to, carried unchanged from the frame to the command, so that age and latency can be read off anywhere.
+
+Absence is explicit: ``None`` means "not seen" or "not known" (NaN on the wire). It is never 0.0 and never the
+previous value.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[np.uint8]
+"""Camera image, shape (height, width, 3), 8-bit BGR."""
+
+PixelPath = tuple[tuple[float, float], ...]
+"""Image polyline as (x, y) pixels of the input image, from the bottom up."""
+
+
+class Mode(StrEnum):
+    """What the supervisor asks of the vehicle."""
+
+    KEEP = "KEEP"  # keep the lane at the planned speed
+    CAUTION = "CAUTION"  # keep the lane, slower
+    FOLLOW = "FOLLOW"  # the road is lost: follow the path of the vehicle ahead
+    STOP = "STOP"  # minimal-risk manoeuvre; latched until standstill
+
+
+class Stop(StrEnum):
+    """How a STOP is driven."""
+
+    NONE = "none"
+    COMFORT = "comfort"  # -1 m/s²
+    EMERGENCY = "emergency"  # at most 4 m/s² (UN R157 minimal-risk manoeuvre limit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """One camera frame (sensor_msgs/Image)."""
+
+    t_s: float
+    image: Image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageStatistics:
+    """What the pixels alone say about how far the frame can be trusted."""
+
+    t_s: float
+    brightness: float  # mean grey level, 0..1
+    contrast: float  # standard deviation of grey, 0..1
+    over_exposed: float  # share of pixels at or near white, 0..1
+    under_exposed: float  # share of pixels at or near black, 0..1
+    sharpness: float  # variance of the Laplacian of grey in [0, 255]² units; small = blurred
+    frozen_s: float  # how long the image has been bit-identical [s]; 0 for a fresh one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SteeringEstimate:
+    """The lane as one estimator sees it, and the road-wheel angle that a kinematic vehicle would need.
+
+    The lane centre in the vehicle frame is the clothoid with offset, heading error, curvature and curvature rate
+    below. ``curvature_1pm`` holds at ``lookahead_m`` ahead of the rear axle, so the curvature at the axle is
+    ``curvature_1pm - curvature_rate_1pm2 * lookahead_m``.
+    """
+
+    t_s: float
+    estimator: str
+    lateral_offset_m: float | None  # rear-axle centre relative to the lane centre, + = vehicle left of centre
+    heading_error_rad: float | None  # vehicle heading minus lane heading
+    curvature_1pm: float | None  # lane curvature at the look-ahead, + = bends left
+    curvature_rate_1pm2: float | None  # dκ/ds of the lane
+    lookahead_m: float  # where curvature_1pm holds
+    road_wheel_angle_rad: float | None  # atan(L·κ_cmd): free of speed and of understeer
+    confidence: float  # 0..1, calibrated: 0 = no estimate
+    lanes_detected: int  # boundaries of the ego lane that were seen: 0, 1 or 2
+    lane_width_m: float | None
+    latency_ms: float | None  # time spent computing this estimate; filled by the shell, None in lock-step
+    reason: str  # why there is no estimate or why confidence is low; "" when all is well
+    left_boundary_px: PixelPath
+    right_boundary_px: PixelPath
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeadVehicle:
+    """The vehicle ahead, in the frame of our rear axle."""
+
+    t_s: float
+    distance_m: float | None  # along x, from our front bumper to its rear
+    lateral_m: float | None  # + = left of our axis
+    speed_mps: float | None
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleState:
+    """What the vehicle reports of itself. ``t_s`` is the time of measurement."""
+
+    t_s: float
+    speed_mps: float | None
+    road_wheel_angle_rad: float | None
+    yaw_rate_radps: float | None
+    driver_override: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """What the supervisor makes of the estimates: how afraid it is, why, and what path to drive how fast."""
+
+    t_s: float | None  # capture time of the newest frame; None: no frame yet
+    decided_s: float  # when this was decided; a supervisor that lives decides even without frames
+    mode: Mode
+    stop: Stop
+    fear: float  # 0..1
+    level: str  # very_low, low, medium, high, very_high
+    cause: str  # what fear is about; "none" when calm
+    rules: tuple[str, ...]  # the rules that fired, strongest first
+    rule_strengths: tuple[float, ...]
+    # The fused path, in the terms of SteeringEstimate and valid at path_t_s; all None when there is no path.
+    path_t_s: float | None
+    lateral_offset_m: float | None
+    heading_error_rad: float | None
+    curvature_1pm: float | None
+    curvature_rate_1pm2: float | None
+    lookahead_m: float
+    path_source: str  # e.g. "cv+cnn", "cv", "memory", "lead", "none"
+    sources: tuple[str, ...]  # estimator names …
+    trust: tuple[float, ...]  # … and their weights in the fusion, sum 1 (empty when nothing was fused)
+    disagreement_mps2: float | None  # |Δκ_cmd|·v² between estimators
+    speed_factor: float  # 0..1, non-increasing in fear
+    speed_cap_mps: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """What the vehicle is told (ackermann_msgs/AckermannDriveStamped)."""
+
+    t_s: float | None  # capture time of the frame this goes back to; None: no frame yet
+    road_wheel_angle_rad: float
+    road_wheel_rate_radps: float  # 0 = as fast as the limits allow, as in AckermannDrive
+    speed_mps: float  # where the speed is going
+    accel_mps2: float  # the demand; negative brakes
+    jerk_mps3: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimTruth:
+    """What only a simulator knows: the true pose on the road. No driving process may read it."""
+
+    t_s: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    station_m: float  # travelled along the lane centre line
+    lateral_offset_m: float
+    heading_error_rad: float
+    curvature_1pm: float
+    lane_width_m: float
+    lateral_accel_mps2: float
+    longitudinal_accel_mps2: float
+    departures: int  # so far
+    interventions: int  # so far
+    collisions: int  # so far
+    section: str  # name of the part of the road, e.g. "unmarked"
+    lead_gap_m: float | None  # bumper to bumper
+    lead_x_m: float | None
+    lead_y_m: float | None
+    lead_yaw_rad: float | None
+    finished: bool  # the route is driven to its end
+
+
+class Health(StrEnum):
+    """Level of a diagnostic status, as in diagnostic_msgs/DiagnosticStatus."""
+
+    OK = "ok"
+    WARN = "warn"
+    ERROR = "error"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnostic:
+    """The state of one process (diagnostic_msgs/DiagnosticArray with one status)."""
+
+    t_s: float
+    process: str
+    health: Health
+    message: str
+    values: tuple[tuple[str, str], ...]
+
+
+Message = (
+    Frame
+    | ImageStatistics
+    | SteeringEstimate
+    | LeadVehicle
+    | VehicleState
+    | Decision
+    | Command
+    | SimTruth
+    | Diagnostic
+)

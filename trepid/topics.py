@@ -1,0 +1,43 @@
+"""Every topic of Trepid, in one table. Keys stand below ``trepid/<vehicle-name>/``."""
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from trepid.messages import (
+    Command,
+    Decision,
+    Diagnostic,
+    Frame,
+    ImageStatistics,
+    LeadVehicle,
+    SimTruth,
+    SteeringEstimate,
+    VehicleState,
+)
+
+M = TypeVar("M")
+
+
+@dataclass(frozen=True, slots=True)
+class Topic(Generic[M]):
+    """A key expression and the one message type that it carries."""
+
+    key: str
+    type: type[M]
+    rate_hz: float
+    flow: str  # who publishes -> who reads
+
+
+CAMERA_IMAGE = Topic("camera/image", Frame, 25, "camera -> perception")
+IMAGE_STATISTICS = Topic("perception/image_statistics", ImageStatistics, 25, "perception -> supervisor")
+LEAD_VEHICLE = Topic("perception/lead", LeadVehicle, 25, "perception -> supervisor")
+DECISION = Topic("supervisor/decision", Decision, 25, "supervisor -> controller")
+COMMAND = Topic("controller/command", Command, 50, "controller -> vehicle")
+VEHICLE_STATE = Topic("vehicle/state", VehicleState, 100, "vehicle -> all")
+SIM_TRUTH = Topic("sim/truth", SimTruth, 100, "simulated vehicle -> simulated camera, referee")
+DIAGNOSTICS = Topic("diagnostics", Diagnostic, 1, "every process -> launcher")
+
+
+def estimate_topic(name: str) -> Topic[SteeringEstimate]:
+    """Topic on which the estimator called ``name`` publishes."""
+    return Topic(f"perception/{name}/estimate", SteeringEstimate, 25, f"{name} -> supervisor")
