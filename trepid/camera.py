@@ -1,7 +1,7 @@
 """The pinhole camera on the vehicle and the flat road below it.
 
-Frames: *road* is the vehicle frame on the ground (origin below the rear axle, x forward, y left); *pixel* is the
-undistorted image (u right, v down). A function named ``a_from_b`` takes b and returns a.
+Frames: *road* is the vehicle frame on the ground (origin below the rear axle, x forward, y left); *pixel* is
+the undistorted image (u right, v down). A function named ``a_from_b`` takes b and returns a.
 
 Hartley and Zisserman, Multiple View Geometry (2004), chapters 6 and 8.
 """
@@ -41,7 +41,7 @@ class Camera(Settings):
 
     @property
     def optical_from_vehicle(self) -> Matrix:
-        """Rotation from vehicle axes (forward, left, up) to optical axes (right, down, ahead), shape (3, 3)."""
+        """Rotation, shape (3, 3), from vehicle axes (forward, left, up) to optical (right, down, ahead)."""
         cp, sp = math.cos(self.pitch_down_rad), math.sin(self.pitch_down_rad)
         cy, sy = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         ahead = np.array([cp * cy, cp * sy, -sp])

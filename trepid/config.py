@@ -1,4 +1,4 @@
-"""YAML files to frozen, validated settings; every error says file:line:column, what, and what was expected."""
+"""YAML files to frozen, validated settings; an error says file:line:column, what, and what was expected."""
 
 import difflib
 from collections.abc import Mapping, Sequence

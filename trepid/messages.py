@@ -2,8 +2,8 @@
 
 The ROS 2 types and their ``.msg`` text are derived from these classes (see :mod:`trepid.wire`).
 
-Signs: ISO 8855, positive to the left. ``t_s`` is the capture time of the camera frame that a message goes back
-to, carried unchanged from the frame to the command, so that age and latency can be read off anywhere.
+Signs: ISO 8855, positive to the left. ``t_s`` is the capture time of the camera frame that a message goes
+back to, carried unchanged from the frame to the command, so that age and latency can be read off anywhere.
 
 Absence is explicit: ``None`` means "not seen" or "not known" (NaN on the wire). It is never 0.0 and never the
 previous value.
@@ -64,9 +64,9 @@ class ImageStatistics:
 class SteeringEstimate:
     """The lane as one estimator sees it, and the road-wheel angle that a kinematic vehicle would need.
 
-    The lane centre in the vehicle frame is the clothoid with offset, heading error, curvature and curvature rate
-    below. ``curvature_1pm`` holds at ``lookahead_m`` ahead of the rear axle, so the curvature at the axle is
-    ``curvature_1pm - curvature_rate_1pm2 * lookahead_m``.
+    The lane centre in the vehicle frame is the clothoid with offset, heading error, curvature and curvature
+    rate below. ``curvature_1pm`` holds at ``lookahead_m`` ahead of the rear axle, so the curvature at the axle
+    is ``curvature_1pm - curvature_rate_1pm2 * lookahead_m``.
     """
 
     t_s: float

@@ -1,0 +1,162 @@
+"""The Zenoh bus: the only module that knows Zenoh.
+
+Latest wins: a subscription keeps the newest message and nothing else (the Deep Steer paper's lag above
+10 Hz was its queue). Everything stays on the loopback interface of this machine, multicast scouting is off,
+and every drive has a port of its own, so two drives on one machine cannot hear each other.
+"""
+
+import json
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Generic, TypeVar
+
+import zenoh
+
+from trepid.clock import Clock
+from trepid.topics import Topic
+from trepid.wire import WireError, from_cdr, to_cdr
+
+M = TypeVar("M")
+L = TypeVar("L", bound="Latest[Any]")
+
+
+def free_endpoint() -> str:
+    """A TCP endpoint on the loopback interface that is free now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+class Latest(Generic[M]):
+    """The newest message of one topic."""
+
+    def __init__(self, topic: Topic[M], arrived: threading.Event, clock: Clock) -> None:
+        self._topic = topic
+        self._arrived = arrived
+        self._clock = clock
+        self._payload: tuple[bytes, float] | None = None
+        self.message: M | None = None
+        """The newest message taken so far; None before the first."""
+        self.received_s: float | None = None
+        """When it arrived, on the clock of this process [s]."""
+        self.malformed = 0
+        """How many payloads were not a message of this topic; they count as not received."""
+
+    def put(self, sample: zenoh.Sample) -> None:
+        """Keep a sample; called by Zenoh on its own thread."""
+        self._payload = sample.payload.to_bytes(), self._clock()
+        self._arrived.set()
+
+    def take(self) -> M | None:
+        """The message if one arrived since the last call, else None."""
+        payload, self._payload = self._payload, None
+        if payload is None:
+            return None
+        data, received_s = payload
+        try:
+            self.message = from_cdr(data, self._topic.type)
+        except WireError:
+            self.malformed += 1
+            return None
+        self.received_s = received_s
+        return self.message
+
+    def refresh(self) -> M | None:
+        """The newest message, new or not; None before the first."""
+        self.take()
+        return self.message
+
+
+class Stream(Latest[M]):
+    """Every message of one topic in order, for referees and recorders that must not miss any."""
+
+    def __init__(self, topic: Topic[M], arrived: threading.Event, clock: Clock) -> None:
+        super().__init__(topic, arrived, clock)
+        self._queue: list[tuple[bytes, float]] = []
+
+    def put(self, sample: zenoh.Sample) -> None:
+        self._queue.append((sample.payload.to_bytes(), self._clock()))
+        self._arrived.set()
+
+    def drain(self) -> list[tuple[M, float]]:
+        """All messages since the last call with their times of arrival [s], oldest first."""
+        queue, self._queue = self._queue, []
+        messages = []
+        for data, received_s in queue:
+            try:
+                messages.append((from_cdr(data, self._topic.type), received_s))
+            except WireError:
+                self.malformed += 1
+        return messages
+
+
+class Bus:
+    """Publish and subscribe below ``trepid/<vehicle-name>/``."""
+
+    def __init__(self, session: zenoh.Session, vehicle_name: str, clock: Clock) -> None:
+        self._session = session
+        self._clock = clock
+        self._prefix = f"trepid/{vehicle_name}"
+        self._arrived = threading.Event()
+        self._subscribers: list[zenoh.Subscriber[None]] = []
+
+    def publisher(self, topic: Topic[M]) -> Callable[[M], None]:
+        """A function that publishes one message of ``topic``."""
+        publisher = self._session.declare_publisher(
+            f"{self._prefix}/{topic.key}",
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+
+        def send(message: M) -> None:
+            if not isinstance(message, topic.type):
+                raise TypeError(f"{topic.key!r} carries {topic.type.__name__}, got {type(message).__name__}")
+            publisher.put(to_cdr(message))  # type: ignore[arg-type]
+
+        return send
+
+    def latest(self, topic: Topic[M]) -> Latest[M]:
+        """Subscription that keeps the newest message of ``topic``."""
+        return self._subscribe(topic, Latest(topic, self._arrived, self._clock))
+
+    def stream(self, topic: Topic[M]) -> Stream[M]:
+        """Subscription that keeps every message of ``topic`` until it is drained."""
+        return self._subscribe(topic, Stream(topic, self._arrived, self._clock))
+
+    def _subscribe(self, topic: Topic[M], latest: L) -> L:
+        # indirect=False: Zenoh's own thread calls put; the default spawns a Python thread that outlives main.
+        handler = zenoh.handlers.Callback(latest.put, indirect=False)
+        self._subscribers.append(self._session.declare_subscriber(f"{self._prefix}/{topic.key}", handler))
+        return latest
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until a message arrives on any subscription; False when ``timeout_s`` passed first."""
+        arrived = self._arrived.wait(timeout_s)
+        self._arrived.clear()
+        return arrived
+
+
+@contextmanager
+def open_bus(
+    vehicle_name: str, clock: Clock, *, connect: str | None = None, listen: str | None = None
+) -> Iterator[Bus]:
+    """A bus that listens as the router of a drive, or connects to the one at ``connect``.
+
+    A peer without a listen endpoint receives nothing, so every peer also listens on a port of its own; once
+    peers know each other their traffic no longer passes through the router and survives its death.
+    """
+    config = zenoh.Config()
+    settings = {
+        "mode": "router" if listen else "peer",
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": True,
+        "listen/endpoints": [listen or "tcp/127.0.0.1:0"],
+        "connect/endpoints": [connect] if connect else [],
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    with zenoh.open(config) as session:
+        yield Bus(session, vehicle_name, clock)
