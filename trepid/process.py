@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock
@@ -32,7 +32,7 @@ class Assignment(Settings):
     vehicle_name: str
     connect: str  # Zenoh endpoint of the launcher
     clock_offset_ns: int
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default_factory=dict)
 
 
 class Process:

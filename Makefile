@@ -1,0 +1,44 @@
+# Everything runs in .venv; `make` sets it up when pyproject.toml or constraints.txt changed.
+PYTHON ?= python3
+VENV := .venv
+READY := $(VENV)/.ready
+BIN := $(VENV)/bin
+
+.PHONY: help setup drive test lint train clean
+
+help:
+	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
+	@echo "make test    set up and run the tests"
+	@echo "make lint    ruff and mypy"
+	@echo "make train   re-create the shipped CNN weights (installs torch into its own .venv-train)"
+	@echo "make clean   remove the virtual environments"
+
+setup: $(READY)
+
+$(READY): pyproject.toml constraints.txt
+	@echo "== setting up $(VENV) (once; pip packages only)"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@touch $(READY)
+	@echo "== $(VENV) is ready"
+
+drive: $(READY)
+	@echo "== trepid drive $(ARGS)"
+	@$(BIN)/python -m trepid drive $(ARGS)
+
+test: $(READY)
+	@echo "== pytest"
+	@$(BIN)/python -m pytest $(ARGS)
+
+lint: $(READY)
+	@$(BIN)/ruff check
+	@$(BIN)/ruff format --check
+	@$(BIN)/mypy
+
+train:
+	@test -x .venv-train/bin/python || $(PYTHON) -m venv .venv-train
+	@.venv-train/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[train]'
+	@.venv-train/bin/python -m trepid train $(ARGS)
+
+clean:
+	rm -rf $(VENV) .venv-train

@@ -1,0 +1,52 @@
+"""Supervisor process: one decision per camera frame, and decisions go on when frames do not."""
+
+from supervisor.supervisor import build
+from trepid.bus import Latest
+from trepid.messages import SteeringEstimate
+from trepid.process import Process, process
+from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
+
+IDLE_PERIOD_S = 0.05  # decide at least this often, whatever is missing
+GATHER_S = 0.02  # wait this long for the other estimators of the same frame
+
+
+def run(me: Process) -> None:
+    """Decide when all estimates of a frame are in, shortly after the first of them, or when nothing comes."""
+    estimates = {name: me.bus.latest(estimate_topic(name)) for name in me.options["estimators"]}
+    statistics, lead = me.bus.latest(IMAGE_STATISTICS), me.bus.latest(LEAD_VEHICLE)
+    state = me.bus.latest(VEHICLE_STATE)
+    send = me.bus.publisher(DECISION)
+    supervisor = build()
+    decided_s = me.now_s()
+    first_s: float | None = None  # when the first estimate since the last decision came
+    while me.running():
+        me.bus.wait(timeout_s=GATHER_S / 4)
+        now_s = me.now_s()
+        fresh = [name for name, latest in estimates.items() if latest.take() is not None]
+        if fresh and first_s is None:
+            first_s = now_s
+        complete = first_s is not None and _same_frame(estimates)
+        gathered = first_s is not None and now_s - first_s >= GATHER_S
+        if not (complete or gathered or now_s - decided_s >= IDLE_PERIOD_S):
+            continue
+        decision = supervisor.step(
+            {name: latest.message for name, latest in estimates.items()},
+            statistics.refresh(),
+            lead.refresh(),
+            state.refresh(),
+            now_s=now_s,
+        )
+        send(decision)
+        decided_s, first_s = now_s, None
+        me.stepped()
+
+
+def _same_frame(estimates: dict[str, Latest[SteeringEstimate]]) -> bool:
+    """True when every estimator has answered for the newest frame."""
+    stamps = {latest.message.t_s if latest.message else None for latest in estimates.values()}
+    return len(stamps) == 1 and None not in stamps
+
+
+if __name__ == "__main__":
+    with process() as me:
+        run(me)

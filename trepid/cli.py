@@ -1,0 +1,63 @@
+"""The command line: every verb of Trepid, mounted from the package that does the work.
+
+Exit codes: 0 good, 1 ran and failed its criterion, 2 bad usage, configuration or input (one clear line).
+With ``--json`` standard output carries JSON only; progress and logs go to standard error.
+"""
+
+import sys
+
+import click
+import typer
+
+import controller.cli
+import perception.cli
+import sim_harness.cli
+import supervisor.cli
+from sim_harness.drive_cli import drive
+from sim_harness.train import train
+from trepid import __version__
+from trepid.config import InputError
+from trepid.packages import check_packages
+
+app = typer.Typer(
+    name="trepid",
+    help="A camera lane keeper for research vehicles that knows when to be afraid.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command("drive")(drive)
+app.add_typer(sim_harness.cli.app, name="sim", help="Run scenarios in lock-step, faster than real time.")
+app.command("estimate")(perception.cli.estimate)
+app.add_typer(supervisor.cli.app, name="fear", help="Check, show and explain fuzzy rule files.")
+app.add_typer(controller.cli.app, name="vehicle", help="The bicycle model with understeer.")
+app.command("train")(train)
+
+
+@app.callback(invoke_without_command=True)
+def root(version: bool = typer.Option(False, "--version", help="Print the version and exit.")) -> None:
+    """A camera lane keeper for research vehicles that knows when to be afraid."""
+    if version:
+        typer.echo(f"trepid {__version__}")
+        raise typer.Exit
+
+
+def main() -> int:
+    """Run the command line; return the exit code."""
+    try:
+        check_packages()
+        result = app(standalone_mode=False)
+    except InputError as error:
+        print(f"trepid: {error}", file=sys.stderr)
+        return 2
+    except click.ClickException as error:
+        error.show()
+        return 2
+    except click.exceptions.Exit as stop:
+        return stop.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of our output left, e.g. `| head`
+        return 0
+    return result if isinstance(result, int) else 0
