@@ -1,0 +1,80 @@
+"""Settings: good files load exactly, bad ones say where and what in one line."""
+
+from pathlib import Path
+
+import pytest
+
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, Settings, load
+from trepid.vehicle import Vehicle
+
+
+class Inner(Settings):
+    gain: float
+    points: tuple[float, ...] = ()
+
+
+class Outer(Settings):
+    name: str
+    inner: Inner
+
+
+GOOD = "name: a\ninner:\n  gain: 1.5\n  points: [1, 2]\n"
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "settings.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_good_file_loads_with_its_values(tmp_path: Path) -> None:
+    assert load(write(tmp_path, GOOD), Outer) == Outer(name="a", inner=Inner(gain=1.5, points=(1, 2)))
+
+
+def test_an_override_replaces_one_nested_value(tmp_path: Path) -> None:
+    settings = load(write(tmp_path, GOOD), Outer, overrides={"inner.gain": "2.5"})
+    assert settings.inner == Inner(gain=2.5, points=(1, 2))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("name: a\ninner:\n  gain: fast\n", "settings.yaml:3:3: inner.gain: "),
+        ("name: a\ninner:\n  gian: 1\n", "settings.yaml:2:1: 'inner.gain' is missing"),
+        (
+            "name: a\ninner:\n  gain: 1\n  gian: 1\n",
+            "settings.yaml:4:3: unknown field 'inner.gian'; did you mean 'gain'?",
+        ),
+        ("name: a\ninner: {gain: .nan}\n", "settings.yaml:2:9: inner.gain: "),
+        ("name: a\ninner:\n  gain: 1\n  points: [1, x]\n", "settings.yaml:4:15: inner.points.1: "),
+        ("name: [a\n", "settings.yaml:2:1: not valid YAML"),
+        ("- a\n", "settings.yaml:1:1: expected a mapping"),
+        ("", "settings.yaml:1:1: expected a mapping"),
+        ("name: a\nname: b\n", "settings.yaml:2:1: not valid YAML"),
+    ],
+)
+def test_a_bad_file_is_named_with_line_and_column(tmp_path: Path, text: str, expected: str) -> None:
+    with pytest.raises(InputError) as error:
+        load(write(tmp_path, text), Outer)
+    assert expected in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_bad_override_is_blamed_on_the_command_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"--set inner.gain: inner.gain: "):
+        load(write(tmp_path, GOOD), Outer, overrides={"inner.gain": "fast"})
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe\x00"])
+def test_a_missing_or_binary_file_is_named(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "settings.yaml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"settings\.yaml"):
+        load(path, Outer)
+
+
+def test_the_shipped_vehicle_and_camera_load() -> None:
+    assert load(CONFIG_DIR / "vehicle.yaml", Vehicle).wheelbase_m > 0
+    assert load(CONFIG_DIR / "camera.yaml", Camera).height_m > 0
