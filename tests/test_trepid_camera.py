@@ -15,15 +15,15 @@ CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 
 @given(
     x_m=st.floats(3, 80),
-    y_m=st.floats(-20, 20),
+    bearing=st.floats(-0.8, 0.8),
     pitch_rad=st.floats(-0.05, 0.4),
     yaw_rad=st.floats(-0.2, 0.2),
 )
 def test_a_road_point_survives_the_round_trip_through_the_image(
-    x_m: float, y_m: float, pitch_rad: float, yaw_rad: float
+    x_m: float, bearing: float, pitch_rad: float, yaw_rad: float
 ) -> None:
     camera = CAMERA.model_copy(update={"pitch_down_rad": pitch_rad, "yaw_rad": yaw_rad})
-    point = np.array([[x_m, y_m]])
+    point = np.array([[camera.x_m + x_m, bearing * x_m]])
     assert np.allclose(camera.road_from_pixel(camera.pixel_from_road(point)), point, atol=1e-6)
 
 
