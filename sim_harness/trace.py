@@ -1,0 +1,132 @@
+"""What happened in a run: one sample per vehicle tick, as named columns of float64."""
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trepid.messages import Command, Decision, SimTruth, SteeringEstimate, VehicleState
+
+Column = NDArray[np.float64]
+
+TRUTH_COLUMNS = (
+    "t_s",
+    "x_m",
+    "y_m",
+    "yaw_rad",
+    "station_m",
+    "lateral_offset_m",
+    "heading_error_rad",
+    "curvature_1pm",
+    "lane_width_m",
+    "lateral_accel_mps2",
+    "longitudinal_accel_mps2",
+    "departures",
+    "interventions",
+    "collisions",
+    "lead_gap_m",
+    "lead_x_m",
+    "lead_y_m",
+)
+STATE_COLUMNS = ("speed_mps", "road_wheel_angle_rad", "yaw_rate_radps")
+COMMAND_COLUMNS = ("t_s", "road_wheel_angle_rad", "speed_mps", "accel_mps2")
+DECISION_COLUMNS = (
+    "t_s",
+    "fear",
+    "lateral_offset_m",
+    "heading_error_rad",
+    "curvature_1pm",
+    "disagreement_mps2",
+    "speed_factor",
+    "speed_cap_mps",
+)
+ESTIMATE_COLUMNS = ("t_s", "lateral_offset_m", "heading_error_rad", "curvature_1pm", "confidence")
+LABELS = ("section", "mode", "stop", "cause", "path_source")  # columns of codes into a table of words
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """Columns of equal length. NaN stands for None; the code -1 for "no decision yet"."""
+
+    columns: Mapping[str, Column]
+    words: Mapping[str, tuple[str, ...]]  # label column -> word of each code
+
+    def __getitem__(self, name: str) -> Column:
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return len(self.columns["t_s"])
+
+    @property
+    def sha256(self) -> str:
+        """Hash of every column (name, little-endian float64) and word: equal if and only if the runs were."""
+        digest = hashlib.sha256()
+        for name, column in self.columns.items():
+            digest.update(name.encode() + b"\0" + column.astype("<f8").tobytes())
+        for name, words in self.words.items():
+            digest.update("\0".join((name, *words)).encode())
+        return digest.hexdigest()
+
+    def save(self, path: Path) -> None:
+        """Write a compressed .npz: the columns, and for each label column its words as ``words.<label>``."""
+        words = {f"words.{name}": np.array(words, dtype=np.str_) for name, words in self.words.items()}
+        with path.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **self.columns, **words)
+
+
+class Recorder:
+    """Collects the samples of a run of which the ``estimators`` are known."""
+
+    def __init__(self, estimators: tuple[str, ...] = ()) -> None:
+        self._estimators = estimators
+        self._rows: list[tuple[float | None, ...]] = []
+        self._codes: dict[str, dict[str, int]] = {label: {} for label in LABELS}
+
+    def add(
+        self,
+        truth: SimTruth,
+        state: VehicleState,
+        command: Command | None,
+        decision: Decision | None,
+        estimates: Mapping[str, SteeringEstimate | None],
+    ) -> None:
+        """Append one sample: the truth and the latest of everything else."""
+        row = [getattr(truth, name) for name in TRUTH_COLUMNS]
+        row += [getattr(state, name) for name in STATE_COLUMNS]
+        row += _fields(command, COMMAND_COLUMNS)
+        row += _fields(decision, DECISION_COLUMNS)
+        row.append(self._code("section", truth.section))
+        row += [self._code(label, getattr(decision, label, None)) for label in LABELS[1:]]
+        for name in self._estimators:
+            row += _fields(estimates.get(name), ESTIMATE_COLUMNS)
+        self._rows.append(tuple(row))
+
+    def trace(self) -> Trace:
+        """Everything added so far."""
+        names = [*TRUTH_COLUMNS, *STATE_COLUMNS]
+        names += [f"command.{name}" for name in COMMAND_COLUMNS]
+        names += [f"decision.{name}" for name in DECISION_COLUMNS]
+        names += LABELS
+        names += [f"{estimator}.{name}" for estimator in self._estimators for name in ESTIMATE_COLUMNS]
+        table = np.array(self._rows, dtype=np.float64).reshape(-1, len(names))
+        table[np.isnan(table)] = math.nan  # one bit pattern for every NaN
+        columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
+        return Trace(columns, {label: tuple(codes) for label, codes in self._codes.items()})
+
+    def _code(self, label: str, word: str | None) -> int:
+        if word is None:
+            return -1
+        codes = self._codes[label]
+        return codes.setdefault(word, len(codes))
+
+
+def _fields(
+    message: Command | Decision | SteeringEstimate | None, names: tuple[str, ...]
+) -> list[float | None]:
+    if message is None:
+        return [None] * len(names)
+    return [getattr(message, name) for name in names]
