@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from ruamel.yaml import YAML
@@ -93,9 +93,9 @@ def _explain(
     problem = error.errors()[0]
     path: Sequence[str | int] = problem["loc"]
     dotted = ".".join(map(str, path))
-    line, column = _position(data, path)
+    line, column = position(data, path)
     where = f"--set {dotted}" if dotted in overrides else f"{source}:{line}:{column}"
-    what = problem["msg"]
+    what = problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
         known = _field_names(model, path[:-1])
         close = difflib.get_close_matches(str(path[-1]), known, n=1)
@@ -106,7 +106,7 @@ def _explain(
     return f"{where}: {dotted}: {what}" if dotted else f"{where}: {what}"
 
 
-def _position(data: Any, path: Sequence[str | int]) -> tuple[int, int]:
+def position(data: Any, path: Sequence[str | int]) -> tuple[int, int]:
     """Line and column, from 1, of the deepest part of ``path`` that stands in the file."""
     line, column = 1, 1
     for part in path:
@@ -128,8 +128,9 @@ def _field_names(model: type[BaseModel], path: Sequence[str | int]) -> list[str]
     for part in path:
         field = model.model_fields.get(str(part))
         annotation = field.annotation if field else None
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            model = annotation
+        for inner in (annotation, *get_args(annotation)):  # a model, or a dict or list of models
+            if isinstance(inner, type) and issubclass(inner, BaseModel):
+                model = inner
     return sorted(model.model_fields)
 
 
