@@ -92,6 +92,25 @@ class Stream(Latest[M]):
         return messages
 
 
+class Tap:
+    """Everything on the bus, as bytes: for recorders."""
+
+    def __init__(self, prefix: str, clock: Clock) -> None:
+        self._prefix = prefix
+        self._clock = clock
+        self._queue: list[tuple[str, bytes, float]] = []
+
+    def put(self, sample: zenoh.Sample) -> None:
+        """Keep a sample; called by Zenoh on its own thread."""
+        key = str(sample.key_expr).removeprefix(self._prefix + "/")
+        self._queue.append((key, sample.payload.to_bytes(), self._clock()))
+
+    def drain(self) -> list[tuple[str, bytes, float]]:
+        """Key, CDR bytes and time of arrival [s] of all messages since the last call."""
+        queue, self._queue = self._queue, []
+        return queue
+
+
 class Bus:
     """Publish and subscribe below ``trepid/<vehicle-name>/``."""
 
@@ -126,11 +145,21 @@ class Bus:
         """Subscription that keeps every message of ``topic`` until it is drained."""
         return self._subscribe(topic, Stream(topic, self._arrived, self._clock))
 
+    def tap(self, *keys: str) -> Tap:
+        """Subscription that keeps the bytes of everything on ``keys``, which may hold ``**``, until drained."""
+        tap = Tap(self._prefix, self._clock)
+        for key in keys:
+            self._declare(key, tap.put)
+        return tap
+
     def _subscribe(self, topic: Topic[M], latest: L) -> L:
-        # indirect=False: Zenoh's own thread calls put; the default spawns a Python thread that outlives main.
-        handler = zenoh.handlers.Callback(latest.put, indirect=False)
-        self._subscribers.append(self._session.declare_subscriber(f"{self._prefix}/{topic.key}", handler))
+        self._declare(topic.key, latest.put)
         return latest
+
+    def _declare(self, key: str, put: Callable[[zenoh.Sample], None]) -> None:
+        # indirect=False: Zenoh's own thread calls put; the default spawns a Python thread that outlives main.
+        handler = zenoh.handlers.Callback(put, indirect=False)
+        self._subscribers.append(self._session.declare_subscriber(f"{self._prefix}/{key}", handler))
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until a message arrives on any subscription; False when ``timeout_s`` passed first."""

@@ -4,10 +4,11 @@ Exit codes: 0 good, 1 ran and failed its criterion, 2 bad usage, configuration o
 With ``--json`` standard output carries JSON only; progress and logs go to standard error.
 """
 
+import os
 import sys
 
-import click
 import typer
+from typer.exceptions import TyperException
 
 import controller.cli
 import perception.cli
@@ -47,17 +48,18 @@ def main() -> int:
     try:
         check_packages()
         result = app(standalone_mode=False)
-    except InputError as error:
-        print(f"trepid: {error}", file=sys.stderr)
+    except (InputError, TyperException) as error:
+        print(f"trepid: {_one_line(error)}", file=sys.stderr)
         return 2
-    except click.ClickException as error:
-        error.show()
-        return 2
-    except click.exceptions.Exit as stop:
-        return stop.exit_code
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         return 130
     except BrokenPipeError:
-        sys.stderr.close()  # the reader of our output left, e.g. `| head`
+        # The reader of our output left, e.g. `| head`: nothing more can be written, not even at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return result if isinstance(result, int) else 0
+
+
+def _one_line(error: Exception) -> str:
+    text = error.format_message() if isinstance(error, TyperException) else str(error)
+    return " ".join(text.split())

@@ -27,6 +27,7 @@ class ProcessSpec:
     name: str
     module: str
     options: dict[str, Any] = field(default_factory=dict)
+    restart: bool = True  # start it again when it dies
 
 
 @dataclass(slots=True)
@@ -121,10 +122,15 @@ class Fleet:
                 continue
             deaths.append(Death(name, child.popen.pid, returncode, child.last_words()))
             _close(child)
-            if child.restarts < self._max_restarts:
+            if child.spec.restart and child.restarts < self._max_restarts:
                 self.children[name] = self._start(child.spec)
                 self.children[name].restarts = child.restarts + 1
         return deaths
+
+    def kill(self, name: str) -> None:
+        """End a process that no longer answers; :meth:`bury` then reports it."""
+        self.children[name].popen.kill()
+        self.children[name].popen.wait()
 
     def stop(self) -> None:
         """End every child within 2 s: SIGTERM, then SIGKILL."""

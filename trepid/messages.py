@@ -48,6 +48,14 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CompressedFrame:
+    """A camera frame as JPEG, for recorders and displays (sensor_msgs/CompressedImage)."""
+
+    t_s: float
+    jpeg: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ImageStatistics:
     """What the pixels alone say about how far the frame can be trusted."""
 
@@ -195,6 +203,7 @@ class Diagnostic:
 
 Message = (
     Frame
+    | CompressedFrame
     | ImageStatistics
     | SteeringEstimate
     | LeadVehicle

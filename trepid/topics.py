@@ -1,10 +1,11 @@
 """Every topic of Trepid, in one table. Keys stand below ``trepid/<vehicle-name>/``."""
 
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from trepid.messages import (
     Command,
+    CompressedFrame,
     Decision,
     Diagnostic,
     Frame,
@@ -29,6 +30,7 @@ class Topic(Generic[M]):
 
 
 CAMERA_IMAGE = Topic("camera/image", Frame, 25, "camera -> perception")
+CAMERA_COMPRESSED = Topic("camera/image/compressed", CompressedFrame, 10, "camera -> recorder")
 IMAGE_STATISTICS = Topic("perception/image_statistics", ImageStatistics, 25, "perception -> supervisor")
 LEAD_VEHICLE = Topic("perception/lead", LeadVehicle, 25, "perception -> supervisor")
 DECISION = Topic("supervisor/decision", Decision, 25, "supervisor -> controller")
@@ -38,6 +40,27 @@ SIM_TRUTH = Topic("sim/truth", SimTruth, 100, "simulated vehicle -> simulated ca
 DIAGNOSTICS = Topic("diagnostics", Diagnostic, 1, "every process -> launcher")
 
 
+FIXED = (
+    CAMERA_IMAGE,
+    CAMERA_COMPRESSED,
+    IMAGE_STATISTICS,
+    LEAD_VEHICLE,
+    DECISION,
+    COMMAND,
+    VEHICLE_STATE,
+    SIM_TRUTH,
+    DIAGNOSTICS,
+)
+
+
 def estimate_topic(name: str) -> Topic[SteeringEstimate]:
     """Topic on which the estimator called ``name`` publishes."""
     return Topic(f"perception/{name}/estimate", SteeringEstimate, 25, f"{name} -> supervisor")
+
+
+def topic_of(key: str) -> Topic[Any] | None:
+    """The topic with this key, or None when there is none."""
+    parts = key.split("/")
+    if len(parts) == 3 and parts[0] == "perception" and parts[2] == "estimate":
+        return estimate_topic(parts[1])
+    return next((topic for topic in FIXED if topic.key == key), None)

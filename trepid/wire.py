@@ -1,6 +1,6 @@
 """Messages to and from ROS 2 CDR, so that ROS 2 and MCAP tools read the topics with no ROS here.
 
-Frame, Command and Diagnostic travel as the standard types of the field; every other message of
+Frames, Command and Diagnostic travel as the standard types of the field; every other message of
 :mod:`trepid.messages` becomes ``trepid_msgs/msg/<Name>``, derived from its dataclass:
 
 =====================  ==========================================================
@@ -30,6 +30,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from trepid.clock import NANO, nanoseconds, seconds
 from trepid.messages import (
     Command,
+    CompressedFrame,
     Decision,
     Diagnostic,
     Frame,
@@ -127,10 +128,17 @@ def ros_name(message_type: type) -> str:
     """ROS 2 type name of a message class."""
     standard = {
         Frame: "sensor_msgs/msg/Image",
+        CompressedFrame: "sensor_msgs/msg/CompressedImage",
         Command: "ackermann_msgs/msg/AckermannDriveStamped",
         Diagnostic: "diagnostic_msgs/msg/DiagnosticArray",
     }
     return standard.get(message_type, f"trepid_msgs/msg/{message_type.__name__}")
+
+
+def definition(message_type: type) -> str:
+    """The ROS 2 definition of a message class with all that it contains, as recordings carry it."""
+    text, _ = STORE.generate_msgdef(ros_name(message_type), ros_version=2)
+    return str(text)
 
 
 def _typestore() -> Any:
@@ -174,6 +182,15 @@ def _frame_from_ros(ros: Any) -> Frame:
     if ros.encoding != "bgr8":
         raise WireError(f"camera image is encoded {ros.encoding!r}, expected 'bgr8'")
     return Frame(t_s=_required(_stamp_s(ros.header)), image=ros.data.reshape(ros.height, ros.width, 3))
+
+
+def _compressed_to_ros(frame: CompressedFrame) -> Any:
+    data = np.frombuffer(frame.jpeg, np.uint8)
+    return ROS[ros_name(CompressedFrame)](header=_header(frame.t_s), format="jpeg", data=data)
+
+
+def _compressed_from_ros(ros: Any) -> CompressedFrame:
+    return CompressedFrame(t_s=_required(_stamp_s(ros.header)), jpeg=ros.data.tobytes())
 
 
 def _command_to_ros(command: Command) -> Any:
@@ -257,6 +274,8 @@ def to_cdr(message: Message) -> bytes:
     match message:
         case Frame():
             ros = _frame_to_ros(message)
+        case CompressedFrame():
+            ros = _compressed_to_ros(message)
         case Command():
             ros = _command_to_ros(message)
         case Diagnostic():
@@ -270,6 +289,7 @@ def from_cdr(data: bytes, message_type: type[M]) -> M:
     """The message of class ``message_type`` in CDR bytes. Raises WireError when they do not hold one."""
     from_ros: dict[type, Callable[[Any], Any]] = {
         Frame: _frame_from_ros,
+        CompressedFrame: _compressed_from_ros,
         Command: _command_from_ros,
         Diagnostic: _diagnostic_from_ros,
     }

@@ -1,0 +1,103 @@
+"""The bus over real Zenoh sessions on the loopback interface."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from trepid.bus import Bus, Latest, free_endpoint, open_bus
+from trepid.config import ROOT
+from trepid.messages import VehicleState
+from trepid.topics import COMMAND, VEHICLE_STATE, Topic
+
+
+def state(t_s: float) -> VehicleState:
+    return VehicleState(
+        t_s=t_s, speed_mps=None, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+    )
+
+
+@pytest.fixture
+def buses() -> Iterator[tuple[Bus, Bus]]:
+    endpoint = free_endpoint()
+    with (
+        open_bus("car", time.monotonic, listen=endpoint) as one,
+        open_bus("car", time.monotonic, connect=endpoint) as other,
+    ):
+        yield one, other
+
+
+def heard_after_sending(
+    sender: Bus, latest: Latest[VehicleState], *, patience_s: float
+) -> VehicleState | None:
+    """Send until something is heard or patience ends: sessions take a moment to find each other."""
+    send = sender.publisher(VEHICLE_STATE)
+    deadline_s = time.monotonic() + patience_s
+    while latest.refresh() is None and time.monotonic() < deadline_s:
+        send(state(1.0))
+        time.sleep(0.02)
+    return latest.message
+
+
+def test_a_message_arrives_unchanged_on_the_other_side(buses: tuple[Bus, Bus]) -> None:
+    one, other = buses
+    assert heard_after_sending(one, other.latest(VEHICLE_STATE), patience_s=5) == state(1.0)
+
+
+def test_the_latest_message_wins_and_is_taken_once(buses: tuple[Bus, Bus]) -> None:
+    one, other = buses
+    latest, stream = other.latest(VEHICLE_STATE), other.stream(VEHICLE_STATE)
+    assert heard_after_sending(one, latest, patience_s=5)
+    send = one.publisher(VEHICLE_STATE)
+    for t_s in (2.0, 3.0, 4.0):
+        send(state(t_s))
+    heard: list[float] = []
+    deadline_s = time.monotonic() + 5
+    while 4.0 not in heard and time.monotonic() < deadline_s:
+        other.wait(0.05)
+        heard += [message.t_s for message, _ in stream.drain()]
+    assert [t_s for t_s in heard if t_s > 1.0] == [2.0, 3.0, 4.0]
+    taken = latest.take()
+    assert taken is not None
+    assert taken.t_s == 4.0
+    assert latest.take() is None
+    assert latest.message == taken
+
+
+def test_two_drives_on_one_machine_do_not_hear_each_other(buses: tuple[Bus, Bus]) -> None:
+    one, _ = buses
+    with open_bus("car", time.monotonic, listen=free_endpoint()) as stranger:
+        assert heard_after_sending(one, stranger.latest(VEHICLE_STATE), patience_s=1) is None
+
+
+def test_foreign_bytes_count_as_not_received(buses: tuple[Bus, Bus]) -> None:
+    one, other = buses
+    latest = other.latest(VEHICLE_STATE)
+    impostor = one.publisher(Topic(COMMAND.key, VehicleState, 1, ""))
+    commands = other.latest(COMMAND)
+    deadline_s = time.monotonic() + 5
+    while commands.malformed == 0 and time.monotonic() < deadline_s:
+        impostor(state(1.0))
+        time.sleep(0.02)
+        commands.take()
+    assert commands.malformed > 0
+    assert commands.message is None
+    assert latest.message is None
+
+
+def test_a_publisher_refuses_another_topics_message(buses: tuple[Bus, Bus]) -> None:
+    with pytest.raises(TypeError, match="'controller/command' carries Command, got VehicleState"):
+        buses[0].publisher(COMMAND)(state(1.0))  # type: ignore[arg-type]
+
+
+def test_a_process_with_a_subscription_ends_by_itself() -> None:
+    program = (
+        "import time\n"
+        "from trepid.bus import free_endpoint, open_bus\n"
+        "from trepid.topics import VEHICLE_STATE\n"
+        "with open_bus('car', time.monotonic, listen=free_endpoint()) as bus:\n"
+        "    latest = bus.latest(VEHICLE_STATE)\n"
+    )
+    assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, timeout=20, check=False).returncode == 0
