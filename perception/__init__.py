@@ -1,0 +1,1 @@
+"""Camera frame in, lane estimate out. Imports nothing of the project but ``trepid``."""

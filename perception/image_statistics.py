@@ -1,0 +1,53 @@
+"""What the pixels alone say about how far a frame can be trusted: light, sharpness, a frozen camera."""
+
+import zlib
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trepid.messages import Frame, ImageStatistics
+
+WORKING_WIDTH_PX = 320  # sharpness depends on the scale, so every camera is measured at one
+OVER_EXPOSED_GREY = 250  # at or above: no detail is left (sensors and codecs clip a little below 255)
+UNDER_EXPOSED_GREY = 10  # at or below: nothing but sensor noise
+
+
+class ImageStatistician:
+    """Statistics of every frame; remembers only the checksum of the last image and since when it is the same."""
+
+    def __init__(self) -> None:
+        self._checksum: int | None = None
+        self._same_since_s = 0.0
+
+    def step(self, frame: Frame, *, now_s: float) -> ImageStatistics:
+        """Statistics of ``frame``; ``frozen_s`` runs on with ``now_s`` even when capture time stands still."""
+        grey = grey_image(frame.image)
+        mean, deviation = cv2.meanStdDev(grey)
+        histogram = cv2.calcHist([grey], [0], None, [256], [0, 256])[:, 0]
+        _, laplacian_deviation = cv2.meanStdDev(cv2.Laplacian(grey, cv2.CV_16S))
+        return ImageStatistics(
+            t_s=frame.t_s,
+            brightness=float(mean[0, 0]) / 255,
+            contrast=float(deviation[0, 0]) / 255,
+            over_exposed=float(histogram[OVER_EXPOSED_GREY:].sum()) / grey.size,
+            under_exposed=float(histogram[: UNDER_EXPOSED_GREY + 1].sum()) / grey.size,
+            sharpness=float(laplacian_deviation[0, 0]) ** 2,
+            frozen_s=self._frozen_s(grey, max(frame.t_s, now_s)),
+        )
+
+    def _frozen_s(self, grey: NDArray[np.uint8], t_s: float) -> float:
+        checksum = zlib.crc32(grey.tobytes())
+        if checksum != self._checksum:
+            self._checksum, self._same_since_s = checksum, t_s
+        return max(0.0, t_s - self._same_since_s)
+
+
+def grey_image(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Grey image, reduced by area averaging to at most 320 columns (inventory A04, A05)."""
+    if image.shape[1] > WORKING_WIDTH_PX:
+        height_px = max(1, round(image.shape[0] * WORKING_WIDTH_PX / image.shape[1]))
+        image = cv2.resize(image, (WORKING_WIDTH_PX, height_px), interpolation=cv2.INTER_AREA).astype(
+            np.uint8
+        )
+    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.uint8)

@@ -1,0 +1,187 @@
+"""The lane as a state, boundary points as linear looks at it, and the robust fit that joins the two.
+
+State x = (e, ψ, κ0, κ', W, δ): lateral offset, heading error, curvature and its rate at the rear axle, lane width
+(Dickmanns and Mysliwetz 1992), and how much further down the camera looks than its mounting says. The two
+boundaries are parallel curves, so they share all of x but the sign of W/2.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from perception.lane_points import RoadPoints
+from trepid.camera import Camera
+from trepid.config import Settings
+
+Array = NDArray[np.float64]
+Positive = Annotated[float, Field(gt=0)]
+
+E, PSI, KAPPA, KAPPA_RATE, WIDTH, PITCH = range(6)
+
+
+class FitSettings(Settings):
+    """Section ``fit`` of ``config/perception.yaml``."""
+
+    iterations: Annotated[int, Field(ge=1, le=10)]
+    gate_m: Positive
+    gate_growth: Annotated[float, Field(ge=0)]
+    points_per_boundary: Positive
+
+
+@dataclass(frozen=True)
+class LaneState:
+    """Mean and covariance of (e, ψ, κ0, κ', W, δ), shapes (6,) and (6, 6)."""
+
+    mean: Array
+    covariance: Array
+
+
+def lane_coordinates(
+    x_m: Array, y_m: Array, mean: Array, curvature_floor_1pm: float = 1e-7
+) -> tuple[Array, Array, Array]:
+    """Places (s, d) along and left of the lane centre, and the lateral scale 1 − κ·d, of road points.
+
+    With n = −x·sinθ + y·cosθ, θ = −ψ, κ_v = κ0/(1 − κ0·e) (the concentric circle through the rear axle) and
+    A = n − κ_v·(x² + y²)/2, the signed distance to that circle is exactly 2A/(1 + √(1 − 2·κ_v·A)). The clothoid
+    term κ'·s³/6 is added to first order.
+    """
+    offset, heading, curvature, rate = mean[E], mean[PSI], mean[KAPPA], mean[KAPPA_RATE]
+    sin, cos = math.sin(-heading), math.cos(-heading)
+    kappa = curvature / max(1 - curvature * offset, 0.2)
+    if abs(kappa) < curvature_floor_1pm:
+        kappa = curvature_floor_1pm
+    across = y_m * cos - x_m * sin
+    along = x_m * cos + y_m * sin
+    root = np.sqrt(np.maximum(1 - 2 * kappa * across + kappa**2 * (x_m * x_m + y_m * y_m), 0.01))
+    # 1 − 2κA = 1 − 2κn + κ²(x² + y²): the squared distance to the centre of the circle, in radii.
+    distance = (2 * across - kappa * (x_m * x_m + y_m * y_m)) / (1 + root)
+    station = np.arctan2(kappa * along, 1 - kappa * across) / kappa
+    return station, distance + offset - rate * station**3 / 6, root
+
+
+def fit_lane(
+    points: RoadPoints,
+    side: Array,
+    prior: LaneState,
+    start: Array,
+    camera: Camera,
+    settings: FitSettings,
+) -> tuple[LaneState, Array, Array]:
+    """Maximum a posteriori lane for ``points`` on the left (side +1) or right (−1) boundary.
+
+    Gauss-Newton on r = d(p; x) − side·W/2 with Cauchy weights and the prior N(x̄, P): with the information
+    N = Σ w·HᵀH/σ², x = x̄ + (P⁻¹ + N)⁻¹·Σ w·Hᵀ/σ²·(H·(x_k − x̄) − r). The points of a boundary share their errors
+    (one line of paint, one camera), so all together they count as ``points_per_boundary`` points. Returns the
+    state, the residuals [m] and the final weights (0 = rejected).
+    """
+    precision = np.linalg.inv(prior.covariance)
+    mean = start.copy()
+    shared = _shared_weight(side, settings.points_per_boundary) * points.weight / points.sigma_m**2
+    residual = weight = np.zeros(len(side))
+    information = precision
+    for iteration in range(settings.iterations):
+        residual, jacobian = _residuals(points, side, mean, camera)
+        gate = settings.gate_m * (2.0 if iteration == 0 else 1.0) + settings.gate_growth * points.x_m
+        gate = gate + points.sigma_m
+        weight = shared / (1 + (residual / points.sigma_m) ** 2 / 4) * (np.abs(residual) < gate)
+        weighted = jacobian.T * weight
+        information = precision + weighted @ jacobian
+        right_side = weighted @ (jacobian @ (mean - prior.mean) - residual)
+        mean = prior.mean + np.linalg.solve(information, right_side)
+        mean = _bounded(mean)
+    residual, _ = _residuals(points, side, mean, camera)
+    covariance = np.linalg.inv(information)
+    return LaneState(mean=mean, covariance=(covariance + covariance.T) / 2), residual, weight
+
+
+def _bounded(mean: Array) -> Array:
+    """Keep the linearisation sane: |ψ| ≤ 0.7, |κ0| ≤ 0.12, |κ'| ≤ 0.02."""
+    mean[PSI] = min(max(mean[PSI], -0.7), 0.7)
+    mean[KAPPA] = min(max(mean[KAPPA], -0.12), 0.12)
+    mean[KAPPA_RATE] = min(max(mean[KAPPA_RATE], -0.02), 0.02)
+    return mean
+
+
+def _shared_weight(side: Array, points_per_boundary: float) -> Array:
+    left, right = np.count_nonzero(side > 0), np.count_nonzero(side < 0)
+    share_left = min(1.0, points_per_boundary / max(left, 1))
+    share_right = min(1.0, points_per_boundary / max(right, 1))
+    return np.where(side > 0, share_left, share_right)
+
+
+def levelled(points: RoadPoints, pitch_rad: float, camera: Camera) -> tuple[Array, Array]:
+    """Road places of ``points`` if the camera looks ``pitch_rad`` further down than its mounting says.
+
+    To first order the distance from the foot point shrinks by the factor 1/(1 + δ·x/h).
+    """
+    ahead, left = points.x_m - camera.x_m, points.y_m - camera.y_m
+    shrink = 1 / np.maximum(1 + pitch_rad * ahead / camera.height_m, 0.3)
+    return camera.x_m + ahead * shrink, camera.y_m + left * shrink
+
+
+def _residuals(points: RoadPoints, side: Array, mean: Array, camera: Camera) -> tuple[Array, Array]:
+    """Residuals [m], shape (n,), and their derivatives by the state, shape (n, 6)."""
+    x_m, y_m = levelled(points, mean[PITCH], camera)
+    station, distance, root = lane_coordinates(x_m, y_m, mean)
+    sin, cos = math.sin(-mean[PSI]), math.cos(-mean[PSI])
+    jacobian = np.empty((len(side), 6))
+    jacobian[:, E] = 1
+    jacobian[:, PSI] = (x_m * cos + y_m * sin) / root
+    jacobian[:, KAPPA] = (distance**2 - x_m * x_m - y_m * y_m) / (2 * root)
+    jacobian[:, KAPPA_RATE] = -(station**3) / 6
+    jacobian[:, WIDTH] = -side / 2
+    course = mean[KAPPA] * station - mean[PSI]
+    ahead, left = x_m - camera.x_m, y_m - camera.y_m
+    jacobian[:, PITCH] = -(ahead / camera.height_m) * (left * np.cos(course) - ahead * np.sin(course))
+    return distance - side * mean[WIDTH] / 2, jacobian
+
+
+def subset(points: RoadPoints, mask: NDArray[np.bool_]) -> RoadPoints:
+    """The points where ``mask`` holds."""
+    return RoadPoints(
+        x_m=points.x_m[mask],
+        y_m=points.y_m[mask],
+        sigma_m=points.sigma_m[mask],
+        weight=points.weight[mask],
+        band=points.band[mask],
+    )
+
+
+@dataclass(frozen=True)
+class LaneCurve:
+    """Both boundaries of a lane as polylines in the vehicle frame, near to far; arrays of shape (n,)."""
+
+    station_m: Array
+    left_x_m: Array
+    left_y_m: Array
+    right_x_m: Array
+    right_y_m: Array
+
+
+def lane_curve(mean: Array, station_m: Array) -> LaneCurve:
+    """Boundaries of the lane at stations ``station_m`` (uniform, may start below 0): the clothoid ± W/2 along n.
+
+    φ(s) = −ψ + κ0·s + κ'·s²/2, centre = −e·n(φ(0)) + ∫(cos φ, sin φ) ds by the trapezoidal rule, cut where the
+    lane has turned by more than 1.3 rad: what lies beyond is out of sight.
+    """
+    course = -mean[PSI] + mean[KAPPA] * station_m + mean[KAPPA_RATE] * station_m**2 / 2
+    keep = np.abs(course + mean[PSI]) < 1.3
+    station_m, course = station_m[keep], course[keep]
+    cos, sin = np.cos(course), np.sin(course)
+    step = np.diff(station_m) / 2
+    x_m = np.concatenate([[0.0], np.cumsum((cos[1:] + cos[:-1]) * step)])
+    y_m = np.concatenate([[0.0], np.cumsum((sin[1:] + sin[:-1]) * step)])
+    x_m += mean[E] * math.sin(-mean[PSI]) - np.interp(0.0, station_m, x_m)
+    y_m -= mean[E] * math.cos(-mean[PSI]) + np.interp(0.0, station_m, y_m)
+    half_m = mean[WIDTH] / 2
+    return LaneCurve(
+        station_m=station_m,
+        left_x_m=x_m - half_m * sin,
+        left_y_m=y_m + half_m * cos,
+        right_x_m=x_m + half_m * sin,
+        right_y_m=y_m - half_m * cos,
+    )

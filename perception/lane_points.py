@@ -1,0 +1,102 @@
+"""Points of painted lines: narrow bright stripes on darker ground (inventory B02, A10, B10)."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from perception.lateral_grid import LateralGrid
+from trepid.config import Settings
+
+Array = NDArray[np.float64]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class MarkingSettings(Settings):
+    """Section ``markings`` of ``config/perception.yaml``."""
+
+    width_m: Positive
+    half_range_m: Positive
+    yellow_gain: Annotated[float, Field(ge=0, le=1)]
+    min_contrast_grey: Positive
+    noise_factor: Positive
+    full_contrast_grey: Positive
+
+
+@dataclass(frozen=True)
+class RoadPoints:
+    """Points in the vehicle frame that may belong to a boundary."""
+
+    x_m: Array
+    y_m: Array
+    sigma_m: Array  # lateral standard deviation of one point
+    weight: Array  # 0..1, how much the point looks like a boundary
+    band: NDArray[np.int64]  # band of the grid it comes from
+
+
+def marking_channel(image: NDArray[np.uint8], yellow_gain: float) -> NDArray[np.uint8]:
+    """One channel in which white and yellow paint are bright on asphalt and on concrete.
+
+    c = (R+G)/2 + g·((R+G)/2 − B): luminance without blue, plus g times the yellowness. It is grey-preserving. The
+    fixed form of the adaptive projections of the review (inventory B10); blue shadows get darker, not brighter.
+    """
+    blue, green, red = cv2.split(image)
+    half = cv2.addWeighted(red, 0.25, green, 0.25, 0)  # halved, so that it cannot saturate
+    return cv2.addWeighted(half, 2 * (1 + yellow_gain), blue, -yellow_gain, 0).astype(np.uint8)
+
+
+class MarkingFilter:
+    """Row-wise dark-bright-dark filter whose width is that of a painted line at each row's distance."""
+
+    def __init__(self, settings: MarkingSettings, grid: LateralGrid) -> None:
+        self._settings, self._grid = settings, grid
+        self._step_m = settings.width_m / 2
+        edges = int(np.ceil(settings.half_range_m / self._step_m))
+        self._edge_m = self._step_m * np.arange(edges, -edges - 1, -1.0)
+        columns = grid.camera.cx_px - grid.metre_px[:, None] * self._edge_m + 0.5
+        rows = np.broadcast_to(np.arange(len(grid.ahead_m), dtype=float)[:, None], columns.shape)
+        self._map_x, self._map_y = columns.astype(np.float32), rows.astype(np.float32)
+        area = (grid.bottom_px - grid.top_px) * grid.metre_px * settings.width_m
+        self._per_pixel = (1 / area).astype(np.float32)[:, None]
+
+    def response(self, channel: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Contrast [grey levels] of a stripe of paint against its brighter neighbour, per band and place.
+
+        With box means of one line width w at places −w, 0, +w: mean(0) − max(mean(−w), mean(+w)). The boxes are
+        differences of the integral image, sampled between pixels: exact also where a line is thinner than one.
+        """
+        grid = self._grid
+        integral = cv2.integral(channel, sdepth=cv2.CV_64F)
+        running = (integral[grid.bottom_px] - integral[grid.top_px]).astype(np.float32)
+        sampled = cv2.remap(
+            running, self._map_x, self._map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        mean = (sampled[:, 2:] - sampled[:, :-2]) * self._per_pixel
+        return mean[:, 2:-2] - np.maximum(mean[:, :-4], mean[:, 4:])
+
+    def points(self, channel: NDArray[np.uint8]) -> RoadPoints:
+        """Local maxima of the response that stand out of its noise."""
+        response = self.response(channel)
+        noise = cv2.norm(response, cv2.NORM_L1) / max(response.size, 1)
+        threshold = max(self._settings.min_contrast_grey, self._settings.noise_factor * noise)
+        inner = response[:, 1:-1]
+        mask = inner > threshold
+        mask &= inner >= response[:, 2:]
+        mask &= inner > response[:, :-2]
+        flat = np.flatnonzero(mask)
+        band, place = np.divmod(flat, inner.shape[1])
+        before, peak, after = response[band, place], response[band, place + 1], response[band, place + 2]
+        shift = 0.5 * (after - before) / np.maximum(2 * peak - before - after, 1e-3)
+        left_m = self._edge_m[place + 4] - self._step_m * shift
+        x_m, y_m = self._grid.vehicle_from_grid(self._grid.ahead_m[band], left_m)
+        pixel_m = 1 / self._grid.metre_px[band]
+        return RoadPoints(
+            x_m=x_m,
+            y_m=y_m,
+            sigma_m=np.hypot(0.3 * self._settings.width_m, pixel_m),
+            weight=np.minimum(peak / self._settings.full_contrast_grey, 1.0).astype(np.float64),
+            band=band,
+        )

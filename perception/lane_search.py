@@ -1,0 +1,127 @@
+"""From candidate points to a lane with evidence: vote for a shape, fit it, count what it stands on."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from perception.lane_evidence import EvidenceSettings, LaneFit, boundary_support
+from perception.lane_fit import (
+    KAPPA,
+    PITCH,
+    PSI,
+    WIDTH,
+    Array,
+    E,
+    FitSettings,
+    LaneState,
+    fit_lane,
+    lane_coordinates,
+    lane_curve,
+    levelled,
+    subset,
+)
+from perception.lane_points import RoadPoints
+from perception.lane_vote import LaneGuess, VoteSettings, vote_lane
+from perception.lateral_grid import LateralGrid
+from trepid.camera import Camera
+
+STATIONS_M = np.concatenate([np.arange(-1.0, 20.0, 0.5), np.arange(20.0, 81.0, 2.0)])
+
+
+def find_lane(
+    points: RoadPoints,
+    prior: LaneState,
+    stages: Sequence[VoteSettings],
+    grid: LateralGrid,
+    *,
+    fit: FitSettings,
+    evidence: EvidenceSettings,
+    prior_weight: float,
+) -> LaneFit:
+    """The lane that ``points`` support best, searched in ``stages`` around ``prior`` and fitted with it."""
+    x_m, y_m = levelled(points, prior.mean[PITCH], grid.camera)
+    flat = replace(points, x_m=x_m, y_m=y_m)
+    guess = _guess(prior)
+    for stage in stages:
+        guess = vote_lane(flat, guess, stage, bands=len(grid.ahead_m), prior_weight=prior_weight)
+    start = prior.mean.copy()
+    start[[E, PSI, KAPPA, WIDTH]] = guess.offset_m, guess.heading_rad, guess.curvature_1pm, guess.width_m
+    near, side = _assign(points, start, grid.camera, fit)
+    state, residual, weight = fit_lane(near, side, prior, start, grid.camera, fit)
+    return _with_evidence(state, points, near, side, residual, weight, grid, fit, evidence)
+
+
+def _guess(prior: LaneState) -> LaneGuess:
+    """The prior as the vote sees it, with floors that leave the vote some freedom."""
+    sigma = np.sqrt(np.diag(prior.covariance))
+    return LaneGuess(
+        offset_m=float(prior.mean[E]),
+        heading_rad=float(prior.mean[PSI]),
+        curvature_1pm=float(prior.mean[KAPPA]),
+        width_m=float(prior.mean[WIDTH]),
+        offset_sigma_m=float(max(sigma[E], 0.15)),
+        heading_sigma_rad=float(max(sigma[PSI], 0.03)),
+        curvature_sigma_1pm=float(max(sigma[KAPPA], 0.01)),
+        width_sigma_m=float(max(sigma[WIDTH], 0.15)),
+    )
+
+
+def _assign(points: RoadPoints, mean: Array, camera: Camera, fit: FitSettings) -> tuple[RoadPoints, Array]:
+    """The points near a boundary of ``mean`` and the side (+1 left, −1 right) that each is on."""
+    x_m, y_m = levelled(points, mean[PITCH], camera)
+    _, distance, _ = lane_coordinates(x_m, y_m, mean)
+    side = np.where(distance > 0, 1.0, -1.0)
+    gate = 3 * fit.gate_m + 3 * fit.gate_growth * points.x_m + points.sigma_m
+    close = np.abs(distance - side * mean[WIDTH] / 2) < gate
+    return subset(points, close), side[close]
+
+
+def boundary_columns(mean: Array, camera: Camera, rows_px: Array, *, reach_m: float) -> tuple[Array, Array]:
+    """Columns of the left and the right boundary at image rows ``rows_px``; NaN where they are not seen."""
+    curve = lane_curve(mean, STATIONS_M[reach_m + 1e-9 >= STATIONS_M])
+    looking = camera.model_copy(update={"pitch_down_rad": camera.pitch_down_rad + float(mean[PITCH])})
+    matrix = looking.pixel_from_road_matrix
+    return (
+        _columns(matrix, curve.left_x_m, curve.left_y_m, rows_px),
+        _columns(matrix, curve.right_x_m, curve.right_y_m, rows_px),
+    )
+
+
+def _columns(matrix: Array, x_m: Array, y_m: Array, rows_px: Array) -> Array:
+    u, v, depth = matrix @ np.stack([x_m, y_m, np.ones_like(x_m)])
+    ahead = depth > 0.3
+    if np.count_nonzero(ahead) < 2:
+        return np.full(len(rows_px), np.nan)
+    u, v = u[ahead] / depth[ahead], v[ahead] / depth[ahead]
+    rising = np.concatenate([[True], v[1:] < np.minimum.accumulate(v)[:-1]])
+    return np.interp(-rows_px, -v[rising], u[rising], left=np.nan, right=np.nan)
+
+
+def _with_evidence(
+    state: LaneState,
+    points: RoadPoints,
+    near: RoadPoints,
+    side: Array,
+    residual: Array,
+    weight: Array,
+    grid: LateralGrid,
+    fit: FitSettings,
+    evidence: EvidenceSettings,
+) -> LaneFit:
+    """The fitted state with the support of each boundary."""
+    middle = (grid.top_px + grid.bottom_px - 1) / 2
+    columns = boundary_columns(state.mean, grid.camera, middle, reach_m=30.0)
+    accepted = (weight > 0) & (np.abs(residual) < fit.gate_m + near.sigma_m)
+    area_m = np.sum(np.minimum(grid.camera.width_px / grid.metre_px, 16.0))
+    density = len(points.x_m) / max(area_m, 1.0)
+    supports = []
+    for sign, column in zip((1.0, -1.0), columns, strict=True):
+        visible = (column >= 0) & (column < grid.camera.width_px)
+        own = accepted & (side == sign)
+        supports.append(
+            boundary_support(near, own, visible, density_per_m=density, gate_m=fit.gate_m, settings=evidence)
+        )
+    scaled = residual[accepted] / near.sigma_m[accepted]
+    rms = float(np.sqrt(np.mean(scaled**2))) if len(scaled) else 0.0
+    return LaneFit(state=state, left=supports[0], right=supports[1], residual=rms)

@@ -1,0 +1,123 @@
+"""The lane between frames: prediction with the motion of the vehicle, memory with growing doubt (inventory T01)."""
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from perception.lane_fit import KAPPA, KAPPA_RATE, PITCH, PSI, WIDTH, Array, E, LaneState
+from trepid.config import Settings
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class PriorSettings(Settings):
+    """Section ``prior``: what is known of a lane before the first look, as mean 0 ± sigma unless said."""
+
+    offset_sigma_m: Positive
+    heading_sigma_rad: Positive
+    curvature_sigma_1pm: Positive
+    curvature_rate_sigma_1pm2: Positive
+    width_m: Positive
+    width_sigma_m: Positive
+    road_width_m: Positive
+    road_width_sigma_m: Positive
+    pitch_sigma_rad: Positive
+
+
+class TrackSettings(Settings):
+    """Section ``track``: how a lane may change while driving, and how long it is believed unseen."""
+
+    offset_noise_m_per_sqrt_m: Positive
+    heading_noise_rad_per_sqrt_m: Positive
+    curvature_noise_1pm_per_sqrt_m: Positive
+    curvature_rate_noise_1pm2_per_sqrt_m: Positive
+    width_noise_m_per_sqrt_m: Positive
+    blind_speed_mps: Positive
+    blind_heading_noise_rad_per_sqrt_s: Positive
+    pitch_memory_s: Positive
+    curvature_rate_memory_m: Positive
+    max_coast_s: Positive
+    coast_decay_s: Positive
+    gate_offset_m: Positive
+    gate_heading_rad: Positive
+    confirm_frames: Annotated[int, Field(ge=1)]
+
+
+def prior_state(settings: PriorSettings, *, width_m: float, width_sigma_m: float) -> LaneState:
+    """The lane before the first look: straight ahead, centred, as wide as lanes are."""
+    mean = np.zeros(6)
+    mean[WIDTH] = width_m
+    sigma = np.array(
+        [
+            settings.offset_sigma_m,
+            settings.heading_sigma_rad,
+            settings.curvature_sigma_1pm,
+            settings.curvature_rate_sigma_1pm2,
+            width_sigma_m,
+            settings.pitch_sigma_rad,
+        ]
+    )
+    return LaneState(mean=mean, covariance=np.diag(sigma**2))
+
+
+def predict(
+    state: LaneState,
+    dt_s: float,
+    *,
+    speed_mps: float | None,
+    yaw_rate_radps: float | None,
+    track: TrackSettings,
+    prior: PriorSettings,
+) -> LaneState:
+    """The lane ``dt_s`` later: e' = v·sinψ, ψ' = r − v·κ0, κ0' = v·κ', κ' and δ fade (Dickmanns 1992).
+
+    An unknown speed moves nothing and counts as ``blind_speed_mps`` of doubt; an unknown yaw rate keeps ψ.
+    """
+    travelled = 0.0 if speed_mps is None else abs(speed_mps) * dt_s
+    doubt = track.blind_speed_mps * dt_s if speed_mps is None else travelled
+    mean = state.mean.copy()
+    turned = yaw_rate_radps * dt_s if yaw_rate_radps is not None else mean[KAPPA] * travelled
+    fade = math.exp(-travelled / track.curvature_rate_memory_m)
+    settle = math.exp(-dt_s / track.pitch_memory_s)
+    middle_heading = mean[PSI] + (turned - mean[KAPPA] * travelled) / 2
+    mean[E] += travelled * math.sin(middle_heading)
+    mean[PSI] += turned - mean[KAPPA] * travelled - mean[KAPPA_RATE] * travelled**2 / 2
+    mean[KAPPA] += mean[KAPPA_RATE] * travelled
+    mean[KAPPA_RATE] *= fade
+    mean[PITCH] *= settle
+    transition = np.eye(6)
+    transition[E, PSI] = travelled
+    transition[PSI, KAPPA] = -travelled
+    transition[KAPPA, KAPPA_RATE] = travelled
+    transition[KAPPA_RATE, KAPPA_RATE] = fade
+    transition[PITCH, PITCH] = settle
+    covariance = transition @ state.covariance @ transition.T
+    covariance[np.diag_indices(6)] += _process_noise(doubt, dt_s, fade, settle, yaw_rate_radps, track, prior)
+    return LaneState(mean=mean, covariance=covariance)
+
+
+def _process_noise(
+    doubt_m: float,
+    dt_s: float,
+    fade: float,
+    settle: float,
+    yaw_rate_radps: float | None,
+    track: TrackSettings,
+    prior: PriorSettings,
+) -> Array:
+    """Variances added on the way; fading states settle at the sigma of the prior."""
+    heading = track.heading_noise_rad_per_sqrt_m**2 * doubt_m
+    if yaw_rate_radps is None:
+        heading += track.blind_heading_noise_rad_per_sqrt_s**2 * dt_s
+    return np.array(
+        [
+            track.offset_noise_m_per_sqrt_m**2 * doubt_m,
+            heading,
+            track.curvature_noise_1pm_per_sqrt_m**2 * doubt_m,
+            track.curvature_rate_noise_1pm2_per_sqrt_m**2 * doubt_m,
+            track.width_noise_m_per_sqrt_m**2 * doubt_m,
+            prior.pitch_sigma_rad**2 * (1 - settle**2),
+        ]
+    )
