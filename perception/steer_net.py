@@ -1,0 +1,179 @@
+"""The CNN estimator: a PilotNet-sized network that reads the lane from one frame, run by ONNX Runtime.
+
+Bojarski et al., End to End Learning for Self-Driving Cars (2016) give its shape. It does not learn the steering
+angle itself but the lane state, so that vehicle, look-ahead and camera can change without training; and, after
+Kendall and Gal, What Uncertainties Do We Need (NIPS 2017), how far off it expects to be. That becomes the
+confidence: the probability, calibrated on roads it was not trained on, that the road-wheel angle is less than
+``tolerance_rad`` wrong.
+"""
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+from pydantic import Field
+
+from perception.canonical import CanonicalView, Lane
+from perception.steering import pursuit_curvature, road_wheel_angle
+from trepid.camera import Camera
+from trepid.config import ROOT, InputError, Settings, load
+from trepid.messages import Frame, Image, SteeringEstimate, VehicleState
+from trepid.vehicle import Vehicle
+
+NAME = "cnn"
+Share = Annotated[float, Field(ge=0, le=1)]
+Outputs = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+
+
+class SteerNetSettings(Settings):
+    """``config/steer_net.yaml``."""
+
+    weights: str
+    lookahead_m: Annotated[float, Field(gt=0)]
+    min_visible: Share
+    min_confidence: Share
+
+
+class Calibration(Settings):
+    """P(|road-wheel angle error| < tolerance) = 1/(1 + exp(−(bias + slope·ln(tolerance/σ)))): Platt scaling."""
+
+    tolerance_rad: Annotated[float, Field(gt=0)]
+    bias: float
+    slope: Annotated[float, Field(gt=0)]
+
+    def probability(self, sigma_rad: float) -> float:
+        """Probability that an estimate with the predicted standard deviation ``sigma_rad`` is good enough."""
+        logit = self.bias + self.slope * math.log(self.tolerance_rad / sigma_rad)
+        return 1 / (1 + math.exp(-max(min(logit, 50.0), -50.0)))
+
+
+class Record(Settings):
+    """``steer_net.json``: what the weights beside it are, how they came about and how good they are."""
+
+    sha256: str  # of the ONNX file
+    parameters: int
+    camera: Camera  # the canonical camera
+    lane_lookahead_m: Annotated[float, Field(gt=0)]  # the fourth output is the curvature here
+    calibration: Calibration
+    command: str
+    date: str
+    versions: dict[str, str]
+    recipe: dict[str, object]
+    training: dict[str, float]
+    scores: dict[str, dict[str, float]]  # name of the test set -> metric -> value
+
+
+class Network:
+    """The ONNX graph: images of the canonical camera in, lane, its uncertainty and visibility out."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError when the file is missing or no network."""
+        if not path.is_file():
+            raise InputError(f"{path}: no weights of the CNN estimator; `trepid train` makes them")
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+        options.use_deterministic_compute = True
+        try:
+            self._session = onnxruntime.InferenceSession(
+                path.read_bytes(), options, providers=["CPUExecutionProvider"]
+            )
+        except onnxruntime.capi.onnxruntime_pybind11_state.InvalidProtobuf as error:
+            raise InputError(f"{path}: not an ONNX network") from error
+
+    def __call__(self, images: Image) -> Outputs:
+        """Of images (n, height, width, 3): lane (n, 4), σ of κ_cmd [1/m] (n,), probability of a road (n,).
+
+        The lane is offset [m], heading [rad], curvature at the rear axle and curvature at ``lane_lookahead_m``.
+        """
+        lane, command_sigma, visible = self._session.run(None, {"image": images})
+        return lane, command_sigma, visible
+
+
+def load_record(weights: Path) -> Record:
+    """The record beside ``weights``. Raises InputError when it is missing or belongs to other weights."""
+    path = weights.with_suffix(".json")
+    record = load(path, Record)  # JSON is YAML
+    if weights.is_file() and hashlib.sha256(weights.read_bytes()).hexdigest() != record.sha256:
+        raise InputError(f"{path}: describes other weights than {weights.name} (sha256 differs)")
+    return record
+
+
+class SteerNet:
+    """Estimator ``cnn``. It finds no lines, so it reports no boundaries, no lane width and 0 lanes detected."""
+
+    def __init__(self, settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> None:
+        """Raises InputError when the weights are missing or do not agree with their record."""
+        weights = ROOT / settings.weights
+        self._settings = settings
+        self._vehicle = vehicle
+        self._network = Network(weights)
+        self._record = load_record(weights)
+        self._view = CanonicalView(camera, self._record.camera)
+        self._shape = (camera.height_px, camera.width_px, 3)
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The lane in ``frame``, or why there is none. Each frame stands alone: nothing is remembered."""
+        image = frame.image
+        if image.dtype != np.uint8 or image.shape != self._shape:
+            return self._estimate(frame, reason=f"image is {image.dtype} {image.shape}, not uint8 {self._shape}")
+        lanes, sigmas, visibles = self._network(self._view.image(image)[None])
+        sigma, visible = float(sigmas[0]), float(visibles[0])
+        if not (np.isfinite(lanes).all() and math.isfinite(sigma) and math.isfinite(visible)):
+            return self._estimate(frame, reason="the network's output is not finite")
+        if visible < self._settings.min_visible:
+            return self._estimate(frame, reason="the network sees no road")
+        confidence = visible * self._probability(sigma)
+        if confidence < self._settings.min_confidence:
+            return self._estimate(frame, reason="the network sees a road but does not trust its lane")
+        return self._estimate(frame, lane=self._view.lane(self._lane(lanes[0])), confidence=confidence)
+
+    def _lane(self, output: NDArray[np.float32]) -> Lane:
+        offset, heading, curvature, curvature_ahead = map(float, output)
+        return Lane(
+            offset_m=offset,
+            heading_rad=heading,
+            curvature_1pm=curvature,
+            curvature_rate_1pm2=(curvature_ahead - curvature) / self._record.lane_lookahead_m,
+        )
+
+    def _probability(self, command_sigma_1pm: float) -> float:
+        """Probability that δ = atan(L·κ_cmd) is good enough; σ_δ ≈ L·σ_κ, at its largest straight ahead."""
+        sigma_rad = self._vehicle.wheelbase_m * command_sigma_1pm / self._view.scale
+        return self._record.calibration.probability(sigma_rad)
+
+    def _estimate(
+        self, frame: Frame, *, lane: Lane | None = None, confidence: float = 0.0, reason: str = ""
+    ) -> SteeringEstimate:
+        ahead_m = self._settings.lookahead_m
+        return SteeringEstimate(
+            t_s=frame.t_s,
+            estimator=NAME,
+            lateral_offset_m=lane and lane.offset_m,
+            heading_error_rad=lane and lane.heading_rad,
+            curvature_1pm=lane and lane.curvature_1pm + lane.curvature_rate_1pm2 * ahead_m,
+            curvature_rate_1pm2=lane and lane.curvature_rate_1pm2,
+            lookahead_m=ahead_m,
+            road_wheel_angle_rad=lane and self._road_wheel_angle(lane),
+            confidence=confidence,
+            lanes_detected=0,
+            lane_width_m=None,
+            latency_ms=None,
+            reason=reason,
+            left_boundary_px=(),
+            right_boundary_px=(),
+        )
+
+    def _road_wheel_angle(self, lane: Lane) -> float:
+        command_1pm = pursuit_curvature(
+            self._settings.lookahead_m,
+            offset_m=lane.offset_m,
+            heading_rad=lane.heading_rad,
+            curvature_1pm=lane.curvature_1pm,
+            curvature_rate_1pm2=lane.curvature_rate_1pm2,
+        )
+        return road_wheel_angle(command_1pm, wheelbase_m=self._vehicle.wheelbase_m)
