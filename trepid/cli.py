@@ -14,6 +14,7 @@ import controller.cli
 import perception.cli
 import sim_harness.cli
 import supervisor.cli
+from sim_harness.bench import bench
 from sim_harness.drive_cli import drive
 from sim_harness.train import train
 from trepid import __version__
@@ -33,6 +34,7 @@ app.command("estimate")(perception.cli.estimate)
 app.add_typer(supervisor.cli.app, name="fear", help="Check, show and explain fuzzy rule files.")
 app.add_typer(controller.cli.app, name="vehicle", help="The bicycle model with understeer.")
 app.command("train")(train)
+app.command("bench")(bench)
 
 
 @app.callback(invoke_without_command=True)

@@ -1,0 +1,47 @@
+"""Simulated-camera process: photographs the road from the true pose."""
+
+import cv2
+
+from sim_harness.camera import SimulatedCamera
+from sim_harness.renderer import Renderer
+from sim_harness.scenarios import Scenario
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import CompressedFrame, Health
+from trepid.process import Process, Ticker, process
+from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, SIM_TRUTH
+
+JPEG_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
+STALE_TRUTH_S = 0.2  # without a vehicle there is nothing to photograph
+
+
+def run(me: Process) -> None:
+    """One frame at every tick of the scenario's camera; a JPEG of it at most ten times a second."""
+    scenario = Scenario.model_validate(me.options["scenario"])
+    truth = me.bus.latest(SIM_TRUTH)
+    send, send_compressed = me.bus.publisher(CAMERA_IMAGE), me.bus.publisher(CAMERA_COMPRESSED)
+    renderer = Renderer(
+        scenario.build_road(), load(CONFIG_DIR / "camera.yaml", Camera), seed=me.options["seed"]
+    )
+    camera = SimulatedCamera(scenario, renderer)
+    ticker, compressed_ticker = Ticker(scenario.camera.rate_hz), Ticker(CAMERA_COMPRESSED.rate_hz)
+    while me.running():
+        ticker.sleep()
+        ticker.due()
+        now_s, newest = me.now_s(), truth.refresh()
+        if newest is None or now_s - newest.t_s > STALE_TRUTH_S:
+            me.alive(Health.WARN, "no vehicle to look from")
+            continue
+        frame = camera.step(newest, now_s=now_s)
+        if frame is not None:
+            send(frame)
+            if compressed_ticker.due():
+                _, jpeg = cv2.imencode(".jpg", frame.image, JPEG_QUALITY)
+                send_compressed(CompressedFrame(t_s=frame.t_s, jpeg=jpeg.tobytes()))
+        me.stepped()
+
+
+if __name__ == "__main__":
+    cv2.setNumThreads(1)
+    with process() as me:
+        run(me)

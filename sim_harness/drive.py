@@ -1,0 +1,226 @@
+"""The main job: every process of the car over Zenoh, started, watched and judged.
+
+The launcher drives nothing. It starts the processes, listens, shows what it hears, starts again what dies (so
+that the stop that follows stays steered), and ends the drive: at the end of the route, after the asked duration,
+once the car stands after a process was lost, or on a signal.
+"""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from sim_harness.drive_log import DriveLog
+from sim_harness.metrics import measure
+from sim_harness.scenarios import Scenario, judge
+from trepid.bus import Bus, free_endpoint, open_bus
+from trepid.clock import Clock, epoch_clock, epoch_offset_ns
+from trepid.config import Settings
+from trepid.launch import Fleet, ProcessSpec
+from trepid.recording import Recording
+
+Show = Callable[[DriveLog, Fleet, float], None]
+"""Shows the drive so far: log, processes, elapsed time [s]."""
+Positive = Annotated[float, Field(gt=0)]
+
+
+class DriveSettings(Settings):
+    """``config/drive.yaml``."""
+
+    vehicle_name: str
+    estimators: Annotated[tuple[str, ...], Field(min_length=1)]
+    statistics_from: str
+    ready_timeout_s: Positive
+    max_restarts: Annotated[int, Field(ge=0)]
+    silence_s: Positive
+    standstill_mps: Positive
+    stop_timeout_s: Positive
+    status_period_s: Positive
+
+
+def processes(scenario: Scenario, seed: int, settings: DriveSettings) -> tuple[ProcessSpec, ...]:
+    """Every process of a simulated drive, in one list."""
+    simulated = {"scenario": scenario.model_dump(mode="json"), "seed": seed}
+    return (
+        ProcessSpec(
+            "vehicle", "sim_harness.vehicle_node", simulated, restart=False
+        ),  # it would jump to the start
+        ProcessSpec("camera", "sim_harness.camera_node", simulated),
+        *(
+            ProcessSpec(
+                name, "perception.node", {"estimator": name, "statistics": name == settings.statistics_from}
+            )
+            for name in settings.estimators
+        ),
+        ProcessSpec("supervisor", "supervisor.node", {"estimators": settings.estimators}),
+        ProcessSpec("controller", "controller.node"),
+    )
+
+
+def drive(
+    scenario: Scenario, settings: DriveSettings, *, seed: int, show: Show, record: Path | None = None
+) -> dict[str, Any]:
+    """Drive ``scenario`` live and return its row of design §7 with ``processes`` and ``latency_ms``."""
+    offset_ns = epoch_offset_ns()
+    clock = epoch_clock(offset_ns)
+    endpoint = free_endpoint()
+    with (
+        caught_signals() as signals,
+        open_bus(settings.vehicle_name, clock, listen=endpoint) as bus,
+        Fleet(
+            processes(scenario, seed, settings),
+            vehicle_name=settings.vehicle_name,
+            endpoint=endpoint,
+            clock_offset_ns=offset_ns,
+            max_restarts=settings.max_restarts,
+        ) as fleet,
+        Recording(record, bus) if record else nullcontext() as recording,
+    ):
+        referee = Referee(bus, clock, fleet, scenario, settings, show, recording)
+        if referee.wait_until_ready(signals):
+            referee.watch(signals)
+        return referee.row(seed)
+
+
+class Referee:
+    """Watches one drive from the side and judges it."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        fleet: Fleet,
+        scenario: Scenario,
+        settings: DriveSettings,
+        show: Show,
+        recording: Recording | None,
+    ) -> None:
+        self._recording = recording
+        self._clock = clock
+        self._fleet = fleet
+        self._scenario = scenario
+        self._settings = settings
+        self._show = show
+        self._log = DriveLog(bus, clock, settings.estimators)
+        self._problems: list[str] = []
+        self._began_s = clock()
+        self._shown_s = self._began_s
+        self._lost_s: float | None = None  # when the first process was lost
+        self._stood_s: float | None = None  # since when the car stands after that
+
+    def wait_until_ready(self, signals: list[str]) -> bool:
+        """Wait until every process has reported and there is a first decision; False when that fails."""
+        while not signals and not self._problems:
+            self._listen()
+            self._problems += [f"{death} before the drive began" for death in self._fleet.bury()]
+            missing = [name for name in self._fleet.children if name not in self._log.diagnostics]
+            if not missing and self._log.decision is not None and self._log.truth is not None:
+                self._log.restart()
+                self._began_s = self._clock()
+                return True
+            if self._elapsed_s() > self._settings.ready_timeout_s:
+                waited = f"after {self._settings.ready_timeout_s:.0f} s"
+                self._problems.append(
+                    f"not ready {waited}: heard nothing of {', '.join(missing) or 'decisions'}"
+                )
+        self._problems += signals
+        return False
+
+    def watch(self, signals: list[str]) -> None:
+        """Watch until the route or the duration is driven, the car stands after a loss, or a signal came."""
+        while not signals:
+            self._listen()
+            self._end_silent_processes()
+            for death in self._fleet.bury():
+                self._problems.append(f"{death} at {self._elapsed_s():.1f} s")
+                self._log.diagnostics.pop(death.name, None)
+                self._lost_s = self._lost_s or self._elapsed_s()
+                if death.name == "vehicle":
+                    return  # the simulated car is gone with it: there is nothing left to watch
+            if (
+                self._elapsed_s() >= self._scenario.duration_s
+                or self._finished()
+                or self._stopped_after_loss()
+            ):
+                return
+        self._problems += signals
+
+    def row(self, seed: int) -> dict[str, Any]:
+        """The run as design §7 has it."""
+        trace = self._log.trace()
+        row: dict[str, Any] = {"scenario": self._scenario.name, "seed": seed}
+        reasons = list(self._problems)
+        if len(trace) < 2:
+            return row | {"status": "failed", "reasons": reasons or ["nothing was driven"]}
+        metrics = measure(trace)
+        reasons += judge(self._scenario.expect, metrics, trace)
+        row |= {"status": "failed" if reasons else "passed", "reasons": reasons, **asdict(metrics)}
+        row |= {
+            "realtime_factor": round(metrics.duration_s / self._elapsed_s(), 3),
+            "trace_sha256": trace.sha256,
+            "final_speed_mps": self._log.state.speed_mps if self._log.state else None,
+            "processes": {
+                name: {"pid": child.popen.pid, "restarts": child.restarts, **self._log.load(name)}
+                for name, child in self._fleet.children.items()
+            },
+            "latency_ms": {name: latency.summary() for name, latency in self._log.latency.items()},
+        }
+        return row
+
+    def _listen(self) -> None:
+        self._log.listen(timeout_s=0.02)
+        if self._recording is not None:
+            self._recording.write()
+        now_s = self._clock()
+        if now_s - self._shown_s >= self._settings.status_period_s:
+            self._shown_s = now_s
+            self._show(self._log, self._fleet, self._elapsed_s())
+
+    def _elapsed_s(self) -> float:
+        return self._clock() - self._began_s
+
+    def _finished(self) -> bool:
+        return self._log.truth is not None and self._log.truth.finished
+
+    def _end_silent_processes(self) -> None:
+        """A process that runs but is silent is as good as dead: end it, so that it is started again."""
+        for name, heard in self._log.diagnostics.items():
+            silent_s = self._clock() - heard.t_s
+            if silent_s > self._settings.silence_s and self._fleet.children[name].popen.poll() is None:
+                self._problems.append(f"process {name} was silent for {silent_s:.1f} s")
+                self._fleet.kill(name)
+
+    def _stopped_after_loss(self) -> bool:
+        """True once the car stands after a process was lost, or has had more than enough time for it."""
+        if self._lost_s is None or self._log.state is None or self._log.state.speed_mps is None:
+            return False
+        if self._log.state.speed_mps < self._settings.standstill_mps:
+            self._problems.append(f"the car stopped {self._elapsed_s() - self._lost_s:.1f} s after that")
+            return True
+        if self._elapsed_s() - self._lost_s > self._settings.stop_timeout_s:
+            self._problems.append(
+                f"the car did not stop within {self._settings.stop_timeout_s:.0f} s after that"
+            )
+            return True
+        return False
+
+
+@contextmanager
+def caught_signals() -> Iterator[list[str]]:
+    """A list that fills with the names of the signals that ask this process to end."""
+    caught: list[str] = []
+    names = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def catch(number: int, _: object) -> None:
+        caught.append(f"stopped by {signal.Signals(number).name}")
+
+    before = {number: signal.signal(number, catch) for number in names}
+    try:
+        yield caught
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

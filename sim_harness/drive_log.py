@@ -1,0 +1,97 @@
+"""What the launcher hears of a live drive: the trace, the latencies and how the processes are."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sim_harness.trace import Recorder, Trace
+from trepid.bus import Bus
+from trepid.clock import Clock
+from trepid.messages import Command, Decision, Diagnostic, SimTruth, SteeringEstimate, VehicleState
+from trepid.topics import COMMAND, DECISION, DIAGNOSTICS, SIM_TRUTH, VEHICLE_STATE, estimate_topic
+
+
+@dataclass(slots=True)
+class Latency:
+    """Ages of what was heard, from the capture of its frame: one number per frame."""
+
+    samples_ms: list[float] = field(default_factory=list)
+    newest_t_s: float | None = None
+
+    def add(self, t_s: float | None, heard_s: float) -> None:
+        """Take the first message that goes back to a new frame; later ones repeat it."""
+        if t_s is not None and (self.newest_t_s is None or t_s > self.newest_t_s):
+            self.newest_t_s = t_s
+            self.samples_ms.append(1e3 * (heard_s - t_s))
+
+    def summary(self) -> dict[str, float] | None:
+        """Median, 99th percentile and maximum [ms]; None when nothing was heard."""
+        if not self.samples_ms:
+            return None
+        p50, p99 = np.percentile(self.samples_ms, [50, 99])
+        return {"p50": round(p50, 2), "p99": round(p99, 2), "max": round(max(self.samples_ms), 2)}
+
+
+class DriveLog:
+    """Listens to every topic; one trace sample for each truth of the simulated vehicle."""
+
+    def __init__(self, bus: Bus, clock: Clock, estimators: tuple[str, ...]) -> None:
+        self.now_s = clock
+        self._bus = bus
+        self._truths = bus.stream(SIM_TRUTH)
+        self._states = bus.latest(VEHICLE_STATE)
+        self._commands = bus.stream(COMMAND)
+        self._decisions = bus.stream(DECISION)
+        self._diagnostics = bus.stream(DIAGNOSTICS)
+        self._estimates = {name: bus.stream(estimate_topic(name)) for name in estimators}
+        self._estimators = estimators
+        self.truth: SimTruth | None = None
+        self.state: VehicleState | None = None
+        self.command: Command | None = None
+        self.decision: Decision | None = None
+        self.estimates: dict[str, SteeringEstimate | None] = dict.fromkeys(estimators)
+        self.diagnostics: dict[str, Diagnostic] = {}
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the trace and the latencies: the drive begins now."""
+        self._recorder = Recorder(self._estimators)
+        self._beats: dict[str, list[Diagnostic]] = {}
+        self.latency = {name: Latency() for name in self._latency_names()}
+
+    def _latency_names(self) -> list[str]:
+        return [*(f"frame_to_{name}" for name in self._estimators), "frame_to_decision", "frame_to_command"]
+
+    def listen(self, timeout_s: float) -> None:
+        """Wait for messages up to ``timeout_s``, then take in all that came."""
+        self._bus.wait(timeout_s)
+        for name, stream in self._estimates.items():
+            for estimate, heard_s in stream.drain():
+                self.estimates[name] = estimate
+                self.latency[f"frame_to_{name}"].add(estimate.t_s, heard_s)
+        for decision, heard_s in self._decisions.drain():
+            self.decision = decision
+            self.latency["frame_to_decision"].add(decision.t_s, heard_s)
+        for command, heard_s in self._commands.drain():
+            self.command = command
+            self.latency["frame_to_command"].add(command.t_s, heard_s)
+        for diagnostic, _ in self._diagnostics.drain():
+            self.diagnostics[diagnostic.process] = diagnostic
+            self._beats.setdefault(diagnostic.process, []).append(diagnostic)
+        self.state = self._states.refresh()
+        for truth, _ in self._truths.drain():
+            self.truth = truth
+            if self.state is not None:
+                self._recorder.add(truth, self.state, self.command, self.decision, self.estimates)
+
+    def load(self, process: str) -> dict[str, float | None]:
+        """Mean steps per second and share of a core [%] of a process over the drive; None if never heard."""
+        beats = [dict(beat.values) for beat in self._beats.get(process, []) if beat.message != "ready"]
+        return {
+            key: round(float(np.mean([float(beat[key]) for beat in beats])), 1) if beats else None
+            for key in ("rate_hz", "cpu_percent")
+        }
+
+    def trace(self) -> Trace:
+        """The drive so far."""
+        return self._recorder.trace()

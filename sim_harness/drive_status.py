@@ -1,0 +1,52 @@
+"""The live status of a drive in the terminal."""
+
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from sim_harness.drive_log import DriveLog
+from trepid.launch import Fleet
+
+FEAR_COLOURS = {
+    "very_low": "green",
+    "low": "green",
+    "medium": "yellow",
+    "high": "dark_orange",
+    "very_high": "red",
+}
+
+
+def status(log: DriveLog, fleet: Fleet, *, elapsed_s: float) -> Group:
+    """Processes with rates and ages, and below them what the car does and how afraid it is."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("process", "pid", "steps/s", "heard ago", "cpu %", "restarts", "says"):
+        table.add_column(heading, justify="left" if heading in ("process", "says") else "right")
+    for name, child in fleet.children.items():
+        heard = log.diagnostics.get(name)
+        values = dict(heard.values) if heard else {}
+        table.add_row(
+            name,
+            str(child.popen.pid),
+            values.get("rate_hz", "-"),
+            f"{log.now_s() - heard.t_s:.1f} s" if heard else "-",
+            values.get("cpu_percent", "-"),
+            str(child.restarts),
+            heard.message if heard else "starting",
+        )
+    return Group(table, driving_line(log, elapsed_s=elapsed_s))
+
+
+def driving_line(log: DriveLog, *, elapsed_s: float) -> Text:
+    """One line: time, place, speed, lateral error, mode, fear and its cause."""
+    text = Text(f"t {elapsed_s:6.1f} s")
+    truth, state, decision = log.truth, log.state, log.decision
+    if truth is not None:
+        text.append(f"  at {truth.station_m:6.1f} m ({truth.section})")
+        text.append(f"  error {truth.lateral_offset_m:+.2f} m")
+    if state is not None and state.speed_mps is not None:
+        text.append(f"  speed {state.speed_mps:4.1f} m/s")
+    if decision is not None:
+        colour = FEAR_COLOURS.get(decision.level, "white")
+        text.append(f"  {decision.mode}", style="bold")
+        text.append(f"  fear {decision.fear:.2f} {decision.level} ({decision.cause})", style=colour)
+    return text

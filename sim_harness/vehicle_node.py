@@ -1,0 +1,38 @@
+"""Simulated-vehicle process: takes commands, drives the plant behind the limiter, reports state and truth."""
+
+from controller.limiter import build as build_limiter
+from sim_harness.scenarios import Scenario
+from sim_harness.vehicle import SimulatedVehicle, load_simulator
+from trepid.config import CONFIG_DIR, load
+from trepid.process import Process, Ticker, process
+from trepid.topics import COMMAND, SIM_TRUTH, VEHICLE_STATE
+from trepid.vehicle import Vehicle
+
+
+def run(me: Process) -> None:
+    """Advance in real time at the period of the plant, whether commands come or not."""
+    scenario, settings = Scenario.model_validate(me.options["scenario"]), load_simulator()
+    command = me.bus.latest(COMMAND)
+    send_state, send_truth = me.bus.publisher(VEHICLE_STATE), me.bus.publisher(SIM_TRUTH)
+    simulated = SimulatedVehicle(
+        scenario,
+        scenario.build_road(),
+        load(CONFIG_DIR / "vehicle.yaml", Vehicle),
+        build_limiter(),
+        settings,
+        seed=me.options["seed"],
+    )
+    ticker = Ticker(1 / settings.period_s)
+    while me.running():
+        ticker.sleep()
+        ticker.due()
+        command.take()
+        state, truth = simulated.step(command.message, command.received_s, now_s=me.now_s())
+        send_state(state)
+        send_truth(truth)
+        me.stepped()
+
+
+if __name__ == "__main__":
+    with process() as me:
+        run(me)
