@@ -1,0 +1,101 @@
+"""What is feared, as named numbers: the inputs that ``config/fear.yaml`` may speak of.
+
+None is "not known", which the rules take for the worst. Where something is truly absent rather than unknown (no
+vehicle ahead, no second estimate to disagree with) the calm value stands, because the absence itself is feared
+elsewhere (low confidence).
+"""
+
+import math
+
+from supervisor.follow import Lead
+from supervisor.fusion import Fused
+from supervisor.lane import Motion
+from supervisor.sightings import Sighting
+from trepid.messages import ImageStatistics
+
+NO_GAP_S = 1000.0  # time gap without a vehicle ahead; any number beyond the range of the rule file
+_CRAWL_MPS = 1.0  # time gaps are reckoned with at least this speed: at standstill any distance is enough
+
+IMAGE_FEATURES = ("brightness", "contrast", "over_exposed", "under_exposed", "sharpness", "frozen")
+
+Features = dict[str, float | None]
+
+
+def features(
+    sightings: list[Sighting],
+    fused: Fused,
+    statistics: ImageStatistics | None,
+    lead: Lead,
+    motion: Motion | None,
+    *,
+    state_age_s: float,
+) -> Features:
+    """Every input by name. ``statistics`` must be fresh or None; ``motion`` is None when the state is lost."""
+    speed_mps = None if motion is None else abs(motion.speed_mps)
+    return {
+        **_ages(sightings, state_age_s if motion is not None else math.inf),
+        **_confidences(sightings),
+        "disagreement": _disagreement(sightings, fused, speed_mps),
+        "lane_width_error": _lane_width_error(sightings),
+        **_image(statistics),
+        "speed": speed_mps,
+        **_path(fused, speed_mps),
+        "lead_confidence": lead.confidence,
+        "time_gap": _time_gap(lead, speed_mps),
+    }
+
+
+def _ages(sightings: list[Sighting], state_age_s: float) -> Features:
+    ages = [s.age_s for s in sightings]
+    return {
+        "frame_age": min(ages, default=None),
+        "estimator_age": max(ages, default=None),
+        "state_age": state_age_s,  # inf is no finite number, so it is feared as missing
+    }
+
+
+def _confidences(sightings: list[Sighting]) -> Features:
+    known = [s.confidence for s in sightings if s.confidence is not None]
+    return {
+        "lane_confidence": max(known, default=None),
+        **{f"{s.estimator}_confidence": s.confidence for s in sightings},
+    }
+
+
+def _disagreement(sightings: list[Sighting], fused: Fused, speed_mps: float | None) -> float | None:
+    unknown = speed_mps is None or any(s.broken for s in sightings)
+    return None if unknown else fused.weighted_disagreement_mps2
+
+
+def _lane_width_error(sightings: list[Sighting]) -> float | None:
+    """The greatest, over the estimators that see boundaries; None when one of them cannot say, or none sees any."""
+    errors = [s.width_error_m for s in sightings if s.measures_width]
+    known = [error for error in errors if error is not None]
+    return max(known) if known and len(known) == len(errors) else None
+
+
+def _image(statistics: ImageStatistics | None) -> Features:
+    if statistics is None:
+        return dict.fromkeys(IMAGE_FEATURES)
+    return {
+        "brightness": statistics.brightness,
+        "contrast": statistics.contrast,
+        "over_exposed": statistics.over_exposed,
+        "under_exposed": statistics.under_exposed,
+        "sharpness": statistics.sharpness,
+        "frozen": statistics.frozen_s,
+    }
+
+
+def _path(fused: Fused, speed_mps: float | None) -> Features:
+    if fused.path is None:
+        return {"lateral_demand": None, "lateral_error": None}
+    lane = fused.path.lane
+    demand = None if speed_mps is None else abs(lane.curvature_1pm) * speed_mps**2
+    return {"lateral_demand": demand, "lateral_error": abs(lane.offset_m)}
+
+
+def _time_gap(lead: Lead, speed_mps: float | None) -> float | None:
+    if lead.confidence is None or speed_mps is None:
+        return None
+    return NO_GAP_S if lead.distance_m is None else lead.distance_m / max(speed_mps, _CRAWL_MPS)

@@ -1,0 +1,147 @@
+"""Estimates to one path. Roads that contradict each other are never averaged."""
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from supervisor.lane import STANDING, Lane, Motion, mean_lane
+from supervisor.sightings import Sighting
+from trepid.config import Settings
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class FusionSettings(Settings):
+    """Section ``fusion`` of ``config/supervisor.yaml``."""
+
+    trust: dict[
+        str, Annotated[float, Field(gt=0, le=1)]
+    ]  # how far each estimator's own confidence is believed
+    trust_of_others: Annotated[float, Field(gt=0, le=1)]
+    min_lookahead_m: Positive  # where roads are compared: ℓ = max(min_lookahead_m, lookahead_s·v)
+    lookahead_s: Positive
+    gate_offset_m: Positive  # roads this far apart at the axle ...
+    gate_lookahead_m: Positive  # ... or at ℓ are two roads
+    memory_s: Annotated[float, Field(gt=0, le=1)]  # how long the path is remembered when nothing is seen
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """The lane to drive, valid at ``t_s``."""
+
+    t_s: float
+    lane: Lane
+    lookahead_m: float  # how far it was seen
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Fused:
+    """What the estimates come to."""
+
+    path: Path | None
+    sources: tuple[str, ...]
+    trust: tuple[float, ...]  # sums to 1; empty when nothing was fused
+    disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two estimates; None with fewer than two
+    weighted_disagreement_mps2: float  # the same, times the share of the less trusted; 0 with fewer than two
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """A usable lane at the common time, and its weight."""
+
+    name: str
+    lane: Lane
+    weight: float
+    lookahead_m: float
+
+
+class Fusion:
+    """Fuses estimates; remembers the last path and moves it with the vehicle."""
+
+    def __init__(self, settings: FusionSettings) -> None:
+        self._settings = settings
+        self._memory: Path | None = None
+        self._seen_s = -math.inf  # when the memory was last seen by an estimator
+
+    def step(self, sightings: list[Sighting], motion: Motion | None, *, now_s: float) -> Fused:
+        """One path from the usable sightings; the moved memory for a while when there are none."""
+        moving = motion or STANDING
+        used = [s for s in sightings if s.lane is not None]
+        t_s = max((s.t_s for s in used), default=now_s)
+        memory = self._coast(moving, t_s)
+        lookahead_m = max(self._settings.min_lookahead_m, self._settings.lookahead_s * abs(moving.speed_mps))
+        views = [self._view(s, moving, t_s) for s in used]
+        group = self._agreeing(views, memory, lookahead_m)
+        if group:
+            self._seen_s = t_s
+            self._memory = self._join(group, t_s)
+        else:
+            self._memory = memory
+        raw, weighted = _disagreement_1pm(views, lookahead_m)
+        speed2 = moving.speed_mps**2
+        total = sum(view.weight for view in group)
+        return Fused(
+            path=self._memory,
+            sources=tuple(view.name for view in group),
+            trust=tuple(view.weight / total for view in group),
+            disagreement_mps2=None if raw is None else raw * speed2,
+            weighted_disagreement_mps2=weighted * speed2,
+        )
+
+    def _view(self, sighting: Sighting, motion: Motion, t_s: float) -> _View:
+        assert sighting.lane is not None and sighting.confidence is not None
+        trust = self._settings.trust.get(sighting.estimator, self._settings.trust_of_others)
+        lane = sighting.lane.after(motion, t_s - sighting.t_s)
+        return _View(sighting.estimator, lane, trust * sighting.confidence, sighting.lookahead_m)
+
+    def _coast(self, motion: Motion, t_s: float) -> Path | None:
+        """The remembered path at ``t_s``, or None when it was last seen too long ago."""
+        memory = self._memory
+        if memory is None or t_s - self._seen_s > self._settings.memory_s:
+            return None
+        return Path(t_s, memory.lane.after(motion, t_s - memory.t_s), memory.lookahead_m, "memory")
+
+    def _agreeing(self, views: list[_View], memory: Path | None, lookahead_m: float) -> list[_View]:
+        """The views that show one road: that of the memory, without one that of the most trusted view."""
+        if not views:
+            return []
+        if memory is None:
+            first = max(views, key=lambda view: view.weight)
+        else:
+            first = min(views, key=lambda view: sum(_gaps_m(view.lane, memory.lane, lookahead_m)))
+        return [view for view in views if not self._contradict(view.lane, first.lane, lookahead_m)]
+
+    def _contradict(self, a: Lane, b: Lane, lookahead_m: float) -> bool:
+        here_m, ahead_m = _gaps_m(a, b, lookahead_m)
+        return here_m > self._settings.gate_offset_m or ahead_m > self._settings.gate_lookahead_m
+
+    def _join(self, group: list[_View], t_s: float) -> Path:
+        total = sum(view.weight for view in group)
+        return Path(
+            t_s=t_s,
+            lane=mean_lane([view.lane for view in group], [view.weight / total for view in group]),
+            lookahead_m=min(view.lookahead_m for view in group),
+            source="+".join(view.name for view in group),
+        )
+
+
+def _gaps_m(a: Lane, b: Lane, lookahead_m: float) -> tuple[float, float]:
+    """How far two lanes lie apart at the axle and at the look-ahead [m]."""
+    return abs(a.offset_m - b.offset_m), abs(a.y_m(lookahead_m) - b.y_m(lookahead_m))
+
+
+def _disagreement_1pm(views: list[_View], lookahead_m: float) -> tuple[float | None, float]:
+    """Greatest |Δκ_cmd| of two views, plain and times (weight of the weaker / weight of the stronger).
+
+    A view with little confidence beside a sure one is an outlier rather than a contradiction.
+    """
+    plain, weighted = None, 0.0
+    for a, b in itertools.combinations(views, 2):
+        apart = abs(a.lane.pursuit_curvature_1pm(lookahead_m) - b.lane.pursuit_curvature_1pm(lookahead_m))
+        plain = max(plain or 0.0, apart)
+        weighted = max(weighted, apart * min(a.weight, b.weight) / max(a.weight, b.weight))
+    return plain, weighted

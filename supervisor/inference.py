@@ -1,0 +1,258 @@
+"""Fear from named numbers: a closed-form fuzzy inference that is monotone by construction.
+
+Sets are those of scikit-fuzzy (``trimf``, ``trapmf``), degrees are joined by min (and) and max (or) as in Mamdani's
+method. What differs from Mamdani is what a rule's ``x is S`` means and how levels are joined, because a centroid is
+neither monotone nor able to reach 0 and 1:
+
+* In a rule that frightens, ``x is S`` reads "x is S or worse": the edge of S toward the calm side, then 1 (the
+  upper closure of S in the order of risk). In a rule for very_low it reads "S or calmer".
+* With t_k = the greatest strength among rules that call for level k or more (so t_1 >= t_2 >= ...) and a_k =
+  where level k stands on 0..1,
+
+      fear = sum_k (a_k - a_{k-1}) * t_k,
+
+  the Choquet integral of the levels. It is continuous, exact at 0 and 1, and never falls when a risk rises.
+
+A missing or non-finite value counts as the worst, and where no rule fires at all fear is 1.
+
+scikit-fuzzy defines the sets but is not imported while driving: it takes 0.4 s to load, and its functions take
+whole arrays. ``trepid fear check`` and the tests hold the compiled sets against it.
+
+Sugeno, Theory of fuzzy integrals (1974); Kouikoglou and Phillis, On the monotonicity of hierarchical sum-product
+fuzzy systems (2009), for why Mamdani's method is not monotone.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from supervisor.rules import LEVELS, Atom, Input, Rule, RuleFile, load_rules
+from trepid.messages import Mode
+
+Values = Mapping[str, float | None]
+CALM = "none"  # the cause when there is nothing to fear
+SILENT = "no rule speaks here"
+
+
+@dataclass(frozen=True, slots=True)
+class Fired:
+    """A rule that fired."""
+
+    text: str
+    strength: float  # 0..1, weight included
+
+
+@dataclass(frozen=True, slots=True)
+class FearResult:
+    """How afraid, of what, and why."""
+
+    fear: float  # 0..1
+    level: str
+    cause: str
+    rules: tuple[Fired, ...]  # strongest first
+
+
+class Ramp(NamedTuple):
+    """Degree of an atom: 0 at ``zero``, 1 at ``one``, straight between, flat beyond."""
+
+    input: int  # index into the names
+    zero: float
+    one: float
+
+
+class Trapezoid(NamedTuple):
+    """Points of a fuzzy set, as in scikit-fuzzy's ``trapmf``."""
+
+    a: float
+    b: float
+    c: float
+    d: float
+
+    def membership(self, x: float) -> float:
+        """Degree of ``x``, 0..1; equals ``skfuzzy.trapmf``."""
+        if self.b <= x <= self.c:
+            return 1.0
+        if self.a < x < self.b:
+            return (x - self.a) / (self.b - self.a)
+        if self.c < x < self.d:
+            return (self.d - x) / (self.d - self.c)
+        return 0.0
+
+
+class _Compiled(NamedTuple):
+    """A rule over the table of ramps: max over cases of min over ramps; an empty case is always true."""
+
+    rule: Rule
+    cases: tuple[tuple[int, ...], ...]
+
+
+class FearRules:
+    """The compiled rule file. Immutable: evaluating changes nothing, so it can be shared freely."""
+
+    def __init__(self, file: RuleFile, rules: tuple[Rule, ...]) -> None:
+        self.file = file
+        self.inputs: dict[str, Input] = dict(file.inputs)
+        self.names = tuple(file.inputs)
+        self.rules = rules
+        self._ends = [(*spec.range, spec.worst) for spec in file.inputs.values()]
+        self._sets = {name: _trapezoids(spec) for name, spec in file.inputs.items()}
+        self._at = tuple(action.at for action in file.fear.all)
+        self._factors = tuple(action.speed_factor for action in file.fear.all)
+        self._levels = {
+            name: Trapezoid(*([self._at[max(k - 1, 0)]] + [self._at[k]] * 2 + [self._at[min(k + 1, 4)]]))
+            for k, name in enumerate(LEVELS)
+        }
+        self._ramps: list[Ramp] = []
+        self._rules = [self._compile(rule) for rule in rules]
+
+    @classmethod
+    def load(cls, path: Path) -> "FearRules":
+        """The rules in the file at ``path``. Raises InputError with file:line:column."""
+        return cls(*load_rules(path))
+
+    def evaluate(self, values: Values) -> FearResult:
+        """Fear of ``values`` (unit as in the file). A value that is missing, None, NaN or inf is the worst one."""
+        x, missing = self._complete(values)
+        degrees = [_degree(x[i], zero, one) for i, zero, one in self._ramps]
+        truth = [0.0] * len(LEVELS)
+        firing: list[tuple[float, Rule]] = []
+        for rule, cases in self._rules:
+            strength = rule.weight * _strength(cases, degrees)
+            if strength > 0:
+                firing.append((strength, rule))
+                truth[rule.level] = max(truth[rule.level], strength)
+        fear = self._choquet(truth) if firing else 1.0
+        return FearResult(
+            fear=fear,
+            level=self.level(fear),
+            cause=self._cause(firing, missing, fear),
+            rules=_strongest_first(firing, [(name, self.inputs[name].riskiest_set) for name in missing]),
+        )
+
+    def memberships(self, values: Values) -> dict[str, dict[str, float]]:
+        """Degrees of every input, and of fear itself, in their five sets (``skfuzzy.trimf``, ``trapmf``)."""
+        x, _ = self._complete(values)
+        degrees = {
+            name: {level: shape.membership(value) for level, shape in self._sets[name].items()}
+            for name, value in zip(self.names, x, strict=True)
+        }
+        fear = self.evaluate(values).fear
+        degrees["fear"] = {level: shape.membership(fear) for level, shape in self._levels.items()}
+        return degrees
+
+    def level(self, fear: float) -> str:
+        """The level that stands nearest to ``fear``; of two, the more fearful."""
+        return LEVELS[self.level_index(fear)]
+
+    def level_index(self, fear: float) -> int:
+        """Index of that level in LEVELS."""
+        at = self._at
+        return sum(fear >= (at[k - 1] + at[k]) / 2 for k in range(1, len(at)))
+
+    def mode(self, fear: float) -> Mode:
+        """The mode of the level of ``fear``."""
+        return self.file.fear.all[self.level_index(fear)].mode
+
+    def speed_factor(self, fear: float) -> float:
+        """Share of the cruise speed at ``fear``: interpolated between the levels, so it never rises with fear."""
+        at, factors = self._at, self._factors
+        k = next((k for k in range(1, len(at)) if fear <= at[k]), len(at) - 1)
+        part = min(1.0, (fear - at[k - 1]) / (at[k] - at[k - 1]))
+        return factors[k - 1] + part * (factors[k] - factors[k - 1])
+
+    def _complete(self, values: Values) -> tuple[list[float], list[str]]:
+        """Every input within its range, and the names of those that are missing."""
+        x, missing = [], []
+        for name, (low, high, worst) in zip(self.names, self._ends, strict=True):
+            value = values.get(name)
+            if value is None or not math.isfinite(value):
+                missing.append(name)
+                x.append(worst)
+            else:
+                x.append(min(max(value, low), high))
+        return x, missing
+
+    def _choquet(self, truth: list[float]) -> float:
+        """sum_k a_k (t_k - t_{k+1}) with t_k the greatest of ``truth`` from level k up: exactly 1 when t_4 is."""
+        fear, above = 0.0, 0.0
+        for at, strength in zip(reversed(self._at), reversed(truth), strict=True):
+            if strength > above:
+                fear += at * (strength - above)
+                above = strength
+        return min(fear, 1.0)
+
+    def _cause(self, firing: list[tuple[float, Rule]], missing: list[str], fear: float) -> str:
+        """The cause of the rule that adds most to fear; that of the missing input, if the rule rests on one."""
+        if not firing:
+            return "no_rule"
+        if self.level_index(fear) == 0:
+            return CALM
+        _, rule = max(firing, key=lambda pair: pair[0] * self._at[pair[1].level])
+        if missing:
+            absent = [atom.input for case in rule.cases for atom in case if atom.input in missing]
+            return self.inputs[absent[0]].missing if absent else rule.cause
+        return rule.cause
+
+    def _compile(self, rule: Rule) -> _Compiled:
+        cases = []
+        for case in rule.cases:
+            edges = [(self.names.index(a.input), *_edge(a, self.inputs[a.input], rule.level)) for a in case]
+            if all(edge[1:] != NEVER for edge in edges):
+                cases.append(tuple(self._ramp(Ramp(*edge)) for edge in edges if edge[1:] != ALWAYS))
+        return _Compiled(rule, tuple(cases))
+
+    def _ramp(self, ramp: Ramp) -> int:
+        """Index of ``ramp`` in the table; rules share ramps."""
+        if ramp not in self._ramps:
+            self._ramps.append(ramp)
+        return self._ramps.index(ramp)
+
+
+NEVER = (math.inf, math.inf)
+ALWAYS = (-math.inf, -math.inf)
+
+
+def _edge(atom: Atom, spec: Input, level: int) -> tuple[float, float]:
+    """The edge (zero, one) of the closure of the atom's set: toward risk, or toward calm in a rule for very_low.
+
+    Of a set a <= b <= c <= d, "S or more" rises from a to b, "S or less" falls from c to d, and ``not`` takes the
+    complement of the other one, so that every atom of a rule moves the same way with risk.
+    """
+    a, b, c, d = spec.sets.trapezoid(atom.set)
+    frightens = level > 0
+    upward = (spec.risk == "rising") == frightens
+    if atom.negated:
+        zero, one = (c, d) if upward else (b, a)
+        return (zero, one) if zero != one else NEVER
+    zero, one = (a, b) if upward else (d, c)
+    return (zero, one) if zero != one else ALWAYS
+
+
+def _degree(x: float, zero: float, one: float) -> float:
+    degree = (x - zero) / (one - zero)
+    return 0.0 if degree <= 0.0 else min(degree, 1.0)
+
+
+def _strength(cases: tuple[tuple[int, ...], ...], degrees: list[float]) -> float:
+    best = 0.0
+    for case in cases:
+        weakest = 1.0
+        for i in case:
+            weakest = min(weakest, degrees[i])
+        best = max(best, weakest)
+    return best
+
+
+def _strongest_first(firing: list[tuple[float, Rule]], missing: list[tuple[str, str]]) -> tuple[Fired, ...]:
+    """The missing inputs, then the rules by strength and level; a note where no rule fired."""
+    notes = [Fired(f"missing {name}: taken as {worst}", 1.0) for name, worst in missing]
+    if not firing:
+        return (*notes, Fired(SILENT, 1.0))
+    ranked = sorted(firing, key=lambda pair: (-pair[0], -pair[1].level))
+    return (*notes, *(Fired(rule.text, strength) for strength, rule in ranked))
+
+
+def _trapezoids(spec: Input) -> dict[str, Trapezoid]:
+    return {level: Trapezoid(*spec.sets.trapezoid(level)) for level in LEVELS}

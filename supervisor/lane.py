@@ -1,0 +1,62 @@
+"""The lane as a clothoid seen from the vehicle, and how it moves as the vehicle does."""
+
+from dataclasses import dataclass
+from math import cos, sin
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """How the vehicle moves: speed of the rear axle [m/s], yaw rate [rad/s, + left]."""
+
+    speed_mps: float
+    yaw_rate_radps: float
+
+    def over(self, dt_s: float) -> tuple[float, float, float]:
+        """Displacement (x [m], y [m], yaw [rad]) in the frame of now after ``dt_s``: chord of an arc."""
+        yaw_rad = self.yaw_rate_radps * dt_s
+        way_m = self.speed_mps * dt_s
+        return way_m * cos(yaw_rad / 2), way_m * sin(yaw_rad / 2), yaw_rad
+
+
+STANDING = Motion(0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """Lane centre y(x) = -e - ψ·x + κ·x²/2 + κ'·x³/6 [m], curvature κ at the rear axle."""
+
+    offset_m: float  # e, + = vehicle left of the centre
+    heading_rad: float  # ψ, vehicle minus lane
+    curvature_1pm: float  # κ at the axle
+    curvature_rate_1pm2: float  # κ'
+
+    def y_m(self, x_m: float) -> float:
+        """Lateral place of the lane centre at ``x_m`` ahead, + left."""
+        curve = self.curvature_1pm / 2 + self.curvature_rate_1pm2 * x_m / 6
+        return -self.offset_m - self.heading_rad * x_m + curve * x_m**2
+
+    def pursuit_curvature_1pm(self, lookahead_m: float) -> float:
+        """κ_cmd = 2·y(ℓ)/ℓ²: the arc from the axle to the lane centre at ℓ (Coulter, CMU-RI-TR-92-01)."""
+        return 2 * self.y_m(lookahead_m) / lookahead_m**2
+
+    def after(self, motion: Motion, dt_s: float) -> "Lane":
+        """The same lane from where the vehicle is ``dt_s`` later; small angles between vehicle and lane."""
+        x_m, y_m, yaw_rad = motion.over(dt_s)
+        bend_rad = self.curvature_1pm * x_m + self.curvature_rate_1pm2 * x_m**2 / 2
+        return Lane(
+            offset_m=y_m - self.y_m(x_m),
+            heading_rad=self.heading_rad + yaw_rad - bend_rad,
+            curvature_1pm=self.curvature_1pm + self.curvature_rate_1pm2 * x_m,
+            curvature_rate_1pm2=self.curvature_rate_1pm2,
+        )
+
+
+def mean_lane(lanes: list[Lane], weights: list[float]) -> Lane:
+    """Mean of lanes that agree, component by component; ``weights`` sum to 1."""
+    pairs = list(zip(lanes, weights, strict=True))
+    return Lane(
+        offset_m=sum(w * lane.offset_m for lane, w in pairs),
+        heading_rad=sum(w * lane.heading_rad for lane, w in pairs),
+        curvature_1pm=sum(w * lane.curvature_1pm for lane, w in pairs),
+        curvature_rate_1pm2=sum(w * lane.curvature_rate_1pm2 for lane, w in pairs),
+    )

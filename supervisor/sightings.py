@@ -1,0 +1,113 @@
+"""What the messages are worth: every age, and every number that cannot be, is judged here and nowhere else."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from supervisor.lane import Lane, Motion
+from trepid.config import Settings
+from trepid.messages import SteeringEstimate, VehicleState
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class SightingSettings(Settings):
+    """Section ``sightings`` of ``config/supervisor.yaml``."""
+
+    clock_tolerance_s: Positive  # stamps may lie this far in the future
+    fresh_s: Positive  # older estimates, statistics and leads are not used
+    state_fresh_s: Positive  # older vehicle states are not used
+    lost_s: Positive  # a process that was heard and has been silent this long is lost
+    min_confidence: Positive  # estimates below are no estimates
+    max_offset_m: Positive  # beyond these a number cannot be: the message is broken
+    max_heading_rad: Positive
+    max_curvature_1pm: Positive
+    max_curvature_rate_1pm2: Positive
+    max_speed_mps: Positive
+    max_yaw_rate_radps: Positive
+    min_lane_width_m: Positive
+    max_lane_width_m: Positive
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """One estimator's lane, judged."""
+
+    estimator: str
+    age_s: float  # inf: never heard, or a stamp that cannot be
+    t_s: float
+    broken: bool  # the message contradicts itself: confidence without a finite lane, or no number at all
+    confidence: float | None  # None: broken or lost
+    lane: Lane | None  # at t_s; None: not to be used
+    lookahead_m: float
+    width_error_m: float | None  # beyond what lanes measure; None: unknown
+    measures_width: bool  # whether it claims to see a boundary
+
+
+def age_s(t_s: float | None, *, now_s: float, settings: SightingSettings) -> float:
+    """Age of a stamp [s]; inf where there is none, none that is finite, or one from the future."""
+    if t_s is None or not math.isfinite(t_s) or t_s > now_s + settings.clock_tolerance_s:
+        return math.inf
+    return max(0.0, now_s - t_s)
+
+
+def sight(
+    name: str, estimate: SteeringEstimate | None, *, now_s: float, settings: SightingSettings
+) -> Sighting:
+    """What ``estimate`` of the estimator ``name`` is worth now. An honest "no lane" has confidence 0."""
+    age = age_s(estimate.t_s if estimate else None, now_s=now_s, settings=settings)
+    if estimate is None or age > settings.lost_s:
+        return Sighting(name, age, math.nan, False, None, None, math.nan, None, False)
+    lane = lane_of(estimate, settings)
+    broken = not 0 <= estimate.confidence <= 1 or (estimate.confidence > 0 and lane is None)
+    usable = not broken and age <= settings.fresh_s and estimate.confidence >= settings.min_confidence
+    return Sighting(
+        estimator=name,
+        age_s=age,
+        t_s=estimate.t_s,
+        broken=broken,
+        confidence=None if broken else estimate.confidence,
+        lane=lane if usable else None,
+        lookahead_m=estimate.lookahead_m,
+        width_error_m=_width_error_m(estimate.lane_width_m, settings),
+        measures_width=usable and estimate.lanes_detected > 0,
+    )
+
+
+def lane_of(estimate: SteeringEstimate, settings: SightingSettings) -> Lane | None:
+    """The lane at the rear axle; None unless every number is there, finite and possible."""
+    offset_m = _within(estimate.lateral_offset_m, settings.max_offset_m)
+    heading_rad = _within(estimate.heading_error_rad, settings.max_heading_rad)
+    curvature_1pm = _within(estimate.curvature_1pm, settings.max_curvature_1pm)
+    rate_1pm2 = _within(estimate.curvature_rate_1pm2, settings.max_curvature_rate_1pm2)
+    if offset_m is None or heading_rad is None or curvature_1pm is None or rate_1pm2 is None:
+        return None
+    if not 0 <= estimate.lookahead_m < math.inf:
+        return None
+    at_axle_1pm = _within(curvature_1pm - rate_1pm2 * estimate.lookahead_m, settings.max_curvature_1pm)
+    return None if at_axle_1pm is None else Lane(offset_m, heading_rad, at_axle_1pm, rate_1pm2)
+
+
+def motion_of(state: VehicleState | None, *, now_s: float, settings: SightingSettings) -> Motion | None:
+    """How the vehicle moves; None when its state is missing, stale, or holds a number that cannot be."""
+    if state is None or age_s(state.t_s, now_s=now_s, settings=settings) > settings.state_fresh_s:
+        return None
+    speed_mps = _within(state.speed_mps, settings.max_speed_mps)
+    yaw_rate_radps = _within(state.yaw_rate_radps, settings.max_yaw_rate_radps)
+    wheel_rad = _within(state.road_wheel_angle_rad, math.pi / 2)
+    if speed_mps is None or yaw_rate_radps is None or wheel_rad is None:
+        return None
+    return Motion(speed_mps, yaw_rate_radps)
+
+
+def _width_error_m(width_m: float | None, settings: SightingSettings) -> float | None:
+    if width_m is None or not math.isfinite(width_m):
+        return None
+    return max(0.0, settings.min_lane_width_m - width_m, width_m - settings.max_lane_width_m)
+
+
+def _within(value: float | None, limit: float) -> float | None:
+    """``value`` if it is a number of at most ``limit`` in size; NaN fails every comparison."""
+    return value if value is not None and abs(value) <= limit else None

@@ -1,0 +1,226 @@
+"""The step of the supervisor: messages in, decision out."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from supervisor import fusion
+from supervisor.features import features
+from supervisor.follow import Follower, FollowSettings, Lead, judge_lead
+from supervisor.fusion import Fused, Fusion, FusionSettings
+from supervisor.inference import FearResult, FearRules
+from supervisor.lane import Motion
+from supervisor.modes import Held, ModeSettings, ModeState, Situation, next_state
+from supervisor.sightings import Sighting, SightingSettings, age_s, motion_of, sight
+from trepid.config import CONFIG_DIR, Settings, load
+from trepid.messages import (
+    Decision,
+    ImageStatistics,
+    LeadVehicle,
+    Mode,
+    SteeringEstimate,
+    Stop,
+    VehicleState,
+)
+from trepid.vehicle import Vehicle
+
+
+class SupervisorSettings(Settings):
+    """The contents of ``config/supervisor.yaml``."""
+
+    cruise_speed_mps: Annotated[float, Field(gt=0)]
+    sightings: SightingSettings
+    fusion: FusionSettings
+    modes: ModeSettings
+    follow: FollowSettings
+
+
+class Supervisor:
+    """Rates the risk of every frame, fuses the estimates, and decides how fast to drive which path.
+
+    Begins in STOP and leaves it only from standstill with healthy inputs, also when it is restarted on the move.
+    Its state is what earlier steps gave it: the remembered path, the lead's trail, the mode and its timers.
+    """
+
+    def __init__(self, rules: FearRules, settings: SupervisorSettings, vehicle: Vehicle) -> None:
+        self._rules, self._settings = rules, settings
+        self._fusion = Fusion(settings.fusion)
+        self._follower = Follower(settings.follow, vehicle)
+        self._mode = ModeState.initial()
+        self._heard: set[str] = set()  # processes that have been heard of: only these can be lost
+        self._terrified, self._calm, self._ready = Held(), Held(), Held()
+        self._road_back, self._blind = Held(), Held()
+        self._factor = 0.0
+        self._decided_s: float | None = None
+        self._last_motion: Motion | None = None
+
+    def step(
+        self,
+        estimates: Mapping[str, SteeringEstimate | None],
+        statistics: ImageStatistics | None,
+        lead: LeadVehicle | None,
+        state: VehicleState | None,
+        *,
+        now_s: float,
+    ) -> Decision:
+        """The decision at ``now_s``. ``estimates`` holds the latest message of every expected estimator, or None.
+
+        Ages are judged here. ``lead`` is None where no detector runs; "no vehicle ahead" has confidence 0.
+        """
+        limits = self._settings.sightings
+        seen = [sight(name, e, now_s=now_s, settings=limits) for name, e in estimates.items()]
+        motion = motion_of(state, now_s=now_s, settings=limits)
+        self._last_motion = motion or self._last_motion  # a lost vehicle is taken to go on as it went
+        ahead = judge_lead(lead, motion, now_s=now_s, settings=limits)
+        statistics_age_s = age_s(statistics.t_s if statistics else None, now_s=now_s, settings=limits)
+        state_age_s = age_s(state.t_s if state else None, now_s=now_s, settings=limits)
+        fused = self._fusion.step(seen, self._last_motion, now_s=now_s)
+        trail = self._follower.step(ahead, self._last_motion, now_s=now_s)
+        fresh_statistics = statistics if statistics_age_s <= limits.fresh_s else None
+        felt = self._rules.evaluate(
+            features(seen, fused, fresh_statistics, ahead, motion, state_age_s=state_age_s)
+        )
+        fault = self._fault(seen, statistics_age_s, ahead, motion, state, now_s)
+        situation = self._situation(felt, fault, seen, fused, trail, motion, now_s)
+        self._mode = next_state(self._mode, situation, final_causes=self._settings.modes.final_causes)
+        path = trail if self._follows(fused, trail) else fused.path
+        self._factor = self._speed_factor(felt.fear, now_s)
+        self._decided_s = now_s
+        return self._decision(seen, felt, fused, path, ahead, now_s)
+
+    def _fault(
+        self,
+        seen: list[Sighting],
+        statistics_age_s: float,
+        lead: Lead,
+        motion: Motion | None,
+        state: VehicleState | None,
+        now_s: float,
+    ) -> str:
+        """The cause of an immediate stop, "" when there is none. What was never heard is not lost but not ready."""
+        limits, modes = self._settings.sightings, self._settings.modes
+        ages = {s.estimator: s.age_s for s in seen}
+        self._heard |= {name for name, age in ages.items() if age <= limits.fresh_s}
+        heard_ages = [age for name, age in ages.items() if name in self._heard]
+        if heard_ages and min(ages.values()) > modes.comfort_stop_age_s:
+            return "stale_data"
+        if any(age > limits.lost_s for age in heard_ages):
+            return "lost_estimator"
+        if self._lost("state", motion is not None):
+            return "vehicle_state_lost"
+        if self._lost("statistics", statistics_age_s <= limits.lost_s):
+            return "image_statistics_lost"
+        if self._lost("lead", not lead.heard or lead.age_s <= limits.lost_s) and lead.heard:
+            return "lost_lead_detector"
+        return "driver_override" if state is not None and state.driver_override else ""
+
+    def _lost(self, name: str, alive: bool) -> bool:
+        """Whether ``name`` was heard once and is no longer alive."""
+        if alive:
+            self._heard.add(name)
+        return not alive and name in self._heard
+
+    def _situation(
+        self,
+        felt: FearResult,
+        fault: str,
+        seen: list[Sighting],
+        fused: Fused,
+        trail: fusion.Path | None,
+        motion: Motion | None,
+        now_s: float,
+    ) -> Situation:
+        modes, hysteresis = self._settings.modes, self._rules.file.hysteresis
+        ages = [s.age_s for s in seen]
+        standstill = motion is not None and abs(motion.speed_mps) < modes.standstill_mps
+        pathless_s = self._blind.step(fused.path is None and trail is None and not standstill, now_s=now_s)
+        stale = fault == "stale_data" and min(ages) > modes.emergency_stop_age_s
+        surest = max((s.confidence or 0.0 for s in seen if s.lane), default=0.0)
+        road_back = bool(fused.sources) and surest >= modes.road_back_confidence
+        wanted = self._rules.mode(felt.fear)
+        calm = self._rules.mode(min(1.0, felt.fear + hysteresis.band)) is Mode.KEEP
+        healthy = (
+            not fault
+            and all(s.confidence is not None for s in seen)
+            and bool(fused.sources)
+            and felt.fear <= modes.reengage_max_fear
+        )
+        ready_s = self._ready.step(healthy and standstill, now_s=now_s)
+        return Situation(
+            fault=fault,
+            blind=not standstill and (stale or _lasts(pathless_s, modes.blind_s)),
+            terrified=_lasts(self._terrified.step(wanted is Mode.STOP, now_s=now_s), hysteresis.stop_after_s),
+            afraid=wanted is not Mode.KEEP,
+            calm=_lasts(self._calm.step(calm, now_s=now_s), hysteresis.calm_after_s),
+            cause=felt.cause,
+            path=fused.path is not None,
+            road_back=_lasts(self._road_back.step(road_back, now_s=now_s), modes.road_back_s),
+            lead=trail is not None,
+            standstill=standstill,
+            ready=_lasts(ready_s, modes.reengage_after_s),
+        )
+
+    def _follows(self, fused: Fused, trail: fusion.Path | None) -> bool:
+        return trail is not None and (self._mode.mode is Mode.FOLLOW or fused.path is None)
+
+    def _speed_factor(self, fear: float, now_s: float) -> float:
+        """Falls with fear at once, rises slowly; 0 in STOP."""
+        if self._mode.mode is Mode.STOP:
+            return 0.0
+        dt_s = 0.0 if self._decided_s is None else max(0.0, now_s - self._decided_s)
+        risen = self._factor + self._rules.file.hysteresis.recovery_per_s * dt_s
+        return min(self._rules.speed_factor(fear), risen)
+
+    def _decision(
+        self,
+        seen: list[Sighting],
+        felt: FearResult,
+        fused: Fused,
+        path: fusion.Path | None,
+        lead: Lead,
+        now_s: float,
+    ) -> Decision:
+        cap_mps = min(self._settings.cruise_speed_mps * self._factor, self._follower.speed_cap_mps(lead))
+        lane = path.lane if path else None
+        lookahead_m = path.lookahead_m if path else self._settings.fusion.min_lookahead_m
+        return Decision(
+            t_s=max((s.t_s for s in seen if math.isfinite(s.t_s)), default=None),
+            decided_s=now_s,
+            mode=self._mode.mode,
+            stop=self._mode.stop,
+            fear=felt.fear,
+            level=felt.level,
+            cause=self._mode.cause or felt.cause,
+            rules=tuple(fired.text for fired in felt.rules),
+            rule_strengths=tuple(fired.strength for fired in felt.rules),
+            path_t_s=path.t_s if path else None,
+            lateral_offset_m=lane.offset_m if lane else None,
+            heading_error_rad=lane.heading_rad if lane else None,
+            curvature_1pm=lane.curvature_1pm + lane.curvature_rate_1pm2 * lookahead_m if lane else None,
+            curvature_rate_1pm2=lane.curvature_rate_1pm2 if lane else None,
+            lookahead_m=lookahead_m,
+            path_source=path.source if path else "none",
+            sources=fused.sources,
+            trust=fused.trust,
+            disagreement_mps2=fused.disagreement_mps2,
+            speed_factor=self._factor,
+            speed_cap_mps=cap_mps if self._mode.stop is Stop.NONE else 0.0,
+        )
+
+
+def _lasts(held_s: float | None, wanted_s: float | None) -> bool:
+    """Whether something has lasted as long as wanted; a wanted time of None is never reached."""
+    return held_s is not None and wanted_s is not None and held_s >= wanted_s
+
+
+def build(
+    *,
+    rules: Path = CONFIG_DIR / "fear.yaml",
+    settings: Path = CONFIG_DIR / "supervisor.yaml",
+    vehicle: Path = CONFIG_DIR / "vehicle.yaml",
+) -> Supervisor:
+    """A supervisor from its files. Raises InputError."""
+    return Supervisor(FearRules.load(rules), load(settings, SupervisorSettings), load(vehicle, Vehicle))
