@@ -1,0 +1,252 @@
+"""The controller: what the supervisor decided and what the vehicle does -> the next command.
+
+Everything that comes in is judged here by age, finiteness and plausibility. What is missing or wrong brakes:
+
+| what is wrong | longitudinal | lateral |
+|---|---|---|
+| no usable decision | comfort stop, after ``lost_s`` emergency stop | along the path while it is young enough |
+| no usable vehicle state | the same | holds the last wheel angle |
+| no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
+| no path at all | comfort stop | holds the last curvature |
+| the supervisor says STOP | the stop that it asks for | along the path |
+
+The emergency stop for lost inputs latches until standstill.
+
+Without a path the curvature is held and not unwound: while a car stops, the bend it is in lasts longer than the
+gap in sight does, and straightening would leave the lane for certain.
+"""
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from controller.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
+from controller.lane import Lane
+from controller.lateral import LateralSettings, path_curvature
+from controller.prediction import Predictor
+from controller.speed import SpeedControl, SpeedSettings, target
+from trepid.config import CONFIG_DIR, InputError, Settings, load
+from trepid.messages import Command, Decision, Mode, Stop, VehicleState
+from trepid.vehicle import Positive, Vehicle
+
+_MAX_DRIVE_LAG = 0.25  # of k·τ_a: damping 1 of the speed loop
+_MAX_OVERSTEER = 0.95  # of the critical speed, up to which the bicycle model is trusted
+
+
+class InputLimits(Settings):
+    """``inputs`` in ``config/controller.yaml``: how old and how large inputs may be to be believed."""
+
+    stale_s: Positive  # older decisions and states do not count
+    lost_s: Positive  # nothing usable for this long: emergency stop
+    path_memory_s: Positive  # older paths do not count
+    early_s: Positive  # a stamp may lie this far in the future
+    max_speed_mps: Positive
+    max_offset_m: Positive
+    max_heading_rad: Annotated[float, Field(gt=0, lt=math.pi / 2)]
+    max_curvature_1pm: Positive
+    max_curvature_rate_1pm2: Positive
+    max_lookahead_m: Positive
+    max_yaw_rate_radps: Positive
+
+
+class ControllerSettings(Settings):
+    """``config/controller.yaml``."""
+
+    lateral: LateralSettings
+    speed: SpeedSettings
+    inputs: InputLimits
+
+
+def build(vehicle: Vehicle | None = None, settings_file: Path | None = None) -> "Controller":
+    """Controller of ``vehicle`` (default: ``config/vehicle.yaml``). Raises InputError on a bad file."""
+    vehicle = vehicle or load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    path = settings_file or CONFIG_DIR / "controller.yaml"
+    settings = load(path, ControllerSettings)
+    if settings.speed.gain_1ps * vehicle.accel_lag_s > _MAX_DRIVE_LAG:
+        raise InputError(
+            f"{path}: speed.gain_1ps {settings.speed.gain_1ps} is too high for a drive with a lag of"
+            f" {vehicle.accel_lag_s} s: the speed would overshoot; at most"
+            f" {_MAX_DRIVE_LAG / vehicle.accel_lag_s:.2f}"
+        )
+    return Controller(vehicle, settings)
+
+
+class Controller:
+    """``step`` it at every new decision and at least 50 times a second. Starts with the brake on."""
+
+    def __init__(self, vehicle: Vehicle, settings: ControllerSettings) -> None:
+        self._vehicle = vehicle
+        self._settings = settings
+        self._top_mps = critical_speed(vehicle) * settings.speed.critical_speed_share
+        self._predictor = Predictor(
+            vehicle,
+            command_delay_s=settings.lateral.command_delay_s,
+            memory_s=settings.inputs.path_memory_s + settings.inputs.stale_s,
+        )
+        self._speed = SpeedControl(settings.speed)
+        self._now_s: float | None = None
+        self._healthy_s = 0.0  # when both inputs were last usable
+        self._emergency = False  # own emergency stop, latched until standstill
+        self._path: tuple[float, Lane] | None = None  # newest path and when it was valid
+        self._curvature_1pm: float | None = None  # the last one asked for
+        self._angle_rad: float | None = None  # likewise
+
+    def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
+        """The command for ``now_s`` [s]; always finite, and braking where an input is not good."""
+        dt_s = self._elapsed(now_s)
+        frame_s = decision.t_s if decision is not None and _finite(decision.t_s) else None
+        decision = self._usable_decision(decision, now_s)
+        state = self._usable_state(state, now_s)
+        speed_mps = state.speed_mps if state is not None else None
+        if state is not None and speed_mps is not None:
+            self._predictor.saw(state, speed_mps)
+        lane = self._lane(decision, now_s)
+        angle_rad = self._steer(lane, state, speed_mps)
+        self._predictor.commanded(angle_rad, now_s=now_s)
+        stop = self._stop(decision, lane, speed_mps, now_s)
+        goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s)
+        return Command(
+            t_s=frame_s,
+            road_wheel_angle_rad=angle_rad,
+            road_wheel_rate_radps=0.0,
+            speed_mps=goal_mps,
+            accel_mps2=accel_mps2,
+            jerk_mps3=0.0,
+        )
+
+    def _elapsed(self, now_s: float) -> float:
+        """Time since the last step, 0 on the first; a clock that runs backwards stands still here."""
+        if self._now_s is None:
+            self._now_s = self._healthy_s = now_s
+        dt_s = max(0.0, now_s - self._now_s)
+        self._now_s = max(now_s, self._now_s)
+        return dt_s
+
+    def _usable_decision(self, decision: Decision | None, now_s: float) -> Decision | None:
+        limits = self._settings.inputs
+        if decision is None or not self._fresh(decision.decided_s, now_s, limits.stale_s):
+            return None
+        return decision if _finite(decision.speed_cap_mps) else None
+
+    def _usable_state(self, state: VehicleState | None, now_s: float) -> VehicleState | None:
+        """None unless fresh and plausible in all it reports; wheel angle and yaw rate may be unknown."""
+        limits = self._settings.inputs
+        if state is None or not self._fresh(state.t_s, now_s, limits.stale_s):
+            return None
+        reported = (
+            (state.speed_mps, limits.max_speed_mps),
+            (_or_zero(state.road_wheel_angle_rad), math.pi / 2),
+            (_or_zero(state.yaw_rate_radps), limits.max_yaw_rate_radps),
+        )
+        return state if _within(reported) else None
+
+    def _fresh(self, t_s: float | None, now_s: float, max_age_s: float) -> bool:
+        """False also for None and NaN, and for a stamp from the future."""
+        return t_s is not None and -self._settings.inputs.early_s <= now_s - t_s <= max_age_s
+
+    def _lane(self, decision: Decision | None, now_s: float) -> Lane | None:
+        """The newest path, moved to the moment at which a command given now acts; None: none or too old."""
+        limits = self._settings.inputs
+        if decision is not None and self._fresh(decision.path_t_s, now_s, limits.path_memory_s):
+            seen = _lane_from_decision(decision, limits)
+            if seen is not None and decision.path_t_s is not None:
+                self._path = decision.path_t_s, seen
+        if self._path is None or not self._fresh(self._path[0], now_s, limits.path_memory_s):
+            return None
+        path_t_s, lane = self._path
+        return self._predictor.when_steering_acts(lane, path_t_s=path_t_s, now_s=now_s)
+
+    def _steer(self, lane: Lane | None, state: VehicleState | None, speed_mps: float | None) -> float:
+        """Road-wheel angle demand [rad], within what the vehicle can turn."""
+        if state is None or speed_mps is None:
+            return self._angle_rad or 0.0
+        model_mps = min(abs(speed_mps), _MAX_OVERSTEER * critical_speed(self._vehicle))
+        if lane is not None:
+            self._curvature_1pm = path_curvature(
+                lane,
+                speed_mps=speed_mps,
+                steering_lag_s=self._vehicle.steering_lag_s,
+                settings=self._settings.lateral,
+            )
+        elif self._curvature_1pm is None:  # never had a path: stay as the wheels are
+            self._curvature_1pm = curvature_from_angle(
+                _or_zero(state.road_wheel_angle_rad), speed_mps=model_mps, vehicle=self._vehicle
+            )
+        angle_rad = angle_from_curvature(
+            self._curvature_1pm or 0.0, speed_mps=model_mps, vehicle=self._vehicle
+        )
+        limit_rad = self._vehicle.max_road_wheel_angle_rad
+        self._angle_rad = max(-limit_rad, min(limit_rad, angle_rad))
+        return self._angle_rad
+
+    def _stop(
+        self, decision: Decision | None, lane: Lane | None, speed_mps: float | None, now_s: float
+    ) -> Stop:
+        """How to stop, if at all."""
+        if self._emergency and speed_mps is not None and speed_mps <= self._settings.speed.standstill_mps:
+            self._emergency = False
+        if decision is not None and speed_mps is not None:
+            self._healthy_s = now_s
+        elif now_s - self._healthy_s > self._settings.inputs.lost_s:
+            self._emergency = True
+        if self._emergency:
+            return Stop.EMERGENCY
+        if decision is None or speed_mps is None or lane is None:
+            return Stop.COMFORT
+        if decision.mode is Mode.STOP:
+            return Stop.EMERGENCY if decision.stop is Stop.EMERGENCY else Stop.COMFORT
+        return decision.stop
+
+    def _drive(
+        self, decision: Decision | None, lane: Lane | None, speed_mps: float | None, stop: Stop, dt_s: float
+    ) -> tuple[float, float]:
+        """Speed aimed at [m/s] and acceleration demand [m/s²]."""
+        if stop is not Stop.NONE or decision is None or lane is None or speed_mps is None:
+            return 0.0, self._speed.stop(stop, speed_mps=speed_mps, dt_s=dt_s)
+        cap_mps = max(0.0, min(decision.speed_cap_mps, self._top_mps))
+        goal = target(lane, cap_mps=cap_mps, speed_mps=speed_mps, settings=self._settings.speed)
+        return goal.speed_mps, self._speed.track(goal, speed_mps=speed_mps, dt_s=dt_s)
+
+
+def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
+    """The decision's path with its curvature brought to the axle; None unless complete and plausible."""
+    offset_m, heading_rad = decision.lateral_offset_m, decision.heading_error_rad
+    ahead_1pm, rate_1pm2 = decision.curvature_1pm, decision.curvature_rate_1pm2
+    if offset_m is None or heading_rad is None or ahead_1pm is None:
+        return None
+    rate_1pm2 = _or_zero(rate_1pm2)  # an estimator that sees only an arc sees a constant curvature
+    curvature_1pm = ahead_1pm - rate_1pm2 * decision.lookahead_m
+    reported = (
+        (offset_m, limits.max_offset_m),
+        (heading_rad, limits.max_heading_rad),
+        (ahead_1pm, limits.max_curvature_1pm),
+        (curvature_1pm, limits.max_curvature_1pm),
+        (rate_1pm2, limits.max_curvature_rate_1pm2),
+        (decision.lookahead_m, limits.max_lookahead_m),
+    )
+    if not _within(reported) or decision.lookahead_m < 0.0:
+        return None
+    return Lane(
+        offset_m=offset_m,
+        heading_rad=heading_rad,
+        curvature_1pm=curvature_1pm,
+        curvature_rate_1pm2=rate_1pm2,
+        lookahead_m=decision.lookahead_m,
+    )
+
+
+def _within(reported: Iterable[tuple[float | None, float]]) -> bool:
+    """True when every value is known, finite and within ± its limit."""
+    return all(value is not None and abs(value) <= limit for value, limit in reported)
+
+
+def _finite(value: float | None) -> bool:
+    return value is not None and math.isfinite(value)
+
+
+def _or_zero(value: float | None) -> float:
+    """A quantity that may be unknown and whose neutral value is zero."""
+    return 0.0 if value is None else value

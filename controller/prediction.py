@@ -1,0 +1,100 @@
+"""Where the car will be when a steering command given now begins to act.
+
+A frame is old when its path reaches the controller, and a command acts only after the steering's dead time. Both
+are known, so both are bridged: from the capture of the frame to the last vehicle state by measured speed and yaw
+rate, from there to now + dead time by the commands that are already on their way through the steering model
+
+    δ' = (δ_cmd(t - T_d) - δ)/τ, |δ'| ≤ rate limit
+
+What remains for feedback is a plant without dead time (Smith predictor; Åström & Hägglund, Advanced PID Control
+(2006), section 8.4).
+"""
+
+import math
+from collections import deque
+from itertools import pairwise
+
+from controller.bicycle import curvature_from_angle, yaw_rate
+from controller.lane import Lane
+from trepid.messages import VehicleState
+from trepid.vehicle import Vehicle
+
+_STEP_S = 0.02  # of the model; the wheel is exact for any step, the pose of second order
+
+
+class Predictor:
+    """Remembers what was measured and commanded for as long as ``memory_s``."""
+
+    def __init__(self, vehicle: Vehicle, *, command_delay_s: float, memory_s: float) -> None:
+        """``command_delay_s``: on the way to the actuator, mean hold of the command included."""
+        self._vehicle = vehicle
+        self._delay_s = command_delay_s + vehicle.steering_delay_s
+        self._memory_s = memory_s
+        self._motion: deque[tuple[float, float, float]] = deque()  # time, speed, yaw rate
+        self._commands: deque[tuple[float, float]] = deque()  # time from which it acts, angle
+        self._wheel_rad = 0.0
+
+    def saw(self, state: VehicleState, speed_mps: float) -> None:
+        """Take in a vehicle state; one that was taken in before, or is older, changes nothing."""
+        if self._motion and state.t_s <= self._motion[-1][0]:
+            return
+        if state.road_wheel_angle_rad is not None:
+            self._wheel_rad = state.road_wheel_angle_rad
+        elif self._commands:
+            self._wheel_rad = self._commands[-1][1]
+        rate = state.yaw_rate_radps
+        if rate is None:
+            rate = self._model_yaw_rate(self._wheel_rad, speed_mps)
+        self._motion.append((state.t_s, speed_mps, rate))
+        while len(self._motion) > 2 and self._motion[1][0] < state.t_s - self._memory_s:
+            self._motion.popleft()
+
+    def commanded(self, angle_rad: float, *, now_s: float) -> None:
+        """Remember a command that goes out now."""
+        self._commands.append((now_s + self._delay_s, angle_rad))
+        while len(self._commands) > 1 and self._commands[1][0] < now_s:
+            self._commands.popleft()
+
+    def when_steering_acts(self, lane: Lane, *, path_t_s: float, now_s: float) -> Lane:
+        """``lane``, valid at ``path_t_s``, as it will be at ``now_s`` plus the dead time."""
+        if not self._motion:
+            return lane
+        lane = self._along_measured(lane, path_t_s)
+        start_s, speed_mps, _ = self._motion[-1]
+        return self._along_commanded(lane, max(start_s, path_t_s), now_s + self._delay_s, speed_mps)
+
+    def _along_measured(self, lane: Lane, from_s: float) -> Lane:
+        for (t0, v0, r0), (t1, v1, r1) in pairwise(self._motion):
+            if t1 > from_s:
+                dt_s = t1 - max(t0, from_s)
+                lane = lane.after(dt_s, speed_mps=0.5 * (v0 + v1), yaw_rate_radps=0.5 * (r0 + r1))
+        return lane
+
+    def _along_commanded(self, lane: Lane, from_s: float, to_s: float, speed_mps: float) -> Lane:
+        steps = math.ceil((to_s - from_s) / _STEP_S)
+        wheel_rad = self._wheel_rad
+        for n in range(steps):
+            dt_s = (to_s - from_s) / steps
+            before_rad = wheel_rad
+            wheel_rad = self._wheel_after(wheel_rad, self._acting(from_s + (n + 0.5) * dt_s), dt_s)
+            rate = self._model_yaw_rate(0.5 * (before_rad + wheel_rad), speed_mps)
+            lane = lane.after(dt_s, speed_mps=speed_mps, yaw_rate_radps=rate)
+        return lane
+
+    def _acting(self, at_s: float) -> float:
+        """The command that acts at ``at_s``; before the first one, whatever holds the wheel where it is."""
+        for due_s, angle_rad in reversed(self._commands):
+            if due_s <= at_s:
+                return angle_rad
+        return self._wheel_rad
+
+    def _wheel_after(self, wheel_rad: float, demand_rad: float, dt_s: float) -> float:
+        vehicle = self._vehicle
+        share = 1.0 - math.exp(-dt_s / vehicle.steering_lag_s) if vehicle.steering_lag_s > 0.0 else 1.0
+        reach_rad = vehicle.max_road_wheel_rate_radps * dt_s
+        return wheel_rad + max(-reach_rad, min(reach_rad, (demand_rad - wheel_rad) * share))
+
+    def _model_yaw_rate(self, wheel_rad: float, speed_mps: float) -> float:
+        """Of the bicycle model; zero where it knows no steady turn (oversteer beyond its limits)."""
+        curvature_1pm = curvature_from_angle(wheel_rad, speed_mps=speed_mps, vehicle=self._vehicle)
+        return yaw_rate(curvature_1pm, speed_mps=speed_mps) if curvature_1pm is not None else 0.0
