@@ -16,6 +16,7 @@ from perception.lane_search import boundary_columns, find_lane
 from perception.lane_tracker import PriorSettings, TrackSettings, predict, prior_state
 from perception.lane_vote import VoteSettings
 from perception.lateral_grid import LateralGrid, lateral_grid
+from perception.self_calibration import SelfCalibrationSettings
 from perception.steering import SteeringSettings, pursuit_curvature, road_wheel_angle
 from trepid.camera import Camera
 from trepid.config import Settings
@@ -56,6 +57,7 @@ class LaneCvSettings(Settings):
     track: TrackSettings
     evidence: EvidenceSettings
     steering: SteeringSettings
+    self_calibration: SelfCalibrationSettings
 
 
 @dataclass(frozen=True)

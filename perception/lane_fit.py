@@ -28,6 +28,7 @@ class FitSettings(Settings):
 
     iterations: Annotated[int, Field(ge=1, le=10)]
     gate_m: Positive
+    robust_scale_m: Positive
     gate_growth: Annotated[float, Field(ge=0)]
     points_per_boundary: Positive
 
@@ -87,7 +88,8 @@ def fit_lane(
         residual, jacobian = _residuals(points, side, mean, camera)
         gate = settings.gate_m * (2.0 if iteration == 0 else 1.0) + settings.gate_growth * points.x_m
         gate = gate + points.sigma_m
-        weight = shared / (1 + (residual / points.sigma_m) ** 2 / 4) * (np.abs(residual) < gate)
+        scale = np.maximum(2 * points.sigma_m, settings.robust_scale_m)
+        weight = shared / (1 + (residual / scale) ** 2) * (np.abs(residual) < gate)
         weighted = jacobian.T * weight
         information = precision + weighted @ jacobian
         right_side = weighted @ (jacobian @ (mean - prior.mean) - residual)

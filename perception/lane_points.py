@@ -20,6 +20,8 @@ class MarkingSettings(Settings):
 
     width_m: Positive
     half_range_m: Positive
+    sigma_m: Positive
+    sigma_px: Positive
     yellow_gain: Annotated[float, Field(ge=0, le=1)]
     min_contrast_grey: Positive
     noise_factor: Positive
@@ -96,7 +98,7 @@ class MarkingFilter:
         return RoadPoints(
             x_m=x_m,
             y_m=y_m,
-            sigma_m=np.hypot(0.3 * self._settings.width_m, pixel_m),
+            sigma_m=np.hypot(self._settings.sigma_m, self._settings.sigma_px * pixel_m),
             weight=np.minimum(peak / self._settings.full_contrast_grey, 1.0).astype(np.float64),
             band=band,
         )

@@ -116,7 +116,9 @@ def _best_pairs(
     for width in range(low, min(high, bins - 1) + 1):
         left, right = counts[:, :, width:], counts[:, :, : bins - width]
         centre_m = (np.arange(width, bins) + 0.5 - width / 2) * bin_m - half_m
-        unlikely = ((centre_m + guess.offset_m) / guess.offset_sigma_m) ** 2
+        aside_m = np.abs(centre_m + guess.offset_m)
+        unlikely = (aside_m / guess.offset_sigma_m) ** 2
+        unlikely += 4 * (np.maximum(aside_m - 0.4 * width * bin_m, 0) / guess.offset_sigma_m) ** 2
         unlikely += ((width * bin_m - guess.width_m) / guess.width_sigma_m) ** 2
         score = left + right + np.minimum(left, right) - prior_weight * unlikely
         place = np.argmax(score, axis=2)

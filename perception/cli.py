@@ -1,0 +1,180 @@
+"""``trepid estimate``: run an estimator on images, folders and videos."""
+
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from perception.annotate import AnnotationWriter, annotated, as_path
+from perception.estimators import ESTIMATORS, Estimator
+from perception.lane_cv import LaneCvSettings
+from perception.self_calibration import self_calibrated
+from perception.sources import NOMINAL_FPS, Clip, Source, Still, sources
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.messages import Frame, SteeringEstimate
+from trepid.vehicle import Vehicle
+
+Bgr = NDArray[np.uint8]
+Seen = tuple[Path, int, Bgr, SteeringEstimate]
+
+CALIBRATION_FRAMES = 9
+MAX_TABLE_WIDTH = 200
+ASSUMED = "no --camera given: metres rest on an assumed camera, its horizon found in each image or clip"
+
+
+def estimate(
+    inputs: Annotated[
+        list[Path] | None, typer.Argument(metavar="INPUT…", help="Images, folders, videos.")
+    ] = None,
+    estimator: Annotated[str, typer.Option(help="Which estimator; 'list' shows all.")] = "cv",
+    camera: Annotated[
+        Path | None, typer.Option(help="Camera file; without it a typical one is assumed.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object per frame on standard output.")
+    ] = False,
+    annotate: Annotated[
+        Path | None, typer.Option(help="Write annotated frames: an image, an .mp4 file or a folder.")
+    ] = None,
+) -> None:
+    """Estimate the lane in images, folders of images and videos."""
+    if estimator == "list":
+        _list_estimators(as_json)
+        return
+    if estimator not in ESTIMATORS:
+        raise InputError(f"--estimator {estimator}: unknown; there are {', '.join(ESTIMATORS)}")
+    if not inputs:
+        raise InputError("name at least one image, folder or video")
+    cv2.setNumThreads(1)
+    known = load(camera, Camera) if camera else None
+    if known is None:
+        print(ASSUMED, file=sys.stderr)
+    seen = _seen(inputs, estimator, known)
+    if annotate is not None:
+        seen = _annotating(seen, annotate)
+    (_print_json if as_json else _print_table)(seen)
+
+
+def _list_estimators(as_json: bool) -> None:
+    for name, entry in ESTIMATORS.items():
+        row = {"estimator": name, "description": entry.description}
+        print(json.dumps(row) if as_json else f"{name:8} {entry.description}")
+
+
+def _seen(inputs: list[Path], name: str, known: Camera | None) -> Iterator[Seen]:
+    """Every frame of every input with its estimate. Raises InputError at the first input that is none."""
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    for path in inputs:
+        for source in sources(path):
+            yield from _source_seen(source, name, known, vehicle)
+
+
+def _source_seen(source: Source, name: str, known: Camera | None, vehicle: Vehicle) -> Iterator[Seen]:
+    """A still by itself with a fresh estimator, or a clip tracked by one."""
+    images = [source.read()] if isinstance(source, Still) else source.read()
+    runner: Estimator | None = None
+    for number, image in enumerate(images):
+        if runner is None:
+            camera = _camera_for(source, image, known)
+            runner = ESTIMATORS[name].build(camera, vehicle)
+        t_s = number / source.fps if isinstance(source, Clip) else 0.0
+        started_s = time.perf_counter()
+        result = runner.step(Frame(t_s=t_s, image=image), None, now_s=t_s)
+        latency_ms = 1e3 * (time.perf_counter() - started_s)
+        yield source.path, number, image, replace(result, latency_ms=latency_ms)
+
+
+def _camera_for(source: Source, image: Bgr, known: Camera | None) -> Camera:
+    """The given camera at the size of the image, or an assumed one with the horizon of the image or clip."""
+    if known is not None:
+        return known.resized(image.shape[1], image.shape[0])
+    settings = load(CONFIG_DIR / "perception.yaml", LaneCvSettings).self_calibration
+    return self_calibrated(
+        [image] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES), settings
+    )
+
+
+def _annotating(seen: Iterator[Seen], out: Path) -> Iterator[Seen]:
+    """Pass ``seen`` on and write its annotated frames."""
+    writer = AnnotationWriter(out, fps=NOMINAL_FPS)
+    try:
+        for path, number, image, result in seen:
+            writer.write(annotated(image, result), path, is_clip=path.suffix.lower() == ".mp4")
+            yield path, number, image, result
+    finally:
+        writer.close()
+
+
+def _print_json(seen: Iterator[Seen]) -> None:
+    for path, number, _, result in seen:
+        print(json.dumps(as_row(path, number, result), allow_nan=False), flush=True)
+
+
+def as_row(path: Path, number: int, result: SteeringEstimate) -> dict[str, Any]:
+    """The JSON object of one frame."""
+    return {
+        "file": str(path),
+        "frame": number,
+        "estimator": result.estimator,
+        "lateral_offset_m": result.lateral_offset_m,
+        "heading_error_rad": result.heading_error_rad,
+        "curvature_1pm": result.curvature_1pm,
+        "road_wheel_angle_rad": result.road_wheel_angle_rad,
+        "confidence": result.confidence,
+        "lanes_detected": result.lanes_detected,
+        "lane_width_m": result.lane_width_m,
+        "latency_ms": result.latency_ms,
+        "reason": result.reason,
+        "left_boundary_px": as_path(result.left_boundary_px) or None,
+        "right_boundary_px": as_path(result.right_boundary_px) or None,
+    }
+
+
+def _print_table(seen: Iterator[Seen]) -> None:
+    """One line per frame; what was seen before an error is printed all the same."""
+    table = Table(box=None, header_style="bold")
+    for name in ("file", "frame", "offset m", "heading °", "curvature 1/m", "wheel °", "width m", "lines"):
+        table.add_column(name, justify="left" if name == "file" else "right")
+    for name in ("confidence", "ms", "reason"):
+        table.add_column(name, justify="left" if name == "reason" else "right")
+    try:
+        for path, number, _, result in seen:
+            table.add_row(*_cells(path, number, result))
+    finally:
+        if table.row_count:
+            console = Console()
+            # Into a file or a pipe nothing is cut off.
+            console.print(table, width=None if console.is_terminal else MAX_TABLE_WIDTH)
+
+
+def _cells(path: Path, number: int, result: SteeringEstimate) -> list[str]:
+    heading, wheel = result.heading_error_rad, result.road_wheel_angle_rad
+    return [
+        path.name,
+        str(number),
+        _number(result.lateral_offset_m, "+.2f"),
+        _number(None if heading is None else math.degrees(heading), "+.2f"),
+        _number(result.curvature_1pm, "+.4f"),
+        _number(None if wheel is None else math.degrees(wheel), "+.2f"),
+        _number(result.lane_width_m, ".2f"),
+        str(result.lanes_detected),
+        f"{result.confidence:.2f}",
+        _number(result.latency_ms, ".1f"),
+        result.reason,
+    ]
+
+
+def _number(value: float | None, pattern: str) -> str:
+    return "-" if value is None else format(value, pattern)
