@@ -90,7 +90,8 @@ def _explain(
     overrides: Mapping[str, str],
 ) -> str:
     """The first problem of ``error`` as one line."""
-    problem = error.errors()[0]
+    # A misspelt field is reported before the field that is missing because of it.
+    problem = min(error.errors(), key=lambda found: found["type"] != "extra_forbidden")
     path: Sequence[str | int] = problem["loc"]
     dotted = ".".join(map(str, path))
     line, column = position(data, path)
