@@ -31,6 +31,7 @@ TRUTH_COLUMNS = (
     "lead_gap_m",
     "lead_x_m",
     "lead_y_m",
+    "finished",
 )
 STATE_COLUMNS = ("speed_mps", "road_wheel_angle_rad", "yaw_rate_radps")
 COMMAND_COLUMNS = ("t_s", "road_wheel_angle_rad", "speed_mps", "accel_mps2")

@@ -1,0 +1,87 @@
+"""The ``sim`` verbs: scenarios and lock-step runs."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from sim_harness.closed_loop import run_many
+from sim_harness.scenarios import list_scenarios, load_scenarios
+from trepid.config import InputError
+
+app = typer.Typer(no_args_is_help=True, add_completion=False)
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
+
+
+@app.command("list")
+def list_verb(as_json: AsJson = False) -> int:
+    """List the scenarios."""
+    scenarios = list_scenarios()
+    if as_json:
+        for scenario in scenarios:
+            print(scenario.model_dump_json(include={"name", "tags", "description", "duration_s"}))
+        return 0
+    table = Table(box=None)
+    for heading in ("scenario", "tags", "at most", "description"):
+        table.add_column(heading, overflow="fold")
+    for scenario in scenarios:
+        table.add_row(
+            scenario.name, ", ".join(scenario.tags), f"{scenario.duration_s:g} s", scenario.description
+        )
+    Console().print(table)
+    return 0
+
+
+@app.command("run")
+def run_verb(
+    sources: Annotated[list[str], typer.Argument(metavar="S...", help="Scenario names, .yaml or .py files.")],
+    seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="Run this many seeds, from --seed on.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE")] = None,
+    trace: Annotated[Path | None, typer.Option(help="Save the trace of a single run as .npz.")] = None,
+    as_json: AsJson = False,
+) -> int:
+    """Run scenarios in lock-step; exit code 1 when one of them fails."""
+    overrides = parse_overrides(settings or [])
+    scenarios = [scenario for source in sources for scenario in load_scenarios(source, overrides)]
+    for scenario in scenarios:
+        scenario.check()
+    total = len(scenarios) * seeds
+    if trace is not None and total > 1:
+        raise InputError(f"--trace saves one run, not {total}")
+    failed = 0
+    for number, row in enumerate(
+        run_many(scenarios, range(seed, seed + seeds), jobs=jobs, trace_path=trace), start=1
+    ):
+        failed += row["status"] == "failed"
+        if as_json:
+            print(json.dumps(row), flush=True)
+        print(f"[{number}/{total}] {one_line(row)}", file=sys.stderr if as_json else sys.stdout, flush=True)
+    return 1 if failed else 0
+
+
+def parse_overrides(settings: list[str]) -> dict[str, str]:
+    """``KEY=VALUE`` texts as a mapping. Raises InputError."""
+    overrides = {}
+    for text in settings:
+        key, sign, value = text.partition("=")
+        if not key or not sign:
+            raise InputError(f"--set {text}: expected KEY=VALUE")
+        overrides[key] = value
+    return overrides
+
+
+def one_line(row: dict[str, Any]) -> str:
+    """A run in a line for people."""
+    text = (
+        f"{row['scenario']} seed {row['seed']}: {row['status']}, {row['distance_m']:.0f} m in"
+        f" {row['duration_s']:.1f} s, error max {row['max_lateral_error_m']:.2f} m rms"
+        f" {row['rms_lateral_error_m']:.2f} m, departures {row['departures']}, interventions"
+        f" {row['interventions']}, {row['realtime_factor']:.1f}x real time"
+    )
+    return text + "".join(f"\n    {reason}" for reason in row["reasons"])

@@ -1,0 +1,250 @@
+"""Every step in one process on simulated time: the lock-step loop.
+
+Per vehicle period, in this order: the vehicle advances under the last command; the camera takes a picture when one
+is due; what was seen reaches the supervisor ``latency_s`` after the capture; the controller commands. Nothing here
+reads a clock but for the real-time factor, so that a scenario and a seed give the same trace bit for bit.
+"""
+
+import math
+import multiprocessing
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+import controller.controller
+import controller.limiter
+import perception.estimators
+import supervisor.supervisor
+from controller.controller import Controller
+from perception.estimators import Estimator
+from perception.image_statistics import ImageStatistician
+from sim_harness.camera import SimulatedCamera
+from sim_harness.metrics import Metrics, measure
+from sim_harness.renderer import Renderer
+from sim_harness.scenarios import EstimatorBias, LostProcess, Scenario, judge
+from sim_harness.trace import Recorder, Trace
+from sim_harness.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
+from supervisor.supervisor import Supervisor
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import (
+    Command,
+    Decision,
+    Frame,
+    ImageStatistics,
+    LeadVehicle,
+    SteeringEstimate,
+    VehicleState,
+)
+from trepid.vehicle import Vehicle
+
+_SAME_INSTANT_S = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """The nodes of one run."""
+
+    vehicle: SimulatedVehicle
+    camera: SimulatedCamera
+    estimators: Mapping[str, Estimator]
+    statistician: ImageStatistician
+    supervisor: Supervisor
+    controller: Controller
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """One run: its verdict, its scores and its trace."""
+
+    scenario: str
+    seed: int
+    reasons: tuple[str, ...]  # why it failed; empty when it passed
+    metrics: Metrics
+    realtime_factor: float
+    trace: Trace
+
+    def row(self) -> dict[str, Any]:
+        """The run as ``sim run --json`` prints it (design §7)."""
+        return {
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "status": "failed" if self.reasons else "passed",
+            "reasons": list(self.reasons),
+            **asdict(self.metrics),
+            "realtime_factor": round(self.realtime_factor, 2),
+            "trace_sha256": self.trace.sha256,
+        }
+
+
+def run(scenario: Scenario, *, seed: int = 0, parts: Parts | None = None) -> Result:
+    """Drive ``scenario`` once and judge it; ``parts`` instead of the real nodes are for tests.
+
+    Raises InputError when the scenario does not fit together.
+    """
+    cv2.setNumThreads(1)
+    simulator = load_simulator()
+    loop = ClosedLoop(scenario, parts or build_parts(scenario, seed=seed), simulator)
+    started_s = time.perf_counter()
+    trace = loop.drive()
+    wall_s = time.perf_counter() - started_s
+    metrics = measure(trace)
+    return Result(
+        scenario=scenario.name,
+        seed=seed,
+        reasons=tuple(judge(scenario.expect, metrics, trace)),
+        metrics=metrics,
+        realtime_factor=metrics.duration_s / wall_s,
+        trace=trace,
+    )
+
+
+def build_parts(scenario: Scenario, *, seed: int) -> Parts:
+    """The same nodes as the processes of a live drive run. Raises InputError."""
+    road = scenario.build_road()
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    camera = load(CONFIG_DIR / "camera.yaml", Camera)
+    limiter = controller.limiter.build()
+    return Parts(
+        vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, load_simulator(), seed=seed),
+        camera=SimulatedCamera(scenario, Renderer(road, camera, seed=seed)),
+        estimators={name: perception.estimators.build(name) for name in scenario.estimators},
+        statistician=ImageStatistician(),
+        supervisor=supervisor.supervisor.build(),
+        controller=controller.controller.build(),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Sight:
+    """What was seen in one frame, and when the supervisor gets it."""
+
+    due_s: float
+    estimates: dict[str, SteeringEstimate]
+    statistics: ImageStatistics
+    lead: LeadVehicle | None
+
+
+class ClosedLoop:
+    """One run. Holds the newest message of each topic, as every live process does."""
+
+    def __init__(self, scenario: Scenario, parts: Parts, simulator: SimulatorSettings) -> None:
+        self._scenario = scenario
+        self._parts = parts
+        self._simulator = simulator
+        self._underway: deque[_Sight] = deque()
+        self._estimates: dict[str, SteeringEstimate | None] = dict.fromkeys(parts.estimators)
+        self._statistics: ImageStatistics | None = None
+        self._lead: LeadVehicle | None = None
+        self._decision: Decision | None = None
+        self._command: Command | None = None
+        self._commanded_s: float | None = None
+        self._decide_by_s = 0.0
+
+    def drive(self) -> Trace:
+        """Drive until the route or the duration is over."""
+        recorder = Recorder(tuple(self._parts.estimators))
+        period_s = self._simulator.period_s
+        for tick in range(math.floor(self._scenario.duration_s / period_s + 0.5) + 1):
+            now_s = tick * period_s
+            lost = self._lost(now_s)
+            state, truth = self._parts.vehicle.step(self._command, self._commanded_s, now_s=now_s)
+            if self._due(tick, 1.0 / self._scenario.camera.rate_hz) and "camera" not in lost:
+                frame = self._parts.camera.step(truth, now_s=now_s)
+                if frame is not None:
+                    self._underway.append(self._look(frame, state, lost, now_s))
+            seen = self._arrive(now_s)
+            decided = (seen or now_s >= self._decide_by_s - _SAME_INSTANT_S) and "supervisor" not in lost
+            if decided:
+                self._decide(state, now_s)
+            if (decided or self._due(tick, self._simulator.control_period_s)) and "controller" not in lost:
+                self._command = self._parts.controller.step(self._decision, state, now_s=now_s)
+                self._commanded_s = now_s
+            recorder.add(truth, state, self._command, self._decision, self._estimates)
+            if truth.finished:
+                break
+        return recorder.trace()
+
+    def _due(self, tick: int, every_s: float) -> bool:
+        """True in the first tick of every span of ``every_s``."""
+        spans = self._simulator.period_s / every_s
+        return tick == 0 or math.floor(tick * spans + 1e-6) > math.floor((tick - 1) * spans + 1e-6)
+
+    def _lost(self, now_s: float) -> set[str]:
+        """Processes that are gone now. Afterwards they go on where they were, as after SIGSTOP and SIGCONT."""
+        faults = self._scenario.faults
+        return {f.process for f in faults if isinstance(f, LostProcess) and f.active(now_s)}
+
+    def _look(self, frame: Frame, state: VehicleState, lost: set[str], now_s: float) -> _Sight:
+        """What the estimators that are there make of ``frame``."""
+        estimates = {
+            name: self._biased(name, estimator.step(frame, state, now_s=now_s), now_s)
+            for name, estimator in self._parts.estimators.items()
+            if name not in lost
+        }
+        return _Sight(
+            now_s + self._scenario.camera.latency_s,
+            estimates,
+            self._parts.statistician.step(frame, now_s=now_s),
+            self._parts.vehicle.sense_lead(),
+        )
+
+    def _biased(self, name: str, estimate: SteeringEstimate, now_s: float) -> SteeringEstimate:
+        """``estimate`` with the biases that its estimator has now."""
+        for fault in self._scenario.faults:
+            if not isinstance(fault, EstimatorBias) or fault.estimator != name or not fault.active(now_s):
+                continue
+            if estimate.lateral_offset_m is not None:
+                offset_m = estimate.lateral_offset_m + fault.lateral_m
+                estimate = replace(estimate, lateral_offset_m=offset_m)
+        return estimate
+
+    def _arrive(self, now_s: float) -> bool:
+        """Take in what has reached the supervisor by now; True when there is something new."""
+        seen = False
+        while self._underway and self._underway[0].due_s <= now_s + _SAME_INSTANT_S:
+            sight = self._underway.popleft()
+            self._estimates.update(sight.estimates)
+            self._statistics, self._lead = sight.statistics, sight.lead
+            seen = True
+        return seen
+
+    def _decide(self, state: VehicleState, now_s: float) -> None:
+        self._decision = self._parts.supervisor.step(
+            self._estimates, self._statistics, self._lead, state, now_s=now_s
+        )
+        self._decide_by_s = now_s + self._simulator.idle_decision_period_s
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    scenario: Scenario
+    seed: int
+    trace_path: Path | None
+
+
+def run_many(
+    scenarios: Sequence[Scenario], seeds: Sequence[int], *, jobs: int = 1, trace_path: Path | None = None
+) -> Iterator[dict[str, Any]]:
+    """Rows of every scenario with every seed, in that order, on ``jobs`` processes. Raises InputError.
+
+    ``trace_path`` is where the trace of a single run is saved.
+    """
+    work = [_Job(scenario, seed, trace_path) for scenario in scenarios for seed in seeds]
+    if jobs == 1 or len(work) == 1:
+        yield from map(_run_job, work)
+        return
+    with multiprocessing.get_context("spawn").Pool(min(jobs, len(work))) as pool:
+        yield from pool.imap(_run_job, work)
+
+
+def _run_job(job: _Job) -> dict[str, Any]:
+    result = run(job.scenario, seed=job.seed)
+    if job.trace_path is not None:
+        result.trace.save(job.trace_path)
+    return result.row()

@@ -1,0 +1,92 @@
+"""Watches the true pose on the road: departures, interventions, collisions, end of the route."""
+
+import math
+from dataclasses import dataclass
+
+from sim_harness.plant import PlantState
+from sim_harness.road import Road
+from sim_harness.scenarios import LeadSettings
+from trepid.vehicle import Vehicle
+
+SEPARATED_M = 0.5  # a contact is over when the gap has grown to this
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A pose in the terms of the road."""
+
+    station_m: float  # runs on over laps
+    offset_m: float
+    heading_error_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class LeadPlace:
+    """The vehicle ahead: the middle of its rear bumper, and the gap to our front bumper."""
+
+    gap_m: float
+    station_m: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+def locate(road: Road, pose: PlantState, near_station_m: float) -> Place:
+    """Where the rear axle stands on ``road``; the station runs on from ``near_station_m``."""
+    station_m, offset_m = road.local_coordinates(pose.x_m, pose.y_m, near_station_m=near_station_m)
+    ahead_m = station_m - near_station_m
+    if road.closed:
+        ahead_m = math.remainder(ahead_m, road.length_m)
+    heading_error_rad = math.remainder(pose.yaw_rad - road.heading_at(station_m), math.tau)
+    return Place(near_station_m + ahead_m, offset_m, heading_error_rad)
+
+
+def wheel_outside(road: Road, vehicle: Vehicle, pose: PlantState, place: Place) -> bool:
+    """True when the outer edge of a wheel is over the edge of the lane.
+
+    The wheels stand ``track_m / 2`` beside the axle centres, square to the vehicle.
+    """
+    half_m = vehicle.track_m / 2 * math.cos(place.heading_error_rad)
+    if abs(place.offset_m) + half_m > road.width_at(place.station_m) / 2:
+        return True
+    front_x_m = pose.x_m + vehicle.wheelbase_m * math.cos(pose.yaw_rad)
+    front_y_m = pose.y_m + vehicle.wheelbase_m * math.sin(pose.yaw_rad)
+    near_m = place.station_m + vehicle.wheelbase_m
+    front_station_m, front_offset_m = road.local_coordinates(front_x_m, front_y_m, near_station_m=near_m)
+    return abs(front_offset_m) + half_m > road.width_at(front_station_m) / 2
+
+
+class Referee:
+    """Counts what goes wrong in one run and says when the car must be put back.
+
+    A departure is a wheel over the lane edge; an intervention follows it, or an offset beyond ``max_offset_m``.
+    As the car is put back at once, every excursion counts once.
+    """
+
+    def __init__(self, road: Road, vehicle: Vehicle, *, max_offset_m: float) -> None:
+        self._road = road
+        self._vehicle = vehicle
+        self._max_offset_m = max_offset_m
+        self._in_contact = False
+        self.departures = 0
+        self.interventions = 0
+        self.collisions = 0
+
+    def must_recentre(self, pose: PlantState, place: Place) -> bool:
+        """Judge the pose; True when the car must be put back on the lane centre."""
+        departed = wheel_outside(self._road, self._vehicle, pose, place)
+        self.departures += departed
+        if departed or abs(place.offset_m) > self._max_offset_m:
+            self.interventions += 1
+            return True
+        return False
+
+    def in_contact(self, place: Place, lead: LeadPlace, size: LeadSettings) -> bool:
+        """True while the car touches the vehicle ahead; each contact counts as one collision."""
+        beside = abs(place.offset_m) > (self._vehicle.track_m + size.width_m) / 2
+        passed = lead.gap_m < -(size.length_m + self._vehicle.wheelbase_m)
+        touching = lead.gap_m <= 0.0 and not beside and not passed
+        if touching and not self._in_contact:
+            self.collisions += 1
+        self._in_contact = touching or (self._in_contact and lead.gap_m < SEPARATED_M)
+        return touching

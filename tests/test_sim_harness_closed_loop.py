@@ -1,0 +1,187 @@
+"""The lock-step loop with estimators that read the truth: fast, and every fault comes from the scenario."""
+
+import hashlib
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import controller.controller
+import controller.limiter
+import supervisor.supervisor
+from perception.image_statistics import ImageStatistician
+from sim_harness.camera import SimulatedCamera
+from sim_harness.closed_loop import Parts, run, run_many
+from sim_harness.scenarios import Scenario, load_scenario
+from sim_harness.vehicle import SimulatedVehicle, load_simulator
+from trepid.config import CONFIG_DIR, ROOT, load
+from trepid.messages import Frame, SteeringEstimate
+from trepid.vehicle import Vehicle
+
+LOOKAHEAD_M = 8.0
+
+
+class GreyRenderer:
+    """A small noisy picture per pose: enough for the image statistics, different in every frame."""
+
+    def render(self, x_m, y_m, yaw_rad, *, station_m, t_s, lead=None):
+        noise = np.random.default_rng(round(t_s * 1e3))
+        return noise.integers(40, 220, (24, 32, 3), dtype=np.uint8)
+
+
+class WatchedCamera(SimulatedCamera):
+    """Keeps the truth behind every frame for the estimators of this test."""
+
+    def __init__(self, scenario, road):
+        super().__init__(scenario, GreyRenderer())
+        self.road = road
+        self.truths = {}
+
+    def step(self, truth, *, now_s):
+        self.truths[truth.t_s] = truth
+        return super().step(truth, now_s=now_s)
+
+
+class Seer:
+    """Knows the lane behind a frame; blind when the frame is black."""
+
+    def __init__(self, name, camera):
+        self.name, self.camera = name, camera
+
+    def step(self, frame: Frame, state, *, now_s):
+        truth = self.camera.truths[frame.t_s]
+        curvature = self.camera.road.curvature_at(truth.station_m)
+        ahead = self.camera.road.curvature_at(truth.station_m + LOOKAHEAD_M)
+        seen = frame.image.any()
+        return SteeringEstimate(
+            t_s=frame.t_s,
+            estimator=self.name,
+            lateral_offset_m=truth.lateral_offset_m if seen else None,
+            heading_error_rad=truth.heading_error_rad if seen else None,
+            curvature_1pm=ahead if seen else None,
+            curvature_rate_1pm2=(ahead - curvature) / LOOKAHEAD_M if seen else None,
+            lookahead_m=LOOKAHEAD_M,
+            road_wheel_angle_rad=math.atan(1.75 * ahead) if seen else None,
+            confidence=0.95 if seen else 0.0,
+            lanes_detected=2 if seen else 0,
+            lane_width_m=truth.lane_width_m if seen else None,
+            latency_ms=None,
+            reason="" if seen else "black",
+            left_boundary_px=(),
+            right_boundary_px=(),
+        )
+
+
+def parts_with_seers(scenario, seed=0):
+    road = scenario.build_road()
+    camera = WatchedCamera(scenario, road)
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    limiter = controller.limiter.build()
+    return Parts(
+        vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, load_simulator(), seed=seed),
+        camera=camera,
+        estimators={name: Seer(name, camera) for name in scenario.estimators},
+        statistician=ImageStatistician(),
+        supervisor=supervisor.supervisor.build(),
+        controller=controller.controller.build(),
+    )
+
+
+def drive(scenario, seed=0):
+    return run(scenario, seed=seed, parts=parts_with_seers(scenario, seed))
+
+
+@pytest.mark.parametrize("name", ["straight", "offset_start", "s_curve", "curve_left_r15", "curve_right_r15"])
+def test_a_car_that_sees_its_lane_keeps_it_and_arrives(name):
+    result = drive(load_scenario(name))
+    assert result.reasons == ()
+    assert result.metrics.max_lateral_error_m < 0.45
+    assert result.metrics.modes["KEEP"] > 0.5 * result.metrics.duration_s
+
+
+def test_left_and_right_bends_are_driven_alike():
+    left, right = (drive(load_scenario(f"curve_{side}_r15")).metrics for side in ("left", "right"))
+    assert left.max_lateral_error_m == pytest.approx(right.max_lateral_error_m, abs=0.02)
+    assert left.duration_s == pytest.approx(right.duration_s, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    "name", ["frozen_camera", "black_frames", "lost_cv", "lost_supervisor", "lost_controller"]
+)
+def test_whatever_is_lost_the_car_stops_within_its_lane(name):
+    result = drive(load_scenario(name))
+    assert result.reasons == ()
+    assert result.trace["speed_mps"][-1] == 0.0
+    assert result.trace["speed_mps"].max() > 2.0
+
+
+def test_without_the_fault_the_same_run_does_not_stop():
+    scenario = load_scenario("frozen_camera").model_copy(update={"faults": ()})
+    assert any("expected to stand" in reason for reason in drive(scenario).reasons)
+
+
+def test_late_frames_are_older_when_they_are_used():
+    prompt, late = (
+        drive(load_scenario("s_curve").model_copy(update={"duration_s": 8.0, "faults": faults})).trace
+        for faults in ((), load_scenario("late_frames").faults)
+    )
+    ages = [float(np.nanmin(trace["t_s"] - trace["decision.t_s"])) for trace in (prompt, late)]
+    assert ages[0] == pytest.approx(0.02, abs=1e-6)
+    assert ages[1] == pytest.approx(0.14, abs=1e-6)  # 0.1 s late is three frames of 0.04 s
+
+
+def test_a_slow_vehicle_ahead_is_followed_at_a_distance():
+    result = drive(load_scenario("lead_slow"))
+    assert result.reasons == ()
+    assert result.metrics.collisions == 0
+    assert result.metrics.min_time_gap_s is not None
+
+
+def test_the_same_seed_gives_the_same_trace_and_another_seed_another_one():
+    scenario = load_scenario("s_curve").shortened(6.0)
+    first, again, other = (drive(scenario, seed).trace.sha256 for seed in (5, 5, 6))
+    assert first == again != other
+
+
+def test_the_trace_hash_covers_what_the_columns_hold():
+    trace = drive(load_scenario("s_curve").shortened(2.0)).trace
+    packed = b"".join(name.encode() + b"\0" + column.tobytes() for name, column in trace.columns.items())
+    words = "".join("\0".join((name, *words)) for name, words in trace.words.items())
+    assert trace.sha256 == hashlib.sha256(packed + words.encode()).hexdigest()
+
+
+def test_real_parts_give_the_same_hash_in_another_process_with_another_hash_seed():
+    scenario = load_scenario("curve_left_r15").shortened(1.5)
+    (here,) = run_many([scenario], [3])
+    code = (
+        "from sim_harness.closed_loop import run_many\n"
+        "from sim_harness.scenarios import load_scenario\n"
+        "(row,) = run_many([load_scenario('curve_left_r15').shortened(1.5)], [3])\n"
+        "print(row['trace_sha256'])"
+    )
+    there = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env={"PYTHONHASHSEED": "12345", "PATH": ""},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert there.stdout.strip() == here["trace_sha256"]
+
+
+def test_a_row_has_the_fields_of_the_design():
+    fields = """scenario seed status reasons duration_s distance_m departures interventions autonomy_percent
+        max_lateral_error_m rms_lateral_error_m max_lateral_accel_mps2 max_lateral_jerk_mps3 max_decel_mps2
+        collisions min_time_gap_s mean_speed_mps max_fear mean_fear modes causes realtime_factor trace_sha256"""
+    assert list(drive(load_scenario("straight").shortened(1.0)).row()) == fields.split()
+
+
+def test_a_plant_that_understeers_twice_as_much_still_keeps_the_lane():
+    scenario = load_scenario("s_curve")
+    scenario = Scenario.model_validate(
+        {**dict(scenario), "plant": {"understeer_gradient_rad_per_mps2": 0.0071}}
+    )
+    assert drive(scenario).reasons == ()

@@ -1,0 +1,227 @@
+"""Scenario files: what they say, what they get wrong, and where."""
+
+import textwrap
+from dataclasses import replace
+
+import pytest
+from test_sim_harness_metrics import state, trace_of, truth
+
+from sim_harness.metrics import Metrics
+from sim_harness.scenarios import (
+    Expect,
+    Scenario,
+    Tag,
+    judge,
+    list_scenarios,
+    load_scenario,
+    load_scenarios,
+)
+from sim_harness.trace import Recorder
+from trepid.config import CONFIG_DIR, ROOT, InputError, load
+from trepid.vehicle import Vehicle
+
+GOOD = """\
+description: a test
+tags: [nominal]
+road: straight
+duration_s: 10
+"""
+
+
+def write(tmp_path, text, name="mine.yaml"):
+    path = tmp_path / name
+    path.write_text(textwrap.dedent(text))
+    return str(path)
+
+
+@pytest.mark.parametrize("scenario", list_scenarios(), ids=lambda scenario: scenario.name)
+def test_every_shipped_scenario_fits_together(scenario):
+    scenario.check()
+    assert scenario.route_m(scenario.build_road()) > 0
+
+
+def test_shipped_scenarios_are_short_and_cover_every_tag():
+    assert {tag for scenario in list_scenarios() for tag in scenario.tags} == set(Tag)
+    for path in (CONFIG_DIR / "scenarios").glob("*.yaml"):
+        assert len(path.read_text().splitlines()) <= 30, path
+
+
+def test_a_scenario_takes_its_name_from_its_file(tmp_path):
+    assert load_scenario(write(tmp_path, GOOD)).name == "mine"
+    assert load_scenario("circuit").name == "circuit"
+
+
+@pytest.mark.parametrize(
+    ("line", "where"),
+    [
+        ("duraton_s: 3", r"mine\.yaml:5:1: unknown field 'duraton_s'; did you mean 'duration_s'\?"),
+        ("start: {offset: 1}", r"mine\.yaml:5:9: unknown field 'start\.offset'; did you mean 'offset_m'\?"),
+        ("camera: {rate_hz: fast}", r"mine\.yaml:5:10: camera\.rate_hz: .*valid number"),
+        (
+            "faults: [{kind: frozen_camera}]",
+            r"mine\.yaml:5:1?\d: 'faults\.0\.frozen_camera\.from_s' is missing",
+        ),
+        ("faults: [{kind: aliens, from_s: 1}]", r"mine\.yaml:5:\d+: .*aliens"),
+        (
+            "faults: [{kind: lost_process, process: gps, from_s: 1}]",
+            "no process 'gps'; there are camera, cnn",
+        ),
+        ("segments: [{length_m: -1}]", r"mine\.yaml:5:\d+: segments\.0\.length_m: .*greater than 0"),
+        ("lane_width_m: .nan", r"mine\.yaml:5:1: lane_width_m: .*finite"),
+        ("tags: [", r"mine\.yaml:\d+:\d+: not valid YAML"),
+    ],
+)
+def test_a_mistake_in_a_scenario_is_named_with_its_place(tmp_path, line, where):
+    with pytest.raises(InputError, match=where):
+        load_scenario(write(tmp_path, GOOD + line))
+
+
+def test_a_missing_scenario_names_those_there_are():
+    with pytest.raises(InputError, match=r"no scenario 'circus'; there are .*circuit"):
+        load_scenario("circus")
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("segments: [{length_m: 9}, {length_m: 9, curvature_1pm: 0.1}]", "curvature jumps"),
+        ("plant: {wheelbase: 2}", "plant: .*wheelbase"),
+        ("estimators: [lidar]", "no estimator 'lidar'; there are cv, cnn"),
+        ("road: nowhere", "nowhere.yaml: cannot be read"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused_before_the_run(tmp_path, line, message):
+    text = GOOD.replace("road: straight\n", "") if line.startswith("road") else GOOD
+    with pytest.raises(InputError, match=message):
+        load_scenario(write(tmp_path, text + line)).check()
+
+
+def test_settings_from_the_command_line_replace_those_of_the_file(tmp_path):
+    overrides = {"duration_s": "3", "camera.latency_s": "0.1"}
+    scenario = load_scenario(write(tmp_path, GOOD), overrides)
+    assert (scenario.duration_s, scenario.camera.latency_s, scenario.camera.rate_hz) == (3.0, 0.1, 25.0)
+    with pytest.raises(InputError, match=r"--set duration_s: duration_s: .*greater than 0"):
+        load_scenario(write(tmp_path, GOOD), {"duration_s": "-3"})
+
+
+def test_a_scenario_survives_json_unchanged():
+    for scenario in list_scenarios():
+        assert Scenario.model_validate(scenario.model_dump(mode="json")) == scenario
+
+
+def test_appearance_width_and_line_replace_those_of_the_road():
+    bend = load_scenario("curve_right_r15").build_road()
+    assert min(bend.curvature_at(station) for station in range(150)) == pytest.approx(-1 / 15)
+    assert not bend.closed
+    glare = load_scenario("glare").build_road()
+    assert {section.light.glare for section in glare.sections} == {0.75}
+    assert load_scenario("straight", {"lane_width_m": "3.0"}).build_road().width_at(5.0) == 3.0
+
+
+def test_a_plant_may_differ_from_the_vehicle_that_the_controller_believes_in():
+    believed = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    real = load_scenario("straight", {"plant.steering_lag_s": "0.3"}).build_plant_vehicle(believed)
+    assert real == believed.model_copy(update={"steering_lag_s": 0.3})
+
+
+def test_a_shortened_scenario_need_not_finish():
+    short = load_scenario("circuit").shortened(20.0)
+    assert (short.duration_s, short.expect.must_finish) == (20.0, False)
+    assert load_scenario("circuit").shortened(1e4) == load_scenario("circuit")
+
+
+def test_a_python_script_makes_scenarios(tmp_path):
+    script = """\
+    from sim_harness.scenarios import load_scenario
+
+    scenarios = [load_scenario("straight").model_copy(update={"name": f"drift {i}"}) for i in range(3)]
+    """
+    assert [s.name for s in load_scenarios(write(tmp_path, script, "sweep.py"))] == [
+        "drift 0",
+        "drift 1",
+        "drift 2",
+    ]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem)
+def test_every_example_script_is_short_and_fits_together(path):
+    assert len(path.read_text().splitlines()) <= 30
+    for scenario in load_scenarios(str(path)):
+        scenario.check()
+
+
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        ("x = 1\nscenarios = [1 / 0]\n", r"bad\.py:2: division by zero"),
+        ("def f(:\n", r"bad\.py:1: "),
+        ("x = 1\n", "must leave a Scenario or a list of them"),
+        ("scenarios = [3]\n", "must leave a Scenario or a list of them"),
+    ],
+)
+def test_a_broken_script_is_one_message_with_its_line(tmp_path, script, message):
+    with pytest.raises(InputError, match=message):
+        load_scenarios(write(tmp_path, script, "bad.py"))
+
+
+GOOD_RUN = Metrics(
+    duration_s=10.0,
+    distance_m=50.0,
+    departures=0,
+    interventions=0,
+    autonomy_percent=100.0,
+    max_lateral_error_m=0.2,
+    rms_lateral_error_m=0.1,
+    max_lateral_accel_mps2=2.0,
+    max_lateral_jerk_mps3=1.0,
+    max_decel_mps2=1.0,
+    collisions=0,
+    min_time_gap_s=None,
+    mean_speed_mps=5.0,
+    max_fear=0.1,
+    mean_fear=0.1,
+    modes={},
+    causes={},
+)
+RUN = trace_of([truth(0.0), truth(10.0)])
+
+
+@pytest.mark.parametrize(
+    ("expect", "change", "reason"),
+    [
+        ({}, {"departures": 1}, "departures 1: at most 0 expected"),
+        ({}, {"collisions": 2}, "collisions 2: at most 0 expected"),
+        ({"max_departures": 1}, {"departures": 1}, None),
+        ({"max_lateral_error_m": 0.3}, {"max_lateral_error_m": 0.31}, "max_lateral_error_m 0.31"),
+        ({"max_lateral_error_m": 0.3}, {"max_lateral_error_m": 0.3}, None),
+        ({"min_mean_speed_mps": 5.0}, {"mean_speed_mps": 4.9}, "mean_speed_mps 4.9: at least 5 expected"),
+        ({"min_time_gap_s": 1.0}, {}, "min_time_gap_s unknown: at least 1 expected"),
+        ({"must_finish": True}, {}, "the route was not driven to its end"),
+    ],
+)
+def test_a_run_is_judged_by_what_is_expected_of_it(expect, change, reason):
+    reasons = judge(Expect(**expect), replace(GOOD_RUN, **change), RUN)
+    assert len(reasons) == (reason is not None)
+    assert all(reason in found for found in reasons)
+
+
+@pytest.mark.parametrize(
+    ("speeds_mps", "reason"),
+    [
+        ([5.0, 5.0, 0.0, 0.0], None),
+        ([0.0, 0.0, 0.0, 0.0], "never moved"),
+        ([5.0, 0.0, 0.0, 3.0], "moved at 3.00 s: expected to stand from 2 s on"),
+    ],
+)
+def test_a_stop_must_follow_motion_and_last(speeds_mps, reason):
+    recorder = Recorder()
+    for t_s, speed_mps in enumerate(speeds_mps):
+        recorder.add(truth(float(t_s)), state(float(t_s), speed_mps), None, None, {})
+    reasons = judge(Expect(must_stop_by_s=2.0), GOOD_RUN, recorder.trace())
+    assert len(reasons) == (reason is not None)
+    assert all(reason in found for found in reasons)
+
+
+def test_a_run_that_ends_before_the_stop_was_due_shows_nothing():
+    (reason,) = judge(Expect(must_stop_by_s=12.0), GOOD_RUN, RUN)
+    assert "the run ended before 12 s" in reason
