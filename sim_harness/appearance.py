@@ -78,7 +78,7 @@ class Section(Settings):
     paved_right_m: NonNegative = 0.3
     edge_roughness_m: NonNegative = 0.03  # standard deviation of the edge of the carriageway
     surface: Surface = Surface.ASPHALT
-    surface_grey: Share = 0.38  # mean grey of the carriageway in a well-exposed frame
+    surface_grey: Share = 0.45  # mean grey of the carriageway in a well-exposed frame
     patchiness: Share = 0.3  # repairs, cracks, tar seams
     verge: Verge = Verge.GRASS
     shadows: Share = 0.0  # tree shadows across the road: 0 none, 1 dense

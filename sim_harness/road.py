@@ -149,6 +149,13 @@ class Road:
         station_m = station_m % self.length_m if self.closed else max(station_m, 0.0)
         return self.sections[bisect_right(self._section_starts, station_m) - 1]
 
+    def transition_at(self, station_m: float, ramp_m: float) -> tuple[Section, Section, float]:
+        """The section before, the section here, and the share (0..1) of this one, rising over ``ramp_m``."""
+        here = self.section_at(station_m)
+        before = self.section_at(here.start_m - 1e-6)
+        run = self.wrapped(station_m) - here.start_m
+        return before, here, min(max(run / ramp_m, 0.0), 1.0)
+
     def local_coordinates(
         self, x_m: float, y_m: float, *, near_station_m: float | None = None
     ) -> tuple[float, float]:
@@ -225,6 +232,12 @@ class Road:
             offset = dy * cos - dx * sin
             station = station + (dx * cos + dy * sin) / np.maximum(1 - curvature * offset, MIN_SLOPE)
         return np.column_stack([station % self.length_m if self.closed else station, offset])
+
+    def section_indices(self, station_m: ArrayLike) -> NDArray[np.intp]:
+        """Index into ``sections`` at n stations, shape (n,)."""
+        stations = np.asarray(station_m, float)
+        stations = stations % self.length_m if self.closed else np.maximum(stations, 0)
+        return np.searchsorted(self._section_starts, stations, side="right") - 1
 
     @cached_property
     def _knot_tree(self) -> cKDTree:

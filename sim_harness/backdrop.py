@@ -1,0 +1,70 @@
+"""Everything above the horizon: sky, hills and trees on a cylinder around the world."""
+
+import math
+
+import cv2
+import numpy as np
+
+from sim_harness.noise import smooth_noise
+from sim_harness.road_strip import Bytes
+from trepid.camera import Camera
+
+WIDTH = 1280  # columns of the panorama for a full turn
+HEIGHT = 320
+BELOW = 8  # rows of the panorama below the horizon
+SKIES_BGR = (  # zenith, horizon
+    ((205, 150, 100), (235, 225, 210)),
+    ((190, 185, 180), (225, 222, 220)),
+    ((225, 180, 130), (240, 235, 225)),
+)
+
+
+class Backdrop:
+    """The panorama as one camera sees it: the first ``rows`` rows of its image."""
+
+    def __init__(self, camera: Camera, *, seed: int) -> None:
+        self.rows = min(max(math.ceil(camera.horizon_row_px + 1.5), 0), camera.height_px)
+        panorama = _panorama(np.random.default_rng((seed, 4)))
+        self.horizon_bgr = panorama[HEIGHT - BELOW - 12].mean(axis=0)
+        self._twice_around = np.hstack([panorama, panorama])
+        u, v = np.meshgrid(np.arange(camera.width_px), np.arange(self.rows))
+        right = np.arctan((u - camera.cx_px) / camera.fx_px) - camera.yaw_rad
+        self._columns = (right * WIDTH / math.tau).astype(np.float32)
+        self._rows = (v - camera.horizon_row_px + HEIGHT - BELOW).astype(np.float32)
+
+    def draw(self, image: Bytes, yaw_rad: float) -> None:
+        """Fill the rows of ``image`` down to just below the horizon, for a vehicle heading along ``yaw_rad``."""
+        if self.rows:
+            ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
+            image[: self.rows] = cv2.remap(
+                self._twice_around,
+                self._columns + ahead,
+                self._rows,
+                cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_REPLICATE,
+            )
+
+
+def _panorama(rng: np.random.Generator) -> Bytes:
+    """The full turn, (HEIGHT, WIDTH, 3); the horizon lies BELOW rows above its lower end."""
+    above = (HEIGHT - BELOW - np.arange(HEIGHT, dtype=np.float32))[:, None]
+    zenith, horizon = (np.array(bgr, np.float32) for bgr in SKIES_BGR[int(rng.integers(len(SKIES_BGR)))])
+    height = np.clip(above / 120, 0, 1)[:, :, None]
+    clouds = smooth_noise(rng, (HEIGHT, WIDTH), (16, 64)) + 0.5 * smooth_noise(rng, (HEIGHT, WIDTH), (4, 16))
+    white = np.clip(clouds * 0.5 - 0.1 + rng.uniform(-0.3, 0.3), 0, 0.7)[:, :, None]
+    image = np.asarray(horizon + height * (zenith - horizon), np.float64)
+    image = image + white * (245 - image)
+    layers = (  # height, roughness, colour
+        (rng.uniform(4, 14), (64, 5.0), horizon * 0.75 + np.array((35, 20, 10))),
+        (rng.uniform(2, 7), (16, 3.0), np.array((70, 92, 72)) * rng.uniform(0.8, 1.2)),
+        (rng.uniform(1, 3), (4, 1.6), np.array((40, 62, 48)) * rng.uniform(0.8, 1.3)),
+    )
+    for mean, (cell, rough), bgr in layers:
+        outline = (
+            mean
+            + rough * smooth_noise(rng, (4, WIDTH), (4, cell))[:1]
+            + smooth_noise(rng, (1, WIDTH), (1, 4))
+        )
+        cover = np.clip(np.maximum(outline, 0.5) - above + 0.5, 0, 1)[:, :, None]
+        image = image + cover * (bgr - image)
+    return np.clip(image, 0, 255).astype(np.uint8)

@@ -1,0 +1,136 @@
+"""The vehicle ahead, drawn as a plain car."""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.road_strip import Bytes
+from trepid.camera import Camera
+
+Points = NDArray[np.float64]
+Pose = tuple[float, float, float]
+"""x, y, yaw of the rear-axle centre."""
+
+NEAR_M = 0.3  # faces are clamped to this depth
+MAX_PX = 8000.0
+SHIFT = 4  # sub-pixel bits of OpenCV's drawing
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A passenger car; x is counted from the rear axle."""
+
+    rear_m: float = -0.85
+    front_m: float = 3.40
+    width_m: float = 1.78
+    height_m: float = 1.48
+    waist_m: float = 0.92  # lower edge of the windows
+    clearance_m: float = 0.22
+    bgr: tuple[int, int, int] = (120, 60, 40)
+
+
+def draw_lead(image: Bytes, camera: Camera, body: Body, pose: Pose) -> None:
+    """Draw ``body`` at ``pose`` in the vehicle frame of the camera into ``image``; nothing when it is behind."""
+    if pose[0] + body.rear_m < camera.x_m + NEAR_M:
+        return
+    half = body.width_m / 2
+    painter = _Painter(image, camera, pose)
+    painter.shadow(body.rear_m - 0.1, body.front_m, half + 0.08)
+    for x0, x1 in ((-0.32, 0.32), (2.28, 2.92)):  # wheels
+        for y in (-half, half):
+            painter.face([(x0, y, 0.0), (x1, y, 0.0), (x1, y, 0.6), (x0, y, 0.6)], (28, 28, 28))
+    for y0, y1 in ((-half, -half + 0.2), (half - 0.2, half)):
+        painter.face([(-0.3, y, z) for y, z in ((y0, 0), (y1, 0), (y1, 0.4), (y0, 0.4))], (22, 22, 22))
+    painter.box((body.rear_m, body.front_m), half, half, (body.clearance_m, body.waist_m), body.bgr)
+    painter.cabin(body, half)
+    _draw_rear(painter, body, half)
+
+
+def _draw_rear(painter: "_Painter", body: Body, half: float) -> None:
+    """Lamps, plate and bumper."""
+    if not painter.sees_rear:
+        return
+    x = body.rear_m
+    painter.face(_rear(x, -half, half, body.clearance_m, 0.42), (38, 38, 40))
+    for y0, y1 in ((-half, -half + 0.32), (half - 0.32, half)):
+        painter.face(_rear(x, y0, y1, 0.68, 0.86), (40, 30, 190))
+    painter.face(_rear(x, -0.26, 0.26, 0.52, 0.63), (225, 225, 225))
+
+
+def _rear(x: float, y0: float, y1: float, z0: float, z1: float) -> list[tuple[float, float, float]]:
+    return [(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)]
+
+
+class _Painter:
+    """Projects polygons of the car's own axes into the image."""
+
+    def __init__(self, image: Bytes, camera: Camera, pose: Pose) -> None:
+        self._image, self._camera = image, camera
+        x, y, yaw = pose
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        self._turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
+        self._shift = np.array([x, y, 0.0]) - (camera.x_m, camera.y_m, camera.height_m)
+        self._eye = self._turn.T @ -self._shift  # the camera in the car's axes
+        self.sees_rear = bool(self._eye[0] < 0)
+
+    def face(self, corners: list[tuple[float, float, float]], bgr: tuple[float, ...]) -> None:
+        """A filled convex polygon."""
+        polygon = self._project(np.array(corners))
+        cv2.fillConvexPoly(self._image, polygon, bgr, cv2.LINE_AA, SHIFT)
+
+    def shadow(self, rear_m: float, front_m: float, half_m: float) -> None:
+        """Darken the road below the car."""
+        for grow, share in ((0.15, 0.75), (0.0, 0.45)):
+            y = half_m + grow
+            corners = [(rear_m - grow, -y, 0), (rear_m - grow, y, 0), (front_m, y, 0), (front_m, -y, 0)]
+            mask = np.zeros(self._image.shape[:2], np.uint8)
+            cv2.fillConvexPoly(mask, self._project(np.array(corners, float)), 255, cv2.LINE_AA, SHIFT)
+            dark = cv2.convertScaleAbs(self._image, alpha=share)
+            cv2.copyTo(dark, mask, self._image)
+
+    def box(
+        self,
+        x: tuple[float, float],
+        lower: float,
+        upper: float,
+        z: tuple[float, float],
+        bgr: tuple[int, int, int],
+    ) -> None:
+        """The faces of an upright box that the camera sees; half widths ``lower`` and ``upper``."""
+        (x0, x1), (z0, z1) = x, z
+        for side in (-1, 1):
+            if side * self._eye[1] > lower:
+                corners = [
+                    (x0, side * lower, z0),
+                    (x1, side * lower, z0),
+                    (x1, side * upper, z1),
+                    (x0, side * upper, z1),
+                ]
+                self.face(corners, _shaded(bgr, 0.75))
+        if self._eye[2] > z1:
+            self.face(
+                [(x0, -upper, z1), (x1, -upper, z1), (x1, upper, z1), (x0, upper, z1)], _shaded(bgr, 1.25)
+            )
+        end = x0 if self.sees_rear else x1
+        corners = [(end, -lower, z0), (end, lower, z0), (end, upper, z1), (end, -upper, z1)]
+        self.face(corners, _shaded(bgr, 0.95))
+
+    def cabin(self, body: Body, half_m: float) -> None:
+        """Windows and roof."""
+        x = (body.rear_m + 0.25, body.front_m - 1.5)
+        roof_half, glass = half_m - 0.16, (58, 52, 48)
+        self.box(x, half_m - 0.05, roof_half, (body.waist_m, body.height_m - 0.08), glass)
+        self.box(x, roof_half + 0.02, roof_half, (body.height_m - 0.08, body.height_m), body.bgr)
+
+    def _project(self, corners: Points) -> NDArray[np.int32]:
+        """Corners in the car's axes, shape (n, 3), to fixed-point pixels."""
+        seen = self._camera.optical_from_vehicle @ ((self._turn @ corners.T).T + self._shift).T
+        pixel = self._camera.intrinsics @ (seen / np.maximum(seen[2], NEAR_M))
+        return np.round(np.clip(pixel[:2].T, -MAX_PX, MAX_PX) * 2**SHIFT).astype(np.int32)
+
+
+def _shaded(bgr: tuple[int, int, int], share: float) -> tuple[float, ...]:
+    return tuple(min(share * channel, 255) for channel in bgr)

@@ -1,0 +1,175 @@
+"""What the camera on the vehicle sees of the road.
+
+The ground is flat, so a frame is the view from above, bent by the camera's homography. It is cut into bands of
+distance; each takes the level of the ground whose pixels are about as wide as its own, and is drawn with several
+rows for one where a row of the image spans many pixels of the ground, so that the distance does not flicker.
+"""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.appearance import Light
+from sim_harness.backdrop import Backdrop
+from sim_harness.exposure import Exposure
+from sim_harness.ground import Ground
+from sim_harness.lead import Body, Pose, draw_lead
+from sim_harness.road import Road
+from sim_harness.road_strip import LEVELS_M, Bytes
+from trepid.camera import Camera
+from trepid.messages import Image
+
+Matrix = NDArray[np.float64]
+
+REACH = 1.0  # a level serves while its pixels are not narrower than this share of the image's
+MAX_ROWS_PER_ROW = 6
+HAZE_REACH_M = 220.0
+LIGHT_RAMP_M = 10.0  # over which the light changes from one section to the next
+LEAD = Body()
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Rows ``top`` to ``bottom`` of the image, drawn from one level of the ground."""
+
+    top: int
+    bottom: int
+    level: int
+    rows_per_row: int
+    road_from_pixel: Matrix  # from pixels of the drawn band to homogeneous road points
+    corners_m: Matrix  # of what it shows, road frame, (4, 2)
+
+
+class Renderer:
+    """Draws frames of one road for one camera. The same seed, pose and time give the same bytes."""
+
+    def __init__(self, road: Road, camera: Camera, *, seed: int, ground: Ground | None = None) -> None:
+        """``ground`` may be shared between the cameras of one road. Raises ValueError for a distorted camera."""
+        if any(camera.distortion):
+            raise ValueError("the renderer draws undistorted images; got a camera with lens distortion")
+        self.road = road
+        self.camera = camera
+        self.seed = seed
+        self._ground = ground or Ground(road, seed=seed)
+        self._backdrop = Backdrop(camera, seed=seed)
+        self._exposure = Exposure(camera)
+        self._bands = _bands(camera, self._backdrop.rows)
+        self._far_rows, self._far_share = _far(camera, self._backdrop.rows)
+
+    def render(
+        self,
+        x_m: float,
+        y_m: float,
+        yaw_rad: float,
+        *,
+        t_s: float,
+        station_m: float | None = None,
+        lead: Pose | None = None,
+        light: Light | None = None,
+    ) -> Image:
+        """The frame of a vehicle whose rear axle stands at (x, y, yaw).
+
+        ``station_m``: where on the road that is, if known; ``lead``: x, y, yaw of the rear axle of the vehicle
+        ahead; ``light``: instead of that of the road's section.
+        """
+        if light is None:
+            station_m = self.road.local_coordinates(x_m, y_m)[0] if station_m is None else station_m
+            light = self._light_at(station_m)
+        image = np.empty((self.camera.height_px, self.camera.width_px, 3), np.uint8)
+        self._backdrop.draw(image, yaw_rad)
+        self._draw_ground(image, x_m, y_m, yaw_rad)
+        if lead is not None:
+            draw_lead(image, self.camera, LEAD, _relative(lead, (x_m, y_m, yaw_rad)))
+        bearing = self.road.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad
+        frame = round(t_s * 1e4) % 2**63
+        return self._exposure.expose(image, light, sun_bearing_rad=bearing, seed=(self.seed, frame))
+
+    def prepaint(self) -> None:
+        """Paint the whole carriageway and the distance now, so that no later frame has to wait for it."""
+        self._ground.prepaint()
+
+    def _draw_ground(self, image: Bytes, x_m: float, y_m: float, yaw_rad: float) -> None:
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        world_from_road = np.array([[cos, -sin, x_m], [sin, cos, y_m], [0, 0, 1.0]])
+        for band in self._bands:
+            corners = band.corners_m @ world_from_road[:2, :2].T + world_from_road[:2, 2]
+            pixel_m = LEVELS_M[band.level]
+            crop, x0, y0 = self._ground.crop(
+                band.level, corners.min(axis=0) - 2 * pixel_m, corners.max(axis=0) + 2 * pixel_m
+            )
+            crop_from_world = np.array([[1, 0, -x0], [0, 1, -y0], [0, 0, pixel_m]]) / pixel_m
+            matrix = crop_from_world @ world_from_road @ band.road_from_pixel
+            size = (image.shape[1], (band.bottom - band.top) * band.rows_per_row)
+            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            drawn = cv2.warpPerspective(crop, matrix, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+            if band.rows_per_row > 1:
+                size = (image.shape[1], band.bottom - band.top)
+                drawn = cv2.resize(drawn, size, interpolation=cv2.INTER_AREA)
+            image[band.top : band.bottom] = drawn
+        far = image[self._far_rows]
+        far += (self._far_share * (self._backdrop.horizon_bgr - far)).astype(np.uint8)
+
+    def _light_at(self, station_m: float) -> Light:
+        before, here, share = self.road.transition_at(station_m, LIGHT_RAMP_M)
+        if share == 1 or before.light == here.light:
+            return here.light
+        fields = Light.model_fields
+        blend = {n: (1 - share) * getattr(before.light, n) + share * getattr(here.light, n) for n in fields}
+        return Light(**blend)
+
+
+def _relative(pose: Pose, origin: Pose) -> Pose:
+    """``pose`` seen from ``origin``."""
+    dx, dy = pose[0] - origin[0], pose[1] - origin[1]
+    cos, sin = math.cos(origin[2]), math.sin(origin[2])
+    return cos * dx + sin * dy, cos * dy - sin * dx, pose[2] - origin[2]
+
+
+def _bands(camera: Camera, first_row: int) -> list[Band]:
+    """The image below the horizon, from the bottom up, one band a level."""
+    bands, bottom = [], camera.height_px
+    for level, pixel_m in enumerate(LEVELS_M):
+        last = level == len(LEVELS_M) - 1
+        reach_m = math.inf if last else REACH * pixel_m * camera.fx_px
+        top = first_row if last else max(first_row, _row_at(camera, reach_m))
+        if top < bottom:
+            bands.append(_band(camera, top, bottom, level))
+            bottom = top
+    return bands
+
+
+def _row_at(camera: Camera, depth_m: float) -> int:
+    """First row that shows no more than ``depth_m`` of depth: depth = height / (tan of the row's angle)."""
+    return math.ceil(camera.horizon_row_px + camera.fy_px * camera.height_m / depth_m)
+
+
+def _band(camera: Camera, top: int, bottom: int, level: int) -> Band:
+    depths = _depth(camera, np.array([top, top + 1.0]))
+    repeat = int(np.clip(round((depths[0] - depths[1]) / (3 * LEVELS_M[level])), 1, MAX_ROWS_PER_ROW))
+    image_from_drawn = np.array([[1, 0, 0], [0, 1 / repeat, top + 0.5 / repeat - 0.5], [0, 0, 1]])
+    right, low = camera.width_px - 1, bottom - 0.5
+    corners = camera.road_from_pixel([(0, top - 0.5), (right, top - 0.5), (right, low), (0, low)])
+    return Band(
+        top=top,
+        bottom=bottom,
+        level=level,
+        rows_per_row=repeat,
+        road_from_pixel=np.linalg.inv(camera.pixel_from_road_matrix) @ image_from_drawn,
+        corners_m=corners,
+    )
+
+
+def _depth(camera: Camera, row: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance ahead that a row shows."""
+    pixels = np.column_stack([np.full(len(row), camera.cx_px), row])
+    return np.hypot(*(camera.road_from_pixel(pixels) - (camera.x_m, camera.y_m)).T)
+
+
+def _far(camera: Camera, first_row: int) -> tuple[slice, NDArray[np.float64]]:
+    """The rows that fade into the haze of the distance, and how much each one does, (rows, 1, 1)."""
+    last = min(first_row + 24, camera.height_px)
+    share = 1 - np.exp(-_depth(camera, np.arange(first_row, last, dtype=float)) / HAZE_REACH_M)
+    return slice(first_row, last), share[:, None, None]
