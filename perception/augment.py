@@ -32,9 +32,13 @@ class Augmentation(Settings):
     noise_grey: NonNegative
     erase: Share
     erase_size: Share
+    border: Share
+    border_size: Share
 
 
-def augment(image: Image, lane: Array, settings: Augmentation, rng: np.random.Generator) -> tuple[Image, Array]:
+def augment(
+    image: Image, lane: Array, settings: Augmentation, rng: np.random.Generator
+) -> tuple[Image, Array]:
     """A harder image of the same lane; a mirrored one has the mirrored lane, which is −lane.
 
     The other changes keep the lane: shift along the columns and roll are what pitch and roll of the body do.
@@ -48,9 +52,11 @@ def augment(image: Image, lane: Array, settings: Augmentation, rng: np.random.Ge
     if rng.random() < settings.erase:
         image = _erase(image, settings.erase_size, rng)
     if rng.random() < settings.blur:
-        image = cv2.GaussianBlur(image, (0, 0), 0.3 + settings.blur_px * rng.random())
+        image = _pixels(cv2.GaussianBlur(image, (0, 0), 0.3 + settings.blur_px * rng.random()))
     if rng.random() < settings.noise:
         image = _add_noise(image, settings.noise_grey * rng.random(), rng)
+    if rng.random() < settings.border:
+        image = _narrow(image, settings.border_size, rng)
     return image, lane
 
 
@@ -60,7 +66,7 @@ def _tilt(image: Image, settings: Augmentation, rng: np.random.Generator) -> Ima
     roll_deg = float(np.rad2deg(settings.roll_rad * rng.normal()))
     turn = cv2.getRotationMatrix2D((width / 2, height / 2), roll_deg, 1.0)
     turn[1, 2] += settings.shift_px * rng.normal()
-    return cv2.warpAffine(image, turn, (width, height), borderMode=cv2.BORDER_REPLICATE)
+    return _pixels(cv2.warpAffine(image, turn, (width, height), borderMode=cv2.BORDER_REPLICATE))
 
 
 def _relight(image: Image, settings: Augmentation, rng: np.random.Generator) -> Image:
@@ -70,7 +76,7 @@ def _relight(image: Image, settings: Augmentation, rng: np.random.Generator) -> 
     black = settings.offset_grey * rng.uniform(-1, 1)
     grey = np.arange(256)[:, None] / 255
     table = 255 * gain * grey**gamma + black
-    return cv2.LUT(image, np.clip(table, 0, 255).astype(np.uint8).reshape(256, 1, 3))
+    return _pixels(cv2.LUT(image, np.clip(table, 0, 255).astype(np.uint8).reshape(256, 1, 3)))
 
 
 def _shade(image: Image, rng: np.random.Generator) -> Image:
@@ -79,9 +85,11 @@ def _shade(image: Image, rng: np.random.Generator) -> Image:
     mask = np.full((height, width), 1.0, np.float32)
     for _ in range(rng.integers(1, 4)):
         corners = rng.uniform((-0.2 * width, -0.2 * height), (1.2 * width, 1.2 * height), (4, 2))
-        cv2.fillPoly(mask, [cv2.convexHull(corners.astype(np.int32))], float(rng.choice((0.4, 0.55, 0.7, 1.4))))
-    mask = cv2.GaussianBlur(mask, (0, 0), float(rng.uniform(0.5, 3)))
-    return cv2.multiply(image, cv2.merge([mask] * 3), dtype=cv2.CV_8U)
+        cv2.fillPoly(
+            mask, [cv2.convexHull(corners.astype(np.int32))], float(rng.choice((0.4, 0.55, 0.7, 1.4)))
+        )
+    soft = cv2.GaussianBlur(mask, (0, 0), float(rng.uniform(0.5, 3)))
+    return _pixels(cv2.multiply(image, cv2.merge([soft] * 3), dtype=cv2.CV_8U))
 
 
 def _erase(image: Image, size: float, rng: np.random.Generator) -> Image:
@@ -95,9 +103,19 @@ def _erase(image: Image, size: float, rng: np.random.Generator) -> Image:
     return image
 
 
+def _narrow(image: Image, size: float, rng: np.random.Generator) -> Image:
+    """Black borders: what a camera with a narrower field of view leaves of the canonical image."""
+    height, width = image.shape[:2]
+    left, right = (rng.uniform(0, size, 2) * width).astype(int)
+    bottom = int(rng.uniform(0, size) * height)
+    narrow = np.zeros_like(image)
+    narrow[: height - bottom, left : width - right] = image[: height - bottom, left : width - right]
+    return narrow
+
+
 def _add_noise(image: Image, sigma_grey: float, rng: np.random.Generator) -> Image:
     noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma_grey)
-    return cv2.add(image, noise, dtype=cv2.CV_8U)
+    return _pixels(cv2.add(image, noise, dtype=cv2.CV_8U))
 
 
 def nonsense(road: Image, rng: np.random.Generator) -> Image:
@@ -110,8 +128,9 @@ def nonsense(road: Image, rng: np.random.Generator) -> Image:
 
 
 def _plain(road: Image, rng: np.random.Generator) -> Image:
-    colour = rng.integers(0, 256, 3) if rng.random() < 0.5 else rng.choice((0, 255, rng.integers(0, 256)))
-    return np.broadcast_to(np.asarray(colour, np.uint8), road.shape).copy()
+    grey = (0, 255, int(rng.integers(0, 256)))[rng.integers(3)]
+    colour = rng.integers(0, 256, 3) if rng.random() < 0.5 else np.full(3, grey)
+    return np.broadcast_to(colour.astype(np.uint8), road.shape).copy()
 
 
 def _gradient(road: Image, rng: np.random.Generator) -> Image:
@@ -173,4 +192,9 @@ def _flat_road(road: Image, rng: np.random.Generator) -> Image:
 
 
 def _stretched(image: Image, like: Image) -> Image:
-    return cv2.resize(image, (like.shape[1], like.shape[0]), interpolation=cv2.INTER_CUBIC)
+    return _pixels(cv2.resize(image, (like.shape[1], like.shape[0]), interpolation=cv2.INTER_CUBIC))
+
+
+def _pixels(image: cv2.typing.MatLike) -> Image:
+    """``image``, whose type OpenCV does not tell, as what it is."""
+    return np.asarray(image, np.uint8)

@@ -79,10 +79,10 @@ class CanonicalView:
     def image(self, image: Image) -> Image:
         """What the canonical camera would see, shape (canonical height, canonical width, 3); black where unseen."""
         if self._shrink > 1:
-            image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA)
+            image = np.asarray(cv2.resize(image, self._size, interpolation=cv2.INTER_AREA), np.uint8)
         fine = cv2.remap(image, self._map, self._fractions, cv2.INTER_LINEAR)
         size = (self.canonical.width_px, self.canonical.height_px)
-        return cv2.resize(fine, size, interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.resize(fine, size, interpolation=cv2.INTER_AREA), np.uint8)
 
     def lane(self, canonical_lane: Lane) -> Lane:
         """The lane at the vehicle's rear axle, from the one that the network believes to see at the canonical one.
@@ -91,9 +91,7 @@ class CanonicalView:
         """
         scale = self.scale
         ahead_m = scale * self.canonical.x_m - self.camera.x_m
-        return canonical_lane.scaled(scale).seen_from(
-            ahead_m, scale * self.canonical.y_m - self.camera.y_m
-        )
+        return canonical_lane.scaled(scale).seen_from(ahead_m, scale * self.canonical.y_m - self.camera.y_m)
 
     @property
     def scale(self) -> float:

@@ -27,7 +27,11 @@ class SteerNetwork(nn.Module):
         layers: list[nn.Module] = []
         before = 3
         for channels, kernel, stride in CONVOLUTIONS:
-            layers += [nn.Conv2d(before, channels, kernel, stride, bias=False), nn.BatchNorm2d(channels), nn.ReLU()]
+            layers += [
+                nn.Conv2d(before, channels, kernel, stride, bias=False),
+                nn.BatchNorm2d(channels),
+                nn.ReLU(),
+            ]
             before = channels
         layers += [nn.Flatten(), nn.LazyLinear(DENSE[0]), nn.ReLU(), nn.Linear(*DENSE), nn.ReLU()]
         self.layers = nn.Sequential(*layers, nn.Linear(DENSE[-1], 2 * LANE_SIZE + 2))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from perception.steer_net import Calibration, Network
 from trepid.messages import Image
@@ -11,8 +12,7 @@ from trepid.messages import Image
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 PREDICT_BATCH = 64
-NEWTON_STEPS = 30
-RIDGE = 1e-6  # keeps Newton's matrix regular when all estimates are good
+MIN_SLOPE = 1e-3  # a larger σ never makes an estimate more trustworthy
 ECE_BINS = 10
 
 
@@ -61,19 +61,24 @@ def predict(network: Network, images: Image, task: Task) -> Prediction:
 
 
 def calibrate(sigma_rad: Array, error_rad: Array, *, tolerance_rad: float) -> Calibration:
-    """Logistic regression of "|error| < tolerance" on ln(tolerance/σ), by Newton's method.
+    """Logistic regression of "|error| < tolerance" on ln(tolerance/σ), with Platt's softened targets.
 
-    Platt, Probabilistic Outputs for Support Vector Machines (1999).
+    Platt, Probabilistic Outputs for Support Vector Machines (1999), section 2.2.
     """
-    good = (np.abs(error_rad) < tolerance_rad).astype(float)
+    good = np.abs(error_rad) < tolerance_rad
+    target = np.where(good, (good.sum() + 1) / (good.sum() + 2), 1 / ((~good).sum() + 2))
     features = np.column_stack([np.ones_like(sigma_rad), np.log(tolerance_rad / sigma_rad)])
-    weights = np.array([0.0, 1.0])
-    for _ in range(NEWTON_STEPS):
-        probability = 1 / (1 + np.exp(-features @ weights))
-        gradient = features.T @ (probability - good) + RIDGE * weights
-        curvature = (features.T * (probability * (1 - probability))) @ features + RIDGE * np.eye(2)
-        weights = weights - np.linalg.solve(curvature, gradient)
-    return Calibration(tolerance_rad=tolerance_rad, bias=float(weights[0]), slope=float(weights[1]))
+
+    def cross_entropy(weights: Array) -> tuple[float, Array]:
+        logit = features @ weights
+        probability = 1 / (1 + np.exp(-np.clip(logit, -50, 50)))
+        value = np.logaddexp(0, logit) - target * logit
+        return float(value.mean()), features.T @ (probability - target) / len(target)
+
+    fit = minimize(
+        cross_entropy, [0.0, 1.0], jac=True, method="L-BFGS-B", bounds=[(None, None), (MIN_SLOPE, None)]
+    )
+    return Calibration(tolerance_rad=tolerance_rad, bias=float(fit.x[0]), slope=float(fit.x[1]))
 
 
 def expected_calibration_error(probability: Array, happened: Flags) -> float:

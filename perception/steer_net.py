@@ -9,6 +9,7 @@ confidence: the probability, calibrated on roads it was not trained on, that the
 
 import hashlib
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -120,17 +121,17 @@ class SteerNet:
         """The lane in ``frame``, or why there is none. Each frame stands alone: nothing is remembered."""
         image = frame.image
         if image.dtype != np.uint8 or image.shape != self._shape:
-            return self._estimate(frame, reason=f"image is {image.dtype} {image.shape}, not uint8 {self._shape}")
+            return self._nothing(frame, f"image is {image.dtype} {image.shape}, not uint8 {self._shape}")
         lanes, sigmas, visibles = self._network(self._view.image(image)[None])
         sigma, visible = float(sigmas[0]), float(visibles[0])
         if not (np.isfinite(lanes).all() and math.isfinite(sigma) and math.isfinite(visible)):
-            return self._estimate(frame, reason="the network's output is not finite")
+            return self._nothing(frame, "the network's output is not finite")
         if visible < self._settings.min_visible:
-            return self._estimate(frame, reason="the network sees no road")
+            return self._nothing(frame, "the network sees no road")
         confidence = visible * self._probability(sigma)
         if confidence < self._settings.min_confidence:
-            return self._estimate(frame, reason="the network sees a road but does not trust its lane")
-        return self._estimate(frame, lane=self._view.lane(self._lane(lanes[0])), confidence=confidence)
+            return self._nothing(frame, "the network sees a road but does not trust its lane")
+        return self._seen(frame, self._view.lane(self._lane(lanes[0])), confidence)
 
     def _lane(self, output: NDArray[np.float32]) -> Lane:
         offset, heading, curvature, curvature_ahead = map(float, output)
@@ -146,20 +147,29 @@ class SteerNet:
         sigma_rad = self._vehicle.wheelbase_m * command_sigma_1pm / self._view.scale
         return self._record.calibration.probability(sigma_rad)
 
-    def _estimate(
-        self, frame: Frame, *, lane: Lane | None = None, confidence: float = 0.0, reason: str = ""
-    ) -> SteeringEstimate:
+    def _seen(self, frame: Frame, lane: Lane, confidence: float) -> SteeringEstimate:
         ahead_m = self._settings.lookahead_m
+        return replace(
+            self._nothing(frame, ""),
+            lateral_offset_m=lane.offset_m,
+            heading_error_rad=lane.heading_rad,
+            curvature_1pm=lane.curvature_1pm + lane.curvature_rate_1pm2 * ahead_m,
+            curvature_rate_1pm2=lane.curvature_rate_1pm2,
+            road_wheel_angle_rad=self._road_wheel_angle(lane),
+            confidence=confidence,
+        )
+
+    def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:
         return SteeringEstimate(
             t_s=frame.t_s,
             estimator=NAME,
-            lateral_offset_m=lane and lane.offset_m,
-            heading_error_rad=lane and lane.heading_rad,
-            curvature_1pm=lane and lane.curvature_1pm + lane.curvature_rate_1pm2 * ahead_m,
-            curvature_rate_1pm2=lane and lane.curvature_rate_1pm2,
-            lookahead_m=ahead_m,
-            road_wheel_angle_rad=lane and self._road_wheel_angle(lane),
-            confidence=confidence,
+            lateral_offset_m=None,
+            heading_error_rad=None,
+            curvature_1pm=None,
+            curvature_rate_1pm2=None,
+            lookahead_m=self._settings.lookahead_m,
+            road_wheel_angle_rad=None,
+            confidence=0.0,
             lanes_detected=0,
             lane_width_m=None,
             latency_ms=None,

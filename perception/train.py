@@ -204,9 +204,7 @@ def _save(
     fresh.replace(path)
 
 
-def _restore(
-    path: Path, recipe: Recipe, network: SteerNetwork, optimiser: torch.optim.Optimizer
-) -> Progress:
+def _restore(path: Path, recipe: Recipe, network: SteerNetwork, optimiser: torch.optim.Optimizer) -> Progress:
     if not path.is_file():
         raise InputError(f"{path}: no checkpoint to resume")
     saved: dict[str, Any] = torch.load(path, weights_only=True)
