@@ -24,7 +24,7 @@ class ImageStatistician:
         """Statistics of ``frame``; ``frozen_s`` runs on with ``now_s`` even when capture time stands still."""
         grey = grey_image(frame.image)
         mean, deviation = cv2.meanStdDev(grey)
-        histogram = cv2.calcHist([grey], [0], None, [256], [0, 256])[:, 0]
+        histogram = cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()
         _, laplacian_deviation = cv2.meanStdDev(cv2.Laplacian(grey, cv2.CV_16S))
         return ImageStatistics(
             t_s=frame.t_s,
