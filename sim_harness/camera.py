@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim_harness.lead import Pose
 from sim_harness.renderer import Renderer
 from sim_harness.scenarios import BlackFrames, Fault, FrozenCamera, LateFrames, Scenario
 from trepid.messages import Frame, Image, SimTruth
@@ -56,8 +57,8 @@ class SimulatedCamera:
         return image
 
 
-def lead_pose(truth: SimTruth) -> tuple[float, float, float] | None:
-    """x, y and yaw of the vehicle ahead, at the middle of its rear bumper; None without one."""
+def lead_pose(truth: SimTruth) -> Pose | None:
+    """x, y and yaw of the vehicle ahead, at its rear axle; None without one."""
     if truth.lead_x_m is None or truth.lead_y_m is None or truth.lead_yaw_rad is None:
         return None
     return truth.lead_x_m, truth.lead_y_m, truth.lead_yaw_rad

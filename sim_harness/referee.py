@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from sim_harness.plant import PlantState
+from sim_harness.renderer import LEAD
 from sim_harness.road import Road
-from sim_harness.scenarios import LeadSettings
 from trepid.vehicle import Vehicle
 
 SEPARATED_M = 0.5  # a contact is over when the gap has grown to this
@@ -20,12 +20,12 @@ class Place:
     heading_error_rad: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LeadPlace:
-    """The vehicle ahead: the middle of its rear bumper, and the gap to our front bumper."""
+    """The vehicle ahead: gap between the bumpers, middle of its rear bumper, pose of its rear axle."""
 
     gap_m: float
-    station_m: float
+    rear_m: tuple[float, float]
     x_m: float
     y_m: float
     yaw_rad: float
@@ -81,10 +81,10 @@ class Referee:
             return True
         return False
 
-    def in_contact(self, place: Place, lead: LeadPlace, size: LeadSettings) -> bool:
+    def in_contact(self, place: Place, lead: LeadPlace) -> bool:
         """True while the car touches the vehicle ahead; each contact counts as one collision."""
-        beside = abs(place.offset_m) > (self._vehicle.track_m + size.width_m) / 2
-        passed = lead.gap_m < -(size.length_m + self._vehicle.wheelbase_m)
+        beside = abs(place.offset_m) > (self._vehicle.track_m + LEAD.width_m) / 2
+        passed = lead.gap_m < -(LEAD.front_m - LEAD.rear_m + self._vehicle.wheelbase_m)
         touching = lead.gap_m <= 0.0 and not beside and not passed
         if touching and not self._in_contact:
             self.collisions += 1

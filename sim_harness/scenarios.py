@@ -59,8 +59,6 @@ class LeadSettings(Settings):
 
     gap_m: Positive  # bumper to bumper at the start
     speed_mps: NonNegative
-    length_m: Positive = 4.2
-    width_m: Positive = 1.8
 
 
 class Appearance(Settings):

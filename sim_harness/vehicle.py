@@ -14,6 +14,7 @@ from pydantic import Field
 from controller.limiter import Limiter
 from sim_harness.plant import Plant, PlantState
 from sim_harness.referee import LeadPlace, Place, Referee, locate
+from sim_harness.renderer import LEAD
 from sim_harness.road import Road
 from sim_harness.scenarios import Scenario
 from trepid.config import CONFIG_DIR, Settings, load
@@ -64,6 +65,7 @@ class SimulatedVehicle:
         self._settings = settings
         self._noise = np.random.default_rng((seed, 0))
         self._referee = Referee(road, self._vehicle, max_offset_m=settings.max_offset_m)
+        self._nose_m = self._vehicle.wheelbase_m + self._vehicle.front_overhang_m
         self._route_end_m = scenario.start.station_m + scenario.route_m(road)
         start = scenario.start
         self._pose = self._placed(
@@ -96,12 +98,11 @@ class SimulatedVehicle:
         lead, size, pose = self._lead(), self._scenario.lead, self._pose
         if lead is None or size is None:
             return None
-        dx_m, dy_m = lead.x_m - pose.x_m, lead.y_m - pose.y_m
+        dx_m, dy_m = lead.rear_m[0] - pose.x_m, lead.rear_m[1] - pose.y_m
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        nose_m = self._vehicle.wheelbase_m + self._vehicle.front_overhang_m
         return LeadVehicle(
             t_s=self._now_s,
-            distance_m=dx_m * cos + dy_m * sin - nose_m,
+            distance_m=dx_m * cos + dy_m * sin - self._nose_m,
             lateral_m=dy_m * cos - dx_m * sin,
             speed_mps=size.speed_mps,
             confidence=1.0,
@@ -120,7 +121,7 @@ class SimulatedVehicle:
             self._place = Place(self._place.station_m, 0.0, 0.0)
             self._pose = self._placed(self._pose, self._place, recentre=True)
         lead, size = self._lead(), self._scenario.lead
-        if lead is not None and size is not None and self._referee.in_contact(self._place, lead, size):
+        if lead is not None and size is not None and self._referee.in_contact(self._place, lead):
             self._pose = replace(self._pose, speed_mps=min(self._pose.speed_mps, size.speed_mps))
         self._measured = self._measure()
 
@@ -148,15 +149,20 @@ class SimulatedVehicle:
 
     def _lead(self) -> LeadPlace | None:
         """Where the vehicle ahead is now: on the lane centre, at constant speed since the start."""
-        lead, vehicle = self._scenario.lead, self._vehicle
+        lead = self._scenario.lead
         if lead is None:
             return None
-        nose_m = vehicle.wheelbase_m + vehicle.front_overhang_m
         elapsed_s = self._ticks * self._settings.period_s
-        station_m = self._scenario.start.station_m + nose_m + lead.gap_m + lead.speed_mps * elapsed_s
-        x_m, y_m = self._road.position(station_m, 0.0)
-        gap_m = station_m - self._place.station_m - nose_m
-        return LeadPlace(gap_m, station_m, x_m, y_m, self._road.heading_at(station_m))
+        rear_m = self._scenario.start.station_m + self._nose_m + lead.gap_m + lead.speed_mps * elapsed_s
+        axle_m = rear_m - LEAD.rear_m
+        x_m, y_m = self._road.position(axle_m, 0.0)
+        return LeadPlace(
+            gap_m=rear_m - self._place.station_m - self._nose_m,
+            rear_m=self._road.position(rear_m, 0.0),
+            x_m=x_m,
+            y_m=y_m,
+            yaw_rad=self._road.heading_at(axle_m),
+        )
 
     def _truth(self) -> SimTruth:
         pose, place, lead, referee = self._pose, self._place, self._lead(), self._referee
