@@ -35,7 +35,6 @@ class Lead:
     """The vehicle ahead, judged."""
 
     age_s: float  # inf: never heard, or a stamp that cannot be
-    heard: bool  # there is a detector
     broken: bool  # confidence without a place
     confidence: float | None  # 0: no vehicle ahead, or no detector at all; None: broken or lost
     distance_m: float | None  # now; None: no vehicle ahead
@@ -48,20 +47,20 @@ def judge_lead(
 ) -> Lead:
     """What ``lead`` is worth now. None means that no detector runs; "no vehicle" has confidence 0."""
     if lead is None:
-        return Lead(math.inf, False, False, 0.0, None, 0.0, 0.0)
+        return Lead(math.inf, False, 0.0, None, 0.0, 0.0)
     age = age_s(lead.t_s, now_s=now_s, settings=settings)
     place = lead.distance_m, lead.lateral_m
     placed = all(value is not None and math.isfinite(value) for value in place)
     broken = not 0 <= lead.confidence <= 1 or (lead.confidence > 0 and not placed)
     if broken or age > settings.fresh_s:
-        return Lead(age, True, broken, None, None, 0.0, 0.0)
+        return Lead(age, broken, None, None, 0.0, 0.0)
     if lead.confidence == 0 or lead.distance_m is None or lead.lateral_m is None:
-        return Lead(age, True, False, 0.0, None, 0.0, 0.0)
+        return Lead(age, False, 0.0, None, 0.0, 0.0)
     known = lead.speed_mps is not None and math.isfinite(lead.speed_mps)
     speed_mps = max(0.0, lead.speed_mps) if known and lead.speed_mps is not None else 0.0
     closing_mps = max(0.0, (motion or STANDING).speed_mps - speed_mps)
     distance_m = max(0.0, lead.distance_m - closing_mps * age)
-    return Lead(age, True, False, lead.confidence, distance_m, lead.lateral_m, speed_mps)
+    return Lead(age, False, lead.confidence, distance_m, lead.lateral_m, speed_mps)
 
 
 class Follower:

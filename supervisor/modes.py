@@ -1,7 +1,7 @@
 """Modes: every transition in one table, and what a stop latches."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from pydantic import Field
@@ -34,6 +34,7 @@ class Situation:
     """What the transitions depend on. Times say for how long something has been so [s]."""
 
     fault: str  # the cause of an immediate stop: a lost process, stale data, the driver; "" for none
+    lost: bool  # a process is lost
     blind: bool  # moving, and nothing has shown where to for too long, or frames have stopped coming
     terrified: bool  # fear has asked for STOP for long enough
     afraid: bool  # fear asks for CAUTION or more
@@ -94,9 +95,9 @@ TRANSITIONS = (
 def next_state(state: ModeState, now: Situation, *, final_causes: frozenset[str]) -> ModeState:
     """The mode after this situation. A stop only grows harder, and ends at standstill or not at all."""
     if state.mode is Mode.STOP:
-        state = _tightened(state, now, final_causes)
-        if state.final:
-            return state
+        state = _tightened(state, now)
+    if state.final:
+        return state
     for row in TRANSITIONS:
         if state.mode in row.sources and row.when(now):
             return _entered(row.target, now, final_causes)
@@ -106,31 +107,31 @@ def next_state(state: ModeState, now: Situation, *, final_causes: frozenset[str]
 def _entered(mode: Mode, now: Situation, final_causes: frozenset[str]) -> ModeState:
     if mode is not Mode.STOP:
         return ModeState(mode, Stop.NONE, "", final=False)
-    cause = now.fault or (now.cause if now.path or now.terrified else "no_road")
-    return _tightened(
-        ModeState(Mode.STOP, Stop.COMFORT, cause, final=cause in final_causes), now, final_causes
-    )
+    cause = now.fault or (now.cause if now.terrified else "no_road")
+    return _tightened(ModeState(Mode.STOP, Stop.COMFORT, cause, final=cause in final_causes), now)
 
 
-def _tightened(state: ModeState, now: Situation, final_causes: frozenset[str]) -> ModeState:
-    """The stop with what has come on top of it. Blindness while moving makes it an emergency, which is final."""
-    final = state.final or now.fault in final_causes
+def _tightened(state: ModeState, now: Situation) -> ModeState:
+    """The stop with what has come on top of it: blindness makes it an emergency, a lost process final.
+
+    Processes that come and go before the first drive are only starting.
+    """
     if now.blind and state.stop is not Stop.EMERGENCY:
         return ModeState(Mode.STOP, Stop.EMERGENCY, now.fault or now.cause, final=True)
-    return ModeState(Mode.STOP, state.stop, state.cause, final)
+    return replace(state, final=state.final or (now.lost and state.cause != STARTING))
 
 
 class Held:
-    """For how long a condition has held without a break [s]."""
+    """Watches for how long a condition holds without a break."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
 
-    def step(self, condition: bool, *, now_s: float) -> float | None:
-        """Seconds since ``condition`` became true; None when it is false."""
+    def lasts(self, condition: bool, wanted_s: float | None, *, now_s: float) -> bool:
+        """Whether ``condition`` has now held for ``wanted_s``; None is never reached."""
         if not condition:
             self._since_s = None
-            return None
+            return False
         if self._since_s is None:
             self._since_s = now_s
-        return now_s - self._since_s
+        return wanted_s is not None and now_s - self._since_s >= wanted_s

@@ -37,7 +37,7 @@ class Sighting:
 
     estimator: str
     age_s: float  # inf: never heard, or a stamp that cannot be
-    t_s: float
+    t_s: float  # NaN: none
     broken: bool  # the message contradicts itself: confidence without a finite lane, or no number at all
     confidence: float | None  # None: broken or lost
     lane: Lane | None  # at t_s; None: not to be used
@@ -59,7 +59,8 @@ def sight(
     """What ``estimate`` of the estimator ``name`` is worth now. An honest "no lane" has confidence 0."""
     age = age_s(estimate.t_s if estimate else None, now_s=now_s, settings=settings)
     if estimate is None or age > settings.lost_s:
-        return Sighting(name, age, math.nan, False, None, None, math.nan, None, False)
+        t_s = estimate.t_s if estimate and math.isfinite(age) else math.nan
+        return Sighting(name, age, t_s, False, None, None, math.nan, None, False)
     lane = lane_of(estimate, settings)
     broken = not 0 <= estimate.confidence <= 1 or (estimate.confidence > 0 and lane is None)
     usable = not broken and age <= settings.fresh_s and estimate.confidence >= settings.min_confidence

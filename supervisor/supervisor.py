@@ -15,6 +15,7 @@ from supervisor.inference import FearResult, FearRules
 from supervisor.lane import Motion
 from supervisor.modes import Held, ModeSettings, ModeState, Situation, next_state
 from supervisor.sightings import Sighting, SightingSettings, age_s, motion_of, sight
+from supervisor.watchdog import Fault, Watchdog
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.messages import (
     Decision,
@@ -50,9 +51,14 @@ class Supervisor:
         self._fusion = Fusion(settings.fusion)
         self._follower = Follower(settings.follow, vehicle)
         self._mode = ModeState.initial()
-        self._heard: set[str] = set()  # processes that have been heard of: only these can be lost
+        self._watchdog = Watchdog(
+            fresh_s=settings.sightings.fresh_s,
+            lost_s=settings.sightings.lost_s,
+            frames_s=settings.modes.comfort_stop_age_s,
+            state_s=settings.sightings.state_fresh_s,
+        )
         self._terrified, self._calm, self._ready = Held(), Held(), Held()
-        self._road_back, self._blind = Held(), Held()
+        self._road_back, self._pathless = Held(), Held()
         self._factor = 0.0
         self._decided_s: float | None = None
         self._last_motion: Motion | None = None
@@ -83,7 +89,13 @@ class Supervisor:
         felt = self._rules.evaluate(
             features(seen, fused, fresh_statistics, ahead, motion, state_age_s=state_age_s)
         )
-        fault = self._fault(seen, statistics_age_s, ahead, motion, state, now_s)
+        fault = self._watchdog.step(
+            {s.estimator: s.age_s for s in seen},
+            statistics_s=statistics_age_s,
+            lead_s=ahead.age_s,
+            state_s=state_age_s,
+            driver_override=state is not None and state.driver_override,
+        )
         situation = self._situation(felt, fault, seen, fused, trail, motion, now_s)
         self._mode = next_state(self._mode, situation, final_causes=self._settings.modes.final_causes)
         path = trail if self._follows(fused, trail) else fused.path
@@ -91,42 +103,10 @@ class Supervisor:
         self._decided_s = now_s
         return self._decision(seen, felt, fused, path, ahead, now_s)
 
-    def _fault(
-        self,
-        seen: list[Sighting],
-        statistics_age_s: float,
-        lead: Lead,
-        motion: Motion | None,
-        state: VehicleState | None,
-        now_s: float,
-    ) -> str:
-        """The cause of an immediate stop, "" when there is none. What was never heard is not lost but not ready."""
-        limits, modes = self._settings.sightings, self._settings.modes
-        ages = {s.estimator: s.age_s for s in seen}
-        self._heard |= {name for name, age in ages.items() if age <= limits.fresh_s}
-        heard_ages = [age for name, age in ages.items() if name in self._heard]
-        if heard_ages and min(ages.values()) > modes.comfort_stop_age_s:
-            return "stale_data"
-        if any(age > limits.lost_s for age in heard_ages):
-            return "lost_estimator"
-        if self._lost("state", motion is not None):
-            return "vehicle_state_lost"
-        if self._lost("statistics", statistics_age_s <= limits.lost_s):
-            return "image_statistics_lost"
-        if self._lost("lead", not lead.heard or lead.age_s <= limits.lost_s) and lead.heard:
-            return "lost_lead_detector"
-        return "driver_override" if state is not None and state.driver_override else ""
-
-    def _lost(self, name: str, alive: bool) -> bool:
-        """Whether ``name`` was heard once and is no longer alive."""
-        if alive:
-            self._heard.add(name)
-        return not alive and name in self._heard
-
     def _situation(
         self,
         felt: FearResult,
-        fault: str,
+        fault: Fault,
         seen: list[Sighting],
         fused: Fused,
         trail: fusion.Path | None,
@@ -134,34 +114,36 @@ class Supervisor:
         now_s: float,
     ) -> Situation:
         modes, hysteresis = self._settings.modes, self._rules.file.hysteresis
-        ages = [s.age_s for s in seen]
-        standstill = motion is not None and abs(motion.speed_mps) < modes.standstill_mps
-        pathless_s = self._blind.step(fused.path is None and trail is None and not standstill, now_s=now_s)
-        stale = fault == "stale_data" and min(ages) > modes.emergency_stop_age_s
-        surest = max((s.confidence or 0.0 for s in seen if s.lane), default=0.0)
-        road_back = bool(fused.sources) and surest >= modes.road_back_confidence
         wanted = self._rules.mode(felt.fear)
-        calm = self._rules.mode(min(1.0, felt.fear + hysteresis.band)) is Mode.KEEP
-        healthy = (
-            not fault
-            and all(s.confidence is not None for s in seen)
-            and bool(fused.sources)
-            and felt.fear <= modes.reengage_max_fear
-        )
-        ready_s = self._ready.step(healthy and standstill, now_s=now_s)
+        still_wanted = self._rules.mode(min(1.0, felt.fear + hysteresis.band))
+        standstill = motion is not None and abs(motion.speed_mps) < modes.standstill_mps
+        surest = max((s.confidence or 0.0 for s in seen if s.lane), default=0.0)
+        healthy = not fault.cause and _all_see_or_say_why_not(seen) and bool(fused.sources)
+        ready = standstill and healthy and felt.fear <= modes.reengage_max_fear
         return Situation(
-            fault=fault,
-            blind=not standstill and (stale or _lasts(pathless_s, modes.blind_s)),
-            terrified=_lasts(self._terrified.step(wanted is Mode.STOP, now_s=now_s), hysteresis.stop_after_s),
+            fault=fault.cause,
+            lost=fault.lost,
+            blind=self._is_blind(fault, seen, pathless=fused.path is None and trail is None, now_s=now_s),
+            terrified=self._terrified.lasts(wanted is Mode.STOP, hysteresis.stop_after_s, now_s=now_s),
             afraid=wanted is not Mode.KEEP,
-            calm=_lasts(self._calm.step(calm, now_s=now_s), hysteresis.calm_after_s),
+            calm=self._calm.lasts(still_wanted is Mode.KEEP, hysteresis.calm_after_s, now_s=now_s),
             cause=felt.cause,
             path=fused.path is not None,
-            road_back=_lasts(self._road_back.step(road_back, now_s=now_s), modes.road_back_s),
+            road_back=self._road_back.lasts(
+                surest >= modes.road_back_confidence, modes.road_back_s, now_s=now_s
+            ),
             lead=trail is not None,
             standstill=standstill,
-            ready=_lasts(ready_s, modes.reengage_after_s),
+            ready=self._ready.lasts(ready, modes.reengage_after_s, now_s=now_s),
         )
+
+    def _is_blind(self, fault: Fault, seen: list[Sighting], *, pathless: bool, now_s: float) -> bool:
+        """Whether the car moves, as far as is known, and has not been shown where to for too long."""
+        modes, last = self._settings.modes, self._last_motion
+        moving = last is not None and abs(last.speed_mps) >= modes.standstill_mps
+        lasting = self._pathless.lasts(moving and pathless, modes.blind_s, now_s=now_s)
+        frameless = fault.cause == "stale_data" and min(s.age_s for s in seen) > modes.emergency_stop_age_s
+        return lasting or (moving and frameless)
 
     def _follows(self, fused: Fused, trail: fusion.Path | None) -> bool:
         return trail is not None and (self._mode.mode is Mode.FOLLOW or fused.path is None)
@@ -211,9 +193,9 @@ class Supervisor:
         )
 
 
-def _lasts(held_s: float | None, wanted_s: float | None) -> bool:
-    """Whether something has lasted as long as wanted; a wanted time of None is never reached."""
-    return held_s is not None and wanted_s is not None and held_s >= wanted_s
+def _all_see_or_say_why_not(seen: list[Sighting]) -> bool:
+    """Every expected estimator has answered of late, if only that it sees no lane."""
+    return bool(seen) and all(s.confidence is not None for s in seen)
 
 
 def build(

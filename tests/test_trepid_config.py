@@ -41,7 +41,11 @@ def test_an_override_replaces_one_nested_value(tmp_path: Path) -> None:
     ("text", "expected"),
     [
         ("name: a\ninner:\n  gain: fast\n", "settings.yaml:3:3: inner.gain: "),
-        ("name: a\ninner:\n  gian: 1\n", "settings.yaml:2:1: 'inner.gain' is missing"),
+        ("name: a\ninner:\n  points: [1]\n", "settings.yaml:2:1: 'inner.gain' is missing"),
+        (
+            "name: a\ninner:\n  gian: 1\n",
+            "settings.yaml:3:3: unknown field 'inner.gian'; did you mean 'gain'?",
+        ),
         (
             "name: a\ninner:\n  gain: 1\n  gian: 1\n",
             "settings.yaml:4:3: unknown field 'inner.gian'; did you mean 'gain'?",

@@ -1,0 +1,54 @@
+"""Who has gone silent. What was never heard is not lost: the supervisor is just not ready to drive yet."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+
+class Fault(NamedTuple):
+    """Cause of an immediate stop, and whether a process is lost, which makes the stop final."""
+
+    cause: str  # "" for none
+    lost: bool
+
+
+NO_FAULT = Fault("", False)
+
+
+class Watchdog:
+    """Remembers which senders have been heard of; only these can be lost."""
+
+    def __init__(self, *, fresh_s: float, lost_s: float, frames_s: float, state_s: float) -> None:
+        self._fresh_s, self._lost_s = fresh_s, lost_s
+        self._frames_s = frames_s  # all estimators silent for longer: no frames
+        self._state_s = state_s
+        self._heard: set[str] = set()
+
+    def step(
+        self,
+        estimator_ages_s: Mapping[str, float],
+        *,
+        statistics_s: float,
+        lead_s: float,
+        state_s: float,
+        driver_override: bool,
+    ) -> Fault:
+        """The worst that these ages (inf: no message) tell, the common cause before its consequences."""
+        ages = {**estimator_ages_s, "statistics": statistics_s, "lead": lead_s, "state": state_s}
+        self._heard |= {name for name, age in ages.items() if age <= self._fresh_s}
+        lost = {name for name in self._heard if ages.get(name, math.inf) > self._lost_s}
+        estimators = self._heard & estimator_ages_s.keys()
+        cause = ""
+        if estimators and min(estimator_ages_s.values()) > self._frames_s:
+            cause = "stale_data"
+        elif lost & estimators:
+            cause = "lost_estimator"
+        elif "state" in self._heard and state_s > self._state_s:
+            cause = "vehicle_state_lost"
+        elif "statistics" in lost:
+            cause = "image_statistics_lost"
+        elif "lead" in lost:
+            cause = "lead_lost"
+        elif driver_override:
+            cause = "driver_override"
+        return Fault(cause, bool(lost))
