@@ -23,7 +23,8 @@ def list_verb(as_json: AsJson = False) -> int:
     scenarios = list_scenarios()
     if as_json:
         for scenario in scenarios:
-            print(scenario.model_dump_json(include={"name", "tags", "description", "duration_s"}))
+            fields = ("name", "tags", "description", "duration_s")
+            print(json.dumps({field: getattr(scenario, field) for field in fields}))
         return 0
     table = Table(box=None)
     for heading in ("scenario", "tags", "at most", "description"):
@@ -54,6 +55,8 @@ def run_verb(
     total = len(scenarios) * seeds
     if trace is not None and total > 1:
         raise InputError(f"--trace saves one run, not {total}")
+    if trace is not None and not trace.parent.is_dir():
+        raise InputError(f"--trace {trace}: there is no folder {trace.parent}")
     failed = 0
     for number, row in enumerate(
         run_many(scenarios, range(seed, seed + seeds), jobs=jobs, trace_path=trace), start=1

@@ -4,6 +4,7 @@ import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,10 @@ DECISION_COLUMNS = (
     "speed_cap_mps",
 )
 ESTIMATE_COLUMNS = ("t_s", "lateral_offset_m", "heading_error_rad", "curvature_1pm", "confidence")
+_TRUTH, _STATE = attrgetter(*TRUTH_COLUMNS), attrgetter(*STATE_COLUMNS)
+_COMMAND, _NO_COMMAND = attrgetter(*COMMAND_COLUMNS), (None,) * len(COMMAND_COLUMNS)
+_DECISION, _NO_DECISION = attrgetter(*DECISION_COLUMNS), (None,) * len(DECISION_COLUMNS)
+_ESTIMATE, _NO_ESTIMATE = attrgetter(*ESTIMATE_COLUMNS), (None,) * len(ESTIMATE_COLUMNS)
 LABELS = ("section", "mode", "stop", "cause", "path_source")  # columns of codes into a table of words
 
 
@@ -96,14 +101,14 @@ class Recorder:
         estimates: Mapping[str, SteeringEstimate | None],
     ) -> None:
         """Append one sample: the truth and the latest of everything else."""
-        row = [getattr(truth, name) for name in TRUTH_COLUMNS]
-        row += [getattr(state, name) for name in STATE_COLUMNS]
-        row += _fields(command, COMMAND_COLUMNS)
-        row += _fields(decision, DECISION_COLUMNS)
+        row = [*_TRUTH(truth), *_STATE(state)]
+        row += _COMMAND(command) if command else _NO_COMMAND
+        row += _DECISION(decision) if decision else _NO_DECISION
         row.append(self._code("section", truth.section))
-        row += [self._code(label, getattr(decision, label, None)) for label in LABELS[1:]]
+        row += [self._code(label, getattr(decision, label)) if decision else -1 for label in LABELS[1:]]
         for name in self._estimators:
-            row += _fields(estimates.get(name), ESTIMATE_COLUMNS)
+            estimate = estimates.get(name)
+            row += _ESTIMATE(estimate) if estimate else _NO_ESTIMATE
         self._rows.append(tuple(row))
 
     def trace(self) -> Trace:
@@ -118,16 +123,6 @@ class Recorder:
         columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
         return Trace(columns, {label: tuple(codes) for label, codes in self._codes.items()})
 
-    def _code(self, label: str, word: str | None) -> int:
-        if word is None:
-            return -1
+    def _code(self, label: str, word: str) -> int:
         codes = self._codes[label]
-        return codes.setdefault(word, len(codes))
-
-
-def _fields(
-    message: Command | Decision | SteeringEstimate | None, names: tuple[str, ...]
-) -> list[float | None]:
-    if message is None:
-        return [None] * len(names)
-    return [getattr(message, name) for name in names]
+        return codes.setdefault(str(word), len(codes))

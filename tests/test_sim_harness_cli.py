@@ -1,0 +1,78 @@
+"""The ``sim`` verbs: what they print, where, and with which exit code."""
+
+import json
+
+import numpy as np
+import pytest
+
+from sim_harness.cli import app
+from trepid.config import InputError
+
+SHORT = """\
+description: half a second of the straight
+tags: [nominal]
+road: straight
+duration_s: 0.5
+estimators: [cv]
+"""
+
+
+def sim(*arguments):
+    return app([str(argument) for argument in arguments], standalone_mode=False)
+
+
+@pytest.fixture
+def short(tmp_path):
+    path = tmp_path / "short.yaml"
+    path.write_text(SHORT)
+    return path
+
+
+def test_list_prints_one_json_line_per_scenario(capsys):
+    assert sim("list", "--json") == 0
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert all(list(row) == ["name", "tags", "description", "duration_s"] for row in rows)
+    assert {"circuit", "straight"} <= {row["name"] for row in rows}
+
+
+def test_list_without_json_is_a_table_for_people(capsys):
+    assert sim("list") == 0
+    assert "circuit" in capsys.readouterr().out
+
+
+def test_run_prints_json_lines_on_stdout_and_progress_on_stderr(short, capsys):
+    assert sim("run", short, "--seed", 7, "--seeds", 2, "--json") == 0
+    out, err = capsys.readouterr()
+    rows = [json.loads(line) for line in out.splitlines()]
+    assert [(row["scenario"], row["seed"], row["status"]) for row in rows] == [
+        ("short", 7, "passed"),
+        ("short", 8, "passed"),
+    ]
+    assert "[2/2] short seed 8: passed" in err
+
+
+def test_a_failed_run_is_exit_code_1_with_its_reason(short, capsys):
+    assert sim("run", short, "--set", "expect.must_finish=true") == 1
+    assert "the route was not driven to its end" in capsys.readouterr().out
+
+
+def test_a_trace_is_saved_where_asked(short, tmp_path, capsys):
+    assert sim("run", short, "--trace", tmp_path / "run.npz", "--json") == 0
+    with np.load(tmp_path / "run.npz") as saved:
+        assert saved["t_s"][-1] == pytest.approx(0.5)
+    assert json.loads(capsys.readouterr().out)["duration_s"] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "circus"], "no scenario 'circus'"),
+        (["run", "straight", "--set", "duration_s"], "--set duration_s: expected KEY=VALUE"),
+        (["run", "straight", "--set", "lane_width_m=9"], "--set lane_width_m: lane_width_m: .*less than"),
+        (["run", "straight", "circuit", "--trace", "x.npz"], "--trace saves one run, not 2"),
+        (["run", "straight", "--trace", "/no/such/folder/x.npz"], "/no/such/folder"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_runs(arguments, message):
+    with pytest.raises(InputError, match=message):
+        sim(*arguments)
