@@ -1,11 +1,12 @@
 """What is feared, as named numbers: the inputs that ``config/fear.yaml`` may speak of.
 
-None is "not known", which the rules take for the worst. Where something is truly absent rather than unknown (no
-vehicle ahead, no second estimate to disagree with) the calm value stands, because the absence itself is feared
-elsewhere (low confidence).
+None is "lost or broken", which alone makes fear 1. What is honestly absent has a number: the calm one where its
+absence is feared elsewhere (no vehicle ahead; no second estimate to disagree with, which is a low confidence), one
+beyond the worst where it is not (no lane width, no path).
 """
 
 import math
+from collections.abc import Iterable
 
 from supervisor.follow import Lead
 from supervisor.fusion import Fused
@@ -13,10 +14,19 @@ from supervisor.lane import Motion
 from supervisor.sightings import Sighting
 from trepid.messages import ImageStatistics
 
-NO_GAP_S = 1000.0  # time gap without a vehicle ahead; any number beyond the range of the rule file
+BEYOND = 1e6  # beyond the range of any input
 _CRAWL_MPS = 1.0  # time gaps are reckoned with at least this speed: at standstill any distance is enough
 
 IMAGE_FEATURES = ("brightness", "contrast", "over_exposed", "under_exposed", "sharpness", "frozen")
+ESTIMATOR_SUFFIX = "_confidence"
+FEATURES = frozenset(
+    {
+        *("frame_age", "estimator_age", "state_age", "lane_confidence", "disagreement", "lane_width_error"),
+        *IMAGE_FEATURES,
+        *("speed", "lateral_demand", "lateral_error", "lead_confidence", "time_gap"),
+    }
+)
+"""Besides these there is ``<estimator>_confidence`` for every estimator."""
 
 Features = dict[str, float | None]
 
@@ -29,11 +39,16 @@ def features(
     motion: Motion | None,
     *,
     state_age_s: float,
+    expected: Iterable[str] = (),
 ) -> Features:
-    """Every input by name. ``statistics`` must be fresh or None; ``motion`` is None when the state is lost."""
+    """Every input by name. ``statistics`` must be fresh or None; ``motion`` is None when the state is lost.
+
+    ``expected`` names further confidences that the rules speak of: an estimator that does not run has none.
+    """
     speed_mps = None if motion is None else abs(motion.speed_mps)
     return {
         **_ages(sightings, state_age_s if motion is not None else math.inf),
+        **dict.fromkeys(expected, 0.0),
         **_confidences(sightings),
         "disagreement": _disagreement(sightings, fused, speed_mps),
         "lane_width_error": _lane_width_error(sightings),
@@ -58,7 +73,7 @@ def _confidences(sightings: list[Sighting]) -> Features:
     known = [s.confidence for s in sightings if s.confidence is not None]
     return {
         "lane_confidence": max(known, default=None),
-        **{f"{s.estimator}_confidence": s.confidence for s in sightings},
+        **{s.estimator + ESTIMATOR_SUFFIX: s.confidence for s in sightings},
     }
 
 
@@ -67,11 +82,10 @@ def _disagreement(sightings: list[Sighting], fused: Fused, speed_mps: float | No
     return None if unknown else fused.weighted_disagreement_mps2
 
 
-def _lane_width_error(sightings: list[Sighting]) -> float | None:
-    """The greatest, over the estimators that see boundaries; None when one of them cannot say, or none sees any."""
+def _lane_width_error(sightings: list[Sighting]) -> float:
+    """The greatest, over the estimators that see boundaries."""
     errors = [s.width_error_m for s in sightings if s.measures_width]
-    known = [error for error in errors if error is not None]
-    return max(known) if known and len(known) == len(errors) else None
+    return max((BEYOND if error is None else error for error in errors), default=BEYOND)
 
 
 def _image(statistics: ImageStatistics | None) -> Features:
@@ -89,7 +103,7 @@ def _image(statistics: ImageStatistics | None) -> Features:
 
 def _path(fused: Fused, speed_mps: float | None) -> Features:
     if fused.path is None:
-        return {"lateral_demand": None, "lateral_error": None}
+        return {"lateral_demand": BEYOND, "lateral_error": BEYOND}
     lane = fused.path.lane
     demand = None if speed_mps is None else abs(lane.curvature_1pm) * speed_mps**2
     return {"lateral_demand": demand, "lateral_error": abs(lane.offset_m)}
@@ -98,4 +112,4 @@ def _path(fused: Fused, speed_mps: float | None) -> Features:
 def _time_gap(lead: Lead, speed_mps: float | None) -> float | None:
     if lead.confidence is None or speed_mps is None:
         return None
-    return NO_GAP_S if lead.distance_m is None else lead.distance_m / max(speed_mps, _CRAWL_MPS)
+    return BEYOND if lead.distance_m is None else lead.distance_m / max(speed_mps, _CRAWL_MPS)

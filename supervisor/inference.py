@@ -13,7 +13,8 @@ neither monotone nor able to reach 0 and 1:
 
   the Choquet integral of the levels. It is continuous, exact at 0 and 1, and never falls when a risk rises.
 
-A missing or non-finite value counts as the worst, and where no rule fires at all fear is 1.
+A missing or non-finite value fires the riskiest sets of its input and makes fear 1 by itself; where no rule fires
+at all fear is 1 too.
 
 scikit-fuzzy defines the sets but is not imported while driving: it takes 0.4 s to load, and its functions take
 whole arrays. ``trepid fear check`` and the tests hold the compiled sets against it.
@@ -34,6 +35,7 @@ from trepid.messages import Mode
 Values = Mapping[str, float | None]
 CALM = "none"  # the cause when there is nothing to fear
 SILENT = "no rule speaks here"
+SILENT_CAUSE = "no_rule"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +115,7 @@ class FearRules:
         return cls(*load_rules(path))
 
     def evaluate(self, values: Values) -> FearResult:
-        """Fear of ``values`` (unit as in the file). A value that is missing, None, NaN or inf is the worst one."""
+        """Fear of ``values`` (unit as in the file). Where one is missing, None, NaN or inf, fear is 1."""
         x, missing = self._complete(values)
         degrees = [_degree(x[i], zero, one) for i, zero, one in self._ramps]
         truth = [0.0] * len(LEVELS)
@@ -123,7 +125,7 @@ class FearRules:
             if strength > 0:
                 firing.append((strength, rule))
                 truth[rule.level] = max(truth[rule.level], strength)
-        fear = self._choquet(truth) if firing else 1.0
+        fear = 1.0 if missing or not firing else self._choquet(truth)
         return FearResult(
             fear=fear,
             level=self.level(fear),
@@ -185,15 +187,15 @@ class FearRules:
 
     def _cause(self, firing: list[tuple[float, Rule]], missing: list[str], fear: float) -> str:
         """The cause of the rule that adds most to fear; that of the missing input, if the rule rests on one."""
-        if not firing:
-            return "no_rule"
         if self.level_index(fear) == 0:
             return CALM
-        _, rule = max(firing, key=lambda pair: pair[0] * self._at[pair[1].level])
-        if missing:
-            absent = [atom.input for case in rule.cases for atom in case if atom.input in missing]
-            return self.inputs[absent[0]].missing if absent else rule.cause
-        return rule.cause
+        if not firing:
+            return self.inputs[missing[0]].missing if missing else SILENT_CAUSE
+        strength, rule = max(firing, key=lambda pair: pair[0] * self._at[pair[1].level])
+        absent = [name for name in missing if any(a.input == name for case in rule.cases for a in case)]
+        if not absent and strength * self._at[rule.level] < 1:
+            absent = missing  # no rule alone accounts for a fear of 1
+        return self.inputs[absent[0]].missing if absent else rule.cause
 
     def _compile(self, rule: Rule) -> _Compiled:
         cases = []

@@ -69,7 +69,7 @@ class Input(Settings):
 
     @property
     def worst(self) -> float:
-        """The end of the range that is feared most; a missing value counts as this."""
+        """The end of the range that is feared most."""
         return self.range[1] if self.risk == "rising" else self.range[0]
 
     @property

@@ -1,5 +1,6 @@
 """The step of the supervisor: messages in, decision out."""
 
+import difflib
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from supervisor import fusion
-from supervisor.features import features
+from supervisor.features import ESTIMATOR_SUFFIX, FEATURES, features
 from supervisor.follow import Follower, FollowSettings, Lead, judge_lead
 from supervisor.fusion import Fused, Fusion, FusionSettings
 from supervisor.inference import FearResult, FearRules
@@ -16,7 +17,7 @@ from supervisor.lane import Motion
 from supervisor.modes import Held, ModeSettings, ModeState, Situation, next_state
 from supervisor.sightings import Sighting, SightingSettings, age_s, motion_of, sight
 from supervisor.watchdog import Fault, Watchdog
-from trepid.config import CONFIG_DIR, Settings, load
+from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import (
     Decision,
     ImageStatistics,
@@ -47,7 +48,9 @@ class Supervisor:
     """
 
     def __init__(self, rules: FearRules, settings: SupervisorSettings, vehicle: Vehicle) -> None:
+        """Raises InputError when ``rules`` speak of an input that does not exist."""
         self._rules, self._settings = rules, settings
+        self._opinions = _opinions(rules)
         self._fusion = Fusion(settings.fusion)
         self._follower = Follower(settings.follow, vehicle)
         self._mode = ModeState.initial()
@@ -87,7 +90,15 @@ class Supervisor:
         trail = self._follower.step(ahead, self._last_motion, now_s=now_s)
         fresh_statistics = statistics if statistics_age_s <= limits.fresh_s else None
         felt = self._rules.evaluate(
-            features(seen, fused, fresh_statistics, ahead, motion, state_age_s=state_age_s)
+            features(
+                seen,
+                fused,
+                fresh_statistics,
+                ahead,
+                motion,
+                state_age_s=state_age_s,
+                expected=self._opinions,
+            )
         )
         fault = self._watchdog.step(
             {s.estimator: s.age_s for s in seen},
@@ -191,6 +202,17 @@ class Supervisor:
             speed_factor=self._factor,
             speed_cap_mps=cap_mps if self._mode.stop is Stop.NONE else 0.0,
         )
+
+
+def _opinions(rules: FearRules) -> list[str]:
+    """Inputs of the rules that are confidences of single estimators. Raises InputError for unknown inputs."""
+    others = [name for name in rules.names if name not in FEATURES]
+    for name in others:
+        if not name.endswith(ESTIMATOR_SUFFIX):
+            close = difflib.get_close_matches(name, FEATURES, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(FEATURES))}"
+            raise InputError(f"the fear rules speak of {name!r}, which nothing measures; {hint}")
+    return others
 
 
 def _all_see_or_say_why_not(seen: list[Sighting]) -> bool:
