@@ -12,10 +12,11 @@ from pydantic import Field
 from perception.lane_evidence import EvidenceSettings, LaneFit, confidence
 from perception.lane_fit import KAPPA, KAPPA_RATE, PSI, WIDTH, E, FitSettings, LaneState
 from perception.lane_points import MarkingFilter, MarkingSettings, RoadPoints, marking_channel
-from perception.lane_search import boundary_columns, find_lane
+from perception.lane_search import boundary_columns, find_lane, find_road
 from perception.lane_tracker import PriorSettings, TrackSettings, predict, prior_state
 from perception.lane_vote import VoteSettings
 from perception.lateral_grid import LateralGrid, lateral_grid
+from perception.road_edges import EdgeSettings, RoadEdgeFinder
 from perception.self_calibration import SelfCalibrationSettings
 from perception.steering import SteeringSettings, pursuit_curvature, road_wheel_angle
 from trepid.camera import Camera
@@ -29,6 +30,7 @@ Bgr = NDArray[np.uint8]
 NAME = "cv"
 MIN_SIZE_PX = 32  # below this there is no road to be seen
 ROW_STEP_PX = 10  # boundaries are reported every ten rows of the input image
+LINES, EDGES = "lines", "edges"
 NOTHING_SEEN = "no lane line or road edge found"
 
 
@@ -52,12 +54,14 @@ class LaneCvSettings(Settings):
     good_confidence: Annotated[float, Field(ge=0, le=1)]
     markings: MarkingSettings
     fit: FitSettings
+    edge_fit: FitSettings
     vote: VoteStages
     prior: PriorSettings
     track: TrackSettings
     evidence: EvidenceSettings
     steering: SteeringSettings
     self_calibration: SelfCalibrationSettings
+    edges: EdgeSettings
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ class View:
     camera: Camera  # of the input image
     grid: LateralGrid  # of the working image
     markings: MarkingFilter
+    edges: RoadEdgeFinder
 
 
 def make_view(settings: LaneCvSettings, camera: Camera) -> View:
@@ -79,7 +84,12 @@ def make_view(settings: LaneCvSettings, camera: Camera) -> View:
         band_m=settings.band_m,
         max_band_px=settings.max_band_px,
     )
-    return View(camera=camera, grid=grid, markings=MarkingFilter(settings.markings, grid))
+    return View(
+        camera=camera,
+        grid=grid,
+        markings=MarkingFilter(settings.markings, grid),
+        edges=RoadEdgeFinder(settings.edges, grid.camera),
+    )
 
 
 class LaneCv:
@@ -92,6 +102,7 @@ class LaneCv:
         self._track_t_s = 0.0  # time that the tracked lane holds at
         self._seen_t_s = 0.0  # when it was last seen
         self._seen_confidence = 0.0
+        self._source = LINES  # what it was last seen by
         self._rival_frames = 0  # how often in a row a better lane contradicted the track
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
@@ -104,6 +115,7 @@ class LaneCv:
         fit, belief = self._measure(_working_image(image, view.grid.camera), view)
         if fit is not None:
             self._track, self._track_t_s = fit.state, frame.t_s
+            self._source = EDGES if fit.by_edges else LINES
             self._seen_t_s, self._seen_confidence = frame.t_s, belief
             return self._estimate(frame.t_s, fit.state, belief, fit.boundaries_seen, "", view)
         return self._coast(frame.t_s, view)
@@ -135,41 +147,98 @@ class LaneCv:
         self._track_t_s = t_s
 
     def _measure(self, image: Bgr, view: View) -> tuple[LaneFit | None, float]:
-        """The best lane of this frame and its confidence; None when there is none to be believed."""
-        points = view.markings.points(marking_channel(image, self._settings.markings.yellow_gain))
-        tracked, belief = None, 0.0
-        if self._track is not None:
-            tracked = self._find(points, self._track, (self._settings.vote.tracked,), view)
-            belief = self._belief(tracked)
-            if belief >= self._settings.good_confidence:
-                self._rival_frames = 0
-                return tracked, belief
-        cold = self._find(
-            points, self._cold_prior(), (self._settings.vote.cold, self._settings.vote.refine), view
+        """The best lane of this frame and its confidence; None when there is none to be believed.
+
+        Painted lines come first, road edges when there are none; a remembered lane comes before a new one, which
+        must be better and either agree with it or contradict it for some frames in a row.
+        """
+        settings = self._settings
+        points = view.markings.points(marking_channel(image, settings.markings.yellow_gain))
+        if self._track is None:
+            return self._first_look(points, image, view)
+        lines = self._find_lines(points, self._with_width_of(LINES), (settings.vote.tracked,), view)
+        belief = self._belief(lines)
+        if belief >= settings.good_confidence:
+            return self._keep(lines, belief)
+        if self._source == LINES and belief >= settings.min_confidence:
+            return self._unless_better(lines, belief, points, image, view)
+        edges = self._find_edges(image, self._with_width_of(EDGES), view, wide=False)
+        edge_belief = self._belief(edges)
+        if edge_belief >= settings.good_confidence and self._agrees(edges):
+            return self._keep(edges, edge_belief)
+        if not self._agrees(edges):
+            edge_belief = 0.0
+        best, best_belief = (lines, belief) if belief > edge_belief else (edges, edge_belief)
+        return self._unless_better(best, best_belief, points, image, view)
+
+    def _keep(self, fit: LaneFit, belief: float) -> tuple[LaneFit, float]:
+        self._rival_frames = 0
+        return fit, belief
+
+    def _first_look(self, points: RoadPoints, image: Bgr, view: View) -> tuple[LaneFit | None, float]:
+        """The lane without memory: two good lines, else road edges, else whatever is believed most."""
+        settings = self._settings
+        lines = self._find_lines(
+            points, self._prior_of(LINES), (settings.vote.cold, settings.vote.refine), view
         )
-        cold_belief = self._belief(cold)
-        if self._prefer_cold(cold, cold_belief, belief):
-            return cold, cold_belief
-        return (tracked, belief) if belief >= self._settings.min_confidence else (None, 0.0)
+        belief = self._belief(lines)
+        if belief >= settings.good_confidence and lines.boundaries_seen == 2:
+            return lines, belief
+        edges = self._find_edges(image, self._prior_of(EDGES), view, wide=True)
+        edge_belief = self._belief(edges)
+        if edges.boundaries_seen < 2 and lines.boundaries_seen == 2:
+            edge_belief *= settings.evidence.one_line_trust
+        best, best_belief = (lines, belief) if belief >= edge_belief else (edges, edge_belief)
+        return (best, best_belief) if best_belief >= settings.min_confidence else (None, 0.0)
 
-    def _cold_prior(self) -> LaneState:
-        prior = self._settings.prior
-        return prior_state(prior, width_m=prior.width_m, width_sigma_m=prior.width_sigma_m)
-
-    def _prefer_cold(self, cold: LaneFit, cold_belief: float, tracked_belief: float) -> bool:
-        """Whether a lane found without memory replaces the tracked one: at once if it agrees, else in a while."""
-        if cold_belief < max(self._settings.min_confidence, tracked_belief):
+    def _unless_better(
+        self, fit: LaneFit, belief: float, points: RoadPoints, image: Bgr, view: View
+    ) -> tuple[LaneFit | None, float]:
+        """The weak tracked ``fit``, or the lane of a first look if that is clearly better for some frames."""
+        rival, rival_belief = self._first_look(points, image, view)
+        if rival is not None and rival_belief > belief + self._settings.track.rival_margin:
+            self._rival_frames += 1
+            # Edges of a wide road never outvote lines: a lane is a part of the road.
+            stubborn = not rival.by_edges and self._rival_frames >= self._settings.track.confirm_frames
+            if self._agrees(rival) or stubborn:
+                return rival, rival_belief
+        else:
             self._rival_frames = 0
-            return False
+        return (fit, belief) if belief >= self._settings.min_confidence else (None, 0.0)
+
+    def _agrees(self, fit: LaneFit) -> bool:
+        """Whether ``fit`` continues the remembered lane."""
         if self._track is None:
             return True
-        gap = np.abs(cold.state.mean - self._track.mean)
+        gap = np.abs(fit.state.mean - self._track.mean)
         track = self._settings.track
-        agrees = gap[E] < track.gate_offset_m and gap[PSI] < track.gate_heading_rad
-        self._rival_frames += 1
-        return bool(agrees or self._rival_frames >= track.confirm_frames)
+        return bool(gap[E] < track.gate_offset_m and gap[PSI] < track.gate_heading_rad)
 
-    def _find(
+    def _prior_of(self, source: str) -> LaneState:
+        prior = self._settings.prior
+        if source == LINES:
+            return prior_state(prior, width_m=prior.width_m, width_sigma_m=prior.width_sigma_m)
+        return prior_state(prior, width_m=prior.road_width_m, width_sigma_m=prior.road_width_sigma_m)
+
+    def _with_width_of(self, source: str) -> LaneState:
+        """The remembered lane; a road between edges may be wider than the lane between lines was."""
+        assert self._track is not None
+        if source == self._source:
+            return self._track
+        prior = self._settings.prior
+        sigma_m = prior.width_sigma_m if source == LINES else prior.road_width_sigma_m
+        covariance = self._track.covariance.copy()
+        covariance[WIDTH, :] = covariance[:, WIDTH] = 0.0
+        covariance[WIDTH, WIDTH] = sigma_m**2
+        mean = self._track.mean.copy()
+        if source == LINES:
+            # The lane may be either half of the road between the edges.
+            spare_m = max(0.0, mean[WIDTH] - prior.width_m)
+            covariance[E, E] += (spare_m / 2) ** 2
+            mean[WIDTH] = min(mean[WIDTH], prior.width_m)
+        return LaneState(mean=mean, covariance=covariance)
+
+    def _find_lines(
         self, points: RoadPoints, prior: LaneState, stages: tuple[VoteSettings, ...], view: View
     ) -> LaneFit:
         return find_lane(
@@ -182,10 +251,17 @@ class LaneCv:
             prior_weight=self._settings.vote.prior_weight,
         )
 
+    def _find_edges(self, image: Bgr, prior: LaneState, view: View, *, wide: bool) -> LaneFit:
+        return find_road(
+            view.edges, image, prior, wide=wide, fit=self._settings.edge_fit, evidence=self._settings.evidence
+        )
+
     def _belief(self, fit: LaneFit) -> float:
+        prior = self._settings.prior
         return confidence(
             fit,
-            width_m=self._settings.prior.width_m,
+            width_m=prior.road_width_m if fit.by_edges else prior.width_m,
+            width_sigma_m=prior.road_width_sigma_m if fit.by_edges else prior.width_sigma_m,
             lookahead_m=self._settings.steering.lookahead_m,
             settings=self._settings.evidence,
         )

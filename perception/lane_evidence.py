@@ -21,7 +21,6 @@ class EvidenceSettings(Settings):
     min_excess: Annotated[float, Field(ge=0, le=1)]
     full_excess: Positive
     min_extent_m: Positive
-    width_sigma_m: Positive
     one_line_trust: Annotated[float, Field(ge=0, le=1)]
     edge_trust: Annotated[float, Field(ge=0, le=1)]
     aim_sigma_m: Positive
@@ -78,7 +77,14 @@ def boundary_support(
     )
 
 
-def confidence(fit: LaneFit, *, width_m: float, lookahead_m: float, settings: EvidenceSettings) -> float:
+def confidence(
+    fit: LaneFit,
+    *,
+    width_m: float,
+    width_sigma_m: float,
+    lookahead_m: float,
+    settings: EvidenceSettings,
+) -> float:
     """0..1: support of the boundaries × plausible width × small residuals × sure aim point.
 
     Each factor is 1 when all is well and falls smoothly; a wrong lane seldom passes all four.
@@ -89,7 +95,9 @@ def confidence(fit: LaneFit, *, width_m: float, lookahead_m: float, settings: Ev
     support = sum(min(1.0, b.excess / settings.full_excess) for b in seen) / len(seen)
     if len(seen) == 1:
         support *= settings.one_line_trust
-    surprise = (fit.state.mean[WIDTH] - width_m) / settings.width_sigma_m
+    if fit.by_edges:
+        support *= settings.edge_trust
+    surprise = (fit.state.mean[WIDTH] - width_m) / width_sigma_m
     plausible = math.exp(-0.5 * max(0.0, abs(surprise) - 1) ** 2)
     tight = 1 / (1 + (fit.residual / settings.residual_limit) ** 4)
     sure = math.exp(-0.5 * (aim_sigma_m(fit.state, lookahead_m) / settings.aim_sigma_m) ** 2)

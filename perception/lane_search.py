@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.lane_evidence import EvidenceSettings, LaneFit, boundary_support
 from perception.lane_fit import (
@@ -24,6 +25,7 @@ from perception.lane_fit import (
 from perception.lane_points import RoadPoints
 from perception.lane_vote import LaneGuess, VoteSettings, vote_lane
 from perception.lateral_grid import LateralGrid
+from perception.road_edges import RoadEdgeFinder
 from trepid.camera import Camera
 
 STATIONS_M = np.concatenate([np.arange(-1.0, 20.0, 0.5), np.arange(20.0, 81.0, 2.0)])
@@ -50,6 +52,26 @@ def find_lane(
     near, side = _assign(points, start, grid.camera, fit)
     state, residual, weight = fit_lane(near, side, prior, start, grid.camera, fit)
     return _with_evidence(state, points, near, side, residual, weight, grid, fit, evidence)
+
+
+def find_road(
+    finder: RoadEdgeFinder,
+    image: NDArray[np.uint8],
+    prior: LaneState,
+    *,
+    wide: bool,
+    fit: FitSettings,
+    evidence: EvidenceSettings,
+) -> LaneFit:
+    """The unmarked road whose edges enclose what looks like the road ahead, as a lane as wide as the road."""
+    sums = finder.sums(image)
+    start = finder.search(sums, prior, wide=wide)
+    for _ in range(2):
+        points, side = finder.points(sums, start)
+        state, residual, weight = fit_lane(points, side, prior, start, finder.grid.camera, fit)
+        start = state.mean
+    found = _with_evidence(state, points, points, side, residual, weight, finder.grid, fit, evidence)
+    return replace(found, by_edges=True)
 
 
 def _guess(prior: LaneState) -> LaneGuess:

@@ -43,6 +43,7 @@ class TrackSettings(Settings):
     gate_offset_m: Positive
     gate_heading_rad: Positive
     confirm_frames: Annotated[int, Field(ge=1)]
+    rival_margin: Annotated[float, Field(ge=0, le=1)]
 
 
 def prior_state(settings: PriorSettings, *, width_m: float, width_sigma_m: float) -> LaneState:

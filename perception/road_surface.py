@@ -1,0 +1,66 @@
+"""How much each pixel looks like the road ahead of the vehicle rather than like the rest (inventory B13, B16)."""
+
+from typing import Annotated
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from trepid.config import Settings
+
+Positive = Annotated[float, Field(gt=0)]
+Bgr = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+BINS = 32
+CHROMA_BIN = np.clip((np.arange(256) - 96) // 2, 0, BINS - 1).astype(
+    np.uint8
+)  # a, b in 96..160 around neutral 128
+LIGHT_BIN = (np.arange(256) // 8).astype(np.uint8)
+
+
+class SurfaceSettings(Settings):
+    """Section ``surface`` of ``config/perception.yaml``."""
+
+    chroma_limit: Positive
+    light_limit: Positive
+    light_weight: Annotated[float, Field(ge=0, le=1)]
+    smoothing: Positive
+
+
+def road_likelihood(image: Bgr, road: Mask, rest: Mask, settings: SurfaceSettings) -> NDArray[np.float32]:
+    """Log-likelihood ratio road : rest of each pixel, shape of ``image``; positive where it looks like road.
+
+    Colour is CIELAB: the chroma (a, b) tells grass, soil and snow from asphalt in any light, the lightness L tells
+    a pavement from a road but changes with every shadow, so it counts less. Both ratios come from smoothed
+    histograms of the pixels in ``road`` (surely road) and ``rest`` (mostly not), are limited, and are added as if
+    independent. The histograms follow the light of every frame, so there is no threshold to set (B15).
+    """
+    lab = cv2.cvtColor(image, cv2.COLOR_BGR2Lab)
+    light_bin = cv2.LUT(lab[:, :, 0], LIGHT_BIN)
+    a_bin, b_bin = cv2.LUT(lab[:, :, 1], CHROMA_BIN), cv2.LUT(lab[:, :, 2], CHROMA_BIN)
+    chroma = a_bin.astype(np.int32) * BINS + b_bin
+    chroma_ratio = _log_ratio(chroma, road, rest, (BINS, BINS), settings.smoothing, settings.chroma_limit)
+    light_ratio = _log_ratio(light_bin, road, rest, (1, BINS), settings.smoothing, settings.light_limit)
+    return chroma_ratio[chroma] + np.float32(settings.light_weight) * light_ratio[light_bin]
+
+
+def _log_ratio(
+    bins: NDArray[np.integer],
+    road: Mask,
+    rest: Mask,
+    shape: tuple[int, int],
+    smoothing: float,
+    limit: float,
+) -> NDArray[np.float32]:
+    """log(p_road/p_rest) of each bin, within ±``limit``; ``smoothing`` pixels are spread over all bins."""
+    ratio = _density(bins[road], shape, smoothing) / _density(bins[rest], shape, smoothing)
+    return np.clip(np.log(ratio), -limit, limit).astype(np.float32).ravel()
+
+
+def _density(bins: NDArray[np.integer], shape: tuple[int, int], smoothing: float) -> NDArray[np.float64]:
+    count = np.bincount(bins, minlength=shape[0] * shape[1]).astype(np.float64).reshape(shape)
+    kernel = (3 if shape[1] > 1 else 1, 3 if shape[0] > 1 else 1)
+    count = cv2.GaussianBlur(count, kernel, 0, borderType=cv2.BORDER_REPLICATE) + smoothing / count.size
+    return count / count.sum()
