@@ -15,7 +15,7 @@ SUN_ELEVATION_RAD = 0.09
 SUN_BGR = (0.90, 0.97, 1.0)
 HAZE_GREY = 205.0
 VIGNETTE = 0.18  # light lost in the corners
-POOL = 2048  # side of the pool of noise
+POOL = 1024  # side of the pool of noise
 POOL_SIGMA = 32.0
 MIN_BLUR_PX = 0.2
 

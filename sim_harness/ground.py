@@ -37,7 +37,7 @@ class Ground:
         self.road = road
         self.strip = RoadStrip(road, seed=seed)
         rng = np.random.default_rng((seed, 3))
-        jitter = rng.uniform(0.85, 1.15) * rng.uniform(0.92, 1.08, 3)
+        jitter = rng.uniform(0.8, 1.15) * rng.uniform(0.9, 1.1, 3)
         self._verge_bgr = np.array([VERGE_BGR[section.verge] for section in road.sections]) * jitter
         self._verge = _verge_levels(rng)
         self._phase = rng.uniform(0, math.tau, 4)
@@ -71,7 +71,8 @@ class Ground:
         """Paint the whole carriageway and what is seen of it from afar."""
         for station_m in np.arange(0, self.road.length_m, 20.0):
             centre = np.array(self.road.position(station_m, 0.0))
-            self.crop(3, centre - 40, centre + 40)
+            self.crop(2, centre - 25, centre + 25)
+            self.crop(3, centre - 45, centre + 45)
             self.crop(4, centre - 150, centre + 150)
 
     def _tile(self, level: int, column: int, row: int) -> Bytes:
@@ -159,7 +160,8 @@ class Ground:
         columns = (column * size + np.arange(size)) % len(noise)
         grain = noise[rows[:, None], columns]
         return np.asarray(
-            cv2.multiply(tint.astype(np.uint8), cv2.merge([grain] * 3), scale=1 / 128), np.uint8
+            cv2.multiply(np.clip(tint, 0, 255).astype(np.uint8), cv2.merge([grain] * 3), scale=1 / 128),
+            np.uint8,
         )
 
 

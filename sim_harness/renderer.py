@@ -110,7 +110,7 @@ class Renderer:
                 drawn = cv2.resize(drawn, size, interpolation=cv2.INTER_AREA)
             image[band.top : band.bottom] = drawn
         far = image[self._far_rows]
-        far += (self._far_share * (self._backdrop.horizon_bgr - far)).astype(np.uint8)
+        far[:] = far + self._far_share * (self._backdrop.horizon_bgr - far)
 
     def _light_at(self, station_m: float) -> Light:
         before, here, share = self.road.transition_at(station_m, LIGHT_RAMP_M)

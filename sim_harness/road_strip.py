@@ -62,7 +62,7 @@ class RoadStrip:
         self._wave = smooth_noise(rng, (4 * ROWS, COLUMNS), (128, 32))
         self._edge_noise = smooth_noise(rng, (4 * ROWS, 2), (32, 1))
         self._leaves = _leaves(rng) if any(section.shadows for section in road.sections) else None
-        self._tint = rng.uniform(0.975, 1.025, 3).astype(np.float32)
+        self._tint = rng.uniform(0.975, 1.025, 3)
         self._blocks: OrderedDict[int, tuple[Block, ...]] = OrderedDict()
 
     def block_at(self, station_m: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -95,9 +95,11 @@ class RoadStrip:
         shade = np.full((ROWS, COLUMNS), 255, np.uint8)
         mask = self._carriageway(index, station)
         for rows, section in _sections(self.road, station):
-            bgr = self._surface(index, rows, station[rows], section, rng)
-            self._mark(bgr, index, rows, station[rows], section)
-            colour[rows, :, :3] = cv2.convertScaleAbs(bgr.reshape(len(bgr), -1)).reshape(bgr.shape)
+            tone = self._tone(index, rows, station[rows], section, rng)
+            tint = np.array(SURFACE_TINT[section.surface]) * self._tint * (255 * section.surface_grey)
+            for channel in range(3):
+                colour[rows, :, channel] = cv2.convertScaleAbs(tone, alpha=tint[channel])
+            self._mark(colour[rows], index, rows, station[rows], section)
             if self._leaves is not None and section.shadows > 0:
                 shade[rows] = self._shade(self._leaves, index, rows, section)
         colour[:, :, 3] = mask
@@ -116,11 +118,14 @@ class RoadStrip:
         right = half_m + _tapered(self.road, station, "paved_right_m") + amount * rough[:, 0]
         left = half_m + _tapered(self.road, station, "paved_left_m") + amount * rough[:, 1]
         offset = _offsets().astype(np.float32)
-        inside = np.minimum(left[:, None] - offset, offset + right[:, None]).astype(np.float32)
-        ragged = self._noise(self._blotch, index, slice(0, ROWS)) * 0.02
-        return np.clip(127 + 255 * (inside + ragged) / EDGE_SOFTNESS_M, 0, 255).astype(np.uint8)
+        inside = left.astype(np.float32)[:, None] - offset
+        np.minimum(inside, offset + right.astype(np.float32)[:, None], out=inside)
+        inside += self._noise(self._blotch, index, slice(0, ROWS)) * np.float32(0.02)
+        inside *= np.float32(255 / EDGE_SOFTNESS_M)
+        inside += np.float32(127)
+        return np.clip(inside, 0, 255, out=inside).astype(np.uint8)
 
-    def _surface(
+    def _tone(
         self,
         index: int,
         rows: slice,
@@ -128,7 +133,7 @@ class RoadStrip:
         section: Section,
         rng: np.random.Generator,
     ) -> FloatImage:
-        """Colour of the bare carriageway, (rows, columns, 3), 0..255."""
+        """Brightness of the bare carriageway around 1, (rows, columns)."""
         tone = self._noise(self._wave, index, rows) * np.float32(0.05 * (0.4 + section.patchiness))
         tone += self._noise(self._blotch, index, rows) * np.float32(0.03)
         start = int(rng.integers(ROWS))
@@ -138,13 +143,12 @@ class RoadStrip:
             tone[station % CONCRETE_SLAB_M < 0.03] *= 0.65
         if section.surface != Surface.GRAVEL:
             _repair(tone, section.patchiness, rng)
-        tint = np.array(SURFACE_TINT[section.surface], np.float32) * self._tint * (255 * section.surface_grey)
-        return np.asarray(tone[:, :, None] * tint, np.float32)
+        return tone
 
     def _mark(
-        self, bgr: FloatImage, index: int, rows: slice, station: NDArray[np.float64], section: Section
+        self, colour: Bytes, index: int, rows: slice, station: NDArray[np.float64], section: Section
     ) -> None:
-        """Paint the lines of the section onto ``bgr``."""
+        """Paint the lines of the section onto ``colour``."""
         width_m = self.road.settings.lane_width_m
         lines = ((section.left, 0.5), (section.right, -0.5), (section.far_left, 1.5))
         for marking, place in lines:
@@ -157,7 +161,8 @@ class RoadStrip:
             cover = (across * along[:, None] * wear)[:, :, None].astype(np.float32)
             grain = 1 + 0.04 * self._noise(self._blotch, index, rows)[:, columns, None]
             paint = np.array(PAINT_BGR[marking.paint], np.float32) * grain
-            bgr[:, columns] += cover * (paint - bgr[:, columns])
+            bare = colour[:, columns, :3].astype(np.float32)
+            colour[:, columns, :3] = np.clip(bare + cover * (paint - bare), 0, 255)
 
     def _kept(self, index: int, rows: slice, columns: slice, wear: float) -> FloatImage:
         """Share of the paint left at every pixel."""
@@ -183,7 +188,7 @@ def _leaves(rng: np.random.Generator) -> FloatImage:
 
 def _offsets() -> NDArray[np.float64]:
     """Offset of every column of the finest level."""
-    return RIGHT_M + (np.arange(COLUMNS) + 0.5) * LEVELS_M[0]
+    return np.asarray(RIGHT_M + (np.arange(COLUMNS) + 0.5) * LEVELS_M[0], np.float64)
 
 
 def _columns(offset_m: float, width_m: float) -> slice:
