@@ -103,7 +103,7 @@ class Supervisor:
         fault = self._watchdog.step(
             {s.estimator: s.age_s for s in seen},
             statistics_s=statistics_age_s,
-            lead_s=ahead.age_s,
+            lead_s=ahead.age_s if lead else None,
             state_s=state_age_s,
             driver_override=state is not None and state.driver_override,
         )

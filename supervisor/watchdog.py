@@ -29,12 +29,19 @@ class Watchdog:
         estimator_ages_s: Mapping[str, float],
         *,
         statistics_s: float,
-        lead_s: float,
+        lead_s: float | None,
         state_s: float,
         driver_override: bool,
     ) -> Fault:
-        """The worst that these ages (inf: no message) tell, the common cause before its consequences."""
-        ages = {**estimator_ages_s, "statistics": statistics_s, "lead": lead_s, "state": state_s}
+        """The worst that these ages (inf: no message) tell, the common cause before its consequences.
+
+        ``lead_s`` is None where no lead detector runs.
+        """
+        ages = {**estimator_ages_s, "statistics": statistics_s, "state": state_s}
+        if lead_s is None:
+            self._heard.discard("lead")
+        else:
+            ages["lead"] = lead_s
         self._heard |= {name for name, age in ages.items() if age <= self._fresh_s}
         lost = {name for name in self._heard if ages.get(name, math.inf) > self._lost_s}
         estimators = self._heard & estimator_ages_s.keys()
