@@ -70,7 +70,7 @@ def curvature_from_angle(
             return None
         step = (target - math.atan(u) - compliance * u) / slope
         u += step
-        if step <= 1e-15 * u:  # a step back is rounding: arrived
+        if step <= 1e-15 * u < math.inf:  # a step back is rounding: arrived
             return math.copysign(u / wheelbase_m, tyre_rad)
     return None
 

@@ -126,10 +126,10 @@ class Controller:
         return dt_s
 
     def _usable_decision(self, decision: Decision | None, now_s: float) -> Decision | None:
-        limits = self._settings.inputs
-        if decision is None or not self._fresh(decision.decided_s, now_s, limits.stale_s):
+        """None unless fresh and finite in every number: one that is not puts all of it in doubt."""
+        if decision is None or not self._fresh(decision.decided_s, now_s, self._settings.inputs.stale_s):
             return None
-        return decision if _finite(decision.speed_cap_mps) else None
+        return decision if _all_finite(decision) else None
 
     def _usable_state(self, state: VehicleState | None, now_s: float) -> VehicleState | None:
         """None unless fresh and plausible in all it reports; wheel angle and yaw rate may be unknown."""
@@ -236,6 +236,26 @@ def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
         curvature_rate_1pm2=rate_1pm2,
         lookahead_m=decision.lookahead_m,
     )
+
+
+def _all_finite(decision: Decision) -> bool:
+    """True when every number of ``decision`` that is known is finite."""
+    numbers = (
+        decision.t_s,
+        decision.fear,
+        *decision.rule_strengths,
+        decision.path_t_s,
+        decision.lateral_offset_m,
+        decision.heading_error_rad,
+        decision.curvature_1pm,
+        decision.curvature_rate_1pm2,
+        decision.lookahead_m,
+        *decision.trust,
+        decision.disagreement_mps2,
+        decision.speed_factor,
+        decision.speed_cap_mps,
+    )
+    return all(number is None or math.isfinite(number) for number in numbers)
 
 
 def _within(reported: Iterable[tuple[float | None, float]]) -> bool:

@@ -35,15 +35,23 @@ class Lane:
         return curvature_1pm * math.cos(self.heading_rad) / _radius_share(curvature_1pm, self.offset_m)
 
     def after(self, dt_s: float, *, speed_mps: float, yaw_rate_radps: float) -> "Lane":
-        """The lane as seen ``dt_s`` later (midpoint rule in ψ, second order)."""
-        along_mps = speed_mps * math.cos(self.heading_rad)
-        along_m = dt_s * along_mps / _radius_share(self.curvature_1pm, self.offset_m)
-        curvature_1pm = self.curvature_at(along_m)
-        turn_rad = yaw_rate_radps * dt_s - 0.5 * (self.curvature_1pm + curvature_1pm) * along_m
+        """The lane as seen ``dt_s`` later (midpoint rule, second order)."""
+        middle = self._shifted(0.5 * dt_s, self._rates(speed_mps, yaw_rate_radps))
+        return self._shifted(dt_s, middle._rates(speed_mps, yaw_rate_radps))
+
+    def _rates(self, speed_mps: float, yaw_rate_radps: float) -> tuple[float, float, float]:
+        """s', e', ψ' as above."""
+        share = _radius_share(self.curvature_1pm, self.offset_m)
+        along_mps = speed_mps * math.cos(self.heading_rad) / share
+        across_mps = speed_mps * math.sin(self.heading_rad)
+        return along_mps, across_mps, yaw_rate_radps - self.curvature_1pm * along_mps
+
+    def _shifted(self, dt_s: float, rates: tuple[float, float, float]) -> "Lane":
+        along_m = dt_s * rates[0]
         return Lane(
-            offset_m=self.offset_m + speed_mps * dt_s * math.sin(self.heading_rad + 0.5 * turn_rad),
-            heading_rad=self.heading_rad + turn_rad,
-            curvature_1pm=curvature_1pm,
+            offset_m=self.offset_m + dt_s * rates[1],
+            heading_rad=self.heading_rad + dt_s * rates[2],
+            curvature_1pm=self.curvature_at(along_m),
             curvature_rate_1pm2=self.curvature_rate_1pm2 if along_m < self.lookahead_m else 0.0,
             lookahead_m=max(0.0, self.lookahead_m - along_m),
         )

@@ -119,13 +119,14 @@ class Limiter:
         return dt_s
 
     def _speed(self, state: VehicleState | None, now_s: float) -> float | None:
-        """|v| [m/s]; None unless the state is fresh and its speed and wheel angle are plausible."""
+        """|v| [m/s]; None unless the state is fresh and plausible in all that it reports."""
         limits = self._limits
         if state is None or state.speed_mps is None or state.road_wheel_angle_rad is None:
             return None
         plausible = (
             abs(state.speed_mps) <= limits.max_speed_mps
             and abs(state.road_wheel_angle_rad) <= limits.max_angle_rad
+            and (state.yaw_rate_radps is None or math.isfinite(state.yaw_rate_radps))
         )
         if not plausible or not self._fresh(state.t_s, now_s, limits.state_timeout_s):
             return None
@@ -139,7 +140,7 @@ class Limiter:
     def _judge(
         self, command: Command | None, received_s: float | None, speed_mps: float | None, now_s: float
     ) -> Command | None:
-        """The command if it is good, else None; decides whether to stop. A stop may be steered, not ended, by it."""
+        """The command if it is good, else None. Begins and ends the stop; a good command steers it."""
         limits = self._limits
         good = (
             command is not None

@@ -71,22 +71,18 @@ class Predictor:
         return lane
 
     def _along_commanded(self, lane: Lane, from_s: float, to_s: float, speed_mps: float) -> Lane:
-        steps = math.ceil((to_s - from_s) / _STEP_S)
-        wheel_rad = self._wheel_rad
-        for n in range(steps):
-            dt_s = (to_s - from_s) / steps
-            before_rad = wheel_rad
-            wheel_rad = self._wheel_after(wheel_rad, self._acting(from_s + (n + 0.5) * dt_s), dt_s)
-            rate = self._model_yaw_rate(0.5 * (before_rad + wheel_rad), speed_mps)
-            lane = lane.after(dt_s, speed_mps=speed_mps, yaw_rate_radps=rate)
+        """Before the first command that is remembered, whatever holds the wheel where it is."""
+        wheel_rad = demand_rad = self._wheel_rad
+        for due_s, next_rad in (*self._commands, (math.inf, 0.0)):
+            while from_s < min(due_s, to_s):
+                until_s = min(due_s, to_s, from_s + _STEP_S)
+                before_rad, dt_s = wheel_rad, until_s - from_s
+                wheel_rad = self._wheel_after(wheel_rad, demand_rad, dt_s)
+                rate = self._model_yaw_rate(0.5 * (before_rad + wheel_rad), speed_mps)
+                lane = lane.after(dt_s, speed_mps=speed_mps, yaw_rate_radps=rate)
+                from_s = until_s
+            demand_rad = next_rad
         return lane
-
-    def _acting(self, at_s: float) -> float:
-        """The command that acts at ``at_s``; before the first one, whatever holds the wheel where it is."""
-        for due_s, angle_rad in reversed(self._commands):
-            if due_s <= at_s:
-                return angle_rad
-        return self._wheel_rad
 
     def _wheel_after(self, wheel_rad: float, demand_rad: float, dt_s: float) -> float:
         vehicle = self._vehicle

@@ -5,7 +5,8 @@ A bend of curvature κ is driven at v_c = √(a_y/|κ|) at most, so at a distanc
 is the target v_t. The demand is a = k·(v_t - v) + dv_t/dt, bounded and limited in jerk.
 
 With drive lag τ_a the loop s² τ_a + s + k has damping 1/(2√(k·τ_a)); above 1 the speed never overshoots its cap.
-The demand must also be able to fade out as fast as k·a asks for: k·max_accel ≤ jerk. Both are checked on loading.
+The demand must also be able to fade out as fast as k·a asks for: k·max_accel ≤ brake_jerk. Both are checked on
+loading.
 
 A stop goes to its deceleration at its jerk, falls off with √(2·j·v) so that the car does not lurch at the end, and
 holds the brake at standstill.
@@ -42,7 +43,8 @@ class SpeedSettings(Settings):
     gain_1ps: Positive  # k
     max_accel_mps2: Positive
     max_decel_mps2: Positive  # of speed tracking; stops have their own
-    jerk_mps3: Positive
+    jerk_mps3: Positive  # towards more drive
+    brake_jerk_mps3: Positive  # towards more brake
     comfort: StopProfile
     emergency: StopProfile
     standstill_mps: Positive  # below this the car stands
@@ -51,8 +53,10 @@ class SpeedSettings(Settings):
 
     @model_validator(mode="after")
     def _fades_out_in_time(self) -> Self:
-        if self.gain_1ps * self.max_accel_mps2 > self.jerk_mps3:
-            raise ValueError("gain_1ps·max_accel_mps2 is above jerk_mps3: the speed would overshoot its cap")
+        if self.gain_1ps * self.max_accel_mps2 > self.brake_jerk_mps3:
+            raise ValueError(
+                "gain_1ps·max_accel_mps2 is above brake_jerk_mps3: the speed would overshoot its cap"
+            )
         return self
 
 
@@ -91,7 +95,7 @@ class SpeedControl:
             return self.stop(Stop.COMFORT, speed_mps=speed_mps, dt_s=dt_s)
         wanted = settings.gain_1ps * (goal.speed_mps - speed_mps) + goal.accel_mps2
         wanted = max(-settings.max_decel_mps2, min(settings.max_accel_mps2, wanted))
-        return self._towards(wanted, settings.jerk_mps3 * dt_s)
+        return self._towards(wanted, settings.jerk_mps3 * dt_s, settings.brake_jerk_mps3 * dt_s)
 
     def stop(self, how: Stop, *, speed_mps: float | None, dt_s: float) -> float:
         """Acceleration [m/s²], never positive, that stops the car and holds it.
@@ -107,9 +111,9 @@ class SpeedControl:
             if speed_mps <= settings.standstill_mps:
                 decel_mps2 = settings.hold_decel_mps2
         self.accel_mps2 = min(0.0, self.accel_mps2)  # the drive lets go at once
-        return self._towards(-decel_mps2, profile.jerk_mps3 * dt_s)
+        return self._towards(-decel_mps2, profile.jerk_mps3 * dt_s, profile.jerk_mps3 * dt_s)
 
-    def _towards(self, wanted_mps2: float, change_mps2: float) -> float:
-        change = max(-change_mps2, min(change_mps2, wanted_mps2 - self.accel_mps2))
-        self.accel_mps2 += change
+    def _towards(self, wanted_mps2: float, rise_mps2: float, fall_mps2: float) -> float:
+        """Move the demand towards ``wanted_mps2``, up or down at most so far."""
+        self.accel_mps2 += max(-fall_mps2, min(rise_mps2, wanted_mps2 - self.accel_mps2))
         return self.accel_mps2
