@@ -1,6 +1,7 @@
 """Everything above the horizon: sky, hills and trees on a cylinder around the world."""
 
 import math
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from trepid.camera import Camera
 
 WIDTH = 1280  # columns of the panorama for a full turn
 HEIGHT = 320
+LAND = 64  # rows of the panorama that hills may reach into, from below
 BELOW = 8  # rows of the panorama below the horizon
 SKIES_BGR = (  # zenith, horizon
     ((205, 150, 100), (235, 225, 210)),
@@ -24,7 +26,7 @@ class Backdrop:
 
     def __init__(self, camera: Camera, *, seed: int) -> None:
         self.rows = min(max(math.ceil(camera.horizon_row_px + 1.5), 0), camera.height_px)
-        panorama = _panorama(np.random.default_rng((seed, 4)))
+        panorama = _panorama(seed)
         self.horizon_bgr = panorama[HEIGHT - BELOW - 12].mean(axis=0)
         self._twice_around = np.hstack([panorama, panorama])
         u, v = np.meshgrid(np.arange(camera.width_px), np.arange(self.rows))
@@ -45,26 +47,26 @@ class Backdrop:
             )
 
 
-def _panorama(rng: np.random.Generator) -> Bytes:
+@lru_cache(maxsize=2)  # the cameras of one road share it
+def _panorama(seed: int) -> Bytes:
     """The full turn, (HEIGHT, WIDTH, 3); the horizon lies BELOW rows above its lower end."""
+    rng = np.random.default_rng((seed, 4))
     above = (HEIGHT - BELOW - np.arange(HEIGHT, dtype=np.float32))[:, None]
-    zenith, horizon = (np.array(bgr, np.float32) for bgr in SKIES_BGR[int(rng.integers(len(SKIES_BGR)))])
-    height = np.clip(above / 120, 0, 1)[:, :, None]
+    zenith, horizon = np.array(SKIES_BGR[int(rng.integers(len(SKIES_BGR)))], np.float32)
     clouds = smooth_noise(rng, (HEIGHT, WIDTH), (16, 64)) + 0.5 * smooth_noise(rng, (HEIGHT, WIDTH), (4, 16))
     white = np.clip(clouds * 0.5 - 0.1 + rng.uniform(-0.3, 0.3), 0, 0.7)[:, :, None]
-    image = np.asarray(horizon + height * (zenith - horizon), np.float64)
-    image = image + white * (245 - image)
-    layers = (  # height, roughness, colour
-        (rng.uniform(4, 14), (64, 5.0), horizon * 0.75 + np.array((35, 20, 10))),
-        (rng.uniform(2, 7), (16, 3.0), np.array((70, 92, 72)) * rng.uniform(0.8, 1.2)),
-        (rng.uniform(1, 3), (4, 1.6), np.array((40, 62, 48)) * rng.uniform(0.8, 1.3)),
+    clear = horizon + np.clip(above / 120, 0, 1)[:, :, None] * (zenith - horizon)
+    image = np.asarray(clear + white * (245 - clear), np.float32)
+    layers = (  # mean height, cell and height of its outline, colour
+        (rng.uniform(4, 14), 64, 5.0, horizon * 0.75 + (35, 20, 10)),
+        (rng.uniform(2, 7), 16, 3.0, np.array((70, 92, 72)) * rng.uniform(0.8, 1.2)),
+        (rng.uniform(1, 3), 4, 1.6, np.array((40, 62, 48)) * rng.uniform(0.8, 1.3)),
     )
-    for mean, (cell, rough), bgr in layers:
+    low = slice(HEIGHT - LAND, HEIGHT)
+    for mean, cell, rough, bgr in layers:
         outline = (
-            mean
-            + rough * smooth_noise(rng, (4, WIDTH), (4, cell))[:1]
-            + smooth_noise(rng, (1, WIDTH), (1, 4))
+            mean + rough * smooth_noise(rng, (1, WIDTH), (1, cell)) + smooth_noise(rng, (1, WIDTH), (1, 4))
         )
-        cover = np.clip(np.maximum(outline, 0.5) - above + 0.5, 0, 1)[:, :, None]
-        image = image + cover * (bgr - image)
+        cover = np.clip(np.maximum(outline, 0.5) - above[low] + 0.5, 0, 1)[:, :, None]
+        image[low] += cover * (bgr - image[low])
     return np.clip(image, 0, 255).astype(np.uint8)

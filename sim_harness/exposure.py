@@ -1,7 +1,7 @@
 """From the light in front of the lens to grey levels: glare, haze, exposure, blur, noise."""
 
 import math
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -26,7 +26,6 @@ class Exposure:
     def __init__(self, camera: Camera) -> None:
         self._camera = camera
         self._vignette = _vignette(camera)
-        self._glare = _glare(camera)
 
     def expose(self, image: Bytes, light: Light, *, sun_bearing_rad: float, seed: tuple[int, int]) -> Bytes:
         """The frame; ``sun_bearing_rad`` is left of the camera's axis, ``seed`` picks the noise."""
@@ -42,6 +41,10 @@ class Exposure:
         if light.blur_px > MIN_BLUR_PX:
             image = np.asarray(cv2.GaussianBlur(image, (0, 0), light.blur_px), np.uint8)
         return self._noisy(image, light.noise, seed) if light.noise > 0 else image
+
+    @cached_property
+    def _glare(self) -> NDArray[np.float32]:
+        return _glare(self._camera)  # most drives never see it
 
     def _sun(self, strength: float, bearing_rad: float) -> Bytes:
         """What a low sun adds to every pixel."""
