@@ -68,30 +68,29 @@ class SimulatedVehicle:
         self._nose_m = self._vehicle.wheelbase_m + self._vehicle.front_overhang_m
         self._route_end_m = scenario.start.station_m + scenario.route_m(road)
         start = scenario.start
-        self._pose = self._placed(
-            PlantState(), Place(start.station_m, start.offset_m, start.heading_rad), recentre=False
-        )
+        place = Place(start.station_m, start.offset_m, start.heading_rad)
+        self._pose = self._placed(PlantState(), place)
         self._place = locate(road, self._pose, start.station_m)
         self._origin_s: float | None = None
         self._ticks = 0
-        self._measured: VehicleState | None = None
+        self._applied: Command | None = None  # what the limiter let through last: the actuators hold it
 
     def step(
         self, command: Command | None, received_s: float | None, *, now_s: float
     ) -> tuple[VehicleState, SimTruth]:
-        """Advance in whole periods up to ``now_s`` under ``command``, which arrived at ``received_s``.
+        """Advance in whole periods up to ``now_s`` under what was applied last, then apply ``command``.
 
-        The first call only looks.
+        ``received_s`` is when ``command`` arrived. The first call only looks and applies.
         """
         if self._origin_s is None:
             self._origin_s = now_s
         period_s = self._settings.period_s
         due = math.floor((now_s - self._origin_s) / period_s + _TICK_SLACK)
-        if self._measured is None:
-            self._measured = self._measure()
-        while self._ticks < due:
-            self._tick(command, received_s)
-        return self._measured, self._truth()
+        while self._ticks < due and self._applied is not None:
+            self._advance(self._applied)
+        state = self._measure()
+        self._applied = self._limiter.step(command, received_s, state, now_s=now_s)
+        return state, self._truth()
 
     def sense_lead(self) -> LeadVehicle | None:
         """The vehicle ahead as a range sensor on the front bumper would see it; None without one."""
@@ -112,28 +111,30 @@ class SimulatedVehicle:
     def _now_s(self) -> float:
         return (self._origin_s or 0.0) + self._ticks * self._settings.period_s
 
-    def _tick(self, command: Command | None, received_s: float | None) -> None:
-        limited = self._limiter.step(command, received_s, self._measured, now_s=self._now_s)
-        self._pose = self._plant.step(self._pose, limited, self._settings.period_s)
+    def _advance(self, applied: Command) -> None:
+        """One period of the plant, and the referee's verdict on where it ends."""
+        self._pose = self._plant.step(self._pose, applied, self._settings.period_s)
         self._ticks += 1
         self._place = locate(self._road, self._pose, self._place.station_m)
         if self._referee.must_recentre(self._pose, self._place):
             self._place = Place(self._place.station_m, 0.0, 0.0)
-            self._pose = self._placed(self._pose, self._place, recentre=True)
+            self._pose = self._recentred(self._pose, self._place)
         lead, size = self._lead(), self._scenario.lead
         if lead is not None and size is not None and self._referee.in_contact(self._place, lead):
             self._pose = replace(self._pose, speed_mps=min(self._pose.speed_mps, size.speed_mps))
-        self._measured = self._measure()
 
-    def _placed(self, pose: PlantState, place: Place, *, recentre: bool) -> PlantState:
-        """``pose`` moved to ``place``; where the harness puts it back, the wheels then follow the lane."""
+    def _placed(self, pose: PlantState, place: Place) -> PlantState:
+        """``pose`` moved to ``place``."""
         x_m, y_m = self._road.position(place.station_m, place.offset_m)
-        lane_rad = self._road.heading_at(place.station_m)
-        pose = replace(pose, x_m=x_m, y_m=y_m, yaw_rad=lane_rad + place.heading_error_rad)
-        if not recentre:
-            return pose
-        angle_rad = self._plant.steady_angle_rad(self._road.curvature_at(place.station_m), pose.speed_mps)
-        return replace(pose, road_wheel_angle_rad=angle_rad, acting_demand_rad=angle_rad, pending=())
+        yaw_rad = self._road.heading_at(place.station_m) + place.heading_error_rad
+        return replace(pose, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+
+    def _recentred(self, pose: PlantState, place: Place) -> PlantState:
+        """``pose`` put back at ``place`` with the same speed and the wheels along the lane, as a driver would."""
+        curvature_1pm = self._road.curvature_at(place.station_m)
+        angle_rad = self._plant.steady_angle_rad(curvature_1pm, pose.speed_mps)
+        pose = replace(pose, road_wheel_angle_rad=angle_rad, acting_demand_rad=angle_rad, pending=())
+        return self._placed(pose, place)
 
     def _measure(self) -> VehicleState:
         """What the sensors say: white noise, except that a standing wheel is known to stand."""
