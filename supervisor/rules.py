@@ -149,7 +149,10 @@ class Hysteresis(Settings):
     band: Annotated[float, Field(ge=0, lt=0.2)]  # fear must fall this far below a level's border to leave it
     calm_after_s: Seconds  # ... and stay there this long
     stop_after_s: Seconds  # a level whose mode is STOP must last this long: one bad frame only slows down
-    recovery_per_s: Annotated[float, Field(gt=0)]  # greatest rise of the speed factor [1/s]
+    recovery_per_s: Annotated[float, Field(gt=0)]  # greatest rise of the speed factor [1/s] ...
+    catch_up_per_s: Annotated[
+        float, Field(gt=0)
+    ]  # ... and while it is below the speed that the car still has
 
 
 class RuleFile(Settings):

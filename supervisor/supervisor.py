@@ -110,7 +110,7 @@ class Supervisor:
         situation = self._situation(felt, fault, seen, fused, trail, motion, now_s)
         self._mode = next_state(self._mode, situation, final_causes=self._settings.modes.final_causes)
         path = trail if self._follows(fused, trail) else fused.path
-        self._factor = self._speed_factor(felt.fear, now_s)
+        self._factor = self._speed_factor(felt.fear, motion, now_s)
         self._decided_s = now_s
         return self._decision(seen, felt, fused, path, ahead, now_s)
 
@@ -159,12 +159,15 @@ class Supervisor:
     def _follows(self, fused: Fused, trail: fusion.Path | None) -> bool:
         return trail is not None and (self._mode.mode is Mode.FOLLOW or fused.path is None)
 
-    def _speed_factor(self, fear: float, now_s: float) -> float:
-        """Falls with fear at once, rises slowly; 0 in STOP."""
+    def _speed_factor(self, fear: float, motion: Motion | None, now_s: float) -> float:
+        """Falls with fear at once and rises slowly, but fast to the speed that the car still has; 0 in STOP."""
         if self._mode.mode is Mode.STOP:
             return 0.0
+        hysteresis = self._rules.file.hysteresis
         dt_s = 0.0 if self._decided_s is None else max(0.0, now_s - self._decided_s)
-        risen = self._factor + self._rules.file.hysteresis.recovery_per_s * dt_s
+        driven = 0.0 if motion is None else motion.speed_mps / self._settings.cruise_speed_mps
+        caught_up = min(driven, self._factor + hysteresis.catch_up_per_s * dt_s)
+        risen = max(caught_up, self._factor + hysteresis.recovery_per_s * dt_s)
         return min(self._rules.speed_factor(fear), risen)
 
     def _decision(

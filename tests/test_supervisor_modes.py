@@ -1,6 +1,6 @@
 """Modes: a stop latches, grows only harder, and ends at standstill or not at all."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 from hypothesis import given, settings
@@ -24,25 +24,12 @@ FINE = Situation(
     ready=False,
 )
 KEEPING = ModeState(Mode.KEEP, Stop.NONE, "", final=False)
+FLAGS = [f.name for f in fields(Situation) if f.name not in ("fault", "cause")]
 SITUATIONS = st.builds(
     Situation,
     fault=st.sampled_from(["", "", "", "lost_estimator", "driver_override"]),
     cause=st.sampled_from(["none", "dark", "frozen_camera"]),
-    **{
-        name: st.booleans()
-        for name in [
-            "lost",
-            "blind",
-            "terrified",
-            "afraid",
-            "calm",
-            "path",
-            "road_back",
-            "lead",
-            "standstill",
-            "ready",
-        ]
-    },
+    **{name: st.booleans() for name in FLAGS},
 )
 
 

@@ -1,0 +1,410 @@
+"""The supervisor's step: what stops the car, what only slows it, and that nothing broken ever calms it."""
+
+import math
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from supervisor.inference import FearRules
+from supervisor.supervisor import Supervisor, SupervisorSettings, build
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.messages import (
+    Decision,
+    ImageStatistics,
+    LeadVehicle,
+    Mode,
+    SteeringEstimate,
+    Stop,
+    VehicleState,
+)
+from trepid.vehicle import Vehicle
+
+SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
+FRAME_S = 0.04
+LATENCY_S = 0.03
+ESTIMATE = SteeringEstimate(
+    t_s=0.0,
+    estimator="cv",
+    lateral_offset_m=0.1,
+    heading_error_rad=0.01,
+    curvature_1pm=0.002,
+    curvature_rate_1pm2=0.0001,
+    lookahead_m=8.0,
+    road_wheel_angle_rad=0.0,
+    confidence=0.9,
+    lanes_detected=2,
+    lane_width_m=3.4,
+    latency_ms=None,
+    reason="",
+    left_boundary_px=(),
+    right_boundary_px=(),
+)
+NO_LANE = replace(
+    ESTIMATE,
+    lateral_offset_m=None,
+    heading_error_rad=None,
+    curvature_1pm=None,
+    curvature_rate_1pm2=None,
+    road_wheel_angle_rad=None,
+    confidence=0.0,
+    lanes_detected=0,
+    lane_width_m=None,
+    reason="no line",
+)
+STATISTICS = ImageStatistics(
+    t_s=0.0,
+    brightness=0.45,
+    contrast=0.15,
+    over_exposed=0.01,
+    under_exposed=0.01,
+    sharpness=200.0,
+    frozen_s=0.0,
+)
+STATE = VehicleState(
+    t_s=0.0, speed_mps=8.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+)
+LEAD = LeadVehicle(t_s=0.0, distance_m=20.0, lateral_m=0.2, speed_mps=5.0, confidence=0.9)
+
+
+@dataclass
+class Drive:
+    """A supervisor fed with fresh messages at 25 Hz; what is set to None is silent from then on."""
+
+    supervisor: Supervisor = field(default_factory=build)
+    now_s: float = 0.0
+    speed_mps: float = 0.0
+    said: dict[str, Any] = field(default_factory=dict)  # the last message of every sender
+
+    def frame(
+        self,
+        *,
+        cv: SteeringEstimate | None = ESTIMATE,
+        cnn: SteeringEstimate | None = ESTIMATE,
+        statistics: ImageStatistics | None = STATISTICS,
+        lead: LeadVehicle | None = None,
+        state: VehicleState | None = STATE,
+    ) -> Decision:
+        self.now_s += FRAME_S
+        seen_s = self.now_s - LATENCY_S
+        if state is not None:
+            self.said["state"] = replace(state, t_s=self.now_s - 0.01, speed_mps=self.speed_mps)
+        for name, message in (("cv", cv), ("cnn", cnn), ("statistics", statistics), ("lead", lead)):
+            if message is not None:
+                self.said[name] = replace(message, t_s=seen_s)
+        get = self.said.get
+        return self.supervisor.step(
+            {"cv": get("cv"), "cnn": get("cnn")},
+            get("statistics"),
+            get("lead"),
+            get("state"),
+            now_s=self.now_s,
+        )
+
+    def last(self, duration_s: float, **messages: Any) -> Decision:
+        """Frames for ``duration_s``; the last decision."""
+        for _ in range(round(duration_s / FRAME_S)):
+            decision = self.frame(**messages)
+        return decision
+
+    @classmethod
+    def under_way(cls) -> "Drive":
+        """Keeping the lane at 8 m/s."""
+        drive = cls()
+        drive.last(SETTINGS.modes.reengage_after_s + 0.2)  # type: ignore[operator]
+        drive.speed_mps = 8.0
+        assert drive.last(6.0).mode is Mode.KEEP
+        return drive
+
+
+def test_on_a_clean_road_it_is_calm_and_drives_at_full_speed() -> None:
+    decision = Drive.under_way().frame()
+    assert (decision.mode, decision.stop, decision.level, decision.cause) == (
+        Mode.KEEP,
+        Stop.NONE,
+        "very_low",
+        "none",
+    )
+    assert (decision.speed_factor, decision.speed_cap_mps) == (1, SETTINGS.cruise_speed_mps)
+    assert decision.path_source == "cv+cnn"
+    assert decision.lateral_offset_m == pytest.approx(ESTIMATE.lateral_offset_m)
+    assert sum(decision.trust) == pytest.approx(1)
+
+
+def test_it_begins_in_stop_and_drives_after_two_healthy_seconds_at_standstill() -> None:
+    drive = Drive()
+    assert drive.last(1.9).mode is Mode.STOP
+    started = drive.last(0.2)
+    assert started.mode is not Mode.STOP
+    assert started.speed_factor < 0.1
+    assert drive.last(5.0).speed_factor == 1
+
+
+def test_restarted_on_the_move_it_stops_and_stays_stopped_until_standstill() -> None:
+    drive = Drive(speed_mps=8.0)
+    assert {drive.frame().mode for _ in range(200)} == {Mode.STOP}
+    assert drive.frame().speed_cap_mps == 0
+    drive.speed_mps = 0.0
+    assert drive.last(2.2).mode is not Mode.STOP
+
+
+def test_without_any_message_it_waits_and_is_afraid() -> None:
+    supervisor = build()
+    for now_s in (0.0, 5.0, 60.0):
+        decision = supervisor.step({"cv": None, "cnn": None}, None, None, None, now_s=now_s)
+        assert (decision.mode, decision.stop, decision.fear) == (Mode.STOP, Stop.COMFORT, 1)
+        assert (decision.t_s, decision.lateral_offset_m, decision.path_source) == (None, None, "none")
+
+
+@pytest.mark.parametrize("lost", ["cv", "cnn"])
+def test_a_lost_estimator_stops_the_car_on_the_path_of_the_other_for_good(lost: str) -> None:
+    drive = Drive.under_way()
+    stopping = drive.last(0.6, **{lost: None})
+    assert (stopping.mode, stopping.stop, stopping.cause) == (Mode.STOP, Stop.COMFORT, "lost_estimator")
+    assert stopping.fear == 1
+    assert stopping.lateral_offset_m is not None
+    assert stopping.sources == (({"cv", "cnn"} - {lost}).pop(),)
+    drive.speed_mps = 0.0
+    assert drive.last(10.0).mode is Mode.STOP  # it is back, but a lost process ends the run
+
+
+@pytest.mark.parametrize("blind", ["cv", "cnn"])
+def test_an_estimator_that_sees_nothing_only_slows_the_car(blind: str) -> None:
+    decision = Drive.under_way().last(5.0, **{blind: NO_LANE})
+    assert (decision.mode, decision.cause) == (Mode.CAUTION, "low_confidence")
+    assert 0.5 < decision.speed_factor < 1
+    assert blind not in decision.sources
+
+
+def test_frames_that_stop_coming_first_slow_then_stop_then_brake_hard() -> None:
+    drive = Drive.under_way()
+    silent = dict.fromkeys(("cv", "cnn", "statistics"))
+    told = [drive.frame(**silent) for _ in range(20)]
+    first = {
+        stop: next(n for n, d in enumerate(told, 1) if d.stop is stop) * FRAME_S + LATENCY_S
+        for stop in (Stop.COMFORT, Stop.EMERGENCY)
+    }
+    assert first[Stop.COMFORT] == pytest.approx(SETTINGS.modes.comfort_stop_age_s, abs=FRAME_S)
+    assert first[Stop.EMERGENCY] == pytest.approx(SETTINGS.modes.emergency_stop_age_s, abs=FRAME_S)
+    fears = [d.fear for d in told]
+    assert fears == sorted(fears)
+    assert told[-1].cause == "stale_data"
+    drive.speed_mps = 0.0
+    assert drive.last(10.0).stop is Stop.EMERGENCY  # final
+
+
+def test_a_short_gap_in_the_frames_stops_the_car_but_does_not_end_the_run() -> None:
+    drive = Drive.under_way()
+    assert drive.last(0.32, cv=None, cnn=None, statistics=None).stop is Stop.COMFORT
+    assert drive.last(5.0).mode is Mode.STOP  # latched while it moves
+    drive.speed_mps = 0.0
+    assert drive.last(2.2).mode is not Mode.STOP
+
+
+def test_a_lost_vehicle_state_stops_the_car() -> None:
+    stopping = Drive.under_way().last(0.3, state=None)
+    assert (stopping.mode, stopping.cause, stopping.fear) == (Mode.STOP, "vehicle_state_lost", 1)
+    assert stopping.lateral_offset_m is not None
+
+
+def test_lost_image_statistics_stop_the_car() -> None:
+    stopping = Drive.under_way().last(0.6, statistics=None)
+    assert (stopping.mode, stopping.cause) == (Mode.STOP, "image_statistics_lost")
+
+
+def test_the_driver_takes_over_and_the_car_does_not_start_again_on_the_move() -> None:
+    drive = Drive.under_way()
+    assert drive.frame(state=replace(STATE, driver_override=True)).cause == "driver_override"
+    assert drive.last(5.0).mode is Mode.STOP
+
+
+def test_one_bad_frame_slows_but_does_not_stop() -> None:
+    drive = Drive.under_way()
+    bad = drive.frame(cv=replace(ESTIMATE, lateral_offset_m=math.nan))
+    assert (bad.fear, bad.mode, bad.speed_cap_mps) == (1, Mode.CAUTION, 0)
+    after = drive.frame()
+    assert after.mode is Mode.CAUTION
+    assert drive.last(6.0).mode is Mode.KEEP
+
+
+def test_the_speed_factor_falls_at_once_and_rises_slowly() -> None:
+    drive = Drive.under_way()
+    fallen = drive.last(2.0, cv=NO_LANE).speed_factor
+    assert fallen == pytest.approx(0.75)
+    drive.speed_mps = fallen * SETTINGS.cruise_speed_mps
+    assert 0 < drive.frame().speed_factor - fallen <= 0.25 * FRAME_S + 1e-9
+    assert drive.last(0.5).speed_factor < 0.9
+
+
+def test_after_one_bad_frame_the_speed_that_the_car_still_has_is_allowed_soon() -> None:
+    drive = Drive.under_way()
+    assert drive.frame(cv=NO_LANE, cnn=NO_LANE).speed_factor < 0.1
+    drive.speed_mps = 7.2
+    assert drive.last(0.5).speed_factor == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_frozen_picture_stops_a_moving_car_but_not_a_standing_one() -> None:
+    drive = Drive.under_way()
+    decision = drive.last(0.6, statistics=replace(STATISTICS, frozen_s=0.5))
+    assert (decision.mode, decision.cause) == (Mode.STOP, "frozen_camera")
+    standing = Drive()
+    assert standing.last(3.0, statistics=replace(STATISTICS, frozen_s=3.0)).mode is not Mode.STOP
+
+
+def test_two_contradicting_roads_raise_fear_and_only_one_is_driven() -> None:
+    drive = Drive.under_way()
+    left = replace(ESTIMATE, curvature_1pm=0.06, curvature_rate_1pm2=0.0)
+    right = replace(ESTIMATE, curvature_1pm=-0.06, curvature_rate_1pm2=0.0)
+    drive.last(0.4, cv=left, cnn=left)
+    decision = drive.last(0.2, cv=right, cnn=left)
+    assert decision.fear > 0.5
+    assert decision.curvature_1pm == pytest.approx(0.06)
+    assert decision.sources == ("cnn",)
+    assert decision.disagreement_mps2 == pytest.approx(0.12 * 64)
+
+
+def test_without_road_the_path_is_remembered_then_the_car_brakes_hard() -> None:
+    drive = Drive.under_way()
+    blind: dict[str, Any] = {"cv": NO_LANE, "cnn": NO_LANE}
+    coasting = drive.last(0.8, **blind)
+    assert (coasting.path_source, coasting.mode, coasting.stop) == ("memory", Mode.STOP, Stop.COMFORT)
+    gone = drive.last(0.8, **blind)
+    assert (gone.path_source, gone.curvature_1pm, gone.stop) == ("none", None, Stop.EMERGENCY)
+    assert gone.cause == "no_road"
+
+
+def test_without_road_it_follows_the_vehicle_ahead_and_takes_the_road_again() -> None:
+    drive = Drive.under_way()
+    drive.last(1.0, lead=LEAD)
+    following = drive.last(1.5, cv=NO_LANE, cnn=NO_LANE, lead=LEAD)
+    assert (following.mode, following.path_source, following.stop) == (Mode.FOLLOW, "lead", Stop.NONE)
+    assert 0 < following.speed_cap_mps < 0.5 * SETTINGS.cruise_speed_mps
+    back = drive.last(1.0, lead=LEAD)
+    assert (back.mode, back.path_source) == (Mode.CAUTION, "cv+cnn")
+
+
+def test_a_lead_that_is_lost_while_following_stops_the_car() -> None:
+    drive = Drive.under_way()
+    blind: dict[str, Any] = {"cv": NO_LANE, "cnn": NO_LANE}
+    assert drive.last(2.0, lead=LEAD, **blind).mode is Mode.FOLLOW
+    assert drive.last(0.6, lead=None, **blind).mode is Mode.STOP
+
+
+def test_behind_a_lead_the_time_gap_is_kept_on_a_clean_road() -> None:
+    drive = Drive.under_way()
+    near = drive.frame(lead=replace(LEAD, distance_m=11.0, speed_mps=8.0))
+    expected_mps = (11.0 - SETTINGS.follow.standstill_gap_m) / SETTINGS.follow.time_gap_s
+    assert near.mode is Mode.KEEP
+    assert near.speed_cap_mps == pytest.approx(expected_mps)
+
+
+MESSAGES = {"cv": ESTIMATE, "statistics": STATISTICS, "lead": LEAD, "state": STATE}
+FIELDS = [
+    (sender, f.name)
+    for sender, message in MESSAGES.items()
+    for f in fields(message)
+    if f.type in (float, float | None)
+]
+OPTIONAL = {f.name for message in MESSAGES.values() for f in fields(message) if f.type == float | None}
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.sampled_from(FIELDS),
+    st.sampled_from([math.nan, math.inf, -math.inf, None, 1e300]),
+    st.floats(0, 1),
+    st.floats(-0.8, 0.8),
+    st.floats(-0.06, 0.06),
+    st.sampled_from([2.0, 3.4, 6.0]),
+    st.floats(1, 40),
+)
+def test_a_broken_number_in_any_field_never_lowers_fear_and_never_raises(
+    place: tuple[str, str],
+    broken: float | None,
+    confidence: float,
+    offset_m: float,
+    curvature_1pm: float,
+    width_m: float,
+    distance_m: float,
+) -> None:
+    sender, name = place
+    if broken is None and name not in OPTIONAL:
+        broken = math.nan
+    cv = replace(
+        ESTIMATE,
+        confidence=confidence,
+        lateral_offset_m=offset_m,
+        curvature_1pm=curvature_1pm,
+        lane_width_m=width_m,
+    )
+    clean: dict[str, Any] = {**MESSAGES, "cv": cv, "lead": replace(LEAD, distance_m=distance_m)}
+
+    def fear(messages: dict[str, Any]) -> float:
+        estimates = {"cv": messages["cv"], "cnn": ESTIMATE}
+        decision = build_once().step(
+            estimates, messages["statistics"], messages["lead"], messages["state"], now_s=0.03
+        )
+        assert decision.lateral_offset_m is None or math.isfinite(decision.lateral_offset_m)
+        assert math.isfinite(decision.speed_cap_mps)
+        return decision.fear
+
+    spoilt = {**clean, sender: replace(clean[sender], **{name: broken})}
+    assert fear(spoilt) >= fear(clean) - 1e-12
+
+
+RULES = FearRules.load(CONFIG_DIR / "fear.yaml")
+VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+
+
+def build_once() -> Supervisor:
+    """A fresh supervisor from rules that were read once."""
+    return Supervisor(RULES, SETTINGS, VEHICLE)
+
+
+def test_the_mirror_image_of_a_drive_gives_the_mirror_image_of_every_path() -> None:
+    def decisions(side: float) -> list[Decision]:
+        supervisor, told = build_once(), []
+        for n in range(120):
+            t_s = FRAME_S * n
+            cv = replace(
+                ESTIMATE,
+                t_s=t_s,
+                lateral_offset_m=side * 0.3 * math.sin(n / 9),
+                heading_error_rad=side * 0.02 * math.cos(n / 9),
+                curvature_1pm=side * 0.01 * math.sin(n / 20),
+                curvature_rate_1pm2=side * 0.0002,
+                confidence=0.9 if n < 60 else 0.0,
+            )
+            if n >= 60:
+                cv = replace(NO_LANE, t_s=t_s)
+            cnn = replace(cv, confidence=0.7 * cv.confidence)
+            state = replace(STATE, t_s=t_s, yaw_rate_radps=side * 0.1 * math.sin(n / 20))
+            lead = replace(LEAD, t_s=t_s, lateral_m=side * 0.5 * math.sin(n / 30))
+            told.append(
+                supervisor.step({"cv": cv, "cnn": cnn}, replace(STATISTICS, t_s=t_s), lead, state, now_s=t_s)
+            )
+        return told
+
+    sources = set()
+    for left, right in zip(decisions(1.0), decisions(-1.0), strict=True):
+        assert (left.fear, left.mode, left.path_source) == (right.fear, right.mode, right.path_source)
+        for name in ("lateral_offset_m", "heading_error_rad", "curvature_1pm", "curvature_rate_1pm2"):
+            assert getattr(left, name) == pytest.approx(-getattr(right, name), abs=1e-9)
+        sources.add(left.path_source)
+    assert sources == {"cv+cnn", "memory", "lead"}
+
+
+def test_the_same_messages_give_the_same_decisions() -> None:
+    def told() -> list[Decision]:
+        drive = Drive(supervisor=build_once())
+        return [drive.frame(lead=LEAD, cv=NO_LANE if n % 7 == 0 else ESTIMATE) for n in range(60)]
+
+    assert told() == told()
+
+
+def test_rules_about_what_nothing_measures_are_refused() -> None:
+    file = RULES.file.model_copy(update={"inputs": {**RULES.inputs, "brightnes": RULES.inputs["brightness"]}})
+    with pytest.raises(InputError, match="'brightnes', which nothing measures; did you mean 'brightness'"):
+        Supervisor(FearRules(file, RULES.rules), SETTINGS, VEHICLE)
