@@ -32,8 +32,6 @@ class DriveSettings(Settings):
     """``config/drive.yaml``."""
 
     vehicle_name: str
-    estimators: Annotated[tuple[str, ...], Field(min_length=1)]
-    statistics_from: str
     ready_timeout_s: Positive
     max_restarts: Annotated[int, Field(ge=0)]
     silence_s: Positive
@@ -42,8 +40,8 @@ class DriveSettings(Settings):
     status_period_s: Positive
 
 
-def processes(scenario: Scenario, seed: int, settings: DriveSettings) -> tuple[ProcessSpec, ...]:
-    """Every process of a simulated drive, in one list."""
+def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
+    """Every process of a simulated drive, in one list; the first estimator also judges the image."""
     simulated = {"scenario": scenario.model_dump(mode="json"), "seed": seed}
     return (
         ProcessSpec(
@@ -52,11 +50,11 @@ def processes(scenario: Scenario, seed: int, settings: DriveSettings) -> tuple[P
         ProcessSpec("camera", "sim_harness.camera_node", simulated),
         *(
             ProcessSpec(
-                name, "perception.node", {"estimator": name, "statistics": name == settings.statistics_from}
+                name, "perception.node", {"estimator": name, "statistics": name == scenario.estimators[0]}
             )
-            for name in settings.estimators
+            for name in scenario.estimators
         ),
-        ProcessSpec("supervisor", "supervisor.node", {"estimators": settings.estimators}),
+        ProcessSpec("supervisor", "supervisor.node", {"estimators": scenario.estimators}),
         ProcessSpec("controller", "controller.node"),
     )
 
@@ -72,7 +70,7 @@ def drive(
         caught_signals() as signals,
         open_bus(settings.vehicle_name, clock, listen=endpoint) as bus,
         Fleet(
-            processes(scenario, seed, settings),
+            processes(scenario, seed),
             vehicle_name=settings.vehicle_name,
             endpoint=endpoint,
             clock_offset_ns=offset_ns,
@@ -105,7 +103,7 @@ class Referee:
         self._scenario = scenario
         self._settings = settings
         self._show = show
-        self._log = DriveLog(bus, clock, settings.estimators)
+        self._log = DriveLog(bus, clock, scenario.estimators)
         self._problems: list[str] = []
         self._began_s = clock()
         self._shown_s = self._began_s

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from sim_harness.cli import parse_overrides
 from sim_harness.drive import DriveSettings, Show
 from sim_harness.drive import drive as drive_scenario
 from sim_harness.drive_log import DriveLog
@@ -27,12 +28,14 @@ def drive(
     scenario: Annotated[str, typer.Option(help="Scenario name or file.")] = "circuit",
     duration: Annotated[float | None, typer.Option(min=1.0, help="Stop after this long [s].")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of textures and noise.")] = 0,
+    changes: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE")] = None,
     dashboard: Annotated[bool, typer.Option(help="Live status in the terminal.")] = True,
     record: Annotated[Path | None, typer.Option(help="Record every topic to this MCAP file.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> int:
     """Drive: camera, perception, supervisor, controller and vehicle as processes over Zenoh."""
-    what = load_scenario(scenario)
+    what = load_scenario(scenario, parse_overrides(changes or []))
+    what.check()
     if duration is not None:
         what = what.shortened(duration)
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
