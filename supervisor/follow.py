@@ -9,7 +9,7 @@ from pydantic import Field
 
 from supervisor.fusion import Path
 from supervisor.lane import STANDING, Lane, Motion
-from supervisor.sightings import SightingSettings, age_s
+from supervisor.sightings import SightingSettings, age_s, within
 from trepid.config import Settings
 from trepid.messages import LeadVehicle
 from trepid.vehicle import Vehicle
@@ -30,16 +30,15 @@ class FollowSettings(Settings):
     trail_length_m: Positive
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Lead:
     """The vehicle ahead, judged."""
 
-    age_s: float  # inf: never heard, or a stamp that cannot be
-    broken: bool  # confidence without a place
-    confidence: float | None  # 0: no vehicle ahead, or no detector at all; None: broken or lost
-    distance_m: float | None  # now; None: no vehicle ahead
-    lateral_m: float
-    speed_mps: float  # 0 when unknown: the worst to drive behind
+    age_s: float = math.inf  # inf: never heard, or a stamp that cannot be
+    confidence: float | None = None  # 0: no vehicle ahead, or no detector at all; None: broken or stale
+    distance_m: float | None = None  # now; None: no vehicle ahead
+    lateral_m: float = 0.0
+    speed_mps: float = 0.0  # 0 when unknown: the worst to drive behind
 
 
 def judge_lead(
@@ -47,20 +46,25 @@ def judge_lead(
 ) -> Lead:
     """What ``lead`` is worth now. None means that no detector runs; "no vehicle" has confidence 0."""
     if lead is None:
-        return Lead(math.inf, False, 0.0, None, 0.0, 0.0)
+        return Lead(confidence=0.0)
     age = age_s(lead.t_s, now_s=now_s, settings=settings)
-    place = lead.distance_m, lead.lateral_m
-    placed = all(value is not None and math.isfinite(value) for value in place)
-    broken = not 0 <= lead.confidence <= 1 or (lead.confidence > 0 and not placed)
-    if broken or age > settings.fresh_s:
-        return Lead(age, broken, None, None, 0.0, 0.0)
-    if lead.confidence == 0 or lead.distance_m is None or lead.lateral_m is None:
-        return Lead(age, False, 0.0, None, 0.0, 0.0)
-    known = lead.speed_mps is not None and math.isfinite(lead.speed_mps)
-    speed_mps = max(0.0, lead.speed_mps) if known and lead.speed_mps is not None else 0.0
+    if age > settings.fresh_s or not 0 <= lead.confidence <= 1:
+        return Lead(age_s=age)
+    if lead.confidence == 0:
+        return Lead(age_s=age, confidence=0.0)
+    distance_m = within(lead.distance_m, settings.max_lead_distance_m)
+    lateral_m = within(lead.lateral_m, settings.max_lead_distance_m)
+    if distance_m is None or lateral_m is None:
+        return Lead(age_s=age)
+    speed_mps = max(0.0, within(lead.speed_mps, settings.max_speed_mps) or 0.0)
     closing_mps = max(0.0, (motion or STANDING).speed_mps - speed_mps)
-    distance_m = max(0.0, lead.distance_m - closing_mps * age)
-    return Lead(age, False, lead.confidence, distance_m, lead.lateral_m, speed_mps)
+    return Lead(
+        age_s=age,
+        confidence=lead.confidence,
+        distance_m=max(0.0, distance_m - closing_mps * age),
+        lateral_m=lateral_m,
+        speed_mps=speed_mps,
+    )
 
 
 class Follower:

@@ -26,6 +26,7 @@ class SightingSettings(Settings):
     max_curvature_1pm: Positive
     max_curvature_rate_1pm2: Positive
     max_speed_mps: Positive
+    max_lead_distance_m: Positive
     max_yaw_rate_radps: Positive
     min_lane_width_m: Positive
     max_lane_width_m: Positive
@@ -79,15 +80,15 @@ def sight(
 
 def lane_of(estimate: SteeringEstimate, settings: SightingSettings) -> Lane | None:
     """The lane at the rear axle; None unless every number is there, finite and possible."""
-    offset_m = _within(estimate.lateral_offset_m, settings.max_offset_m)
-    heading_rad = _within(estimate.heading_error_rad, settings.max_heading_rad)
-    curvature_1pm = _within(estimate.curvature_1pm, settings.max_curvature_1pm)
-    rate_1pm2 = _within(estimate.curvature_rate_1pm2, settings.max_curvature_rate_1pm2)
+    offset_m = within(estimate.lateral_offset_m, settings.max_offset_m)
+    heading_rad = within(estimate.heading_error_rad, settings.max_heading_rad)
+    curvature_1pm = within(estimate.curvature_1pm, settings.max_curvature_1pm)
+    rate_1pm2 = within(estimate.curvature_rate_1pm2, settings.max_curvature_rate_1pm2)
     if offset_m is None or heading_rad is None or curvature_1pm is None or rate_1pm2 is None:
         return None
     if not 0 <= estimate.lookahead_m < math.inf:
         return None
-    at_axle_1pm = _within(curvature_1pm - rate_1pm2 * estimate.lookahead_m, settings.max_curvature_1pm)
+    at_axle_1pm = within(curvature_1pm - rate_1pm2 * estimate.lookahead_m, settings.max_curvature_1pm)
     return None if at_axle_1pm is None else Lane(offset_m, heading_rad, at_axle_1pm, rate_1pm2)
 
 
@@ -95,9 +96,9 @@ def motion_of(state: VehicleState | None, *, now_s: float, settings: SightingSet
     """How the vehicle moves; None when its state is missing, stale, or holds a number that cannot be."""
     if state is None or age_s(state.t_s, now_s=now_s, settings=settings) > settings.state_fresh_s:
         return None
-    speed_mps = _within(state.speed_mps, settings.max_speed_mps)
-    yaw_rate_radps = _within(state.yaw_rate_radps, settings.max_yaw_rate_radps)
-    wheel_rad = _within(state.road_wheel_angle_rad, math.pi / 2)
+    speed_mps = within(state.speed_mps, settings.max_speed_mps)
+    yaw_rate_radps = within(state.yaw_rate_radps, settings.max_yaw_rate_radps)
+    wheel_rad = within(state.road_wheel_angle_rad, math.pi / 2)
     if speed_mps is None or yaw_rate_radps is None or wheel_rad is None:
         return None
     return Motion(speed_mps, yaw_rate_radps)
@@ -109,6 +110,6 @@ def _width_error_m(width_m: float | None, settings: SightingSettings) -> float |
     return max(0.0, settings.min_lane_width_m - width_m, width_m - settings.max_lane_width_m)
 
 
-def _within(value: float | None, limit: float) -> float | None:
+def within(value: float | None, limit: float) -> float | None:
     """``value`` if it is a number of at most ``limit`` in size; NaN fails every comparison."""
     return value if value is not None and abs(value) <= limit else None

@@ -18,7 +18,6 @@ from supervisor.rules import LEVELS, Input
 
 Point = dict[str, float]
 
-RANDOM_POINTS = 300
 _TOLERANCE = 1e-12  # of the sum of five products
 
 
@@ -30,15 +29,16 @@ class Verdict:
     problems: tuple[str, ...]  # empty: the rules may drive
 
 
-def verify(rules: FearRules, *, seed: int = 0) -> Verdict:
+def verify(rules: FearRules, *, random_points: int = 120, seed: int = 0) -> Verdict:
     """Check ``rules`` for holes, monotony, reach, missing inputs and idle parts."""
-    points = [*_pair_points(rules), *_random_points(rules, seed)]
+    scattered = list(_random_points(rules, random_points, seed))
+    points = [*_pair_points(rules), *scattered]
     problems = [
         *_idle_parts(rules),
         *_wrong_sets(rules),
         *_reach(rules),
         *itertools.islice(_holes(rules, points), 1),
-        *itertools.islice(_rises_and_falls(rules, points), 1),
+        *itertools.islice(_rises_and_falls(rules, scattered), 1),
     ]
     return Verdict(len(points), tuple(problems))
 
@@ -67,9 +67,9 @@ def _pair_points(rules: FearRules) -> Iterator[Point]:
             yield {**calm, one: x, other: y}
 
 
-def _random_points(rules: FearRules, seed: int) -> Iterator[Point]:
+def _random_points(rules: FearRules, count: int, seed: int) -> Iterator[Point]:
     rng = np.random.default_rng(seed)
-    for _ in range(RANDOM_POINTS):
+    for _ in range(count):
         yield {name: float(rng.choice(knots(spec))) for name, spec in rules.inputs.items()}
 
 
@@ -80,8 +80,8 @@ def _holes(rules: FearRules, points: list[Point]) -> Iterator[str]:
 
 
 def _rises_and_falls(rules: FearRules, points: list[Point]) -> Iterator[str]:
-    """Along every input through the random points: fear must not fall towards risk, nor when the input is lost."""
-    for point, (name, spec) in itertools.product(points[-RANDOM_POINTS:], rules.inputs.items()):
+    """Along every input through ``points``: fear must not fall towards risk, nor when the input is lost."""
+    for point, (name, spec) in itertools.product(points, rules.inputs.items()):
         before = -math.inf
         for x in (*knots(spec)[::2], None):
             fear = rules.evaluate({**point, name: x}).fear
