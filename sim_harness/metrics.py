@@ -39,14 +39,14 @@ class Metrics:
 
 
 def measure(trace: Trace) -> Metrics:
-    """Scores of ``trace``. Raises ValueError when it has fewer than two samples.
+    """Scores of ``trace``. Raises ValueError when it spans no time.
 
     autonomy = 100·(1 - 6 s·interventions/duration), at least 0: Bojarski et al. (2016), section 5.2.
     """
-    if len(trace) < 2:
-        raise ValueError(f"a trace needs at least two samples to be scored, got {len(trace)}")
     t_s = trace["t_s"]
-    duration_s = float(t_s[-1] - t_s[0])
+    duration_s = float(t_s[-1] - t_s[0]) if len(trace) else 0.0
+    if duration_s <= 0.0:
+        raise ValueError(f"a trace of {len(trace)} samples over {duration_s} s cannot be scored")
     distance_m = float(trace["station_m"][-1] - trace["station_m"][0])
     interventions = int(trace["interventions"][-1])
     fear = trace["decision.fear"]

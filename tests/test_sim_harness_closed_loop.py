@@ -72,13 +72,13 @@ class Seer:
         )
 
 
-def parts_with_seers(scenario, seed=0):
+def parts_with_seers(scenario, seed=0, settings=None):
     road = scenario.build_road()
     camera = WatchedCamera(scenario, road)
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     limiter = controller.limiter.build()
     return Parts(
-        vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, load_simulator(), seed=seed),
+        vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, settings or load_simulator(), seed=seed),
         camera=camera,
         estimators={name: Seer(name, camera) for name in scenario.estimators},
         statistician=ImageStatistician(),
@@ -87,8 +87,8 @@ def parts_with_seers(scenario, seed=0):
     )
 
 
-def drive(scenario, seed=0):
-    return run(scenario, seed=seed, parts=parts_with_seers(scenario, seed))
+def drive(scenario, seed=0, settings=None):
+    return run(scenario, seed=seed, parts=parts_with_seers(scenario, seed, settings))
 
 
 @pytest.mark.parametrize("name", ["offset_start", "s_curve", "curve_left_r15", "curve_right_r15"])
@@ -99,10 +99,16 @@ def test_a_car_that_sees_its_lane_keeps_it_and_arrives(name):
     assert result.metrics.modes["KEEP"] > 0.5 * result.metrics.duration_s
 
 
-def test_left_and_right_bends_are_driven_alike():
-    left, right = (drive(load_scenario(f"curve_{side}_r15")).metrics for side in ("left", "right"))
-    assert left.max_lateral_error_m == pytest.approx(right.max_lateral_error_m, abs=0.02)
-    assert left.duration_s == pytest.approx(right.duration_s, abs=0.2)
+def test_the_mirrored_road_is_driven_as_the_mirror_image():
+    exact = {"speed_noise_ratio": 0.0, "road_wheel_angle_noise_rad": 0.0, "yaw_rate_noise_radps": 0.0}
+    left, right = (
+        drive(load_scenario(f"curve_{side}_r15"), settings=load_simulator().model_copy(update=exact)).trace
+        for side in ("left", "right")
+    )
+    for name in ("lateral_offset_m", "yaw_rad", "command.road_wheel_angle_rad", "decision.heading_error_rad"):
+        np.testing.assert_allclose(left[name], -right[name], atol=1e-9)
+    for name in ("station_m", "speed_mps", "decision.fear"):
+        np.testing.assert_allclose(left[name], right[name], atol=1e-9)
 
 
 @pytest.mark.parametrize(

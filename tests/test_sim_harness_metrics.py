@@ -162,9 +162,10 @@ def test_without_decisions_there_is_no_fear_to_score():
     assert (scores.max_fear, scores.mean_fear, scores.modes) == (None, None, {})
 
 
-def test_one_sample_is_too_few_to_score():
-    with pytest.raises(ValueError, match="at least two samples"):
-        measure(trace_of([truth(0.0)]))
+@pytest.mark.parametrize("times_s", [[], [0.0], [1.0, 1.0]])
+def test_a_trace_that_spans_no_time_cannot_be_scored(times_s):
+    with pytest.raises(ValueError, match="cannot be scored"):
+        measure(trace_of([truth(t_s) for t_s in times_s]))
 
 
 def test_equal_runs_have_equal_hashes_and_one_bit_or_word_of_difference_shows():
