@@ -19,7 +19,7 @@ from sim_harness.road_strip import LEFT_M, LEVELS_M, RIGHT_M, Bytes, RoadStrip
 TILE_PX = (512, 512, 256, 256, 256)
 STEP_PX = (16, 16, 8, 4, 4)  # of the coarse grid
 VERGE_PX = 1024  # period of the verge at the finest level
-MAX_BYTES = 120_000_000
+MAX_TILES = (64, 48, 256, 128, 128)  # kept at each level: 190 MB at most
 OUTSIDE = -1e4  # a source coordinate that lies in no image
 
 VERGE_BGR = {
@@ -41,8 +41,7 @@ class Ground:
         self._verge_bgr = np.array([VERGE_BGR[section.verge] for section in road.sections]) * jitter
         self._verge = _verge_levels(rng)
         self._phase = rng.uniform(0, math.tau, 4)
-        self._tiles: OrderedDict[tuple[int, int, int], Bytes] = OrderedDict()
-        self._bytes = 0
+        self._tiles: list[OrderedDict[tuple[int, int], Bytes]] = [OrderedDict() for _ in LEVELS_M]
 
     def crop(
         self, level: int, low: NDArray[np.float64], high: NDArray[np.float64]
@@ -73,19 +72,25 @@ class Ground:
             centre = np.array(self.road.position(station_m, 0.0))
             self.crop(2, centre - 25, centre + 25)
             self.crop(3, centre - 45, centre + 45)
-            self.crop(4, centre - 150, centre + 150)
+            self.crop(4, centre - 220, centre + 220)
+
+    def paint_one(self, level: int, points: NDArray[np.float64]) -> bool:
+        """Paint the first missing tile below ``points`` (x, y), shape (n, 2); whether there was one."""
+        cells = np.floor(points / (TILE_PX[level] * LEVELS_M[level])).astype(int).tolist()
+        missing = next((cell for cell in cells if tuple(cell) not in self._tiles[level]), None)
+        if missing is not None:
+            self._tile(level, *missing)
+        return missing is not None
 
     def _tile(self, level: int, column: int, row: int) -> Bytes:
-        key = (level, column, row)
-        tile = self._tiles.get(key)
-        if tile is None:
-            tile = self._tiles[key] = self._paint(level, column, row)
-            self._bytes += tile.nbytes
-            while self._bytes > MAX_BYTES:
-                self._bytes -= self._tiles.popitem(last=False)[1].nbytes
+        tiles, key = self._tiles[level], (column, row)
+        if key in tiles:
+            tiles.move_to_end(key)
         else:
-            self._tiles.move_to_end(key)
-        return tile
+            tiles[key] = self._paint(level, column, row)
+            if len(tiles) > MAX_TILES[level]:
+                tiles.popitem(last=False)
+        return tiles[key]
 
     def _paint(self, level: int, column: int, row: int) -> Bytes:
         size, step = TILE_PX[level], STEP_PX[level]

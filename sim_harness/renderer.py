@@ -27,6 +27,7 @@ Matrix = NDArray[np.float64]
 REACH = 1.0  # a level serves while its pixels are not narrower than this share of the image's
 MAX_ROWS_PER_ROW = 6
 HAZE_REACH_M = 220.0
+PAINT_AHEAD_M = 7.0  # where tiles are painted, one a frame, before they are needed
 LIGHT_RAMP_M = 10.0  # over which the light changes from one section to the next
 LEAD = Body()
 
@@ -81,6 +82,7 @@ class Renderer:
         image = np.empty((self.camera.height_px, self.camera.width_px, 3), np.uint8)
         self._backdrop.draw(image, yaw_rad)
         self._draw_ground(image, x_m, y_m, yaw_rad)
+        self._paint_ahead(x_m, y_m, yaw_rad)
         if lead is not None:
             draw_lead(image, self.camera, LEAD, _relative(lead, (x_m, y_m, yaw_rad)))
         bearing = self.road.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad
@@ -111,6 +113,14 @@ class Renderer:
             image[band.top : band.bottom] = drawn
         far = image[self._far_rows]
         far[:] = far + self._far_share * (self._backdrop.horizon_bgr - far)
+
+    def _paint_ahead(self, x_m: float, y_m: float, yaw_rad: float) -> None:
+        """Paint at most one tile that will soon be seen, so that no frame has to paint many."""
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        origin = np.array([x_m + PAINT_AHEAD_M * cos, y_m + PAINT_AHEAD_M * sin])
+        for band in self._bands[:2]:
+            if self._ground.paint_one(band.level, band.corners_m @ [[cos, sin], [-sin, cos]] + origin):
+                return
 
     def _light_at(self, station_m: float) -> Light:
         before, here, share = self.road.transition_at(station_m, LIGHT_RAMP_M)

@@ -9,6 +9,7 @@ import math
 from collections import OrderedDict
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -20,13 +21,14 @@ from sim_harness.noise import FloatImage, smooth_noise
 from sim_harness.road import Road
 
 Bytes = NDArray[np.uint8]
+T = TypeVar("T")
 
 LEVELS_M = (0.025, 0.05, 0.1, 0.2, 0.4)  # pixel sizes
 RIGHT_M, LEFT_M = -4.8, 8.0  # what of the road's width is painted
 COLUMNS = round((LEFT_M - RIGHT_M) / LEVELS_M[0])
 ROWS = 1024
 NOMINAL_BLOCK_M = ROWS * LEVELS_M[0]
-MAX_BLOCKS = 64  # of 3 MB each
+MAX_FINEST, MAX_COARSER = 12, 128  # blocks kept: 2 MB each at the finest level, 0.7 MB for all others
 TAPER_M = 12.0  # over which the carriageway changes its width
 EDGE_SOFTNESS_M = 0.05
 
@@ -63,7 +65,8 @@ class RoadStrip:
         self._edge_noise = smooth_noise(rng, (4 * ROWS, 2), (32, 1))
         self._leaves = _leaves(rng) if any(section.shadows for section in road.sections) else None
         self._tint = rng.uniform(0.975, 1.025, 3)
-        self._blocks: OrderedDict[int, tuple[Block, ...]] = OrderedDict()
+        self._finest: OrderedDict[int, Block] = OrderedDict()
+        self._coarser: OrderedDict[int, tuple[Block, ...]] = OrderedDict()
 
     def block_at(self, station_m: NDArray[np.float64]) -> NDArray[np.int64]:
         """Index of the block at each station."""
@@ -71,21 +74,21 @@ class RoadStrip:
 
     def run(self, first: int, count: int, level: int) -> Block:
         """``count`` blocks from block ``first`` on, joined."""
-        blocks = [self._levels(first + i)[level] for i in range(count)]
+        blocks = [self._block(first + i, level) for i in range(count)]
         if all(block.shade is None for block in blocks):
             shade = None
         else:
             shade = np.concatenate([_shade_or_light(block) for block in blocks])
         return Block(np.concatenate([block.colour for block in blocks]), shade)
 
-    def _levels(self, index: int) -> tuple[Block, ...]:
+    def _block(self, index: int, level: int) -> Block:
         index = index % self.count if self.road.closed else index
-        if index not in self._blocks:
-            self._blocks[index] = _pyramid(self._paint(index))
-            if len(self._blocks) > MAX_BLOCKS:
-                self._blocks.popitem(last=False)
-        self._blocks.move_to_end(index)
-        return self._blocks[index]
+        known = index in self._finest if level == 0 else index in self._coarser
+        if not known:
+            finest = self._paint(index)
+            _keep(self._finest, index, finest, MAX_FINEST)
+            _keep(self._coarser, index, _coarser(finest), MAX_COARSER)
+        return self._finest[index] if level == 0 else self._coarser[index][level - 1]
 
     def _paint(self, index: int) -> Block:
         """Block ``index`` at the finest level."""
@@ -251,13 +254,20 @@ def _tapered(road: Road, station: NDArray[np.float64], field: str) -> NDArray[np
     return np.asarray((1 - share) * values[before] + share * values[here])
 
 
-def _pyramid(finest: Block) -> tuple[Block, ...]:
-    """The block at every level."""
+def _keep(cache: OrderedDict[int, T], index: int, item: T, most: int) -> None:
+    """Put ``item`` into the cache and drop the oldest when there are too many."""
+    cache[index] = item
+    if len(cache) > most:
+        cache.popitem(last=False)
+
+
+def _coarser(finest: Block) -> tuple[Block, ...]:
+    """The block at every level but the finest."""
     blocks = [finest]
     while len(blocks) < len(LEVELS_M):
         above = blocks[-1]
         blocks.append(Block(_halved(above.colour), None if above.shade is None else _halved(above.shade)))
-    return tuple(blocks)
+    return tuple(blocks[1:])
 
 
 def _halved(image: Bytes) -> Bytes:
