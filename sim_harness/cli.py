@@ -2,15 +2,17 @@
 
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
+import cv2
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from sim_harness.closed_loop import run_many
-from sim_harness.scenarios import list_scenarios, load_scenarios
+from sim_harness.closed_loop import run, run_many
+from sim_harness.scenarios import Scenario, list_scenarios, load_scenarios
 from trepid.config import InputError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
@@ -45,6 +47,7 @@ def run_verb(
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE")] = None,
     trace: Annotated[Path | None, typer.Option(help="Save the trace of a single run as .npz.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Draw a single run as .png.")] = None,
     as_json: AsJson = False,
 ) -> int:
     """Run scenarios in lock-step; exit code 1 when one of them fails."""
@@ -53,19 +56,41 @@ def run_verb(
     for scenario in scenarios:
         scenario.check()
     total = len(scenarios) * seeds
-    if trace is not None and total > 1:
-        raise InputError(f"--trace saves one run, not {total}")
-    if trace is not None and not trace.parent.is_dir():
-        raise InputError(f"--trace {trace}: there is no folder {trace.parent}")
+    rows = run_many(scenarios, range(seed, seed + seeds), jobs=jobs)
+    if trace is not None or picture is not None:
+        check_outputs(total, trace, picture)
+        rows = run_and_save(scenarios[0], seed, trace, picture)
     failed = 0
-    for number, row in enumerate(
-        run_many(scenarios, range(seed, seed + seeds), jobs=jobs, trace_path=trace), start=1
-    ):
+    for number, row in enumerate(rows, start=1):
         failed += row["status"] == "failed"
         if as_json:
             print(json.dumps(row), flush=True)
         print(f"[{number}/{total}] {one_line(row)}", file=sys.stderr if as_json else sys.stdout, flush=True)
     return 1 if failed else 0
+
+
+def check_outputs(total: int, *paths: Path | None) -> None:
+    """Raise InputError unless there is one run to save, and a folder for each file."""
+    for path in filter(None, paths):
+        if total > 1:
+            raise InputError(f"{path}: can hold one run, not {total}")
+        if not path.parent.is_dir():
+            raise InputError(f"{path}: there is no folder {path.parent}")
+
+
+def run_and_save(
+    scenario: Scenario, seed: int, trace: Path | None, picture: Path | None
+) -> Iterator[dict[str, Any]]:
+    """The row of one run, after its trace and picture are saved."""
+    result = run(scenario, seed=seed)
+    if trace is not None:
+        result.trace.save(trace)
+    if picture is not None:
+        from sim_harness.picture import draw
+
+        if not cv2.imwrite(str(picture), draw(scenario, result.trace, seed=seed)):
+            raise InputError(f"{picture}: cannot be written as an image")
+    yield result.row()
 
 
 def parse_overrides(settings: list[str]) -> dict[str, str]:

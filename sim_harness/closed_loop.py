@@ -11,7 +11,6 @@ import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -221,30 +220,18 @@ class ClosedLoop:
         self._decide_by_s = now_s + self._simulator.idle_decision_period_s
 
 
-@dataclass(frozen=True, slots=True)
-class _Job:
-    scenario: Scenario
-    seed: int
-    trace_path: Path | None
-
-
 def run_many(
-    scenarios: Sequence[Scenario], seeds: Sequence[int], *, jobs: int = 1, trace_path: Path | None = None
+    scenarios: Sequence[Scenario], seeds: Sequence[int], *, jobs: int = 1
 ) -> Iterator[dict[str, Any]]:
-    """Rows of every scenario with every seed, in that order, on ``jobs`` processes. Raises InputError.
-
-    ``trace_path`` is where the trace of a single run is saved.
-    """
-    work = [_Job(scenario, seed, trace_path) for scenario in scenarios for seed in seeds]
+    """Rows of every scenario with every seed, in that order, on ``jobs`` processes. Raises InputError."""
+    work = [(scenario, seed) for scenario in scenarios for seed in seeds]
     if jobs == 1 or len(work) == 1:
-        yield from map(_run_job, work)
+        yield from map(_row, work)
         return
     with multiprocessing.get_context("spawn").Pool(min(jobs, len(work))) as pool:
-        yield from pool.imap(_run_job, work)
+        yield from pool.imap(_row, work)
 
 
-def _run_job(job: _Job) -> dict[str, Any]:
-    result = run(job.scenario, seed=job.seed)
-    if job.trace_path is not None:
-        result.trace.save(job.trace_path)
-    return result.row()
+def _row(job: tuple[Scenario, int]) -> dict[str, Any]:
+    scenario, seed = job
+    return run(scenario, seed=seed).row()

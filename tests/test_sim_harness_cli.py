@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 
@@ -56,8 +57,10 @@ def test_a_failed_run_is_exit_code_1_with_its_reason(short, capsys):
     assert "the route was not driven to its end" in capsys.readouterr().out
 
 
-def test_a_trace_is_saved_where_asked(short, tmp_path, capsys):
-    assert sim("run", short, "--trace", tmp_path / "run.npz", "--json") == 0
+def test_trace_and_picture_are_saved_where_asked(short, tmp_path, capsys):
+    files = ("--trace", tmp_path / "run.npz", "--picture", tmp_path / "run.png")
+    assert sim("run", short, *files, "--json") == 0
+    assert cv2.imread(str(tmp_path / "run.png")).shape[1] > 1000
     with np.load(tmp_path / "run.npz") as saved:
         assert saved["t_s"][-1] == pytest.approx(0.5)
     assert json.loads(capsys.readouterr().out)["duration_s"] == pytest.approx(0.5)
@@ -69,8 +72,8 @@ def test_a_trace_is_saved_where_asked(short, tmp_path, capsys):
         (["run", "circus"], "no scenario 'circus'"),
         (["run", "straight", "--set", "duration_s"], "--set duration_s: expected KEY=VALUE"),
         (["run", "straight", "--set", "lane_width_m=9"], "--set lane_width_m: lane_width_m: .*less than"),
-        (["run", "straight", "circuit", "--trace", "x.npz"], "--trace saves one run, not 2"),
-        (["run", "straight", "--trace", "/no/such/folder/x.npz"], "/no/such/folder"),
+        (["run", "straight", "circuit", "--trace", "x.npz"], "x.npz: can hold one run, not 2"),
+        (["run", "straight", "--picture", "/no/such/folder/x.png"], "there is no folder /no/such/folder"),
     ],
 )
 def test_bad_input_is_refused_before_anything_runs(arguments, message):
