@@ -13,7 +13,7 @@ from perception.lane_evidence import EvidenceSettings, LaneFit, confidence
 from perception.lane_fit import KAPPA, KAPPA_RATE, PSI, WIDTH, E, FitSettings, LaneState
 from perception.lane_points import MarkingFilter, MarkingSettings, RoadPoints, marking_channel
 from perception.lane_search import boundary_columns, find_lane, find_road
-from perception.lane_tracker import PriorSettings, TrackSettings, predict, prior_state
+from perception.lane_tracker import PriorSettings, TrackSettings, predict, prior_state, straightened
 from perception.lane_vote import VoteSettings
 from perception.lateral_grid import LateralGrid, lateral_grid
 from perception.road_edges import EdgeSettings, RoadEdgeFinder
@@ -51,6 +51,7 @@ class LaneCvSettings(Settings):
     band_m: Positive
     max_band_px: Annotated[int, Field(ge=1)]
     min_confidence: Annotated[float, Field(ge=0, le=1)]
+    enough_confidence: Annotated[float, Field(ge=0, le=1)]
     good_confidence: Annotated[float, Field(ge=0, le=1)]
     markings: MarkingSettings
     fit: FitSettings
@@ -162,7 +163,7 @@ class LaneCv:
             return self._keep(lines, belief)
         if self._source == LINES and belief >= settings.min_confidence:
             return self._unless_better(lines, belief, points, image, view)
-        edges = self._find_edges(image, self._with_width_of(EDGES), view, wide=False)
+        edges = self._find_edges(image, self._with_width_of(EDGES), view)
         edge_belief = self._belief(edges)
         if edge_belief >= settings.good_confidence and self._agrees(edges):
             return self._keep(edges, edge_belief)
@@ -182,12 +183,11 @@ class LaneCv:
             points, self._prior_of(LINES), (settings.vote.cold, settings.vote.refine), view
         )
         belief = self._belief(lines)
-        if belief >= settings.good_confidence and lines.boundaries_seen == 2:
+        if belief >= settings.enough_confidence and lines.boundaries_seen == 2:
             return lines, belief
-        edges = self._find_edges(image, self._prior_of(EDGES), view, wide=True)
+        prior = self._prior_of(EDGES)
+        edges = self._find_edges(image, prior, view, straight=straightened(prior, settings.prior))
         edge_belief = self._belief(edges)
-        if edges.boundaries_seen < 2 and lines.boundaries_seen == 2:
-            edge_belief *= settings.evidence.one_line_trust
         best, best_belief = (lines, belief) if belief >= edge_belief else (edges, edge_belief)
         return (best, best_belief) if best_belief >= settings.min_confidence else (None, 0.0)
 
@@ -239,7 +239,13 @@ class LaneCv:
         return LaneState(mean=mean, covariance=covariance)
 
     def _find_lines(
-        self, points: RoadPoints, prior: LaneState, stages: tuple[VoteSettings, ...], view: View
+        self,
+        points: RoadPoints,
+        prior: LaneState,
+        stages: tuple[VoteSettings, ...],
+        view: View,
+        *,
+        straight: LaneState | None = None,
     ) -> LaneFit:
         return find_lane(
             points,
@@ -249,11 +255,19 @@ class LaneCv:
             fit=self._settings.fit,
             evidence=self._settings.evidence,
             prior_weight=self._settings.vote.prior_weight,
+            straight=straight,
         )
 
-    def _find_edges(self, image: Bgr, prior: LaneState, view: View, *, wide: bool) -> LaneFit:
+    def _find_edges(
+        self, image: Bgr, prior: LaneState, view: View, *, straight: LaneState | None = None
+    ) -> LaneFit:
         return find_road(
-            view.edges, image, prior, wide=wide, fit=self._settings.edge_fit, evidence=self._settings.evidence
+            view.edges,
+            image,
+            prior,
+            fit=self._settings.edge_fit,
+            evidence=self._settings.evidence,
+            straight=straight,
         )
 
     def _belief(self, fit: LaneFit) -> float:
@@ -332,7 +346,7 @@ def as_bgr(image: NDArray[np.uint8]) -> Bgr:
 
 def boundary_paths(lane: LaneState, camera: Camera, *, reach_m: float) -> tuple[PixelPath, PixelPath]:
     """Both boundaries as pixels of the input image, one every ten rows from the bottom up."""
-    last = (camera.height_px - 1) // ROW_STEP_PX * ROW_STEP_PX
+    last = camera.height_px // ROW_STEP_PX * ROW_STEP_PX  # the lower border of the image
     rows = np.arange(last, -1, -ROW_STEP_PX, dtype=float)
     left, right = boundary_columns(lane.mean, camera, rows, reach_m=reach_m)
     return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)

@@ -41,6 +41,16 @@ class LaneState:
     covariance: Array
 
 
+@dataclass(frozen=True)
+class Fitted:
+    """A fitted state; per point the residual [m] and the final weight (0 = rejected)."""
+
+    state: LaneState
+    residual_m: Array
+    weight: Array
+    log_evidence: float
+
+
 def lane_coordinates(
     x_m: Array, y_m: Array, mean: Array, curvature_floor_1pm: float = 1e-7
 ) -> tuple[Array, Array, Array]:
@@ -71,24 +81,23 @@ def fit_lane(
     start: Array,
     camera: Camera,
     settings: FitSettings,
-) -> tuple[LaneState, Array, Array]:
+) -> Fitted:
     """Maximum a posteriori lane for ``points`` on the left (side +1) or right (−1) boundary.
 
     Gauss-Newton on r = d(p; x) − side·W/2 with Cauchy weights and the prior N(x̄, P): with the information
     N = Σ w·HᵀH/σ², x = x̄ + (P⁻¹ + N)⁻¹·Σ w·Hᵀ/σ²·(H·(x_k − x̄) − r). The points of a boundary share their errors
-    (one line of paint, one camera), so all together they count as ``points_per_boundary`` points. Returns the
-    state, the residuals [m] and the final weights (0 = rejected).
+    (one line of paint, one camera), so all together they count as ``points_per_boundary`` points.
     """
     precision = np.linalg.inv(prior.covariance)
     mean = start.copy()
     shared = _shared_weight(side, settings.points_per_boundary) * points.weight / points.sigma_m**2
     residual = weight = np.zeros(len(side))
+    scale = np.maximum(2 * points.sigma_m, settings.robust_scale_m)
     information = precision
     for iteration in range(settings.iterations):
         residual, jacobian = _residuals(points, side, mean, camera)
         gate = settings.gate_m * (2.0 if iteration == 0 else 1.0) + settings.gate_growth * points.x_m
         gate = gate + points.sigma_m
-        scale = np.maximum(2 * points.sigma_m, settings.robust_scale_m)
         weight = shared / (1 + (residual / scale) ** 2) * (np.abs(residual) < gate)
         weighted = jacobian.T * weight
         information = precision + weighted @ jacobian
@@ -97,7 +106,26 @@ def fit_lane(
         mean = _bounded(mean)
     residual, _ = _residuals(points, side, mean, camera)
     covariance = np.linalg.inv(information)
-    return LaneState(mean=mean, covariance=(covariance + covariance.T) / 2), residual, weight
+    return Fitted(
+        state=LaneState(mean=mean, covariance=(covariance + covariance.T) / 2),
+        residual_m=residual,
+        weight=weight,
+        log_evidence=_log_evidence(mean - prior.mean, precision, information, residual, shared, scale),
+    )
+
+
+def _log_evidence(
+    change: Array, precision: Array, information: Array, residual: Array, shared: Array, scale: Array
+) -> float:
+    """How well the prior foresaw the points: log ∫ p(points | x)·p(x) dx, but for a constant, after Laplace.
+
+    A looser prior pays for its freedom by log|P⁻¹ + N|/|P⁻¹|, so a bend is only seen where it is needed
+    (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 28).
+    """
+    misfit = float(np.sum(shared * scale**2 * np.log1p((residual / scale) ** 2)))
+    surprise = float(change @ precision @ change)
+    occam = float(np.linalg.slogdet(information)[1] - np.linalg.slogdet(precision)[1])
+    return -0.5 * (misfit + surprise + occam)
 
 
 def _bounded(mean: Array) -> Array:

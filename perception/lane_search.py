@@ -15,6 +15,7 @@ from perception.lane_fit import (
     Array,
     E,
     FitSettings,
+    Fitted,
     LaneState,
     fit_lane,
     lane_coordinates,
@@ -28,6 +29,7 @@ from perception.lateral_grid import LateralGrid
 from perception.road_edges import RoadEdgeFinder
 from trepid.camera import Camera
 
+STRAIGHT = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])  # keeps all of a state but its bend
 STATIONS_M = np.concatenate([np.arange(-1.0, 20.0, 0.5), np.arange(20.0, 81.0, 2.0)])
 
 
@@ -40,8 +42,12 @@ def find_lane(
     fit: FitSettings,
     evidence: EvidenceSettings,
     prior_weight: float,
+    straight: LaneState | None = None,
 ) -> LaneFit:
-    """The lane that ``points`` support best, searched in ``stages`` around ``prior`` and fitted with it."""
+    """The lane that ``points`` support best, searched in ``stages`` around ``prior`` and fitted with it.
+
+    With a prior ``straight`` for a road that does not bend, the simpler of the two explanations wins.
+    """
     x_m, y_m = levelled(points, prior.mean[PITCH], grid.camera)
     flat = replace(points, x_m=x_m, y_m=y_m)
     guess = _guess(prior)
@@ -50,8 +56,11 @@ def find_lane(
     start = prior.mean.copy()
     start[[E, PSI, KAPPA, WIDTH]] = guess.offset_m, guess.heading_rad, guess.curvature_1pm, guess.width_m
     near, side = _assign(points, start, grid.camera, fit)
-    state, residual, weight = fit_lane(near, side, prior, start, grid.camera, fit)
-    return _with_evidence(state, points, near, side, residual, weight, grid, fit, evidence)
+    fitted = fit_lane(near, side, prior, start, grid.camera, fit)
+    if straight is not None:
+        plain = fit_lane(near, side, straight, start * STRAIGHT, grid.camera, fit)
+        fitted = plain if plain.log_evidence > fitted.log_evidence else fitted
+    return _with_evidence(fitted, points, near, side, grid, fit, evidence)
 
 
 def find_road(
@@ -59,18 +68,28 @@ def find_road(
     image: NDArray[np.uint8],
     prior: LaneState,
     *,
-    wide: bool,
     fit: FitSettings,
     evidence: EvidenceSettings,
+    straight: LaneState | None = None,
 ) -> LaneFit:
-    """The unmarked road whose edges enclose what looks like the road ahead, as a lane as wide as the road."""
+    """The unmarked road whose edges enclose what looks like the road ahead, as a lane as wide as the road.
+
+    With a prior ``straight`` nothing is remembered: every shape is tried, twice, and the simpler one wins.
+    """
+    wide = straight is not None
     sums = finder.sums(image)
     start = finder.search(sums, prior, wide=wide)
+    if wide:
+        sums = finder.sums(image, lane=start)
+        start = finder.search(sums, prior, wide=True)
     for _ in range(2):
         points, side = finder.points(sums, start)
-        state, residual, weight = fit_lane(points, side, prior, start, finder.grid.camera, fit)
-        start = state.mean
-    found = _with_evidence(state, points, points, side, residual, weight, finder.grid, fit, evidence)
+        fitted = fit_lane(points, side, prior, start, finder.grid.camera, fit)
+        if straight is not None:
+            plain = fit_lane(points, side, straight, start * STRAIGHT, finder.grid.camera, fit)
+            fitted = plain if plain.log_evidence > fitted.log_evidence else fitted
+        start = fitted.state.mean
+    found = _with_evidence(fitted, points, points, side, finder.grid, fit, evidence)
     return replace(found, by_edges=True)
 
 
@@ -121,20 +140,19 @@ def _columns(matrix: Array, x_m: Array, y_m: Array, rows_px: Array) -> Array:
 
 
 def _with_evidence(
-    state: LaneState,
+    fitted: Fitted,
     points: RoadPoints,
     near: RoadPoints,
     side: Array,
-    residual: Array,
-    weight: Array,
     grid: LateralGrid,
     fit: FitSettings,
     evidence: EvidenceSettings,
 ) -> LaneFit:
     """The fitted state with the support of each boundary."""
+    state, residual = fitted.state, fitted.residual_m
     middle = (grid.top_px + grid.bottom_px - 1) / 2
     columns = boundary_columns(state.mean, grid.camera, middle, reach_m=30.0)
-    accepted = (weight > 0) & (np.abs(residual) < fit.gate_m + near.sigma_m)
+    accepted = (fitted.weight > 0) & (np.abs(residual) < fit.gate_m + near.sigma_m)
     area_m = np.sum(np.minimum(grid.camera.width_px / grid.metre_px, 16.0))
     density = len(points.x_m) / max(area_m, 1.0)
     supports = []

@@ -19,6 +19,8 @@ class PriorSettings(Settings):
     heading_sigma_rad: Positive
     curvature_sigma_1pm: Positive
     curvature_rate_sigma_1pm2: Positive
+    straight_curvature_sigma_1pm: Positive
+    straight_curvature_rate_sigma_1pm2: Positive
     width_m: Positive
     width_sigma_m: Positive
     road_width_m: Positive
@@ -61,6 +63,14 @@ def prior_state(settings: PriorSettings, *, width_m: float, width_sigma_m: float
         ]
     )
     return LaneState(mean=mean, covariance=np.diag(sigma**2))
+
+
+def straightened(state: LaneState, settings: PriorSettings) -> LaneState:
+    """The prior ``state`` for a road that does not bend."""
+    sigma = np.sqrt(np.diag(state.covariance))
+    sigma[KAPPA] = settings.straight_curvature_sigma_1pm
+    sigma[KAPPA_RATE] = settings.straight_curvature_rate_sigma_1pm2
+    return LaneState(mean=state.mean, covariance=np.diag(sigma**2))
 
 
 def predict(

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.lane_fit import KAPPA, PSI, WIDTH, Array, E, LaneState
+from perception.lane_fit import KAPPA, PSI, WIDTH, Array, E, LaneState, lane_coordinates
 from perception.lane_points import RoadPoints
-from perception.lateral_grid import LateralGrid, lateral_grid
+from perception.lateral_grid import lateral_grid
 from perception.road_surface import SurfaceSettings, road_likelihood
 from trepid.camera import Camera
 from trepid.config import Settings
@@ -37,7 +37,10 @@ class EdgeSettings(Settings):
     curvature_range_1pm: Positive
     curvature_steps: Annotated[int, Field(ge=1)]
     prior_weight: Positive
+    step_weight: Annotated[float, Field(ge=0)]
+    full_step_grey: Positive
     window_m: Positive
+    margin_m: Positive
     compare_m: Positive
     full_contrast: Positive
     min_contrast: Positive
@@ -50,7 +53,7 @@ class RoadSums:
     """Road likelihood summed from the left end of the grid to each place, in [nats·m]; shape (bands, places)."""
 
     summed: Array
-    left_m: Array  # places, from left (+) to right (−)
+    step: Array  # 0..1, how sharply the image changes across the place
 
 
 class RoadEdgeFinder:
@@ -80,18 +83,31 @@ class RoadEdgeFinder:
         road = camera.road_from_pixel(np.column_stack([u.ravel(), v.ravel()]))
         ahead = (road[:, 0] - camera.x_m).reshape(u.shape)
         left = (road[:, 1] - camera.y_m).reshape(u.shape)
+        self._road_x_m, self._road_y_m = road[:, 0].reshape(u.shape), road[:, 1].reshape(u.shape)
         start = float(np.nanmin(ahead)) + settings.patch_start_m
         patch = (ahead > start) & (ahead < start + settings.patch_length_m)
         patch &= np.abs(left) < settings.patch_half_width_m
         return patch, (np.abs(left) > settings.rest_half_width_m) | ~(ahead < settings.reach_m)
 
-    def sums(self, image: Bgr) -> RoadSums:
-        """Where the road is in ``image`` (any size of the right shape)."""
+    def _masks_of(self, lane: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Pixels well inside and well outside the edges of ``lane``."""
+        margin_m = self._settings.margin_m
+        _, distance, _ = lane_coordinates(self._road_x_m, self._road_y_m, lane)
+        aside = np.abs(distance) - lane[WIDTH] / 2
+        inside = (aside < -margin_m) & (self._road_x_m < self._settings.reach_m)
+        return inside, (aside > margin_m) | np.isnan(aside)
+
+    def sums(self, image: Bgr, lane: Array | None = None) -> RoadSums:
+        """Where the road is in ``image`` (any size of the right shape).
+
+        Road is what looks like the patch ahead of the vehicle, or, with a state ``lane``, like what lies inside it.
+        """
         size = (self._camera.width_px, self._camera.height_px)
         if image.shape[1::-1] != size:
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
         below = np.ascontiguousarray(image[self._first_row :])
-        ratio = road_likelihood(below, self._patch, self._rest, self._settings.surface)
+        road, rest = (self._patch, self._rest) if lane is None else self._masks_of(lane)
+        ratio = road_likelihood(below, road, rest, self._settings.surface)
         integral = cv2.integral(ratio, sdepth=cv2.CV_64F)
         top, bottom = self.grid.top_px - self._first_row, self.grid.bottom_px - self._first_row
         running = (integral[bottom] - integral[top]) / (bottom - top)[:, None]
@@ -102,7 +118,17 @@ class RoadEdgeFinder:
             cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )
-        return RoadSums(summed=summed / self.grid.metre_px[:, None], left_m=self._left_m)
+        return RoadSums(summed=summed / self.grid.metre_px[:, None], step=self._steps(below, top, bottom))
+
+    def _steps(self, below: Bgr, top: NDArray[np.int64], bottom: NDArray[np.int64]) -> Array:
+        """Sharpness of kerbs, lines and verges: |∂/∂u| of the green channel, limited, at the places of the grid."""
+        change = cv2.convertScaleAbs(cv2.Sobel(below[:, :, 1], cv2.CV_16S, 1, 0))
+        limited = np.minimum(cv2.blur(change, (3, 1)), self._settings.full_step_grey)
+        rows = self._map_y + ((top + bottom - 1) / 2 - np.arange(len(top)))[:, None].astype(np.float32)
+        sampled = cv2.remap(
+            limited.astype(np.float32), self._map_x - 0.5, rows.astype(np.float32), cv2.INTER_LINEAR
+        )
+        return sampled / self._settings.full_step_grey
 
     def search(self, sums: RoadSums, prior: LaneState, *, wide: bool) -> Array:
         """State (6,) whose edges enclose the most road likelihood, around ``prior``."""
@@ -119,8 +145,10 @@ class RoadEdgeFinder:
             heading = prior.mean[PSI] + max(sigma[PSI], 0.02) * np.array([-1.5, 0, 1.5])
             bend = prior.mean[KAPPA] + max(sigma[KAPPA], 0.006) * np.array([-1.5, 0, 1.5])
         place = np.arange(-settings.half_range_m * 0.7, settings.half_range_m * 0.7, settings.place_step_m)
-        inside = self._inside(sums, heading, bend, place)
-        best, e, width = _best_edges(inside, place, prior, sigma, settings.prior_weight)
+        index = self._index(heading, bend, place)
+        inside = np.take(sums.summed, index).mean(axis=-1)
+        sharp = settings.step_weight * np.take(sums.step, index).mean(axis=-1)
+        best, e, width = _best_edges(inside, sharp, place, prior, sigma, settings.prior_weight)
         best -= settings.prior_weight * (
             ((heading - prior.mean[PSI]) / max(sigma[PSI], 0.02))[:, None] ** 2
             + ((bend - prior.mean[KAPPA]) / max(sigma[KAPPA], 0.006))[None, :] ** 2
@@ -130,15 +158,14 @@ class RoadEdgeFinder:
         found[[E, PSI, KAPPA, WIDTH]] = e[at], heading[at[0]], bend[at[1]], width[at]
         return found
 
-    def _inside(self, sums: RoadSums, heading: Array, bend: Array, place: Array) -> Array:
-        """Mean over the bands of the sums at the curves (ψ, κ, place), shape (ψ, κ, places)."""
+    def _index(self, heading: Array, bend: Array, place: Array) -> NDArray[np.int64]:
+        """Flat index into the sums of the curves (ψ, κ, place) in every band, shape (ψ, κ, places, bands)."""
         x_m = (self._camera.x_m + self.grid.ahead_m)[None, None, None, :]
         y_m = parallel_curve(x_m, heading[:, None, None, None], bend[None, :, None, None], place[:, None])
         y_m = y_m - self._camera.y_m - np.tan(self._camera.yaw_rad) * self.grid.ahead_m
-        column = ((self._left_m[0] - y_m) / self._settings.step_m + 0.5).astype(np.int32)
+        column = ((self._left_m[0] - y_m) / self._settings.step_m + 0.5).astype(np.int64)
         np.clip(column, 0, len(self._left_m) - 1, out=column)
-        flat = sums.summed.ravel()
-        return np.take(flat, column + len(self._left_m) * np.arange(len(self.grid.ahead_m))).mean(axis=-1)
+        return column + len(self._left_m) * np.arange(len(self.grid.ahead_m))
 
     def points(self, sums: RoadSums, mean: Array) -> tuple[RoadPoints, Array]:
         """Edge points near the curves of ``mean``, one per band and side, and their sides (+1 left, −1 right).
@@ -202,7 +229,7 @@ def parallel_curve(x_m: Array, heading_rad: Array, curvature_1pm: Array, place_m
 
 
 def _best_edges(
-    inside: Array, place: Array, prior: LaneState, sigma: Array, prior_weight: float
+    inside: Array, sharp: Array, place: Array, prior: LaneState, sigma: Array, prior_weight: float
 ) -> tuple[Array, Array, Array]:
     """For each (ψ, κ) the best sum between two edges, and its offset e and width W."""
     step = place[1] - place[0]
@@ -214,7 +241,7 @@ def _best_edges(
         centre = place[:-bins] + bins * step / 2
         unlikely = ((centre + prior.mean[E]) / max(sigma[E], 0.2)) ** 2
         unlikely += ((bins * step - prior.mean[WIDTH]) / max(sigma[WIDTH], 0.2)) ** 2
-        score = inside[:, :, :-bins] - inside[:, :, bins:] - prior_weight * unlikely
+        score = (inside + sharp)[:, :, :-bins] - (inside - sharp)[:, :, bins:] - prior_weight * unlikely
         at = np.argmax(score, axis=2)
         value = np.take_along_axis(score, at[:, :, None], axis=2)[:, :, 0]
         better = value > best
