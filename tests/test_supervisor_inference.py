@@ -175,6 +175,9 @@ def test_more_fear_is_never_faster(one: float, other: float) -> None:
     ("values", "cause", "mode"),
     [
         ({"brightness": 0.02, "lane_confidence": 0.1}, "dark", Mode.STOP),
+        ({"brightness": 0.0, "contrast": 0.0, "under_exposed": 1.0, "frozen": 1.0}, "dark", Mode.STOP),
+        ({"brightness": 1.0, "contrast": 0.0, "over_exposed": 1.0}, "over_exposed", Mode.STOP),
+        ({"brightness": 0.05}, "dark", Mode.CAUTION),
         ({"over_exposed": 0.6, "lane_confidence": 0.1}, "over_exposed", Mode.STOP),
         ({"over_exposed": 0.6}, "over_exposed", Mode.CAUTION),
         ({"sharpness": 1.0}, "blurred", Mode.CAUTION),
