@@ -13,6 +13,7 @@ from trepid.messages import Image
 Share = Annotated[float, Field(ge=0, le=1)]
 NonNegative = Annotated[float, Field(ge=0)]
 Array = NDArray[np.float32]
+UNIFORM_SIGMA = 73.9  # standard deviation of uniform bytes: √((256² − 1)/12)
 
 
 class Augmentation(Settings):
@@ -44,7 +45,7 @@ def augment(
     The other changes keep the lane: shift along the columns and roll are what pitch and roll of the body do.
     """
     if rng.random() < settings.flip:
-        image, lane = np.ascontiguousarray(image[:, ::-1]), -lane
+        image, lane = _pixels(cv2.flip(image, 1)), -lane
     image = _tilt(image, settings, rng)
     if rng.random() < settings.shadows:
         image = _shade(image, rng)
@@ -114,8 +115,10 @@ def _narrow(image: Image, size: float, rng: np.random.Generator) -> Image:
 
 
 def _add_noise(image: Image, sigma_grey: float, rng: np.random.Generator) -> Image:
-    noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma_grey)
-    return _pixels(cv2.add(image, noise, dtype=cv2.CV_8U))
+    """Uniform white noise: ten times cheaper to draw than normal noise, and a sensor's is as white."""
+    noise = rng.integers(0, 256, image.shape, np.uint8)
+    gain = sigma_grey / UNIFORM_SIGMA
+    return _pixels(cv2.addWeighted(image, 1, noise, gain, -127.5 * gain))
 
 
 def nonsense(road: Image, rng: np.random.Generator) -> Image:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from perception.augment import nonsense
 from perception.steer_net import Calibration, Network
 from trepid.messages import Image
 
@@ -128,3 +129,22 @@ def scores(network: Network, data: Labelled, task: Task, calibration: Calibratio
         "seen": (found.visible > 0.5).mean(),
     }
     return {name: round(float(value), 5) for name, value in named.items()}
+
+
+def nonsense_seen(network: Network, data: Labelled, *, seed: int) -> dict[str, float]:
+    """Share of images without a road, and of frames blinded by light, in which the network sees a road."""
+    rng = np.random.default_rng((seed, 2))
+    images = np.stack([nonsense(image, rng) for image in data.images[data.visible]])
+    blind = data.images[~data.visible]
+    return {
+        "frames": float(len(images)),
+        "seen": round(float(np.mean(_visible(network, images) > 0.5)), 5),
+        "blind_frames": float(len(blind)),
+        "blind_seen": round(float(np.mean(_visible(network, blind) > 0.5)), 5) if len(blind) else 0.0,
+    }
+
+
+def _visible(network: Network, images: Image) -> NDArray[np.float32]:
+    return np.concatenate(
+        [network(images[i : i + PREDICT_BATCH])[2] for i in range(0, len(images), PREDICT_BATCH)]
+    )

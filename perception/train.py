@@ -44,6 +44,7 @@ class Recipe(Settings):
     frames: Count
     validation_frames: Count
     test_frames: Count
+    frames_per_road: Count
     epochs: Count
     batch: Count
     learning_rate: Positive
@@ -84,7 +85,7 @@ def train(
 
     AdamW (Loshchilov and Hutter, ICLR 2019) with a cosine to zero. Every epoch draws its order and augmentation
     from (seed, epoch) alone and ends with a checkpoint, so a resumed training equals one in one go.
-    Raises InputError when there is nothing to resume or it was another recipe.
+    Raises InputError when the checkpoint is of another recipe.
     """
     torch.manual_seed(recipe.seed)
     network = build(recipe, data)
@@ -206,7 +207,7 @@ def _save(
 
 def _restore(path: Path, recipe: Recipe, network: SteerNetwork, optimiser: torch.optim.Optimizer) -> Progress:
     if not path.is_file():
-        raise InputError(f"{path}: no checkpoint to resume")
+        return Progress()  # it was interrupted before its first epoch ended
     saved: dict[str, Any] = torch.load(path, weights_only=True)
     if saved["recipe"] != recipe.model_dump_json():
         raise InputError(f"{path}: was made by another recipe; train without --resume")
