@@ -21,7 +21,8 @@ IMAGE_FEATURES = ("brightness", "contrast", "over_exposed", "under_exposed", "sh
 ESTIMATOR_SUFFIX = "_confidence"
 FEATURES = frozenset(
     {
-        *("frame_age", "estimator_age", "state_age", "lane_confidence", "disagreement", "lane_width_error"),
+        *("frame_age", "estimator_age", "state_age", "lane_confidence", "lane_width_error"),
+        *("disagreement", "separation"),
         *IMAGE_FEATURES,
         *("speed", "lateral_demand", "lateral_error", "lead_confidence", "time_gap"),
     }
@@ -50,7 +51,7 @@ def features(
         **_ages(sightings, state_age_s if motion is not None else math.inf),
         **dict.fromkeys(expected, 0.0),
         **_confidences(sightings),
-        "disagreement": _disagreement(sightings, fused, speed_mps),
+        **_contradiction(sightings, fused, speed_mps),
         "lane_width_error": _lane_width_error(sightings),
         **_image(statistics),
         "speed": speed_mps,
@@ -77,9 +78,11 @@ def _confidences(sightings: list[Sighting]) -> Features:
     }
 
 
-def _disagreement(sightings: list[Sighting], fused: Fused, speed_mps: float | None) -> float | None:
-    unknown = speed_mps is None or any(s.broken for s in sightings)
-    return None if unknown else fused.weighted_disagreement_mps2
+def _contradiction(sightings: list[Sighting], fused: Fused, speed_mps: float | None) -> Features:
+    """How far the estimates contradict each other; unknown when one of them is broken."""
+    if speed_mps is None or any(s.broken for s in sightings):
+        return {"disagreement": None, "separation": None}
+    return {"disagreement": fused.weighted_disagreement_mps2, "separation": fused.weighted_separation_m}
 
 
 def _lane_width_error(sightings: list[Sighting]) -> float:

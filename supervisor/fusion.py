@@ -46,7 +46,8 @@ class Fused:
     sources: tuple[str, ...]
     trust: tuple[float, ...]  # sums to 1; empty when nothing was fused
     disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two estimates; None with fewer than two
-    weighted_disagreement_mps2: float  # the same, times the share of the less trusted; 0 with fewer than two
+    weighted_disagreement_mps2: float  # the same, times the share of the less sure; 0 with fewer than two
+    weighted_separation_m: float  # likewise, how far apart they place the car across the lane
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +56,7 @@ class _View:
 
     name: str
     lane: Lane
+    confidence: float
     weight: float
     lookahead_m: float
 
@@ -81,22 +83,24 @@ class Fusion:
             self._memory = self._join(group, t_s)
         else:
             self._memory = memory
-        raw, weighted = _disagreement_1pm(views, lookahead_m)
+        raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m)
         speed2 = moving.speed_mps**2
         total = sum(view.weight for view in group)
         return Fused(
             path=self._memory,
             sources=tuple(view.name for view in group),
             trust=tuple(view.weight / total for view in group),
-            disagreement_mps2=None if raw is None else raw * speed2,
-            weighted_disagreement_mps2=weighted * speed2,
+            disagreement_mps2=None if raw_1pm is None else raw_1pm * speed2,
+            weighted_disagreement_mps2=weighted_1pm * speed2,
+            weighted_separation_m=separation_m,
         )
 
     def _view(self, sighting: Sighting, motion: Motion, t_s: float) -> _View:
         assert sighting.lane is not None and sighting.confidence is not None
         trust = self._settings.trust.get(sighting.estimator, self._settings.trust_of_others)
         lane = sighting.lane.after(motion, t_s - sighting.t_s)
-        return _View(sighting.estimator, lane, trust * sighting.confidence, sighting.lookahead_m)
+        weight = trust * sighting.confidence
+        return _View(sighting.estimator, lane, sighting.confidence, weight, sighting.lookahead_m)
 
     def _coast(self, motion: Motion, t_s: float) -> Path | None:
         """The remembered path at ``t_s``, or None when it was last seen too long ago."""
@@ -134,14 +138,17 @@ def _gaps_m(a: Lane, b: Lane, lookahead_m: float) -> tuple[float, float]:
     return abs(a.offset_m - b.offset_m), abs(a.y_m(lookahead_m) - b.y_m(lookahead_m))
 
 
-def _disagreement_1pm(views: list[_View], lookahead_m: float) -> tuple[float | None, float]:
-    """Greatest |Δκ_cmd| of two views, plain and times (weight of the weaker / weight of the stronger).
+def _disagreement(views: list[_View], lookahead_m: float) -> tuple[float | None, float, float]:
+    """Greatest |Δκ_cmd| [1/m] of two views, plain and weighted, and greatest weighted |Δe| [m].
 
-    A view with little confidence beside a sure one is an outlier rather than a contradiction.
+    The weight is the lesser confidence over the greater: an unsure view beside a sure one is an outlier rather
+    than a contradiction.
     """
-    plain, weighted = None, 0.0
+    plain, weighted, separation_m = None, 0.0, 0.0
     for a, b in itertools.combinations(views, 2):
         apart = abs(a.lane.pursuit_curvature_1pm(lookahead_m) - b.lane.pursuit_curvature_1pm(lookahead_m))
+        share = min(a.confidence, b.confidence) / max(a.confidence, b.confidence)
         plain = max(plain or 0.0, apart)
-        weighted = max(weighted, apart * min(a.weight, b.weight) / max(a.weight, b.weight))
-    return plain, weighted
+        weighted = max(weighted, apart * share)
+        separation_m = max(separation_m, abs(a.lane.offset_m - b.lane.offset_m) * share)
+    return plain, weighted, separation_m

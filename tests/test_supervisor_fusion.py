@@ -91,8 +91,15 @@ def test_of_two_roads_the_one_that_was_being_driven_is_kept(remembered: Lane, ta
 def test_disagreement_is_in_lateral_acceleration_and_counts_less_beside_a_sure_estimate() -> None:
     fused = fuse(sighting(LEFT, "cv", confidence=0.9), sighting(RIGHT, "cnn", confidence=0.3))
     assert fused.disagreement_mps2 == pytest.approx(0.12 * DRIVING.speed_mps**2)
-    share = 0.3 * SETTINGS.trust["cnn"] / 0.9
+    share = 0.3 / 0.9
     assert fused.weighted_disagreement_mps2 == pytest.approx(0.12 * DRIVING.speed_mps**2 * share)
+
+
+def test_separation_is_how_far_apart_the_car_is_placed() -> None:
+    aside = Lane(0.6, 0.0, 0.0, 0.0)
+    assert fuse(sighting(STRAIGHT), sighting(aside, "cnn")).weighted_separation_m == pytest.approx(0.6)
+    unsure = fuse(sighting(STRAIGHT), sighting(aside, "cnn", confidence=0.3))
+    assert unsure.weighted_separation_m == pytest.approx(0.2)
 
 
 def test_one_estimate_cannot_disagree() -> None:

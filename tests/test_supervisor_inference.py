@@ -187,6 +187,7 @@ def test_more_fear_is_never_faster(one: float, other: float) -> None:
         ({"lane_confidence": 0.0}, "no_road", Mode.CAUTION),
         ({"cv_confidence": 0.0}, "low_confidence", Mode.CAUTION),
         ({"disagreement": 4.0}, "disagreement", Mode.STOP),
+        ({"separation": 0.6}, "disagreement", Mode.CAUTION),
         ({"frame_age": 0.4}, "stale_data", Mode.STOP),
         ({"estimator_age": 0.5}, "lost_estimator", Mode.STOP),
         ({"cv_confidence": None, "estimator_age": 0.6}, "lost_estimator", Mode.STOP),
