@@ -13,6 +13,7 @@ from trepid.camera import Camera
 WIDTH = 1280  # columns of the panorama for a full turn
 HEIGHT = 320
 LAND = 64  # rows of the panorama that hills may reach into, from below
+GROUND_BELOW_PX = 2.5  # the ground starts this far below the horizon: 110 m ahead of the default camera
 BELOW = 8  # rows of the panorama below the horizon
 SKIES_BGR = (  # zenith, horizon
     ((205, 150, 100), (235, 225, 210)),
@@ -25,7 +26,7 @@ class Backdrop:
     """The panorama as one camera sees it: the first ``rows`` rows of its image."""
 
     def __init__(self, camera: Camera, *, seed: int) -> None:
-        self.rows = min(max(math.ceil(camera.horizon_row_px + 1.5), 0), camera.height_px)
+        self.rows = min(max(math.ceil(camera.horizon_row_px + GROUND_BELOW_PX), 0), camera.height_px)
         panorama = _panorama(seed)
         self.horizon_bgr = panorama[HEIGHT - BELOW - 12].mean(axis=0)
         self._twice_around = np.hstack([panorama, panorama])

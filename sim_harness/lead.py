@@ -16,6 +16,7 @@ Pose = tuple[float, float, float]
 
 NEAR_M = 0.3  # faces are clamped to this depth
 MAX_PX = 8000.0
+SHADOW = 80  # light left below a car, of 255
 SHIFT = 4  # sub-pixel bits of OpenCV's drawing
 
 
@@ -38,7 +39,7 @@ def draw_lead(image: Bytes, camera: Camera, body: Body, pose: Pose) -> None:
         return
     half = body.width_m / 2
     painter = _Painter(image, camera, pose)
-    painter.shadow(body.rear_m - 0.1, body.front_m, half + 0.08)
+    painter.shadow(body.rear_m - 0.15, body.front_m, half + 0.12)
     for x0, x1 in ((-0.32, 0.32), (2.28, 2.92)):  # wheels
         for y in (-half, half):
             painter.face([(x0, y, 0.0), (x1, y, 0.0), (x1, y, 0.6), (x0, y, 0.6)], (28, 28, 28))
@@ -82,14 +83,14 @@ class _Painter:
         cv2.fillConvexPoly(self._image, polygon, bgr, cv2.LINE_AA, SHIFT)
 
     def shadow(self, rear_m: float, front_m: float, half_m: float) -> None:
-        """Darken the road below the car."""
-        for grow, share in ((0.15, 0.75), (0.0, 0.45)):
-            y = half_m + grow
-            corners = [(rear_m - grow, -y, 0), (rear_m - grow, y, 0), (front_m, y, 0), (front_m, -y, 0)]
-            mask = np.zeros(self._image.shape[:2], np.uint8)
-            cv2.fillConvexPoly(mask, self._project(np.array(corners, float)), 255, cv2.LINE_AA, SHIFT)
-            dark = cv2.convertScaleAbs(self._image, alpha=share)
-            cv2.copyTo(dark, mask, self._image)
+        """Darken the road below the car, softly."""
+        corners = [(rear_m, -half_m, 0), (rear_m, half_m, 0), (front_m, half_m, 0), (front_m, -half_m, 0)]
+        polygon = self._project(np.array(corners, float))
+        light = np.full(self._image.shape[:2], 255, np.uint8)
+        cv2.fillConvexPoly(light, polygon, SHADOW, cv2.LINE_AA, SHIFT)
+        spread_px = max(0.06 * float(np.ptp(polygon[:, 1])) / 2**SHIFT, 0.5)
+        soft = cv2.GaussianBlur(light, (0, 0), min(spread_px, 6.0))
+        cv2.multiply(self._image, cv2.merge([soft] * 3), self._image, scale=1 / 255)
 
     def box(
         self,

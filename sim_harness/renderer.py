@@ -24,7 +24,8 @@ from trepid.messages import Image
 
 Matrix = NDArray[np.float64]
 
-REACH = 1.0  # a level serves while its pixels are not narrower than this share of the image's
+REACH = ((0, 0.9), (0, 1.2), (1, 1.2), (2, 1.2), (3, 1.2), (4, math.inf))
+"""Bands from near to far: level, and reach by the width of the image's pixels there over that of the level's."""
 MAX_ROWS_PER_ROW = 6
 HAZE_REACH_M = 220.0
 PAINT_AHEAD_M = 7.0  # where tiles are painted, one a frame, before they are needed
@@ -118,7 +119,7 @@ class Renderer:
         """Paint at most one tile that will soon be seen, so that no frame has to paint many."""
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         origin = np.array([x_m + PAINT_AHEAD_M * cos, y_m + PAINT_AHEAD_M * sin])
-        for band in self._bands[:2]:
+        for band in self._bands[:3]:
             if self._ground.paint_one(band.level, band.corners_m @ [[cos, sin], [-sin, cos]] + origin):
                 return
 
@@ -139,12 +140,11 @@ def _relative(pose: Pose, origin: Pose) -> Pose:
 
 
 def _bands(camera: Camera, first_row: int) -> list[Band]:
-    """The image below the horizon, from the bottom up, one band a level."""
+    """The image below the horizon, from the bottom up."""
     bands, bottom = [], camera.height_px
-    for level, pixel_m in enumerate(LEVELS_M):
-        last = level == len(LEVELS_M) - 1
-        reach_m = math.inf if last else REACH * pixel_m * camera.fx_px
-        top = first_row if last else max(first_row, _row_at(camera, reach_m))
+    for level, reach in REACH:
+        reach_m = reach * LEVELS_M[level] * camera.fx_px
+        top = max(first_row, _row_at(camera, reach_m))
         if top < bottom:
             bands.append(_band(camera, top, bottom, level))
             bottom = top
