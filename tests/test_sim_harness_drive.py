@@ -1,0 +1,126 @@
+"""The main job with real processes: it drives, it stops when any process is lost, it leaves nothing behind."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from trepid.config import ROOT
+
+PROCESSES = ("vehicle", "camera", "cv", "cnn", "supervisor", "controller")
+pytestmark = pytest.mark.processes
+
+
+class LiveDrive:
+    """A `trepid drive --json` that runs beside the test."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.popen = subprocess.Popen(
+            [sys.executable, "-m", "trepid", "drive", "--json", *arguments],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def wait_for_speed(self, speed_mps: float) -> None:
+        """Read the status lines until the car drives at ``speed_mps``."""
+        assert self.popen.stderr is not None
+        for line in self.popen.stderr:
+            found = re.search(r"speed +([0-9.]+) m/s", line)
+            if found and float(found[1]) >= speed_mps:
+                return
+        pytest.fail(f"the drive ended before {speed_mps} m/s: {self.popen.communicate()}")
+
+    def pids(self) -> dict[str, int]:
+        """Process ids by name, from the command lines of the children."""
+        pids = {}
+        for path in Path("/proc").glob("[0-9]*"):
+            try:
+                parent = int((path / "stat").read_text().rsplit(")", 1)[1].split()[1])
+                arguments = (path / "cmdline").read_text().split("\0")
+            except (FileNotFoundError, ProcessLookupError):
+                continue  # it ended while we looked
+            if parent == self.popen.pid and "-m" in arguments:
+                pids[json.loads(arguments[3])["name"]] = int(path.name)
+        return pids
+
+    def result(self, *, patience_s: float = 40) -> tuple[int, dict]:
+        out, err = self.popen.communicate(timeout=patience_s)
+        assert "Traceback" not in err
+        return self.popen.returncode, json.loads(out)
+
+
+def running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def all_gone(pids: list[int], *, patience_s: float) -> bool:
+    deadline_s = time.monotonic() + patience_s
+    while any(map(running, pids)) and time.monotonic() < deadline_s:
+        time.sleep(0.02)
+    return not any(map(running, pids))
+
+
+def test_a_short_drive_keeps_the_lane_with_every_process_alive() -> None:
+    returncode, row = LiveDrive("--duration", "12").result()
+    assert (returncode, row["status"], row["reasons"]) == (0, "passed", [])
+    assert row["departures"] == row["interventions"] == 0
+    assert row["distance_m"] > 20
+    assert set(row["processes"]) == set(PROCESSES)
+    assert all(process["restarts"] == 0 for process in row["processes"].values())
+    assert row["latency_ms"]["frame_to_command"]["p50"] > 0
+
+
+@pytest.mark.parametrize("name", PROCESSES)
+def test_the_car_stops_when_a_process_is_killed(name: str) -> None:
+    drive = LiveDrive("--scenario", "straight")
+    drive.wait_for_speed(2.0)
+    pids = drive.pids()
+    os.kill(pids[name], signal.SIGKILL)
+    returncode, row = drive.result()
+    assert returncode == 1
+    assert any(f"process {name} (pid {pids[name]}) was killed by SIGKILL" in why for why in row["reasons"])
+    assert row["departures"] == row["interventions"] == 0
+    if name != "vehicle":  # with the vehicle process the simulated car itself is gone
+        assert row["final_speed_mps"] < 0.05
+        assert any("the car stopped" in why for why in row["reasons"])
+    assert all_gone(list(pids.values()), patience_s=2)
+
+
+@pytest.mark.parametrize("name", ["cv", "supervisor"])
+def test_the_car_stops_when_a_process_freezes(name: str) -> None:
+    drive = LiveDrive("--scenario", "straight")
+    drive.wait_for_speed(2.0)
+    pids = drive.pids()
+    os.kill(pids[name], signal.SIGSTOP)
+    returncode, row = drive.result()
+    assert returncode == 1
+    assert any(f"process {name} was silent" in why for why in row["reasons"])
+    assert row["final_speed_mps"] < 0.05
+    assert all_gone(list(pids.values()), patience_s=2)
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
+def test_no_process_outlives_the_launcher(ending: signal.Signals) -> None:
+    drive = LiveDrive("--scenario", "straight")
+    drive.wait_for_speed(1.0)
+    pids = drive.pids()
+    assert set(pids) == set(PROCESSES)
+    os.kill(drive.popen.pid, ending)
+    assert all_gone(list(pids.values()), patience_s=2)
+    if ending != signal.SIGKILL:
+        returncode, row = drive.result()
+        assert returncode == 1
+        assert f"stopped by {ending.name}" in row["reasons"]
+    drive.popen.communicate(timeout=5)
