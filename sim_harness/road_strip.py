@@ -95,7 +95,6 @@ class RoadStrip:
         station = (index + (np.arange(ROWS) + 0.5) / ROWS) * self.block_m
         rng = np.random.default_rng((self.seed, 2, index % 2**32))
         colour = np.empty((ROWS, COLUMNS, 4), np.uint8)
-        shade = np.full((ROWS, COLUMNS), 255, np.uint8)
         mask = self._carriageway(index, station)
         for rows, section in _sections(self.road, station):
             tone = self._tone(index, rows, station[rows], section, rng)
@@ -103,10 +102,11 @@ class RoadStrip:
             for channel in range(3):
                 colour[rows, :, channel] = cv2.convertScaleAbs(tone, alpha=tint[channel])
             self._mark(colour[rows], index, rows, station[rows], section)
-            if self._leaves is not None and section.shadows > 0:
-                shade[rows] = self._shade(self._leaves, index, rows, section)
         colour[:, :, 3] = mask
-        return Block(colour, shade if shade.min() < 255 else None)
+        shadows = _tapered(self.road, station, "shadows")
+        if self._leaves is None or not shadows.any():
+            return Block(colour, None)
+        return Block(colour, self._shade(self._leaves, index, shadows))
 
     def _noise(self, noise: FloatImage, index: int, rows: slice) -> FloatImage:
         """The rows of a periodic noise that belong to block ``index``."""
@@ -174,12 +174,13 @@ class RoadStrip:
         rank = ndtr(0.6 * fine + 0.8 * long)
         return np.asarray(np.clip((rank - wear) / 0.15 + 0.5 + 0.5 * (wear == 0), 0, 1), np.float32)
 
-    def _shade(self, leaves: FloatImage, index: int, rows: slice, section: Section) -> Bytes:
+    def _shade(self, leaves: FloatImage, index: int, shadows: NDArray[np.float64]) -> Bytes:
         """Shade of trees, 255 in the sun, fading out towards the sides of the strip."""
-        level = 1.3 - 1.6 * section.shadows
-        dark = np.clip((self._noise(leaves, index, rows) - level) / 0.5, 0, 1) * 0.62
+        amount = shadows.astype(np.float32)[:, None]
+        foliage = self._noise(leaves, index, slice(0, ROWS)) - (1.3 - 1.6 * amount)
+        dark = np.clip(foliage / 0.5, 0, 1) * np.clip(5 * amount, 0, 1) * np.float32(0.62)
         side = np.clip(np.minimum(_offsets() - RIGHT_M, LEFT_M - _offsets()) / 1.5, 0, 1)
-        return np.asarray(255 * (1 - dark * side), np.uint8)
+        return np.asarray(255 * (1 - dark * side.astype(np.float32)), np.uint8)
 
 
 def _leaves(rng: np.random.Generator) -> FloatImage:
