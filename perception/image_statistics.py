@@ -50,4 +50,6 @@ def grey_image(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         image = cv2.resize(image, (WORKING_WIDTH_PX, height_px), interpolation=cv2.INTER_AREA).astype(
             np.uint8
         )
-    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.uint8)
+    if image.ndim == 3 and image.shape[2] >= 3:
+        return cv2.cvtColor(image[:, :, :3], cv2.COLOR_BGR2GRAY).astype(np.uint8, copy=False)
+    return image.reshape(image.shape[:2])

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.lane_evidence import EvidenceSettings, LaneFit, confidence
+from perception.lane_evidence import EvidenceSettings, LaneFit, confidence, looks_factor
 from perception.lane_fit import KAPPA, KAPPA_RATE, PSI, WIDTH, E, FitSettings, LaneState
-from perception.lane_points import MarkingFilter, MarkingSettings, RoadPoints, marking_channel
+from perception.lane_points import MarkingFilter, MarkingSettings, RoadPoints
 from perception.lane_search import boundary_columns, find_lane, find_road
 from perception.lane_tracker import PriorSettings, TrackSettings, predict, prior_state, straightened
 from perception.lane_vote import VoteSettings
@@ -29,6 +29,7 @@ Bgr = NDArray[np.uint8]
 
 NAME = "cv"
 MIN_SIZE_PX = 32  # below this there is no road to be seen
+MIN_BANDS = 8  # rows of road that a look needs
 ROW_STEP_PX = 10  # boundaries are reported every ten rows of the input image
 LINES, EDGES = "lines", "edges"
 NOTHING_SEEN = "no lane line or road edge found"
@@ -70,27 +71,45 @@ class View:
     """Everything that depends only on the camera and on the size of its images."""
 
     camera: Camera  # of the input image
+    undistort: tuple[cv2.typing.MatLike, cv2.typing.MatLike] | None  # maps for the working image
     grid: LateralGrid  # of the working image
     markings: MarkingFilter
     edges: RoadEdgeFinder
 
 
-def make_view(settings: LaneCvSettings, camera: Camera) -> View:
-    """The view of ``camera``, worked on at most ``working_width_px`` wide."""
+def make_view(settings: LaneCvSettings, camera: Camera) -> View | None:
+    """The view of ``camera``, worked on at most ``working_width_px`` wide; None when it sees no road."""
     width_px = min(camera.width_px, settings.working_width_px)
     height_px = max(1, round(camera.height_px * width_px / camera.width_px))
+    working = _shrunk(camera, width_px, height_px)
     grid = lateral_grid(
-        camera.resized(width_px, height_px),
-        reach_m=settings.reach_m,
-        band_m=settings.band_m,
-        max_band_px=settings.max_band_px,
+        working, reach_m=settings.reach_m, band_m=settings.band_m, max_band_px=settings.max_band_px
     )
+    if len(grid.ahead_m) < MIN_BANDS:
+        return None
     return View(
         camera=camera,
+        undistort=_undistortion(working),
         grid=grid,
         markings=MarkingFilter(settings.markings, grid),
         edges=RoadEdgeFinder(settings.edges, grid.camera),
     )
+
+
+def _shrunk(camera: Camera, width_px: int, height_px: int) -> Camera:
+    """The camera of the area-averaged image, whose pixel u covers the columns around s·(u + ½) − ½."""
+    smaller = camera.resized(width_px, height_px)
+    shift_x = (width_px / camera.width_px - 1) / 2
+    shift_y = (height_px / camera.height_px - 1) / 2
+    return smaller.model_copy(update=dict(cx_px=smaller.cx_px + shift_x, cy_px=smaller.cy_px + shift_y))
+
+
+def _undistortion(working: Camera) -> tuple[cv2.typing.MatLike, cv2.typing.MatLike] | None:
+    if not any(working.distortion):
+        return None
+    size = (working.width_px, working.height_px)
+    intrinsics, distortion = working.intrinsics, np.array(working.distortion)
+    return cv2.initUndistortRectifyMap(intrinsics, distortion, np.eye(3), intrinsics, size, cv2.CV_16SC2)
 
 
 class LaneCv:
@@ -98,8 +117,9 @@ class LaneCv:
 
     def __init__(self, settings: LaneCvSettings, camera: Camera, vehicle: Vehicle) -> None:
         self._settings, self._camera, self._vehicle = settings, camera, vehicle
-        self._view: View | None = None
+        self._view = make_view(settings, camera)
         self._track: LaneState | None = None
+        self._looks = 0  # in how many frames it was seen
         self._track_t_s = 0.0  # time that the tracked lane holds at
         self._seen_t_s = 0.0  # when it was last seen
         self._seen_confidence = 0.0
@@ -108,25 +128,29 @@ class LaneCv:
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane in ``frame``; ``state`` moves the remembered lane to the capture time of the frame."""
-        if frame.image.ndim not in (2, 3) or min(frame.image.shape[:2]) < MIN_SIZE_PX:
+        if frame.image.dtype != np.uint8 or frame.image.ndim not in (2, 3):
+            return self._nothing(frame.t_s, f"not an 8-bit image: {frame.image.dtype} {frame.image.shape}")
+        if min(frame.image.shape[:2]) < MIN_SIZE_PX:
             return self._nothing(frame.t_s, "image too small")
         image = as_bgr(frame.image)
         view = self._view_of(image.shape[1], image.shape[0])
+        if view is None:
+            return self._nothing(frame.t_s, "the camera sees no road")
         self._predict(frame.t_s, state)
-        fit, belief = self._measure(_working_image(image, view.grid.camera), view)
+        fit, belief = self._measure(_working_image(image, view), view)
         if fit is not None:
+            self._looks = min(self._looks + 1, self._settings.evidence.sure_looks)
+            belief *= looks_factor(fit, self._looks, self._settings.evidence)
             self._track, self._track_t_s = fit.state, frame.t_s
             self._source = EDGES if fit.by_edges else LINES
             self._seen_t_s, self._seen_confidence = frame.t_s, belief
             return self._estimate(frame.t_s, fit.state, belief, fit.boundaries_seen, "", view)
         return self._coast(frame.t_s, view)
 
-    def _view_of(self, width_px: int, height_px: int) -> View:
-        if self._view is None or (self._view.camera.width_px, self._view.camera.height_px) != (
-            width_px,
-            height_px,
-        ):
-            self._view = make_view(self._settings, self._camera.resized(width_px, height_px))
+    def _view_of(self, width_px: int, height_px: int) -> View | None:
+        if (self._camera.width_px, self._camera.height_px) != (width_px, height_px):
+            self._camera = self._camera.resized(width_px, height_px)
+            self._view = make_view(self._settings, self._camera)
         return self._view
 
     def _predict(self, t_s: float, state: VehicleState | None) -> None:
@@ -135,7 +159,7 @@ class LaneCv:
             return
         dt_s = t_s - self._track_t_s
         if dt_s < 0 or t_s - self._seen_t_s > self._settings.track.max_coast_s:
-            self._track = None
+            self._track, self._looks = None, 0
             return
         self._track = predict(
             self._track,
@@ -154,7 +178,7 @@ class LaneCv:
         must be better and either agree with it or contradict it for some frames in a row.
         """
         settings = self._settings
-        points = view.markings.points(marking_channel(image, settings.markings.yellow_gain))
+        points = view.markings.points(image)
         if self._track is None:
             return self._first_look(points, image, view)
         lines = self._find_lines(points, self._with_width_of(LINES), (settings.vote.tracked,), view)
@@ -201,6 +225,7 @@ class LaneCv:
             # Edges of a wide road never outvote lines: a lane is a part of the road.
             stubborn = not rival.by_edges and self._rival_frames >= self._settings.track.confirm_frames
             if self._agrees(rival) or stubborn:
+                self._looks = 0
                 return rival, rival_belief
         else:
             self._rival_frames = 0
@@ -348,8 +373,34 @@ def boundary_paths(lane: LaneState, camera: Camera, *, reach_m: float) -> tuple[
     """Both boundaries as pixels of the input image, one every ten rows from the bottom up."""
     last = camera.height_px // ROW_STEP_PX * ROW_STEP_PX  # the lower border of the image
     rows = np.arange(last, -1, -ROW_STEP_PX, dtype=float)
-    left, right = boundary_columns(lane.mean, camera, rows, reach_m=reach_m)
+    if not any(camera.distortion):
+        left, right = boundary_columns(lane.mean, camera, rows, reach_m=reach_m)
+        return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)
+    fine = np.arange(1.2 * camera.height_px, -1.0, -2.0)
+    columns = boundary_columns(lane.mean, camera, fine, reach_m=reach_m)
+    left, right = (_distorted_columns(column, fine, rows, camera) for column in columns)
     return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)
+
+
+def _distorted_columns(
+    columns: NDArray[np.float64], at_rows: NDArray[np.float64], rows: NDArray[np.float64], camera: Camera
+) -> NDArray[np.float64]:
+    """Columns at image rows ``rows`` of a line given in the undistorted image."""
+    seen = np.abs(columns - camera.cx_px) < camera.width_px  # NaN is not seen
+    if np.count_nonzero(seen) < 2:
+        return np.full(len(rows), np.nan)
+    rays = np.column_stack(
+        [
+            (columns[seen] - camera.cx_px) / camera.fx_px,
+            (at_rows[seen] - camera.cy_px) / camera.fy_px,
+            np.ones(np.count_nonzero(seen)),
+        ]
+    )
+    pixels, _ = cv2.projectPoints(
+        rays, np.zeros(3), np.zeros(3), camera.intrinsics, np.array(camera.distortion)
+    )
+    u, v = pixels[:, 0, 0], pixels[:, 0, 1]
+    return np.interp(-rows, -v, u, left=np.nan, right=np.nan)
 
 
 def _path(columns: NDArray[np.float64], rows: NDArray[np.float64], width_px: int) -> PixelPath:
@@ -357,10 +408,14 @@ def _path(columns: NDArray[np.float64], rows: NDArray[np.float64], width_px: int
     return tuple((float(x), float(y)) for x, y in zip(columns[near], rows[near], strict=True))
 
 
-def _working_image(image: Bgr, working: Camera) -> Bgr:
+def _working_image(image: Bgr, view: View) -> Bgr:
+    """The image at working size, without lens distortion."""
+    working = view.grid.camera
     if image.shape[1] != working.width_px:
         size = (working.width_px, working.height_px)
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
+    if view.undistort is not None:
+        image = cv2.remap(image, *view.undistort, cv2.INTER_LINEAR).astype(np.uint8, copy=False)
     return image
 
 

@@ -23,6 +23,8 @@ class EvidenceSettings(Settings):
     min_extent_m: Positive
     one_line_trust: Annotated[float, Field(ge=0, le=1)]
     edge_trust: Annotated[float, Field(ge=0, le=1)]
+    first_look_trust: Annotated[float, Field(ge=0, le=1)]
+    sure_looks: Annotated[int, Field(ge=1)]
     aim_sigma_m: Positive
     residual_limit: Positive
 
@@ -34,6 +36,9 @@ class BoundarySupport:
     excess: float  # share of the visible rows with a point on the boundary, above chance; 1 = in every row
     extent_m: float  # length of road between the first and the last of them
     seen: bool
+
+
+NO_SUPPORT = BoundarySupport(excess=0.0, extent_m=0.0, seen=False)
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ def boundary_support(
     With ρ points per metre across a band, a gate of ±g catches one by chance in a share 1 − exp(−2·g·ρ).
     """
     bands = np.unique(points.band[own])
-    coverage = np.count_nonzero(visible[bands]) / max(np.count_nonzero(visible), 1)
+    coverage = int(np.count_nonzero(visible[bands])) / max(int(np.count_nonzero(visible)), 1)
     chance = 1 - math.exp(-2 * gate_m * density_per_m)
     extent_m = float(np.ptp(points.x_m[own])) if own.any() else 0.0
     excess = (coverage - chance) / max(1 - chance, 0.05)
@@ -102,6 +107,17 @@ def confidence(
     tight = 1 / (1 + (fit.residual / settings.residual_limit) ** 4)
     sure = math.exp(-0.5 * (aim_sigma_m(fit.state, lookahead_m) / settings.aim_sigma_m) ** 2)
     return float(support * plausible * tight * sure)
+
+
+def looks_factor(fit: LaneFit, looks: int, settings: EvidenceSettings) -> float:
+    """How far ``looks`` frames in a row may be believed: two painted lines at once, anything less in time.
+
+    In a single picture a roof, a wall or the sky can have the outline of a road; it does not move like one.
+    """
+    if fit.boundaries_seen == 2 and not fit.by_edges:
+        return 1.0
+    share = min(1.0, looks / settings.sure_looks)
+    return settings.first_look_trust + (1 - settings.first_look_trust) * share
 
 
 def aim_sigma_m(state: LaneState, lookahead_m: float) -> float:

@@ -102,9 +102,8 @@ def fit_lane(
         weighted = jacobian.T * weight
         information = precision + weighted @ jacobian
         right_side = weighted @ (jacobian @ (mean - prior.mean) - residual)
-        mean = prior.mean + np.linalg.solve(information, right_side)
-        mean = _bounded(mean)
-    residual, _ = _residuals(points, side, mean, camera)
+        before, mean = mean, _bounded(prior.mean + np.linalg.solve(information, right_side))
+        residual = residual + jacobian @ (mean - before)
     covariance = np.linalg.inv(information)
     return Fitted(
         state=LaneState(mean=mean, covariance=(covariance + covariance.T) / 2),
@@ -115,7 +114,12 @@ def fit_lane(
 
 
 def _log_evidence(
-    change: Array, precision: Array, information: Array, residual: Array, shared: Array, scale: Array
+    change: Array,
+    precision: NDArray[np.floating],
+    information: NDArray[np.floating],
+    residual: Array,
+    shared: Array,
+    scale: Array,
 ) -> float:
     """How well the prior foresaw the points: log ∫ p(points | x)·p(x) dx, but for a constant, after Laplace.
 
@@ -137,7 +141,7 @@ def _bounded(mean: Array) -> Array:
 
 
 def _shared_weight(side: Array, points_per_boundary: float) -> Array:
-    left, right = np.count_nonzero(side > 0), np.count_nonzero(side < 0)
+    left, right = int(np.count_nonzero(side > 0)), int(np.count_nonzero(side < 0))
     share_left = min(1.0, points_per_boundary / max(left, 1))
     share_right = min(1.0, points_per_boundary / max(right, 1))
     return np.where(side > 0, share_left, share_right)

@@ -67,21 +67,24 @@ class MarkingFilter:
     def response(self, channel: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Contrast [grey levels] of a stripe of paint against its brighter neighbour, per band and place.
 
+        ``channel`` begins at the first row of the grid.
         With box means of one line width w at places −w, 0, +w: mean(0) − max(mean(−w), mean(+w)). The boxes are
         differences of the integral image, sampled between pixels: exact also where a line is thinner than one.
         """
         grid = self._grid
         integral = cv2.integral(channel, sdepth=cv2.CV_64F)
-        running = (integral[grid.bottom_px] - integral[grid.top_px]).astype(np.float32)
+        first = int(grid.top_px[0])
+        running = (integral[grid.bottom_px - first] - integral[grid.top_px - first]).astype(np.float32)
         sampled = cv2.remap(
             running, self._map_x, self._map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
         mean = (sampled[:, 2:] - sampled[:, :-2]) * self._per_pixel
         return mean[:, 2:-2] - np.maximum(mean[:, :-4], mean[:, 4:])
 
-    def points(self, channel: NDArray[np.uint8]) -> RoadPoints:
-        """Local maxima of the response that stand out of its noise."""
-        response = self.response(channel)
+    def points(self, image: NDArray[np.uint8]) -> RoadPoints:
+        """Local maxima of the response that stand out of its noise, in a BGR image of the camera's size."""
+        below = image[int(self._grid.top_px[0]) :]
+        response = self.response(marking_channel(below, self._settings.yellow_gain))
         noise = cv2.norm(response, cv2.NORM_L1) / max(response.size, 1)
         threshold = max(self._settings.min_contrast_grey, self._settings.noise_factor * noise)
         inner = response[:, 1:-1]

@@ -1,12 +1,13 @@
 """From candidate points to a lane with evidence: vote for a shape, fit it, count what it stands on."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.lane_evidence import EvidenceSettings, LaneFit, boundary_support
+from perception.lane_evidence import NO_SUPPORT, EvidenceSettings, LaneFit, boundary_support
 from perception.lane_fit import (
     KAPPA,
     PITCH,
@@ -53,6 +54,8 @@ def find_lane(
     guess = _guess(prior)
     for stage in stages:
         guess = vote_lane(flat, guess, stage, bands=len(grid.ahead_m), prior_weight=prior_weight)
+    if guess.support < evidence.min_excess:
+        return LaneFit(state=prior, left=NO_SUPPORT, right=NO_SUPPORT, residual=0.0)
     start = prior.mean.copy()
     start[[E, PSI, KAPPA, WIDTH]] = guess.offset_m, guess.heading_rad, guess.curvature_1pm, guess.width_m
     near, side = _assign(points, start, grid.camera, fit)
@@ -82,7 +85,7 @@ def find_road(
     if wide:
         sums = finder.sums(image, lane=start)
         start = finder.search(sums, prior, wide=True)
-    for _ in range(2):
+    for _ in range(2 if wide else 1):
         points, side = finder.points(sums, start)
         fitted = fit_lane(points, side, prior, start, finder.grid.camera, fit)
         if straight is not None:
@@ -121,12 +124,23 @@ def _assign(points: RoadPoints, mean: Array, camera: Camera, fit: FitSettings) -
 def boundary_columns(mean: Array, camera: Camera, rows_px: Array, *, reach_m: float) -> tuple[Array, Array]:
     """Columns of the left and the right boundary at image rows ``rows_px``; NaN where they are not seen."""
     curve = lane_curve(mean, STATIONS_M[reach_m + 1e-9 >= STATIONS_M])
-    looking = camera.model_copy(update={"pitch_down_rad": camera.pitch_down_rad + float(mean[PITCH])})
-    matrix = looking.pixel_from_road_matrix
+    matrix = pitched(camera, float(mean[PITCH]))
     return (
         _columns(matrix, curve.left_x_m, curve.left_y_m, rows_px),
         _columns(matrix, curve.right_x_m, curve.right_y_m, rows_px),
     )
+
+
+def pitched(camera: Camera, pitch_rad: float) -> Array:
+    """Homography to pixels from the road, shape (3, 3), if the camera looks ``pitch_rad`` further down.
+
+    H = K·[r1 r2 t], and the turn about the right axis of the camera multiplies [r1 r2 t] by
+    ((1, 0, 0), (0, cos, −sin), (0, sin, cos)) from the left: ahead' = cos·ahead + sin·down.
+    """
+    cos, sin = math.cos(pitch_rad), math.sin(pitch_rad)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+    intrinsics = camera.intrinsics
+    return intrinsics @ turn @ np.linalg.solve(intrinsics, camera.pixel_from_road_matrix)
 
 
 def _columns(matrix: Array, x_m: Array, y_m: Array, rows_px: Array) -> Array:

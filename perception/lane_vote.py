@@ -27,7 +27,7 @@ class VoteSettings(Settings):
 
 @dataclass(frozen=True)
 class LaneGuess:
-    """What is known of the lane before the vote, with standard deviations."""
+    """What is known of the lane before or after a vote, with standard deviations."""
 
     offset_m: float
     heading_rad: float
@@ -37,6 +37,7 @@ class LaneGuess:
     heading_sigma_rad: float
     curvature_sigma_1pm: float
     width_sigma_m: float
+    support: float = 1.0  # score of the winner: 1 = about one point in every row
 
 
 def vote_lane(
@@ -71,6 +72,7 @@ def vote_lane(
         heading_sigma_rad=guess.heading_sigma_rad,
         curvature_sigma_1pm=guess.curvature_sigma_1pm,
         width_sigma_m=guess.width_sigma_m,
+        support=float(score[at_heading, at_curvature]),
     )
 
 
@@ -107,22 +109,17 @@ def _best_pairs(
     counts: Array, guess: LaneGuess, half_m: float, bin_m: float, prior_weight: float
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
     """For each lane shape the best score, the bin of its left line and the width of the lane in bins."""
-    low = max(1, int(np.floor((guess.width_m - 2 * guess.width_sigma_m) / bin_m)))
-    high = max(low, int(np.ceil((guess.width_m + 2 * guess.width_sigma_m) / bin_m)))
-    best = np.full(counts.shape[:2], -np.inf)
-    best_left = np.zeros(counts.shape[:2], np.int64)
-    best_width = np.zeros(counts.shape[:2], np.int64)
     bins = counts.shape[2]
-    for width in range(low, min(high, bins - 1) + 1):
-        left, right = counts[:, :, width:], counts[:, :, : bins - width]
-        centre_m = (np.arange(width, bins) + 0.5 - width / 2) * bin_m - half_m
-        aside_m = np.abs(centre_m + guess.offset_m)
-        unlikely = (aside_m / guess.offset_sigma_m) ** 2
-        unlikely += 4 * (np.maximum(aside_m - 0.4 * width * bin_m, 0) / guess.offset_sigma_m) ** 2
-        unlikely += ((width * bin_m - guess.width_m) / guess.width_sigma_m) ** 2
-        score = left + right + np.minimum(left, right) - prior_weight * unlikely
-        place = np.argmax(score, axis=2)
-        value = np.take_along_axis(score, place[:, :, None], axis=2)[:, :, 0]
-        better = value > best
-        best[better], best_left[better], best_width[better] = value[better], place[better] + width, width
-    return best, best_left, best_width
+    low = max(1, int(np.floor((guess.width_m - 2 * guess.width_sigma_m) / bin_m)))
+    high = min(bins - 1, max(low, int(np.ceil((guess.width_m + 2 * guess.width_sigma_m) / bin_m))))
+    width, left = np.meshgrid(np.arange(low, high + 1), np.arange(bins), indexing="ij")
+    aside_m = np.abs((left + 0.5 - width / 2) * bin_m - half_m + guess.offset_m)
+    possible = (left >= width) & (aside_m < 3 * guess.offset_sigma_m)
+    left, width, aside_m = left[possible], width[possible], aside_m[possible]
+    unlikely = (aside_m / guess.offset_sigma_m) ** 2
+    unlikely += 4 * (np.maximum(aside_m - 0.4 * width * bin_m, 0) / guess.offset_sigma_m) ** 2
+    unlikely += ((width * bin_m - guess.width_m) / guess.width_sigma_m) ** 2
+    on_left, on_right = counts[:, :, left], counts[:, :, left - width]
+    score = on_left + on_right + np.minimum(on_left, on_right) - prior_weight * unlikely
+    best = np.argmax(score, axis=2)
+    return np.max(score, axis=2), left[best], width[best]

@@ -128,7 +128,7 @@ class RoadEdgeFinder:
         sampled = cv2.remap(
             limited.astype(np.float32), self._map_x - 0.5, rows.astype(np.float32), cv2.INTER_LINEAR
         )
-        return sampled / self._settings.full_step_grey
+        return np.asarray(sampled, np.float64) / self._settings.full_step_grey
 
     def search(self, sums: RoadSums, prior: LaneState, *, wide: bool) -> Array:
         """State (6,) whose edges enclose the most road likelihood, around ``prior``."""
@@ -183,8 +183,7 @@ class RoadEdgeFinder:
             y_m = parallel_curve(x_m, mean[PSI], mean[KAPPA], side * mean[WIDTH] / 2 - mean[E])
             aside = y_m - self._camera.y_m - np.tan(self._camera.yaw_rad) * self.grid.ahead_m
             middle = ((self._left_m[0] - aside) / settings.step_m + 0.5).astype(int)
-            visible = np.abs(self._camera.cx_px - aside * self.grid.metre_px - self._camera.cx_px)
-            visible = visible < self._camera.width_px / 2
+            visible = np.abs(aside) * self.grid.metre_px < self._camera.width_px / 2
             index = np.clip(
                 middle[:, None] + np.arange(-reach, reach + 1), span, len(self._left_m) - 1 - span
             )

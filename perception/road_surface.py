@@ -38,16 +38,16 @@ def road_likelihood(image: Bgr, road: Mask, rest: Mask, settings: SurfaceSetting
     independent. The histograms follow the light of every frame, so there is no threshold to set (B15).
     """
     lab = cv2.cvtColor(image, cv2.COLOR_BGR2Lab)
-    light_bin = cv2.LUT(lab[:, :, 0], LIGHT_BIN)
-    a_bin, b_bin = cv2.LUT(lab[:, :, 1], CHROMA_BIN), cv2.LUT(lab[:, :, 2], CHROMA_BIN)
-    chroma = a_bin.astype(np.int32) * BINS + b_bin
+    light_bin = cv2.LUT(lab[:, :, 0], LIGHT_BIN).astype(np.int32)
+    chroma = cv2.LUT(lab[:, :, 1], CHROMA_BIN).astype(np.int32) * BINS
+    chroma += cv2.LUT(lab[:, :, 2], CHROMA_BIN).astype(np.int32)
     chroma_ratio = _log_ratio(chroma, road, rest, (BINS, BINS), settings.smoothing, settings.chroma_limit)
     light_ratio = _log_ratio(light_bin, road, rest, (1, BINS), settings.smoothing, settings.light_limit)
     return chroma_ratio[chroma] + np.float32(settings.light_weight) * light_ratio[light_bin]
 
 
 def _log_ratio(
-    bins: NDArray[np.integer],
+    bins: NDArray[np.int32],
     road: Mask,
     rest: Mask,
     shape: tuple[int, int],
@@ -59,8 +59,8 @@ def _log_ratio(
     return np.clip(np.log(ratio), -limit, limit).astype(np.float32).ravel()
 
 
-def _density(bins: NDArray[np.integer], shape: tuple[int, int], smoothing: float) -> NDArray[np.float64]:
+def _density(bins: NDArray[np.int32], shape: tuple[int, int], smoothing: float) -> NDArray[np.float64]:
     count = np.bincount(bins, minlength=shape[0] * shape[1]).astype(np.float64).reshape(shape)
     kernel = (3 if shape[1] > 1 else 1, 3 if shape[0] > 1 else 1)
-    count = cv2.GaussianBlur(count, kernel, 0, borderType=cv2.BORDER_REPLICATE) + smoothing / count.size
-    return count / count.sum()
+    spread = cv2.GaussianBlur(count, kernel, 0, borderType=cv2.BORDER_REPLICATE) + smoothing / count.size
+    return np.asarray(spread / spread.sum(), np.float64)

@@ -16,6 +16,8 @@ from trepid.config import Settings
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0)]
+MIN_CAMERA_PX = 16  # the smallest image that a Camera describes
+MIN_IMAGE_PX = 32  # the smallest image with lines in it
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -69,7 +71,7 @@ def assumed_camera(
 
 def self_calibrated(images: Sequence[NDArray[np.uint8]], settings: SelfCalibrationSettings) -> Camera:
     """The camera of ``images`` (equal in size): typical, with the median horizon of their vanishing points."""
-    height_px, width_px = images[0].shape[:2]
+    height_px, width_px = (max(size, MIN_CAMERA_PX) for size in images[0].shape[:2])
     horizon = float(np.median([vanishing_point(image, settings).y for image in images]))
     return assumed_camera(width_px, height_px, horizon, settings)
 
@@ -80,6 +82,8 @@ def vanishing_point(image: NDArray[np.uint8], settings: SelfCalibrationSettings)
     Segments are those of Grompone von Gioi et al., LSD: a Line Segment Detector, IPOL 2012. Each votes with its
     length for every point of a grid that lies above it within a few degrees of its direction.
     """
+    if min(image.shape[:2]) < MIN_IMAGE_PX:
+        return VanishingPoint(x=0.5, y=settings.horizon_share, votes=0.0)
     grey = grey_image(image)
     rows, columns = grey.shape
     middle, direction, length = _segments(grey, settings)
