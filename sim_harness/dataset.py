@@ -22,9 +22,10 @@ from trepid.messages import Image
 E = TypeVar("E", bound=StrEnum)
 
 AHEAD_M = 10.0  # over which the curvature rate is taken
-MIN_RADIUS_M, MAX_RADIUS_M = 12.0, 150.0
+MIN_RADIUS_M, MAX_RADIUS_M = 12.0, 120.0
 MAX_HEADING_RAD = 1.4  # of the road to its first metre, so that it never crosses itself
 ENTRY_M = (5.0, 12.0)  # shortest clothoids …
+ARC_RAD = (0.3, 1.2)  # turn of an arc, without its clothoids
 MAX_RATE_1PM2 = 1 / 60  # … and longer where this asks for it: 2.8 m/s³ at 5.5 m/s
 ROAD_M = 110.0
 SECTION_M = (30.0, 70.0)
@@ -124,7 +125,7 @@ def _random_segments(rng: np.random.Generator) -> list[Segment]:
     while length_m < ROAD_M:
         target = _random_curvature(rng)
         entry_m = float(rng.uniform(*ENTRY_M)) + abs(target - curvature) / MAX_RATE_1PM2
-        arc_m = float(rng.uniform(3, 35))
+        arc_m = min(float(rng.uniform(3, 35)), float(rng.uniform(*ARC_RAD)) / max(abs(target), 1e-3))
         after = heading + entry_m * (curvature + target) / 2 + arc_m * target
         unwinding = (
             target * (ENTRY_M[1] + abs(target) / MAX_RATE_1PM2) / 2
@@ -138,10 +139,10 @@ def _random_segments(rng: np.random.Generator) -> list[Segment]:
 
 
 def _random_curvature(rng: np.random.Generator) -> float:
-    """Zero, or ±1/R with R log-uniform."""
+    """Zero, or ±1/R with R over its whole range, small ones more often: they fill little of a road."""
     if rng.random() < 0.2:
         return 0.0
-    radius_m = math.exp(rng.uniform(math.log(MIN_RADIUS_M), math.log(MAX_RADIUS_M)))
+    radius_m = MIN_RADIUS_M * (MAX_RADIUS_M / MIN_RADIUS_M) ** (rng.random() ** 2)
     return float(rng.choice([-1, 1])) / radius_m
 
 
