@@ -2,6 +2,7 @@
 
 import copy
 import math
+import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -88,6 +89,9 @@ def train(
     Raises InputError when the checkpoint is of another recipe.
     """
     torch.manual_seed(recipe.seed)
+    torch.set_num_threads(
+        max(1, (os.cpu_count() or 1) - 1)
+    )  # one core augments; more threads only wait in circles
     network = build(recipe, data)
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay

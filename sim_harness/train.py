@@ -3,7 +3,6 @@
 import hashlib
 import importlib.util
 import json
-import shlex
 import sys
 import time
 from datetime import UTC, datetime
@@ -84,7 +83,7 @@ def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
         camera=shot.canonical,
         lane_lookahead_m=recipe.lane_lookahead_m,
         calibration=calibration,
-        command=shlex.join(["trepid", *sys.argv[1:]]),
+        command=f"trepid train --frames {recipe.frames} --epochs {recipe.epochs} --seed {recipe.seed}",
         date=datetime.now(UTC).date().isoformat(),
         versions={name: version(name) for name in VERSIONS},
         recipe=recipe.model_dump(),

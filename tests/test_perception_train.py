@@ -12,7 +12,6 @@ from perception.steering import pursuit_curvature  # noqa: E402
 from perception.train import Recipe, largest_difference, train  # noqa: E402
 from trepid.config import CONFIG_DIR, InputError, load  # noqa: E402
 
-torch.set_num_threads(1)
 SPREAD = np.array([0.5, 0.08, 0.02, 0.02], np.float32)
 TINY = load(CONFIG_DIR / "train.yaml", Recipe).model_copy(update=dict(batch=32, epochs=2, bfloat16=False))
 
