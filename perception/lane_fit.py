@@ -52,7 +52,7 @@ class Fitted:
 
 
 def lane_coordinates(
-    x_m: Array, y_m: Array, mean: Array, curvature_floor_1pm: float = 1e-7
+    x_m: Array, y_m: Array, mean: Array, curvature_floor_1pm: float = 1e-10
 ) -> tuple[Array, Array, Array]:
     """Places (s, d) along and left of the lane centre, and the lateral scale 1 − κ·d, of road points.
 
@@ -168,7 +168,7 @@ def _residuals(points: RoadPoints, side: Array, mean: Array, camera: Camera) -> 
     jacobian[:, KAPPA] = (distance**2 - x_m * x_m - y_m * y_m) / (2 * root)
     jacobian[:, KAPPA_RATE] = -(station**3) / 6
     jacobian[:, WIDTH] = -side / 2
-    course = mean[KAPPA] * station - mean[PSI]
+    course = mean[KAPPA] * station + mean[KAPPA_RATE] * station**2 / 2 - mean[PSI]
     ahead, left = x_m - camera.x_m, y_m - camera.y_m
     jacobian[:, PITCH] = -(ahead / camera.height_m) * (left * np.cos(course) - ahead * np.sin(course))
     return distance - side * mean[WIDTH] / 2, jacobian
@@ -197,7 +197,7 @@ class LaneCurve:
 
 
 def lane_curve(mean: Array, station_m: Array) -> LaneCurve:
-    """Boundaries of the lane at stations ``station_m`` (uniform, may start below 0): the clothoid ± W/2 along n.
+    """Boundaries of the lane at stations ``station_m``, which begin at or below 0: the clothoid ± W/2 along n.
 
     φ(s) = −ψ + κ0·s + κ'·s²/2, centre = −e·n(φ(0)) + ∫(cos φ, sin φ) ds by the trapezoidal rule, cut where the
     lane has turned by more than 1.3 rad: what lies beyond is out of sight.
