@@ -22,7 +22,7 @@ Points = NDArray[np.int32]
 
 
 def draw(scenario: Scenario, trace: Trace, *, seed: int) -> Image:
-    """The run as an image: four camera views above, map and timelines below."""
+    """The run as an image: camera views of eight sections above, map and timelines below."""
     road = scenario.build_road()
     below = np.hstack([_map(road, trace), _timelines(trace, WIDTH_PX - MAP_PX)])
     return np.vstack([_views(road, trace, seed), below])
@@ -32,42 +32,39 @@ def fear_colour(fear: float) -> tuple[int, int, int]:
     """Green for calm through yellow to red for fear 1; grey where it is unknown (BGR)."""
     if not np.isfinite(fear):
         return (160, 160, 160)
-    hue = np.uint8([[[round(60 * (1 - min(max(fear, 0.0), 1.0))), 230, 200]]])
+    hue = np.array([[[round(60 * (1 - min(max(fear, 0.0), 1.0))), 230, 200]]], np.uint8)
     blue, green, red = cv2.cvtColor(hue, cv2.COLOR_HSV2BGR)[0, 0].tolist()
     return blue, green, red
 
 
 def _views(road: Road, trace: Trace, seed: int) -> Image:
-    """Camera views with what the CV estimator sees, from the first stretch of each of four sections."""
+    """Two rows of camera views with what the CV estimator sees, each from the sharpest bend of a section."""
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     renderer, views = Renderer(road, camera, seed=seed), []
-    for section, sample in _moments(trace, count=4):
+    for section, sample in _moments(trace, count=8):
         x_m, y_m, yaw_rad, station_m, t_s = (
             float(trace[name][sample]) for name in ("x_m", "y_m", "yaw_rad", "station_m", "t_s")
         )
         image = renderer.render(x_m, y_m, yaw_rad, station_m=station_m, t_s=t_s)
         estimate = build("cv").step(Frame(t_s=t_s, image=image), None, now_s=t_s)
-        view = cv2.resize(
-            annotated(image, estimate), (VIEW_PX, VIEW_PX * 3 // 4), interpolation=cv2.INTER_AREA
+        view: Image = np.empty((VIEW_PX * 3 // 4, VIEW_PX, 3), np.uint8)
+        cv2.resize(
+            annotated(image, estimate), (VIEW_PX, VIEW_PX * 3 // 4), view, interpolation=cv2.INTER_AREA
         )
         fear = float(trace["decision.fear"][sample])
         cv2.rectangle(view, (0, VIEW_PX * 3 // 4 - 8), (VIEW_PX, VIEW_PX * 3 // 4), fear_colour(fear), -1)
         _text(view, f"{section}: fear {fear:.2f}", (8, VIEW_PX * 3 // 4 - 18), PAPER, scale=0.5)
         views.append(view)
-    return np.hstack(views)
+    return np.vstack([np.hstack(views[:4]), np.hstack(views[4:])])
 
 
 def _moments(trace: Trace, *, count: int) -> list[tuple[str, int]]:
-    """A section's name and a sample in the middle of its first stretch, for ``count`` different sections."""
-    codes = trace["section"]
+    """A section's name and the sample in its sharpest bend, for ``count`` sections spread over the run."""
     moments = []
     for code, name in enumerate(trace.words["section"]):
-        samples = np.flatnonzero(codes == code)
-        if len(samples):
-            moments.append((name, int(samples[len(samples) // 2])))
-    step = max(1, len(moments) // count)
-    chosen = moments[::step][:count]
-    return chosen + [chosen[-1]] * (count - len(chosen))
+        samples = np.flatnonzero(trace["section"] == code)
+        moments.append((name, int(samples[np.argmax(np.abs(trace["curvature_1pm"][samples]))])))
+    return [moments[i] for i in np.linspace(0, len(moments) - 1, count).round().astype(int)]
 
 
 def _map(road: Road, trace: Trace) -> Image:
@@ -120,10 +117,10 @@ def _plot(name: str, t_s: Column, values: Column, limits: Sequence[float], width
         cv2.line(canvas, (left, y), (right, y), FAINT, 1)
         _text(canvas, f"{level:.2g}", (14, y + 4), INK, scale=0.38)
     seen = np.isfinite(values)
-    x = left + (right - left) * t_s[seen] / t_s[-1]
-    y = bottom - (bottom - top) * (np.clip(values[seen], low, high) - low) / (high - low)
+    x_px = left + (right - left) * t_s[seen] / t_s[-1]
+    y_px = bottom - (bottom - top) * (np.clip(values[seen], low, high) - low) / (high - low)
     cv2.polylines(
-        canvas, [np.column_stack([x, y]).round().astype(np.int32)], False, (160, 90, 20), 1, cv2.LINE_AA
+        canvas, [np.column_stack([x_px, y_px]).round().astype(np.int32)], False, (160, 90, 20), 1, cv2.LINE_AA
     )
     _text(canvas, name, (left, 14), INK, scale=0.45)
     return canvas
