@@ -15,12 +15,12 @@ from trepid.topics import COMMAND, DECISION, DIAGNOSTICS, SIM_TRUTH, VEHICLE_STA
 class Latency:
     """Ages of what was heard, from the capture of its frame: one number per frame."""
 
+    newest_t_s: float  # frames up to this one do not count
     samples_ms: list[float] = field(default_factory=list)
-    newest_t_s: float | None = None
 
     def add(self, t_s: float | None, heard_s: float) -> None:
         """Take the first message that goes back to a new frame; later ones repeat it."""
-        if t_s is not None and (self.newest_t_s is None or t_s > self.newest_t_s):
+        if t_s is not None and t_s > self.newest_t_s:
             self.newest_t_s = t_s
             self.samples_ms.append(1e3 * (heard_s - t_s))
 
@@ -57,7 +57,7 @@ class DriveLog:
         """Forget the trace and the latencies: the drive begins now."""
         self._recorder = Recorder(self._estimators)
         self._beats: dict[str, list[Diagnostic]] = {}
-        self.latency = {name: Latency() for name in self._latency_names()}
+        self.latency = {name: Latency(self.now_s()) for name in self._latency_names()}
 
     def _latency_names(self) -> list[str]:
         return [*(f"frame_to_{name}" for name in self._estimators), "frame_to_decision", "frame_to_command"]
