@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from perception.canonical import Lane
+from trepid.camera import Camera
 from trepid.config import Settings
 from trepid.messages import Image
 
@@ -20,6 +22,7 @@ class Augmentation(Settings):
     """Section ``augmentation`` of ``config/train.yaml``."""
 
     flip: Share
+    height: NonNegative
     shift_px: NonNegative
     roll_rad: NonNegative
     gain: Annotated[float, Field(ge=1)]
@@ -37,37 +40,59 @@ class Augmentation(Settings):
     border_size: Share
 
 
-def augment(
-    image: Image, lane: Array, settings: Augmentation, rng: np.random.Generator
-) -> tuple[Image, Array]:
-    """A harder image of the same lane; a mirrored one has the mirrored lane, which is −lane.
+class Augmenter:
+    """Makes training images harder and keeps their lanes true."""
 
-    The other changes keep the lane: shift along the columns and roll are what pitch and roll of the body do.
-    """
-    if rng.random() < settings.flip:
-        image, lane = _pixels(cv2.flip(image, 1)), -lane
-    image = _tilt(image, settings, rng)
-    if rng.random() < settings.shadows:
-        image = _shade(image, rng)
-    image = _relight(image, settings, rng)
-    if rng.random() < settings.erase:
-        image = _erase(image, settings.erase_size, rng)
-    if rng.random() < settings.blur:
-        image = _pixels(cv2.GaussianBlur(image, (0, 0), 0.3 + settings.blur_px * rng.random()))
-    if rng.random() < settings.noise:
-        image = _add_noise(image, settings.noise_grey * rng.random(), rng)
-    if rng.random() < settings.border:
-        image = _narrow(image, settings.border_size, rng)
-    return image, lane
+    def __init__(self, settings: Augmentation, canonical: Camera, *, lookahead_m: float) -> None:
+        """``canonical``: the camera of all images; ``lookahead_m``: where the fourth number of a lane holds."""
+        self._settings = settings
+        self._camera = canonical
+        self._lookahead_m = lookahead_m
 
+    def __call__(self, image: Image, lane: Array, rng: np.random.Generator) -> tuple[Image, Array]:
+        """A harder image and its lane, (4,). A mirrored image has the mirrored lane, −lane."""
+        settings = self._settings
+        if rng.random() < settings.flip:
+            image, lane = _pixels(cv2.flip(image, 1)), -lane
+        raised = float(np.exp(settings.height * rng.normal()))
+        image = self._moved(image, raised, rng)
+        lane = self.lane_from(lane, raised)
+        if rng.random() < settings.shadows:
+            image = _shade(image, rng)
+        image = _relight(image, settings, rng)
+        if rng.random() < settings.erase:
+            image = _erase(image, settings.erase_size, rng)
+        if rng.random() < settings.blur:
+            image = _pixels(cv2.GaussianBlur(image, (0, 0), 0.3 + settings.blur_px * rng.random()))
+        if rng.random() < settings.noise:
+            image = _add_noise(image, settings.noise_grey * rng.random(), rng)
+        if rng.random() < settings.border:
+            image = _narrow(image, settings.border_size, rng)
+        return image, lane
 
-def _tilt(image: Image, settings: Augmentation, rng: np.random.Generator) -> Image:
-    """Turned about its centre and moved along its columns, as a rolling and pitching body does."""
-    height, width = image.shape[:2]
-    roll_deg = float(np.rad2deg(settings.roll_rad * rng.normal()))
-    turn = cv2.getRotationMatrix2D((width / 2, height / 2), roll_deg, 1.0)
-    turn[1, 2] += settings.shift_px * rng.normal()
-    return _pixels(cv2.warpAffine(image, turn, (width, height), borderMode=cv2.BORDER_REPLICATE))
+    def lane_from(self, lane: Array, raised: float) -> Array:
+        """The lane that the network shall believe to see from ``raised`` times the canonical height.
+
+        The opposite of :meth:`perception.canonical.CanonicalView.lane` for a camera at that height.
+        """
+        ahead_m, left_m = (1 - raised) * self._camera.x_m, (1 - raised) * self._camera.y_m
+        seen = Lane.from_row(lane, self._lookahead_m).seen_from(ahead_m, left_m).scaled(1 / raised)
+        return np.array(seen.row(self._lookahead_m), np.float32)
+
+    def pixel_from_pixel(self, raised: float) -> NDArray[np.float64]:
+        """Homography of the ground from the canonical height to ``raised`` times it: K·R·diag(1, 1, k)·Rᵀ·K⁻¹."""
+        project = self._camera.intrinsics @ self._camera.optical_from_vehicle
+        return project @ np.diag([1, 1, raised]) @ np.linalg.inv(project)
+
+    def _moved(self, image: Image, raised: float, rng: np.random.Generator) -> Image:
+        """From another height; then rolled and shifted along the columns as by a rolling and pitching body."""
+        height, width = image.shape[:2]
+        roll_deg = float(np.rad2deg(self._settings.roll_rad * rng.normal()))
+        turn = np.eye(3)
+        turn[:2] = cv2.getRotationMatrix2D((width / 2, height / 2), roll_deg, 1.0)
+        turn[1, 2] += self._settings.shift_px * rng.normal()
+        matrix = turn @ self.pixel_from_pixel(raised)
+        return _pixels(cv2.warpPerspective(image, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE))
 
 
 def _relight(image: Image, settings: Augmentation, rng: np.random.Generator) -> Image:

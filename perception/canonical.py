@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trepid.camera import Camera
 from trepid.messages import Image
@@ -25,6 +26,22 @@ class Lane:
     heading_rad: float
     curvature_1pm: float  # at the axle
     curvature_rate_1pm2: float
+
+    @classmethod
+    def from_row(cls, row: ArrayLike, lookahead_m: float) -> "Lane":
+        """From offset, heading, curvature at the axle and curvature at ``lookahead_m``: the network's terms."""
+        offset, heading, curvature, ahead = map(float, np.asarray(row))
+        return cls(
+            offset_m=offset,
+            heading_rad=heading,
+            curvature_1pm=curvature,
+            curvature_rate_1pm2=(ahead - curvature) / lookahead_m,
+        )
+
+    def row(self, lookahead_m: float) -> tuple[float, float, float, float]:
+        """The opposite of ``from_row``."""
+        ahead_1pm = self.curvature_1pm + self.curvature_rate_1pm2 * lookahead_m
+        return self.offset_m, self.heading_rad, self.curvature_1pm, ahead_1pm
 
     def scaled(self, scale: float) -> "Lane":
         """The lane in a world that is ``scale`` times larger."""

@@ -131,16 +131,8 @@ class SteerNet:
         confidence = visible * self._probability(sigma)
         if confidence < self._settings.min_confidence:
             return self._nothing(frame, "the network sees a road but does not trust its lane")
-        return self._seen(frame, self._view.lane(self._lane(lanes[0])), confidence)
-
-    def _lane(self, output: NDArray[np.float32]) -> Lane:
-        offset, heading, curvature, curvature_ahead = map(float, output)
-        return Lane(
-            offset_m=offset,
-            heading_rad=heading,
-            curvature_1pm=curvature,
-            curvature_rate_1pm2=(curvature_ahead - curvature) / self._record.lane_lookahead_m,
-        )
+        lane = Lane.from_row(lanes[0], self._record.lane_lookahead_m)
+        return self._seen(frame, self._view.lane(lane), confidence)
 
     def _probability(self, command_sigma_1pm: float) -> float:
         """Probability that δ = atan(L·κ_cmd) is good enough; σ_δ ≈ L·σ_κ, at its largest straight ahead."""

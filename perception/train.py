@@ -15,10 +15,11 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from perception.augment import Augmentation, augment, nonsense
+from perception.augment import Augmentation, Augmenter, nonsense
 from perception.network import Exported, SteerNetwork, loss
 from perception.scores import Labelled
 from perception.steer_net import Network
+from trepid.camera import Camera
 from trepid.config import InputError, Settings
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -78,11 +79,12 @@ def train(
     data: Labelled,
     validation: Labelled,
     *,
+    canonical: Camera,
     checkpoint: Path,
     resume: bool,
     report: Callable[[str], None],
 ) -> tuple[SteerNetwork, Progress]:
-    """The network of the epoch with the least validation loss.
+    """The network of the epoch with the least validation loss; ``canonical`` is the camera of all images.
 
     AdamW (Loshchilov and Hutter, ICLR 2019) with a cosine to zero. Every epoch draws its order and augmentation
     from (seed, epoch) alone and ends with a checkpoint, so a resumed training equals one in one go.
@@ -99,7 +101,7 @@ def train(
     progress = _restore(checkpoint, recipe, network, optimiser) if resume else Progress()
     while progress.epoch < recipe.epochs and progress.epoch - progress.best_epoch < recipe.patience:
         started_s = time.monotonic()
-        train_loss = _epoch(recipe, network, optimiser, data, progress.epoch)
+        train_loss = _epoch(recipe, canonical, network, optimiser, data, progress.epoch)
         validation_loss = _evaluate(recipe, network, validation)
         progress.epoch += 1
         progress.elapsed_s += time.monotonic() - started_s
@@ -127,13 +129,18 @@ def largest_difference(network: SteerNetwork, exported: Network, images: np.ndar
 
 
 def _epoch(
-    recipe: Recipe, network: SteerNetwork, optimiser: torch.optim.Optimizer, data: Labelled, epoch: int
+    recipe: Recipe,
+    canonical: Camera,
+    network: SteerNetwork,
+    optimiser: torch.optim.Optimizer,
+    data: Labelled,
+    epoch: int,
 ) -> float:
     """One pass over ``data``; the mean loss."""
     network.train()
     steps = math.ceil(len(data) / recipe.batch)
     losses = []
-    for step, (images, lanes, visible) in enumerate(_ahead(_batches(recipe, data, epoch))):
+    for step, (images, lanes, visible) in enumerate(_ahead(_batches(recipe, canonical, data, epoch))):
         for group in optimiser.param_groups:
             group["lr"] = _learning_rate(recipe, (epoch + step / steps) / recipe.epochs)
         optimiser.zero_grad()
@@ -167,17 +174,18 @@ def _learning_rate(recipe: Recipe, done: float) -> float:
     return recipe.learning_rate * (1 + math.cos(math.pi * (done - recipe.warm_up) / (1 - recipe.warm_up))) / 2
 
 
-def _batches(recipe: Recipe, data: Labelled, epoch: int) -> Iterator[Batch]:
+def _batches(recipe: Recipe, canonical: Camera, data: Labelled, epoch: int) -> Iterator[Batch]:
     """All frames in random order, augmented, with images without a road among them."""
     rng = np.random.default_rng((recipe.seed, epoch))
+    augmenter = Augmenter(recipe.augmentation, canonical, lookahead_m=recipe.lane_lookahead_m)
     order = rng.permutation(len(data))
     extra = round(recipe.batch * recipe.nonsense_share)
     for start in range(0, len(order), recipe.batch):
         chosen = order[start : start + recipe.batch]
-        pairs = [augment(data.images[i], data.lanes[i], recipe.augmentation, rng) for i in chosen]
+        pairs = [augmenter(data.images[i], data.lanes[i], rng) for i in chosen]
         blank = np.zeros(data.lanes.shape[1], np.float32)
         for i in rng.choice(chosen, extra):
-            pairs.append(augment(nonsense(data.images[i], rng), blank, recipe.augmentation, rng))
+            pairs.append(augmenter(nonsense(data.images[i], rng), blank, rng))
         images, lanes = (np.stack(column) for column in zip(*pairs, strict=True))
         visible = np.concatenate([data.visible[chosen], np.zeros(extra, bool)]).astype(np.float32)
         yield torch.from_numpy(images), torch.from_numpy(lanes), torch.from_numpy(visible)

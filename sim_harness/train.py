@@ -62,6 +62,7 @@ def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
         recipe,
         data["train"],
         data["validation"],
+        canonical=shot.canonical,
         checkpoint=out / "checkpoint.pt",
         resume=resume,
         report=_say,

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from perception.canonical import CanonicalView
+from perception.canonical import CanonicalView, Lane
 from perception.scores import Labelled
 from sim_harness.dataset import LaneSample, road_samples
 from sim_harness.renderer import Renderer
@@ -45,8 +45,12 @@ class Shot:
         )
 
     def _lane(self, frame: LaneSample) -> tuple[float, float, float, float]:
-        ahead_1pm = frame.curvature_1pm + frame.curvature_rate_1pm2 * self.lookahead_m
-        return frame.lateral_offset_m, frame.heading_error_rad, frame.curvature_1pm, ahead_1pm
+        return Lane(
+            offset_m=frame.lateral_offset_m,
+            heading_rad=frame.heading_error_rad,
+            curvature_1pm=frame.curvature_1pm,
+            curvature_rate_1pm2=frame.curvature_rate_1pm2,
+        ).row(self.lookahead_m)
 
 
 def random_frames(

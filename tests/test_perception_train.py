@@ -5,13 +5,18 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
 
+from perception.canonical import cropped  # noqa: E402
 from perception.network import SteerNetwork, command_row, export, loss  # noqa: E402
 from perception.scores import Labelled  # noqa: E402
 from perception.steer_net import Network  # noqa: E402
 from perception.steering import pursuit_curvature  # noqa: E402
 from perception.train import Recipe, largest_difference, train  # noqa: E402
+from trepid.camera import Camera  # noqa: E402
 from trepid.config import CONFIG_DIR, InputError, load  # noqa: E402
 
+CANONICAL = cropped(
+    load(CONFIG_DIR / "camera.yaml", Camera), top_px=82, bottom_px=202, width_px=200, height_px=66
+)
 SPREAD = np.array([0.5, 0.08, 0.02, 0.02], np.float32)
 TINY = load(CONFIG_DIR / "train.yaml", Recipe).model_copy(update=dict(batch=32, epochs=2, bfloat16=False))
 
@@ -32,6 +37,7 @@ def fit(tmp_path, recipe=TINY, resume=False):
         recipe,
         stripes(96, 0),
         stripes(32, 1),
+        canonical=CANONICAL,
         checkpoint=tmp_path / "c.pt",
         resume=resume,
         report=said.append,
@@ -67,6 +73,7 @@ def test_a_resumed_training_equals_one_in_one_go(tmp_path, monkeypatch):
             TINY,
             stripes(96, 0),
             stripes(32, 1),
+            canonical=CANONICAL,
             checkpoint=tmp_path / "c.pt",
             resume=False,
             report=interrupt,
