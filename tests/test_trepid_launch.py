@@ -29,10 +29,13 @@ def alive(pid: int) -> bool:
 
 
 def until(condition: Callable[[], object], *, patience_s: float) -> bool:
+    """Whether the condition came true in time."""
     deadline_s = time.monotonic() + patience_s
-    while not condition() and time.monotonic() < deadline_s:
+    while time.monotonic() < deadline_s:
+        if condition():
+            return True
         time.sleep(0.02)
-    return bool(condition())
+    return False
 
 
 @pytest.fixture
