@@ -206,10 +206,10 @@ class Scenario(Settings):
             raise InputError(f"scenario {self.name}: plant: {_message(error)}") from error
 
     def shortened(self, duration_s: float) -> "Scenario":
-        """This scenario cut off after ``duration_s``: the end of the route is then no longer expected."""
+        """This scenario cut off after ``duration_s``: what only the whole route can show is no longer expected."""
         if duration_s >= self.duration_s:
             return self
-        expect = self.expect.model_copy(update={"must_finish": False})
+        expect = self.expect.model_copy(update={"must_finish": False, "min_mean_speed_mps": None})
         return self.model_copy(update={"duration_s": duration_s, "expect": expect})
 
     def route_m(self, road: Road) -> float:
