@@ -20,7 +20,7 @@ from perception.annotate import AnnotationWriter, annotated, as_path
 from perception.estimators import ESTIMATORS, Estimator
 from perception.lane_cv import LaneCvSettings
 from perception.self_calibration import self_calibrated
-from perception.sources import NOMINAL_FPS, Clip, Source, Still, sources
+from perception.sources import NOMINAL_FPS, VIDEO_SUFFIXES, Clip, Source, Still, sources
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, SteeringEstimate
@@ -111,7 +111,7 @@ def _annotating(seen: Iterator[Seen], out: Path) -> Iterator[Seen]:
     writer = AnnotationWriter(out, fps=NOMINAL_FPS)
     try:
         for path, number, image, result in seen:
-            writer.write(annotated(image, result), path, is_clip=path.suffix.lower() == ".mp4")
+            writer.write(annotated(image, result), path, is_clip=path.suffix.lower() in VIDEO_SUFFIXES)
             yield path, number, image, result
     finally:
         writer.close()

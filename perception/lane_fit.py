@@ -163,9 +163,13 @@ def _residuals(points: RoadPoints, side: Array, mean: Array, camera: Camera) -> 
     station, distance, root = lane_coordinates(x_m, y_m, mean)
     sin, cos = math.sin(-mean[PSI]), math.cos(-mean[PSI])
     jacobian = np.empty((len(side), 6))
-    jacobian[:, E] = 1
+    # Of the concentric circle through the axle: d_v = d − e + κ'·s³/6 and κ_v = κ0/(1 − κ0·e).
+    to_axle_circle = distance - mean[E] + mean[KAPPA_RATE] * station**3 / 6
+    by_bend = (to_axle_circle**2 - x_m * x_m - y_m * y_m) / (2 * root)
+    concentric = 1 / max(1 - mean[KAPPA] * mean[E], 0.2) ** 2
+    jacobian[:, E] = 1 + by_bend * concentric * mean[KAPPA] ** 2
     jacobian[:, PSI] = (x_m * cos + y_m * sin) / root
-    jacobian[:, KAPPA] = (distance**2 - x_m * x_m - y_m * y_m) / (2 * root)
+    jacobian[:, KAPPA] = by_bend * concentric
     jacobian[:, KAPPA_RATE] = -(station**3) / 6
     jacobian[:, WIDTH] = -side / 2
     course = mean[KAPPA] * station + mean[KAPPA_RATE] * station**2 / 2 - mean[PSI]

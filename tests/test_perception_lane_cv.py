@@ -1,0 +1,232 @@
+import os
+from dataclasses import asdict
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from perception.lane_cv import LaneCv, LaneCvSettings
+from perception.lane_fit import lane_curve
+from perception.self_calibration import self_calibrated, vanishing_point
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, ROOT, load
+from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.vehicle import Vehicle
+
+SETTINGS = load(CONFIG_DIR / "perception.yaml", LaneCvSettings)
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+DATA = Path(os.environ.get("TREPID_DATA", ROOT.parent / "shared" / "data"))
+needs_data = pytest.mark.skipif(
+    not DATA.is_dir(), reason="real images are not part of the project (TREPID_DATA)"
+)
+
+ASPHALT, GRASS, SKY, WHITE, YELLOW = (
+    (105, 105, 105), (60, 120, 80), (220, 180, 150), (225, 225, 225), (60, 180, 225),
+)  # fmt: skip
+
+
+def ribbon(image, camera, lane, place_m, width_m, colour, drawn=lambda station_m: True):
+    """Paint the strip ``width_m`` wide at ``place_m`` left of the centre of ``lane`` = (e, ψ, κ0, κ')."""
+    station_m = np.concatenate([np.arange(-1.0, 20.0, 0.5), np.arange(20.0, 70.0, 2.0)])
+    edges = []
+    for place in (place_m + width_m / 2, place_m - width_m / 2 + 1e-9):
+        curve = lane_curve(np.array([*lane, 2 * abs(place), 0.0]), station_m)
+        left = place > 0
+        x, y = (curve.left_x_m, curve.left_y_m) if left else (curve.right_x_m, curve.right_y_m)
+        edges.append(camera.pixel_from_road(np.column_stack([x, y])))
+    for number in range(len(edges[0]) - 1):
+        corners = np.array([*edges[0][number : number + 2], *edges[1][number : number + 2][::-1]])
+        if drawn(station_m[number]) and np.isfinite(corners).all() and np.abs(corners).max() < 5000:
+            cv2.fillPoly(image, [np.round(corners * 16).astype(np.int32)], colour, cv2.LINE_AA, 4)
+
+
+def road(lane, width_m=3.4, *, left=WHITE, right=WHITE, dashed=False, camera=CAMERA, verge_m=0.6, seed=0):
+    """A picture of a road: asphalt in grass, lines of the given colours (None: no line), sensor noise."""
+    image = np.full((camera.height_px, camera.width_px, 3), GRASS, np.uint8)
+    image[: round(camera.horizon_row_px)] = SKY
+    half_m = width_m / 2 + verge_m
+    for side in (1, -1):
+        ribbon(image, camera, lane, side * half_m / 2, half_m, ASPHALT)
+    if left:
+        ribbon(
+            image, camera, lane, width_m / 2, 0.12, left, (lambda s: s % 9 < 3) if dashed else lambda s: True
+        )
+    if right:
+        ribbon(image, camera, lane, -width_m / 2, 0.12, right)
+    noise = np.random.default_rng(seed).normal(0, 3, image.shape)
+    return np.clip(image + noise, 0, 255).astype(np.uint8)
+
+
+def look(image, camera=CAMERA) -> SteeringEstimate:
+    return LaneCv(SETTINGS, camera, VEHICLE).step(Frame(t_s=0.0, image=image), None, now_s=0.0)
+
+
+@pytest.mark.parametrize("lane", [(0.0, 0.0, 0.0, 0.0), (0.4, -0.05, 0.0, 0.0), (-0.3, 0.08, 0.0, 0.0)])
+@pytest.mark.parametrize(("left", "dashed"), [(WHITE, False), (YELLOW, False), (WHITE, True)])
+def test_the_lane_between_two_lines_is_measured_from_one_frame(lane, left, dashed):
+    seen = look(road(lane, left=left, dashed=dashed))
+    assert seen.lanes_detected == 2 and seen.confidence > 0.4 and seen.reason == ""
+    assert seen.lateral_offset_m == pytest.approx(lane[0], abs=0.06)
+    assert seen.heading_error_rad == pytest.approx(lane[1], abs=0.02)
+    assert seen.lane_width_m == pytest.approx(3.4, abs=0.1)
+
+
+@pytest.mark.parametrize("curvature", [1 / 15, -1 / 15, 1 / 40, -1 / 40, 1 / 200])
+def test_bends_down_to_a_radius_of_15_m_are_seen(curvature):
+    seen = look(road((0.1, 0.02, curvature, 0.0)))
+    assert seen.curvature_1pm == pytest.approx(curvature, abs=0.15 * abs(curvature) + 0.0015)
+    assert seen.lateral_offset_m == pytest.approx(0.1, abs=0.12)
+
+
+@pytest.mark.parametrize("lane", [(0.3, 0.04, 0.0, 0.0), (-0.2, 0.0, 0.03, 0.0)])
+def test_the_mirrored_picture_has_the_mirrored_lane(lane):
+    image = road(lane, right=YELLOW)
+    # The principal point of a mirrored picture lies at width - 1 - cx.
+    mirror = CAMERA.model_copy(update={"cx_px": CAMERA.width_px - 1 - CAMERA.cx_px})
+    one, other = look(image), look(np.ascontiguousarray(image[:, ::-1]), mirror)
+    assert other.lateral_offset_m == pytest.approx(-one.lateral_offset_m, abs=0.02)
+    assert other.heading_error_rad == pytest.approx(-one.heading_error_rad, abs=0.005)
+    assert other.road_wheel_angle_rad == pytest.approx(-one.road_wheel_angle_rad, abs=0.005)
+
+
+def test_one_line_and_the_remembered_width_keep_the_lane():
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+    for number in range(10):
+        image = road((0.2, 0.0, 0.0, 0.0), width_m=3.1, left=WHITE if number < 3 else None, verge_m=3.0)
+        seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
+    assert seen.lateral_offset_m == pytest.approx(0.2, abs=0.1)
+    assert seen.confidence > 0.3
+
+
+@pytest.mark.parametrize("lane", [(0.0, 0.0, 0.0, 0.0), (0.3, -0.04, 0.0, 0.0), (-0.2, 0.02, 0.03, 0.0)])
+def test_an_unmarked_road_is_kept_by_its_edges(lane):
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+    for number in range(6):
+        image = road(lane, width_m=3.6, left=None, right=None, verge_m=0.0, seed=number)
+        seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
+    assert seen.lateral_offset_m == pytest.approx(lane[0], abs=0.15)
+    assert seen.lane_width_m == pytest.approx(3.6, abs=0.3)
+    assert 0.2 < seen.confidence < 1
+
+
+def test_a_lost_lane_is_remembered_with_falling_confidence_and_then_given_up():
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+    state = VehicleState(
+        t_s=0.0, speed_mps=5.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+    )
+    for number in range(5):
+        finder.step(Frame(t_s=0.04 * number, image=road((0.2, 0.0, 0.0, 0.0))), state, now_s=0.0)
+    dark = np.zeros((240, 320, 3), np.uint8)
+    coasting = [finder.step(Frame(t_s=0.2 + 0.1 * n, image=dark), state, now_s=0.0) for n in range(14)]
+    believed = [seen.confidence for seen in coasting]
+    assert (np.diff(believed[:9]) < 0).all()
+    assert coasting[3].lateral_offset_m == pytest.approx(0.2, abs=0.1)
+    assert coasting[3].lanes_detected == 0 and "not seen" in coasting[3].reason
+    assert_no_lane(coasting[-1])
+
+
+def test_the_same_frames_give_the_same_estimates_bit_for_bit():
+    frames = [Frame(t_s=0.04 * n, image=road((0.1 * n, 0.0, 0.01, 0.0), seed=n)) for n in range(4)]
+
+    def drive():
+        finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+        return [asdict(finder.step(frame, None, now_s=9.0)) for frame in frames]
+
+    assert drive() == drive()
+
+
+def assert_no_lane(seen: SteeringEstimate) -> None:
+    assert seen.reason and seen.confidence == 0 and seen.lanes_detected == 0
+    assert seen.lateral_offset_m is seen.heading_error_rad is seen.curvature_1pm is None
+    assert seen.road_wheel_angle_rad is seen.lane_width_m is seen.curvature_rate_1pm2 is None
+    assert seen.left_boundary_px == seen.right_boundary_px == ()
+
+
+RANDOM = np.random.default_rng(5)
+NO_ROAD = {
+    "black": np.zeros((240, 320, 3), np.uint8),
+    "white": np.full((240, 320, 3), 255, np.uint8),
+    "noise": RANDOM.integers(0, 256, (240, 320, 3), dtype=np.uint8),
+    "1x1": np.zeros((1, 1, 3), np.uint8),
+    "ramp": np.tile(np.linspace(0, 255, 320, dtype=np.uint8)[None, :, None], (240, 1, 3)),
+    "tall": np.zeros((600, 40, 3), np.uint8),
+    "float": RANDOM.uniform(0, 255, (240, 320, 3)),
+    "flat vector": np.zeros(320, np.uint8),
+}
+
+
+@pytest.mark.parametrize("name", NO_ROAD)
+def test_where_there_is_no_road_there_is_no_number_but_a_reason(name):
+    assert_no_lane(look(NO_ROAD[name]))
+
+
+@pytest.mark.parametrize("turn", [np.flipud, np.rot90, lambda image: np.rot90(image, 3)])
+@pytest.mark.parametrize("lines", [WHITE, None])
+def test_roads_upside_down_or_on_their_side_are_not_believed(turn, lines):
+    image = np.ascontiguousarray(turn(road((0.0, 0.0, 0.0, 0.0), left=lines, right=lines)))
+    assert look(image).confidence < 0.5
+
+
+def test_grey_images_are_as_good_as_colour_for_white_lines():
+    grey = cv2.cvtColor(road((0.2, 0.0, 0.0, 0.0)), cv2.COLOR_BGR2GRAY)
+    for image in (grey, grey[:, :, None]):
+        assert look(image).lateral_offset_m == pytest.approx(0.2, abs=0.06)
+
+
+def test_boundaries_are_pixels_of_the_input_image_every_ten_rows_from_the_bottom():
+    big = CAMERA.resized(960, 720)
+    lane = (0.2, 0.0, 0.0, 0.0)
+    seen = look(road(lane, camera=big), big)
+    for path, side in ((seen.left_boundary_px, 1), (seen.right_boundary_px, -1)):
+        rows = [y for _, y in path]
+        assert len(path) > 20 and all(y % 10 == 0 for y in rows)
+        assert np.diff(rows) == pytest.approx(-10)
+        truth = lane_curve(np.array([*lane, 3.4, 0.0]), np.arange(0.0, 40.0, 0.5))
+        x, y = (truth.left_x_m, truth.left_y_m) if side > 0 else (truth.right_x_m, truth.right_y_m)
+        u, v = big.pixel_from_road(np.column_stack([x, y])[6:]).T
+        for x_px, y_px in path:
+            if v.min() < y_px < v.max():
+                assert x_px == pytest.approx(np.interp(-y_px, -v, u), abs=6)
+
+
+def test_lens_distortion_is_undone_and_put_back_into_the_boundaries():
+    lens = CAMERA.model_copy(update={"distortion": (-0.12, 0.02, 0.0, 0.0, 0.0)})
+    straight = road((0.2, 0.0, 0.0, 0.0))
+    columns, rows = np.meshgrid(np.arange(320.0), np.arange(240.0))
+    pixels = np.stack([columns.ravel(), rows.ravel()], axis=1)
+    source = cv2.undistortPoints(
+        pixels[:, None], lens.intrinsics, np.array(lens.distortion), P=lens.intrinsics
+    )
+    maps = source.reshape(240, 320, 2).astype(np.float32)
+    bent = cv2.remap(straight, maps, None, cv2.INTER_LINEAR)
+    seen = look(bent, lens)
+    assert seen.lateral_offset_m == pytest.approx(0.2, abs=0.06)
+    undistorted = look(straight)
+    (x, y), (x_straight, _) = seen.left_boundary_px[2], undistorted.left_boundary_px[2]
+    assert abs(x - x_straight) > 2
+    assert bent[int(y), round(x)].astype(int) == pytest.approx(np.array(WHITE), abs=60)
+
+
+def test_the_horizon_of_an_unknown_camera_is_found_from_the_lines():
+    for pitch_rad in (0.0, 0.08, 0.14):
+        camera = CAMERA.model_copy(update={"pitch_down_rad": pitch_rad})
+        found = vanishing_point(road((0.0, 0.0, 0.0, 0.0), camera=camera), SETTINGS.self_calibration)
+        assert found.y * camera.height_px == pytest.approx(camera.horizon_row_px, abs=5)
+
+
+@needs_data
+@pytest.mark.parametrize("name", ["straight_lines1.jpg", "straight_lines2.jpg"])
+@pytest.mark.parametrize("known", [True, False])
+def test_straight_highway_lanes_have_two_lines_heading_and_width(name, known):
+    image = cv2.imread(str(DATA / "highway_udacity_adv" / "test_images" / name))
+    camera = (
+        load(CONFIG_DIR / "cameras" / "udacity_highway.yaml", Camera)
+        if known
+        else self_calibrated([image], SETTINGS.self_calibration)
+    )
+    seen = look(image, camera)
+    assert seen.lanes_detected == 2
+    assert abs(np.degrees(seen.heading_error_rad)) < 2
+    assert seen.lane_width_m == pytest.approx(3.7, rel=0.15)
