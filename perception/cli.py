@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -58,6 +59,7 @@ def estimate(
     if not inputs:
         raise InputError("name at least one image, folder or video")
     cv2.setNumThreads(1)
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # quiet: a broken video is reported in our own words
     known = load(camera, Camera) if camera else None
     if known is None:
         print(ASSUMED, file=sys.stderr)

@@ -42,6 +42,7 @@ class VoteStages(Settings):
     refine: VoteSettings
     tracked: VoteSettings
     prior_weight: Positive
+    min_support: Positive
 
 
 class LaneCvSettings(Settings):
@@ -124,7 +125,8 @@ class LaneCv:
         self._seen_t_s = 0.0  # when it was last seen
         self._seen_confidence = 0.0
         self._source = LINES  # what it was last seen by
-        self._rival_frames = 0  # how often in a row a better lane contradicted the track
+        self._weak_frames = 0  # how many in a row gave no good tracked lane
+        self._rival_looks = 0  # how often in a row a better lane contradicted the track
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane in ``frame``; ``state`` moves the remembered lane to the capture time of the frame."""
@@ -197,7 +199,7 @@ class LaneCv:
         return self._unless_better(best, best_belief, points, image, view)
 
     def _keep(self, fit: LaneFit, belief: float) -> tuple[LaneFit, float]:
-        self._rival_frames = 0
+        self._rival_looks = self._weak_frames = 0
         return fit, belief
 
     def _first_look(self, points: RoadPoints, image: Bgr, view: View) -> tuple[LaneFit | None, float]:
@@ -218,17 +220,22 @@ class LaneCv:
     def _unless_better(
         self, fit: LaneFit, belief: float, points: RoadPoints, image: Bgr, view: View
     ) -> tuple[LaneFit | None, float]:
-        """The weak tracked ``fit``, or the lane of a first look if that is clearly better for some frames."""
-        rival, rival_belief = self._first_look(points, image, view)
-        if rival is not None and rival_belief > belief + self._settings.track.rival_margin:
-            self._rival_frames += 1
-            # Edges of a wide road never outvote lines: a lane is a part of the road.
-            stubborn = not rival.by_edges and self._rival_frames >= self._settings.track.confirm_frames
-            if self._agrees(rival) or stubborn:
-                self._looks = 0
-                return rival, rival_belief
-        else:
-            self._rival_frames = 0
+        """The weak tracked ``fit``, or the lane of a first look if that is clearly better for some looks.
+
+        A first look is dear, so it is taken at the first weak frame and then at every few.
+        """
+        if self._weak_frames % self._settings.track.rival_every == 0:
+            rival, rival_belief = self._first_look(points, image, view)
+            if rival is not None and rival_belief > belief + self._settings.track.rival_margin:
+                self._rival_looks += 1
+                # Edges of a wide road never outvote lines: a lane is a part of the road.
+                stubborn = not rival.by_edges and self._rival_looks >= self._settings.track.confirm_looks
+                if self._agrees(rival) or stubborn:
+                    self._looks = 0
+                    return self._keep(rival, rival_belief)
+            else:
+                self._rival_looks = 0
+        self._weak_frames += 1
         return (fit, belief) if belief >= self._settings.min_confidence else (None, 0.0)
 
     def _agrees(self, fit: LaneFit) -> bool:
@@ -280,6 +287,7 @@ class LaneCv:
             fit=self._settings.fit,
             evidence=self._settings.evidence,
             prior_weight=self._settings.vote.prior_weight,
+            min_support=self._settings.vote.min_support,
             straight=straight,
         )
 

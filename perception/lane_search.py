@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,7 @@ def find_lane(
     fit: FitSettings,
     evidence: EvidenceSettings,
     prior_weight: float,
+    min_support: float,
     straight: LaneState | None = None,
 ) -> LaneFit:
     """The lane that ``points`` support best, searched in ``stages`` around ``prior`` and fitted with it.
@@ -54,7 +56,7 @@ def find_lane(
     guess = _guess(prior)
     for stage in stages:
         guess = vote_lane(flat, guess, stage, bands=len(grid.ahead_m), prior_weight=prior_weight)
-    if guess.support < evidence.min_excess:
+    if guess.support < min_support:
         return LaneFit(state=prior, left=NO_SUPPORT, right=NO_SUPPORT, residual=0.0)
     start = prior.mean.copy()
     start[[E, PSI, KAPPA, WIDTH]] = guess.offset_m, guess.heading_rad, guess.curvature_1pm, guess.width_m
@@ -138,9 +140,15 @@ def pitched(camera: Camera, pitch_rad: float) -> Array:
     ((1, 0, 0), (0, cos, −sin), (0, sin, cos)) from the left: ahead' = cos·ahead + sin·down.
     """
     cos, sin = math.cos(pitch_rad), math.sin(pitch_rad)
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
-    intrinsics = camera.intrinsics
-    return intrinsics @ turn @ np.linalg.solve(intrinsics, camera.pixel_from_road_matrix)
+    intrinsics, rays = _rays_from_road(camera)
+    right, down, ahead = rays
+    return intrinsics @ np.stack([right, cos * down - sin * ahead, sin * down + cos * ahead])
+
+
+@lru_cache(maxsize=8)
+def _rays_from_road(camera: Camera) -> tuple[Array, Array]:
+    """K and [r1 r2 t] of a camera, shapes (3, 3)."""
+    return camera.intrinsics, np.linalg.solve(camera.intrinsics, camera.pixel_from_road_matrix)
 
 
 def _columns(matrix: Array, x_m: Array, y_m: Array, rows_px: Array) -> Array:

@@ -44,7 +44,8 @@ class TrackSettings(Settings):
     coast_decay_s: Positive
     gate_offset_m: Positive
     gate_heading_rad: Positive
-    confirm_frames: Annotated[int, Field(ge=1)]
+    confirm_looks: Annotated[int, Field(ge=1)]
+    rival_every: Annotated[int, Field(ge=1)]
     rival_margin: Annotated[float, Field(ge=0, le=1)]
 
 

@@ -1,6 +1,7 @@
 """Edges of an unmarked road: the lane shape that holds the most road and the least of the rest."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 import cv2
@@ -31,6 +32,7 @@ class EdgeSettings(Settings):
     patch_length_m: Positive
     patch_half_width_m: Positive
     rest_half_width_m: Positive
+    place_range_m: Positive
     place_step_m: Positive
     heading_range_rad: Positive
     heading_steps: Annotated[int, Field(ge=1)]
@@ -72,6 +74,8 @@ class RoadEdgeFinder:
         self._map_x = columns.astype(np.float32)
         rows = np.arange(len(self.grid.ahead_m), dtype=np.float32)[:, None]
         self._map_y = np.broadcast_to(rows, columns.shape).astype(np.float32)
+        half_m = settings.place_range_m
+        self._place_m = np.arange(-half_m, half_m, settings.place_step_m)
         self._patch, self._rest = self._masks()
 
     def _masks(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -135,17 +139,12 @@ class RoadEdgeFinder:
         settings = self._settings
         sigma = np.sqrt(np.diag(prior.covariance))
         if wide:
-            heading = np.linspace(
-                -settings.heading_range_rad, settings.heading_range_rad, settings.heading_steps
-            )
-            bend = np.linspace(
-                -settings.curvature_range_1pm, settings.curvature_range_1pm, settings.curvature_steps
-            )
+            heading, bend, index = self._all_shapes
         else:
             heading = prior.mean[PSI] + max(sigma[PSI], 0.02) * np.array([-1.5, 0, 1.5])
             bend = prior.mean[KAPPA] + max(sigma[KAPPA], 0.006) * np.array([-1.5, 0, 1.5])
-        place = np.arange(-settings.half_range_m * 0.7, settings.half_range_m * 0.7, settings.place_step_m)
-        index = self._index(heading, bend, place)
+            index = self._index(heading, bend)
+        place = self._place_m
         inside = np.take(sums.summed, index).mean(axis=-1)
         sharp = settings.step_weight * np.take(sums.step, index).mean(axis=-1)
         best, e, width = _best_edges(inside, sharp, place, prior, sigma, settings.prior_weight)
@@ -158,8 +157,17 @@ class RoadEdgeFinder:
         found[[E, PSI, KAPPA, WIDTH]] = e[at], heading[at[0]], bend[at[1]], width[at]
         return found
 
-    def _index(self, heading: Array, bend: Array, place: Array) -> NDArray[np.int64]:
+    @cached_property
+    def _all_shapes(self) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Headings, curvatures and their index for a search without memory: the same in every frame."""
+        settings = self._settings
+        heading = np.linspace(-settings.heading_range_rad, settings.heading_range_rad, settings.heading_steps)
+        bend = np.linspace(-settings.curvature_range_1pm, settings.curvature_range_1pm, settings.curvature_steps)
+        return heading, bend, self._index(heading, bend)
+
+    def _index(self, heading: Array, bend: Array) -> NDArray[np.int64]:
         """Flat index into the sums of the curves (ψ, κ, place) in every band, shape (ψ, κ, places, bands)."""
+        place = self._place_m
         x_m = (self._camera.x_m + self.grid.ahead_m)[None, None, None, :]
         y_m = parallel_curve(x_m, heading[:, None, None, None], bend[None, :, None, None], place[:, None])
         y_m = y_m - self._camera.y_m - np.tan(self._camera.yaw_rad) * self.grid.ahead_m
