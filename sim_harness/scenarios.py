@@ -206,10 +206,13 @@ class Scenario(Settings):
             raise InputError(f"scenario {self.name}: plant: {_message(error)}") from error
 
     def shortened(self, duration_s: float) -> "Scenario":
-        """This scenario cut off after ``duration_s``: what only the whole route can show is no longer expected."""
+        """This scenario cut off after ``duration_s``, without the expectations that need the whole run."""
         if duration_s >= self.duration_s:
             return self
-        expect = self.expect.model_copy(update={"must_finish": False, "min_mean_speed_mps": None})
+        dropped: dict[str, object] = {"must_finish": False, "min_mean_speed_mps": None}
+        if self.expect.must_stop_by_s is not None and self.expect.must_stop_by_s > duration_s:
+            dropped["must_stop_by_s"] = None
+        expect = self.expect.model_copy(update=dropped)
         return self.model_copy(update={"duration_s": duration_s, "expect": expect})
 
     def route_m(self, road: Road) -> float:

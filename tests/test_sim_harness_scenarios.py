@@ -124,10 +124,17 @@ def test_a_plant_may_differ_from_the_vehicle_that_the_controller_believes_in():
     assert real == believed.model_copy(update={"steering_lag_s": 0.3})
 
 
-def test_a_shortened_scenario_need_not_finish():
+def test_a_shortened_scenario_keeps_only_what_it_can_still_be_expected_to_do():
     short = load_scenario("circuit").shortened(20.0)
-    assert (short.duration_s, short.expect.must_finish) == (20.0, False)
+    assert (short.duration_s, short.expect.must_finish, short.expect.min_mean_speed_mps) == (
+        20.0,
+        False,
+        None,
+    )
+    assert short.expect.max_lateral_accel_mps2 == load_scenario("circuit").expect.max_lateral_accel_mps2
     assert load_scenario("circuit").shortened(1e4) == load_scenario("circuit")
+    assert load_scenario("frozen_camera").shortened(10.0).expect.must_stop_by_s is None
+    assert load_scenario("frozen_camera").shortened(20.0).expect.must_stop_by_s == 18.0
 
 
 def test_a_python_script_makes_scenarios(tmp_path):
