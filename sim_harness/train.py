@@ -35,10 +35,12 @@ def train(
     epochs: Annotated[int | None, typer.Option(min=1, help="Passes over the frames.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of roads, augmentation and first weights.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for frames and checkpoint.")] = Path("out/train"),
-    weights: Annotated[Path, typer.Option(help="Folder for steer_net.onnx and .json.")] = SHIPPED,
+    weights: Annotated[
+        Path, typer.Option(help="Folder for the weights.", show_default="perception/weights")
+    ] = SHIPPED,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from frames and checkpoint.")] = False,
 ) -> None:
-    """Train the CNN estimator on rendered roads and write its weights; needs the extra [train]."""
+    """Train the CNN estimator on rendered roads and write its weights; needs the extra 'train'."""
     if importlib.util.find_spec("torch") is None:
         raise InputError("trepid train needs the extra: pip install -e '.[train]'")
     from perception.train import Recipe
