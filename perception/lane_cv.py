@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.lane_evidence import EvidenceSettings, LaneFit, confidence, looks_factor
+from perception.lane_evidence import EvidenceSettings, LaneFit, believed_reach_m, confidence, looks_factor
 from perception.lane_fit import KAPPA, KAPPA_RATE, PSI, WIDTH, E, FitSettings, LaneState
 from perception.lane_points import MarkingFilter, MarkingSettings, RoadPoints
 from perception.lane_search import boundary_columns, find_lane, find_road
@@ -50,6 +50,7 @@ class LaneCvSettings(Settings):
 
     working_width_px: Annotated[int, Field(ge=64, le=1280)]
     reach_m: Positive
+    drawn_reach_m: Positive
     band_m: Positive
     max_band_px: Annotated[int, Field(ge=1)]
     min_confidence: Annotated[float, Field(ge=0, le=1)]
@@ -253,12 +254,12 @@ class LaneCv:
         return prior_state(prior, width_m=prior.road_width_m, width_sigma_m=prior.road_width_sigma_m)
 
     def _with_width_of(self, source: str) -> LaneState:
-        """The remembered lane; a road between edges may be wider than the lane between lines was."""
+        """The remembered lane; the road between edges is wider than the lane between lines by the shoulders."""
         assert self._track is not None
         if source == self._source:
             return self._track
         prior = self._settings.prior
-        sigma_m = prior.width_sigma_m if source == LINES else prior.road_width_sigma_m
+        sigma_m = prior.width_sigma_m if source == LINES else prior.shoulder_sigma_m
         covariance = self._track.covariance.copy()
         covariance[WIDTH, :] = covariance[:, WIDTH] = 0.0
         covariance[WIDTH, WIDTH] = sigma_m**2
@@ -268,6 +269,8 @@ class LaneCv:
             spare_m = max(0.0, mean[WIDTH] - prior.width_m)
             covariance[E, E] += (spare_m / 2) ** 2
             mean[WIDTH] = min(mean[WIDTH], prior.width_m)
+        else:
+            mean[WIDTH] += 2 * prior.shoulder_m
         return LaneState(mean=mean, covariance=covariance)
 
     def _find_lines(
@@ -329,7 +332,8 @@ class LaneCv:
         commanded = pursuit_curvature(
             steering.lookahead_m, offset_m=e, heading_rad=psi, curvature_1pm=kappa, curvature_rate_1pm2=rate
         )
-        left, right = boundary_paths(lane, view.camera, reach_m=self._settings.reach_m)
+        reach_m = believed_reach_m(lane, self._settings.drawn_reach_m, self._settings.evidence.drawn_sigma_m)
+        left, right = boundary_paths(lane, view.camera, reach_m=reach_m)
         return SteeringEstimate(
             t_s=t_s,
             estimator=NAME,

@@ -26,6 +26,7 @@ class EvidenceSettings(Settings):
     first_look_trust: Annotated[float, Field(ge=0, le=1)]
     sure_looks: Annotated[int, Field(ge=1)]
     aim_sigma_m: Positive
+    drawn_sigma_m: Positive
     residual_limit: Positive
 
 
@@ -124,3 +125,11 @@ def aim_sigma_m(state: LaneState, lookahead_m: float) -> float:
     """Standard deviation [m] of the lane centre at the look-ahead, from the covariance of the state."""
     gradient = np.array([-1.0, -lookahead_m, lookahead_m**2 / 2, lookahead_m**3 / 6, 0.0, 0.0])
     return math.sqrt(max(0.0, float(gradient @ state.covariance @ gradient)))
+
+
+def believed_reach_m(state: LaneState, reach_m: float, sigma_m: float) -> float:
+    """How far ahead, up to ``reach_m``, the lane centre is known to ``sigma_m``; at least 5 m."""
+    for ahead_m in np.arange(reach_m, 5.0, -2.0):
+        if aim_sigma_m(state, float(ahead_m)) <= sigma_m:
+            return float(ahead_m)
+    return min(reach_m, 5.0)

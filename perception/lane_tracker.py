@@ -23,6 +23,8 @@ class PriorSettings(Settings):
     straight_curvature_rate_sigma_1pm2: Positive
     width_m: Positive
     width_sigma_m: Positive
+    shoulder_m: Annotated[float, Field(ge=0)]
+    shoulder_sigma_m: Positive
     road_width_m: Positive
     road_width_sigma_m: Positive
     pitch_sigma_rad: Positive
