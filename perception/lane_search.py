@@ -148,7 +148,8 @@ def pitched(camera: Camera, pitch_rad: float) -> Array:
 @lru_cache(maxsize=8)
 def _rays_from_road(camera: Camera) -> tuple[Array, Array]:
     """K and [r1 r2 t] of a camera, shapes (3, 3)."""
-    return camera.intrinsics, np.linalg.solve(camera.intrinsics, camera.pixel_from_road_matrix)
+    rays = np.linalg.solve(camera.intrinsics, camera.pixel_from_road_matrix)
+    return camera.intrinsics, np.asarray(rays, np.float64)
 
 
 def _columns(matrix: Array, x_m: Array, y_m: Array, rows_px: Array) -> Array:

@@ -8,6 +8,7 @@ import pytest
 
 from perception.lane_cv import LaneCv, LaneCvSettings
 from perception.lane_fit import lane_curve
+from perception.lane_state import ImageLine, straight_lane
 from perception.self_calibration import self_calibrated, vanishing_point
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
@@ -71,6 +72,23 @@ def test_the_lane_between_two_lines_is_measured_from_one_frame(lane, left, dashe
     assert seen.lateral_offset_m == pytest.approx(lane[0], abs=0.06)
     assert seen.heading_error_rad == pytest.approx(lane[1], abs=0.02)
     assert seen.lane_width_m == pytest.approx(3.4, abs=0.1)
+
+
+@pytest.mark.parametrize("lane", [(0.3, 0.05, 0.0, 0.0), (-0.4, -0.03, 0.0, 0.0)])
+def test_the_fit_agrees_with_the_closed_form_for_two_straight_lines(lane):
+    level = CAMERA.model_copy(update={"pitch_down_rad": 0.0, "height_m": 1.5})
+    seen = look(road(lane, camera=level), level)
+    lines = []
+    for path in (seen.left_boundary_px, seen.right_boundary_px):
+        x_px, y_px = np.array(path).T
+        m, k = np.polyfit(y_px, x_px, 1)
+        lines.append(ImageLine(m=m, k=k))
+    closed = straight_lane(*lines, focal_px=level.fx_px, centre_x_px=level.cx_px, height_m=level.height_m)
+    # The closed form holds at the foot point of the camera, the estimate at the rear axle.
+    at_camera_m = seen.lateral_offset_m + level.x_m * np.sin(seen.heading_error_rad)
+    assert closed.heading_rad == pytest.approx(seen.heading_error_rad, abs=0.01)
+    assert closed.offset_m == pytest.approx(at_camera_m, abs=0.03)
+    assert closed.width_m == pytest.approx(seen.lane_width_m, abs=0.05)
 
 
 @pytest.mark.parametrize("curvature", [1 / 15, -1 / 15, 1 / 40, -1 / 40, 1 / 200])
