@@ -19,6 +19,7 @@ def run(me: Process) -> None:
     send_statistics = me.bus.publisher(IMAGE_STATISTICS)
     estimator = build(name)
     statistician = ImageStatistician() if me.options["statistics"] else None
+    me.ready()
     while me.running():
         me.bus.wait(timeout_s=0.1)
         me.alive()

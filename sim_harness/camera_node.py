@@ -23,7 +23,9 @@ def run(me: Process) -> None:
     renderer = Renderer(
         scenario.build_road(), load(CONFIG_DIR / "camera.yaml", Camera), seed=me.options["seed"]
     )
+    renderer.prepaint()
     camera = SimulatedCamera(scenario, renderer)
+    me.ready()
     ticker, compressed_ticker = Ticker(scenario.camera.rate_hz), Ticker(CAMERA_COMPRESSED.rate_hz)
     while me.running():
         ticker.sleep()

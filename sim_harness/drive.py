@@ -16,10 +16,10 @@ from pydantic import Field
 
 from sim_harness.drive_log import DriveLog
 from sim_harness.metrics import measure
-from sim_harness.scenarios import Scenario, judge
+from sim_harness.scenarios import EstimatorBias, LostProcess, Scenario, judge
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
-from trepid.config import Settings
+from trepid.config import InputError, Settings
 from trepid.launch import Fleet, ProcessSpec
 from trepid.recording import Recording
 
@@ -62,7 +62,13 @@ def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
 def drive(
     scenario: Scenario, settings: DriveSettings, *, seed: int, show: Show, record: Path | None = None
 ) -> dict[str, Any]:
-    """Drive ``scenario`` live and return its row of design §7 with ``processes`` and ``latency_ms``."""
+    """Drive ``scenario`` live and return its row of design §7 with ``processes`` and ``latency_ms``.
+
+    Raises InputError for a scenario with faults that only the lock-step loop can act out.
+    """
+    for fault in scenario.faults:
+        if isinstance(fault, LostProcess | EstimatorBias):
+            raise InputError(f"scenario {scenario.name}: {fault.kind} acts in lock-step only: trepid sim run")
     offset_ns = epoch_offset_ns()
     clock = epoch_clock(offset_ns)
     endpoint = free_endpoint()

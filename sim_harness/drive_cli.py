@@ -21,7 +21,7 @@ from sim_harness.scenarios import load_scenario
 from trepid.config import CONFIG_DIR, load
 from trepid.launch import Fleet
 
-PLAIN_PERIOD_S = 5.0  # between lines when standard error is no terminal
+PLAIN_PERIOD_S = 2.0  # between lines when standard error is no terminal
 
 
 def drive(

@@ -8,6 +8,7 @@ from sim_harness.trace import Recorder, Trace
 from trepid.bus import Bus
 from trepid.clock import Clock
 from trepid.messages import Command, Decision, Diagnostic, SimTruth, SteeringEstimate, VehicleState
+from trepid.process import READY
 from trepid.topics import COMMAND, DECISION, DIAGNOSTICS, SIM_TRUTH, VEHICLE_STATE, estimate_topic
 
 
@@ -86,7 +87,7 @@ class DriveLog:
 
     def load(self, process: str) -> dict[str, float | None]:
         """Mean steps per second and share of a core [%] of a process over the drive; None if never heard."""
-        beats = [dict(beat.values) for beat in self._beats.get(process, []) if beat.message != "ready"]
+        beats = [dict(beat.values) for beat in self._beats.get(process, []) if beat.message != READY]
         return {
             key: round(float(np.mean([float(beat[key]) for beat in beats])), 1) if beats else None
             for key in ("rate_hz", "cpu_percent")

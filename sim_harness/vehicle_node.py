@@ -22,6 +22,7 @@ def run(me: Process) -> None:
         settings,
         seed=me.options["seed"],
     )
+    me.ready()
     ticker = Ticker(1 / settings.period_s)
     while me.running():
         ticker.sleep()

@@ -17,6 +17,7 @@ def run(me: Process) -> None:
     state = me.bus.latest(VEHICLE_STATE)
     send = me.bus.publisher(DECISION)
     supervisor = build()
+    me.ready()
     decided_s = me.now_s()
     first_s: float | None = None  # when the first estimate since the last decision came
     while me.running():

@@ -8,6 +8,7 @@ and every drive has a port of its own, so two drives on one machine cannot hear 
 import json
 import socket
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
@@ -18,6 +19,7 @@ from trepid.clock import Clock
 from trepid.topics import Topic
 from trepid.wire import WireError, from_cdr, to_cdr
 
+TX_QUEUE = 16  # messages or fragments of 64 kB; the most that Zenoh allows
 M = TypeVar("M")
 L = TypeVar("L", bound="Latest[Any]")
 
@@ -74,7 +76,7 @@ class Stream(Latest[M]):
 
     def __init__(self, topic: Topic[M], arrived: threading.Event, clock: Clock) -> None:
         super().__init__(topic, arrived, clock)
-        self._queue: list[tuple[bytes, float]] = []
+        self._queue: deque[tuple[bytes, float]] = deque()
 
     def put(self, sample: zenoh.Sample) -> None:
         self._queue.append((sample.payload.to_bytes(), self._clock()))
@@ -82,9 +84,9 @@ class Stream(Latest[M]):
 
     def drain(self) -> list[tuple[M, float]]:
         """All messages since the last call with their times of arrival [s], oldest first."""
-        queue, self._queue = self._queue, []
         messages = []
-        for data, received_s in queue:
+        while self._queue:
+            data, received_s = self._queue.popleft()
             try:
                 messages.append((from_cdr(data, self._topic.type), received_s))
             except WireError:
@@ -98,7 +100,7 @@ class Tap:
     def __init__(self, prefix: str, clock: Clock) -> None:
         self._prefix = prefix
         self._clock = clock
-        self._queue: list[tuple[str, bytes, float]] = []
+        self._queue: deque[tuple[str, bytes, float]] = deque()
 
     def put(self, sample: zenoh.Sample) -> None:
         """Keep a sample; called by Zenoh on its own thread."""
@@ -107,8 +109,7 @@ class Tap:
 
     def drain(self) -> list[tuple[str, bytes, float]]:
         """Key, CDR bytes and time of arrival [s] of all messages since the last call."""
-        queue, self._queue = self._queue, []
-        return queue
+        return [self._queue.popleft() for _ in range(len(self._queue))]
 
 
 class Bus:
@@ -126,7 +127,7 @@ class Bus:
         publisher = self._session.declare_publisher(
             f"{self._prefix}/{topic.key}",
             congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME,
+            priority=zenoh.Priority.REAL_TIME if topic.urgent else zenoh.Priority.DATA,
             express=True,
         )
 
@@ -184,6 +185,9 @@ def open_bus(
         "scouting/gossip/enabled": True,
         "listen/endpoints": [listen or "tcp/127.0.0.1:0"],
         "connect/endpoints": [connect] if connect else [],
+        # The default of 2 loses the third of three messages that are sent at once.
+        "transport/link/tx/queue/size/real_time": TX_QUEUE,
+        "transport/link/tx/queue/size/data": TX_QUEUE,
     }
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))

@@ -17,6 +17,7 @@ from typing import IO, Any
 from trepid.config import ROOT
 from trepid.process import Assignment
 
+ABORT_GRACE_S = 0.3
 TERM_GRACE_S = 1.2  # SIGTERM to SIGKILL; with the kill this keeps a stop below 2 s
 
 
@@ -39,10 +40,12 @@ class Child:
     log: IO[bytes]
     restarts: int = 0
 
-    def last_words(self, lines: int = 3) -> str:
+    def last_words(self, lines: int = 12) -> str:
         """The end of what the process wrote to standard error."""
         self.log.seek(0)
-        return " | ".join(self.log.read().decode(errors="replace").strip().splitlines()[-lines:])
+        said = self.log.read().decode(errors="replace").splitlines()
+        telling = [line.strip() for line in said if line.strip() and not line.startswith("Extension modules")]
+        return " | ".join(telling[-lines:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +131,17 @@ class Fleet:
         return deaths
 
     def kill(self, name: str) -> None:
-        """End a process that no longer answers; :meth:`bury` then reports it."""
-        self.children[name].popen.kill()
-        self.children[name].popen.wait()
+        """End a process that no longer answers; :meth:`bury` then reports it.
+
+        SIGABRT makes it say where it hangs (faulthandler); SIGKILL ends one that cannot even do that.
+        """
+        popen = self.children[name].popen
+        popen.send_signal(signal.SIGABRT)
+        try:
+            popen.wait(ABORT_GRACE_S)
+        except subprocess.TimeoutExpired:
+            popen.kill()
+            popen.wait()
 
     def stop(self) -> None:
         """End every child within 2 s: SIGTERM, then SIGKILL."""

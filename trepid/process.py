@@ -4,6 +4,7 @@ A process is started by :mod:`trepid.launch` as ``python -m <module> '<Assignmen
 standard input. It stops on SIGTERM, and also when that pipe closes: then the launcher is gone, however it died.
 """
 
+import faulthandler
 import os
 import signal
 import sys
@@ -22,6 +23,7 @@ from trepid.messages import Diagnostic, Health
 from trepid.topics import DIAGNOSTICS
 
 HEARTBEAT_PERIOD_S = 1.0
+READY = "ready"
 EXIT_GRACE_S = 1.0  # a process that is stuck when its launcher dies is ended after this long
 
 
@@ -49,11 +51,14 @@ class Process:
         self._said = (Health.OK, "")
         self._beat_s = time.monotonic()
         self._beat_cpu_s = time.process_time()
-        self.beat(Health.OK, "ready")
 
     def running(self) -> bool:
         """False once the process shall end."""
         return not self._stop.is_set()
+
+    def ready(self) -> None:
+        """Say that everything is built and the first step may come; the launcher waits for it."""
+        self.beat(Health.OK, READY)
 
     def stepped(self, health: Health = Health.OK, message: str = "") -> None:
         """Count one step; publish the heartbeat once a second and at every change."""
@@ -115,6 +120,7 @@ def process() -> Iterator[Process]:
         assignment = Assignment.model_validate_json(sys.argv[1])
     except (IndexError, ValidationError):
         sys.exit(f"{sys.argv[0]}: is started by `trepid drive`, not by hand")
+    faulthandler.enable()  # a crash, or an abort by the launcher, leaves a stack in the log
     stop = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the launcher, which ends its processes

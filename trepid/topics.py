@@ -27,17 +27,18 @@ class Topic(Generic[M]):
     type: type[M]
     rate_hz: float
     flow: str  # who publishes -> who reads
+    urgent: bool = True  # goes before images and diagnostics
 
 
-CAMERA_IMAGE = Topic("camera/image", Frame, 25, "camera -> perception")
-CAMERA_COMPRESSED = Topic("camera/image/compressed", CompressedFrame, 10, "camera -> recorder")
+CAMERA_IMAGE = Topic("camera/image", Frame, 25, "camera -> perception", urgent=False)
+CAMERA_COMPRESSED = Topic("camera/image/compressed", CompressedFrame, 10, "camera -> recorder", urgent=False)
 IMAGE_STATISTICS = Topic("perception/image_statistics", ImageStatistics, 25, "perception -> supervisor")
 LEAD_VEHICLE = Topic("perception/lead", LeadVehicle, 25, "perception -> supervisor")
 DECISION = Topic("supervisor/decision", Decision, 25, "supervisor -> controller")
 COMMAND = Topic("controller/command", Command, 50, "controller -> vehicle")
 VEHICLE_STATE = Topic("vehicle/state", VehicleState, 100, "vehicle -> all")
 SIM_TRUTH = Topic("sim/truth", SimTruth, 100, "simulated vehicle -> simulated camera, referee")
-DIAGNOSTICS = Topic("diagnostics", Diagnostic, 1, "every process -> launcher")
+DIAGNOSTICS = Topic("diagnostics", Diagnostic, 1, "every process -> launcher", urgent=False)
 
 
 FIXED = (
