@@ -31,6 +31,7 @@ NAME = "cv"
 MIN_SIZE_PX = 32  # below this there is no road to be seen
 MIN_BANDS = 8  # rows of road that a look needs
 ROW_STEP_PX = 10  # boundaries are reported every ten rows of the input image
+MAX_ASIDE = 4  # image widths beside the middle: where the edges of a wide road leave the picture
 LINES, EDGES = "lines", "edges"
 NOTHING_SEEN = "no lane line or road edge found"
 
@@ -215,6 +216,8 @@ class LaneCv:
         prior = self._prior_of(EDGES)
         edges = self._find_edges(image, prior, view, straight=straightened(prior, settings.prior))
         edge_belief = self._belief(edges)
+        if edges.boundaries_seen == 1:
+            edge_belief *= settings.evidence.lone_edge_trust
         best, best_belief = (lines, belief) if belief >= edge_belief else (edges, edge_belief)
         return (best, best_belief) if best_belief >= settings.min_confidence else (None, 0.0)
 
@@ -307,13 +310,13 @@ class LaneCv:
         )
 
     def _belief(self, fit: LaneFit) -> float:
-        prior = self._settings.prior
+        prior, evidence = self._settings.prior, self._settings.evidence
         return confidence(
             fit,
-            width_m=prior.road_width_m if fit.by_edges else prior.width_m,
-            width_sigma_m=prior.road_width_sigma_m if fit.by_edges else prior.width_sigma_m,
+            width_m=evidence.road_width_m if fit.by_edges else prior.width_m,
+            width_sigma_m=evidence.road_width_sigma_m if fit.by_edges else prior.width_sigma_m,
             lookahead_m=self._settings.steering.lookahead_m,
-            settings=self._settings.evidence,
+            settings=evidence,
         )
 
     def _coast(self, t_s: float, view: View) -> SteeringEstimate:
@@ -416,7 +419,7 @@ def _distorted_columns(
 
 
 def _path(columns: NDArray[np.float64], rows: NDArray[np.float64], width_px: int) -> PixelPath:
-    near = np.abs(columns - width_px / 2) < width_px  # NaN is not near; far outside says nothing
+    near = np.abs(columns - width_px / 2) < MAX_ASIDE * width_px  # NaN is not near
     return tuple((float(x), float(y)) for x, y in zip(columns[near], rows[near], strict=True))
 
 

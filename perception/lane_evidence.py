@@ -21,8 +21,13 @@ class EvidenceSettings(Settings):
     min_excess: Annotated[float, Field(ge=0, le=1)]
     full_excess: Positive
     min_extent_m: Positive
+    road_width_m: Positive
+    road_width_sigma_m: Positive
+    min_width_m: Positive
+    min_width_sigma_m: Positive
     one_line_trust: Annotated[float, Field(ge=0, le=1)]
     edge_trust: Annotated[float, Field(ge=0, le=1)]
+    lone_edge_trust: Annotated[float, Field(ge=0, le=1)]
     first_look_trust: Annotated[float, Field(ge=0, le=1)]
     sure_looks: Annotated[int, Field(ge=1)]
     aim_sigma_m: Positive
@@ -105,6 +110,8 @@ def confidence(
         support *= settings.edge_trust
     surprise = (fit.state.mean[WIDTH] - width_m) / width_sigma_m
     plausible = math.exp(-0.5 * max(0.0, abs(surprise) - 1) ** 2)
+    narrow = max(0.0, (settings.min_width_m - fit.state.mean[WIDTH]) / settings.min_width_sigma_m)
+    plausible *= math.exp(-0.5 * narrow**2)
     tight = 1 / (1 + (fit.residual / settings.residual_limit) ** 4)
     sure = math.exp(-0.5 * (aim_sigma_m(fit.state, lookahead_m) / settings.aim_sigma_m) ** 2)
     return float(support * plausible * tight * sure)
