@@ -1,11 +1,11 @@
-"""Simulated-vehicle process: takes commands, drives the plant behind the limiter, reports state and truth."""
+"""Simulated-vehicle process: commands in; the plant behind the limiter; state, truth and any lead out."""
 
 from controller.limiter import build as build_limiter
 from sim_harness.scenarios import Scenario
 from sim_harness.vehicle import SimulatedVehicle, load_simulator
 from trepid.config import CONFIG_DIR, load
 from trepid.process import Process, Ticker, process
-from trepid.topics import COMMAND, SIM_TRUTH, VEHICLE_STATE
+from trepid.topics import COMMAND, LEAD_VEHICLE, SIM_TRUTH, VEHICLE_STATE
 from trepid.vehicle import Vehicle
 
 
@@ -14,6 +14,7 @@ def run(me: Process) -> None:
     scenario, settings = Scenario.model_validate(me.options["scenario"]), load_simulator()
     command = me.bus.latest(COMMAND)
     send_state, send_truth = me.bus.publisher(VEHICLE_STATE), me.bus.publisher(SIM_TRUTH)
+    send_lead = me.bus.publisher(LEAD_VEHICLE)
     simulated = SimulatedVehicle(
         scenario,
         scenario.build_road(),
@@ -23,7 +24,7 @@ def run(me: Process) -> None:
         seed=me.options["seed"],
     )
     me.ready()
-    ticker = Ticker(1 / settings.period_s)
+    ticker, lead_ticker = Ticker(1 / settings.period_s), Ticker(LEAD_VEHICLE.rate_hz)
     while me.running():
         ticker.sleep()
         ticker.due()
@@ -31,6 +32,9 @@ def run(me: Process) -> None:
         state, truth = simulated.step(command.message, command.received_s, now_s=me.now_s())
         send_state(state)
         send_truth(truth)
+        lead = simulated.sense_lead()
+        if lead is not None and lead_ticker.due():
+            send_lead(lead)
         me.stepped()
 
 
