@@ -59,7 +59,9 @@ def estimate(
     if not inputs:
         raise InputError("name at least one image, folder or video")
     cv2.setNumThreads(1)
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # quiet: a broken video is reported in our own words
+    os.environ.setdefault(
+        "OPENCV_FFMPEG_LOGLEVEL", "-8"
+    )  # quiet: a broken video is reported in our own words
     known = load(camera, Camera) if camera else None
     if known is None:
         print(ASSUMED, file=sys.stderr)
@@ -147,18 +149,17 @@ def as_row(path: Path, number: int, result: SteeringEstimate) -> dict[str, Any]:
 def _print_table(seen: Iterator[Seen]) -> None:
     """One line per frame; what was seen before an error is printed all the same."""
     table = Table(box=None, header_style="bold")
-    for name in ("file", "frame", "offset m", "heading °", "curvature 1/m", "wheel °", "width m", "lines"):
+    for name in ("file", "frame", "offset m", "heading °", "curv. 1/m", "wheel °", "width m", "lines"):
         table.add_column(name, justify="left" if name == "file" else "right")
-    for name in ("confidence", "ms", "reason"):
+    for name in ("conf.", "ms", "reason"):
         table.add_column(name, justify="left" if name == "reason" else "right")
     try:
         for path, number, _, result in seen:
             table.add_row(*_cells(path, number, result))
     finally:
         if table.row_count:
-            console = Console()
             # Into a file or a pipe nothing is cut off.
-            console.print(table, width=None if console.is_terminal else MAX_TABLE_WIDTH)
+            Console(width=None if sys.stdout.isatty() else MAX_TABLE_WIDTH).print(table)
 
 
 def _cells(path: Path, number: int, result: SteeringEstimate) -> list[str]:

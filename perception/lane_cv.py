@@ -207,9 +207,9 @@ class LaneCv:
     def _first_look(self, points: RoadPoints, image: Bgr, view: View) -> tuple[LaneFit | None, float]:
         """The lane without memory: two good lines, else road edges, else whatever is believed most."""
         settings = self._settings
-        lines = self._find_lines(
-            points, self._prior_of(LINES), (settings.vote.cold, settings.vote.refine), view
-        )
+        prior, stages = self._prior_of(LINES), (settings.vote.cold, settings.vote.refine)
+        straight = straightened(prior, settings.prior)
+        lines = self._find_lines(points, prior, stages, view, straight=straight)
         belief = self._belief(lines)
         if belief >= settings.enough_confidence and lines.boundaries_seen == 2:
             return lines, belief

@@ -31,6 +31,7 @@ class FitSettings(Settings):
     robust_scale_m: Positive
     gate_growth: Annotated[float, Field(ge=0)]
     points_per_boundary: Positive
+    straight_log_odds: float
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def find_lane(
     fitted = fit_lane(near, side, prior, start, grid.camera, fit)
     if straight is not None:
         plain = fit_lane(near, side, straight, start * STRAIGHT, grid.camera, fit)
-        fitted = plain if plain.log_evidence > fitted.log_evidence else fitted
+        fitted = _simpler(plain, fitted, fit)
     return _with_evidence(fitted, points, near, side, grid, fit, evidence)
 
 
@@ -92,10 +92,15 @@ def find_road(
         fitted = fit_lane(points, side, prior, start, finder.grid.camera, fit)
         if straight is not None:
             plain = fit_lane(points, side, straight, start * STRAIGHT, finder.grid.camera, fit)
-            fitted = plain if plain.log_evidence > fitted.log_evidence else fitted
+            fitted = _simpler(plain, fitted, fit)
         start = fitted.state.mean
     found = _with_evidence(fitted, points, points, side, finder.grid, fit, evidence)
     return replace(found, by_edges=True)
+
+
+def _simpler(plain: Fitted, bent: Fitted, fit: FitSettings) -> Fitted:
+    """The straight lane unless the points make the bent one more likely than straight roads are common."""
+    return plain if plain.log_evidence + fit.straight_log_odds > bent.log_evidence else bent
 
 
 def _guess(prior: LaneState) -> LaneGuess:
