@@ -162,7 +162,9 @@ class RoadEdgeFinder:
         """Headings, curvatures and their index for a search without memory: the same in every frame."""
         settings = self._settings
         heading = np.linspace(-settings.heading_range_rad, settings.heading_range_rad, settings.heading_steps)
-        bend = np.linspace(-settings.curvature_range_1pm, settings.curvature_range_1pm, settings.curvature_steps)
+        bend = np.linspace(
+            -settings.curvature_range_1pm, settings.curvature_range_1pm, settings.curvature_steps
+        )
         return heading, bend, self._index(heading, bend)
 
     def _index(self, heading: Array, bend: Array) -> NDArray[np.int64]:
