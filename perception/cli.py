@@ -18,8 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from perception.annotate import AnnotationWriter, annotated, as_path
-from perception.estimators import ESTIMATORS, Estimator
-from perception.lane_cv import LaneCvSettings
+from perception.estimators import ESTIMATORS, Estimator, lane_cv_settings
 from perception.self_calibration import self_calibrated
 from perception.sources import NOMINAL_FPS, VIDEO_SUFFIXES, Clip, Source, Still, sources
 from trepid.camera import Camera
@@ -55,7 +54,7 @@ def estimate(
         _list_estimators(as_json)
         return
     if estimator not in ESTIMATORS:
-        raise InputError(f"--estimator {estimator}: unknown; there are {', '.join(ESTIMATORS)}")
+        raise InputError(f"no estimator {estimator!r}; there are {', '.join(ESTIMATORS)}")
     if not inputs:
         raise InputError("name at least one image, folder or video")
     cv2.setNumThreads(1)
@@ -63,9 +62,9 @@ def estimate(
         "OPENCV_FFMPEG_LOGLEVEL", "-8"
     )  # quiet: a broken video is reported in our own words
     known = load(camera, Camera) if camera else None
-    if known is None:
-        print(ASSUMED, file=sys.stderr)
     seen = _seen(inputs, estimator, known)
+    if known is None:
+        seen = _telling(seen, ASSUMED)
     if annotate is not None:
         seen = _annotating(seen, annotate)
     (_print_json if as_json else _print_table)(seen)
@@ -104,10 +103,16 @@ def _camera_for(source: Source, image: Bgr, known: Camera | None) -> Camera:
     """The given camera at the size of the image, or an assumed one with the horizon of the image or clip."""
     if known is not None:
         return known.resized(image.shape[1], image.shape[0])
-    settings = load(CONFIG_DIR / "perception.yaml", LaneCvSettings).self_calibration
-    return self_calibrated(
-        [image] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES), settings
-    )
+    images = [image] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES)
+    return self_calibrated(images, lane_cv_settings().self_calibration)
+
+
+def _telling(seen: Iterator[Seen], note: str) -> Iterator[Seen]:
+    """Pass ``seen`` on, with ``note`` on standard error before the first frame, if there is one."""
+    for number, one in enumerate(seen):
+        if number == 0:
+            print(note, file=sys.stderr)
+        yield one
 
 
 def _annotating(seen: Iterator[Seen], out: Path) -> Iterator[Seen]:

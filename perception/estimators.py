@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Protocol
 
+from perception.lane_cv import LaneCv, LaneCvSettings
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
@@ -27,10 +29,14 @@ class Entry:
     build: Callable[[Camera, Vehicle], Estimator]
 
 
-def _lane_cv(camera: Camera, vehicle: Vehicle) -> Estimator:
-    from perception.lane_cv import LaneCv, LaneCvSettings
+@cache  # reading YAML costs as much as estimating ten frames, and a folder of stills builds one for each
+def lane_cv_settings() -> LaneCvSettings:
+    """``config/perception.yaml``. Raises InputError."""
+    return load(CONFIG_DIR / "perception.yaml", LaneCvSettings)
 
-    return LaneCv(load(CONFIG_DIR / "perception.yaml", LaneCvSettings), camera, vehicle)
+
+def _lane_cv(camera: Camera, vehicle: Vehicle) -> Estimator:
+    return LaneCv(lane_cv_settings(), camera, vehicle)
 
 
 def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:

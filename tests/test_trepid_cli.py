@@ -1,0 +1,66 @@
+"""The command line: every verb is there, and bad usage is one line and exit code 2."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from trepid import __version__
+from trepid.config import CONFIG_DIR, ROOT
+
+
+def trepid(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "trepid", *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+def test_help_names_every_verb() -> None:
+    shown = trepid("--help").stdout
+    for verb in ("drive", "sim", "estimate", "fear", "vehicle", "train", "bench"):
+        assert f"{verb} " in shown
+
+
+def test_the_version_is_printed() -> None:
+    assert trepid("--version").stdout.strip() == f"trepid {__version__}"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["fly"], "No such command 'fly'"),
+        (["drive", "--duration", "soon"], "--duration"),
+        (["drive", "--duration", "nan"], "--duration"),
+        (["drive", "--scenario", "moon"], "no scenario 'moon'; there are "),
+        (["drive", "--scenario", "lost_cv"], "lost_process acts in lock-step only"),
+        (["drive", "--set", "cruise_speed_mps=fast"], "--set cruise_speed_mps"),
+        (["sim", "run", "moon.yaml"], "moon.yaml"),
+        (["estimate", "moon.jpg"], "moon.jpg"),
+        (["estimate", "--estimator", "oracle", "moon.jpg"], "no estimator 'oracle'; there are cv, cnn"),
+        (["fear", "check", "moon.yaml"], "moon.yaml"),
+        (["bench", "moon"], "no benchmark 'moon'"),
+    ],
+)
+def test_bad_usage_is_told_in_one_line_with_exit_code_2(arguments: list[str], told: str) -> None:
+    done = trepid(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert told in done.stderr
+    assert done.stderr.startswith("trepid: ")
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_the_bicycle_model_answers_in_json() -> None:
+    vehicle = str(CONFIG_DIR / "vehicle.yaml")
+    done = trepid("vehicle", "steer", "--vehicle", vehicle, "--curvature", "0.05", "--speed", "8", "--json")
+    row = json.loads(done.stdout)
+    assert row["road_wheel_angle_rad"] == pytest.approx(
+        row["kinematic_road_wheel_angle_rad"] + row["understeer_rad"]
+    )
+    assert row["understeer_rad"] == pytest.approx(0.00356 * 0.05 * 64)
