@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import cv2
@@ -67,7 +68,8 @@ def random_frames(
     roads = range(first, first + math.ceil(count / shot.frames_per_road))
     images = np.empty((count, shot.canonical.height_px, shot.canonical.width_px, 3), np.uint8)
     labels, done, started_s = [], 0, time.monotonic()
-    with ProcessPoolExecutor(os.cpu_count()) as workers:
+    # Spawned, not forked: a fork while OpenCV's or ONNX Runtime's threads hold a lock waits for ever.
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as workers:
         for number, path in enumerate(workers.map(partial(_road, shot, folder), roads), start=1):
             with np.load(path) as part:
                 taken = min(shot.frames_per_road, count - done)
