@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated
 
 import cv2
@@ -80,6 +81,7 @@ class View:
     edges: RoadEdgeFinder
 
 
+@lru_cache(maxsize=8)
 def make_view(settings: LaneCvSettings, camera: Camera) -> View | None:
     """The view of ``camera``, worked on at most ``working_width_px`` wide; None when it sees no road."""
     width_px = min(camera.width_px, settings.working_width_px)

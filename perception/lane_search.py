@@ -82,10 +82,11 @@ def find_road(
     With a prior ``straight`` nothing is remembered: every shape is tried, twice, and the simpler one wins.
     """
     wide = straight is not None
-    sums = finder.sums(image)
+    look = finder.look(image)
+    sums = finder.sums(look)
     start = finder.search(sums, prior, wide=wide)
     if wide:
-        sums = finder.sums(image, lane=start)
+        sums = finder.sums(look, lane=start)
         start = finder.search(sums, prior, wide=True)
     for _ in range(2 if wide else 1):
         points, side = finder.points(sums, start)

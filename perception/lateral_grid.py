@@ -42,35 +42,36 @@ class LateralGrid:
         )
 
 
-def lateral_grid(camera: Camera, *, reach_m: float, band_m: float, max_band_px: int) -> LateralGrid:
-    """Bands from ``reach_m`` ahead down to the last row, each one row or ``band_m`` [m] of road high.
+def row_places(camera: Camera, rows_px: Array) -> tuple[Array, Array]:
+    """Distance ahead of the foot point and depth along the optical axis [m] of the road in image rows.
 
-    With the ray through row v inclined by α = pitch + atan((v − cy)/fy) below the horizon, a flat road is hit
-    h/tan α ahead, at the depth h·cos(α − pitch)/sin α along the optical axis.
+    The ray through row v is inclined by α = pitch + atan((v − cy)/fy) below the horizon, so a flat road is hit
+    h/tan α ahead, at the depth h·cos(α − pitch)/sin α. Rows at and above the horizon are at infinity.
     """
-    rows = np.arange(camera.height_px)
-    alpha = camera.pitch_down_rad + np.arctan((rows - camera.cy_px) / camera.fy_px)
-    ahead = np.where(
-        alpha > 0.5 * camera.height_m / reach_m, camera.height_m / np.tan(alpha.clip(1e-3)), np.inf
-    )
-    first = int(np.searchsorted(-ahead, -reach_m))
+    below = np.arctan((rows_px - camera.cy_px) / camera.fy_px)
+    alpha = np.where(camera.pitch_down_rad + below > 1e-6, camera.pitch_down_rad + below, np.nan)
+    ahead, depth = camera.height_m / np.tan(alpha), camera.height_m * np.cos(below) / np.sin(alpha)
+    return np.nan_to_num(ahead, nan=np.inf), np.nan_to_num(depth, nan=np.inf)
+
+
+def lateral_grid(camera: Camera, *, reach_m: float, band_m: float, max_band_px: int) -> LateralGrid:
+    """Bands from ``reach_m`` ahead down to the last row, each one row or ``band_m`` [m] of road high."""
+    ahead = row_places(camera, np.arange(camera.height_px, dtype=float))[0].tolist()
     tops, bottoms = [], []
-    row = first
+    row = next((row for row, ahead_m in enumerate(ahead) if ahead_m <= reach_m), camera.height_px)
     while row < camera.height_px:
         pixel_m = ahead[row] - ahead[row + 1] if row + 1 < camera.height_px else band_m
-        height = int(np.clip(band_m / max(pixel_m, 1e-6), 1, max_band_px))
+        height = min(max(int(band_m / max(pixel_m, 1e-6)), 1), max_band_px)
         tops.append(row)
         bottoms.append(min(row + height, camera.height_px))
         row += height
     top, bottom = np.array(tops, np.int64), np.array(bottoms, np.int64)
-    middle = (top + bottom - 1) / 2
-    depression = camera.pitch_down_rad + np.arctan((middle - camera.cy_px) / camera.fy_px)
-    depth = camera.height_m * np.cos(depression - camera.pitch_down_rad) / np.sin(depression)
+    ahead_m, depth = row_places(camera, (top + bottom - 1) / 2)
     return LateralGrid(
         camera=camera,
         top_px=top,
         bottom_px=bottom,
-        ahead_m=camera.height_m / np.tan(depression),
+        ahead_m=ahead_m,
         metre_px=camera.fx_px / depth,
         range_m=depth**2 / (camera.fy_px * camera.height_m),
     )

@@ -11,13 +11,14 @@ from pydantic import Field
 
 from perception.lane_fit import KAPPA, PSI, WIDTH, Array, E, LaneState, lane_coordinates
 from perception.lane_points import RoadPoints
-from perception.lateral_grid import lateral_grid
-from perception.road_surface import SurfaceSettings, road_likelihood
+from perception.lateral_grid import lateral_grid, row_places
+from perception.road_surface import SurfaceBins, SurfaceSettings, road_likelihood, surface_bins
 from trepid.camera import Camera
 from trepid.config import Settings
 
 Positive = Annotated[float, Field(gt=0)]
 Bgr = NDArray[np.uint8]
+Array32 = NDArray[np.float32]
 
 
 class EdgeSettings(Settings):
@@ -54,8 +55,16 @@ class EdgeSettings(Settings):
 class RoadSums:
     """Road likelihood summed from the left end of the grid to each place, in [nats·m]; shape (bands, places)."""
 
-    summed: Array
-    step: Array  # 0..1, how sharply the image changes across the place
+    summed: Array32
+    step: Array32  # 0..1, how sharply the image changes across the place
+
+
+@dataclass(frozen=True)
+class RoadLook:
+    """An image as the road is looked for in it: colour bins per pixel and steps (as in :class:`RoadSums`)."""
+
+    bins: SurfaceBins
+    step: Array32
 
 
 class RoadEdgeFinder:
@@ -76,22 +85,24 @@ class RoadEdgeFinder:
         self._map_y = np.broadcast_to(rows, columns.shape).astype(np.float32)
         half_m = settings.place_range_m
         self._place_m = np.arange(-half_m, half_m, settings.place_step_m)
+        self._step_rows = self._map_y + (
+            (self.grid.top_px + self.grid.bottom_px - 1) / 2 - self._first_row - np.arange(len(rows))
+        )[:, None].astype(np.float32)
         self._patch, self._rest = self._masks()
 
     def _masks(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Pixels that are road if the vehicle is on one, and pixels far enough aside to be something else."""
         settings, camera = self._settings, self._camera
-        rows = np.arange(self._first_row, camera.height_px, dtype=float)
-        columns = np.arange(camera.width_px, dtype=float)
-        u, v = np.meshgrid(columns, rows)
-        road = camera.road_from_pixel(np.column_stack([u.ravel(), v.ravel()]))
-        ahead = (road[:, 0] - camera.x_m).reshape(u.shape)
-        left = (road[:, 1] - camera.y_m).reshape(u.shape)
-        self._road_x_m, self._road_y_m = road[:, 0].reshape(u.shape), road[:, 1].reshape(u.shape)
-        start = float(np.nanmin(ahead)) + settings.patch_start_m
+        distance_m, depth_m = row_places(
+            camera, np.arange(self._first_row, camera.height_px, dtype=float)[:, None]
+        )
+        aside_m = (camera.cx_px - np.arange(camera.width_px, dtype=float)) / camera.fx_px * depth_m
+        self._road_x_m, self._road_y_m = self.grid.vehicle_from_grid(distance_m, aside_m)
+        ahead, left = self._road_x_m - camera.x_m, self._road_y_m - camera.y_m
+        start = float(np.min(ahead)) + settings.patch_start_m
         patch = (ahead > start) & (ahead < start + settings.patch_length_m)
         patch &= np.abs(left) < settings.patch_half_width_m
-        return patch, (np.abs(left) > settings.rest_half_width_m) | ~(ahead < settings.reach_m)
+        return patch, (np.abs(left) > settings.rest_half_width_m) | (ahead >= settings.reach_m)
 
     def _masks_of(self, lane: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Pixels well inside and well outside the edges of ``lane``."""
@@ -99,22 +110,23 @@ class RoadEdgeFinder:
         _, distance, _ = lane_coordinates(self._road_x_m, self._road_y_m, lane)
         aside = np.abs(distance) - lane[WIDTH] / 2
         inside = (aside < -margin_m) & (self._road_x_m < self._settings.reach_m)
-        return inside, (aside > margin_m) | np.isnan(aside)
+        return inside, aside > margin_m
 
-    def sums(self, image: Bgr, lane: Array | None = None) -> RoadSums:
-        """Where the road is in ``image`` (any size of the right shape).
-
-        Road is what looks like the patch ahead of the vehicle, or, with a state ``lane``, like what lies inside it.
-        """
+    def look(self, image: Bgr) -> RoadLook:
+        """What does not depend on where the road is, of ``image`` (any size of the right shape)."""
         size = (self._camera.width_px, self._camera.height_px)
         if image.shape[1::-1] != size:
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
         below = np.ascontiguousarray(image[self._first_row :])
+        return RoadLook(bins=surface_bins(below), step=self._steps(below))
+
+    def sums(self, look: RoadLook, lane: Array | None = None) -> RoadSums:
+        """Where the road is: what looks like the patch ahead of the vehicle or like the inside of ``lane``."""
         road, rest = (self._patch, self._rest) if lane is None else self._masks_of(lane)
-        ratio = road_likelihood(below, road, rest, self._settings.surface)
+        ratio = road_likelihood(look.bins, road, rest, self._settings.surface)
         integral = cv2.integral(ratio, sdepth=cv2.CV_64F)
         top, bottom = self.grid.top_px - self._first_row, self.grid.bottom_px - self._first_row
-        running = (integral[bottom] - integral[top]) / (bottom - top)[:, None]
+        running = (integral[bottom] - integral[top]) / ((bottom - top) * self.grid.metre_px)[:, None]
         summed = cv2.remap(
             running.astype(np.float32),
             self._map_x,
@@ -122,17 +134,16 @@ class RoadEdgeFinder:
             cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )
-        return RoadSums(summed=summed / self.grid.metre_px[:, None], step=self._steps(below, top, bottom))
+        return RoadSums(summed=np.asarray(summed, np.float32), step=look.step)
 
-    def _steps(self, below: Bgr, top: NDArray[np.int64], bottom: NDArray[np.int64]) -> Array:
+    def _steps(self, below: Bgr) -> Array32:
         """Sharpness of kerbs, lines and verges: |∂/∂u| of the green channel, limited, at the places of the grid."""
         change = cv2.convertScaleAbs(cv2.Sobel(below[:, :, 1], cv2.CV_16S, 1, 0))
-        limited = np.minimum(cv2.blur(change, (3, 1)), self._settings.full_step_grey)
-        rows = self._map_y + ((top + bottom - 1) / 2 - np.arange(len(top)))[:, None].astype(np.float32)
-        sampled = cv2.remap(
-            limited.astype(np.float32), self._map_x - 0.5, rows.astype(np.float32), cv2.INTER_LINEAR
+        full = np.float32(self._settings.full_step_grey)
+        limited = np.minimum(cv2.blur(change, (3, 1)), full) / full
+        return np.asarray(
+            cv2.remap(limited, self._map_x - np.float32(0.5), self._step_rows, cv2.INTER_LINEAR), np.float32
         )
-        return np.asarray(sampled, np.float64) / self._settings.full_step_grey
 
     def search(self, sums: RoadSums, prior: LaneState, *, wide: bool) -> Array:
         """State (6,) whose edges enclose the most road likelihood, around ``prior``."""
@@ -144,17 +155,15 @@ class RoadEdgeFinder:
             heading = prior.mean[PSI] + max(sigma[PSI], 0.02) * np.array([-1.5, 0, 1.5])
             bend = prior.mean[KAPPA] + max(sigma[KAPPA], 0.006) * np.array([-1.5, 0, 1.5])
             index = self._index(heading, bend)
-        place = self._place_m
-        inside = np.take(sums.summed, index).mean(axis=-1)
-        sharp = settings.step_weight * np.take(sums.step, index).mean(axis=-1)
-        best, e, width = _best_edges(inside, sharp, place, prior, sigma, settings.prior_weight)
-        best -= settings.prior_weight * (
-            ((heading - prior.mean[PSI]) / max(sigma[PSI], 0.02))[:, None] ** 2
-            + ((bend - prior.mean[KAPPA]) / max(sigma[KAPPA], 0.006))[None, :] ** 2
-        )
-        at = np.unravel_index(int(np.argmax(best)), best.shape)
+        inside = np.take(sums.summed, index).mean(axis=0)
+        sharp = settings.step_weight * np.take(sums.step, index).mean(axis=0)
+        unlikely = ((heading - prior.mean[PSI]) / max(sigma[PSI], 0.02))[:, None] ** 2
+        unlikely = unlikely + ((bend - prior.mean[KAPPA]) / max(sigma[KAPPA], 0.006)) ** 2
         found = prior.mean.copy()
-        found[[E, PSI, KAPPA, WIDTH]] = e[at], heading[at[0]], bend[at[1]], width[at]
+        at, found[E], found[WIDTH] = _best_edges(
+            inside + sharp, inside - sharp, unlikely.ravel(), self._place_m, prior, settings.prior_weight
+        )
+        found[PSI], found[KAPPA] = heading[at // len(bend)], bend[at % len(bend)]
         return found
 
     @cached_property
@@ -168,14 +177,20 @@ class RoadEdgeFinder:
         return heading, bend, self._index(heading, bend)
 
     def _index(self, heading: Array, bend: Array) -> NDArray[np.int64]:
-        """Flat index into the sums of the curves (ψ, κ, place) in every band, shape (ψ, κ, places, bands)."""
-        place = self._place_m
-        x_m = (self._camera.x_m + self.grid.ahead_m)[None, None, None, :]
-        y_m = parallel_curve(x_m, heading[:, None, None, None], bend[None, :, None, None], place[:, None])
-        y_m = y_m - self._camera.y_m - np.tan(self._camera.yaw_rad) * self.grid.ahead_m
-        column = ((self._left_m[0] - y_m) / self._settings.step_m + 0.5).astype(np.int64)
-        np.clip(column, 0, len(self._left_m) - 1, out=column)
-        return column + len(self._left_m) * np.arange(len(self.grid.ahead_m))
+        """Flat index into the sums of the curves (ψ, κ, place) in every band, shape (bands, places, ψ·κ)."""
+        bands, places = len(self.grid.ahead_m), len(self._left_m)
+        ahead_m = self.grid.ahead_m.astype(np.float32)[:, None, None, None]
+        y_m = parallel_curve(
+            np.float32(self._camera.x_m) + ahead_m,
+            heading.astype(np.float32)[:, None],
+            bend.astype(np.float32),
+            self._place_m.astype(np.float32)[:, None, None],
+        )
+        axis_m = np.float32(self._camera.y_m) + np.float32(np.tan(self._camera.yaw_rad)) * ahead_m
+        column = (np.float32(self._left_m[0]) + axis_m - y_m) / np.float32(self._settings.step_m)
+        index = np.clip(column + np.float32(0.5), 0, places - 1).astype(np.int64)
+        index += (places * np.arange(bands))[:, None, None, None]
+        return index.reshape(bands, len(self._place_m), -1)
 
     def points(self, sums: RoadSums, mean: Array) -> tuple[RoadPoints, Array]:
         """Edge points near the curves of ``mean``, one per band and side, and their sides (+1 left, −1 right).
@@ -238,21 +253,26 @@ def parallel_curve(x_m: Array, heading_rad: Array, curvature_1pm: Array, place_m
 
 
 def _best_edges(
-    inside: Array, sharp: Array, place: Array, prior: LaneState, sigma: Array, prior_weight: float
-) -> tuple[Array, Array, Array]:
-    """For each (ψ, κ) the best sum between two edges, and its offset e and width W."""
+    on_left: Array32, on_right: Array32, unlikely: Array, place: Array, prior: LaneState, prior_weight: float
+) -> tuple[int, float, float]:
+    """The shape, the offset e and the width W of the two edges with the best sum between them.
+
+    ``on_left`` and ``on_right``: what an edge at each place counts, shape (places, shapes).
+    """
     step = place[1] - place[0]
-    low = max(1, int((prior.mean[WIDTH] - 2.5 * sigma[WIDTH]) / step))
-    high = max(low, int((prior.mean[WIDTH] + 2.5 * sigma[WIDTH]) / step))
-    best = np.full(inside.shape[:2], -np.inf)
-    e, width = np.zeros_like(best), np.zeros_like(best)
-    for bins in range(max(low, int(2.2 / step)), min(high, len(place) - 1) + 1):
+    sigma_e, sigma_w = np.sqrt(np.diag(prior.covariance))[[E, WIDTH]]
+    low = max(1, int(2.2 / step), int((prior.mean[WIDTH] - 2.5 * sigma_w) / step))
+    high = min(len(place) - 1, max(low, int((prior.mean[WIDTH] + 2.5 * sigma_w) / step)))
+    left = on_left - (prior_weight * unlikely).astype(np.float32)
+    best, found = -np.inf, (0, 0.0, 0.0)
+    for bins in range(low, high + 1):
         centre = place[:-bins] + bins * step / 2
-        unlikely = ((centre + prior.mean[E]) / max(sigma[E], 0.2)) ** 2
-        unlikely += ((bins * step - prior.mean[WIDTH]) / max(sigma[WIDTH], 0.2)) ** 2
-        score = (inside + sharp)[:, :, :-bins] - (inside - sharp)[:, :, bins:] - prior_weight * unlikely
-        at = np.argmax(score, axis=2)
-        value = np.take_along_axis(score, at[:, :, None], axis=2)[:, :, 0]
-        better = value > best
-        best[better], e[better], width[better] = value[better], -centre[at][better], bins * step
-    return best, e, width
+        surprise = ((centre + prior.mean[E]) / max(sigma_e, 0.2)) ** 2
+        surprise += ((bins * step - prior.mean[WIDTH]) / max(sigma_w, 0.2)) ** 2
+        score = left[:-bins] - on_right[bins:]
+        score -= (prior_weight * surprise).astype(np.float32)[:, None]
+        at = int(score.argmax())
+        if score.flat[at] > best:
+            at_place, shape = divmod(at, score.shape[1])
+            best, found = score.flat[at], (shape, float(-centre[at_place]), float(bins * step))
+    return found

@@ -1,5 +1,6 @@
 """How much each pixel looks like the road ahead of the vehicle rather than like the rest (inventory B13, B16)."""
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import cv2
@@ -29,21 +30,36 @@ class SurfaceSettings(Settings):
     smoothing: Positive
 
 
-def road_likelihood(image: Bgr, road: Mask, rest: Mask, settings: SurfaceSettings) -> NDArray[np.float32]:
-    """Log-likelihood ratio road : rest of each pixel, shape of ``image``; positive where it looks like road.
+@dataclass(frozen=True)
+class SurfaceBins:
+    """Histogram bins of each pixel of an image."""
 
-    Colour is CIELAB: the chroma (a, b) tells grass, soil and snow from asphalt in any light, the lightness L tells
-    a pavement from a road but changes with every shadow, so it counts less. Both ratios come from smoothed
-    histograms of the pixels in ``road`` (surely road) and ``rest`` (mostly not), are limited, and are added as if
-    independent. The histograms follow the light of every frame, so there is no threshold to set (B15).
+    chroma: NDArray[np.int32]
+    light: NDArray[np.int32]
+
+
+def surface_bins(image: Bgr) -> SurfaceBins:
+    """The bins of the CIELAB colour: chroma (a, b) together, lightness L apart."""
+    light, a, b = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2Lab))
+    return SurfaceBins(
+        chroma=cv2.LUT(a, CHROMA_BIN).astype(np.int32) * BINS + cv2.LUT(b, CHROMA_BIN),
+        light=cv2.LUT(light, LIGHT_BIN).astype(np.int32),
+    )
+
+
+def road_likelihood(
+    bins: SurfaceBins, road: Mask, rest: Mask, settings: SurfaceSettings
+) -> NDArray[np.float32]:
+    """Log-likelihood ratio road : rest of each pixel; positive where it looks like road.
+
+    The chroma tells grass, soil and snow from asphalt in any light, the lightness tells a pavement from a road but
+    changes with every shadow, so it counts less. Both ratios come from smoothed histograms of the pixels in
+    ``road`` (surely road) and ``rest`` (mostly not), are limited, and are added as if independent. The histograms
+    follow the light of every frame, so there is no threshold to set (B15).
     """
-    lab = cv2.cvtColor(image, cv2.COLOR_BGR2Lab)
-    light_bin = cv2.LUT(lab[:, :, 0], LIGHT_BIN).astype(np.int32)
-    chroma = cv2.LUT(lab[:, :, 1], CHROMA_BIN).astype(np.int32) * BINS
-    chroma += cv2.LUT(lab[:, :, 2], CHROMA_BIN).astype(np.int32)
-    chroma_ratio = _log_ratio(chroma, road, rest, (BINS, BINS), settings.smoothing, settings.chroma_limit)
-    light_ratio = _log_ratio(light_bin, road, rest, (1, BINS), settings.smoothing, settings.light_limit)
-    return chroma_ratio[chroma] + np.float32(settings.light_weight) * light_ratio[light_bin]
+    chroma = _log_ratio(bins.chroma, road, rest, (BINS, BINS), settings.smoothing, settings.chroma_limit)
+    light = _log_ratio(bins.light, road, rest, (1, BINS), settings.smoothing, settings.light_limit)
+    return np.take(chroma, bins.chroma) + np.take(np.float32(settings.light_weight) * light, bins.light)
 
 
 def _log_ratio(
