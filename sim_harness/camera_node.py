@@ -28,11 +28,12 @@ def run(me: Process) -> None:
     me.ready()
     ticker, compressed_ticker = Ticker(scenario.camera.rate_hz), Ticker(CAMERA_COMPRESSED.rate_hz)
     while me.running():
-        ticker.sleep()
-        ticker.due()
+        me.bus.wait(timeout_s=0.1)  # look right after the vehicle has moved: its pose is then fresh
         now_s, newest = me.now_s(), truth.refresh()
         if newest is None or now_s - newest.t_s > STALE_TRUTH_S:
             me.alive(Health.WARN, "no vehicle to look from")
+            continue
+        if not ticker.due():
             continue
         frame = camera.step(newest, now_s=now_s)
         if frame is not None:
