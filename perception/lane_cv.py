@@ -422,7 +422,7 @@ def _distorted_columns(
 
 def _path(columns: NDArray[np.float64], rows: NDArray[np.float64], width_px: int) -> PixelPath:
     near = np.abs(columns - width_px / 2) < MAX_ASIDE * width_px  # NaN is not near
-    return tuple((float(x), float(y)) for x, y in zip(columns[near], rows[near], strict=True))
+    return tuple(zip(columns[near].tolist(), rows[near].tolist(), strict=True))
 
 
 def _working_image(image: Bgr, view: View) -> Bgr:

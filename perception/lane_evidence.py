@@ -76,8 +76,9 @@ def boundary_support(
 
     With ρ points per metre across a band, a gate of ±g catches one by chance in a share 1 − exp(−2·g·ρ).
     """
-    bands = np.unique(points.band[own])
-    coverage = int(np.count_nonzero(visible[bands])) / max(int(np.count_nonzero(visible)), 1)
+    covered = np.zeros(len(visible), bool)
+    covered[points.band[own]] = True
+    coverage = int(np.count_nonzero(covered & visible)) / max(int(np.count_nonzero(visible)), 1)
     chance = 1 - math.exp(-2 * gate_m * density_per_m)
     extent_m = float(np.ptp(points.x_m[own])) if own.any() else 0.0
     excess = (coverage - chance) / max(1 - chance, 0.05)
@@ -136,7 +137,8 @@ def aim_sigma_m(state: LaneState, lookahead_m: float) -> float:
 
 def believed_reach_m(state: LaneState, reach_m: float, sigma_m: float) -> float:
     """How far ahead, up to ``reach_m``, the lane centre is known to ``sigma_m``; at least 5 m."""
-    for ahead_m in np.arange(reach_m, 5.0, -2.0):
-        if aim_sigma_m(state, float(ahead_m)) <= sigma_m:
-            return float(ahead_m)
-    return min(reach_m, 5.0)
+    ahead_m = np.arange(reach_m, 5.0, -2.0)
+    gradient = np.stack([-np.ones_like(ahead_m), -ahead_m, ahead_m**2 / 2, ahead_m**3 / 6])
+    variance = (gradient * (state.covariance[:4, :4] @ gradient)).sum(axis=0)
+    known = np.flatnonzero(variance <= sigma_m**2)
+    return float(ahead_m[known[0]]) if len(known) else min(reach_m, 5.0)

@@ -61,18 +61,19 @@ def lane_coordinates(
     A = n − κ_v·(x² + y²)/2, the signed distance to that circle is exactly 2A/(1 + √(1 − 2·κ_v·A)). The clothoid
     term κ'·s³/6 is added to first order.
     """
-    offset, heading, curvature, rate = mean[E], mean[PSI], mean[KAPPA], mean[KAPPA_RATE]
+    offset, heading, curvature, rate = mean[:WIDTH].tolist()
     sin, cos = math.sin(-heading), math.cos(-heading)
     kappa = curvature / max(1 - curvature * offset, 0.2)
     if abs(kappa) < curvature_floor_1pm:
         kappa = curvature_floor_1pm
     across = y_m * cos - x_m * sin
     along = x_m * cos + y_m * sin
-    root = np.sqrt(np.maximum(1 - 2 * kappa * across + kappa**2 * (x_m * x_m + y_m * y_m), 0.01))
+    square = x_m * x_m + y_m * y_m
+    root = np.sqrt(np.maximum(1 - 2 * kappa * across + kappa**2 * square, 0.01))
     # 1 − 2κA = 1 − 2κn + κ²(x² + y²): the squared distance to the centre of the circle, in radii.
-    distance = (2 * across - kappa * (x_m * x_m + y_m * y_m)) / (1 + root)
+    distance = (2 * across - kappa * square) / (1 + root)
     station = np.arctan2(kappa * along, 1 - kappa * across) / kappa
-    return station, distance + offset - rate * station**3 / 6, root
+    return station, distance + offset - rate / 6 * station * station * station, root
 
 
 def fit_lane(
@@ -160,23 +161,25 @@ def levelled(points: RoadPoints, pitch_rad: float, camera: Camera) -> tuple[Arra
 
 def _residuals(points: RoadPoints, side: Array, mean: Array, camera: Camera) -> tuple[Array, Array]:
     """Residuals [m], shape (n,), and their derivatives by the state, shape (n, 6)."""
-    x_m, y_m = levelled(points, mean[PITCH], camera)
+    e, psi, kappa, rate, width, pitch = mean.tolist()
+    x_m, y_m = levelled(points, pitch, camera)
     station, distance, root = lane_coordinates(x_m, y_m, mean)
-    sin, cos = math.sin(-mean[PSI]), math.cos(-mean[PSI])
-    jacobian = np.empty((len(side), 6))
+    sin, cos = math.sin(-psi), math.cos(-psi)
+    square, cube = station * station, station * station * station / 6
     # Of the concentric circle through the axle: d_v = d − e + κ'·s³/6 and κ_v = κ0/(1 − κ0·e).
-    to_axle_circle = distance - mean[E] + mean[KAPPA_RATE] * station**3 / 6
-    by_bend = (to_axle_circle**2 - x_m * x_m - y_m * y_m) / (2 * root)
-    concentric = 1 / max(1 - mean[KAPPA] * mean[E], 0.2) ** 2
-    jacobian[:, E] = 1 + by_bend * concentric * mean[KAPPA] ** 2
-    jacobian[:, PSI] = (x_m * cos + y_m * sin) / root
-    jacobian[:, KAPPA] = by_bend * concentric
-    jacobian[:, KAPPA_RATE] = -(station**3) / 6
-    jacobian[:, WIDTH] = -side / 2
-    course = mean[KAPPA] * station + mean[KAPPA_RATE] * station**2 / 2 - mean[PSI]
+    to_axle_circle = distance - e + rate * cube
+    by_bend = (to_axle_circle * to_axle_circle - x_m * x_m - y_m * y_m) / (2 * root)
+    by_bend /= max(1 - kappa * e, 0.2) ** 2
+    course = kappa * station + rate / 2 * square - psi
     ahead, left = x_m - camera.x_m, y_m - camera.y_m
-    jacobian[:, PITCH] = -(ahead / camera.height_m) * (left * np.cos(course) - ahead * np.sin(course))
-    return distance - side * mean[WIDTH] / 2, jacobian
+    jacobian = np.empty((6, len(side)))
+    jacobian[E] = 1 + by_bend * kappa**2
+    jacobian[PSI] = (x_m * cos + y_m * sin) / root
+    jacobian[KAPPA] = by_bend
+    jacobian[KAPPA_RATE] = -cube
+    jacobian[WIDTH] = -side / 2
+    jacobian[PITCH] = ahead / -camera.height_m * (left * np.cos(course) - ahead * np.sin(course))
+    return distance - side * (width / 2), jacobian.T
 
 
 def subset(points: RoadPoints, mask: NDArray[np.bool_]) -> RoadPoints:

@@ -72,7 +72,7 @@ class MarkingFilter:
         differences of the integral image, sampled between pixels: exact also where a line is thinner than one.
         """
         grid = self._grid
-        integral = cv2.integral(channel, sdepth=cv2.CV_64F)
+        integral = cv2.integral(channel, sdepth=cv2.CV_32S)
         first = int(grid.top_px[0])
         running = (integral[grid.bottom_px - first] - integral[grid.top_px - first]).astype(np.float32)
         sampled = cv2.remap(

@@ -133,10 +133,14 @@ def boundary_columns(mean: Array, camera: Camera, rows_px: Array, *, reach_m: fl
     """Columns of the left and the right boundary at image rows ``rows_px``; NaN where they are not seen."""
     curve = lane_curve(mean, STATIONS_M[reach_m + 1e-9 >= STATIONS_M])
     matrix = pitched(camera, float(mean[PITCH]))
-    return (
-        _columns(matrix, curve.left_x_m, curve.left_y_m, rows_px),
-        _columns(matrix, curve.right_x_m, curve.right_y_m, rows_px),
-    )
+    road = np.ones((3, 2, len(curve.station_m)))
+    road[0, 0], road[1, 0], road[0, 1], road[1, 1] = (
+        curve.left_x_m, curve.left_y_m, curve.right_x_m, curve.right_y_m,
+    )  # fmt: skip
+    u, v, depth = (matrix @ road.reshape(3, -1)).reshape(road.shape)
+    depth = np.where(depth > 0.3, depth, np.nan)
+    u, v = u / depth, v / depth
+    return _columns(u[0], v[0], rows_px), _columns(u[1], v[1], rows_px)
 
 
 def pitched(camera: Camera, pitch_rad: float) -> Array:
@@ -148,7 +152,7 @@ def pitched(camera: Camera, pitch_rad: float) -> Array:
     cos, sin = math.cos(pitch_rad), math.sin(pitch_rad)
     intrinsics, rays = _rays_from_road(camera)
     right, down, ahead = rays
-    return intrinsics @ np.stack([right, cos * down - sin * ahead, sin * down + cos * ahead])
+    return intrinsics @ np.array([right, cos * down - sin * ahead, sin * down + cos * ahead])
 
 
 @lru_cache(maxsize=8)
@@ -158,13 +162,13 @@ def _rays_from_road(camera: Camera) -> tuple[Array, Array]:
     return camera.intrinsics, np.asarray(rays, np.float64)
 
 
-def _columns(matrix: Array, x_m: Array, y_m: Array, rows_px: Array) -> Array:
-    u, v, depth = matrix @ np.stack([x_m, y_m, np.ones_like(x_m)])
-    ahead = depth > 0.3
-    if np.count_nonzero(ahead) < 2:
+def _columns(u: Array, v: Array, rows_px: Array) -> Array:
+    """Columns at ``rows_px`` of a line of pixels, near to far, NaN behind the camera; only where it rises."""
+    highest = np.fmin.accumulate(v)
+    rising = ~np.isnan(v)
+    rising[1:] &= ~(v[1:] >= highest[:-1])  # the first one seen has only NaN before it
+    if np.count_nonzero(rising) < 2:
         return np.full(len(rows_px), np.nan)
-    u, v = u[ahead] / depth[ahead], v[ahead] / depth[ahead]
-    rising = np.concatenate([[True], v[1:] < np.minimum.accumulate(v)[:-1]])
     return np.interp(-rows_px, -v[rising], u[rising], left=np.nan, right=np.nan)
 
 

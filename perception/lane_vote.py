@@ -1,5 +1,6 @@
 """Finding the lane among scattered points: every point votes for its lateral place under many lane shapes."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -55,24 +56,22 @@ def vote_lane(
     curvature = guess.curvature_1pm + _steps(settings.curvature_range_1pm, settings.curvature_steps)
     half_m = guess.width_m / 2 + 2 * guess.width_sigma_m + abs(guess.offset_m) + 2 * guess.offset_sigma_m
     counts = _histograms(x_m, y_m, weight / max(bands, 1), heading, curvature, half_m, settings.bin_m)
-    score, left_bin, width_bins = _best_pairs(counts, guess, half_m, settings.bin_m, prior_weight)
-    score -= prior_weight * (
-        ((heading - guess.heading_rad) / guess.heading_sigma_rad)[:, None] ** 2
-        + ((curvature - guess.curvature_1pm) / guess.curvature_sigma_1pm)[None, :] ** 2
+    unlikely = ((heading - guess.heading_rad) / guess.heading_sigma_rad)[:, None] ** 2
+    unlikely = unlikely + ((curvature - guess.curvature_1pm) / guess.curvature_sigma_1pm) ** 2
+    score, shape, left_m, width_m = _best_pair(
+        counts, prior_weight * unlikely.ravel(), guess, half_m, settings.bin_m, prior_weight
     )
-    at_heading, at_curvature = np.unravel_index(int(np.argmax(score)), score.shape)
-    left_m = (left_bin[at_heading, at_curvature] + 0.5) * settings.bin_m - half_m
-    width_m = width_bins[at_heading, at_curvature] * settings.bin_m
+    at_heading, at_curvature = divmod(shape, len(curvature))
     return LaneGuess(
-        offset_m=float(width_m / 2 - left_m),
+        offset_m=width_m / 2 - left_m,
         heading_rad=float(heading[at_heading]),
         curvature_1pm=float(curvature[at_curvature]),
-        width_m=float(width_m),
+        width_m=width_m,
         offset_sigma_m=guess.offset_sigma_m,
         heading_sigma_rad=guess.heading_sigma_rad,
         curvature_sigma_1pm=guess.curvature_sigma_1pm,
         width_sigma_m=guess.width_sigma_m,
-        support=float(score[at_heading, at_curvature]),
+        support=score,
     )
 
 
@@ -83,7 +82,7 @@ def _steps(half_range: float, count: int) -> Array:
 def _histograms(
     x_m: Array, y_m: Array, weight: Array, heading: Array, curvature: Array, half_m: float, bin_m: float
 ) -> Array:
-    """Weight per bin of signed distance to the circle (ψ, κ) through the origin; shape (ψ, κ, bins)."""
+    """Weight per bin of signed distance to the circle (ψ, κ) through the origin; shape (bins, ψ·κ)."""
     bins = int(np.ceil(2 * half_m / bin_m))
     across = y_m * np.cos(heading)[:, None] + x_m * np.sin(heading)[:, None]
     kappa = curvature[None, :, None]
@@ -91,35 +90,35 @@ def _histograms(
     root = np.sqrt(np.maximum(1 - 2 * kappa * across[:, None, :] + kappa**2 * square, 0.04))
     distance = (2 * across[:, None, :] - kappa * square) / (1 + root)
     place = ((distance + half_m) * (1 / bin_m)).astype(np.int64)
-    np.clip(place, -1, bins, out=place)
-    place += 1
+    np.minimum(np.maximum(place, -1, out=place), bins, out=place)
     shapes = len(heading) * len(curvature)
-    place = place.reshape(shapes, -1) + (bins + 2) * np.arange(shapes)[:, None]
-    counted = np.bincount(
-        place.ravel(),
-        weights=np.broadcast_to(weight, place.shape).ravel(),
-        minlength=shapes * (bins + 2),
-    ).reshape(shapes, bins + 2)
-    counted[:, 0] = counted[:, -1] = 0
-    smooth = counted[:, 1:-1] + 0.5 * (counted[:, :-2] + counted[:, 2:])
-    return smooth.reshape(len(heading), len(curvature), bins)
+    index = (place.reshape(shapes, -1) + 1) * shapes + np.arange(shapes)[:, None]
+    counted = np.bincount(index.ravel(), weights=np.tile(weight, shapes), minlength=shapes * (bins + 2))
+    counted = counted.reshape(bins + 2, shapes)
+    counted[0] = counted[-1] = 0
+    return np.asarray(counted[1:-1] + 0.5 * (counted[:-2] + counted[2:]), np.float64)
 
 
-def _best_pairs(
-    counts: Array, guess: LaneGuess, half_m: float, bin_m: float, prior_weight: float
-) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
-    """For each lane shape the best score, the bin of its left line and the width of the lane in bins."""
-    bins = counts.shape[2]
-    low = max(1, int(np.floor((guess.width_m - 2 * guess.width_sigma_m) / bin_m)))
-    high = min(bins - 1, max(low, int(np.ceil((guess.width_m + 2 * guess.width_sigma_m) / bin_m))))
-    width, left = np.meshgrid(np.arange(low, high + 1), np.arange(bins), indexing="ij")
-    aside_m = np.abs((left + 0.5 - width / 2) * bin_m - half_m + guess.offset_m)
-    possible = (left >= width) & (aside_m < 3 * guess.offset_sigma_m)
-    left, width, aside_m = left[possible], width[possible], aside_m[possible]
-    unlikely = (aside_m / guess.offset_sigma_m) ** 2
-    unlikely += 4 * (np.maximum(aside_m - 0.4 * width * bin_m, 0) / guess.offset_sigma_m) ** 2
-    unlikely += ((width * bin_m - guess.width_m) / guess.width_sigma_m) ** 2
-    on_left, on_right = counts[:, :, left], counts[:, :, left - width]
-    score = on_left + on_right + np.minimum(on_left, on_right) - prior_weight * unlikely
-    best = np.argmax(score, axis=2)
-    return np.max(score, axis=2), left[best], width[best]
+def _best_pair(
+    counts: Array, shape_cost: Array, guess: LaneGuess, half_m: float, bin_m: float, prior_weight: float
+) -> tuple[float, int, float, float]:
+    """The best score, its lane shape, the place of its left line and the width of its lane [m]."""
+    bins = len(counts)
+    low = max(1, math.floor((guess.width_m - 2 * guess.width_sigma_m) / bin_m))
+    high = min(bins - 1, max(low, math.ceil((guess.width_m + 2 * guess.width_sigma_m) / bin_m)))
+    place_m = (np.arange(bins) + 0.5) * bin_m - half_m
+    best, found = -math.inf, (0, 0.0, 0.0)
+    for width in range(low, high + 1):
+        width_m = width * bin_m
+        aside = np.abs(place_m[width:] - width_m / 2 + guess.offset_m) / guess.offset_sigma_m
+        unlikely = aside**2 + 4 * np.maximum(aside - 0.4 * width_m / guess.offset_sigma_m, 0) ** 2
+        unlikely += ((width_m - guess.width_m) / guess.width_sigma_m) ** 2
+        unlikely[aside >= 3] = math.inf
+        on_left, on_right = counts[width:], counts[:-width]
+        score = on_left + on_right + np.minimum(on_left, on_right) - shape_cost
+        score -= (prior_weight * unlikely)[:, None]
+        at = int(score.argmax())
+        if score.flat[at] > best:
+            left, shape = divmod(at, len(shape_cost))
+            best, found = float(score.flat[at]), (shape, float(place_m[width + left]), width_m)
+    return best, *found

@@ -19,6 +19,7 @@ from trepid.config import Settings
 Positive = Annotated[float, Field(gt=0)]
 Bgr = NDArray[np.uint8]
 Array32 = NDArray[np.float32]
+AnyArray = NDArray[np.floating]
 
 
 class EdgeSettings(Settings):
@@ -239,7 +240,9 @@ class RoadEdgeFinder:
         )
 
 
-def parallel_curve(x_m: Array, heading_rad: Array, curvature_1pm: Array, place_m: Array) -> Array:
+def parallel_curve(
+    x_m: AnyArray, heading_rad: AnyArray, curvature_1pm: AnyArray, place_m: AnyArray
+) -> AnyArray:
     """Lateral place y at ``x_m`` of the circle parallel to (ψ, κ) through the axle, ``place_m`` to its left.
 
     With θ = −ψ, κ_d = κ/(1 − κ·d) and (x0, y0) = d·(−sin θ, cos θ): sin φ = sin θ + κ_d·(x − x0) and
@@ -274,5 +277,5 @@ def _best_edges(
         at = int(score.argmax())
         if score.flat[at] > best:
             at_place, shape = divmod(at, score.shape[1])
-            best, found = score.flat[at], (shape, float(-centre[at_place]), float(bins * step))
+            best, found = float(score.flat[at]), (shape, float(-centre[at_place]), float(bins * step))
     return found

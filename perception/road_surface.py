@@ -42,7 +42,7 @@ def surface_bins(image: Bgr) -> SurfaceBins:
     """The bins of the CIELAB colour: chroma (a, b) together, lightness L apart."""
     light, a, b = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2Lab))
     return SurfaceBins(
-        chroma=cv2.LUT(a, CHROMA_BIN).astype(np.int32) * BINS + cv2.LUT(b, CHROMA_BIN),
+        chroma=cv2.LUT(a, CHROMA_BIN).astype(np.int32) * BINS + cv2.LUT(b, CHROMA_BIN).astype(np.int32),
         light=cv2.LUT(light, LIGHT_BIN).astype(np.int32),
     )
 
