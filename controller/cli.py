@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from controller.bicycle import kinematic_angle, understeer_angle
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
 from trepid.vehicle import Vehicle
 
 app = typer.Typer(no_args_is_help=True)
@@ -27,7 +27,7 @@ def steer(
     roll: Annotated[float, typer.Option(help="Bank of the road [rad], + = left side up.")] = 0.0,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Override a field of the vehicle file."),
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a field of the vehicle file."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
 ) -> None:
@@ -35,7 +35,7 @@ def steer(
     for name, value in (("--curvature", curvature), ("--speed", speed), ("--roll", roll)):
         if not math.isfinite(value):
             raise InputError(f"{name}: expected a finite number, got {value}")
-    car = load(vehicle, Vehicle, overrides=_overrides(settings or []))
+    car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
     angles = steering(car, curvature_1pm=curvature, speed_mps=speed, roll_rad=roll)
     if not math.isfinite(angles["road_wheel_angle_rad"]):
         raise InputError(f"--curvature {curvature} --speed {speed}: too large to compute with")
@@ -63,14 +63,3 @@ def steering(
         "kinematic_road_wheel_angle_rad": kinematic_rad,
         "understeer_rad": understeer_rad,
     }
-
-
-def _overrides(settings: list[str]) -> dict[str, str]:
-    """NAME=VALUE texts as a mapping. Raises InputError."""
-    pairs = {}
-    for text in settings:
-        name, separator, value = text.partition("=")
-        if not separator or not name:
-            raise InputError(f"--set {text}: expected NAME=VALUE")
-        pairs[name] = value
-    return pairs

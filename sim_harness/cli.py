@@ -13,7 +13,7 @@ from rich.table import Table
 
 from sim_harness.closed_loop import run, run_many
 from sim_harness.scenarios import Scenario, list_scenarios, load_scenarios
-from trepid.config import InputError
+from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
@@ -91,17 +91,6 @@ def run_and_save(
         if not cv2.imwrite(str(picture), draw(scenario, result.trace, seed=seed)):
             raise InputError(f"{picture}: cannot be written as an image")
     yield result.row()
-
-
-def parse_overrides(settings: list[str]) -> dict[str, str]:
-    """``KEY=VALUE`` texts as a mapping. Raises InputError."""
-    overrides = {}
-    for text in settings:
-        key, sign, value = text.partition("=")
-        if not key or not sign:
-            raise InputError(f"--set {text}: expected KEY=VALUE")
-        overrides[key] = value
-    return overrides
 
 
 def one_line(row: dict[str, Any]) -> str:

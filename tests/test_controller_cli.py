@@ -47,7 +47,7 @@ def test_without_json_it_prints_a_line_per_angle_and_warns_beyond_the_stop():
         (["--speed", "1e200"], "too large"),
         (["--vehicle", "no-such.yaml"], "no-such.yaml: cannot be read"),
         (["--set", "wheelbas_m=2"], "did you mean 'wheelbase_m'"),
-        (["--set", "wheelbase_m"], "expected NAME=VALUE"),
+        (["--set", "wheelbase_m"], "expected KEY=VALUE"),
         (["--set", "wheelbase_m=-1"], "greater than 0"),
     ],
 )

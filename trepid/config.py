@@ -67,6 +67,17 @@ def parse(
         raise InputError(_explain(error, data, model, source, overrides or {})) from error
 
 
+def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
+    """``KEY=VALUE`` texts of ``--set`` as a mapping. Raises InputError."""
+    overrides = {}
+    for text in texts:
+        key, sign, value = text.partition("=")
+        if not key or not sign:
+            raise InputError(f"--set {text}: expected KEY=VALUE")
+        overrides[key] = value
+    return overrides
+
+
 def _override(data: CommentedMap, key: str, text: str, model: type[BaseModel]) -> None:
     *parents, name = key.split(".")
     place: Any = data
