@@ -79,7 +79,8 @@ def find_road(
 ) -> LaneFit:
     """The unmarked road whose edges enclose what looks like the road ahead, as a lane as wide as the road.
 
-    With a prior ``straight`` nothing is remembered: every shape is tried, twice, and the simpler one wins.
+    With a prior ``straight`` nothing is remembered: every shape is tried, then those near the best, and
+    the simpler one wins.
     """
     wide = straight is not None
     look = finder.look(image)
@@ -87,14 +88,12 @@ def find_road(
     start = finder.search(sums, prior, wide=wide)
     if wide:
         sums = finder.sums(look, lane=start)
-        start = finder.search(sums, prior, wide=True)
-    for _ in range(2 if wide else 1):
-        points, side = finder.points(sums, start)
-        fitted = fit_lane(points, side, prior, start, finder.grid.camera, fit)
-        if straight is not None:
-            plain = fit_lane(points, side, straight, start * STRAIGHT, finder.grid.camera, fit)
-            fitted = _simpler(plain, fitted, fit)
-        start = fitted.state.mean
+        start = finder.search(sums, prior, wide=True, near=start)
+    points, side = finder.points(sums, start)
+    fitted = fit_lane(points, side, prior, start, finder.grid.camera, fit)
+    if straight is not None:
+        plain = fit_lane(points, side, straight, start * STRAIGHT, finder.grid.camera, fit)
+        fitted = _simpler(plain, fitted, fit)
     found = _with_evidence(fitted, points, points, side, finder.grid, fit, evidence)
     return replace(found, by_edges=True)
 

@@ -37,9 +37,9 @@ class EdgeSettings(Settings):
     place_range_m: Positive
     place_step_m: Positive
     heading_range_rad: Positive
-    heading_steps: Annotated[int, Field(ge=1)]
+    heading_steps: Annotated[int, Field(ge=2)]
     curvature_range_1pm: Positive
-    curvature_steps: Annotated[int, Field(ge=1)]
+    curvature_steps: Annotated[int, Field(ge=2)]
     prior_weight: Positive
     step_weight: Annotated[float, Field(ge=0)]
     full_step_grey: Positive
@@ -146,15 +146,25 @@ class RoadEdgeFinder:
             cv2.remap(limited, self._map_x - np.float32(0.5), self._step_rows, cv2.INTER_LINEAR), np.float32
         )
 
-    def search(self, sums: RoadSums, prior: LaneState, *, wide: bool) -> Array:
-        """State (6,) whose edges enclose the most road likelihood, around ``prior``."""
+    def search(self, sums: RoadSums, prior: LaneState, *, wide: bool, near: Array | None = None) -> Array:
+        """State (6,) whose edges enclose the most road likelihood under ``prior``.
+
+        ``wide`` tries every shape, coarsely or, around the state ``near``, in half steps; else those of ``prior``.
+        """
         settings = self._settings
         sigma = np.sqrt(np.diag(prior.covariance))
-        if wide:
-            heading, bend, index = self._all_shapes
-        else:
+        if not wide:
             heading = prior.mean[PSI] + max(sigma[PSI], 0.02) * np.array([-1.5, 0, 1.5])
             bend = prior.mean[KAPPA] + max(sigma[KAPPA], 0.006) * np.array([-1.5, 0, 1.5])
+            index = self._index(heading, bend)
+        elif near is None:
+            heading, bend, index = self._all_shapes
+        else:
+            half_steps = np.arange(-2, 3) / 2
+            heading = near[PSI] + half_steps * 2 * settings.heading_range_rad / (settings.heading_steps - 1)
+            bend = near[KAPPA] + half_steps * 2 * settings.curvature_range_1pm / (
+                settings.curvature_steps - 1
+            )
             index = self._index(heading, bend)
         inside = np.take(sums.summed, index).mean(axis=0)
         sharp = settings.step_weight * np.take(sums.step, index).mean(axis=0)
