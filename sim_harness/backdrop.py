@@ -29,14 +29,14 @@ class Backdrop:
         self.rows = min(max(math.ceil(camera.horizon_row_px + GROUND_BELOW_PX), 0), camera.height_px)
         panorama = _panorama(seed)
         self.horizon_bgr = panorama[HEIGHT - BELOW - 12].mean(axis=0)
-        self._twice_around = np.hstack([panorama, panorama])
+        self._twice_around = cv2.cvtColor(np.hstack([panorama, panorama]), cv2.COLOR_BGR2BGRA)
         u, v = np.meshgrid(np.arange(camera.width_px), np.arange(self.rows))
         right = np.arctan((u - camera.cx_px) / camera.fx_px) - camera.yaw_rad
         self._columns = (right * WIDTH / math.tau).astype(np.float32)
         self._rows = (v - camera.horizon_row_px + HEIGHT - BELOW).astype(np.float32)
 
     def draw(self, image: Bytes, yaw_rad: float) -> None:
-        """Fill the rows of ``image`` down to just below the horizon, for a vehicle heading along ``yaw_rad``."""
+        """Fill the rows of ``image`` (BGRA) to just below the horizon, for a vehicle heading along ``yaw_rad``."""
         if self.rows:
             ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
             image[: self.rows] = cv2.remap(

@@ -101,11 +101,13 @@ class Ground:
         cell_m = step * LEVELS_M[level]
         near = np.abs(offset) < LEFT_M + 2 * cell_m
         if near.any():
+            box, pixels = _box(near, step)
+            station, offset, near = station[box], offset[box], near[box]
             distance = _spread(np.abs(offset), step)
             columns = _spread((offset - RIGHT_M) / LEVELS_M[level] - 0.5, step)
             columns[distance > LEFT_M] = OUTSIDE
             for first, count in self._runs(self.strip.block_at(station[near])):
-                self._lay(tile, level, first, count, station, near, columns)
+                self._lay(tile[pixels], level, first, count, station, near, columns)
         return tile
 
     def _runs(self, blocks: NDArray[np.int64]) -> list[tuple[int, int]]:
@@ -161,13 +163,9 @@ class Ground:
         colours = self._verge_bgr[self.road.section_indices(station.ravel())] * (1 + 0.06 * wave[:, None])
         tint = _spread(colours.reshape(cells, cells, 3), STEP_PX[level])
         noise = self._verge[level]
-        rows = (row * size + np.arange(size)) % len(noise)
-        columns = (column * size + np.arange(size)) % len(noise)
-        grain = noise[rows[:, None], columns]
-        return np.asarray(
-            cv2.multiply(np.clip(tint, 0, 255).astype(np.uint8), cv2.merge([grain] * 3), scale=1 / 128),
-            np.uint8,
-        )
+        top, left = row * size % len(noise), column * size % len(noise)
+        grain = noise[top : top + size, left : left + size]
+        return np.asarray(cv2.multiply(cv2.convertScaleAbs(tint, beta=-0.5), grain, scale=1 / 128), np.uint8)
 
 
 def _cell_centres(level: int, column: int, row: int, cells: int) -> NDArray[np.float64]:
@@ -185,8 +183,19 @@ def _spread(values: NDArray[np.float64], step: int) -> NDArray[np.float32]:
     return np.ascontiguousarray(wide[step:-step, step:-step], np.float32)
 
 
+def _box(near: NDArray[np.bool_], step: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """The part of the coarse grid that is near, with a margin for the interpolation, and its pixels."""
+    spans = [np.flatnonzero(near.any(axis=axis)) for axis in (1, 0)]
+    rows, columns = (
+        slice(max(int(span[0]) - 2, 0), min(int(span[-1]) + 3, size))
+        for span, size in zip(spans, near.shape, strict=True)
+    )
+    pixels = tuple(slice(part.start * step, (part.stop - 2) * step) for part in (rows, columns))
+    return (rows, columns), (pixels[0], pixels[1])
+
+
 def _verge_levels(rng: np.random.Generator) -> list[Bytes]:
-    """A periodic texture around 128 at every level."""
+    """A periodic texture around 128 at every level, in three equal channels, at least as wide as a tile."""
     shape = (VERGE_PX, VERGE_PX)
     mixture = 0.55 * smooth_noise(rng, shape, (1, 1)) + 0.5 * smooth_noise(rng, shape, (4, 4))
     mixture += 0.35 * smooth_noise(rng, shape, (32, 32)) + 0.3 * smooth_noise(rng, shape, (128, 128))
@@ -196,4 +205,10 @@ def _verge_levels(rng: np.random.Generator) -> list[Bytes]:
         levels.append(
             np.asarray(cv2.resize(levels[-1], (size, size), interpolation=cv2.INTER_AREA), np.uint8)
         )
-    return levels
+    return [_tiled(noise, size) for noise, size in zip(levels, TILE_PX, strict=True)]
+
+
+def _tiled(noise: Bytes, size: int) -> Bytes:
+    """A square periodic texture repeated to at least ``size`` pixels, in three equal channels."""
+    repeats = -(-size // len(noise))
+    return np.asarray(cv2.merge([np.tile(noise, (repeats, repeats))] * 3), np.uint8)
