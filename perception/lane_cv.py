@@ -358,22 +358,8 @@ class LaneCv:
         )
 
     def _nothing(self, t_s: float, reason: str) -> SteeringEstimate:
-        return SteeringEstimate(
-            t_s=t_s,
-            estimator=NAME,
-            lateral_offset_m=None,
-            heading_error_rad=None,
-            curvature_1pm=None,
-            curvature_rate_1pm2=None,
-            lookahead_m=self._settings.steering.lookahead_m,
-            road_wheel_angle_rad=None,
-            confidence=0.0,
-            lanes_detected=0,
-            lane_width_m=None,
-            latency_ms=None,
-            reason=reason,
-            left_boundary_px=(),
-            right_boundary_px=(),
+        return SteeringEstimate.nothing(
+            t_s, estimator=NAME, lookahead_m=self._settings.steering.lookahead_m, reason=reason
         )
 
 

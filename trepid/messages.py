@@ -93,6 +93,27 @@ class SteeringEstimate:
     left_boundary_px: PixelPath
     right_boundary_px: PixelPath
 
+    @classmethod
+    def nothing(cls, t_s: float, *, estimator: str, lookahead_m: float, reason: str) -> "SteeringEstimate":
+        """No lane seen, and why."""
+        return cls(
+            t_s=t_s,
+            estimator=estimator,
+            lateral_offset_m=None,
+            heading_error_rad=None,
+            curvature_1pm=None,
+            curvature_rate_1pm2=None,
+            lookahead_m=lookahead_m,
+            road_wheel_angle_rad=None,
+            confidence=0.0,
+            lanes_detected=0,
+            lane_width_m=None,
+            latency_ms=None,
+            reason=reason,
+            left_boundary_px=(),
+            right_boundary_px=(),
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeadVehicle:
