@@ -14,10 +14,14 @@ from sim_harness.scenarios import Scenario
 from sim_harness.trace import Column, Trace
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Frame, Image
+from trepid.messages import Frame, Image, SteeringEstimate, VehicleState
 
 WIDTH_PX, VIEW_PX, MAP_PX, PLOT_PX = 1600, 400, 520, 130
 INK, PAPER, FAINT = (40, 40, 40), (250, 250, 250), (215, 215, 215)
+WATCHED_S, FRAME_EVERY = (
+    1.5,
+    4,
+)  # before a view: time that the estimator watches, in samples between its frames
 Points = NDArray[np.int32]
 
 
@@ -38,15 +42,11 @@ def fear_colour(fear: float) -> tuple[int, int, int]:
 
 
 def _views(road: Road, trace: Trace, seed: int) -> Image:
-    """Two rows of camera views with what the CV estimator sees, each from the sharpest bend of a section."""
+    """Two rows of camera views with what the CV estimator saw there, one from each of eight sections."""
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     renderer, views = Renderer(road, camera, seed=seed), []
     for section, sample in _moments(trace, count=8):
-        x_m, y_m, yaw_rad, station_m, t_s = (
-            float(trace[name][sample]) for name in ("x_m", "y_m", "yaw_rad", "station_m", "t_s")
-        )
-        image = renderer.render(x_m, y_m, yaw_rad, station_m=station_m, t_s=t_s)
-        estimate = build("cv").step(Frame(t_s=t_s, image=image), None, now_s=t_s)
+        image, estimate = _seen(renderer, trace, sample)
         view: Image = np.empty((VIEW_PX * 3 // 4, VIEW_PX, 3), np.uint8)
         cv2.resize(
             annotated(image, estimate), (VIEW_PX, VIEW_PX * 3 // 4), view, interpolation=cv2.INTER_AREA
@@ -58,11 +58,37 @@ def _views(road: Road, trace: Trace, seed: int) -> Image:
     return np.vstack([np.hstack(views[:4]), np.hstack(views[4:])])
 
 
+def _seen(renderer: Renderer, trace: Trace, sample: int) -> tuple[Image, SteeringEstimate]:
+    """The frame at ``sample`` and its estimate, by an estimator that has watched the time before, as in the run."""
+    estimator, image, estimate = build("cv"), None, None
+    first = int(np.searchsorted(trace["t_s"], trace["t_s"][sample] - WATCHED_S))
+    for i in range(sample - (sample - first) // FRAME_EVERY * FRAME_EVERY, sample + 1, FRAME_EVERY):
+        x_m, y_m, yaw_rad, station_m, t_s = (
+            float(trace[name][i]) for name in ("x_m", "y_m", "yaw_rad", "station_m", "t_s")
+        )
+        image = renderer.render(x_m, y_m, yaw_rad, station_m=station_m, t_s=t_s)
+        state = VehicleState(
+            t_s=t_s,
+            speed_mps=float(trace["speed_mps"][i]),
+            road_wheel_angle_rad=float(trace["road_wheel_angle_rad"][i]),
+            yaw_rate_radps=float(trace["yaw_rate_radps"][i]),
+            driver_override=False,
+        )
+        estimate = estimator.step(Frame(t_s=t_s, image=image), state, now_s=t_s)
+    assert image is not None and estimate is not None  # the range holds at least ``sample``
+    return image, estimate
+
+
 def _moments(trace: Trace, *, count: int) -> list[tuple[str, int]]:
-    """A section's name and the sample in its sharpest bend, for ``count`` sections spread over the run."""
+    """A section's name and its most fearful sample, in the sharpest bend of these, for ``count`` sections."""
     moments = []
+    rolling = trace["speed_mps"] >= 1.0
     for code, name in enumerate(trace.words["section"]):
-        samples = np.flatnonzero(trace["section"] == code)
+        samples = np.flatnonzero((trace["section"] == code) & (rolling | ~rolling.any()))
+        if len(samples) == 0:
+            continue
+        fear = np.nan_to_num(trace["decision.fear"][samples], nan=1.0)
+        samples = samples[fear >= fear.max() - 1e-6]
         moments.append((name, int(samples[np.argmax(np.abs(trace["curvature_1pm"][samples]))])))
     return [moments[i] for i in np.linspace(0, len(moments) - 1, count).round().astype(int)]
 
