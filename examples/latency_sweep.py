@@ -1,6 +1,6 @@
 """How late may frames be on the S bend? Run it: trepid sim run examples/latency_sweep.py --jobs 2"""
 
-from sim_harness.scenarios import load_scenario
+from sim_harness.scenarios.scenario import load_scenario
 
 s_curve = load_scenario("s_curve")
 scenarios = [

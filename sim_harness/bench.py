@@ -20,9 +20,9 @@ from rich.table import Table
 
 from perception.estimators import ESTIMATORS, build
 from perception.image_statistics import ImageStatistician
-from sim_harness.closed_loop import run
-from sim_harness.renderer import Renderer
-from sim_harness.scenarios import load_scenario
+from sim_harness.lockstep.closed_loop import run
+from sim_harness.render.renderer import Renderer
+from sim_harness.scenarios.scenario import load_scenario
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, Image, VehicleState

@@ -11,8 +11,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from sim_harness.closed_loop import run, run_many
-from sim_harness.scenarios import Scenario, list_scenarios, load_scenarios
+from sim_harness.lockstep.closed_loop import run, run_many
+from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenarios
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
@@ -86,7 +86,7 @@ def run_and_save(
     if trace is not None:
         result.trace.save(trace)
     if picture is not None:
-        from sim_harness.picture import draw
+        from sim_harness.report.picture import draw
 
         if not cv2.imwrite(str(picture), draw(scenario, result.trace, seed=seed)):
             raise InputError(f"{picture}: cannot be written as an image")

@@ -12,8 +12,8 @@ import pytest
 
 from perception.lane_cv import LaneCvSettings
 from perception.steer_net import Record, SteerNet, SteerNetSettings, load_record
-from sim_harness.renderer import Renderer
-from sim_harness.road import load_road
+from sim_harness.render.renderer import Renderer
+from sim_harness.roads.road import load_road
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
 from trepid.messages import Frame, SteeringEstimate

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from test_sim_harness_metrics import truth
 
-from sim_harness.camera import SimulatedCamera
-from sim_harness.scenarios import load_scenario
+from sim_harness.lockstep.camera import SimulatedCamera
+from sim_harness.scenarios.scenario import load_scenario
 
 PERIOD_S = 0.04
 

@@ -10,10 +10,10 @@ import controller.controller
 import controller.limiter
 import supervisor.supervisor
 from perception.image_statistics import ImageStatistician
-from sim_harness.camera import SimulatedCamera
-from sim_harness.closed_loop import Parts, run, run_many
-from sim_harness.scenarios import Scenario, load_scenario
-from sim_harness.vehicle import SimulatedVehicle, load_simulator
+from sim_harness.lockstep.camera import SimulatedCamera
+from sim_harness.lockstep.closed_loop import Parts, run, run_many
+from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
+from sim_harness.scenarios.scenario import Scenario, load_scenario
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, SteeringEstimate
 from trepid.vehicle import Vehicle

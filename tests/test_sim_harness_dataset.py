@@ -7,8 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from sim_harness.appearance import Light, Marking, Section
-from sim_harness.dataset import (
+from sim_harness.render.renderer import Renderer
+from sim_harness.roads.appearance import Light, Marking, Section
+from sim_harness.roads.road import Road, RoadSettings, Segment
+from sim_harness.training.dataset import (
     AHEAD_M,
     BLIND_SHARE,
     MIN_RADIUS_M,
@@ -20,8 +22,6 @@ from sim_harness.dataset import (
     road_samples,
     samples,
 )
-from sim_harness.renderer import Renderer
-from sim_harness.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sim_harness.metrics import max_lateral_jerk_mps3, measure, min_time_gap_s
-from sim_harness.trace import Recorder
+from sim_harness.lockstep.metrics import max_lateral_jerk_mps3, measure, min_time_gap_s
+from sim_harness.lockstep.trace import Recorder
 from trepid.messages import Decision, Mode, SimTruth, Stop, VehicleState
 
 

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from sim_harness.appearance import Light, Marking, Section, Stroke, Verge
-from sim_harness.ground import Ground
-from sim_harness.renderer import Renderer
-from sim_harness.road import Road, RoadSettings, Segment, load_road
+from sim_harness.render.ground import Ground
+from sim_harness.render.renderer import Renderer
+from sim_harness.roads.appearance import Light, Marking, Section, Stroke, Verge
+from sim_harness.roads.road import Road, RoadSettings, Segment, load_road
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
@@ -122,8 +122,8 @@ def test_the_same_seed_pose_and_time_give_the_same_bytes_in_any_order():
 
 def test_a_picture_survives_that_its_tiles_were_dropped_and_painted_again(monkeypatch):
     expected = frame(ON_STRAIGHT, 60.0)
-    monkeypatch.setattr("sim_harness.ground.MAX_TILES", (4, 4, 4, 4, 12))
-    monkeypatch.setattr("sim_harness.road_strip.MAX_FINEST", 4)
+    monkeypatch.setattr("sim_harness.render.ground.MAX_TILES", (4, 4, 4, 4, 12))
+    monkeypatch.setattr("sim_harness.render.road_strip.MAX_FINEST", 4)
     renderer = Renderer(STRAIGHT, CAMERA, seed=7)
     frame(renderer, 60.0), frame(renderer, 140.0)
     assert np.array_equal(frame(renderer, 60.0), expected)

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from sim_harness.appearance import Section
-from sim_harness.road import Road, RoadSettings, Segment, load_road
+from sim_harness.roads.appearance import Section
+from sim_harness.roads.road import Road, RoadSettings, Segment, load_road
 from trepid.config import CONFIG_DIR, InputError
 
 CIRCUIT = load_road("circuit")

@@ -6,8 +6,9 @@ from dataclasses import replace
 import pytest
 from test_sim_harness_metrics import state, trace_of, truth
 
-from sim_harness.metrics import Metrics
-from sim_harness.scenarios import (
+from sim_harness.lockstep.metrics import Metrics
+from sim_harness.lockstep.trace import Recorder
+from sim_harness.scenarios.scenario import (
     Expect,
     Scenario,
     Tag,
@@ -16,7 +17,6 @@ from sim_harness.scenarios import (
     load_scenario,
     load_scenarios,
 )
-from sim_harness.trace import Recorder
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
 from trepid.vehicle import Vehicle
 
@@ -139,7 +139,7 @@ def test_a_shortened_scenario_keeps_only_what_it_can_still_be_expected_to_do():
 
 def test_a_python_script_makes_scenarios(tmp_path):
     script = """\
-    from sim_harness.scenarios import load_scenario
+    from sim_harness.scenarios.scenario import load_scenario
 
     scenarios = [load_scenario("straight").model_copy(update={"name": f"drift {i}"}) for i in range(3)]
     """

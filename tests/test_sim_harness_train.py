@@ -8,10 +8,10 @@ import pytest
 
 from perception.canonical import cropped
 from perception.scores import Labelled
-from sim_harness.dataset import road_samples
-from sim_harness.road import load_road
-from sim_harness.train import train
-from sim_harness.train_frames import FIRST_ROAD, ROADS_PER_SEED, Shot, circuit_frames, random_frames
+from sim_harness.roads.road import load_road
+from sim_harness.training.dataset import road_samples
+from sim_harness.training.train import train
+from sim_harness.training.train_frames import FIRST_ROAD, ROADS_PER_SEED, Shot, circuit_frames, random_frames
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 

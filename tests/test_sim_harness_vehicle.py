@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from sim_harness.lead import Body
-from sim_harness.plant import PlantState
-from sim_harness.referee import locate, wheel_outside
-from sim_harness.scenarios import Scenario, load_scenario
-from sim_harness.vehicle import SimulatedVehicle, load_simulator
+from sim_harness.lockstep.referee import locate, wheel_outside
+from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
+from sim_harness.plants.kinematic import PlantState
+from sim_harness.render.lead import Body
+from sim_harness.scenarios.scenario import Scenario, load_scenario
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command
 from trepid.vehicle import Vehicle

@@ -15,8 +15,8 @@ import perception.cli
 import sim_harness.cli
 import supervisor.cli
 from sim_harness.bench import bench
-from sim_harness.drive_cli import drive
-from sim_harness.train import train
+from sim_harness.live.drive_cli import drive
+from sim_harness.training.train import train
 from trepid import __version__
 from trepid.config import InputError
 from trepid.packages import check_packages

@@ -22,12 +22,12 @@ import supervisor.supervisor
 from controller.controller import Controller
 from perception.estimators import Estimator
 from perception.image_statistics import ImageStatistician
-from sim_harness.camera import SimulatedCamera
-from sim_harness.metrics import Metrics, measure
-from sim_harness.renderer import Renderer
-from sim_harness.scenarios import EstimatorBias, LostProcess, Scenario, judge
-from sim_harness.trace import Recorder, Trace
-from sim_harness.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
+from sim_harness.lockstep.camera import SimulatedCamera
+from sim_harness.lockstep.metrics import Metrics, measure
+from sim_harness.lockstep.trace import Recorder, Trace
+from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
+from sim_harness.render.renderer import Renderer
+from sim_harness.scenarios.scenario import EstimatorBias, LostProcess, Scenario, judge
 from supervisor.supervisor import Supervisor
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load

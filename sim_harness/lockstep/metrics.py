@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_harness.trace import Column, Trace
+from sim_harness.lockstep.trace import Column, Trace
 
 INTERVENTION_S = 6.0  # Bojarski et al., End to End Learning for Self-Driving Cars (2016), section 5.2
 JERK_WINDOW_S = 0.5  # ISO 11270:2014: lateral jerk is judged as its mean over half a second

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sim_harness.trace import Recorder, Trace
+from sim_harness.lockstep.trace import Recorder, Trace
 from trepid.bus import Bus
 from trepid.clock import Clock
 from trepid.messages import Command, Decision, Diagnostic, SimTruth, SteeringEstimate, VehicleState

@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from sim_harness.plant import PlantState
-from sim_harness.renderer import LEAD
-from sim_harness.road import Road
+from sim_harness.plants.kinematic import PlantState
+from sim_harness.render.renderer import LEAD
+from sim_harness.roads.road import Road
 from trepid.vehicle import Vehicle
 
 SEPARATED_M = 0.5  # a contact is over when the gap has grown to this

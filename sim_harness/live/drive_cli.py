@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from sim_harness.drive import DriveSettings, Show
-from sim_harness.drive import drive as drive_scenario
-from sim_harness.drive_log import DriveLog
-from sim_harness.drive_status import driving_line, status
-from sim_harness.scenarios import load_scenario
+from sim_harness.live.drive import DriveSettings, Show
+from sim_harness.live.drive import drive as drive_scenario
+from sim_harness.live.drive_log import DriveLog
+from sim_harness.live.drive_status import driving_line, status
+from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import CONFIG_DIR, load, parse_overrides
 from trepid.launch import Fleet
 

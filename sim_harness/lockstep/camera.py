@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_harness.lead import Pose
-from sim_harness.renderer import Renderer
-from sim_harness.scenarios import BlackFrames, Fault, FrozenCamera, LateFrames, Scenario
+from sim_harness.render.lead import Pose
+from sim_harness.render.renderer import Renderer
+from sim_harness.scenarios.scenario import BlackFrames, Fault, FrozenCamera, LateFrames, Scenario
 from trepid.messages import Frame, Image, SimTruth
 
 

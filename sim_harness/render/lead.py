@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_harness.road_strip import Bytes
+from sim_harness.render.road_strip import Bytes
 from trepid.camera import Camera
 
 Points = NDArray[np.float64]

@@ -4,7 +4,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from sim_harness.drive_log import DriveLog
+from sim_harness.live.drive_log import DriveLog
 from trepid.launch import Fleet
 
 FEAR_COLOURS = {

@@ -15,9 +15,9 @@ import numpy as np
 
 from perception.canonical import CanonicalView, Lane
 from perception.scores import Labelled
-from sim_harness.dataset import LaneSample, road_samples
-from sim_harness.renderer import Renderer
-from sim_harness.road import load_road
+from sim_harness.render.renderer import Renderer
+from sim_harness.roads.road import load_road
+from sim_harness.training.dataset import LaneSample, road_samples
 from trepid.camera import Camera
 
 ROADS_PER_SEED = 1_000_000  # every seed of a training has its own million roads, shared out below

@@ -2,9 +2,9 @@
 
 import cv2
 
-from sim_harness.camera import SimulatedCamera
-from sim_harness.renderer import Renderer
-from sim_harness.scenarios import Scenario
+from sim_harness.lockstep.camera import SimulatedCamera
+from sim_harness.render.renderer import Renderer
+from sim_harness.scenarios.scenario import Scenario
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import CompressedFrame, Health

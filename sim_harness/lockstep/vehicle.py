@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import Field
 
 from controller.limiter import Limiter
-from sim_harness.plant import Plant, PlantState
-from sim_harness.referee import LeadPlace, Place, Referee, locate
-from sim_harness.renderer import LEAD
-from sim_harness.road import Road
-from sim_harness.scenarios import Scenario
+from sim_harness.lockstep.referee import LeadPlace, Place, Referee, locate
+from sim_harness.plants.kinematic import Plant, PlantState
+from sim_harness.render.renderer import LEAD
+from sim_harness.roads.road import Road
+from sim_harness.scenarios.scenario import Scenario
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.messages import Command, LeadVehicle, SimTruth, VehicleState
 from trepid.vehicle import Vehicle

@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_harness.appearance import Verge
-from sim_harness.noise import smooth_noise
-from sim_harness.road import Road
-from sim_harness.road_strip import LEFT_M, LEVELS_M, RIGHT_M, Bytes, RoadStrip
+from sim_harness.render.noise import smooth_noise
+from sim_harness.render.road_strip import LEFT_M, LEVELS_M, RIGHT_M, Bytes, RoadStrip
+from sim_harness.roads.appearance import Verge
+from sim_harness.roads.road import Road
 
 TILE_PX = (512, 512, 256, 256, 256)
 STEP_PX = (16, 16, 8, 4, 4)  # of the coarse grid

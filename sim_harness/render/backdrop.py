@@ -6,8 +6,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from sim_harness.noise import smooth_noise
-from sim_harness.road_strip import Bytes
+from sim_harness.render.noise import smooth_noise
+from sim_harness.render.road_strip import Bytes
 from trepid.camera import Camera
 
 WIDTH = 1280  # columns of the panorama for a full turn

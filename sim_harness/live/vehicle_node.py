@@ -1,8 +1,8 @@
 """Simulated-vehicle process: commands in; the plant behind the limiter; state, truth and any lead out."""
 
 from controller.limiter import build as build_limiter
-from sim_harness.scenarios import Scenario
-from sim_harness.vehicle import SimulatedVehicle, load_simulator
+from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
+from sim_harness.scenarios.scenario import Scenario
 from trepid.config import CONFIG_DIR, load
 from trepid.process import Process, Ticker, process
 from trepid.topics import COMMAND, LEAD_VEHICLE, SIM_TRUTH, VEHICLE_STATE

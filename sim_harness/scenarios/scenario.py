@@ -13,10 +13,10 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from perception.estimators import ESTIMATORS
-from sim_harness.appearance import Light, Marking, NonNegative, Positive, Share, Surface, Verge
-from sim_harness.metrics import Metrics
-from sim_harness.road import Road, RoadSettings, Segment
-from sim_harness.trace import Trace
+from sim_harness.lockstep.metrics import Metrics
+from sim_harness.lockstep.trace import Trace
+from sim_harness.roads.appearance import Light, Marking, NonNegative, Positive, Share, Surface, Verge
+from sim_harness.roads.road import Road, RoadSettings, Segment
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.vehicle import Vehicle
 

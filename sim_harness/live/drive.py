@@ -14,9 +14,9 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from sim_harness.drive_log import DriveLog
-from sim_harness.metrics import measure
-from sim_harness.scenarios import EstimatorBias, LostProcess, Scenario, judge
+from sim_harness.live.drive_log import DriveLog
+from sim_harness.lockstep.metrics import measure
+from sim_harness.scenarios.scenario import EstimatorBias, LostProcess, Scenario, judge
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
 from trepid.config import InputError, Settings
@@ -45,9 +45,9 @@ def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
     simulated = {"scenario": scenario.model_dump(mode="json"), "seed": seed}
     return (
         ProcessSpec(
-            "vehicle", "sim_harness.vehicle_node", simulated, restart=False
+            "vehicle", "sim_harness.live.vehicle_node", simulated, restart=False
         ),  # it would jump to the start
-        ProcessSpec("camera", "sim_harness.camera_node", simulated),
+        ProcessSpec("camera", "sim_harness.live.camera_node", simulated),
         *(
             ProcessSpec(
                 name, "perception.node", {"estimator": name, "statistics": name == scenario.estimators[0]}

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from perception.annotate import annotated
 from perception.estimators import build
-from sim_harness.renderer import Renderer
-from sim_harness.road import Road
-from sim_harness.scenarios import Scenario
-from sim_harness.trace import Column, Trace
+from sim_harness.lockstep.trace import Column, Trace
+from sim_harness.render.renderer import Renderer
+from sim_harness.roads.road import Road
+from sim_harness.scenarios.scenario import Scenario
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, Image, SteeringEstimate, VehicleState

@@ -13,13 +13,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_harness.appearance import Light
-from sim_harness.backdrop import Backdrop
-from sim_harness.exposure import Exposure
-from sim_harness.ground import Ground
-from sim_harness.lead import Body, Pose, draw_lead
-from sim_harness.road import Road
-from sim_harness.road_strip import LEVELS_M, Bytes
+from sim_harness.render.backdrop import Backdrop
+from sim_harness.render.exposure import Exposure
+from sim_harness.render.ground import Ground
+from sim_harness.render.lead import Body, Pose, draw_lead
+from sim_harness.render.road_strip import LEVELS_M, Bytes
+from sim_harness.roads.appearance import Light
+from sim_harness.roads.road import Road
 from trepid.camera import Camera
 from trepid.messages import Image
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from sim_harness.appearance import Marking, Paint, Section, Stroke, Surface
-from sim_harness.noise import FloatImage, smooth_noise
-from sim_harness.road import Road
+from sim_harness.render.noise import FloatImage, smooth_noise
+from sim_harness.roads.appearance import Marking, Paint, Section, Stroke, Surface
+from sim_harness.roads.road import Road
 
 Bytes = NDArray[np.uint8]
 T = TypeVar("T")

@@ -16,7 +16,7 @@ import typer
 from perception.canonical import cropped
 from perception.scores import Labelled, Task, calibrate, nonsense_seen, predict, scores
 from perception.steer_net import Calibration, Network, Record
-from sim_harness.train_frames import FIRST_ROAD, Shot, circuit_frames, random_frames
+from sim_harness.training.train_frames import FIRST_ROAD, Shot, circuit_frames, random_frames
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
 from trepid.vehicle import Vehicle

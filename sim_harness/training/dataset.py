@@ -12,10 +12,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from sim_harness.appearance import Light, Marking, Paint, Section, Stroke, Surface, Verge
-from sim_harness.ground import Ground
-from sim_harness.renderer import Renderer
-from sim_harness.road import Road, RoadSettings, Segment
+from sim_harness.render.ground import Ground
+from sim_harness.render.renderer import Renderer
+from sim_harness.roads.appearance import Light, Marking, Paint, Section, Stroke, Surface, Verge
+from sim_harness.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
 from trepid.messages import Image
 

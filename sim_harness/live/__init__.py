@@ -1,0 +1,1 @@
+"""The main job: every process over Zenoh, watched and summed up."""

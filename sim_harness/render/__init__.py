@@ -1,0 +1,1 @@
+"""What the camera sees: ground, road surface, sky, vehicles, light and lens."""

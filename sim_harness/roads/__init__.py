@@ -1,0 +1,1 @@
+"""Reference lines, lanes and what a road looks like."""

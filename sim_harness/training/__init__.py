@@ -1,0 +1,1 @@
+"""Rendered frames with truth, and the training of the CNN on them."""
