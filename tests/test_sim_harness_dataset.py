@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from sim_harness.render.renderer import Renderer
-from sim_harness.roads.appearance import Light, Marking, Section
+from sim_harness.roads.appearance import Marking, Section
+from sim_harness.roads.light import Light
 from sim_harness.roads.road import Road, RoadSettings, Segment
 from sim_harness.training.dataset import (
     AHEAD_M,

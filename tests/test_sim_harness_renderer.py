@@ -8,7 +8,8 @@ import pytest
 
 from sim_harness.render.ground import Ground
 from sim_harness.render.renderer import Renderer
-from sim_harness.roads.appearance import Light, Marking, Section, Stroke, Verge
+from sim_harness.roads.appearance import Marking, Section, Stroke, Verge
+from sim_harness.roads.light import Light
 from sim_harness.roads.road import Road, RoadSettings, Segment, load_road
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load

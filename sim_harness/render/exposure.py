@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_harness.render.road_strip import Bytes
-from sim_harness.roads.appearance import Light
+from sim_harness.roads.light import Light
 from trepid.camera import Camera
 
 SUN_ELEVATION_RAD = 0.09

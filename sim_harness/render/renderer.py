@@ -18,7 +18,7 @@ from sim_harness.render.exposure import Exposure
 from sim_harness.render.ground import Ground
 from sim_harness.render.lead import Body, Pose, draw_lead
 from sim_harness.render.road_strip import LEVELS_M, Bytes
-from sim_harness.roads.appearance import Light
+from sim_harness.roads.light import Light
 from sim_harness.roads.road import Road
 from trepid.camera import Camera
 from trepid.messages import Image

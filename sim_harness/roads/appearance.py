@@ -1,15 +1,12 @@
-"""What a stretch of road looks like: markings, surface, verge and light. Pure settings, no geometry."""
+"""What a stretch of road looks like: markings, surface and verge. Pure settings, no geometry."""
 
 from enum import StrEnum
 from typing import Annotated
 
 from pydantic import Field
 
+from sim_harness.roads.light import Light, NonNegative, Positive, Share
 from trepid.config import Settings
-
-Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
 
 
 class Paint(StrEnum):
@@ -53,17 +50,6 @@ class Marking(Settings):
     dash_m: Positive = 3.0
     gap_m: NonNegative = 6.0  # 3 m dash, 6 m gap: rural roads (German RMS-1)
     wear: Share = 0.0  # share of the paint that is gone
-
-
-class Light(Settings):
-    """Light and camera conditions of one frame."""
-
-    gain: Positive = 1.0  # exposure relative to a well-exposed frame
-    gamma: Positive = 1.0  # > 1 darkens the middle greys
-    glare: Share = 0.0  # low sun ahead: 0 none, 1 blinding
-    haze: Share = 0.0  # share of the contrast lost over the whole picture
-    noise: NonNegative = 2.0  # standard deviation of sensor noise [grey levels]
-    blur_px: NonNegative = 0.0  # standard deviation of defocus
 
 
 class Section(Settings):

@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 from scipy.spatial import cKDTree
 
-from sim_harness.roads.appearance import Positive, Section
+from sim_harness.roads.appearance import Section
+from sim_harness.roads.light import Positive
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 
 Array = NDArray[np.float64]

@@ -15,7 +15,8 @@ from pydantic import Field, model_validator
 from perception.estimators import ESTIMATORS
 from sim_harness.lockstep.metrics import Metrics
 from sim_harness.lockstep.trace import Trace
-from sim_harness.roads.appearance import Light, Marking, NonNegative, Positive, Share, Surface, Verge
+from sim_harness.roads.appearance import Marking, Surface, Verge
+from sim_harness.roads.light import Light, NonNegative, Positive, Share
 from sim_harness.roads.road import Road, RoadSettings, Segment
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.vehicle import Vehicle

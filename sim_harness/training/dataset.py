@@ -14,7 +14,8 @@ import numpy as np
 
 from sim_harness.render.ground import Ground
 from sim_harness.render.renderer import Renderer
-from sim_harness.roads.appearance import Light, Marking, Paint, Section, Stroke, Surface, Verge
+from sim_harness.roads.appearance import Marking, Paint, Section, Stroke, Surface, Verge
+from sim_harness.roads.light import Light
 from sim_harness.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
 from trepid.messages import Image
