@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from controller.controller import Controller, ControllerSettings
 from controller.limiter import Limiter, Limits
-from sim_harness.plants.kinematic import Plant, PlantState
+from sim_harness.plants.kinematic import Plant
+from sim_harness.plants.state import PlantState
 from sim_harness.roads.road import Road, RoadSettings, Segment
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState

@@ -5,7 +5,8 @@ import math
 import pytest
 from controller_rig import SETTINGS, SHUTTLE, G, drive, road, vehicle
 
-from sim_harness.plants.kinematic import Plant, PlantState
+from sim_harness.plants.kinematic import Plant
+from sim_harness.plants.state import PlantState
 
 BENDS = (
     *((12.0, (0.0, 1 / 15)), (20.0, 1 / 15), (12.0, (1 / 15, 0.0)), (15.0, 0.0)),

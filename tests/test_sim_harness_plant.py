@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_harness.plants.kinematic import Plant, PlantState
+from sim_harness.plants.kinematic import Plant
+from sim_harness.plants.state import PlantState
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command
 from trepid.vehicle import Vehicle

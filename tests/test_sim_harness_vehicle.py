@@ -6,7 +6,7 @@ import pytest
 
 from sim_harness.lockstep.referee import locate, wheel_outside
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
-from sim_harness.plants.kinematic import PlantState
+from sim_harness.plants.state import PlantState
 from sim_harness.render.lead import Body
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from trepid.config import CONFIG_DIR, load

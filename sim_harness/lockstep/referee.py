@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from sim_harness.plants.kinematic import PlantState
+from sim_harness.plants.state import PlantState
 from sim_harness.render.renderer import LEAD
 from sim_harness.roads.road import Road
 from trepid.vehicle import Vehicle

@@ -13,7 +13,8 @@ from pydantic import Field
 
 from controller.limiter import Limiter
 from sim_harness.lockstep.referee import LeadPlace, Place, Referee, locate
-from sim_harness.plants.kinematic import Plant, PlantState
+from sim_harness.plants.kinematic import Plant
+from sim_harness.plants.state import PlantState
 from sim_harness.render.renderer import LEAD
 from sim_harness.roads.road import Road
 from sim_harness.scenarios.scenario import Scenario

@@ -13,8 +13,9 @@ Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 (kinematics) and 3.3
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from sim_harness.plants.state import PlantState
 from trepid.messages import Command
 from trepid.vehicle import Vehicle
 
@@ -22,25 +23,17 @@ _SAME_INSTANT_S = 1e-9
 _NEWTON_STEPS = 6  # quadratic from below; five reach the last bit at every angle below 1.2 rad
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlantState:
-    """Where the vehicle is, how it moves, and the steering demands on their way to the wheels."""
-
-    x_m: float = 0.0
-    y_m: float = 0.0
-    yaw_rad: float = 0.0  # not wrapped: grows by 2π per left-hand lap
-    speed_mps: float = 0.0  # never negative
-    accel_mps2: float = 0.0
-    road_wheel_angle_rad: float = 0.0
-    acting_demand_rad: float = 0.0  # the demand that the steering follows now
-    pending: tuple[tuple[float, float], ...] = ()  # (due in [s], demand [rad]), earliest first
-
-
 class Plant:
     """Advances a :class:`PlantState`; holds nothing but the vehicle's parameters."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
+
+    def initial(
+        self, x_m: float = 0.0, y_m: float = 0.0, yaw_rad: float = 0.0, speed_mps: float = 0.0
+    ) -> PlantState:
+        """Rolling straight ahead."""
+        return PlantState(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, speed_mps=speed_mps)
 
     def step(self, state: PlantState, command: Command, dt_s: float) -> PlantState:
         """State after ``dt_s`` under ``command`` (its road-wheel angle and acceleration).
