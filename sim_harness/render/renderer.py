@@ -7,6 +7,7 @@ Until the ground is drawn the frame has a fourth channel: OpenCV warps four chan
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -18,6 +19,7 @@ from sim_harness.render.exposure import Exposure
 from sim_harness.render.ground import Ground
 from sim_harness.render.lead import Body, Pose, draw_lead
 from sim_harness.render.road_strip import LEVELS_M, Bytes
+from sim_harness.roads.disturbances import Disturbance, disturbed
 from sim_harness.roads.light import Light
 from sim_harness.roads.road import Road
 from trepid.camera import Camera
@@ -35,6 +37,17 @@ LEAD = Body()
 
 
 @dataclass(frozen=True, slots=True)
+class Motion:
+    """How the vehicle moves while the shutter is open."""
+
+    speed_mps: float = 0.0
+    yaw_rate_radps: float = 0.0
+
+
+STILL = Motion()
+
+
+@dataclass(frozen=True, slots=True)
 class Band:
     """Rows ``top`` to ``bottom`` of the image, drawn from one level of the ground."""
 
@@ -49,10 +62,21 @@ class Band:
 class Renderer:
     """Draws frames of one road for one camera. The same seed, pose and time give the same bytes."""
 
-    def __init__(self, road: Road, camera: Camera, *, seed: int, ground: Ground | None = None) -> None:
+    def __init__(
+        self,
+        road: Road,
+        camera: Camera,
+        *,
+        seed: int,
+        ground: Ground | None = None,
+        disturbances: Sequence[Disturbance] = (),
+    ) -> None:
         """``ground`` may be shared between the cameras of one road. Raises ValueError for a distorted camera."""
         if any(camera.distortion):
             raise ValueError("the renderer draws undistorted images; got a camera with lens distortion")
+        self.disturbances = tuple(disturbances)
+        if disturbances:
+            road = Road(disturbed(road.settings, disturbances))
         self.road = road
         self.camera = camera
         self.seed = seed
@@ -73,12 +97,15 @@ class Renderer:
         t_s: float,
         station_m: float | None = None,
         lead: Pose | None = None,
+        vehicles: Sequence[tuple[Pose, Body]] = (),
+        motion: Motion = STILL,
         light: Light | None = None,
     ) -> Image:
         """The frame of a vehicle whose rear axle stands at (x, y, yaw).
 
         ``station_m``: where on the road that is, if known; ``lead``: x, y, yaw of the rear axle of the vehicle
-        ahead; ``light``: instead of that of the road's section.
+        ahead; ``vehicles``: of any others, with what they look like; ``motion``: of the own vehicle, for what
+        blurs; ``light``: instead of that of the road's section.
         """
         if light is None:
             station_m = self.road.local_coordinates(x_m, y_m)[0] if station_m is None else station_m
@@ -88,8 +115,10 @@ class Renderer:
         self._draw_ground(padded, x_m, y_m, yaw_rad)
         image = np.asarray(cv2.cvtColor(padded, cv2.COLOR_BGRA2BGR), np.uint8)
         self._paint_ahead(x_m, y_m, yaw_rad)
-        if lead is not None:
-            draw_lead(image, self.camera, LEAD, _relative(lead, (x_m, y_m, yaw_rad)))
+        others = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
+        relative = [(_relative(pose, (x_m, y_m, yaw_rad)), body) for pose, body in others]
+        for pose, body in sorted(relative, key=lambda other: -math.hypot(*other[0][:2])):
+            draw_lead(image, self.camera, body, pose)
         bearing = self.road.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad
         frame = round(t_s * 1e4) % 2**63
         return self._exposure.expose(image, light, sun_bearing_rad=bearing, seed=(self.seed, frame))
