@@ -59,7 +59,7 @@ def test_a_scenario_takes_its_name_from_its_file(tmp_path):
         ("camera: {rate_hz: fast}", r"mine\.yaml:5:10: camera\.rate_hz: .*valid number"),
         (
             "faults: [{kind: frozen_camera}]",
-            r"mine\.yaml:5:1?\d: 'faults\.0\.frozen_camera\.from_s' is missing",
+            r"mine\.yaml:5:1?\d: 'faults\.0\.from_s' is missing",
         ),
         ("faults: [{kind: aliens, from_s: 1}]", r"mine\.yaml:5:\d+: .*aliens"),
         (

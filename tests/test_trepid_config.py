@@ -1,8 +1,10 @@
 """Settings: good files load exactly, bad ones say where and what in one line."""
 
 from pathlib import Path
+from typing import Annotated, Literal
 
 import pytest
+from pydantic import Field
 
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, Settings, load
@@ -68,6 +70,55 @@ def test_a_bad_file_is_named_with_line_and_column(tmp_path: Path, text: str, exp
 def test_a_bad_override_is_blamed_on_the_command_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"--set inner.gain: inner.gain: "):
         load(write(tmp_path, GOOD), Outer, overrides={"inner.gain": "fast"})
+
+
+class Bend(Settings):
+    kind: Literal["bend"]
+    radius_m: float
+
+
+class Line(Settings):
+    kind: Literal["line"]
+    length_m: float
+
+
+class Route(Settings):
+    parts: tuple[Annotated[Bend | Line, Field(discriminator="kind")], ...]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("parts:\n- {kind: bend, radius_m: x}\n", "settings.yaml:2:15: parts.0.radius_m: "),
+        ("parts:\n- {kind: line}\n", "settings.yaml:2:3: 'parts.0.length_m' is missing"),
+        (
+            "parts:\n- {kind: bend, radius: 3}\n",
+            "settings.yaml:2:16: unknown field 'parts.0.radius'; did you mean 'radius_m'?",
+        ),
+    ],
+)
+def test_a_mistake_in_a_member_of_a_union_is_named_as_it_stands_in_the_file(
+    tmp_path: Path, text: str, expected: str
+) -> None:
+    with pytest.raises(InputError) as error:
+        load(write(tmp_path, text), Route)
+    assert expected in str(error.value)
+
+
+def test_an_override_reaches_into_lists(tmp_path: Path) -> None:
+    path = write(tmp_path, "parts: [{kind: bend, radius_m: 1}, {kind: line, length_m: 2}]\n")
+    route = load(path, Route, overrides={"parts.1.length_m": "5"})
+    assert route.parts == (Bend(kind="bend", radius_m=1), Line(kind="line", length_m=5))
+    with pytest.raises(InputError, match=r"--set parts.2.length_m: no item '2' in a list of 2"):
+        load(path, Route, overrides={"parts.2.length_m": "5"})
+    with pytest.raises(InputError, match=r"--set parts.x: no item 'x' in a list of 2"):
+        load(path, Route, overrides={"parts.x": "5"})
+
+
+def test_an_override_of_one_alias_leaves_the_others(tmp_path: Path) -> None:
+    text = "parts: [&same {kind: line, length_m: 2}, *same]\n"
+    route = load(write(tmp_path, text), Route, overrides={"parts.0.length_m": "5"})
+    assert [part.length_m for part in route.parts] == [5, 2]
 
 
 @pytest.mark.parametrize("content", [None, b"\xff\xfe\x00"])

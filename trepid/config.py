@@ -1,5 +1,6 @@
 """YAML files to frozen, validated settings; an error says file:line:column, what, and what was expected."""
 
+import copy
 import difflib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -60,7 +61,7 @@ def parse(
 ) -> S:
     """Settings of class ``model`` from YAML ``data`` read from ``source``. Raises InputError."""
     for key, text in (overrides or {}).items():
-        _override(data, key, text, model)
+        _override(data, key, text)
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -78,18 +79,37 @@ def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
     return overrides
 
 
-def _override(data: CommentedMap, key: str, text: str, model: type[BaseModel]) -> None:
-    *parents, name = key.split(".")
-    place: Any = data
+def put(data: Any, dotted: str, value: object) -> None:
+    """Set the field ``dotted`` of mappings and lists, such as ``faults.0.from_s``; mappings on the way are made.
+
+    Raises LookupError when there is no such item of a list, or nothing below a part of the way.
+    """
+    *parents, name = dotted.split(".")
+    place = data
     for parent in parents:
-        if not isinstance(place, dict):
-            raise InputError(f"--set {key}: {parent} has nothing below it")
-        if not isinstance(place.get(parent), dict):
-            place[parent] = CommentedMap()
-        place = place[parent]
+        key = _key(place, parent)
+        below = place[key] if _has(place, key) else None
+        # Copied, because an alias in the file puts one mapping in several places.
+        place[key] = copy.deepcopy(below) if isinstance(below, dict | list) else CommentedMap()
+        place = place[key]
+    place[_key(place, name)] = value
+
+
+def _key(place: Any, part: str) -> Any:
+    """``part`` of a dotted name as a key of the mapping or the index into the list ``place``."""
+    if isinstance(place, dict):
+        return part
+    if not part.isdecimal() or int(part) >= len(place):
+        raise LookupError(f"no item {part!r} in a list of {len(place)}, counted from 0")
+    return int(part)
+
+
+def _override(data: CommentedMap, key: str, text: str) -> None:
     try:
-        place[name] = YAML(typ="safe").load(text)
-    except YAMLError as error:
+        put(data, key, YAML(typ="safe").load(text))
+    except LookupError as error:
+        raise InputError(f"--set {key}: {error.args[0]}") from error
+    except (YAMLError, ValueError) as error:
         raise InputError(f"--set {key}={text}: not valid YAML") from error
 
 
@@ -100,35 +120,62 @@ def _explain(
     source: Path | str,
     overrides: Mapping[str, str],
 ) -> str:
-    """The first problem of ``error`` as one line."""
-    # A misspelt field is reported before the field that is missing because of it.
-    problem = min(error.errors(), key=lambda found: found["type"] != "extra_forbidden")
-    path: Sequence[str | int] = problem["loc"]
-    dotted = ".".join(map(str, path))
+    """The first problem of ``error`` as one line, with its place in the file or on the command line."""
+    path = _first(error)["loc"]
+    dotted = ".".join(map(str, _without_tags(path, data)))
     line, column = position(data, path)
     where = f"--set {dotted}" if dotted in overrides else f"{source}:{line}:{column}"
-    what = problem["msg"].removeprefix("Value error, ")
+    return f"{where}: {complaint(error, data, model)}"
+
+
+def complaint(error: ValidationError, data: object, model: type[BaseModel]) -> str:
+    """What the first problem of ``error`` about ``data`` is, in one line, without its place."""
+    problem = _first(error)
+    path = _without_tags(problem["loc"], data)
+    dotted = ".".join(map(str, path))
     if problem["type"] == "extra_forbidden":
-        known = _field_names(model, path[:-1])
+        known = _field_names(model, problem["loc"][:-1])
         close = difflib.get_close_matches(str(path[-1]), known, n=1)
         hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(known)}"
-        return f"{where}: unknown field {dotted!r}; {hint}"
+        return f"unknown field {dotted!r}; {hint}"
     if problem["type"] == "missing":
-        return f"{where}: {dotted!r} is missing"
-    return f"{where}: {dotted}: {what}" if dotted else f"{where}: {what}"
+        return f"{dotted!r} is missing"
+    what = " ".join(problem["msg"].removeprefix("Value error, ").split())
+    return f"{dotted}: {what}" if dotted else what
+
+
+def _first(error: ValidationError) -> Any:
+    """A misspelt field is reported before the field that is missing because of it."""
+    return min(error.errors(), key=lambda found: found["type"] != "extra_forbidden")
+
+
+def _without_tags(path: Sequence[str | int], data: object) -> list[str | int]:
+    """``path`` without the names of union members, which pydantic puts between what stands in the data."""
+    kept: list[str | int] = []
+    for index, part in enumerate(path):
+        if _has(data, part):
+            data = data[part]  # type: ignore[index]
+        elif not isinstance(data, dict) or index < len(path) - 1:
+            continue
+        kept.append(part)
+    return kept
+
+
+def _has(data: object, part: str | int) -> bool:
+    if isinstance(data, dict):
+        return part in data
+    return isinstance(data, list | tuple) and isinstance(part, int) and part < len(data)
 
 
 def position(data: Any, path: Sequence[str | int]) -> tuple[int, int]:
     """Line and column, from 1, of the deepest part of ``path`` that stands in the file."""
     line, column = 1, 1
     for part in path:
+        if not _has(data, part):
+            continue  # the name of a union member, or a field that is missing
         try:
-            if isinstance(data, CommentedMap) and part in data:
-                line, column = (n + 1 for n in data.lc.key(part))
-            elif isinstance(data, CommentedSeq) and isinstance(part, int) and part < len(data):
-                line, column = (n + 1 for n in data.lc.item(part))
-            else:
-                break  # e.g. the name of a union member, which is not in the file
+            place = (data.lc.key if isinstance(data, CommentedMap) else data.lc.item)(part)
+            line, column = place[0] + 1, place[1] + 1
         except (KeyError, TypeError, AttributeError):
             break  # set from the command line: it has no place in the file
         data = data[part]
@@ -136,14 +183,27 @@ def position(data: Any, path: Sequence[str | int]) -> tuple[int, int]:
 
 
 def _field_names(model: type[BaseModel], path: Sequence[str | int]) -> list[str]:
-    """Field names of the model at ``path`` below ``model``, as far as it can be followed."""
+    """Names of the fields of the model at ``path`` below ``model``, as far as it can be followed."""
+    models = [model]
     for part in path:
-        field = model.model_fields.get(str(part))
-        annotation = field.annotation if field else None
-        for inner in (annotation, *get_args(annotation)):  # a model, or a dict or list of models
-            if isinstance(inner, type) and issubclass(inner, BaseModel):
-                model = inner
-    return sorted(model.model_fields)
+        holders = [m for m in models if part in m.model_fields]
+        if holders:
+            models = _models(holders[0].model_fields[str(part)].annotation) or models
+        else:  # the index of an item, or the tag of a union member
+            models = [m for m in models if _is_tagged(m, part)] or models
+    return sorted({name for found in models for name in found.model_fields})
+
+
+def _models(annotation: object) -> list[type[BaseModel]]:
+    """Every model named in a type such as ``tuple[A | B, ...]``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for inner in get_args(annotation) for model in _models(inner)]
+
+
+def _is_tagged(model: type[BaseModel], tag: str | int) -> bool:
+    fields = model.model_fields.values()
+    return tag == model.__name__ or any(tag in get_args(field.annotation) for field in fields)
 
 
 def _brief(error: Exception) -> str:
