@@ -89,7 +89,7 @@ class Route(Settings):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("parts:\n- {kind: bend, radius_m: x}\n", "settings.yaml:2:15: parts.0.radius_m: "),
+        ("parts:\n- {kind: bend, radius_m: x}\n", "settings.yaml:2:16: parts.0.radius_m: "),
         ("parts:\n- {kind: line}\n", "settings.yaml:2:3: 'parts.0.length_m' is missing"),
         (
             "parts:\n- {kind: bend, radius: 3}\n",
