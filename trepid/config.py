@@ -191,7 +191,7 @@ def _field_names(model: type[BaseModel], path: Sequence[str | int]) -> list[str]
             models = _models(holders[0].model_fields[str(part)].annotation) or models
         else:  # the index of an item, or the tag of a union member
             models = [m for m in models if _is_tagged(m, part)] or models
-    return sorted({name for found in models for name in found.model_fields})
+    return sorted({field.alias or name for found in models for name, field in found.model_fields.items()})
 
 
 def _models(annotation: object) -> list[type[BaseModel]]:

@@ -18,7 +18,8 @@ from sim_harness.lockstep.trace import Trace
 from sim_harness.roads.appearance import Marking, Surface, Verge
 from sim_harness.roads.light import Light, NonNegative, Positive, Share
 from sim_harness.roads.road import Road, RoadSettings, Segment
-from trepid.config import CONFIG_DIR, InputError, Settings, load
+from sim_harness.scenarios.vary import Variation, check_vary
+from trepid.config import CONFIG_DIR, InputError, Settings, load, parse, read
 from trepid.vehicle import Vehicle
 
 SCENARIO_DIR = CONFIG_DIR / "scenarios"
@@ -163,6 +164,7 @@ class Scenario(Settings):
     lead: LeadSettings | None = None
     faults: tuple[Fault, ...] = ()
     expect: Expect = Expect()
+    vary: dict[str, Variation] = Field(default_factory=dict)  # what sampling changes; see scenarios/vary.py
 
     @model_validator(mode="after")
     def _faults_hit_something(self) -> Self:
@@ -236,7 +238,9 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None) -> Sc
         if not path.is_file():
             names = ", ".join(sorted(p.stem for p in SCENARIO_DIR.glob("*.yaml")))
             raise InputError(f"no scenario {source!r}; there are {names}, or give a .yaml or .py file")
-    scenario = load(path, Scenario, overrides=overrides)
+    data = read(path)
+    scenario = parse(data, Scenario, source=path, overrides=overrides)
+    check_vary(scenario, scenario.vary, data, path)
     update = {"name": scenario.name or path.stem}
     if scenario.road.endswith(".yaml"):
         update["road"] = str(path.parent / scenario.road)

@@ -1,0 +1,167 @@
+"""What may vary in a scenario: fields, and the values that each may take. Pure settings.
+
+In a scenario file::
+
+    vary:
+      start.offset_m: [-0.5, 0.5]                          # a range
+      plant.friction: {from: 0.2, to: 1.0, log: true}      # evenly in the logarithm
+      lead.speed_mps: {choices: [0, 3, 6]}                 # any of these values
+      segments.1.curvature_1pm, segments.2.curvature_1pm: [0.01, 0.05]  # both fields get the same value
+
+Every parameter is sampled in the unit interval and mapped to its values from there.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Self, TypeVar
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    JsonValue,
+    Tag,
+    ValidationError,
+    model_validator,
+)
+
+from trepid.config import InputError, Settings, complaint, position, put
+
+S = TypeVar("S", bound=BaseModel)
+
+SIGNIFICANT_DIGITS = 6  # of a drawn value: it must be short enough to be typed again
+
+
+class Range(Settings):
+    """All values between two ends, both of them included."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    from_: float = Field(alias="from")
+    to: float
+    log: bool = False  # evenly in the logarithm; both ends must be positive
+    whole: bool = False  # whole numbers only
+    steps: Annotated[int, Field(ge=2)] = 5  # values in a grid
+
+    @model_validator(mode="after")
+    def _spans_something(self) -> Self:
+        if not self.from_ < self.to:
+            raise ValueError(f"from {self.from_:g} must be less than to {self.to:g}")
+        if self.log and self.from_ <= 0:
+            raise ValueError(f"from {self.from_:g} must be positive for log")
+        return self
+
+    def value(self, unit: float) -> float | int:
+        """The value at ``unit`` in 0..1: from + (to - from)·u, or from·(to/from)^u for ``log``."""
+        if self.log:
+            value = self.from_ * (self.to / self.from_) ** unit
+        else:
+            value = self.from_ + (self.to - self.from_) * unit
+        value = min(max(float(f"{value:.{SIGNIFICANT_DIGITS}g}"), self.from_), self.to)
+        return round(value) if self.whole else value
+
+    def unit(self, value: float) -> float:
+        """The place in 0..1 of ``value``, the nearer end for a value beyond."""
+        value = min(max(value, self.from_), self.to)
+        if self.log:
+            return math.log(value / self.from_) / math.log(self.to / self.from_)
+        return (value - self.from_) / (self.to - self.from_)
+
+    def grid(self) -> tuple[JsonValue, ...]:
+        """``steps`` values, evenly from end to end."""
+        values = (self.value(step / (self.steps - 1)) for step in range(self.steps))
+        return tuple(dict.fromkeys(values))  # whole numbers may be fewer
+
+
+class Choices(Settings):
+    """Any of some values."""
+
+    choices: Annotated[tuple[JsonValue, ...], Field(min_length=1)]
+
+    def value(self, unit: float) -> JsonValue:
+        """The value at ``unit`` in 0..1; each has an equal share."""
+        return self.choices[min(int(unit * len(self.choices)), len(self.choices) - 1)]
+
+    def grid(self) -> tuple[JsonValue, ...]:
+        """All of them."""
+        return self.choices
+
+
+def _in_full(value: Any) -> Any:
+    """``[low, high]`` as the range that it stands for."""
+    if isinstance(value, list | tuple) and len(value) == 2:
+        return {"from": value[0], "to": value[1]}
+    if not isinstance(value, dict | Range | Choices):
+        raise ValueError("expected a range [from, to] or {from: ..., to: ...}, or {choices: [...]}")
+    return value
+
+
+def _kind(value: Any) -> str:
+    return (
+        "Choices"
+        if isinstance(value, Choices) or (isinstance(value, dict) and "choices" in value)
+        else "Range"
+    )
+
+
+Variation = Annotated[
+    Annotated[Choices, Tag("Choices")] | Annotated[Range, Tag("Range")],
+    Discriminator(_kind),
+    BeforeValidator(_in_full, json_schema_input_type=tuple[float, float] | Range | Choices),
+]
+"""A range or choices, as one writes it."""
+
+INSIDE = 0.382  # a place within a range where a field of whole numbers shows itself
+
+
+def fields(parameter: str) -> tuple[str, ...]:
+    """The dotted fields that a parameter sets, all to the same value."""
+    return tuple(field.strip() for field in parameter.split(","))
+
+
+def changed(settings: S, parameters: Mapping[str, JsonValue]) -> S:
+    """``settings`` with the values of ``parameters``, validated anew, and with nothing left to vary.
+
+    Raises LookupError for a field that cannot be reached and ValidationError for a value that is refused.
+    """
+    return type(settings).model_validate(_changed(settings, parameters))
+
+
+def _changed(settings: BaseModel, parameters: Mapping[str, JsonValue]) -> dict[str, Any]:
+    data = settings.model_dump(mode="json", exclude_unset=True, exclude={"vary"})
+    for parameter, value in parameters.items():
+        for field in fields(parameter):
+            put(data, field, value)
+    return data
+
+
+def check_vary(
+    settings: BaseModel, vary: Mapping[str, Choices | Range], data: object, source: Path | str
+) -> None:
+    """Refuse a parameter that names no field of ``settings``, or has a value that its field refuses.
+
+    Raises InputError with the place of the parameter in ``data``, the YAML read from ``source``.
+    """
+    for parameter, variation in vary.items():
+        inside = (variation.value(INSIDE),) if isinstance(variation, Range) else ()
+        for value in (*variation.grid(), *inside):
+            problem = _problem(settings, parameter, value)
+            if problem:
+                line, column = position(data, ("vary", parameter))
+                raise InputError(f"{source}:{line}:{column}: vary: {problem}")
+
+
+def _problem(settings: BaseModel, parameter: str, value: JsonValue) -> str:
+    """Why ``parameter`` cannot have ``value``; empty when it can."""
+    try:
+        data = _changed(settings, {parameter: value})
+    except LookupError as error:
+        return f"{parameter}: {error.args[0]}"
+    try:
+        type(settings).model_validate(data)
+    except ValidationError as error:
+        return f"{complaint(error, data, type(settings))} (for {value!r})"
+    return ""
