@@ -17,7 +17,15 @@ from trepid.messages import ImageStatistics
 BEYOND = 1e6  # beyond the range of any input
 _CRAWL_MPS = 1.0  # time gaps are reckoned with at least this speed: at standstill any distance is enough
 
-IMAGE_FEATURES = ("brightness", "contrast", "over_exposed", "under_exposed", "sharpness", "frozen")
+IMAGE_FEATURES = {
+    "brightness": "brightness",
+    "contrast": "contrast",
+    "over_exposed": "over_exposed",
+    "under_exposed": "under_exposed",
+    "sharpness": "sharpness",
+    "frozen": "frozen_s",
+}
+"""Name of the feature -> field of the image statistics."""
 ESTIMATOR_SUFFIX = "_confidence"
 FEATURES = frozenset(
     {
@@ -47,69 +55,48 @@ def features(
     ``expected`` names further confidences that the rules speak of: an estimator that does not run has none.
     """
     speed_mps = None if motion is None else abs(motion.speed_mps)
-    return {
-        **_ages(sightings, state_age_s if motion is not None else math.inf),
-        **dict.fromkeys(expected, 0.0),
-        **_confidences(sightings),
-        **_contradiction(sightings, fused, speed_mps),
-        "lane_width_error": _lane_width_error(sightings),
-        **_image(statistics),
-        "speed": speed_mps,
-        **_path(fused, speed_mps),
-        "lead_confidence": lead.confidence,
-        "time_gap": _time_gap(lead, speed_mps),
-    }
-
-
-def _ages(sightings: list[Sighting], state_age_s: float) -> Features:
     ages = [s.age_s for s in sightings]
-    return {
-        "frame_age": min(ages, default=None),
-        "estimator_age": max(ages, default=None),
-        "state_age": state_age_s,  # inf is no finite number, so it is feared as missing
-    }
-
-
-def _confidences(sightings: list[Sighting]) -> Features:
     known = [s.confidence for s in sightings if s.confidence is not None]
-    return {
-        "lane_confidence": max(known, default=None),
-        **{s.estimator + ESTIMATOR_SUFFIX: s.confidence for s in sightings},
-    }
+    found: Features = dict.fromkeys(expected, 0.0)
+    for s in sightings:
+        found[s.estimator + ESTIMATOR_SUFFIX] = s.confidence
+    found["frame_age"] = min(ages, default=None)
+    found["estimator_age"] = max(ages, default=None)
+    found["state_age"] = math.inf if motion is None else state_age_s  # no finite number is feared as missing
+    found["lane_confidence"] = max(known, default=None)
+    found["disagreement"], found["separation"] = _contradiction(sightings, fused, speed_mps)
+    found["lane_width_error"] = _lane_width_error(sightings)
+    found["speed"] = speed_mps
+    found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)
+    found["lead_confidence"] = lead.confidence
+    found["time_gap"] = _time_gap(lead, speed_mps)
+    for name, field in IMAGE_FEATURES.items():
+        found[name] = None if statistics is None else getattr(statistics, field)
+    return found
 
 
-def _contradiction(sightings: list[Sighting], fused: Fused, speed_mps: float | None) -> Features:
-    """How far the estimates contradict each other; unknown when one of them is broken."""
+def _contradiction(
+    sightings: list[Sighting], fused: Fused, speed_mps: float | None
+) -> tuple[float | None, float | None]:
+    """How far the estimates contradict each other [m/s², m]; unknown when one of them is broken."""
     if speed_mps is None or any(s.broken for s in sightings):
-        return {"disagreement": None, "separation": None}
-    return {"disagreement": fused.weighted_disagreement_mps2, "separation": fused.weighted_separation_m}
+        return None, None
+    return fused.weighted_disagreement_mps2, fused.weighted_separation_m
 
 
 def _lane_width_error(sightings: list[Sighting]) -> float:
     """The greatest, over the estimators that see boundaries."""
     errors = [s.width_error_m for s in sightings if s.measures_width]
-    return max((BEYOND if error is None else error for error in errors), default=BEYOND)
+    return max([BEYOND if error is None else error for error in errors], default=BEYOND)
 
 
-def _image(statistics: ImageStatistics | None) -> Features:
-    if statistics is None:
-        return dict.fromkeys(IMAGE_FEATURES)
-    return {
-        "brightness": statistics.brightness,
-        "contrast": statistics.contrast,
-        "over_exposed": statistics.over_exposed,
-        "under_exposed": statistics.under_exposed,
-        "sharpness": statistics.sharpness,
-        "frozen": statistics.frozen_s,
-    }
-
-
-def _path(fused: Fused, speed_mps: float | None) -> Features:
+def _path(fused: Fused, speed_mps: float | None) -> tuple[float | None, float]:
+    """What the path asks of the tyres [m/s²], and how far off it the car is [m]."""
     if fused.path is None:
-        return {"lateral_demand": BEYOND, "lateral_error": BEYOND}
+        return BEYOND, BEYOND
     lane = fused.path.lane
     demand = None if speed_mps is None else abs(lane.curvature_1pm) * speed_mps**2
-    return {"lateral_demand": demand, "lateral_error": abs(lane.offset_m)}
+    return demand, abs(lane.offset_m)
 
 
 def _time_gap(lead: Lead, speed_mps: float | None) -> float | None:

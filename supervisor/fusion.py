@@ -2,8 +2,7 @@
 
 import itertools
 import math
-from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
@@ -28,8 +27,7 @@ class FusionSettings(Settings):
     memory_s: Annotated[float, Field(gt=0, le=1)]  # how long the path is remembered when nothing is seen
 
 
-@dataclass(frozen=True, slots=True)
-class Path:
+class Path(NamedTuple):
     """The lane to drive, valid at ``t_s``."""
 
     t_s: float
@@ -38,8 +36,7 @@ class Path:
     source: str
 
 
-@dataclass(frozen=True, slots=True)
-class Fused:
+class Fused(NamedTuple):
     """What the estimates come to."""
 
     path: Path | None
@@ -50,8 +47,7 @@ class Fused:
     weighted_separation_m: float  # likewise, how far apart they place the car across the lane
 
 
-@dataclass(frozen=True, slots=True)
-class _View:
+class _View(NamedTuple):
     """A usable lane at the common time, and its weight."""
 
     name: str

@@ -23,9 +23,10 @@ Sugeno, Theory of fuzzy integrals (1974); Kouikoglou and Phillis, On the monoton
 fuzzy systems (2009), for why Mamdani's method is not monotone.
 """
 
+import itertools
 import math
+from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,16 +39,14 @@ SILENT = "no rule speaks here"
 SILENT_CAUSE = "no_rule"
 
 
-@dataclass(frozen=True, slots=True)
-class Fired:
+class Fired(NamedTuple):
     """A rule that fired."""
 
     text: str
     strength: float  # 0..1, weight included
 
 
-@dataclass(frozen=True, slots=True)
-class FearResult:
+class FearResult(NamedTuple):
     """How afraid, of what, and why."""
 
     fear: float  # 0..1
@@ -83,11 +82,11 @@ class Trapezoid(NamedTuple):
         return 0.0
 
 
-class _Compiled(NamedTuple):
-    """A rule over the table of ramps: max over cases of min over ramps; an empty case is always true."""
+class _Case(NamedTuple):
+    """One way for a rule to fire: min over ramps. Filed under the first, so it is met only where that has risen."""
 
-    rule: Rule
-    cases: tuple[tuple[int, ...], ...]
+    rule: int
+    others: tuple[int, ...]  # the ramps after the first
 
 
 class FearRules:
@@ -98,16 +97,21 @@ class FearRules:
         self.inputs: dict[str, Input] = dict(file.inputs)
         self.names = tuple(file.inputs)
         self.rules = rules
-        self._ends = [(*spec.range, spec.worst) for spec in file.inputs.values()]
+        self._ends = [(name, *spec.range, spec.worst) for name, spec in file.inputs.items()]
         self._sets = {name: _trapezoids(spec) for name, spec in file.inputs.items()}
         self._at = tuple(action.at for action in file.fear.all)
         self._factors = tuple(action.speed_factor for action in file.fear.all)
+        self._modes = tuple(action.mode for action in file.fear.all)
         self._levels = {
             name: Trapezoid(*([self._at[max(k - 1, 0)]] + [self._at[k]] * 2 + [self._at[min(k + 1, 4)]]))
             for k, name in enumerate(LEVELS)
         }
+        self._borders = [(low + high) / 2 for low, high in itertools.pairwise(self._at)]
         self._ramps: list[Ramp] = []
-        self._rules = [self._compile(rule) for rule in rules]
+        self._cases: list[list[_Case]] = []  # of each ramp
+        self._always: list[int] = []  # rules that hold everywhere
+        for index, rule in enumerate(rules):
+            self._compile(index, rule)
 
     @classmethod
     def load(cls, path: Path) -> "FearRules":
@@ -117,14 +121,14 @@ class FearRules:
     def evaluate(self, values: Values) -> FearResult:
         """Fear of ``values`` (unit as in the file). Where one is missing, None, NaN or inf, fear is 1."""
         x, missing = self._complete(values)
-        degrees = [_degree(x[i], zero, one) for i, zero, one in self._ramps]
+        firing = [
+            (strength, rule)
+            for strength, rule in zip(self._strengths(x), self.rules, strict=True)
+            if strength
+        ]
         truth = [0.0] * len(LEVELS)
-        firing: list[tuple[float, Rule]] = []
-        for rule, cases in self._rules:
-            strength = rule.weight * _strength(cases, degrees)
-            if strength > 0:
-                firing.append((strength, rule))
-                truth[rule.level] = max(truth[rule.level], strength)
+        for strength, rule in firing:
+            truth[rule.level] = max(truth[rule.level], strength)
         fear = 1.0 if missing or not firing else self._choquet(truth)
         return FearResult(
             fear=fear,
@@ -150,12 +154,11 @@ class FearRules:
 
     def level_index(self, fear: float) -> int:
         """Index of that level in LEVELS."""
-        at = self._at
-        return sum(fear >= (at[k - 1] + at[k]) / 2 for k in range(1, len(at)))
+        return bisect_right(self._borders, fear)
 
     def mode(self, fear: float) -> Mode:
         """The mode of the level of ``fear``."""
-        return self.file.fear.all[self.level_index(fear)].mode
+        return self._modes[self.level_index(fear)]
 
     def speed_factor(self, fear: float) -> float:
         """Share of the cruise speed at ``fear``: interpolated between the levels, so it never rises with fear."""
@@ -167,14 +170,29 @@ class FearRules:
     def _complete(self, values: Values) -> tuple[list[float], list[str]]:
         """Every input within its range, and the names of those that are missing."""
         x, missing = [], []
-        for name, (low, high, worst) in zip(self.names, self._ends, strict=True):
+        for name, low, high, worst in self._ends:
             value = values.get(name)
             if value is None or not math.isfinite(value):
                 missing.append(name)
                 x.append(worst)
             else:
-                x.append(min(max(value, low), high))
+                x.append(value if low <= value <= high else min(max(value, low), high))
         return x, missing
+
+    def _strengths(self, x: list[float]) -> list[float]:
+        """Strength of every rule: its weight times the max over its cases of the min over their ramps."""
+        degrees = [_degree(x[i], zero, one) for i, zero, one in self._ramps]
+        strengths = [0.0] * len(self.rules)
+        for rule in self._always:
+            strengths[rule] = self.rules[rule].weight
+        for degree, cases in zip(degrees, self._cases, strict=True):
+            if degree > 0.0:
+                for rule, others in cases:
+                    weakest = degree
+                    for other in others:
+                        weakest = min(weakest, degrees[other])
+                    strengths[rule] = max(strengths[rule], self.rules[rule].weight * weakest)
+        return strengths
 
     def _choquet(self, truth: list[float]) -> float:
         """sum_k a_k (t_k - t_{k+1}) with t_k the greatest of ``truth`` from level k up: exactly 1 when t_4 is."""
@@ -197,18 +215,23 @@ class FearRules:
             absent = missing  # no rule alone accounts for a fear of 1
         return self.inputs[absent[0]].missing if absent else rule.cause
 
-    def _compile(self, rule: Rule) -> _Compiled:
-        cases = []
+    def _compile(self, index: int, rule: Rule) -> None:
+        """Enter rule ``index`` into the tables."""
         for case in rule.cases:
             edges = [(self.names.index(a.input), *_edge(a, self.inputs[a.input], rule.level)) for a in case]
-            if all(edge[1:] != NEVER for edge in edges):
-                cases.append(tuple(self._ramp(Ramp(*edge)) for edge in edges if edge[1:] != ALWAYS))
-        return _Compiled(rule, tuple(cases))
+            if any(edge[1:] == NEVER for edge in edges):
+                continue
+            ramps = [self._ramp(Ramp(*edge)) for edge in edges if edge[1:] != ALWAYS]
+            if ramps:
+                self._cases[ramps[0]].append(_Case(index, tuple(ramps[1:])))
+            else:
+                self._always.append(index)
 
     def _ramp(self, ramp: Ramp) -> int:
         """Index of ``ramp`` in the table; rules share ramps."""
         if ramp not in self._ramps:
             self._ramps.append(ramp)
+            self._cases.append([])
         return self._ramps.index(ramp)
 
 
@@ -234,17 +257,9 @@ def _edge(atom: Atom, spec: Input, level: int) -> tuple[float, float]:
 
 def _degree(x: float, zero: float, one: float) -> float:
     degree = (x - zero) / (one - zero)
-    return 0.0 if degree <= 0.0 else min(degree, 1.0)
-
-
-def _strength(cases: tuple[tuple[int, ...], ...], degrees: list[float]) -> float:
-    best = 0.0
-    for case in cases:
-        weakest = 1.0
-        for i in case:
-            weakest = min(weakest, degrees[i])
-        best = max(best, weakest)
-    return best
+    if degree <= 0.0:
+        return 0.0
+    return degree if degree < 1.0 else 1.0
 
 
 def _strongest_first(firing: list[tuple[float, Rule]], missing: list[tuple[str, str]]) -> tuple[Fired, ...]:

@@ -1,11 +1,10 @@
 """The lane as a clothoid seen from the vehicle, and how it moves as the vehicle does."""
 
-from dataclasses import dataclass
 from math import cos, sin
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(NamedTuple):
     """How the vehicle moves: speed of the rear axle [m/s], yaw rate [rad/s, + left]."""
 
     speed_mps: float
@@ -21,8 +20,7 @@ class Motion:
 STANDING = Motion(0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Lane:
+class Lane(NamedTuple):
     """Lane centre y(x) = -e - ψ·x + κ·x²/2 + κ'·x³/6 [m], curvature κ at the rear axle."""
 
     offset_m: float  # e, + = vehicle left of the centre
@@ -53,10 +51,10 @@ class Lane:
 
 def mean_lane(lanes: list[Lane], weights: list[float]) -> Lane:
     """Mean of lanes that agree, component by component; ``weights`` sum to 1."""
-    pairs = list(zip(lanes, weights, strict=True))
-    return Lane(
-        offset_m=sum(w * lane.offset_m for lane, w in pairs),
-        heading_rad=sum(w * lane.heading_rad for lane, w in pairs),
-        curvature_1pm=sum(w * lane.curvature_1pm for lane, w in pairs),
-        curvature_rate_1pm2=sum(w * lane.curvature_rate_1pm2 for lane, w in pairs),
-    )
+    offset_m = heading_rad = curvature_1pm = curvature_rate_1pm2 = 0.0
+    for lane, weight in zip(lanes, weights, strict=True):
+        offset_m += weight * lane.offset_m
+        heading_rad += weight * lane.heading_rad
+        curvature_1pm += weight * lane.curvature_1pm
+        curvature_rate_1pm2 += weight * lane.curvature_rate_1pm2
+    return Lane(offset_m, heading_rad, curvature_1pm, curvature_rate_1pm2)

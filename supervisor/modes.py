@@ -1,8 +1,8 @@
 """Modes: every transition in one table, and what a stop latches."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
@@ -29,8 +29,7 @@ class ModeSettings(Settings):
     final_causes: frozenset[str]  # a stop for one of these is final
 
 
-@dataclass(frozen=True, slots=True)
-class Situation:
+class Situation(NamedTuple):
     """What the transitions depend on. Times say for how long something has been so [s]."""
 
     fault: str  # the cause of an immediate stop: a lost process, stale data, the driver; "" for none
@@ -47,8 +46,7 @@ class Situation:
     ready: bool  # everything has been healthy and fear low for long enough
 
 
-@dataclass(frozen=True, slots=True)
-class ModeState:
+class ModeState(NamedTuple):
     """The mode, and what a stop has latched."""
 
     mode: Mode
@@ -118,7 +116,7 @@ def _tightened(state: ModeState, now: Situation) -> ModeState:
     """
     if now.blind and state.stop is not Stop.EMERGENCY:
         return ModeState(Mode.STOP, Stop.EMERGENCY, now.fault or now.cause, final=True)
-    return replace(state, final=state.final or (now.lost and state.cause != STARTING))
+    return state._replace(final=state.final or (now.lost and state.cause != STARTING))
 
 
 class Held:

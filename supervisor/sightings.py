@@ -1,8 +1,7 @@
 """What the messages are worth: every age, and every number that cannot be, is judged here and nowhere else."""
 
 import math
-from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
@@ -32,8 +31,7 @@ class SightingSettings(Settings):
     max_lane_width_m: Positive
 
 
-@dataclass(frozen=True, slots=True)
-class Sighting:
+class Sighting(NamedTuple):
     """One estimator's lane, judged."""
 
     estimator: str

@@ -1,7 +1,5 @@
 """Modes: a stop latches, grows only harder, and ends at standstill or not at all."""
 
-from dataclasses import fields, replace
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -24,7 +22,7 @@ FINE = Situation(
     ready=False,
 )
 KEEPING = ModeState(Mode.KEEP, Stop.NONE, "", final=False)
-FLAGS = [f.name for f in fields(Situation) if f.name not in ("fault", "cause")]
+FLAGS = [name for name in Situation._fields if name not in ("fault", "cause")]
 SITUATIONS = st.builds(
     Situation,
     fault=st.sampled_from(["", "", "", "lost_estimator", "driver_override"]),
@@ -38,7 +36,7 @@ def after(state: ModeState, now: Situation) -> ModeState:
 
 
 def in_mode(mode: Mode) -> ModeState:
-    return replace(KEEPING, mode=mode)
+    return KEEPING._replace(mode=mode)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +60,7 @@ def in_mode(mode: Mode) -> ModeState:
     ],
 )
 def test_the_table_says_where_to_go(mode: Mode, changes: dict[str, bool | str], target: Mode) -> None:
-    assert after(in_mode(mode), replace(FINE, **changes)).mode is target  # type: ignore[arg-type]
+    assert after(in_mode(mode), FINE._replace(**changes)).mode is target  # type: ignore[arg-type]
 
 
 @settings(max_examples=150, deadline=None)
@@ -83,28 +81,28 @@ def test_a_stop_is_left_only_at_standstill_and_never_grows_softer(situations: li
 
 
 def test_a_stop_for_a_lost_process_is_final() -> None:
-    stopped = after(KEEPING, replace(FINE, fault="lost_estimator", lost=True))
+    stopped = after(KEEPING, FINE._replace(fault="lost_estimator", lost=True))
     assert (stopped.stop, stopped.cause, stopped.final) == (Stop.COMFORT, "lost_estimator", True)
 
 
 def test_a_process_that_is_lost_during_a_stop_makes_it_final() -> None:
-    late = after(KEEPING, replace(FINE, fault="stale_data"))
+    late = after(KEEPING, FINE._replace(fault="stale_data"))
     assert not late.final
-    assert after(late, replace(FINE, fault="lost_estimator", lost=True)).final
+    assert after(late, FINE._replace(fault="lost_estimator", lost=True)).final
 
 
 def test_processes_may_come_and_go_before_the_first_drive() -> None:
-    waiting = after(ModeState.initial(), replace(FINE, fault="lost_estimator", lost=True, standstill=True))
+    waiting = after(ModeState.initial(), FINE._replace(fault="lost_estimator", lost=True, standstill=True))
     assert (waiting.cause, waiting.final) == (STARTING, False)
 
 
 def test_going_blind_while_moving_is_an_emergency_and_final() -> None:
-    stopped = after(KEEPING, replace(FINE, path=False, blind=True))
+    stopped = after(KEEPING, FINE._replace(path=False, blind=True))
     assert (stopped.mode, stopped.stop, stopped.final) == (Mode.STOP, Stop.EMERGENCY, True)
 
 
 def test_a_frozen_camera_ends_the_run_because_it_looks_healthy_at_standstill() -> None:
-    assert after(KEEPING, replace(FINE, terrified=True, cause="frozen_camera")).final
+    assert after(KEEPING, FINE._replace(terrified=True, cause="frozen_camera")).final
 
 
 def test_held_counts_from_the_last_break_and_none_is_never() -> None:
