@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 from scipy.spatial import cKDTree
 
-from sim_harness.roads.appearance import Section
+from sim_harness.roads.appearance import LaneWidth, Section
+from sim_harness.roads.features import Junction, MarkKind, RoadMark
 from sim_harness.roads.light import Positive
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 
@@ -62,10 +63,12 @@ class RoadSettings(Settings):
 
     name: str
     closed: bool
-    lane_width_m: Annotated[float, Field(ge=2.0, le=6.0)]
+    lane_width_m: LaneWidth  # of the lane that the vehicle keeps, unless a section has its own
     sun_azimuth_rad: float = 0.0  # direction of the low sun in the road's coordinates (x east, y north)
     segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
     sections: Annotated[tuple[Section, ...], Field(min_length=1)]
+    marks: tuple[RoadMark, ...] = ()
+    junctions: tuple[Junction, ...] = ()
 
     @model_validator(mode="after")
     def _is_continuous(self) -> Self:
@@ -86,6 +89,40 @@ class RoadSettings(Settings):
         length_m = sum(segment.length_m for segment in self.segments)
         if starts[-1] >= length_m:
             raise ValueError(f"section {self.sections[-1].name!r} starts beyond the end at {length_m:.1f} m")
+        return self
+
+    @model_validator(mode="after")
+    def _lanes_join(self) -> Self:
+        following = self.sections[1:] + (self.sections[:1] if self.closed else ())
+        for here, there in zip(self.sections, following, strict=False):
+            most = max(len(lanes) for s in (here, there) for lanes in (s.lanes_to_the_left, s.right_lanes))
+            for lane in range(-most, most + 1):
+                before = here.lane_width_m_at_ends(lane, self.lane_width_m)
+                after = there.lane_width_m_at_ends(lane, self.lane_width_m)
+                if before and after and abs(before[1] - after[0]) > 1e-9:
+                    raise ValueError(
+                        f"lane {lane} jumps from {before[1]} to {after[0]} m width at section {there.name!r};"
+                        " give its width there as [at the start, at the end]"
+                    )
+        return self
+
+    @model_validator(mode="after")
+    def _features_lie_on_the_road(self) -> Self:
+        length_m = math.fsum(segment.length_m for segment in self.segments)
+        for number, mark in enumerate(self.marks):
+            section = next(s for s in reversed(self.sections) if s.start_m <= mark.at_m)
+            if mark.end_m > length_m:
+                raise ValueError(f"marks.{number} ends at {mark.end_m} m, beyond the road's {length_m:.1f} m")
+            if (
+                mark.kind != MarkKind.ZEBRA
+                and section.lane_width_m_at_ends(mark.lane, self.lane_width_m) is None
+            ):
+                raise ValueError(f"marks.{number}: section {section.name!r} has no lane {mark.lane}")
+        for number, junction in enumerate(self.junctions):
+            if junction.at_m > length_m:
+                raise ValueError(
+                    f"junctions.{number} lies at {junction.at_m} m, beyond the road's {length_m:.1f} m"
+                )
         return self
 
 
@@ -112,6 +149,7 @@ class Road:
         self.sections = settings.sections
         self.length_m = math.fsum(segment.length_m for segment in settings.segments)
         self._section_starts = [section.start_m for section in settings.sections]
+        self._section_ends = [*self._section_starts[1:], self.length_m]
         self._table = _table(settings.segments, closed=settings.closed)
         self._stations: list[float] = self._table[:, 0].tolist()
         self._intervals: list[list[float]] = self._table.tolist()
@@ -142,13 +180,30 @@ class Road:
         return self._pose_at(station_m)[3]
 
     def width_at(self, station_m: float) -> float:
-        """Width of the lane [m]."""
-        return self.settings.lane_width_m
+        """Width of the lane [m]: linear along each section."""
+        start_m, end_m = self._widths_m[self._section_index(station_m)]
+        if start_m == end_m:
+            return start_m
+        return start_m + (end_m - start_m) * self.section_share(station_m)
 
     def section_at(self, station_m: float) -> Section:
         """The section at a station; an open road keeps its first and last section beyond its ends."""
+        return self.sections[self._section_index(station_m)]
+
+    def section_length_m(self, station_m: float) -> float:
+        """Length of the section at a station."""
+        index = self._section_index(station_m)
+        return self._section_ends[index] - self._section_starts[index]
+
+    def section_share(self, station_m: float) -> float:
+        """How far through its section a station is: 0 at the start, 1 at the end, held beyond an open road."""
+        index = self._section_index(station_m)
+        run_m = self.wrapped(station_m) - self._section_starts[index]
+        return min(max(run_m / (self._section_ends[index] - self._section_starts[index]), 0.0), 1.0)
+
+    def _section_index(self, station_m: float) -> int:
         station_m = station_m % self.length_m if self.closed else max(station_m, 0.0)
-        return self.sections[bisect_right(self._section_starts, station_m) - 1]
+        return bisect_right(self._section_starts, station_m) - 1
 
     def transition_at(self, station_m: float, ramp_m: float) -> tuple[Section, Section, float]:
         """The section before, the section here, and the share (0..1) of this one, rising over ``ramp_m``."""
@@ -239,6 +294,20 @@ class Road:
         stations = np.asarray(station_m, float)
         stations = stations % self.length_m if self.closed else np.maximum(stations, 0)
         return np.searchsorted(self._section_starts, stations, side="right") - 1
+
+    def section_shares(self, station_m: ArrayLike) -> Array:
+        """How far through its section each of n stations is, 0 at the start to 1 at the end, shape (n,)."""
+        stations = np.asarray(station_m, float)
+        stations = stations % self.length_m if self.closed else np.clip(stations, 0, self.length_m)
+        here = self.section_indices(stations)
+        starts, ends = np.array(self._section_starts)[here], np.array(self._section_ends)[here]
+        return np.asarray((stations - starts) / (ends - starts))
+
+    @cached_property
+    def _widths_m(self) -> list[tuple[float, float]]:
+        """Width of the lane at the start and at the end of each section."""
+        default_m = self.settings.lane_width_m
+        return [section.lane_width_m_at_ends(0, default_m) or (default_m,) * 2 for section in self.sections]
 
     @cached_property
     def _knot_tree(self) -> cKDTree:
