@@ -54,6 +54,16 @@ _ESTIMATE, _NO_ESTIMATE = attrgetter(*ESTIMATE_COLUMNS), (None,) * len(ESTIMATE_
 LABELS = ("section", "mode", "stop", "cause", "path_source")  # columns of codes into a table of words
 
 
+def column_names(estimators: tuple[str, ...] = ()) -> list[str]:
+    """Names of the columns of a run with ``estimators``, in order."""
+    names = [*TRUTH_COLUMNS, *STATE_COLUMNS]
+    names += [f"command.{name}" for name in COMMAND_COLUMNS]
+    names += [f"decision.{name}" for name in DECISION_COLUMNS]
+    names += LABELS
+    names += [f"{estimator}.{name}" for estimator in estimators for name in ESTIMATE_COLUMNS]
+    return names
+
+
 @dataclass(frozen=True, slots=True)
 class Trace:
     """Columns of equal length. NaN stands for None; the code -1 for "no decision yet"."""
@@ -66,6 +76,13 @@ class Trace:
 
     def __len__(self) -> int:
         return len(self.columns["t_s"])
+
+    def joined(self, columns: Mapping[str, Column]) -> "Trace":
+        """This trace with more columns, such as ``fault.frozen_camera``. Raises ValueError for wrong lengths."""
+        for name, column in columns.items():
+            if len(column) != len(self):
+                raise ValueError(f"column {name} has {len(column)} samples, the trace {len(self)}")
+        return Trace({**self.columns, **columns}, self.words)
 
     @property
     def sha256(self) -> str:
@@ -113,11 +130,7 @@ class Recorder:
 
     def trace(self) -> Trace:
         """Everything added so far."""
-        names = [*TRUTH_COLUMNS, *STATE_COLUMNS]
-        names += [f"command.{name}" for name in COMMAND_COLUMNS]
-        names += [f"decision.{name}" for name in DECISION_COLUMNS]
-        names += LABELS
-        names += [f"{estimator}.{name}" for estimator in self._estimators for name in ESTIMATE_COLUMNS]
+        names = column_names(self._estimators)
         table = np.array(self._rows, dtype=np.float64).reshape(-1, len(names))
         table[np.isnan(table)] = math.nan  # one bit pattern for every NaN
         columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
