@@ -23,6 +23,7 @@ from controller.controller import Controller
 from perception.estimators import Estimator
 from perception.image_statistics import ImageStatistician
 from sim_harness.lockstep.camera import SimulatedCamera
+from sim_harness.lockstep.events import with_events
 from sim_harness.lockstep.metrics import Metrics, measure
 from sim_harness.lockstep.trace import Recorder, Trace
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
@@ -167,7 +168,7 @@ class ClosedLoop:
             recorder.add(truth, state, self._command, self._decision, self._estimates)
             if truth.finished:
                 break
-        return recorder.trace()
+        return with_events(recorder.trace(), faults=self._scenario.faults)
 
     def _due(self, tick: int, every_s: float) -> bool:
         """True in the first tick of every span of ``every_s``."""
