@@ -63,7 +63,9 @@ def curvature_from_angle(
     gradient, wheelbase_m = vehicle.understeer_gradient_rad_per_mps2, vehicle.wheelbase_m
     tyre_rad = angle_rad - gradient * GRAVITY_MPS2 * roll_rad
     compliance, target = gradient * speed_mps * speed_mps / wheelbase_m, abs(tyre_rad)
-    u = 0.0
+    if compliance <= -1.0:
+        return None
+    u = target / (1.0 + compliance)  # Newton's first step
     for _ in range(_MAX_NEWTON_STEPS):
         slope = 1.0 / (1.0 + u * u) + compliance
         if slope <= 0.0:

@@ -90,7 +90,10 @@ class Controller:
         self._now_s: float | None = None
         self._healthy_s = 0.0  # when both inputs were last usable
         self._emergency = False  # own emergency stop, latched until standstill
-        self._path: tuple[float, Lane] | None = None  # newest path and when it was valid
+        self._judged: Decision | None = None  # the newest decision, ...
+        self._sound = False  # ... whether it is finite in every number
+        self._path_t_s: float | None = None  # when the newest path was valid
+        self._path: tuple[Lane, float] | None = None  # that path at the newest state, and when that was
         self._curvature_1pm: float | None = None  # the last one asked for
         self._angle_rad: float | None = None  # likewise
 
@@ -103,7 +106,7 @@ class Controller:
         speed_mps = state.speed_mps if state is not None else None
         if state is not None and speed_mps is not None:
             self._predictor.saw(state, speed_mps)
-        lane = self._lane(decision, now_s)
+        lane = self._lane(now_s)
         angle_rad = self._steer(lane, state, speed_mps)
         self._predictor.commanded(angle_rad, now_s=now_s)
         stop = self._stop(decision, lane, speed_mps, now_s)
@@ -129,7 +132,18 @@ class Controller:
         """None unless fresh and finite in every number: one that is not puts all of it in doubt."""
         if decision is None or not self._fresh(decision.decided_s, now_s, self._settings.inputs.stale_s):
             return None
-        return decision if _all_finite(decision) else None
+        if decision is not self._judged:
+            self._judged, self._sound = decision, _all_finite(decision)
+            if self._sound:
+                self._take_path(decision, now_s)
+        return decision if self._sound else None
+
+    def _take_path(self, decision: Decision, now_s: float) -> None:
+        """Remember the path of a new decision, if it has one to be used."""
+        limits, path_t_s = self._settings.inputs, decision.path_t_s
+        lane = _lane_from_decision(decision, limits)
+        if lane is not None and path_t_s is not None and self._fresh(path_t_s, now_s, limits.path_memory_s):
+            self._path_t_s, self._path = path_t_s, (lane, path_t_s)
 
     def _usable_state(self, state: VehicleState | None, now_s: float) -> VehicleState | None:
         """None unless fresh and plausible in all it reports; wheel angle and yaw rate may be unknown."""
@@ -147,17 +161,12 @@ class Controller:
         """False also for None and NaN, and for a stamp from the future."""
         return t_s is not None and -self._settings.inputs.early_s <= now_s - t_s <= max_age_s
 
-    def _lane(self, decision: Decision | None, now_s: float) -> Lane | None:
+    def _lane(self, now_s: float) -> Lane | None:
         """The newest path, moved to the moment at which a command given now acts; None: none or too old."""
-        limits = self._settings.inputs
-        if decision is not None and self._fresh(decision.path_t_s, now_s, limits.path_memory_s):
-            seen = _lane_from_decision(decision, limits)
-            if seen is not None and decision.path_t_s is not None:
-                self._path = decision.path_t_s, seen
-        if self._path is None or not self._fresh(self._path[0], now_s, limits.path_memory_s):
+        if self._path is None or not self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s):
             return None
-        path_t_s, lane = self._path
-        return self._predictor.when_steering_acts(lane, path_t_s=path_t_s, now_s=now_s)
+        lane, valid_s = self._path = self._predictor.at_last_state(self._path[0], valid_s=self._path[1])
+        return self._predictor.when_steering_acts(lane, valid_s=valid_s, now_s=now_s)
 
     def _steer(self, lane: Lane | None, state: VehicleState | None, speed_mps: float | None) -> float:
         """Road-wheel angle demand [rad], within what the vehicle can turn."""

@@ -8,13 +8,12 @@ car-like robot (1998), section 2.2.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 _MIN_RADIUS_SHARE = 0.2  # of 1 - κ·e: nearer to the centre of the bend "along the lane" loses its meaning
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Lane:
+class Lane(NamedTuple):
     """Lane centre as a clothoid at the rear axle; valid up to ``lookahead_m`` ahead."""
 
     offset_m: float
@@ -36,24 +35,21 @@ class Lane:
 
     def after(self, dt_s: float, *, speed_mps: float, yaw_rate_radps: float) -> "Lane":
         """The lane as seen ``dt_s`` later (midpoint rule, second order)."""
-        middle = self._shifted(0.5 * dt_s, self._rates(speed_mps, yaw_rate_radps))
-        return self._shifted(dt_s, middle._rates(speed_mps, yaw_rate_radps))
+        middle = self._shifted(0.5 * dt_s, self, speed_mps, yaw_rate_radps)
+        return self._shifted(dt_s, middle, speed_mps, yaw_rate_radps)
 
-    def _rates(self, speed_mps: float, yaw_rate_radps: float) -> tuple[float, float, float]:
-        """s', e', ψ' as above."""
-        share = _radius_share(self.curvature_1pm, self.offset_m)
-        along_mps = speed_mps * math.cos(self.heading_rad) / share
-        across_mps = speed_mps * math.sin(self.heading_rad)
-        return along_mps, across_mps, yaw_rate_radps - self.curvature_1pm * along_mps
-
-    def _shifted(self, dt_s: float, rates: tuple[float, float, float]) -> "Lane":
-        along_m = dt_s * rates[0]
+    def _shifted(self, dt_s: float, by: "Lane", speed_mps: float, yaw_rate_radps: float) -> "Lane":
+        """The lane ``dt_s`` later at the rates s', e', ψ' that hold at ``by``."""
+        offset_m, heading_rad, curvature_1pm, rate_1pm2, lookahead_m = self
+        along_mps = speed_mps * math.cos(by.heading_rad) / _radius_share(by.curvature_1pm, by.offset_m)
+        along_m = dt_s * along_mps
+        seen = along_m < lookahead_m
         return Lane(
-            offset_m=self.offset_m + dt_s * rates[1],
-            heading_rad=self.heading_rad + dt_s * rates[2],
-            curvature_1pm=self.curvature_at(along_m),
-            curvature_rate_1pm2=self.curvature_rate_1pm2 if along_m < self.lookahead_m else 0.0,
-            lookahead_m=max(0.0, self.lookahead_m - along_m),
+            offset_m + dt_s * (speed_mps * math.sin(by.heading_rad)),
+            heading_rad + dt_s * (yaw_rate_radps - by.curvature_1pm * along_mps),
+            curvature_1pm + rate_1pm2 * (along_m if seen else lookahead_m),
+            rate_1pm2 if seen else 0.0,
+            lookahead_m - along_m if seen else 0.0,
         )
 
 

@@ -26,8 +26,7 @@ Systems (2015), section 7.5 (pole placement).
 """
 
 import math
-from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
@@ -49,8 +48,7 @@ class LateralSettings(Settings):
     command_delay_s: NonNegative  # from the controller to the actuator, mean hold of the command included
 
 
-@dataclass(frozen=True, slots=True)
-class Gains:
+class Gains(NamedTuple):
     """κ_cmd = κ_ff - offset·e - heading·sin ψ."""
 
     offset_1pm2: float  # k_e

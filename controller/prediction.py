@@ -12,7 +12,6 @@ What remains for feedback is a plant without dead time (Smith predictor; Åströ
 
 import math
 from collections import deque
-from itertools import pairwise
 
 from controller.bicycle import curvature_from_angle, yaw_rate
 from controller.lane import Lane
@@ -55,20 +54,24 @@ class Predictor:
         while len(self._commands) > 1 and self._commands[1][0] < now_s:
             self._commands.popleft()
 
-    def when_steering_acts(self, lane: Lane, *, path_t_s: float, now_s: float) -> Lane:
-        """``lane``, valid at ``path_t_s``, as it will be at ``now_s`` plus the dead time."""
+    def at_last_state(self, lane: Lane, *, valid_s: float) -> tuple[Lane, float]:
+        """``lane``, valid at ``valid_s``, as it was at the last vehicle state, if that is later, and when."""
+        motion = self._motion
+        new = len(motion)
+        while new > 1 and motion[new - 1][0] > valid_s:
+            new -= 1
+        for i in range(new, len(motion)):
+            (t0, v0, r0), (t1, v1, r1) = motion[i - 1], motion[i]
+            if t1 > valid_s:
+                dt_s = t1 - max(t0, valid_s)
+                lane = lane.after(dt_s, speed_mps=0.5 * (v0 + v1), yaw_rate_radps=0.5 * (r0 + r1))
+        return lane, max(valid_s, motion[-1][0]) if motion else valid_s
+
+    def when_steering_acts(self, lane: Lane, *, valid_s: float, now_s: float) -> Lane:
+        """``lane``, valid at ``valid_s``, as the last vehicle state or later, at ``now_s`` plus the dead time."""
         if not self._motion:
             return lane
-        lane = self._along_measured(lane, path_t_s)
-        start_s, speed_mps, _ = self._motion[-1]
-        return self._along_commanded(lane, max(start_s, path_t_s), now_s + self._delay_s, speed_mps)
-
-    def _along_measured(self, lane: Lane, from_s: float) -> Lane:
-        for (t0, v0, r0), (t1, v1, r1) in pairwise(self._motion):
-            if t1 > from_s:
-                dt_s = t1 - max(t0, from_s)
-                lane = lane.after(dt_s, speed_mps=0.5 * (v0 + v1), yaw_rate_radps=0.5 * (r0 + r1))
-        return lane
+        return self._along_commanded(lane, valid_s, now_s + self._delay_s, self._motion[-1][1])
 
     def _along_commanded(self, lane: Lane, from_s: float, to_s: float, speed_mps: float) -> Lane:
         """Before the first command that is remembered, whatever holds the wheel where it is."""

@@ -13,8 +13,7 @@ holds the brake at standstill.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
@@ -60,8 +59,7 @@ class SpeedSettings(Settings):
         return self
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
+class Target(NamedTuple):
     """The speed to drive now, and how fast it changes."""
 
     speed_mps: float
@@ -70,15 +68,18 @@ class Target:
 
 def target(lane: Lane, *, cap_mps: float, speed_mps: float, settings: SpeedSettings) -> Target:
     """The highest speed that the cap and every bend of ``lane`` as far as it is seen allow."""
-    best = Target(cap_mps, 0.0)
+    lateral_mps2, decel_mps2 = settings.lateral_accel_mps2, settings.curve_decel_mps2
+    least, bound_m = cap_mps * cap_mps, None
     for n in range(_LOOKS + 1):
         ahead_m = lane.lookahead_m * n / _LOOKS
-        bend_mps2 = settings.lateral_accel_mps2 / max(abs(lane.curvature_at(ahead_m)), _STRAIGHT_1PM)
-        allowed_mps = math.sqrt(bend_mps2 + 2.0 * settings.curve_decel_mps2 * ahead_m)
-        if allowed_mps < best.speed_mps:
-            falling = -settings.curve_decel_mps2 * min(1.0, max(0.0, speed_mps) / allowed_mps)
-            best = Target(allowed_mps, falling if n else 0.0)
-    return best
+        bend_1pm = abs(lane.curvature_1pm + lane.curvature_rate_1pm2 * ahead_m)
+        allowed = lateral_mps2 / max(bend_1pm, _STRAIGHT_1PM) + 2.0 * decel_mps2 * ahead_m
+        if allowed < least:
+            least, bound_m = allowed, ahead_m
+    if bound_m is None:
+        return Target(cap_mps, 0.0)
+    allowed_mps = math.sqrt(least)
+    return Target(allowed_mps, -decel_mps2 * min(1.0, max(0.0, speed_mps) / allowed_mps) if bound_m else 0.0)
 
 
 class SpeedControl:

@@ -135,6 +135,12 @@ def predictor(car=SHUTTLE):
     return Predictor(car, command_delay_s=0.01, memory_s=1.0)
 
 
+def when_steering_acts(ahead: Predictor, seen: Lane, *, path_t_s: float, now_s: float) -> Lane:
+    """``seen``, valid at ``path_t_s``, when a command given at ``now_s`` acts."""
+    measured, valid_s = ahead.at_last_state(seen, valid_s=path_t_s)
+    return ahead.when_steering_acts(measured, valid_s=valid_s, now_s=now_s)
+
+
 def test_a_late_path_is_brought_forward_along_the_measured_circle():
     curvature = 1 / 20
     angle = angle_from_curvature(curvature, speed_mps=5.0, vehicle=SHUTTLE)
@@ -144,7 +150,7 @@ def test_a_late_path_is_brought_forward_along_the_measured_circle():
         ahead.saw(measured, 5.0)
         ahead.commanded(angle, now_s=0.01 * n)
     seen = lane(offset_m=0.1, curvature_1pm=curvature, curvature_rate_1pm2=0.001)
-    there = ahead.when_steering_acts(seen, path_t_s=0.05, now_s=0.19)
+    there = when_steering_acts(ahead, seen, path_t_s=0.05, now_s=0.19)
     expected = moved(seen, 0.19 + 0.06 - 0.05, 5.0, 5.0 * curvature)
     assert there.offset_m == pytest.approx(expected.offset_m, abs=1e-6)
     assert there.heading_rad == pytest.approx(expected.heading_rad, abs=1e-6)
@@ -157,11 +163,11 @@ def test_commands_on_their_way_are_counted_in():
     ahead.saw(state(0.0), 5.0)
     ahead.commanded(0.1, now_s=0.0)
     ahead.saw(state(0.05), 5.0)
-    there = ahead.when_steering_acts(lane(), path_t_s=0.05, now_s=0.05)
+    there = when_steering_acts(ahead, lane(), path_t_s=0.05, now_s=0.05)
     acting_s, lag_s = 0.05, 0.1
     turned = 5.0 * math.tan(0.1) / 1.75 * (acting_s - lag_s * (1 - math.exp(-acting_s / lag_s)))
     assert there.heading_rad == pytest.approx(turned, rel=0.03)
-    assert predictor().when_steering_acts(lane(offset_m=1.0), path_t_s=0.0, now_s=0.0).offset_m == 1.0
+    assert when_steering_acts(predictor(), lane(offset_m=1.0), path_t_s=0.0, now_s=0.0).offset_m == 1.0
 
 
 def test_unknown_yaw_rate_and_wheel_angle_are_taken_from_the_model_and_the_commands():
@@ -173,13 +179,13 @@ def test_unknown_yaw_rate_and_wheel_angle_are_taken_from_the_model_and_the_comma
         seeing.commanded(angle, now_s=t)
         blind.saw(state(t, road_wheel_angle_rad=None, yaw_rate_radps=None), 5.0)
         seeing.saw(state(t, road_wheel_angle_rad=angle, yaw_rate_radps=rate), 5.0)
-    ends = [p.when_steering_acts(lane(), path_t_s=0.0, now_s=0.09) for p in (blind, seeing)]
+    ends = [when_steering_acts(p, lane(), path_t_s=0.0, now_s=0.09) for p in (blind, seeing)]
     assert ends[0].heading_rad == pytest.approx(ends[1].heading_rad, abs=1e-9)
 
 
 def test_a_state_older_than_the_newest_changes_nothing():
     ahead = predictor()
     ahead.saw(state(0.1), 5.0)
-    before = ahead.when_steering_acts(lane(heading_rad=0.1), path_t_s=0.1, now_s=0.1)
+    before = when_steering_acts(ahead, lane(heading_rad=0.1), path_t_s=0.1, now_s=0.1)
     ahead.saw(state(0.05, road_wheel_angle_rad=0.3, yaw_rate_radps=3.0), 9.0)
-    assert ahead.when_steering_acts(lane(heading_rad=0.1), path_t_s=0.1, now_s=0.1) == before
+    assert when_steering_acts(ahead, lane(heading_rad=0.1), path_t_s=0.1, now_s=0.1) == before
