@@ -8,11 +8,11 @@ from test_sim_harness_metrics import state, trace_of, truth
 
 from sim_harness.lockstep.metrics import Metrics
 from sim_harness.lockstep.trace import Recorder
+from sim_harness.plants.plant import real_vehicle
+from sim_harness.scenarios.expect import Expect, judge
 from sim_harness.scenarios.scenario import (
-    Expect,
     Scenario,
     Tag,
-    judge,
     list_scenarios,
     load_scenario,
     load_scenarios,
@@ -85,9 +85,9 @@ def test_a_missing_scenario_names_those_there_are():
     ("line", "message"),
     [
         ("segments: [{length_m: 9}, {length_m: 9, curvature_1pm: 0.1}]", "curvature jumps"),
-        ("plant: {wheelbase: 2}", "plant: .*wheelbase"),
-        ("estimators: [lidar]", "no estimator 'lidar'; there are cv, cnn"),
-        ("road: nowhere", "nowhere.yaml: cannot be read"),
+        ("plant: {vehicle: {wheelbase: 2}}", r"mine\.yaml:5:1: plant: .*wheelbase"),
+        ("estimators: [lidar]", "no estimator 'lidar'; there are cv, cnn, truth"),
+        ("road: nowhere", "no road 'nowhere'; there are circuit"),
     ],
 )
 def test_what_does_not_fit_together_is_refused_before_the_run(tmp_path, line, message):
@@ -120,8 +120,8 @@ def test_appearance_width_and_line_replace_those_of_the_road():
 
 def test_a_plant_may_differ_from_the_vehicle_that_the_controller_believes_in():
     believed = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    real = load_scenario("straight", {"plant.steering_lag_s": "0.3"}).build_plant_vehicle(believed)
-    assert real == believed.model_copy(update={"steering_lag_s": 0.3})
+    real = load_scenario("straight", {"plant.vehicle.steering_lag_s": "0.3"}).plant
+    assert real_vehicle(real, believed) == believed.model_copy(update={"steering_lag_s": 0.3})
 
 
 def test_a_shortened_scenario_keeps_only_what_it_can_still_be_expected_to_do():

@@ -117,7 +117,7 @@ def test_on_a_wide_lane_the_car_is_put_back_beyond_one_metre_without_a_departure
 
 
 def test_a_collision_counts_once_and_stops_the_car_at_the_speed_of_the_other():
-    simulated = vehicle_on(scenario_of(lead={"gap_m": 3.0, "speed_mps": 0.0}))
+    simulated = vehicle_on(scenario_of(traffic=[{"gap_m": 3.0}]))
     state, truth = run(simulated, drive(), 5.0)
     assert truth.collisions == 1
     assert state.speed_mps == pytest.approx(0.0, abs=0.02)
@@ -125,7 +125,7 @@ def test_a_collision_counts_once_and_stops_the_car_at_the_speed_of_the_other():
 
 
 def test_the_gap_is_between_the_bumpers_and_the_sensor_agrees():
-    simulated = vehicle_on(scenario_of(lead={"gap_m": 12.0, "speed_mps": 3.0}))
+    simulated = vehicle_on(scenario_of(traffic=[{"gap_m": 12.0, "speed_mps": 3.0}]))
     _, truth = run(simulated, drive(0.0, -1.0), 2.0)
     assert truth.lead_gap_m == pytest.approx(12.0 + 3.0 * 2.0)
     seen = simulated.sense_lead()
@@ -164,5 +164,5 @@ def test_sensors_are_noisy_by_seed():
 
 
 def test_the_plant_of_a_scenario_may_differ_from_the_believed_vehicle():
-    soft = scenario_of(plant={"max_accel_mps2": 0.5})
+    soft = scenario_of(plant={"vehicle": {"max_accel_mps2": 0.5}})
     assert run(vehicle_on(soft), drive(), 1.0)[0].speed_mps < 0.5

@@ -121,11 +121,24 @@ def _explain(
     overrides: Mapping[str, str],
 ) -> str:
     """The first problem of ``error`` as one line, with its place in the file or on the command line."""
-    path = _first(error)["loc"]
+    return f"{_where(_first(error)['loc'], data, source, overrides)}: {complaint(error, data, model)}"
+
+
+def located(
+    path: Sequence[str | int], what: str, data: CommentedMap, source: Path | str, overrides: Mapping[str, str]
+) -> str:
+    """``what`` is wrong with the field at ``path``, as one line with its place."""
+    return f"{_where(path, data, source, overrides)}: {'.'.join(map(str, path))}: {what}"
+
+
+def _where(
+    path: Sequence[str | int], data: CommentedMap, source: Path | str, overrides: Mapping[str, str]
+) -> str:
+    """Place of a field in the file or on the command line."""
     dotted = ".".join(map(str, _without_tags(path, data)))
+    given = next((key for key in overrides if f"{dotted}.".startswith(f"{key}.")), None)
     line, column = position(data, path)
-    where = f"--set {dotted}" if dotted in overrides else f"{source}:{line}:{column}"
-    return f"{where}: {complaint(error, data, model)}"
+    return f"--set {given}" if given else f"{source}:{line}:{column}"
 
 
 def complaint(error: ValidationError, data: object, model: type[BaseModel]) -> str:

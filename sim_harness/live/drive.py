@@ -16,7 +16,9 @@ from pydantic import Field
 
 from sim_harness.live.drive_log import DriveLog
 from sim_harness.lockstep.metrics import measure
-from sim_harness.scenarios.scenario import EstimatorBias, LostProcess, Scenario, judge
+from sim_harness.scenarios.expect import judge
+from sim_harness.scenarios.faults import EstimatorBias, LostProcess
+from sim_harness.scenarios.scenario import Scenario
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
 from trepid.config import InputError, Settings

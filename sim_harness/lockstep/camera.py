@@ -6,7 +6,8 @@ import numpy as np
 
 from sim_harness.render.lead import Pose
 from sim_harness.render.renderer import Renderer
-from sim_harness.scenarios.scenario import BlackFrames, Fault, FrozenCamera, LateFrames, Scenario
+from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LateFrames
+from sim_harness.scenarios.scenario import Scenario
 from trepid.messages import Frame, Image, SimTruth
 
 

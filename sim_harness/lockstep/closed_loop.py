@@ -28,7 +28,9 @@ from sim_harness.lockstep.metrics import Metrics, measure
 from sim_harness.lockstep.trace import Recorder, Trace
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
 from sim_harness.render.renderer import Renderer
-from sim_harness.scenarios.scenario import EstimatorBias, LostProcess, Scenario, judge
+from sim_harness.scenarios.expect import judge
+from sim_harness.scenarios.faults import EstimatorBias, LostProcess
+from sim_harness.scenarios.scenario import Scenario
 from supervisor.supervisor import Supervisor
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load

@@ -6,7 +6,7 @@ import numpy as np
 
 from sim_harness.lockstep.trace import Column, Trace
 from sim_harness.roads.disturbances import Disturbance
-from sim_harness.scenarios.scenario import Fault
+from sim_harness.scenarios.faults import Fault
 
 
 def with_events(

@@ -14,6 +14,7 @@ from pydantic import Field
 from controller.limiter import Limiter
 from sim_harness.lockstep.referee import LeadPlace, Place, Referee, locate
 from sim_harness.plants.kinematic import Plant
+from sim_harness.plants.plant import real_vehicle
 from sim_harness.plants.state import PlantState
 from sim_harness.render.renderer import LEAD
 from sim_harness.roads.road import Road
@@ -60,7 +61,7 @@ class SimulatedVehicle:
         """``vehicle`` is what the car is believed to be; the scenario says how its plant differs."""
         self._scenario = scenario
         self._road = road
-        self._vehicle = scenario.build_plant_vehicle(vehicle)
+        self._vehicle = real_vehicle(scenario.plant, vehicle)
         self._plant = Plant(self._vehicle)
         self._limiter = limiter
         self._settings = settings
@@ -95,7 +96,7 @@ class SimulatedVehicle:
 
     def sense_lead(self) -> LeadVehicle | None:
         """The vehicle ahead as a range sensor on the front bumper would see it; None without one."""
-        lead, size, pose = self._lead(), self._scenario.lead, self._pose
+        lead, size, pose = self._lead(), next(iter(self._scenario.traffic), None), self._pose
         if lead is None or size is None:
             return None
         dx_m, dy_m = lead.rear_m[0] - pose.x_m, lead.rear_m[1] - pose.y_m
@@ -120,7 +121,7 @@ class SimulatedVehicle:
         if self._referee.must_recentre(self._pose, self._place):
             self._place = Place(self._place.station_m, 0.0, 0.0)
             self._pose = self._recentred(self._pose, self._place)
-        lead, size = self._lead(), self._scenario.lead
+        lead, size = self._lead(), next(iter(self._scenario.traffic), None)
         if lead is not None and size is not None and self._referee.in_contact(self._place, lead):
             self._pose = replace(self._pose, speed_mps=min(self._pose.speed_mps, size.speed_mps))
 
@@ -151,8 +152,8 @@ class SimulatedVehicle:
 
     def _lead(self) -> LeadPlace | None:
         """Where the vehicle ahead is now: on the lane centre, at constant speed since the start."""
-        lead = self._scenario.lead
-        if lead is None:
+        lead = next(iter(self._scenario.traffic), None)
+        if lead is None or lead.gap_m is None:
             return None
         elapsed_s = self._ticks * self._settings.period_s
         rear_m = self._scenario.start.station_m + self._nose_m + lead.gap_m + lead.speed_mps * elapsed_s

@@ -4,26 +4,38 @@ A scenario is a YAML file (``config/scenarios/*.yaml``) or a Python script that 
 list of them, in the variable ``scenarios``.
 """
 
+import math
 import runpy
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Self, get_type_hints
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from perception.estimators import ESTIMATORS
-from sim_harness.lockstep.metrics import Metrics
-from sim_harness.lockstep.trace import Trace
-from sim_harness.roads.appearance import Marking, Surface, Verge
-from sim_harness.roads.light import Light, NonNegative, Positive, Share
+from sim_harness.plants.plant import build_plant
+from sim_harness.plants.settings import PlantSettings
+from sim_harness.roads.appearance import Section
+from sim_harness.roads.disturbances import Disturbance, disturbed
+from sim_harness.roads.features import Junction, RoadMark
+from sim_harness.roads.light import NonNegative, Positive
 from sim_harness.roads.road import Road, RoadSettings, Segment
+from sim_harness.scenarios.conditions import parse_condition
+from sim_harness.scenarios.expect import Expect
+from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera
+from sim_harness.scenarios.traffic import TrafficVehicle
 from sim_harness.scenarios.vary import Variation, check_vary
-from trepid.config import CONFIG_DIR, InputError, Settings, load, parse, read
+from trepid.config import CONFIG_DIR, InputError, Settings, load, located, parse, read
 from trepid.vehicle import Vehicle
 
 SCENARIO_DIR = CONFIG_DIR / "scenarios"
-STANDSTILL_MPS = 0.01
+ROAD_DIR = CONFIG_DIR / "roads"
+TRUTH = "truth"
+"""The estimator that reads the simulator's truth; alone it makes a run that renders nothing."""
+
+Problem = tuple[tuple[str | int, ...], str]
+"""A field, as the way to it, and what is wrong with it."""
 
 
 class Tag(StrEnum):
@@ -42,11 +54,29 @@ class Tag(StrEnum):
 
 
 class Start(Settings):
-    """Where the vehicle stands at the beginning."""
+    """Where the vehicle is at t = 0, and how fast.
+
+    A car that rolls at t = 0 has been driven there by a driver, who hands over to the supervisor at that moment.
+    """
 
     station_m: float = 0.0
     offset_m: float = 0.0  # + = left of the lane centre
-    heading_rad: float = 0.0  # relative to the lane
+    heading_rad: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0  # relative to the lane
+    speed_mps: Annotated[float, Field(ge=0, le=60)] = 0.0
+    drift_mps: float = 0.0  # lateral speed, + = to the left; turns the heading by asin(drift/speed)
+
+    @model_validator(mode="after")
+    def _drifts_slower_than_it_drives(self) -> Self:
+        if abs(self.drift_mps) > 0.4 * self.speed_mps:
+            raise ValueError(
+                f"drift_mps {self.drift_mps:g} needs a speed_mps of {abs(self.drift_mps) / 0.4:g}"
+            )
+        return self
+
+    @property
+    def course_rad(self) -> float:
+        """Heading relative to the lane, drift included."""
+        return self.heading_rad + (math.asin(self.drift_mps / self.speed_mps) if self.drift_mps else 0.0)
 
 
 class CameraTiming(Settings):
@@ -56,93 +86,15 @@ class CameraTiming(Settings):
     latency_s: NonNegative = 0.02  # capture to estimate; live median on two cores
 
 
-class LeadSettings(Settings):
-    """A vehicle ahead, on the lane centre at constant speed."""
+_CHANGES: dict[str, Any] = {
+    name: (hint | None, None)
+    for name, hint in get_type_hints(Section, include_extras=True).items()
+    if name in Section.model_fields and name not in ("name", "start_m")
+}
 
-    gap_m: Positive  # bumper to bumper at the start
-    speed_mps: NonNegative
 
-
-class Appearance(Settings):
+class Appearance(create_model("SectionChanges", __base__=Settings, **_CHANGES)):  # type: ignore[misc]
     """What differs from the road's own sections, in all of them; absent: as the road has it."""
-
-    left: Marking | None = None
-    right: Marking | None = None
-    far_left: Marking | None = None
-    paved_left_m: NonNegative | None = None
-    paved_right_m: NonNegative | None = None
-    surface: Surface | None = None
-    surface_grey: Share | None = None
-    patchiness: Share | None = None
-    verge: Verge | None = None
-    shadows: Share | None = None
-    light: Light | None = None
-
-
-class Span(Settings):
-    """A stretch of time, from the start of the run; without an end it lasts."""
-
-    from_s: NonNegative
-    to_s: Positive | None = None
-
-    def active(self, elapsed_s: float) -> bool:
-        """True within the span."""
-        return self.from_s <= elapsed_s and (self.to_s is None or elapsed_s < self.to_s)
-
-
-class FrozenCamera(Span):
-    """The camera repeats its last image with fresh time stamps."""
-
-    kind: Literal["frozen_camera"]
-
-
-class BlackFrames(Span):
-    """The camera sends black images."""
-
-    kind: Literal["black_frames"]
-
-
-class LateFrames(Span):
-    """Frames arrive ``delay_s`` after their capture, rounded up to whole frames, with honest time stamps."""
-
-    kind: Literal["late_frames"]
-    delay_s: Positive
-
-
-class LostProcess(Span):
-    """A process is gone: it publishes nothing."""
-
-    kind: Literal["lost_process"]
-    process: str  # "camera", "supervisor", "controller" or the name of an estimator
-
-
-class EstimatorBias(Span):
-    """An estimator sees the lane beside where it is, and is as sure as ever."""
-
-    kind: Literal["estimator_bias"]
-    estimator: str
-    lateral_m: float
-
-
-Fault = Annotated[
-    FrozenCamera | BlackFrames | LateFrames | LostProcess | EstimatorBias, Field(discriminator="kind")
-]
-
-
-class Expect(Settings):
-    """What a run must satisfy to pass; absent: not judged."""
-
-    max_departures: Annotated[int, Field(ge=0)] = 0
-    max_interventions: Annotated[int, Field(ge=0)] = 0
-    max_collisions: Annotated[int, Field(ge=0)] = 0
-    max_lateral_error_m: Positive | None = None
-    max_lateral_accel_mps2: Positive | None = None
-    max_lateral_jerk_mps3: Positive | None = None
-    max_decel_mps2: Positive | None = None
-    min_mean_speed_mps: Positive | None = None
-    min_time_gap_s: Positive | None = None
-    must_finish: bool = False  # drive the whole route
-    must_stop_by_s: Positive | None = None  # drive, and stand still from this time of the run to its end
 
 
 class Scenario(Settings):
@@ -153,15 +105,19 @@ class Scenario(Settings):
     tags: Annotated[tuple[Tag, ...], Field(min_length=1)]
     road: str  # a name in config/roads/, or a .yaml file beside the scenario
     segments: tuple[Segment, ...] | None = None  # this line instead of the road's, as an open road
+    marks: tuple[RoadMark, ...] | None = None  # instead of the road's; on a line of its own there are none
+    junctions: tuple[Junction, ...] | None = None  # likewise
     lane_width_m: Annotated[float, Field(ge=2.0, le=6.0)] | None = None
-    appearance: Appearance = Appearance()
+    appearance: Appearance = Field(default_factory=Appearance)
     start: Start = Start()
     duration_s: Positive  # at most; the run also ends when the route is driven
     distance_m: Positive | None = None  # length of the route; default: one round, or to the end of the road
     camera: CameraTiming = CameraTiming()
-    estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")
-    plant: dict[str, float] = Field(default_factory=dict)  # fields of the vehicle file that differ in reality
-    lead: LeadSettings | None = None
+    estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")  # or "truth", see oracle.py
+    speed_mps: Positive | None = None  # that the driver sets; default: cruise_speed_mps of supervisor.yaml
+    plant: PlantSettings = PlantSettings()  # how reality differs from config/vehicle.yaml
+    disturbances: tuple[Disturbance, ...] = ()
+    traffic: tuple[TrafficVehicle, ...] = ()
     faults: tuple[Fault, ...] = ()
     expect: Expect = Expect()
     vary: dict[str, Variation] = Field(default_factory=dict)  # what sampling changes; see scenarios/vary.py
@@ -177,46 +133,101 @@ class Scenario(Settings):
 
     def build_road(self) -> Road:
         """The road as this scenario has it. Raises InputError."""
-        path = Path(self.road) if self.road.endswith(".yaml") else CONFIG_DIR / "roads" / f"{self.road}.yaml"
-        settings = load(path, RoadSettings)
+        settings = load(self._road_file(), RoadSettings)
+        try:
+            return Road(disturbed(self._changed(settings), self.disturbances))
+        except ValueError as error:
+            raise InputError(f"scenario {self.name}: road {self.road}: {one_line(error)}") from error
+
+    def _road_file(self) -> Path:
+        return Path(self.road) if self.road.endswith(".yaml") else ROAD_DIR / f"{self.road}.yaml"
+
+    def _changed(self, settings: RoadSettings) -> RoadSettings:
+        """``settings`` with what this scenario has instead. Raises ValueError where it does not fit together."""
         changes = {name: value for name, value in self.appearance if value is not None}
-        sections = tuple(section.model_copy(update=changes) for section in settings.sections)
+        sections = tuple(
+            Section.model_validate({**dict(section), **changes}) for section in settings.sections
+        )
         update: dict[str, object] = {"sections": sections}
         if self.lane_width_m is not None:
             update["lane_width_m"] = self.lane_width_m
         if self.segments is not None:
-            update |= {"segments": self.segments, "closed": False, "sections": sections[:1]}
-        try:
-            return Road(RoadSettings.model_validate({**dict(settings), **update}))
-        except ValueError as error:
-            raise InputError(f"scenario {self.name}: road {self.road}: {_message(error)}") from error
+            line = {"segments": self.segments, "closed": False, "sections": sections[:1]}
+            update |= {**line, "marks": (), "junctions": ()}
+        update |= {
+            name: given for name in ("marks", "junctions") if (given := getattr(self, name)) is not None
+        }
+        return RoadSettings.model_validate({**dict(settings), **update})
 
     def check(self) -> None:
-        """Raise InputError when the scenario names what is not there."""
-        for name in self.estimators:
-            if name not in ESTIMATORS:
-                raise InputError(
-                    f"scenario {self.name}: no estimator {name!r}; there are {', '.join(ESTIMATORS)}"
-                )
-        self.build_road()
-        self.build_plant_vehicle(load(CONFIG_DIR / "vehicle.yaml", Vehicle))
+        """Raise InputError when the scenario names what is not there, or does not fit together."""
+        problem = self.problem()
+        if problem:
+            path, what = problem
+            raise InputError(f"scenario {self.name}: {'.'.join(map(str, path))}: {what}")
 
-    def build_plant_vehicle(self, vehicle: Vehicle) -> Vehicle:
-        """``vehicle`` with what differs in reality. Raises InputError."""
+    def problem(self) -> Problem | None:
+        """The first thing that does not fit together: the field, and what is wrong with it; None when all does.
+
+        Raises InputError when the file of the road is wrong.
+        """
+        known = (*ESTIMATORS, TRUTH)
+        for number, name in enumerate(self.estimators):
+            if name not in known:
+                return ("estimators", number), f"no estimator {name!r}; there are {', '.join(known)}"
+        if not self.road.endswith(".yaml") and not self._road_file().is_file():
+            roads = ", ".join(sorted(path.stem for path in ROAD_DIR.glob("*.yaml")))
+            return ("road",), f"no road {self.road!r}; there are {roads}, or give a .yaml file"
+        settings = load(self._road_file(), RoadSettings)
         try:
-            return Vehicle.model_validate({**dict(vehicle), **self.plant})
+            Road(self._changed(settings))
         except ValueError as error:
-            raise InputError(f"scenario {self.name}: plant: {_message(error)}") from error
+            return (self._to_blame(error),), one_line(error)
+        return self._problem_with_parts(settings)
+
+    def _problem_with_parts(self, road: RoadSettings) -> Problem | None:
+        try:
+            build_plant(self.plant, load(CONFIG_DIR / "vehicle.yaml", Vehicle))
+        except InputError as error:
+            return ("plant",), str(error).removeprefix("plant: ")
+        for number, fault in enumerate(self.faults):
+            if isinstance(fault, FrozenCamera | BlackFrames) and not self.has_pictures:
+                return (
+                    "faults",
+                    number,
+                ), f"{fault.kind}: with the estimator {TRUTH!r} alone there is no picture"
+        events = {section.name for section in road.sections} | {*self._events()}
+        for number, text in enumerate(self.expect.conditions):
+            try:
+                parse_condition(text).check(events)
+            except ValueError as error:
+                return ("expect", "conditions", number), str(error)
+        return None
+
+    def _events(self) -> Iterator[str]:
+        """What a condition may wait for: the kinds of faults, disturbances and manoeuvres."""
+        yield from (fault.kind for fault in self.faults)
+        yield from (disturbance.kind.value for disturbance in self.disturbances)
+        yield from (phase.kind for vehicle in self.traffic for phase in vehicle.phases)
+
+    def _to_blame(self, error: ValueError) -> str:
+        """The field of this scenario that an error of the road is about."""
+        given = [
+            n for n in ("marks", "junctions", "segments", "lane_width_m") if getattr(self, n) is not None
+        ]
+        named = [name for name in given if name.split("_")[0].rstrip("s") in str(error)]
+        return next(iter(named or (["appearance"] if self.appearance.model_fields_set else given)), "road")
+
+    @property
+    def has_pictures(self) -> bool:
+        """False where every estimator reads the truth, so that nothing need be rendered."""
+        return any(name != TRUTH for name in self.estimators)
 
     def shortened(self, duration_s: float) -> "Scenario":
         """This scenario cut off after ``duration_s``, without the expectations that need the whole run."""
         if duration_s >= self.duration_s:
             return self
-        dropped: dict[str, object] = {"must_finish": False, "min_mean_speed_mps": None}
-        if self.expect.must_stop_by_s is not None and self.expect.must_stop_by_s > duration_s:
-            dropped["must_stop_by_s"] = None
-        expect = self.expect.model_copy(update=dropped)
-        return self.model_copy(update={"duration_s": duration_s, "expect": expect})
+        return self.model_copy(update={"duration_s": duration_s, "expect": self.expect.shortened(duration_s)})
 
     def route_m(self, road: Road) -> float:
         """Length of the route [m]."""
@@ -227,11 +238,14 @@ class Scenario(Settings):
 
 def list_scenarios() -> list[Scenario]:
     """The scenarios of ``config/scenarios/``, by name. Raises InputError."""
-    return [load_scenario(path.stem) for path in sorted(SCENARIO_DIR.glob("*.yaml"))]
+    return [load_scenario(path.stem, check=False) for path in sorted(SCENARIO_DIR.glob("*.yaml"))]
 
 
-def load_scenario(source: str, overrides: Mapping[str, str] | None = None) -> Scenario:
-    """The scenario called ``source``, or in the YAML file ``source``. Raises InputError."""
+def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, check: bool = True) -> Scenario:
+    """The scenario called ``source``, or in the YAML file ``source``.
+
+    Raises InputError with file:line:column; without ``check`` only for what the file itself shows.
+    """
     path = Path(source)
     if path.suffix not in (".yaml", ".yml"):
         path = SCENARIO_DIR / f"{source}.yaml"
@@ -244,7 +258,11 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None) -> Sc
     update = {"name": scenario.name or path.stem}
     if scenario.road.endswith(".yaml"):
         update["road"] = str(path.parent / scenario.road)
-    return scenario.model_copy(update=update)
+    scenario = scenario.model_copy(update=update)
+    problem = scenario.problem() if check else None
+    if problem:
+        raise InputError(located(*problem, data, path, overrides or {}))
+    return scenario
 
 
 def load_scenarios(source: str, overrides: Mapping[str, str] | None = None) -> list[Scenario]:
@@ -262,7 +280,7 @@ def _run_script(path: Path) -> list[Scenario]:
     try:
         found = runpy.run_path(str(path)).get("scenarios")
     except Exception as error:
-        raise InputError(f"{path}:{_script_line(error, path)}: {_message(error)}") from error
+        raise InputError(f"{path}:{_script_line(error, path)}: {one_line(error)}") from error
     listed = [found] if isinstance(found, Scenario) else list(found or [])
     if not listed or not all(isinstance(scenario, Scenario) for scenario in listed):
         raise InputError(f"{path}: must leave a Scenario or a list of them in the variable `scenarios`")
@@ -284,48 +302,6 @@ def _script_line(error: Exception, path: Path) -> int:
     return line
 
 
-def _message(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """One line for an error of pydantic or of a script."""
     return " ".join(str(error).split()) or type(error).__name__
-
-
-def judge(expect: Expect, metrics: Metrics, trace: Trace) -> list[str]:
-    """Why a run failed what was expected of it; empty when it passed."""
-    most = {
-        "departures": expect.max_departures,
-        "interventions": expect.max_interventions,
-        "collisions": expect.max_collisions,
-        "max_lateral_error_m": expect.max_lateral_error_m,
-        "max_lateral_accel_mps2": expect.max_lateral_accel_mps2,
-        "max_lateral_jerk_mps3": expect.max_lateral_jerk_mps3,
-        "max_decel_mps2": expect.max_decel_mps2,
-    }
-    least = {"mean_speed_mps": expect.min_mean_speed_mps, "min_time_gap_s": expect.min_time_gap_s}
-    reasons = []
-    for name, limit in most.items():
-        value = getattr(metrics, name)
-        if limit is not None and value > limit:
-            reasons.append(f"{name} {value:.4g}: at most {limit:.4g} expected")
-    for name, limit in least.items():
-        value = getattr(metrics, name)
-        if limit is not None and (value is None or value < limit):
-            found = "unknown" if value is None else f"{value:.4g}"
-            reasons.append(f"{name} {found}: at least {limit:.4g} expected")
-    if expect.must_finish and not trace["finished"][-1]:
-        reasons.append("the route was not driven to its end")
-    if expect.must_stop_by_s is not None:
-        reasons += _judge_stop(expect.must_stop_by_s, trace)
-    return reasons
-
-
-def _judge_stop(by_s: float, trace: Trace) -> list[str]:
-    """Whether the vehicle drove, and stood still from ``by_s`` after the start to the end."""
-    elapsed_s = trace["t_s"] - trace["t_s"][0]
-    moving = elapsed_s[trace["speed_mps"] > STANDSTILL_MPS]
-    if elapsed_s[-1] < by_s:
-        return [f"the run ended before {by_s:.4g} s, by when the vehicle had to stand"]
-    if len(moving) == 0:
-        return ["the vehicle never moved, so that it stands shows nothing"]
-    if moving[-1] >= by_s:
-        return [f"the vehicle moved at {moving[-1]:.2f} s: expected to stand from {by_s:.4g} s on"]
-    return []
