@@ -18,9 +18,14 @@ class Plant(Protocol):
     vehicle: Vehicle
 
     def initial(
-        self, x_m: float = 0.0, y_m: float = 0.0, yaw_rad: float = 0.0, speed_mps: float = 0.0
+        self,
+        x_m: float = 0.0,
+        y_m: float = 0.0,
+        yaw_rad: float = 0.0,
+        speed_mps: float = 0.0,
+        curvature_1pm: float = 0.0,
     ) -> PlantState:
-        """Rolling straight ahead."""
+        """Settled on ``curvature_1pm`` at constant speed."""
         ...
 
     def step(self, state: PlantState, command: Command, dt_s: float) -> PlantState:
@@ -36,7 +41,7 @@ class Plant(Protocol):
         ...
 
     def steady_angle_rad(self, curvature_1pm: float, speed_mps: float) -> float:
-        """Road-wheel angle that holds ``curvature_1pm`` at ``speed_mps``, within the angle limit."""
+        """Angle of the steering that holds ``curvature_1pm`` at ``speed_mps``, within the angle limit."""
         ...
 
 
@@ -44,7 +49,7 @@ def build_plant(settings: PlantSettings, vehicle: Vehicle) -> Plant:
     """The plant of ``settings``; ``vehicle`` is what the car is believed to be. Raises InputError."""
     real = real_vehicle(settings, vehicle)
     if settings.model is Model.KINEMATIC:
-        return KinematicPlant(real)
+        return KinematicPlant(real, settings)
     raise InputError(f"plant: model {settings.model.value!r} is not built yet")
 
 

@@ -1,0 +1,123 @@
+"""What lies between a command and the tyres: dead time, lag, limits, friction and offset of steering and drive.
+
+Every plant shares this part. For a constant demand all of it has closed solutions, so nothing is integrated:
+
+    steering   δ_s' = clip((demand(t - T) - δ_s)/τ, ±rate)        first order with a rate limit, dead time T
+    tyres      δ = δ_s + p + offset,  p follows δ_s by the play operator: δ_s + p moves only when |p| would pass
+               the half-width f, i.e. p ← clip(p - Δδ_s, ±f)
+    drive      a' = (demand - a)/τ_a,   v' = a,   v ≥ 0
+
+The play operator is a spring of stiffness k that turns the wheels against Coulomb friction of torque k·f, without
+inertia: they stick until the spring is wound up by f, slip behind it by f, and stick again at every reversal.
+Brokate and Sprekels, Hysteresis and Phase Transitions (1996), section 2.1.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from sim_harness.plants.settings import PlantSettings
+from sim_harness.plants.state import PlantState
+from trepid.messages import Command
+from trepid.vehicle import Vehicle
+
+_SAME_INSTANT_S = 1e-9
+
+Advance = Callable[[PlantState, float, float], PlantState]
+
+
+class Actuators:
+    """Steering and drive of one vehicle."""
+
+    def __init__(self, vehicle: Vehicle, settings: PlantSettings, *, grip_mps2: float) -> None:
+        """``grip_mps2`` is the acceleration that the tyres can pass on along the vehicle."""
+        chassis = settings.chassis
+        loaded = chassis.mass_kg / (chassis.mass_kg + settings.load_kg)  # the drive's force does not grow
+        self.max_accel_mps2 = min(vehicle.max_accel_mps2 * loaded, grip_mps2)
+        self.max_decel_mps2 = min(vehicle.max_decel_mps2 * loaded, grip_mps2)
+        self.max_angle_rad = vehicle.max_road_wheel_angle_rad
+        self.rate_radps = vehicle.max_road_wheel_rate_radps
+        self.delay_s = vehicle.steering_delay_s
+        self.lag_s = vehicle.steering_lag_s
+        self.accel_lag_s = vehicle.accel_lag_s
+        self.offset_rad = settings.steering_offset_rad
+        self.friction_rad = settings.steering_friction_rad
+
+    def drive(self, state: PlantState, command: Command, dt_s: float, advance: Advance) -> PlantState:
+        """``state`` after ``dt_s`` under ``command``.
+
+        A steering demand acts exactly ``delay_s`` after it was given, also when that falls inside a step:
+        ``advance(state, acceleration demand, span)`` is called for spans of constant demand. Raises ValueError
+        when a demand is not finite.
+        """
+        demand_rad, accel_mps2 = command.road_wheel_angle_rad, command.accel_mps2
+        if not (math.isfinite(demand_rad) and math.isfinite(accel_mps2)):
+            raise ValueError(f"demand must be finite, got {demand_rad} rad and {accel_mps2} m/s²")
+        accel_mps2 = max(-self.max_decel_mps2, min(self.max_accel_mps2, accel_mps2))
+        state = self._enqueue(state, clip(demand_rad, self.max_angle_rad))
+        left_s = dt_s
+        while left_s > _SAME_INSTANT_S:
+            span_s = left_s
+            if state.pending:
+                state = _take_due(state)
+                if state.pending:
+                    span_s = min(left_s, state.pending[0][0] - state.clock_s)
+            state = advance(state, accel_mps2, span_s)
+            left_s -= span_s
+        return state
+
+    def speed(self, state: PlantState, demand_mps2: float, t: float) -> tuple[float, float]:
+        """Speed and acceleration after ``t`` [s] under a constant demand; brakes hold, they do not reverse."""
+        v0, a0, lag_s = state.speed_mps, state.accel_mps2, self.accel_lag_s
+        if v0 == 0.0 and demand_mps2 <= 0.0:
+            return 0.0, 0.0
+        decay = math.exp(-t / lag_s) if lag_s > 0.0 else 0.0
+        accel_mps2 = demand_mps2 + (a0 - demand_mps2) * decay
+        speed_mps = v0 + demand_mps2 * t + (a0 - demand_mps2) * lag_s * (1.0 - decay)
+        if speed_mps > 0.0:
+            return speed_mps, accel_mps2
+        return 0.0, max(0.0, accel_mps2)
+
+    def steering(self, state: PlantState, t: float) -> float:
+        """Angle of the steering after ``t`` [s]: full rate until the error is rate·τ, exponential from there."""
+        error = state.acting_demand_rad - state.road_wheel_angle_rad
+        if error == 0.0:
+            return state.acting_demand_rad
+        ramp_s = max(0.0, abs(error) / self.rate_radps - self.lag_s)
+        if t < ramp_s:
+            return state.road_wheel_angle_rad + math.copysign(self.rate_radps * t, error)
+        if self.lag_s == 0.0:
+            return state.acting_demand_rad
+        error_then = clip(error, self.rate_radps * self.lag_s)
+        return state.acting_demand_rad - error_then * math.exp((ramp_s - t) / self.lag_s)
+
+    def play(self, state: PlantState, steering_rad: float) -> float:
+        """Play left between steering and tyres when the steering has turned one way to ``steering_rad``."""
+        if self.friction_rad == 0.0:
+            return 0.0
+        return clip(state.play_rad + state.road_wheel_angle_rad - steering_rad, self.friction_rad)
+
+    def tyre_angle_rad(self, state: PlantState) -> float:
+        """Where the tyres point."""
+        return state.road_wheel_angle_rad + state.play_rad + self.offset_rad
+
+    def _enqueue(self, state: PlantState, demand_rad: float) -> PlantState:
+        newest_rad = state.pending[-1][1] if state.pending else state.acting_demand_rad
+        if demand_rad == newest_rad:
+            return state
+        acts_s = state.clock_s + self.delay_s
+        return replace(state, pending=(*state.pending, (acts_s, demand_rad)))
+
+
+def clip(value: float, limit: float) -> float:
+    """``value`` within ±``limit``."""
+    return max(-limit, min(limit, value))
+
+
+def _take_due(state: PlantState) -> PlantState:
+    """Let the newest demand whose dead time is over act."""
+    now_s = state.clock_s + _SAME_INSTANT_S
+    due = [demand_rad for acts_s, demand_rad in state.pending if acts_s <= now_s]
+    if not due:
+        return state
+    return replace(state, acting_demand_rad=due[-1], pending=state.pending[len(due) :])
