@@ -15,6 +15,7 @@ Brokate and Sprekels, Hysteresis and Phase Transitions (1996), section 2.1.
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
@@ -24,6 +25,16 @@ from trepid.vehicle import Vehicle
 _SAME_INSTANT_S = 1e-9
 
 Advance = Callable[[PlantState, float, float], PlantState]
+
+
+class Motion(NamedTuple):
+    """What the actuators do at one instant: the inputs of the equations of motion."""
+
+    speed_mps: float
+    accel_mps2: float
+    tyre_angle_rad: float
+    steering_rad: float
+    play_rad: float
 
 
 class Actuators:
@@ -66,7 +77,23 @@ class Actuators:
             left_s -= span_s
         return state
 
-    def speed(self, state: PlantState, demand_mps2: float, t: float) -> tuple[float, float]:
+    def at(self, state: PlantState) -> Motion:
+        """The motion at ``state``."""
+        steering_rad, play_rad = state.road_wheel_angle_rad, state.play_rad
+        tyre_rad = steering_rad + play_rad + self.offset_rad
+        return Motion(state.speed_mps, state.accel_mps2, tyre_rad, steering_rad, play_rad)
+
+    def after(self, state: PlantState, accel_demand_mps2: float, t: float) -> Motion:
+        """The motion ``t`` [s] after ``state`` under constant demands."""
+        speed_mps, accel_mps2 = self._speed(state, accel_demand_mps2, t)
+        steering_rad = self._steering(state, t)
+        play_rad = 0.0
+        if self.friction_rad > 0.0:
+            play_rad = clip(state.play_rad + state.road_wheel_angle_rad - steering_rad, self.friction_rad)
+        tyre_rad = steering_rad + play_rad + self.offset_rad
+        return Motion(speed_mps, accel_mps2, tyre_rad, steering_rad, play_rad)
+
+    def _speed(self, state: PlantState, demand_mps2: float, t: float) -> tuple[float, float]:
         """Speed and acceleration after ``t`` [s] under a constant demand; brakes hold, they do not reverse."""
         v0, a0, lag_s = state.speed_mps, state.accel_mps2, self.accel_lag_s
         if v0 == 0.0 and demand_mps2 <= 0.0:
@@ -78,7 +105,7 @@ class Actuators:
             return speed_mps, accel_mps2
         return 0.0, max(0.0, accel_mps2)
 
-    def steering(self, state: PlantState, t: float) -> float:
+    def _steering(self, state: PlantState, t: float) -> float:
         """Angle of the steering after ``t`` [s]: full rate until the error is rate·τ, exponential from there."""
         error = state.acting_demand_rad - state.road_wheel_angle_rad
         if error == 0.0:
@@ -91,22 +118,32 @@ class Actuators:
         error_then = clip(error, self.rate_radps * self.lag_s)
         return state.acting_demand_rad - error_then * math.exp((ramp_s - t) / self.lag_s)
 
-    def play(self, state: PlantState, steering_rad: float) -> float:
-        """Play left between steering and tyres when the steering has turned one way to ``steering_rad``."""
-        if self.friction_rad == 0.0:
-            return 0.0
-        return clip(state.play_rad + state.road_wheel_angle_rad - steering_rad, self.friction_rad)
-
-    def tyre_angle_rad(self, state: PlantState) -> float:
-        """Where the tyres point."""
-        return state.road_wheel_angle_rad + state.play_rad + self.offset_rad
-
     def _enqueue(self, state: PlantState, demand_rad: float) -> PlantState:
         newest_rad = state.pending[-1][1] if state.pending else state.acting_demand_rad
         if demand_rad == newest_rad:
             return state
         acts_s = state.clock_s + self.delay_s
         return replace(state, pending=(*state.pending, (acts_s, demand_rad)))
+
+
+def moved(
+    state: PlantState, end: Motion, h: float, pose: tuple[float, float, float], inner: tuple[float, ...] = ()
+) -> PlantState:
+    """``state`` after a span of ``h`` [s] that ends with the motion ``end`` at ``pose`` (x, y, yaw)."""
+    x_m, y_m, yaw_rad = pose
+    return PlantState(
+        x_m=x_m,
+        y_m=y_m,
+        yaw_rad=yaw_rad,
+        speed_mps=end.speed_mps,
+        accel_mps2=end.accel_mps2,
+        road_wheel_angle_rad=end.steering_rad,
+        acting_demand_rad=state.acting_demand_rad,
+        pending=state.pending,
+        clock_s=state.clock_s + h,
+        play_rad=end.play_rad,
+        inner=inner,
+    )
 
 
 def clip(value: float, limit: float) -> float:

@@ -17,7 +17,7 @@ Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 (kinematics) and 3.3
 
 import math
 
-from sim_harness.plants.actuators import Actuators, clip
+from sim_harness.plants.actuators import Actuators, Motion, clip, moved
 from sim_harness.plants.axles import ANTI_LOCK, GRAVITY_MPS2, axles_of
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
@@ -87,8 +87,7 @@ class Plant:
 
     def yaw_rate_radps(self, state: PlantState) -> float:
         """ψ' = v·κ."""
-        angle_rad = self.actuators.tyre_angle_rad(state)
-        return state.speed_mps * self.curvature_1pm(angle_rad, state.speed_mps, state.accel_mps2)
+        return self._yaw_rate(self.actuators.at(state))
 
     def lateral_accel_mps2(self, state: PlantState) -> float:
         """v²·κ, positive to the left."""
@@ -122,38 +121,38 @@ class Plant:
         left_mps2 = math.sqrt(max(0.0, self.grip_mps2**2 - accel_mps2**2))
         return (math.copysign(left_mps2, lateral_mps2) - self.bank_mps2) / (speed_mps * speed_mps)
 
-    def _advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
-        """One Runge-Kutta step over ``h`` [s] during which every demand is constant."""
-        actuators, v_0 = self.actuators, state.speed_mps
-        v_mid, a_mid = actuators.speed(state, accel_demand_mps2, h / 2)
-        v_end, a_end = actuators.speed(state, accel_demand_mps2, h)
-        mid_rad = actuators.steering(state, h / 2)
-        end_rad = actuators.steering(state, h)
-        play_mid, play_end = actuators.play(state, mid_rad), actuators.play(state, end_rad)
-        offset_rad = actuators.offset_rad
-        rate_0 = v_0 * self.curvature_1pm(actuators.tyre_angle_rad(state), v_0, state.accel_mps2)
-        rate_mid = v_mid * self.curvature_1pm(mid_rad + play_mid + offset_rad, v_mid, a_mid)
-        rate_end = v_end * self.curvature_1pm(end_rad + play_end + offset_rad, v_end, a_end)
+    def pose_after(
+        self,
+        pose: tuple[float, float, float],
+        start: Motion,
+        middle: Motion,
+        end: Motion,
+        h: float,
+    ) -> tuple[float, float, float]:
+        """(x, y, yaw) one Runge-Kutta step of ``h`` [s] after ``pose``, with the motion at start, middle and end.
 
-        yaw_1 = state.yaw_rad
+        ψ' does not depend on the pose, so its four stages fall together to Simpson's rule.
+        """
+        x_m, y_m, yaw_1 = pose
+        v_0, v_mid, v_end = start.speed_mps, middle.speed_mps, end.speed_mps
+        rate_0, rate_mid, rate_end = self._yaw_rate(start), self._yaw_rate(middle), self._yaw_rate(end)
         yaw_2 = yaw_1 + h / 2 * rate_0
         yaw_3 = yaw_1 + h / 2 * rate_mid
         yaw_4 = yaw_1 + h * rate_mid
-        x_rates = (
-            v_0 * math.cos(yaw_1) + 2 * v_mid * (math.cos(yaw_2) + math.cos(yaw_3)) + v_end * math.cos(yaw_4)
-        )
-        y_rates = (
-            v_0 * math.sin(yaw_1) + 2 * v_mid * (math.sin(yaw_2) + math.sin(yaw_3)) + v_end * math.sin(yaw_4)
-        )
-        return PlantState(
-            x_m=state.x_m + h / 6 * x_rates,
-            y_m=state.y_m + h / 6 * y_rates,
-            yaw_rad=yaw_1 + h / 6 * (rate_0 + 4 * rate_mid + rate_end),
-            speed_mps=v_end,
-            accel_mps2=a_end,
-            road_wheel_angle_rad=end_rad,
-            acting_demand_rad=state.acting_demand_rad,
-            pending=state.pending,
-            clock_s=state.clock_s + h,
-            play_rad=play_end,
-        )
+        sin, cos = math.sin, math.cos
+        x_rates = v_0 * cos(yaw_1) + 2 * v_mid * (cos(yaw_2) + cos(yaw_3)) + v_end * cos(yaw_4)
+        y_rates = v_0 * sin(yaw_1) + 2 * v_mid * (sin(yaw_2) + sin(yaw_3)) + v_end * sin(yaw_4)
+        yaw_rad = yaw_1 + h / 6 * (rate_0 + 4 * rate_mid + rate_end)
+        return x_m + h / 6 * x_rates, y_m + h / 6 * y_rates, yaw_rad
+
+    def _advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
+        """``state`` after ``h`` [s] during which every demand is constant."""
+        start = self.actuators.at(state)
+        middle = self.actuators.after(state, accel_demand_mps2, h / 2)
+        end = self.actuators.after(state, accel_demand_mps2, h)
+        pose = self.pose_after((state.x_m, state.y_m, state.yaw_rad), start, middle, end, h)
+        return moved(state, end, h, pose)
+
+    def _yaw_rate(self, motion: Motion) -> float:
+        speed_mps, accel_mps2, angle_rad, _, _ = motion
+        return speed_mps * self.curvature_1pm(angle_rad, speed_mps, accel_mps2)

@@ -6,6 +6,7 @@ from pydantic import ValidationError
 
 from sim_harness.plants.kinematic import Plant as KinematicPlant
 from sim_harness.plants.settings import Model, PlantSettings
+from sim_harness.plants.single_track import SingleTrackPlant
 from sim_harness.plants.state import PlantState
 from trepid.config import InputError
 from trepid.messages import Command
@@ -50,6 +51,8 @@ def build_plant(settings: PlantSettings, vehicle: Vehicle) -> Plant:
     real = real_vehicle(settings, vehicle)
     if settings.model is Model.KINEMATIC:
         return KinematicPlant(real, settings)
+    if settings.model is Model.SINGLE_TRACK:
+        return SingleTrackPlant(real, settings)
     raise InputError(f"plant: model {settings.model.value!r} is not built yet")
 
 
