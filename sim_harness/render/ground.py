@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_harness.render.noise import smooth_noise
-from sim_harness.render.road_strip import LEFT_M, LEVELS_M, RIGHT_M, Bytes, RoadStrip
+from sim_harness.render.road_strip import RoadStrip
+from sim_harness.render.side_roads import arms_of, lay_arm
+from sim_harness.render.strip_grid import LEVELS_M, Bytes
 from sim_harness.roads.appearance import Verge
 from sim_harness.roads.road import Road
 
@@ -27,6 +29,9 @@ VERGE_BGR = {
     Verge.DRY_GRASS: (110, 152, 166),
     Verge.SOIL: (92, 116, 138),
     Verge.SNOW: (228, 222, 218),
+    Verge.GRAVEL: (132, 146, 156),
+    Verge.PAVEMENT: (146, 152, 156),
+    Verge.WATER: (118, 98, 70),
 }
 
 
@@ -36,6 +41,7 @@ class Ground:
     def __init__(self, road: Road, *, seed: int) -> None:
         self.road = road
         self.strip = RoadStrip(road, seed=seed)
+        self._arms = tuple(arms_of(road, self.strip.tint))
         rng = np.random.default_rng((seed, 3))
         jitter = rng.uniform(0.8, 1.15) * rng.uniform(0.9, 1.1, 3)
         self._verge_bgr = np.array([VERGE_BGR[section.verge] for section in road.sections]) * jitter
@@ -98,14 +104,18 @@ class Ground:
         points = _cell_centres(level, column, row, cells)
         station, offset = (a.reshape(cells, cells) for a in self.road.nearest_coordinates(points, steps=2).T)
         tile = self._verge_tile(level, column, row, points, station)
+        if self._arms:
+            self._lay_arms(tile, level, column, row)
         cell_m = step * LEVELS_M[level]
-        near = np.abs(offset) < LEFT_M + 2 * cell_m
+        right_m = self.strip.grid.right_m
+        reach_m = max(self.strip.grid.left_m, -right_m)
+        near = np.abs(offset) < reach_m + 2 * cell_m
         if near.any():
             box, pixels = _box(near, step)
             station, offset, near = station[box], offset[box], near[box]
             distance = _spread(np.abs(offset), step)
-            columns = _spread((offset - RIGHT_M) / LEVELS_M[level] - 0.5, step)
-            columns[distance > LEFT_M] = OUTSIDE
+            columns = _spread((offset - right_m) / LEVELS_M[level] - 0.5, step)
+            columns[distance > reach_m] = OUTSIDE
             for first, count in self._runs(self.strip.block_at(station[near])):
                 self._lay(tile[pixels], level, first, count, station, near, columns)
         return tile
@@ -154,7 +164,7 @@ class Ground:
         self, level: int, column: int, row: int, points: NDArray[np.float64], station: NDArray[np.float64]
     ) -> Bytes:
         """The land beside the road."""
-        cells, size = len(station), TILE_PX[level]
+        cells = len(station)
         a, b, c, d = self._phase
         x, y = points.T
         wave = (
@@ -162,10 +172,22 @@ class Ground:
         )
         colours = self._verge_bgr[self.road.section_indices(station.ravel())] * (1 + 0.06 * wave[:, None])
         tint = _spread(colours.reshape(cells, cells, 3), STEP_PX[level])
-        noise = self._verge[level]
-        top, left = row * size % len(noise), column * size % len(noise)
-        grain = noise[top : top + size, left : left + size]
+        grain = self._grain(level, column, row)
         return np.asarray(cv2.multiply(cv2.convertScaleAbs(tint, beta=-0.5), grain, scale=1 / 128), np.uint8)
+
+    def _grain(self, level: int, column: int, row: int) -> Bytes:
+        """The periodic texture of the land, around 128, on one tile."""
+        noise, size = self._verge[level], TILE_PX[level]
+        top, left = row * size % len(noise), column * size % len(noise)
+        return noise[top : top + size, left : left + size]
+
+    def _lay_arms(self, tile: Bytes, level: int, column: int, row: int) -> None:
+        """Paint the side roads that touch the tile."""
+        size = TILE_PX[level]
+        run_m = (np.arange(size, dtype=np.float64) + 0.5) * LEVELS_M[level]
+        tile_m = size * LEVELS_M[level]
+        for arm in self._arms:
+            lay_arm(tile, arm, column * tile_m + run_m, row * tile_m + run_m, self._grain(level, column, row))
 
 
 def _cell_centres(level: int, column: int, row: int, cells: int) -> NDArray[np.float64]:

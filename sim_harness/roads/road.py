@@ -295,6 +295,11 @@ class Road:
         stations = stations % self.length_m if self.closed else np.maximum(stations, 0)
         return np.searchsorted(self._section_starts, stations, side="right") - 1
 
+    def widths_at(self, station_m: ArrayLike) -> Array:
+        """Width of the lane [m] at n stations, shape (n,)."""
+        start_m, end_m = np.array(self._widths_m)[self.section_indices(station_m)].T
+        return np.asarray(start_m + (end_m - start_m) * self.section_shares(station_m))
+
     def section_shares(self, station_m: ArrayLike) -> Array:
         """How far through its section each of n stations is, 0 at the start to 1 at the end, shape (n,)."""
         stations = np.asarray(station_m, float)
