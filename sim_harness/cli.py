@@ -11,11 +11,13 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+import sim_harness.roads.cli
 from sim_harness.lockstep.closed_loop import run, run_many
 from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenarios
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
+app.add_typer(sim_harness.roads.cli.app, name="road", help="Roads to and from OpenDRIVE files.")
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
 
 

@@ -36,6 +36,7 @@ CONVERGED_M = 1e-10
 MAX_STEPS = 30
 MAX_STEP_M = 5.0
 MIN_SLOPE = 0.2
+ROAD_SUFFIXES = (".yaml", ".xodr")
 CLOSED_WITHIN_M, CLOSED_WITHIN_RAD = 1e-3, 1e-4
 
 
@@ -127,15 +128,26 @@ class RoadSettings(Settings):
 
 
 def load_road(source: str | Path) -> "Road":
-    """The road in the YAML file ``source``, or ``config/roads/<source>.yaml`` for a bare name.
+    """The road in the .yaml or .xodr file ``source``, or ``config/roads/<source>.yaml`` for a bare name.
 
     Raises InputError when the file does not describe a road, or a closed one that does not close.
     """
-    path = source if isinstance(source, Path) else CONFIG_DIR / "roads" / f"{source}.yaml"
+    path = Path(source)
+    if isinstance(source, str) and not source.endswith(ROAD_SUFFIXES):
+        path = CONFIG_DIR / "roads" / f"{source}.yaml"
     try:
-        return Road(load(path, RoadSettings))
+        return Road(load_road_settings(path))
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def load_road_settings(path: Path) -> RoadSettings:
+    """The road in a .yaml file, or in an OpenDRIVE file (.xodr) its first driving lane. Raises InputError."""
+    if path.suffix != ".xodr":
+        return load(path, RoadSettings)
+    from sim_harness.roads.opendrive import read_opendrive  # which needs this module
+
+    return read_opendrive(path).settings
 
 
 class Road:

@@ -20,7 +20,7 @@ from sim_harness.roads.appearance import Section
 from sim_harness.roads.disturbances import Disturbance, disturbed
 from sim_harness.roads.features import Junction, RoadMark
 from sim_harness.roads.light import NonNegative, Positive
-from sim_harness.roads.road import Road, RoadSettings, Segment
+from sim_harness.roads.road import ROAD_SUFFIXES, Road, RoadSettings, Segment, load_road_settings
 from sim_harness.scenarios.conditions import parse_condition
 from sim_harness.scenarios.expect import Expect
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera
@@ -103,7 +103,7 @@ class Scenario(Settings):
     name: str = ""  # default: the name of the file
     description: str
     tags: Annotated[tuple[Tag, ...], Field(min_length=1)]
-    road: str  # a name in config/roads/, or a .yaml file beside the scenario
+    road: str  # a name in config/roads/, or a .yaml or .xodr (OpenDRIVE) file beside the scenario
     segments: tuple[Segment, ...] | None = None  # this line instead of the road's, as an open road
     marks: tuple[RoadMark, ...] | None = None  # instead of the road's; on a line of its own there are none
     junctions: tuple[Junction, ...] | None = None  # likewise
@@ -133,14 +133,14 @@ class Scenario(Settings):
 
     def build_road(self) -> Road:
         """The road as this scenario has it. Raises InputError."""
-        settings = load(self._road_file(), RoadSettings)
+        settings = load_road_settings(self._road_file())
         try:
             return Road(disturbed(self._changed(settings), self.disturbances))
         except ValueError as error:
             raise InputError(f"scenario {self.name}: road {self.road}: {one_line(error)}") from error
 
     def _road_file(self) -> Path:
-        return Path(self.road) if self.road.endswith(".yaml") else ROAD_DIR / f"{self.road}.yaml"
+        return Path(self.road) if self.road.endswith(ROAD_SUFFIXES) else ROAD_DIR / f"{self.road}.yaml"
 
     def _changed(self, settings: RoadSettings) -> RoadSettings:
         """``settings`` with what this scenario has instead. Raises ValueError where it does not fit together."""
@@ -175,10 +175,10 @@ class Scenario(Settings):
         for number, name in enumerate(self.estimators):
             if name not in known:
                 return ("estimators", number), f"no estimator {name!r}; there are {', '.join(known)}"
-        if not self.road.endswith(".yaml") and not self._road_file().is_file():
+        if not self.road.endswith(ROAD_SUFFIXES) and not self._road_file().is_file():
             roads = ", ".join(sorted(path.stem for path in ROAD_DIR.glob("*.yaml")))
-            return ("road",), f"no road {self.road!r}; there are {roads}, or give a .yaml file"
-        settings = load(self._road_file(), RoadSettings)
+            return ("road",), f"no road {self.road!r}; there are {roads}, or give a .yaml or .xodr file"
+        settings = load_road_settings(self._road_file())
         try:
             Road(self._changed(settings))
         except ValueError as error:
@@ -204,11 +204,16 @@ class Scenario(Settings):
                 return ("expect", "conditions", number), str(error)
         return None
 
+    @property
+    def manoeuvres(self) -> list[str]:
+        """The kinds of phases that other vehicles have."""
+        return [phase.kind for vehicle in self.traffic for phase in vehicle.phases]
+
     def _events(self) -> Iterator[str]:
         """What a condition may wait for: the kinds of faults, disturbances and manoeuvres."""
         yield from (fault.kind for fault in self.faults)
         yield from (disturbance.kind.value for disturbance in self.disturbances)
-        yield from (phase.kind for vehicle in self.traffic for phase in vehicle.phases)
+        yield from self.manoeuvres
 
     def _to_blame(self, error: ValueError) -> str:
         """The field of this scenario that an error of the road is about."""
@@ -256,7 +261,7 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     scenario = parse(data, Scenario, source=path, overrides=overrides)
     check_vary(scenario, scenario.vary, data, path)
     update = {"name": scenario.name or path.stem}
-    if scenario.road.endswith(".yaml"):
+    if scenario.road.endswith(ROAD_SUFFIXES):
         update["road"] = str(path.parent / scenario.road)
     scenario = scenario.model_copy(update=update)
     problem = scenario.problem() if check else None
