@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sim_harness.lockstep.metrics import max_lateral_jerk_mps3, measure, min_time_gap_s
+from sim_harness.lockstep.comfort import max_lateral_jerk_mps3
+from sim_harness.lockstep.metrics import measure
 from sim_harness.lockstep.trace import Recorder
 from trepid.messages import Decision, Mode, SimTruth, Stop, VehicleState
 
@@ -136,10 +137,10 @@ def test_the_jump_of_an_intervention_is_no_jerk():
 
 
 def test_the_time_gap_is_gap_over_speed_and_null_without_a_lead():
-    assert min_time_gap_s(trace_of([truth(0.0), truth(1.0)])) is None
+    assert measure(trace_of([truth(0.0), truth(1.0)])).min_time_gap_s is None
     followed = [truth(0.0, lead_gap_m=20.0), truth(1.0, lead_gap_m=14.0), truth(2.0, lead_gap_m=16.0)]
-    assert min_time_gap_s(trace_of(followed)) == pytest.approx(1.4)
-    assert min_time_gap_s(trace_of([truth(0.0, lead_gap_m=-1.0), truth(1.0, lead_gap_m=3.0)])) == 0.0
+    assert measure(trace_of(followed)).min_time_gap_s == pytest.approx(1.4)
+    assert measure(trace_of([truth(0.0, lead_gap_m=-1.0), truth(1.0, lead_gap_m=3.0)])).min_time_gap_s == 0.0
 
 
 def test_fear_modes_and_causes_are_counted_from_the_first_decision_on():

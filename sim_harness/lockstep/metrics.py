@@ -8,16 +8,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim_harness.lockstep.comfort import max_lateral_jerk_mps3, max_r79_jerk_mps3, steering_reversals_per_min
+from sim_harness.lockstep.fear_scores import fear_auroc, fear_lead_time_s, nuisance_slowdowns_per_km
+from sim_harness.lockstep.margins import (
+    lane_edge_distance_m,
+    time_gap_s,
+    time_to_collision_s,
+    time_to_crossing_s,
+)
 from sim_harness.lockstep.trace import Column, Trace
 
 INTERVENTION_S = 6.0  # Bojarski et al., End to End Learning for Self-Driving Cars (2016), section 5.2
-JERK_WINDOW_S = 0.5  # ISO 11270:2014: lateral jerk is judged as its mean over half a second
-MIN_GAP_SPEED_MPS = 0.1  # below it a time gap says nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Metrics:
-    """Scores of one run; None where there is nothing to score."""
+    """The scores that every run is judged by; None where there is nothing to score."""
 
     duration_s: float
     distance_m: float  # along the lane centre line
@@ -63,7 +69,7 @@ def measure(trace: Trace) -> Metrics:
         max_lateral_jerk_mps3=max_lateral_jerk_mps3(trace),
         max_decel_mps2=max(0.0, float(-trace["longitudinal_accel_mps2"].min())),
         collisions=int(trace["collisions"][-1]),
-        min_time_gap_s=min_time_gap_s(trace),
+        min_time_gap_s=_least(time_gap_s(trace)),
         mean_speed_mps=distance_m / duration_s,
         max_fear=None if np.isnan(fear).all() else float(np.nanmax(fear)),
         mean_fear=_time_mean(t_s, fear),
@@ -72,28 +78,43 @@ def measure(trace: Trace) -> Metrics:
     )
 
 
-def max_lateral_jerk_mps3(trace: Trace) -> float:
-    """Largest magnitude of lateral jerk after a moving mean over 0.5 s (ISO 11270:2014).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FurtherMetrics:
+    """More scores of one run, each defined where it is computed; None where there is nothing to score.
 
-    The mean of a derivative is a difference quotient: (a_y(t + 0.5 s) - a_y(t)) / 0.5 s. Windows in which the
-    harness re-centred the vehicle are left out: that jump is not driven.
+    In a lock-step run the car is put back in the very period in which it leaves the lane, so that the trace
+    ends each departure one sample before it: the least lane edge distance is then that of the last sample
+    inside.
     """
-    t_s, accel = trace["t_s"], trace["lateral_accel_mps2"]
-    starts = np.flatnonzero(t_s <= t_s[-1] - JERK_WINDOW_S + 1e-9)
-    ends_s = t_s[starts] + JERK_WINDOW_S
-    ends = np.searchsorted(t_s, ends_s + 1e-9, side="right") - 1
-    driven = trace["interventions"][ends] == trace["interventions"][starts]
-    change = np.interp(ends_s, t_s, accel) - accel[starts]
-    return float(np.abs(change[driven]).max(initial=0.0) / JERK_WINDOW_S)
+
+    max_r79_jerk_mps3: float
+    steering_reversals_per_min: float | None
+    min_time_to_crossing_s: float | None
+    min_lane_edge_distance_m: float
+    min_time_to_collision_s: float | None
+    fear_lead_time_s: float | None
+    fear_auroc: float | None
+    nuisance_slowdowns_per_km: float | None
 
 
-def min_time_gap_s(trace: Trace) -> float | None:
-    """Least bumper-to-bumper gap over speed [s] while moving; 0 in a collision, None without a lead vehicle."""
-    gap_m, speed_mps = trace["lead_gap_m"], trace["speed_mps"]
-    moving = np.isfinite(gap_m) & (speed_mps > MIN_GAP_SPEED_MPS)
-    if not moving.any():
-        return None
-    return max(0.0, float((gap_m[moving] / speed_mps[moving]).min()))
+def measure_further(trace: Trace) -> FurtherMetrics:
+    """More scores of ``trace``, which spans some time."""
+    return FurtherMetrics(
+        max_r79_jerk_mps3=max_r79_jerk_mps3(trace),
+        steering_reversals_per_min=steering_reversals_per_min(trace),
+        min_time_to_crossing_s=_least(time_to_crossing_s(trace)),
+        min_lane_edge_distance_m=float(lane_edge_distance_m(trace).min()),
+        min_time_to_collision_s=_least(time_to_collision_s(trace)),
+        fear_lead_time_s=fear_lead_time_s(trace),
+        fear_auroc=fear_auroc(trace),
+        nuisance_slowdowns_per_km=nuisance_slowdowns_per_km(trace),
+    )
+
+
+def _least(values: Column) -> float | None:
+    """The least of the finite ``values``; None when there are none: absent, or never to come."""
+    finite = values[np.isfinite(values)]
+    return float(finite.min()) if len(finite) else None
 
 
 def _held_s(t_s: Column) -> Column:

@@ -57,6 +57,7 @@ UNITS = {  # as written -> (unit of the trace, factor)
 DERIVED: dict[str, Callable[[Trace], Column]] = {
     "time_gap_s": margins.time_gap_s,
     "time_to_collision_s": margins.time_to_collision_s,
+    "time_to_crossing_s": margins.time_to_crossing_s,
     "lane_edge_distance_m": margins.lane_edge_distance_m,
     "elapsed_s": lambda trace: trace["t_s"] - trace["t_s"][0],
 }
