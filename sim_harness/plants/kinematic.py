@@ -64,7 +64,7 @@ class Plant:
 
     def step(self, state: PlantState, command: Command, dt_s: float) -> PlantState:
         """State after ``dt_s`` under ``command``. Raises ValueError when a demand is not finite."""
-        return self.actuators.drive(state, command, dt_s, self._advance)
+        return self.actuators.drive(state, command, dt_s, self.advance)
 
     def curvature_1pm(self, tyre_angle_rad: float, speed_mps: float, accel_mps2: float = 0.0) -> float:
         """Path curvature κ at the rear axle that solves δ = atan(L·κ) + K_us·(κ·v² + g·sin φ), within the grip.
@@ -145,7 +145,7 @@ class Plant:
         yaw_rad = yaw_1 + h / 6 * (rate_0 + 4 * rate_mid + rate_end)
         return x_m + h / 6 * x_rates, y_m + h / 6 * y_rates, yaw_rad
 
-    def _advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
+    def advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
         """``state`` after ``h`` [s] during which every demand is constant."""
         start = self.actuators.at(state)
         middle = self.actuators.after(state, accel_demand_mps2, h / 2)

@@ -4,6 +4,8 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
+from sim_harness.plants.commonroad import CommonRoadPlant
+from sim_harness.plants.highway_env import HighwayEnvPlant
 from sim_harness.plants.kinematic import Plant as KinematicPlant
 from sim_harness.plants.settings import Model, PlantSettings
 from sim_harness.plants.single_track import SingleTrackPlant
@@ -49,11 +51,15 @@ class Plant(Protocol):
 def build_plant(settings: PlantSettings, vehicle: Vehicle) -> Plant:
     """The plant of ``settings``; ``vehicle`` is what the car is believed to be. Raises InputError."""
     real = real_vehicle(settings, vehicle)
-    if settings.model is Model.KINEMATIC:
-        return KinematicPlant(real, settings)
-    if settings.model is Model.SINGLE_TRACK:
-        return SingleTrackPlant(real, settings)
-    raise InputError(f"plant: model {settings.model.value!r} is not built yet")
+    match settings.model:
+        case Model.KINEMATIC:
+            return KinematicPlant(real, settings)
+        case Model.SINGLE_TRACK:
+            return SingleTrackPlant(real, settings)
+        case Model.COMMONROAD_DRIFT | Model.COMMONROAD_MULTI_BODY:
+            return CommonRoadPlant(real, settings)
+        case Model.HIGHWAY_ENV:
+            return HighwayEnvPlant(real, settings)
 
 
 def real_vehicle(settings: PlantSettings, vehicle: Vehicle) -> Vehicle:
