@@ -31,8 +31,9 @@ VERGE_BGR = {
     Verge.SNOW: (228, 222, 218),
     Verge.GRAVEL: (132, 146, 156),
     Verge.PAVEMENT: (146, 152, 156),
-    Verge.WATER: (118, 98, 70),
+    Verge.WATER: (112, 100, 84),
 }
+GREY = {Verge.PAVEMENT, Verge.WATER}  # whose hue does not vary
 
 
 class Ground:
@@ -44,7 +45,12 @@ class Ground:
         self._arms = tuple(arms_of(road, self.strip.tint))
         rng = np.random.default_rng((seed, 3))
         jitter = rng.uniform(0.8, 1.15) * rng.uniform(0.9, 1.1, 3)
-        self._verge_bgr = np.array([VERGE_BGR[section.verge] for section in road.sections]) * jitter
+        self._verge_bgr = np.array(
+            [
+                np.array(VERGE_BGR[section.verge]) * (jitter.mean() if section.verge in GREY else jitter)
+                for section in road.sections
+            ]
+        )
         self._verge = _verge_levels(rng)
         self._phase = rng.uniform(0, math.tau, 4)
         self._tiles: list[OrderedDict[tuple[int, int], Bytes]] = [OrderedDict() for _ in LEVELS_M]

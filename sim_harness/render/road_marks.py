@@ -29,10 +29,12 @@ SHAFT = ((0.0, 0.075), (0.62, 0.075), (0.62, -0.075), (0.0, -0.075))
 HEAD = ((0.60, 0.30), (1.0, 0.0), (0.60, -0.30))
 BEND = ((0.0, 0.075), (0.42, 0.075), (0.55, 0.42), (0.66, 0.42), (0.5, -0.075), (0.0, -0.075))
 LEFT_HEAD = ((0.46, 0.38), (0.76, 0.38), (0.64, 0.82))
+FORK_M = -0.22  # share of the length by which a bend lies lower beside a straight head
+LOW_BEND, LOW_HEAD = (tuple((max(x + FORK_M, 0.0), y) for x, y in part) for part in (BEND, LEFT_HEAD))
 ARROWS = {
     MarkKind.ARROW_STRAIGHT: (SHAFT, HEAD),
     MarkKind.ARROW_LEFT: (BEND, LEFT_HEAD),
-    MarkKind.ARROW_STRAIGHT_LEFT: (SHAFT, HEAD, BEND, LEFT_HEAD),
+    MarkKind.ARROW_STRAIGHT_LEFT: (SHAFT, HEAD, LOW_BEND, LOW_HEAD),
 }
 MIRRORED = {
     MarkKind.ARROW_RIGHT: MarkKind.ARROW_LEFT,

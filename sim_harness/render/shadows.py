@@ -9,8 +9,7 @@ from sim_harness.render.noise import FloatImage, smooth_noise
 from sim_harness.render.strip_grid import ROWS, Bytes, Floats, Grid, edges_m, tapered
 from sim_harness.roads.road import Road
 
-DEPTH = 0.62  # share of the light that a tree takes
-BUILDING_DEPTH, BRIDGE_DEPTH = 0.62, 0.72
+DEPTH = 0.62  # share of the light that a shadow takes
 FADE_M = 1.5
 HOUSE_M, HOUSE_SKEW = 14.0, 0.4  # length of a house; stations by which a metre to the left shifts its shadow
 BRIDGE_EVERY_M, BRIDGE_SKEW = 50.0, 0.15
@@ -66,7 +65,7 @@ class Shadows:
         reach = -right[:, None] + (right + left)[:, None] * amount[:, None] * (0.5 + 0.6 * height[:, :, 0])
         inside = (reach - self._grid.offsets) / PENUMBRA_M
         alley = (place - house - 0.3 * (1 - amount[:, None]) * height[:, :, 1]) * HOUSE_M / PENUMBRA_M
-        lit = np.clip(5 * amount, 0, 1)[:, None] * BUILDING_DEPTH
+        lit = np.clip(5 * amount, 0, 1)[:, None] * DEPTH
         return np.asarray(np.clip(np.minimum(inside, alley) + 0.5, 0, 1) * lit, np.float32)
 
     def _bridges(self, station: Floats) -> FloatImage | None:
@@ -78,7 +77,7 @@ class Shadows:
         jitter = 0.3 + 0.4 * self._table[number.astype(int) % HOUSES, 0]
         away = np.abs(place - (number + jitter) * BRIDGE_EVERY_M)
         half_m = BRIDGE_HALF_M[0] + (BRIDGE_HALF_M[1] - BRIDGE_HALF_M[0]) * amount[:, None]
-        lit = np.clip(2 * amount, 0, 1)[:, None] * BRIDGE_DEPTH
+        lit = np.clip(2 * amount, 0, 1)[:, None] * DEPTH
         return np.asarray(np.clip((half_m - away) / PENUMBRA_M + 0.5, 0, 1) * lit, np.float32)
 
 

@@ -32,7 +32,7 @@ GRAIN = {Surface.ASPHALT: 0.09, Surface.CONCRETE: 0.05, Surface.GRAVEL: 0.20}
 CONCRETE_SLAB_M = 5.0
 BREAK_M = 0.6  # depth of the deepest piece broken off the edge
 KERB_BGR, KERB_STONE_M = (168, 174, 176), 1.0
-SNOW_BGR = (232, 226, 222)
+SNOW_BGR = (246, 240, 236)
 SNOW_SOFTNESS_M = 0.12
 SNOW_RAGGED_M = 0.35  # deviation of the rim of a bank, at most half of how far it reaches in
 WET_DARKENING = 0.38  # of soaked asphalt: about half the albedo, Lekner & Dorf (1988)
@@ -47,6 +47,7 @@ class SurfacePainter:
         self._road, self._grid, self._textures, self._tint = road, grid, textures, tint
         rng = np.random.default_rng((seed, 5))
         self._rim = smooth_noise(rng, (4 * ROWS, 2), (64, 1))  # of broken edges and of snow
+        self._is_wet = any(section.wet for section in road.sections)
         self._tracks = {id(section): self._wheel_tracks(section) for section in road.sections}
 
     def mask(self, index: int, station: Floats) -> Bytes:
@@ -72,8 +73,8 @@ class SurfacePainter:
     def paint(self, colour: Bytes, here: Stretch, rng: np.random.Generator) -> None:
         """Asphalt, concrete or gravel, with its wear and its water."""
         tone = self._tone(here, rng)
-        if here.section.wet:
-            tone *= np.float32(1 - WET_DARKENING * here.section.wet)
+        if self._is_wet:
+            tone *= (1 - WET_DARKENING * self._wet(here)).astype(np.float32)
         tint = np.array(SURFACE_TINT[here.section.surface]) * self._tint * (255 * here.section.surface_grey)
         for channel in range(3):
             colour[:, :, channel] = cv2.convertScaleAbs(tone, alpha=tint[channel])
@@ -83,14 +84,22 @@ class SurfacePainter:
         section = here.section
         if section.kerb_m:
             self._lay_kerbs(colour, here)
-        if section.wet:
-            long, fine = here.part(self._textures.wave), here.part(self._textures.blotch)
-            puddles = np.clip((section.wet - 2.1 - 0.9 * long - 0.05 * fine) / 0.15, 0, 0.8)
+        if self._is_wet:
+            wet, long, fine = (
+                self._wet(here),
+                here.part(self._textures.wave),
+                here.part(self._textures.blotch),
+            )
+            puddles = np.clip((wet - 2.1 - 0.9 * long - 0.05 * fine) / 0.15, 0, 0.8) * np.clip(5 * wet, 0, 1)
             _blend(colour, puddles, PUDDLE_BGR)
         if section.snow_cover:
             self._lay_trodden_snow(colour, here)
         if section.snow_left_m or section.snow_right_m:
             self._lay_banks(colour, here)
+
+    def _wet(self, here: Stretch) -> Floats:
+        """How wet each row is, (rows, 1)."""
+        return tapered(self._road, here.station, lambda section: section.wet)[:, None]
 
     def _tone(self, here: Stretch, rng: np.random.Generator) -> FloatImage:
         """Brightness of the bare carriageway around 1, (rows, columns)."""

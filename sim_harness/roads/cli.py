@@ -10,9 +10,11 @@ from ruamel.yaml import YAML
 from sim_harness.roads.opendrive import read_opendrive
 from sim_harness.roads.opendrive_export import write_opendrive
 from sim_harness.roads.road import Road, RoadSettings, load_road
+from sim_harness.roads.show import show_verb
 from trepid.config import InputError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
+app.command("show")(show_verb)
 
 
 @app.command("export")
