@@ -14,9 +14,11 @@ from rich.table import Table
 import sim_harness.roads.cli
 from sim_harness.lockstep.closed_loop import run, run_many
 from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenarios
+from sim_harness.scenarios.schema import schema_verb
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
+app.command("schema")(schema_verb)
 app.add_typer(sim_harness.roads.cli.app, name="road", help="Roads to and from OpenDRIVE files.")
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
 

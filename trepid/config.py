@@ -152,7 +152,7 @@ def complaint(error: ValidationError, data: object, model: type[BaseModel]) -> s
         hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(known)}"
         return f"unknown field {dotted!r}; {hint}"
     if problem["type"] == "missing":
-        return f"{dotted!r} is missing"
+        return f"{'.'.join(map(str, [*path, problem['loc'][-1]]))!r} is missing"
     what = " ".join(problem["msg"].removeprefix("Value error, ").split())
     return f"{dotted}: {what}" if dotted else what
 
@@ -163,14 +163,12 @@ def _first(error: ValidationError) -> Any:
 
 
 def _without_tags(path: Sequence[str | int], data: object) -> list[str | int]:
-    """``path`` without the names of union members, which pydantic puts between what stands in the data."""
+    """The parts of ``path`` that stand in the data: pydantic puts the names of union members between them."""
     kept: list[str | int] = []
-    for index, part in enumerate(path):
+    for part in path:
         if _has(data, part):
             data = data[part]  # type: ignore[index]
-        elif not isinstance(data, dict) or index < len(path) - 1:
-            continue
-        kept.append(part)
+            kept.append(part)
     return kept
 
 
