@@ -110,7 +110,8 @@ class Controller:
         angle_rad = self._steer(lane, state, speed_mps)
         self._predictor.commanded(angle_rad, now_s=now_s)
         stop = self._stop(decision, lane, speed_mps, now_s)
-        goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s)
+        driver = state is not None and state.driver_override
+        goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver)
         return Command(
             t_s=frame_s,
             road_wheel_angle_rad=angle_rad,
@@ -210,9 +211,18 @@ class Controller:
         return decision.stop
 
     def _drive(
-        self, decision: Decision | None, lane: Lane | None, speed_mps: float | None, stop: Stop, dt_s: float
+        self,
+        decision: Decision | None,
+        lane: Lane | None,
+        speed_mps: float | None,
+        stop: Stop,
+        dt_s: float,
+        *,
+        driver: bool,
     ) -> tuple[float, float]:
-        """Speed aimed at [m/s] and acceleration demand [m/s²]."""
+        """Speed aimed at [m/s] and acceleration demand [m/s²]; where a driver drives, that of the car and none."""
+        if driver and speed_mps is not None:
+            return speed_mps, self._speed.release()
         if stop is not Stop.NONE or decision is None or lane is None or speed_mps is None:
             return 0.0, self._speed.stop(stop, speed_mps=speed_mps, dt_s=dt_s)
         cap_mps = max(0.0, min(decision.speed_cap_mps, self._top_mps))

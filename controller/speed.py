@@ -114,6 +114,11 @@ class SpeedControl:
         self.accel_mps2 = min(0.0, self.accel_mps2)  # the drive lets go at once
         return self._towards(-decel_mps2, profile.jerk_mps3 * dt_s, profile.jerk_mps3 * dt_s)
 
+    def release(self) -> float:
+        """No demand: a driver drives, and takes over or hands over without a jerk."""
+        self.accel_mps2 = 0.0
+        return self.accel_mps2
+
     def _towards(self, wanted_mps2: float, rise_mps2: float, fall_mps2: float) -> float:
         """Move the demand towards ``wanted_mps2``, up or down at most so far."""
         self.accel_mps2 += max(-fall_mps2, min(rise_mps2, wanted_mps2 - self.accel_mps2))

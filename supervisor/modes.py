@@ -44,6 +44,7 @@ class Situation(NamedTuple):
     lead: bool  # there is a vehicle to follow
     standstill: bool
     ready: bool  # everything has been healthy and fear low for long enough
+    handed_over: bool  # a driver has just let go of a moving car for which that had been so
 
 
 class ModeState(NamedTuple):
@@ -88,6 +89,10 @@ TRANSITIONS = (
     ),
 )
 """The first row that fits decides. A final stop leaves by no row."""
+HAND_OVER = Transition(
+    frozenset({Mode.STOP}), lambda s: s.handed_over and s.path, Mode.CAUTION, "a driver has handed over"
+)
+"""Leaves only the stop in which a supervisor begins: one that stopped the car is left at standstill."""
 
 
 def next_state(state: ModeState, now: Situation, *, final_causes: frozenset[str]) -> ModeState:
@@ -96,7 +101,7 @@ def next_state(state: ModeState, now: Situation, *, final_causes: frozenset[str]
         state = _tightened(state, now)
     if state.final:
         return state
-    for row in TRANSITIONS:
+    for row in (*TRANSITIONS, HAND_OVER) if state.cause == STARTING else TRANSITIONS:
         if state.mode in row.sources and row.when(now):
             return _entered(row.target, now, final_causes)
     return state

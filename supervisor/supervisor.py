@@ -16,7 +16,7 @@ from supervisor.inference import FearResult, FearRules
 from supervisor.lane import Motion
 from supervisor.modes import Held, ModeSettings, ModeState, Situation, next_state
 from supervisor.sightings import Sighting, SightingSettings, age_s, motion_of, sight
-from supervisor.watchdog import Fault, Watchdog
+from supervisor.watchdog import DRIVER, Fault, Watchdog
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import (
     Decision,
@@ -43,8 +43,8 @@ class SupervisorSettings(Settings):
 class Supervisor:
     """Rates the risk of every frame, fuses the estimates, and decides how fast to drive which path.
 
-    Begins in STOP and leaves it only from standstill with healthy inputs, also when it is restarted on the move.
-    Its state is what earlier steps gave it: the remembered path, the lead's trail, the mode and its timers.
+    Begins in STOP, also when it is restarted on the move, and leaves it only with healthy inputs: from standstill,
+    or when a driver lets go who has driven so far. Its state is what earlier steps gave it: the remembered path, the lead's trail, the mode and its timers.
     """
 
     def __init__(self, rules: FearRules, settings: SupervisorSettings, vehicle: Vehicle) -> None:
@@ -60,7 +60,8 @@ class Supervisor:
             frames_s=settings.modes.comfort_stop_age_s,
             state_s=settings.sightings.state_fresh_s,
         )
-        self._terrified, self._calm, self._ready = Held(), Held(), Held()
+        self._terrified, self._calm, self._ready, self._drivable = Held(), Held(), Held(), Held()
+        self._driver = False  # a driver acted at the last step
         self._road_back, self._pathless = Held(), Held()
         self._factor = 0.0
         self._decided_s: float | None = None
@@ -107,11 +108,13 @@ class Supervisor:
             state_s=state_age_s,
             driver_override=state is not None and state.driver_override,
         )
-        situation = self._situation(felt, fault, seen, fused, trail, motion, now_s)
+        driver = state is not None and state.driver_override
+        situation = self._situation(felt, fault, seen, fused, trail, motion, now_s, driver=driver)
+        stopped = self._mode.mode is Mode.STOP
         self._mode = next_state(self._mode, situation, final_causes=self._settings.modes.final_causes)
         path = trail if self._follows(fused, trail) else fused.path
-        self._factor = self._speed_factor(felt.fear, motion, now_s)
-        self._decided_s = now_s
+        self._factor = self._speed_factor(felt.fear, motion, now_s, begins=stopped)
+        self._decided_s, self._driver = now_s, driver
         return self._decision(seen, felt, fused, path, ahead, now_s)
 
     def _situation(
@@ -123,18 +126,24 @@ class Supervisor:
         trail: fusion.Path | None,
         motion: Motion | None,
         now_s: float,
+        *,
+        driver: bool,
     ) -> Situation:
         modes, hysteresis = self._settings.modes, self._rules.file.hysteresis
         wanted = self._rules.mode(felt.fear)
         still_wanted = self._rules.mode(min(1.0, felt.fear + hysteresis.band))
         standstill = motion is not None and abs(motion.speed_mps) < modes.standstill_mps
         surest = max((s.confidence or 0.0 for s in seen if s.lane), default=0.0)
-        healthy = not fault.cause and _all_see_or_say_why_not(seen) and bool(fused.sources)
+        healthy = not fault.cause and _drivable(seen, fused)
         ready = standstill and healthy and felt.fear <= modes.reengage_max_fear
+        drivable = (
+            fault.cause in ("", DRIVER) and _drivable(seen, fused) and felt.fear <= modes.reengage_max_fear
+        )
         return Situation(
             fault=fault.cause,
             lost=fault.lost,
-            blind=self._is_blind(fault, seen, pathless=fused.path is None and trail is None, now_s=now_s),
+            blind=self._is_blind(fault, seen, pathless=fused.path is None and trail is None, now_s=now_s)
+            and not driver,
             terrified=self._terrified.lasts(wanted is Mode.STOP, hysteresis.stop_after_s, now_s=now_s),
             afraid=wanted is not Mode.KEEP,
             calm=self._calm.lasts(still_wanted is Mode.KEEP, hysteresis.calm_after_s, now_s=now_s),
@@ -146,6 +155,10 @@ class Supervisor:
             lead=trail is not None,
             standstill=standstill,
             ready=self._ready.lasts(ready, modes.reengage_after_s, now_s=now_s),
+            handed_over=self._drivable.lasts(
+                drivable and (driver or self._driver), modes.reengage_after_s, now_s=now_s
+            )
+            and not driver,
         )
 
     def _is_blind(self, fault: Fault, seen: list[Sighting], *, pathless: bool, now_s: float) -> bool:
@@ -159,14 +172,17 @@ class Supervisor:
     def _follows(self, fused: Fused, trail: fusion.Path | None) -> bool:
         return trail is not None and (self._mode.mode is Mode.FOLLOW or fused.path is None)
 
-    def _speed_factor(self, fear: float, motion: Motion | None, now_s: float) -> float:
-        """Falls with fear at once and rises slowly, but fast to the speed that the car still has; 0 in STOP."""
+    def _speed_factor(self, fear: float, motion: Motion | None, now_s: float, *, begins: bool) -> float:
+        """Falls with fear at once and rises slowly, but fast to the speed that the car still has; 0 in STOP.
+
+        Where the drive begins it begins at the speed that the car has: that of the driver, or standstill.
+        """
         if self._mode.mode is Mode.STOP:
             return 0.0
         hysteresis = self._rules.file.hysteresis
         dt_s = 0.0 if self._decided_s is None else max(0.0, now_s - self._decided_s)
         driven = 0.0 if motion is None else motion.speed_mps / self._settings.cruise_speed_mps
-        caught_up = min(driven, self._factor + hysteresis.catch_up_per_s * dt_s)
+        caught_up = driven if begins else min(driven, self._factor + hysteresis.catch_up_per_s * dt_s)
         risen = max(caught_up, self._factor + hysteresis.recovery_per_s * dt_s)
         return min(self._rules.speed_factor(fear), risen)
 
@@ -218,9 +234,9 @@ def _opinions(rules: FearRules) -> list[str]:
     return others
 
 
-def _all_see_or_say_why_not(seen: list[Sighting]) -> bool:
-    """Every expected estimator has answered of late, if only that it sees no lane."""
-    return bool(seen) and all(s.confidence is not None for s in seen)
+def _drivable(seen: list[Sighting], fused: Fused) -> bool:
+    """Every expected estimator has answered of late, if only that it sees no lane, and one sees one."""
+    return bool(seen) and all(s.confidence is not None for s in seen) and bool(fused.sources)
 
 
 def build(
@@ -228,6 +244,10 @@ def build(
     rules: Path = CONFIG_DIR / "fear.yaml",
     settings: Path = CONFIG_DIR / "supervisor.yaml",
     vehicle: Path = CONFIG_DIR / "vehicle.yaml",
+    cruise_speed_mps: float | None = None,
 ) -> Supervisor:
-    """A supervisor from its files. Raises InputError."""
-    return Supervisor(FearRules.load(rules), load(settings, SupervisorSettings), load(vehicle, Vehicle))
+    """A supervisor from its files; ``cruise_speed_mps`` instead of that of the settings. Raises InputError."""
+    loaded = load(settings, SupervisorSettings)
+    if cruise_speed_mps is not None:
+        loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps})
+    return Supervisor(FearRules.load(rules), loaded, load(vehicle, Vehicle))

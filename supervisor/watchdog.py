@@ -4,6 +4,9 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+DRIVER = "driver_override"
+"""The cause of a stop while a driver acts."""
+
 
 class Fault(NamedTuple):
     """Cause of an immediate stop, and whether a process is lost, which makes the stop final."""
@@ -57,5 +60,5 @@ class Watchdog:
         elif "lead" in lost:
             cause = "lead_lost"
         elif driver_override:
-            cause = "driver_override"
+            cause = DRIVER
         return Fault(cause, bool(lost))

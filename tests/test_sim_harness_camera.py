@@ -7,7 +7,9 @@ import pytest
 from test_sim_harness_metrics import truth
 
 from sim_harness.lockstep.camera import SimulatedCamera
+from sim_harness.render.renderer import STILL, Motion
 from sim_harness.scenarios.scenario import load_scenario
+from sim_harness.scenarios.traffic import BODIES
 
 PERIOD_S = 0.04
 
@@ -23,14 +25,16 @@ class Painter:
         return np.full((2, 2, 3), 1 + len(self.asked), np.uint8)
 
 
-def frames(*faults, count=10, **fields):
+def frames(*faults, count=10, traffic=(), **fields):
     """(now, frame) of ``count`` steps from 100 s on, and the painter."""
     scenario = load_scenario("straight")
-    scenario = scenario.model_validate({**dict(scenario), "faults": faults})
+    scenario = scenario.model_validate({**dict(scenario), "faults": faults, "traffic": traffic})
     painter = Painter()
     camera = SimulatedCamera(scenario, painter)
     times = [100.0 + PERIOD_S * k for k in range(count)]
-    return [(t_s, camera.step(truth(t_s, **fields), now_s=t_s)) for t_s in times], painter
+    return [
+        (t_s, camera.step(truth(t_s, elapsed_s=t_s - 100.0, **fields), now_s=t_s)) for t_s in times
+    ], painter
 
 
 def test_every_frame_shows_the_true_pose_at_its_own_time():
@@ -38,12 +42,34 @@ def test_every_frame_shows_the_true_pose_at_its_own_time():
     assert [frame.t_s for _, frame in taken] == [t_s for t_s, _ in taken]
     pose, how = painter.asked[0]
     assert pose == (3.0, 1.0, 0.2)
-    assert how == {"station_m": 9.0, "t_s": 100.0, "lead": None}
+    assert how == {"station_m": 9.0, "t_s": 100.0, "vehicles": [], "motion": STILL}
 
 
-def test_the_vehicle_ahead_is_in_the_picture():
-    _, painter = frames(lead_x_m=20.0, lead_y_m=0.5, lead_yaw_rad=0.1)
-    assert painter.asked[0][1]["lead"] == (20.0, 0.5, 0.1)
+def test_every_other_vehicle_is_in_the_picture_with_its_shape():
+    """The painter gets them as the truth has them, whatever the station of ours."""
+    traffic = [{"gap_m": 10.0}, {"gap_m": 30.0, "shape": "truck"}]
+    places = dict(traffic_x_m=(20.0, 40.0), traffic_y_m=(0.5, 3.0), traffic_yaw_rad=(0.1, 0.0))
+    _, painter = frames(traffic=traffic, **places)
+    drawn = painter.asked[0][1]["vehicles"]
+    assert drawn == [((20.0, 0.5, 0.1), BODIES["car"]), ((40.0, 3.0, 0.0), BODIES["truck"])]
+
+
+def test_the_renderer_is_told_how_the_camera_moves():
+    _, painter = frames(speed_mps=8.0, yaw_rate_radps=0.1)
+    assert painter.asked[0][1]["motion"] == Motion(8.0, 0.1)
+
+
+def test_without_a_renderer_shots_have_the_truth_and_no_frame():
+    camera = SimulatedCamera(load_scenario("straight", {"sight": "truth"}), None)
+    shot = camera.shoot(truth(3.0, elapsed_s=3.0), now_s=3.0)
+    assert (shot.truth.t_s, shot.frame) == (3.0, None)
+
+
+def test_before_the_run_begins_there_are_no_faults():
+    scenario = load_scenario("straight", {"faults": "[{kind: black_frames, from_s: 0}]"})
+    camera = SimulatedCamera(scenario, Painter())
+    before, begun = (camera.step(truth(t, elapsed_s=t), now_s=t).image.any() for t in (-0.04, 0.0))
+    assert (before, begun) == (True, False)
 
 
 def test_a_frozen_camera_repeats_its_image_with_fresh_stamps_while_the_fault_lasts():

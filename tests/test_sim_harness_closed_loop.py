@@ -1,5 +1,6 @@
 """The lock-step loop with estimators that read the truth: fast, and every fault comes from the scenario."""
 
+import dataclasses
 import hashlib
 import math
 
@@ -12,6 +13,7 @@ import supervisor.supervisor
 from perception.image_statistics import ImageStatistician
 from sim_harness.lockstep.camera import SimulatedCamera
 from sim_harness.lockstep.closed_loop import Parts, run, run_many
+from sim_harness.lockstep.metrics import FurtherMetrics
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from trepid.config import CONFIG_DIR, load
@@ -24,7 +26,7 @@ LOOKAHEAD_M = 8.0
 class GreyRenderer:
     """A small noisy picture per pose: enough for the image statistics, different in every frame."""
 
-    def render(self, x_m, y_m, yaw_rad, *, station_m, t_s, lead=None):
+    def render(self, x_m, y_m, yaw_rad, *, station_m, t_s, vehicles, motion):
         noise = np.random.default_rng(round(t_s * 1e3))
         return noise.integers(40, 220, (24, 32, 3), dtype=np.uint8)
 
@@ -37,9 +39,9 @@ class WatchedCamera(SimulatedCamera):
         self.road = road
         self.truths = {}
 
-    def step(self, truth, *, now_s):
+    def shoot(self, truth, *, now_s):
         self.truths[truth.t_s] = truth
-        return super().step(truth, now_s=now_s)
+        return super().shoot(truth, now_s=now_s)
 
 
 class Seer:
@@ -165,16 +167,17 @@ def test_real_parts_give_the_same_rows_in_this_process_and_in_others():
     assert here[0]["trace_sha256"] != here[1]["trace_sha256"]
 
 
-def test_a_row_has_the_fields_of_the_design():
+def test_a_row_has_the_fields_of_the_design_and_then_the_further_scores():
     fields = """scenario seed status reasons duration_s distance_m departures interventions autonomy_percent
         max_lateral_error_m rms_lateral_error_m max_lateral_accel_mps2 max_lateral_jerk_mps3 max_decel_mps2
         collisions min_time_gap_s mean_speed_mps max_fear mean_fear modes causes realtime_factor trace_sha256"""
-    assert list(drive(load_scenario("straight").shortened(1.0)).row()) == fields.split()
+    further = [field.name for field in dataclasses.fields(FurtherMetrics)]
+    assert list(drive(load_scenario("straight").shortened(1.0)).row()) == [*fields.split(), *further]
 
 
 def test_a_plant_that_understeers_twice_as_much_still_keeps_the_lane():
     scenario = load_scenario("s_curve")
     scenario = Scenario.model_validate(
-        {**dict(scenario), "plant": {"understeer_gradient_rad_per_mps2": 0.0071}}
+        {**dict(scenario), "plant": {"vehicle": {"understeer_gradient_rad_per_mps2": 0.0071}}}
     )
     assert drive(scenario).reasons == ()

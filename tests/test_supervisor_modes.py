@@ -20,6 +20,7 @@ FINE = Situation(
     lead=False,
     standstill=False,
     ready=False,
+    handed_over=False,
 )
 KEEPING = ModeState(Mode.KEEP, Stop.NONE, "", final=False)
 FLAGS = [name for name in Situation._fields if name not in ("fault", "cause")]

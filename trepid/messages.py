@@ -196,11 +196,19 @@ class SimTruth:
     interventions: int  # so far
     collisions: int  # so far
     section: str  # name of the part of the road, e.g. "unmarked"
-    lead_gap_m: float | None  # bumper to bumper
+    lead_gap_m: float | None  # bumper to bumper, to the nearest vehicle in our lane
     lead_x_m: float | None
     lead_y_m: float | None
     lead_yaw_rad: float | None
     finished: bool  # the route is driven to its end
+    elapsed_s: float | None = None  # time of the run; negative before it begins
+    speed_mps: float | None = None
+    yaw_rate_radps: float | None = None
+    traffic_x_m: tuple[float, ...] = ()  # of every other vehicle of the scenario, at its rear axle
+    traffic_y_m: tuple[float, ...] = ()
+    traffic_yaw_rad: tuple[float, ...] = ()
+    traffic_speed_mps: tuple[float, ...] = ()
+    manoeuvres: tuple[str, ...] = ()  # kinds of phases of theirs that are under way
 
 
 class Health(StrEnum):

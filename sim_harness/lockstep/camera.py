@@ -1,56 +1,73 @@
 """The simulated camera as a node: truth in, frame out, with the camera faults of the scenario."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sim_harness.render.lead import Pose
-from sim_harness.render.renderer import Renderer
+from sim_harness.render.lead import Body, Pose
+from sim_harness.render.renderer import STILL, Motion, Renderer
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LateFrames
 from sim_harness.scenarios.scenario import Scenario
 from trepid.messages import Frame, Image, SimTruth
 
 
 @dataclass(frozen=True, slots=True)
+class Shot:
+    """What the camera took, and the truth behind it."""
+
+    truth: SimTruth  # at the capture; also of a frozen or a black frame
+    frame: Frame | None  # None where nothing is rendered
+
+
+@dataclass(frozen=True, slots=True)
 class _Underway:
-    """A frame that is on its way."""
+    """A shot that is on its way."""
 
     due_s: float
-    frame: Frame
+    shot: Shot
 
 
 class SimulatedCamera:
-    """Photographs the road from the true pose."""
+    """Photographs the road from the true pose. Faults come by the time of the run, as the truth has it."""
 
-    def __init__(self, scenario: Scenario, renderer: Renderer) -> None:
-        self._scenario = scenario
+    def __init__(self, scenario: Scenario, renderer: Renderer | None) -> None:
+        """Without a ``renderer`` shots have no frames."""
+        self._faults = scenario.faults
+        self._bodies = [vehicle.body for vehicle in scenario.traffic]
         self._renderer = renderer
-        self._origin_s: float | None = None
         self._last: Image | None = None
         self._underway: list[_Underway] = []
 
     def step(self, truth: SimTruth, *, now_s: float) -> Frame | None:
-        """The newest frame that has arrived by ``now_s``: that of ``truth``, or None while frames are late."""
-        if self._origin_s is None:
-            self._origin_s = now_s
-        faults = [f for f in self._scenario.faults if f.active(now_s - self._origin_s)]
-        frame = Frame(t_s=truth.t_s, image=self._image(truth, faults))
+        """The frame of :meth:`shoot`."""
+        shot = self.shoot(truth, now_s=now_s)
+        return shot.frame if shot else None
+
+    def shoot(self, truth: SimTruth, *, now_s: float) -> Shot | None:
+        """The newest shot that has arrived by ``now_s``: that of ``truth``, or None while frames are late."""
+        elapsed_s = truth.elapsed_s
+        faults = [] if elapsed_s is None else [f for f in self._faults if f.active(elapsed_s)]
+        frame = None
+        if self._renderer is not None:
+            frame = Frame(t_s=truth.t_s, image=self._image(self._renderer, truth, faults))
         delay_s = sum(fault.delay_s for fault in faults if isinstance(fault, LateFrames))
-        self._underway.append(_Underway(now_s + delay_s, frame))
+        self._underway.append(_Underway(now_s + delay_s, Shot(truth, frame)))
         arrived = [entry for entry in self._underway if entry.due_s <= now_s + 1e-9]
         self._underway = [entry for entry in self._underway if entry.due_s > now_s + 1e-9]
-        return max((entry.frame for entry in arrived), key=lambda frame: frame.t_s, default=None)
+        return max((entry.shot for entry in arrived), key=lambda shot: shot.truth.t_s, default=None)
 
-    def _image(self, truth: SimTruth, faults: list[Fault]) -> Image:
+    def _image(self, renderer: Renderer, truth: SimTruth, faults: list[Fault]) -> Image:
         if self._last is not None and any(isinstance(fault, FrozenCamera) for fault in faults):
             return self._last
-        image = self._renderer.render(
+        image = renderer.render(
             truth.x_m,
             truth.y_m,
             truth.yaw_rad,
             station_m=truth.station_m,
             t_s=truth.t_s,
-            lead=lead_pose(truth),
+            vehicles=others(truth, self._bodies),
+            motion=own_motion(truth),
         )
         if any(isinstance(fault, BlackFrames) for fault in faults):
             image = np.zeros_like(image)
@@ -58,8 +75,14 @@ class SimulatedCamera:
         return image
 
 
-def lead_pose(truth: SimTruth) -> Pose | None:
-    """x, y and yaw of the vehicle ahead, at its rear axle; None without one."""
-    if truth.lead_x_m is None or truth.lead_y_m is None or truth.lead_yaw_rad is None:
-        return None
-    return truth.lead_x_m, truth.lead_y_m, truth.lead_yaw_rad
+def others(truth: SimTruth, bodies: Sequence[Body]) -> list[tuple[Pose, Body]]:
+    """Where the other vehicles are, with what they look like."""
+    poses = zip(truth.traffic_x_m, truth.traffic_y_m, truth.traffic_yaw_rad, strict=True)
+    return list(zip(poses, bodies, strict=True))
+
+
+def own_motion(truth: SimTruth) -> Motion:
+    """How the camera moves, as far as the truth says so."""
+    if truth.speed_mps is None or truth.yaw_rate_radps is None:
+        return STILL
+    return Motion(truth.speed_mps, truth.yaw_rate_radps)

@@ -10,7 +10,7 @@ import multiprocessing
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import cv2
@@ -22,22 +22,22 @@ import supervisor.supervisor
 from controller.controller import Controller
 from perception.estimators import Estimator
 from perception.image_statistics import ImageStatistician
-from sim_harness.lockstep.camera import SimulatedCamera
-from sim_harness.lockstep.events import with_events
-from sim_harness.lockstep.metrics import Metrics, measure
+from sim_harness.lockstep.camera import Shot, SimulatedCamera
+from sim_harness.lockstep.events import with_events, with_manoeuvres
+from sim_harness.lockstep.metrics import Metrics, measure, measure_further
+from sim_harness.lockstep.oracle import Oracle, clear_view
 from sim_harness.lockstep.trace import Recorder, Trace
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
 from sim_harness.render.renderer import Renderer
 from sim_harness.scenarios.expect import judge
 from sim_harness.scenarios.faults import EstimatorBias, LostProcess
-from sim_harness.scenarios.scenario import Scenario
+from sim_harness.scenarios.scenario import Scenario, Sight
 from supervisor.supervisor import Supervisor
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import (
     Command,
     Decision,
-    Frame,
     ImageStatistics,
     LeadVehicle,
     SteeringEstimate,
@@ -58,6 +58,9 @@ class Parts:
     statistician: ImageStatistician
     supervisor: Supervisor
     controller: Controller
+    oracles: Mapping[str, Oracle] = field(
+        default_factory=dict
+    )  # instead of estimators, where sight is the truth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +75,7 @@ class Result:
     trace: Trace
 
     def row(self) -> dict[str, Any]:
-        """The run as ``sim run --json`` prints it (design §7)."""
+        """The run as ``sim run --json`` prints it: the fields of design §7, then further scores."""
         return {
             "scenario": self.scenario,
             "seed": self.seed,
@@ -81,6 +84,7 @@ class Result:
             **asdict(self.metrics),
             "realtime_factor": round(self.realtime_factor, 2),
             "trace_sha256": self.trace.sha256,
+            **asdict(measure_further(self.trace)),
         }
 
 
@@ -112,13 +116,17 @@ def build_parts(scenario: Scenario, *, seed: int) -> Parts:
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     limiter = controller.limiter.build()
+    renderer = None
+    if scenario.sight is Sight.CAMERA:
+        renderer = Renderer(road, camera, seed=seed, disturbances=scenario.disturbances)
     return Parts(
         vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, load_simulator(), seed=seed),
-        camera=SimulatedCamera(scenario, Renderer(road, camera, seed=seed)),
-        estimators={name: perception.estimators.build(name) for name in scenario.estimators},
+        camera=SimulatedCamera(scenario, renderer),
+        estimators={name: perception.estimators.build(name) for name in scenario.estimators if renderer},
         statistician=ImageStatistician(),
-        supervisor=supervisor.supervisor.build(),
+        supervisor=supervisor.supervisor.build(cruise_speed_mps=scenario.speed_mps),
         controller=controller.controller.build(),
+        oracles={name: Oracle(name, road, vehicle) for name in scenario.estimators if not renderer},
     )
 
 
@@ -140,26 +148,28 @@ class ClosedLoop:
         self._parts = parts
         self._simulator = simulator
         self._underway: deque[_Sight] = deque()
-        self._estimates: dict[str, SteeringEstimate | None] = dict.fromkeys(parts.estimators)
+        self._estimates: dict[str, SteeringEstimate | None] = dict.fromkeys(scenario.estimators)
         self._statistics: ImageStatistics | None = None
         self._lead: LeadVehicle | None = None
         self._decision: Decision | None = None
         self._command: Command | None = None
         self._commanded_s: float | None = None
-        self._decide_by_s = 0.0
+        self._decide_by_s = -math.inf
 
     def drive(self) -> Trace:
-        """Drive until the route or the duration is over."""
-        recorder = Recorder(tuple(self._parts.estimators))
+        """Drive until the route or the duration is over. The trace begins at t = 0, after any run-up."""
+        recorder = Recorder(self._scenario.estimators)
+        manoeuvres: list[tuple[str, ...]] = []
         period_s = self._simulator.period_s
-        for tick in range(math.floor(self._scenario.duration_s / period_s + 0.5) + 1):
+        first = -round(self._simulator.run_up_s / period_s) if self._scenario.start.speed_mps else 0
+        for tick in range(first, math.floor(self._scenario.duration_s / period_s + 0.5) + 1):
             now_s = tick * period_s
             lost = self._lost(now_s)
             state, truth = self._parts.vehicle.step(self._command, self._commanded_s, now_s=now_s)
             if self._due(tick, 1.0 / self._scenario.camera.rate_hz) and "camera" not in lost:
-                frame = self._parts.camera.step(truth, now_s=now_s)
-                if frame is not None:
-                    self._underway.append(self._look(frame, state, lost, now_s))
+                shot = self._parts.camera.shoot(truth, now_s=now_s)
+                if shot is not None:
+                    self._underway.append(self._look(shot, state, lost, now_s))
             seen = self._arrive(now_s)
             decided = (seen or now_s >= self._decide_by_s - _SAME_INSTANT_S) and "supervisor" not in lost
             if decided:
@@ -167,43 +177,55 @@ class ClosedLoop:
             if (decided or self._due(tick, self._simulator.control_period_s)) and "controller" not in lost:
                 self._command = self._parts.controller.step(self._decision, state, now_s=now_s)
                 self._commanded_s = now_s
-            recorder.add(truth, state, self._command, self._decision, self._estimates)
+            if tick >= 0:
+                recorder.add(truth, state, self._command, self._decision, self._estimates)
+                manoeuvres.append(truth.manoeuvres)
             if truth.finished:
                 break
-        return with_events(recorder.trace(), faults=self._scenario.faults)
+        return self._with_events(recorder.trace(), manoeuvres)
+
+    def _with_events(self, trace: Trace, manoeuvres: list[tuple[str, ...]]) -> Trace:
+        """``trace`` with what happened when, for conditions to name."""
+        scenario, road = self._scenario, self._parts.vehicle.road
+        trace = with_events(
+            trace,
+            faults=scenario.faults,
+            disturbances=scenario.disturbances,
+            lap_m=road.length_m if road.closed else None,
+        )
+        return with_manoeuvres(trace, scenario.manoeuvres, manoeuvres)
 
     def _due(self, tick: int, every_s: float) -> bool:
         """True in the first tick of every span of ``every_s``."""
         spans = self._simulator.period_s / every_s
-        return tick == 0 or math.floor(tick * spans + 1e-6) > math.floor((tick - 1) * spans + 1e-6)
+        return math.floor(tick * spans + 1e-6) > math.floor((tick - 1) * spans + 1e-6)
 
     def _lost(self, now_s: float) -> set[str]:
         """Processes that are gone now. Afterwards they go on where they were, as after SIGSTOP and SIGCONT."""
         faults = self._scenario.faults
         return {f.process for f in faults if isinstance(f, LostProcess) and f.active(now_s)}
 
-    def _look(self, frame: Frame, state: VehicleState, lost: set[str], now_s: float) -> _Sight:
-        """What the estimators that are there make of ``frame``."""
-        estimates = {
-            name: self._biased(name, estimator.step(frame, state, now_s=now_s), now_s)
-            for name, estimator in self._parts.estimators.items()
-            if name not in lost
-        }
+    def _look(self, shot: Shot, state: VehicleState, lost: set[str], now_s: float) -> _Sight:
+        """What the estimators that are there make of ``shot``."""
+        parts, frame = self._parts, shot.frame
+        if frame is not None:
+            seen = {
+                n: e.step(frame, state, now_s=now_s) for n, e in parts.estimators.items() if n not in lost
+            }
+        else:
+            seen = {name: o.step(shot.truth) for name, o in parts.oracles.items() if name not in lost}
         return _Sight(
             now_s + self._scenario.camera.latency_s,
-            estimates,
-            self._parts.statistician.step(frame, now_s=now_s),
-            self._parts.vehicle.sense_lead(),
+            {name: self._biased(name, estimate, now_s) for name, estimate in seen.items()},
+            parts.statistician.step(frame, now_s=now_s) if frame else clear_view(shot.truth.t_s),
+            parts.vehicle.sense_lead(),
         )
 
     def _biased(self, name: str, estimate: SteeringEstimate, now_s: float) -> SteeringEstimate:
         """``estimate`` with the biases that its estimator has now."""
         for fault in self._scenario.faults:
-            if not isinstance(fault, EstimatorBias) or fault.estimator != name or not fault.active(now_s):
-                continue
-            if estimate.lateral_offset_m is not None:
-                offset_m = estimate.lateral_offset_m + fault.lateral_m
-                estimate = replace(estimate, lateral_offset_m=offset_m)
+            if isinstance(fault, EstimatorBias) and fault.estimator == name and fault.active(now_s):
+                estimate = fault.told(estimate)
         return estimate
 
     def _arrive(self, now_s: float) -> bool:

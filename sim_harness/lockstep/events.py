@@ -1,6 +1,6 @@
-"""When the faults and disturbances of a scenario were there, as columns of its trace."""
+"""When the faults, disturbances and manoeuvres of a scenario were there, as columns of its trace."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -30,6 +30,14 @@ def with_events(
     for disturbance in disturbances:
         grade = np.array([disturbance.grade_at(station) for station in stations_m.tolist()], dtype=np.float64)
         _raise_to(columns, f"disturbance.{disturbance.kind.value}", grade)
+    return trace.joined(columns)
+
+
+def with_manoeuvres(trace: Trace, kinds: Iterable[str], samples: Sequence[Sequence[str]]) -> Trace:
+    """``trace`` with ``traffic.<kind>`` (0 or 1) of every kind of manoeuvre; ``samples`` has those under way."""
+    columns = {
+        f"traffic.{kind}": np.array([float(kind in now) for now in samples]) for kind in sorted({*kinds})
+    }
     return trace.joined(columns)
 
 

@@ -1,10 +1,10 @@
 """Watches the true pose on the road: departures, interventions, collisions, end of the route."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sim_harness.plants.state import PlantState
-from sim_harness.render.renderer import LEAD
 from sim_harness.roads.road import Road
 from trepid.vehicle import Vehicle
 
@@ -20,25 +20,20 @@ class Place:
     heading_error_rad: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeadPlace:
-    """The vehicle ahead: gap between the bumpers, middle of its rear bumper, pose of its rear axle."""
-
-    gap_m: float
-    rear_m: tuple[float, float]
-    x_m: float
-    y_m: float
-    yaw_rad: float
+def foot_point(road: Road, x_m: float, y_m: float, near_station_m: float) -> tuple[float, float]:
+    """(station, offset) of a point on ``road``; the station runs on from ``near_station_m`` over laps."""
+    station_m, offset_m = road.local_coordinates(x_m, y_m, near_station_m=near_station_m)
+    ahead_m = station_m - near_station_m
+    if road.closed:
+        ahead_m = math.remainder(ahead_m, road.length_m)
+    return near_station_m + ahead_m, offset_m
 
 
 def locate(road: Road, pose: PlantState, near_station_m: float) -> Place:
     """Where the rear axle stands on ``road``; the station runs on from ``near_station_m``."""
-    station_m, offset_m = road.local_coordinates(pose.x_m, pose.y_m, near_station_m=near_station_m)
-    ahead_m = station_m - near_station_m
-    if road.closed:
-        ahead_m = math.remainder(ahead_m, road.length_m)
+    station_m, offset_m = foot_point(road, pose.x_m, pose.y_m, near_station_m)
     heading_error_rad = math.remainder(pose.yaw_rad - road.heading_at(station_m), math.tau)
-    return Place(near_station_m + ahead_m, offset_m, heading_error_rad)
+    return Place(station_m, offset_m, heading_error_rad)
 
 
 def wheel_outside(road: Road, vehicle: Vehicle, pose: PlantState, place: Place) -> bool:
@@ -67,7 +62,7 @@ class Referee:
         self._road = road
         self._vehicle = vehicle
         self._max_offset_m = max_offset_m
-        self._in_contact = False
+        self._touched: set[int] = set()
         self.departures = 0
         self.interventions = 0
         self.collisions = 0
@@ -81,12 +76,11 @@ class Referee:
             return True
         return False
 
-    def in_contact(self, place: Place, lead: LeadPlace) -> bool:
-        """True while the car touches the vehicle ahead; each contact counts as one collision."""
-        beside = abs(place.offset_m) > (self._vehicle.track_m + LEAD.width_m) / 2
-        passed = lead.gap_m < -(LEAD.front_m - LEAD.rear_m + self._vehicle.wheelbase_m)
-        touching = lead.gap_m <= 0.0 and not beside and not passed
-        if touching and not self._in_contact:
-            self.collisions += 1
-        self._in_contact = touching or (self._in_contact and lead.gap_m < SEPARATED_M)
-        return touching
+    def judge_contacts(self, separations_m: Sequence[float]) -> None:
+        """Count every vehicle that the car begins to touch; one item per vehicle, ≤ 0 while they touch."""
+        for number, separation in enumerate(separations_m):
+            if separation <= 0.0:
+                self.collisions += number not in self._touched
+                self._touched.add(number)
+            elif separation > SEPARATED_M:
+                self._touched.discard(number)

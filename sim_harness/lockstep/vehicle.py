@@ -12,11 +12,12 @@ import numpy as np
 from pydantic import Field
 
 from controller.limiter import Limiter
-from sim_harness.lockstep.referee import LeadPlace, Place, Referee, locate
-from sim_harness.plants.kinematic import Plant
-from sim_harness.plants.plant import real_vehicle
+from sim_harness.lockstep.contact import Box, separation_m
+from sim_harness.lockstep.referee import Place, Referee, locate
+from sim_harness.lockstep.run_up import driven, first_state, rail
+from sim_harness.lockstep.traffic import Traffic
+from sim_harness.plants.plant import build_plant
 from sim_harness.plants.state import PlantState
-from sim_harness.render.renderer import LEAD
 from sim_harness.roads.road import Road
 from sim_harness.scenarios.scenario import Scenario
 from trepid.config import CONFIG_DIR, Settings, load
@@ -38,6 +39,8 @@ class SimulatorSettings(Settings):
     road_wheel_angle_noise_rad: NonNegative
     yaw_rate_noise_radps: NonNegative
     max_offset_m: Positive
+    run_up_s: Positive
+    lead_range_m: Positive
 
 
 def load_simulator() -> SimulatorSettings:
@@ -46,7 +49,7 @@ def load_simulator() -> SimulatorSettings:
 
 
 class SimulatedVehicle:
-    """Plant, sensors, limiter, referee and the vehicle ahead, on the road of a scenario."""
+    """Plant, sensors, limiter, referee and the other vehicles, on the road of a scenario."""
 
     def __init__(
         self,
@@ -59,22 +62,22 @@ class SimulatedVehicle:
         seed: int,
     ) -> None:
         """``vehicle`` is what the car is believed to be; the scenario says how its plant differs."""
-        self._scenario = scenario
-        self._road = road
-        self._vehicle = real_vehicle(scenario.plant, vehicle)
-        self._plant = Plant(self._vehicle)
+        self.road = road
+        self._plant = build_plant(scenario.plant, vehicle)
+        self._vehicle = self._plant.vehicle
         self._limiter = limiter
         self._settings = settings
         self._noise = np.random.default_rng((seed, 0))
         self._referee = Referee(road, self._vehicle, max_offset_m=settings.max_offset_m)
         self._nose_m = self._vehicle.wheelbase_m + self._vehicle.front_overhang_m
         self._route_end_m = scenario.start.station_m + scenario.route_m(road)
-        start = scenario.start
-        place = Place(start.station_m, start.offset_m, start.heading_rad)
-        self._pose = self._placed(PlantState(), place)
-        self._place = locate(road, self._pose, start.station_m)
-        self._origin_s: float | None = None
-        self._ticks = 0
+        self._start = scenario.start
+        self._run_up_ticks = round(settings.run_up_s / settings.period_s) if scenario.start.speed_mps else 0
+        self._ticks = -self._run_up_ticks  # periods since t = 0
+        self._pose, self._place = self._first()
+        nose_m = scenario.start.station_m + self._nose_m
+        self._traffic = Traffic(scenario.traffic, road, nose_m=nose_m, elapsed_s=self._elapsed_s)
+        self._origin_s: float | None = None  # t = 0 of the run
         self._applied: Command | None = None  # what the limiter let through last: the actuators hold it
 
     def step(
@@ -82,11 +85,12 @@ class SimulatedVehicle:
     ) -> tuple[VehicleState, SimTruth]:
         """Advance in whole periods up to ``now_s`` under what was applied last, then apply ``command``.
 
-        ``received_s`` is when ``command`` arrived. The first call only looks and applies.
+        ``received_s`` is when ``command`` arrived. The first call only looks and applies; it begins the run-up of a
+        start at speed, else the run.
         """
-        if self._origin_s is None:
-            self._origin_s = now_s
         period_s = self._settings.period_s
+        if self._origin_s is None:
+            self._origin_s = now_s + self._run_up_ticks * period_s
         due = math.floor((now_s - self._origin_s) / period_s + _TICK_SLACK)
         while self._ticks < due and self._applied is not None:
             self._advance(self._applied)
@@ -94,48 +98,125 @@ class SimulatedVehicle:
         self._applied = self._limiter.step(command, received_s, state, now_s=now_s)
         return state, self._truth()
 
+    def wait(self, *, now_s: float) -> tuple[VehicleState, SimTruth]:
+        """Look, but let nothing begin: the first :meth:`step` will."""
+        self._origin_s = now_s - self._elapsed_s
+        looked = self._measure(), self._truth()
+        self._origin_s = None
+        return looked
+
     def sense_lead(self) -> LeadVehicle | None:
-        """The vehicle ahead as a range sensor on the front bumper would see it; None without one."""
-        lead, size, pose = self._lead(), next(iter(self._scenario.traffic), None), self._pose
-        if lead is None or size is None:
+        """The nearest vehicle in our lane as a range sensor on the front bumper would see it.
+
+        Confidence 0 where there is none within ``lead_range_m``; None in a run without other vehicles, where no
+        such sensor runs.
+        """
+        if not self._traffic.actors:
             return None
-        dx_m, dy_m = lead.rear_m[0] - pose.x_m, lead.rear_m[1] - pose.y_m
-        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        ahead = self._traffic.ahead(self._place.station_m + self._nose_m)
+        nothing = LeadVehicle(
+            t_s=self._now_s, distance_m=None, lateral_m=None, speed_mps=None, confidence=0.0
+        )
+        if ahead is None:
+            return nothing
+        actor, _ = ahead
+        box = actor.box
+        ends = [self._from_axle(*box.at(x_m)) for x_m in (box.rear_m, box.front_m)]
+        distance_m = min(self._from_axle(*corner)[0] for corner in box.corners()) - self._nose_m
+        if distance_m > self._settings.lead_range_m:
+            return nothing
         return LeadVehicle(
             t_s=self._now_s,
-            distance_m=dx_m * cos + dy_m * sin - self._nose_m,
-            lateral_m=dy_m * cos - dx_m * sin,
-            speed_mps=size.speed_mps,
+            distance_m=distance_m,
+            lateral_m=min(ends)[1],  # of the middle of the nearer end
+            speed_mps=actor.speed_mps * math.cos(box.yaw_rad - self._pose.yaw_rad),
             confidence=1.0,
         )
 
+    def _from_axle(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """A point in the axes of our vehicle."""
+        pose = self._pose
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        dx_m, dy_m = x_m - pose.x_m, y_m - pose.y_m
+        return dx_m * cos + dy_m * sin, dy_m * cos - dx_m * sin
+
+    @property
+    def _elapsed_s(self) -> float:
+        """Time of the run; negative in the run-up."""
+        return self._ticks * self._settings.period_s
+
     @property
     def _now_s(self) -> float:
-        return (self._origin_s or 0.0) + self._ticks * self._settings.period_s
+        return (self._origin_s or 0.0) + self._elapsed_s
 
     def _advance(self, applied: Command) -> None:
-        """One period of the plant, and the referee's verdict on where it ends."""
-        self._pose = self._plant.step(self._pose, applied, self._settings.period_s)
+        """One period of everything that moves, and the referee's verdict on where it ends."""
+        period_s, elapsed_s = self._settings.period_s, self._elapsed_s
+        self._traffic.step(elapsed_s, period_s, nose_m=self._place.station_m + self._nose_m)
         self._ticks += 1
-        self._place = locate(self._road, self._pose, self._place.station_m)
+        if self._ticks <= 0:
+            self._run_up()
+        else:
+            self._drive(applied, period_s)
+        self._touch()
+
+    def _drive(self, applied: Command, period_s: float) -> None:
+        self._pose = self._plant.step(self._pose, applied, period_s)
+        self._place = locate(self.road, self._pose, self._place.station_m)
         if self._referee.must_recentre(self._pose, self._place):
             self._place = Place(self._place.station_m, 0.0, 0.0)
             self._pose = self._recentred(self._pose, self._place)
-        lead, size = self._lead(), next(iter(self._scenario.traffic), None)
-        if lead is not None and size is not None and self._referee.in_contact(self._place, lead):
-            self._pose = replace(self._pose, speed_mps=min(self._pose.speed_mps, size.speed_mps))
+
+    def _touch(self) -> None:
+        """Count contacts; whoever runs into a vehicle is no faster than it from then on."""
+        if not self._traffic.actors:
+            return
+        boxes = [actor.box for actor in self._traffic.actors]
+        separations_m = [separation_m(self._box, box) for box in boxes]
+        self._referee.judge_contacts(separations_m)
+        for actor, box, separation in zip(self._traffic.actors, boxes, separations_m, strict=True):
+            middle_m = self._from_axle(*box.at((box.rear_m + box.front_m) / 2))[0]
+            if separation <= 0.0 and middle_m > self._vehicle.wheelbase_m / 2:
+                along_mps = actor.speed_mps * math.cos(box.yaw_rad - self._pose.yaw_rad)
+                speed_mps = min(self._pose.speed_mps, max(0.0, along_mps))
+                self._pose = replace(self._pose, speed_mps=speed_mps)
+
+    @property
+    def _box(self) -> Box:
+        pose, vehicle = self._pose, self._vehicle
+        return Box(pose.x_m, pose.y_m, pose.yaw_rad, -vehicle.rear_overhang_m, self._nose_m, vehicle.track_m)
+
+    def _first(self) -> tuple[PlantState, Place]:
+        """Standing at the start, or rolling towards it."""
+        start = self._start
+        if not self._run_up_ticks:
+            place = Place(start.station_m, start.offset_m, start.heading_rad)
+            pose = self._placed(self._plant.initial(), place)
+            return pose, locate(self.road, pose, start.station_m)
+        here = rail(start, self.road, self._elapsed_s)
+        place = Place(here.station_m, here.offset_m, here.course_rad)
+        return self._placed(first_state(self._plant, here, start.speed_mps), place), place
+
+    def _run_up(self) -> None:
+        """Where the driver has the car at the end of this period."""
+        here = rail(self._start, self.road, self._elapsed_s)
+        pose = driven(self._plant, self._pose, here, self._settings.period_s, self._start.speed_mps)
+        self._place = Place(here.station_m, here.offset_m, here.course_rad)
+        self._pose = self._placed(pose, self._place)
 
     def _placed(self, pose: PlantState, place: Place) -> PlantState:
         """``pose`` moved to ``place``."""
-        x_m, y_m = self._road.position(place.station_m, place.offset_m)
-        yaw_rad = self._road.heading_at(place.station_m) + place.heading_error_rad
+        x_m, y_m = self.road.position(place.station_m, place.offset_m)
+        yaw_rad = self.road.heading_at(place.station_m) + place.heading_error_rad
         return replace(pose, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
     def _recentred(self, pose: PlantState, place: Place) -> PlantState:
         """``pose`` put back at ``place`` with the same speed and the wheels along the lane, as a driver would."""
-        curvature_1pm = self._road.curvature_at(place.station_m)
+        curvature_1pm = self.road.curvature_at(place.station_m)
         angle_rad = self._plant.steady_angle_rad(curvature_1pm, pose.speed_mps)
-        pose = replace(pose, road_wheel_angle_rad=angle_rad, acting_demand_rad=angle_rad, pending=())
+        pose = replace(
+            pose, road_wheel_angle_rad=angle_rad, acting_demand_rad=angle_rad, pending=(), inner=()
+        )
         return self._placed(pose, place)
 
     def _measure(self) -> VehicleState:
@@ -147,28 +228,15 @@ class SimulatedVehicle:
             speed_mps=pose.speed_mps * (1.0 + settings.speed_noise_ratio * speed),
             road_wheel_angle_rad=pose.road_wheel_angle_rad + settings.road_wheel_angle_noise_rad * angle,
             yaw_rate_radps=self._plant.yaw_rate_radps(pose) + settings.yaw_rate_noise_radps * rate,
-            driver_override=False,
-        )
-
-    def _lead(self) -> LeadPlace | None:
-        """Where the vehicle ahead is now: on the lane centre, at constant speed since the start."""
-        lead = next(iter(self._scenario.traffic), None)
-        if lead is None or lead.gap_m is None:
-            return None
-        elapsed_s = self._ticks * self._settings.period_s
-        rear_m = self._scenario.start.station_m + self._nose_m + lead.gap_m + lead.speed_mps * elapsed_s
-        axle_m = rear_m - LEAD.rear_m
-        x_m, y_m = self._road.position(axle_m, 0.0)
-        return LeadPlace(
-            gap_m=rear_m - self._place.station_m - self._nose_m,
-            rear_m=self._road.position(rear_m, 0.0),
-            x_m=x_m,
-            y_m=y_m,
-            yaw_rad=self._road.heading_at(axle_m),
+            driver_override=self._ticks < 0,
         )
 
     def _truth(self) -> SimTruth:
-        pose, place, lead, referee = self._pose, self._place, self._lead(), self._referee
+        pose, place, referee = self._pose, self._place, self._referee
+        actors = self._traffic.actors
+        lead = self._traffic.ahead(place.station_m + self._nose_m) if actors else None
+        lead_pose = lead[0].pose if lead else (None, None, None)
+        others = [actor.pose for actor in actors]
         return SimTruth(
             t_s=self._now_s,
             x_m=pose.x_m,
@@ -177,17 +245,25 @@ class SimulatedVehicle:
             station_m=place.station_m,
             lateral_offset_m=place.offset_m,
             heading_error_rad=place.heading_error_rad,
-            curvature_1pm=self._road.curvature_at(place.station_m),
-            lane_width_m=self._road.width_at(place.station_m),
+            curvature_1pm=self.road.curvature_at(place.station_m),
+            lane_width_m=self.road.width_at(place.station_m),
             lateral_accel_mps2=self._plant.lateral_accel_mps2(pose),
             longitudinal_accel_mps2=pose.accel_mps2,
             departures=referee.departures,
             interventions=referee.interventions,
             collisions=referee.collisions,
-            section=self._road.section_at(place.station_m).name,
-            lead_gap_m=lead.gap_m if lead else None,
-            lead_x_m=lead.x_m if lead else None,
-            lead_y_m=lead.y_m if lead else None,
-            lead_yaw_rad=lead.yaw_rad if lead else None,
+            section=self.road.section_at(place.station_m).name,
+            lead_gap_m=lead[1] if lead else None,
+            lead_x_m=lead_pose[0],
+            lead_y_m=lead_pose[1],
+            lead_yaw_rad=lead_pose[2],
             finished=place.station_m >= self._route_end_m,
+            elapsed_s=self._elapsed_s,
+            speed_mps=pose.speed_mps,
+            yaw_rate_radps=self._plant.yaw_rate_radps(pose),
+            traffic_x_m=tuple(x_m for x_m, _, _ in others),
+            traffic_y_m=tuple(y_m for _, y_m, _ in others),
+            traffic_yaw_rad=tuple(yaw_rad for _, _, yaw_rad in others),
+            traffic_speed_mps=tuple(actor.speed_mps for actor in actors),
+            manoeuvres=tuple(kind for actor in actors for kind in actor.manoeuvres),
         )

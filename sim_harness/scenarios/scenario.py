@@ -31,9 +31,6 @@ from trepid.vehicle import Vehicle
 
 SCENARIO_DIR = CONFIG_DIR / "scenarios"
 ROAD_DIR = CONFIG_DIR / "roads"
-TRUTH = "truth"
-"""The estimator that reads the simulator's truth; alone it makes a run that renders nothing."""
-
 Problem = tuple[tuple[str | int, ...], str]
 """A field, as the way to it, and what is wrong with it."""
 
@@ -79,6 +76,13 @@ class Start(Settings):
         return self.heading_rad + (math.asin(self.drift_mps / self.speed_mps) if self.drift_mps else 0.0)
 
 
+class Sight(StrEnum):
+    """What the estimators look at."""
+
+    CAMERA = "camera"  # rendered pictures
+    TRUTH = "truth"  # nothing is rendered; each of them knows the exact lane, see lockstep/oracle.py
+
+
 class CameraTiming(Settings):
     """When frames are taken and when their estimates are there."""
 
@@ -113,7 +117,8 @@ class Scenario(Settings):
     duration_s: Positive  # at most; the run also ends when the route is driven
     distance_m: Positive | None = None  # length of the route; default: one round, or to the end of the road
     camera: CameraTiming = CameraTiming()
-    estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")  # or "truth", see oracle.py
+    estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")
+    sight: Sight = Sight.CAMERA
     speed_mps: Positive | None = None  # that the driver sets; default: cruise_speed_mps of supervisor.yaml
     plant: PlantSettings = PlantSettings()  # how reality differs from config/vehicle.yaml
     disturbances: tuple[Disturbance, ...] = ()
@@ -171,10 +176,9 @@ class Scenario(Settings):
 
         Raises InputError when the file of the road is wrong.
         """
-        known = (*ESTIMATORS, TRUTH)
         for number, name in enumerate(self.estimators):
-            if name not in known:
-                return ("estimators", number), f"no estimator {name!r}; there are {', '.join(known)}"
+            if name not in ESTIMATORS:
+                return ("estimators", number), f"no estimator {name!r}; there are {', '.join(ESTIMATORS)}"
         if not self.road.endswith(ROAD_SUFFIXES) and not self._road_file().is_file():
             roads = ", ".join(sorted(path.stem for path in ROAD_DIR.glob("*.yaml")))
             return ("road",), f"no road {self.road!r}; there are {roads}, or give a .yaml or .xodr file"
@@ -191,11 +195,8 @@ class Scenario(Settings):
         except InputError as error:
             return ("plant",), str(error).removeprefix("plant: ")
         for number, fault in enumerate(self.faults):
-            if isinstance(fault, FrozenCamera | BlackFrames) and not self.has_pictures:
-                return (
-                    "faults",
-                    number,
-                ), f"{fault.kind}: with the estimator {TRUTH!r} alone there is no picture"
+            if isinstance(fault, FrozenCamera | BlackFrames) and self.sight is Sight.TRUTH:
+                return ("faults", number), f"{fault.kind}: with sight: truth there is no picture"
         events = {section.name for section in road.sections} | {*self._events()}
         for number, text in enumerate(self.expect.conditions):
             try:
@@ -222,11 +223,6 @@ class Scenario(Settings):
         ]
         named = [name for name in given if name.split("_")[0].rstrip("s") in str(error)]
         return next(iter(named or (["appearance"] if self.appearance.model_fields_set else given)), "road")
-
-    @property
-    def has_pictures(self) -> bool:
-        """False where every estimator reads the truth, so that nothing need be rendered."""
-        return any(name != TRUTH for name in self.estimators)
 
     def shortened(self, duration_s: float) -> "Scenario":
         """This scenario cut off after ``duration_s``, without the expectations that need the whole run."""

@@ -1,0 +1,68 @@
+"""Sight without a camera: the exact lane, read from the simulator, for runs that ask about everything but sight.
+
+With ``sight: truth`` nothing is rendered, so that a run takes a fraction of the time; every estimator of the
+scenario answers at the rate and with the latency of the camera, and can be lost, late or made to lie. There is no
+picture to have statistics of: the supervisor is told those of one that gives no cause for fear. Such a run says
+nothing about perception, and disturbances of the picture do nothing in it.
+"""
+
+from perception.steering import pursuit_curvature, road_wheel_angle
+from sim_harness.roads.road import Road
+from trepid.messages import ImageStatistics, SimTruth, SteeringEstimate
+from trepid.vehicle import Vehicle
+
+MIN_LOOKAHEAD_M = 8.0
+LOOKAHEAD_S = 1.0  # as the supervisor's fusion looks ahead
+
+
+class Oracle:
+    """Knows the lane at the capture of a frame: offset, heading, and the clothoid through both its curvatures."""
+
+    def __init__(self, name: str, road: Road, vehicle: Vehicle) -> None:
+        """``name`` is that of the estimator for which it answers."""
+        self._name = name
+        self._road = road
+        self._wheelbase_m = vehicle.wheelbase_m
+
+    def step(self, truth: SimTruth) -> SteeringEstimate:
+        """The lane behind ``truth``. At the rear axle and at the look-ahead its curvature is that of the road."""
+        ahead_m = max(MIN_LOOKAHEAD_M, LOOKAHEAD_S * (truth.speed_mps or 0.0))
+        ahead_1pm = self._road.curvature_at(truth.station_m + ahead_m)
+        rate_1pm2 = (ahead_1pm - truth.curvature_1pm) / ahead_m
+        command_1pm = pursuit_curvature(
+            ahead_m,
+            offset_m=truth.lateral_offset_m,
+            heading_rad=truth.heading_error_rad,
+            curvature_1pm=truth.curvature_1pm,
+            curvature_rate_1pm2=rate_1pm2,
+        )
+        return SteeringEstimate(
+            t_s=truth.t_s,
+            estimator=self._name,
+            lateral_offset_m=truth.lateral_offset_m,
+            heading_error_rad=truth.heading_error_rad,
+            curvature_1pm=ahead_1pm,
+            curvature_rate_1pm2=rate_1pm2,
+            lookahead_m=ahead_m,
+            road_wheel_angle_rad=road_wheel_angle(command_1pm, wheelbase_m=self._wheelbase_m),
+            confidence=1.0,
+            lanes_detected=2,
+            lane_width_m=truth.lane_width_m,
+            latency_ms=None,
+            reason="",
+            left_boundary_px=(),
+            right_boundary_px=(),
+        )
+
+
+def clear_view(t_s: float) -> ImageStatistics:
+    """Statistics of a bright, sharp, fresh picture: far inside "very_low" of every set in fear.yaml."""
+    return ImageStatistics(
+        t_s=t_s,
+        brightness=0.45,
+        contrast=0.2,
+        over_exposed=0.0,
+        under_exposed=0.0,
+        sharpness=1000.0,
+        frozen_s=0.0,
+    )

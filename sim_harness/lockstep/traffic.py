@@ -1,0 +1,213 @@
+"""Other vehicles in a run: scripted, deterministic, on the road or off it.
+
+On the road a vehicle is at a station and an offset; its rear axle moves along the road at its speed, on an offset
+line of a bend by ds = v·dt/(1 - κ·o). A turn-off is an arc, then a straight, in the plane. Both have closed forms
+for a constant acceleration, so nothing is integrated numerically but that quotient.
+"""
+
+import math
+from collections.abc import Sequence
+
+from sim_harness.lockstep.contact import Box
+from sim_harness.lockstep.referee import foot_point
+from sim_harness.roads.road import Road
+from sim_harness.scenarios.traffic import ChangeLane, ChangeSpeed, Phase, TrafficVehicle, TurnOff
+
+INTO_LANE_M = 0.3
+"""How far a vehicle reaches over the edge of our lane before it is one in our lane: UN R157, 5.2.5.2 (cut-in)."""
+GONE_M = 40.0  # off the road by so much: no longer looked for
+MOVING_MPS = 0.01  # a vehicle that stands does not slide sideways
+_SAME_INSTANT_S = 1e-9
+
+
+class Actor:
+    """One other vehicle on its way."""
+
+    def __init__(self, settings: TrafficVehicle, road: Road, *, nose_m: float, elapsed_s: float) -> None:
+        """``nose_m`` is the station of our front bumper at t = 0; ``elapsed_s`` ≤ 0 is the time now."""
+        self.body = settings.body
+        self.speed_mps = settings.speed_mps
+        self._road = road
+        self._forwards = -1 if settings.oncoming else 1
+        self._lane_m = road.width_at(nose_m)
+        self.offset_m = settings.lane * self._lane_m + settings.offset_m
+        self._origin_m = self._first_station(settings, nose_m)
+        self.station_m = self._origin_m + self._forwards * self.speed_mps * elapsed_s
+        self._sideways_mps = 0.0
+        self._goal_mps, self._rate_mps2 = self.speed_mps, 1.0
+        self._change: ChangeLane | None = None
+        self._change_from_m, self._changing_s = 0.0, 0.0
+        self._free: tuple[float, float, float] | None = None  # x, y, yaw off the road
+        self._turn_1pm, self._turn_left_rad = 0.0, 0.0
+        self._waiting = list(settings.phases)
+        self._short: float | None = (
+            None  # how much the next phase's trigger is short of, when first looked at
+        )
+
+    def _first_station(self, settings: TrafficVehicle, nose_m: float) -> float:
+        if settings.gap_m is None:
+            return settings.station_m or 0.0
+        near_end_m = self.body.front_m if settings.oncoming else -self.body.rear_m
+        return nose_m + settings.gap_m + near_end_m
+
+    @property
+    def box(self) -> Box:
+        """Where it is, and how large."""
+        x_m, y_m, yaw_rad = self.pose
+        return Box(x_m, y_m, yaw_rad, self.body.rear_m, self.body.front_m, self.body.width_m)
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """x, y and yaw of its rear axle."""
+        if self._free is not None:
+            return self._free
+        x_m, y_m = self._road.position(self.station_m, self.offset_m)
+        return x_m, y_m, self._road.heading_at(self.station_m) + self._course_rad
+
+    @property
+    def _course_rad(self) -> float:
+        """Heading relative to the road."""
+        return math.atan2(self._sideways_mps, self._forwards * max(self.speed_mps, MOVING_MPS))
+
+    @property
+    def manoeuvres(self) -> list[str]:
+        """The kinds of phases that are under way."""
+        under_way = {
+            "change_speed": self.speed_mps != self._goal_mps,
+            "change_lane": self._change is not None,
+            "turn_off": self._turn_left_rad > 0.0,
+        }
+        return [kind for kind, is_so in under_way.items() if is_so]
+
+    def ends(self) -> list[tuple[float, float]] | None:
+        """(station, offset) of the middles of its rear and front end; None when it has left the road."""
+        lengths_m = (self.body.rear_m, self.body.front_m)
+        if self._free is None:
+            cos, sin = math.cos(self._course_rad), math.sin(self._course_rad)
+            return [(self.station_m + x * cos, self.offset_m + x * sin) for x in lengths_m]
+        if abs(self.offset_m) > GONE_M:
+            return None
+        return [foot_point(self._road, *self.box.at(x), self.station_m) for x in lengths_m]
+
+    def step(self, elapsed_s: float, dt_s: float, gap_m: float | None) -> None:
+        """Move on from ``elapsed_s`` by ``dt_s``; ``gap_m`` is from our bumper to it, None when it is gone."""
+        if elapsed_s < -_SAME_INSTANT_S:  # before t = 0 everything rolls towards its place
+            ahead_s = min(0.0, elapsed_s + dt_s)
+            self.station_m = self._origin_m + self._forwards * self.speed_mps * ahead_s
+            return
+        while self._waiting and self._begins(self._waiting[0], elapsed_s, gap_m):
+            self._begin(self._waiting.pop(0))
+            self._short = None
+        self.speed_mps, distance_m = driven(self.speed_mps, self._goal_mps, self._rate_mps2, dt_s)
+        if self._free is None:
+            self._roll(distance_m, dt_s)
+        else:
+            self._free = self._roll_free(*self._free, distance_m)
+
+    def _begins(self, phase: Phase, elapsed_s: float, gap_m: float | None) -> bool:
+        if phase.at_s is not None:
+            return elapsed_s >= phase.at_s - _SAME_INSTANT_S
+        here, mark = (
+            (gap_m, phase.at_gap_m) if phase.at_station_m is None else (self.station_m, phase.at_station_m)
+        )
+        if here is None or mark is None:
+            return False
+        if self._short is None:
+            self._short = mark - here
+        return (mark - here) * self._short <= 0.0
+
+    def _begin(self, phase: Phase) -> None:
+        match phase:
+            case ChangeSpeed():
+                self._goal_mps, self._rate_mps2 = phase.to_mps, phase.rate_mps2
+            case ChangeLane():
+                self._change, self._change_from_m, self._changing_s = phase, self.offset_m, 0.0
+            case TurnOff():
+                self._free = self.pose
+                self._turn_1pm = (1 if phase.side == "left" else -1) / phase.radius_m
+                self._turn_left_rad = phase.angle_rad
+                self._change = None
+
+    def _roll(self, distance_m: float, dt_s: float) -> None:
+        """Along the road, and across it while the lane changes."""
+        stretch = 1.0 - self._road.curvature_at(self.station_m) * self.offset_m
+        self.station_m += self._forwards * distance_m / stretch
+        if self._change is None or distance_m <= 0.0:
+            self._sideways_mps = 0.0
+            return
+        self._changing_s += dt_s
+        span_m = self._change.to_lane * self._lane_m + self._change.to_offset_m - self._change_from_m
+        share, slope = least_jerk(self._changing_s / self._change.over_s)
+        self.offset_m = self._change_from_m + span_m * share
+        self._sideways_mps = span_m * slope / self._change.over_s
+        if self._changing_s >= self._change.over_s - _SAME_INSTANT_S:
+            self._change = None
+
+    def _roll_free(
+        self, x_m: float, y_m: float, yaw_rad: float, distance_m: float
+    ) -> tuple[float, float, float]:
+        """The pose after ``distance_m`` along the arc while it lasts, then straight on."""
+        arc_m = min(distance_m, self._turn_left_rad / abs(self._turn_1pm))
+        turned_rad = yaw_rad + self._turn_1pm * arc_m
+        x_m += (math.sin(turned_rad) - math.sin(yaw_rad)) / self._turn_1pm
+        y_m -= (math.cos(turned_rad) - math.cos(yaw_rad)) / self._turn_1pm
+        self._turn_left_rad = max(0.0, self._turn_left_rad - abs(self._turn_1pm) * arc_m)
+        straight_m = distance_m - arc_m
+        x_m, y_m = x_m + straight_m * math.cos(turned_rad), y_m + straight_m * math.sin(turned_rad)
+        if abs(self.offset_m) <= GONE_M:
+            self.station_m, self.offset_m = foot_point(self._road, x_m, y_m, self.station_m)
+        return x_m, y_m, turned_rad
+
+
+class Traffic:
+    """All other vehicles of a run."""
+
+    def __init__(
+        self, vehicles: Sequence[TrafficVehicle], road: Road, *, nose_m: float, elapsed_s: float = 0.0
+    ) -> None:
+        """``nose_m`` is the station of our front bumper at t = 0; ``elapsed_s`` ≤ 0 is the time now."""
+        self._road = road
+        self.actors = [Actor(vehicle, road, nose_m=nose_m, elapsed_s=elapsed_s) for vehicle in vehicles]
+
+    def step(self, elapsed_s: float, dt_s: float, *, nose_m: float) -> None:
+        """Move every vehicle on from ``elapsed_s`` by ``dt_s``."""
+        for actor in self.actors:
+            ends = actor.ends()
+            actor.step(elapsed_s, dt_s, None if ends is None else self._gap_m(ends, nose_m))
+
+    def ahead(self, nose_m: float) -> tuple[Actor, float] | None:
+        """The nearest vehicle in our lane whose middle is before our bumper, and the gap to it [m]."""
+        edge_m = self._road.width_at(nose_m) / 2 - INTO_LANE_M
+        nearest: tuple[Actor, float] | None = None
+        for actor in self.actors:
+            ends = actor.ends()
+            if ends is None:
+                continue
+            half_m = actor.body.width_m / 2
+            low_m, high_m = min(o for _, o in ends) - half_m, max(o for _, o in ends) + half_m
+            gap_m = self._gap_m(ends, nose_m)
+            before = gap_m + abs(ends[1][0] - ends[0][0]) / 2 > 0.0
+            if before and low_m < edge_m and high_m > -edge_m and (nearest is None or gap_m < nearest[1]):
+                nearest = actor, gap_m
+        return nearest
+
+    def _gap_m(self, ends: list[tuple[float, float]], nose_m: float) -> float:
+        """From our bumper to the nearer end; on a closed road the short way round."""
+        gap_m = min(station for station, _ in ends) - nose_m
+        return math.remainder(gap_m, self._road.length_m) if self._road.closed else gap_m
+
+
+def driven(speed_mps: float, goal_mps: float, rate_mps2: float, dt_s: float) -> tuple[float, float]:
+    """Speed after ``dt_s`` on the way to ``goal_mps`` at a constant rate, and the distance driven [m]."""
+    change_mps = goal_mps - speed_mps
+    changing_s = min(dt_s, abs(change_mps) / rate_mps2)
+    end_mps = (
+        speed_mps + math.copysign(rate_mps2 * changing_s, change_mps) if changing_s == dt_s else goal_mps
+    )
+    return end_mps, (speed_mps + end_mps) / 2 * changing_s + end_mps * (dt_s - changing_s)
+
+
+def least_jerk(share: float) -> tuple[float, float]:
+    """10τ³ - 15τ⁴ + 6τ⁵ for τ in 0..1, and its slope."""
+    t = min(max(share, 0.0), 1.0)
+    return t**3 * (10 - 15 * t + 6 * t**2), 30 * t**2 * (1 - t) ** 2
