@@ -31,7 +31,8 @@ class Chassis(Settings):
     mass_kg: Positive = 700.0  # GEM e2, about 550 kg, and two people
     front_share: Share = 0.45  # of the mass on the front axle; the batteries stand under the seats
     yaw_inertia_index: Positive = 1.0  # I_z/(m·l_f·l_r); typical of cars; measure yours
-    rear_stiffness_per_rad: Positive = 12.0  # C_r/F_zr of the unloaded axle; typical: 10 to 25
+    # C_r/F_zr of the unloaded axle: near p_ky1 = 21.9 of the tyres of CommonRoad's vehicles (ADAMS handbook).
+    rear_stiffness_per_rad: Positive = 20.0
     load_front_share: Annotated[float, Field(ge=0, le=1)] = 0.2  # of the load on the front axle: a cargo bed
 
 

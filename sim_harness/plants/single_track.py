@@ -11,8 +11,8 @@ The state beside the pose is written as ratios to the speed u, so that nothing i
     x' = u·(cos ψ - β·sin ψ)       y' = u·(sin ψ + β·cos ψ)       ψ' = u·κ
 
 With U = u these are the exact equations of the single track whose drive holds u' = a against the drag of the
-tyres. Below 1 m/s the tyres settle as fast as they do at 1 m/s (within 10 ms) instead of ever faster: what they
-settle at stays exact, down to standstill, and fades into the kinematic model. Load transfer is left out.
+tyres. Below 1 m/s the tyres settle as fast as they do at 1 m/s (within some 10 ms) instead of ever faster: what
+they settle at stays exact, down to standstill, and fades into the kinematic model. Load transfer is left out.
 
 Axle equations: Rajamani, Vehicle Dynamics and Control (2012), section 2.3. Tyres: magic formula with shape factor
 1.3 and no curvature, Pacejka, Tire and Vehicle Dynamics (2012), section 4.3.1.
@@ -21,7 +21,7 @@ Axle equations: Rajamani, Vehicle Dynamics and Control (2012), section 2.3. Tyre
 import math
 
 from sim_harness.plants.actuators import Actuators, Motion, clip, moved
-from sim_harness.plants.axles import ANTI_LOCK, GRAVITY_MPS2, axles_of
+from sim_harness.plants.axles import ANTI_LOCK, GRAVITY_MPS2, Axles, axles_of
 from sim_harness.plants.runge_kutta import rk4
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
@@ -30,9 +30,8 @@ from trepid.vehicle import Vehicle
 
 SHAPE = 1.3  # of the magic formula, lateral
 SETTLES_AS_AT_MPS = 1.0
-MAX_STEP_S = (
-    0.01  # the tyres' fastest mode is near 1/(8 ms) at 1 m/s; Runge-Kutta is stable to 2.8 times that
-)
+MAX_STEP_S = 0.01
+STEP_OF_FASTEST_MODE = 2.0  # at 1 m/s; Runge-Kutta is stable to 2.78
 _STEADY_ROUNDS = 60  # the front angle as a fixed point; contracts by F_f/C_f·tan δ, well below 1/2
 _STEADY_RAD = 1e-14
 
@@ -49,6 +48,8 @@ class SingleTrackPlant:
         self.bank_mps2 = GRAVITY_MPS2 * math.sin(settings.bank_rad)
         self.grip_mps2 = settings.friction * weight_mps2
         self.actuators = Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * self.grip_mps2)
+        fastest_radps = _fastest_mode_mps2(self.axles) / SETTLES_AS_AT_MPS
+        self._max_step_s = min(MAX_STEP_S, STEP_OF_FASTEST_MODE / fastest_radps)
 
     def initial(
         self,
@@ -149,7 +150,7 @@ class SingleTrackPlant:
 
     def _advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
         """Runge-Kutta steps over ``h`` [s] during which every demand is constant."""
-        steps = math.ceil(h / MAX_STEP_S - 1e-6)
+        steps = math.ceil(h / self._max_step_s - 1e-6)
         for _ in range(steps):
             state = self._advance_once(state, accel_demand_mps2, h / steps)
         return state
@@ -170,6 +171,16 @@ def _inner(state: PlantState) -> tuple[float, float]:
         return 0.0, 0.0
     drift, curvature = state.inner
     return drift, curvature
+
+
+def _fastest_mode_mps2(axles: Axles) -> float:
+    """Rate of the faster of the two lateral modes at low speed, times the speed."""
+    front, rear = axles.front_stiffness_nprad, axles.rear_stiffness_nprad
+    front_m, rear_m = axles.cg_to_front_m, axles.cg_to_rear_m
+    across = (front + rear) / axles.mass_kg
+    turning = (front_m**2 * front + rear_m**2 * rear) / axles.yaw_inertia_kgm2
+    coupling2 = (front_m * front - rear_m * rear) ** 2 / (axles.mass_kg * axles.yaw_inertia_kgm2)
+    return (across + turning) / 2 + math.sqrt((across - turning) ** 2 / 4 + coupling2)
 
 
 def _tyre_force_n(slip_rad: float, stiffness_nprad: float, peak_n: float) -> float:
