@@ -177,6 +177,33 @@ def test_a_camera_that_looks_down_fills_its_image_with_ground():
     assert frame(Renderer(STRAIGHT, camera, seed=1), 20.0).std() > 5
 
 
-def test_a_distorted_camera_is_refused():
-    with pytest.raises(ValueError, match="distortion"):
-        Renderer(STRAIGHT, CAMERA.model_copy(update={"distortion": (0.1, 0.0)}), seed=1)
+def test_a_lens_that_folds_its_picture_over_is_refused():
+    with pytest.raises(ValueError, match="one to one"):
+        Renderer(STRAIGHT, CAMERA.model_copy(update={"distortion": (-2.0, 0.0)}), seed=1)
+
+
+def test_a_distorted_line_appears_where_opencv_puts_it():
+    camera = CAMERA.model_copy(update={"distortion": (-0.25, 0.06, 0.002, -0.001, -0.004)})
+    grey = cv2.cvtColor(frame(Renderer(STRAIGHT, camera, seed=1), 60.0, 0.4, light=PLAIN), cv2.COLOR_BGR2GRAY)
+    ahead_m = np.arange(2.8, 14, 0.02)
+    points = np.column_stack([ahead_m, np.full_like(ahead_m, -WIDTH_M / 2 - 0.4)])
+    rays = np.linalg.solve(
+        CAMERA.intrinsics, np.column_stack([CAMERA.pixel_from_road(points), np.ones(len(points))]).T
+    )
+    seen, _ = cv2.projectPoints(
+        rays.T[:, None], np.zeros(3), np.zeros(3), camera.intrinsics, np.array(camera.distortion)
+    )
+    errors_px = []
+    for row in range(110, 235, 5):
+        nearest = np.argmin(np.abs(seen[:, 0, 1] - row))
+        column = seen[nearest, 0, 0]
+        if abs(seen[nearest, 0, 1] - row) < 0.5 and 20 < column < 300:
+            errors_px.append(brightest_column(grey[row], column, 12) - column)
+    assert len(errors_px) >= 5
+    assert np.abs(errors_px).max() < 1.2 and abs(np.mean(errors_px)) < 0.25
+
+
+def test_a_lens_without_distortion_shows_what_the_pinhole_shows():
+    camera = CAMERA.model_copy(update={"distortion": (1e-9,)})
+    bent = frame(Renderer(STRAIGHT, camera, seed=7), 20.0, light=PLAIN).astype(int)
+    assert np.abs(bent - frame(ON_STRAIGHT, 20.0, light=PLAIN))[:, 1:-1].mean() < 1.0

@@ -1,12 +1,12 @@
 """Everything above the horizon: sky, hills and trees on a cylinder around the world."""
 
 import math
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
 
-from sim_harness.render.noise import smooth_noise
+from sim_harness.render.noise import FloatImage, smooth_noise
 from sim_harness.render.road_strip import Bytes
 from trepid.camera import Camera
 
@@ -26,6 +26,7 @@ class Backdrop:
     """The panorama as one camera sees it: the first ``rows`` rows of its image."""
 
     def __init__(self, camera: Camera, *, seed: int) -> None:
+        self._camera = camera
         self.rows = min(max(math.ceil(camera.horizon_row_px + GROUND_BELOW_PX), 0), camera.height_px)
         panorama = _panorama(seed)
         self.horizon_bgr = panorama[HEIGHT - BELOW - 12].mean(axis=0)
@@ -46,6 +47,25 @@ class Backdrop:
                 cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_REPLICATE,
             )
+
+    def mirrored(self, yaw_rad: float) -> Bytes:
+        """The backdrop upside down below the horizon, BGR of the whole image: as still water mirrors it."""
+        ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
+        columns, rows = self._mirror
+        return np.asarray(
+            cv2.remap(
+                self._twice_around, columns + ahead, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            )[:, :, :3].copy(),
+            np.uint8,
+        )
+
+    @cached_property
+    def _mirror(self) -> tuple[FloatImage, FloatImage]:
+        camera = self._camera
+        u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
+        right = np.arctan((u - camera.cx_px) / camera.fx_px) - camera.yaw_rad
+        up = np.abs(v - camera.horizon_row_px)
+        return (right * WIDTH / math.tau).astype(np.float32), (HEIGHT - BELOW - up).astype(np.float32)
 
 
 @lru_cache(maxsize=2)  # the cameras of one road share it

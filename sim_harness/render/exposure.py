@@ -25,11 +25,23 @@ class Exposure:
 
     def __init__(self, camera: Camera) -> None:
         self._camera = camera
-        self._vignette = _vignette(camera)
+        self.vignette = _vignette(camera)
 
-    def expose(self, image: Bytes, light: Light, *, sun_bearing_rad: float, seed: tuple[int, int]) -> Bytes:
-        """The frame; ``sun_bearing_rad`` is left of the camera's axis, ``seed`` picks the noise."""
-        image = np.asarray(cv2.multiply(image, self._vignette, scale=1 / 255), np.uint8)
+    def expose(
+        self,
+        image: Bytes,
+        light: Light,
+        *,
+        sun_bearing_rad: float,
+        seed: tuple[int, int],
+        vignetted: bool = False,
+    ) -> Bytes:
+        """The frame; ``sun_bearing_rad`` is left of the camera's axis, ``seed`` picks the noise.
+
+        ``vignetted``: the corners of ``image`` have lost their light already.
+        """
+        if not vignetted:
+            image = np.asarray(cv2.multiply(image, self.vignette, scale=1 / 255), np.uint8)
         if light.haze > 0:
             image = np.asarray(
                 cv2.addWeighted(image, 1 - light.haze, image, 0, HAZE_GREY * light.haze), np.uint8

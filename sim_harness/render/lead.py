@@ -18,6 +18,7 @@ NEAR_M = 0.3  # faces are clamped to this depth
 MAX_PX = 8000.0
 SHADOW = 80  # light left below a car, of 255
 SHIFT = 4  # sub-pixel bits of OpenCV's drawing
+FRONT_OVERHANG_M, WHEEL_M = 0.80, 0.32
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +34,19 @@ class Body:
     bgr: tuple[int, int, int] = (120, 60, 40)
 
 
-def draw_lead(image: Bytes, camera: Camera, body: Body, pose: Pose) -> None:
-    """Draw ``body`` at ``pose`` in the vehicle frame of the camera into ``image``; nothing when it is behind."""
-    if pose[0] + body.rear_m < camera.x_m + NEAR_M:
+def draw_lead(image: Bytes, camera: Camera, body: Body, pose: Pose, *, mirrored: bool = False) -> None:
+    """Draw ``body`` at ``pose`` in the vehicle frame of the camera into ``image``; nothing when it is behind.
+
+    ``mirrored``: as it is seen in a wet road, upside down and without a shadow.
+    """
+    if pose[0] + math.hypot(body.front_m, body.width_m) < camera.x_m + NEAR_M:
         return
     half = body.width_m / 2
-    painter = _Painter(image, camera, pose)
-    painter.shadow(body.rear_m - 0.15, body.front_m, half + 0.12)
-    for x0, x1 in ((-0.32, 0.32), (2.28, 2.92)):  # wheels
+    painter = _Painter(image, camera, pose, mirrored=mirrored)
+    if not mirrored:
+        painter.shadow(body.rear_m - 0.15, body.front_m, half + 0.12)
+    axle_m = body.front_m - FRONT_OVERHANG_M
+    for x0, x1 in ((-WHEEL_M, WHEEL_M), (axle_m - WHEEL_M, axle_m + WHEEL_M)):
         for y in (-half, half):
             painter.face([(x0, y, 0.0), (x1, y, 0.0), (x1, y, 0.6), (x0, y, 0.6)], (28, 28, 28))
     for y0, y1 in ((-half, -half + 0.2), (half - 0.2, half)):
@@ -48,11 +54,23 @@ def draw_lead(image: Bytes, camera: Camera, body: Body, pose: Pose) -> None:
     painter.box((body.rear_m, body.front_m), half, half, (body.clearance_m, body.waist_m), body.bgr)
     painter.cabin(body, half)
     _draw_rear(painter, body, half)
+    _draw_front(painter, body, half)
+
+
+def _draw_front(painter: "_Painter", body: Body, half: float) -> None:
+    """Grille and headlamps."""
+    if not painter.sees_front(body.front_m):
+        return
+    x = body.front_m
+    painter.face(_rear(x, -half, half, body.clearance_m, 0.40), (38, 38, 40))
+    painter.face(_rear(x, -0.5, 0.5, 0.48, 0.66), (30, 30, 32))
+    for y0, y1 in ((-half, -half + 0.36), (half - 0.36, half)):
+        painter.face(_rear(x, y0, y1, 0.58, 0.76), (235, 235, 230))
 
 
 def _draw_rear(painter: "_Painter", body: Body, half: float) -> None:
     """Lamps, plate and bumper."""
-    if not painter.sees_rear:
+    if not painter.sees_rear(body.rear_m):
         return
     x = body.rear_m
     painter.face(_rear(x, -half, half, body.clearance_m, 0.42), (38, 38, 40))
@@ -68,29 +86,48 @@ def _rear(x: float, y0: float, y1: float, z0: float, z1: float) -> list[tuple[fl
 class _Painter:
     """Projects polygons of the car's own axes into the image."""
 
-    def __init__(self, image: Bytes, camera: Camera, pose: Pose) -> None:
+    def __init__(self, image: Bytes, camera: Camera, pose: Pose, *, mirrored: bool = False) -> None:
         self._image, self._camera = image, camera
+        self._upside = np.array([1.0, 1.0, -1.0 if mirrored else 1.0])
         x, y, yaw = pose
         cos, sin = math.cos(yaw), math.sin(yaw)
         self._turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
         self._shift = np.array([x, y, 0.0]) - (camera.x_m, camera.y_m, camera.height_m)
         self._eye = self._turn.T @ -self._shift  # the camera in the car's axes
-        self.sees_rear = bool(self._eye[0] < 0)
+
+    def sees_rear(self, x_m: float) -> bool:
+        """Whether the camera stands behind the plane ``x_m`` ahead of the rear axle."""
+        return bool(self._eye[0] < x_m)
+
+    def sees_front(self, x_m: float) -> bool:
+        """Whether the camera stands before the plane ``x_m`` ahead of the rear axle."""
+        return bool(self._eye[0] > x_m)
 
     def face(self, corners: list[tuple[float, float, float]], bgr: tuple[float, ...]) -> None:
         """A filled convex polygon."""
         polygon = self._project(np.array(corners))
-        cv2.fillConvexPoly(self._image, polygon, bgr, cv2.LINE_AA, SHIFT)
+        if len(polygon) > 2:
+            cv2.fillConvexPoly(self._image, polygon, bgr, cv2.LINE_AA, SHIFT)
 
     def shadow(self, rear_m: float, front_m: float, half_m: float) -> None:
         """Darken the road below the car, softly."""
         corners = [(rear_m, -half_m, 0), (rear_m, half_m, 0), (front_m, half_m, 0), (front_m, -half_m, 0)]
         polygon = self._project(np.array(corners, float))
+        if len(polygon) < 3:
+            return
         light = np.full(self._image.shape[:2], 255, np.uint8)
         cv2.fillConvexPoly(light, polygon, SHADOW, cv2.LINE_AA, SHIFT)
         spread_px = max(0.06 * float(np.ptp(polygon[:, 1])) / 2**SHIFT, 0.5)
-        soft = cv2.GaussianBlur(light, (0, 0), min(spread_px, 6.0))
-        cv2.multiply(self._image, cv2.merge([soft] * 3), self._image, scale=1 / 255)
+        spread_px = min(spread_px, 6.0)
+        low, high = (
+            polygon.min(axis=0) / 2**SHIFT - 6 * spread_px,
+            polygon.max(axis=0) / 2**SHIFT + 6 * spread_px,
+        )
+        columns, rows = (slice(max(int(a), 0), max(int(b) + 2, 0)) for a, b in zip(low, high, strict=True))
+        part = self._image[rows, columns]
+        if part.size:
+            soft = cv2.GaussianBlur(light, (0, 0), spread_px)[rows, columns]
+            part[:] = cv2.multiply(part, cv2.merge([soft] * 3), scale=1 / 255)
 
     def box(
         self,
@@ -115,7 +152,9 @@ class _Painter:
             self.face(
                 [(x0, -upper, z1), (x1, -upper, z1), (x1, upper, z1), (x0, upper, z1)], _shaded(bgr, 1.25)
             )
-        end = x0 if self.sees_rear else x1
+        if not (self.sees_rear(x0) or self.sees_front(x1)):
+            return
+        end = x0 if self.sees_rear(x0) else x1
         corners = [(end, -lower, z0), (end, lower, z0), (end, upper, z1), (end, -upper, z1)]
         self.face(corners, _shaded(bgr, 0.95))
 
@@ -127,10 +166,35 @@ class _Painter:
         self.box(x, roof_half + 0.02, roof_half, (body.height_m - 0.08, body.height_m), body.bgr)
 
     def _project(self, corners: Points) -> NDArray[np.int32]:
-        """Corners in the car's axes, shape (n, 3), to fixed-point pixels."""
-        seen = self._camera.optical_from_vehicle @ ((self._turn @ corners.T).T + self._shift).T
-        pixel = self._camera.intrinsics @ (seen / np.maximum(seen[2], NEAR_M))
-        return np.round(np.clip(pixel[:2].T, -MAX_PX, MAX_PX) * 2**SHIFT).astype(np.int32)
+        """A polygon in the car's axes, shape (n, 3), to fixed-point pixels of what is before the lens."""
+        points = (self._turn @ (corners * self._upside).T).T + self._shift
+        seen = _before(points @ self._camera.optical_from_vehicle.T, NEAR_M)
+        pixel = self._camera.intrinsics[:2] @ (seen / seen[:, 2:]).T
+        return np.round(np.clip(pixel.T, -MAX_PX, MAX_PX) * 2**SHIFT).astype(np.int32)
+
+
+def _before(polygon: Points, depth_m: float) -> Points:
+    """The part of a polygon (n, 3) with z >= ``depth_m``: Sutherland and Hodgman (1974) with one plane."""
+    if (polygon[:, 2] >= depth_m).all():
+        return polygon
+    kept = []
+    for here, there in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if here[2] >= depth_m:
+            kept.append(here)
+        if (here[2] >= depth_m) != (there[2] >= depth_m):
+            kept.append(here + (depth_m - here[2]) / (there[2] - here[2]) * (there - here))
+    return np.array(kept).reshape(-1, 3)
+
+
+def outline(camera: Camera, body: Body, pose: Pose) -> NDArray[np.int32] | None:
+    """Fixed-point convex outline of the box around a vehicle; None when it is not before the lens."""
+    painter = _Painter(np.empty((0, 0, 3), np.uint8), camera, pose)
+    half = body.width_m / 2
+    ends = [
+        [(x, y, z) for y in (-half, half) for z in (0.0, body.height_m)] for x in (body.rear_m, body.front_m)
+    ]
+    corners = [painter._project(np.array([a, b])) for a, b in zip(*ends, strict=True)]
+    return np.asarray(cv2.convexHull(np.concatenate(corners)), np.int32) if any(map(len, corners)) else None
 
 
 def _shaded(bgr: tuple[int, int, int], share: float) -> tuple[float, ...]:

@@ -7,19 +7,23 @@ Until the ground is drawn the frame has a fourth channel: OpenCV warps four chan
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_harness.render.backdrop import Backdrop
+from sim_harness.render.disturber import Disturber
 from sim_harness.render.exposure import Exposure
 from sim_harness.render.ground import Ground
 from sim_harness.render.lead import Body, Pose, draw_lead
+from sim_harness.render.lens import Distortion
 from sim_harness.render.road_strip import LEVELS_M, Bytes
-from sim_harness.roads.disturbances import Disturbance, disturbed
+from sim_harness.render.view import STILL, Motion, Shot
+from sim_harness.roads.disturbance_table import load_table
+from sim_harness.roads.disturbances import Disturbance, DisturbanceKind, disturbed
 from sim_harness.roads.light import Light
 from sim_harness.roads.road import Road
 from trepid.camera import Camera
@@ -34,17 +38,6 @@ HAZE_REACH_M = 220.0
 PAINT_AHEAD_M = 7.0  # where tiles are painted, one a frame, before they are needed
 LIGHT_RAMP_M = 10.0  # over which the light changes from one section to the next
 LEAD = Body()
-
-
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """How the vehicle moves while the shutter is open."""
-
-    speed_mps: float = 0.0
-    yaw_rate_radps: float = 0.0
-
-
-STILL = Motion()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,20 +64,27 @@ class Renderer:
         ground: Ground | None = None,
         disturbances: Sequence[Disturbance] = (),
     ) -> None:
-        """``ground`` may be shared between the cameras of one road. Raises ValueError for a distorted camera."""
-        if any(camera.distortion):
-            raise ValueError("the renderer draws undistorted images; got a camera with lens distortion")
-        self.disturbances = tuple(disturbances)
-        if disturbances:
+        """``ground`` may be shared between the cameras of one road; it is then painted as it is.
+
+        Raises ValueError for a distortion that folds the picture over, InputError for a bad table of disturbances.
+        """
+        if ground is None and disturbances:
             road = Road(disturbed(road.settings, disturbances))
         self.road = road
         self.camera = camera
         self.seed = seed
+        self._lens = Distortion(camera) if any(camera.distortion) else None
+        self._eye = self._lens.pinhole if self._lens else camera
         self._ground = ground or Ground(road, seed=seed)
-        self._backdrop = Backdrop(camera, seed=seed)
+        self._backdrop = Backdrop(self._eye, seed=seed)
         self._exposure = Exposure(camera)
-        self._bands = _bands(camera, self._backdrop.rows)
-        self._far_rows, self._far_share = _far(camera, self._backdrop.rows)
+        self._bands = _bands(self._eye, self._backdrop.rows)
+        self._far_rows, self._far_share = _far(self._eye, self._backdrop.rows)
+        self._disturber = (
+            Disturber(road, self._eye, camera, self._backdrop, disturbances, load_table(), seed=seed)
+            if any(disturbance.grade > 0 for disturbance in disturbances)
+            else None
+        )
         self._far_haze = np.empty((*self._far_share.shape, 4), np.uint8)
         self._far_haze[:] = (*np.rint(self._backdrop.horizon_bgr), 255)
 
@@ -107,21 +107,70 @@ class Renderer:
         ahead; ``vehicles``: of any others, with what they look like; ``motion``: of the own vehicle, for what
         blurs; ``light``: instead of that of the road's section.
         """
-        if light is None:
-            station_m = self.road.local_coordinates(x_m, y_m)[0] if station_m is None else station_m
-            light = self._light_at(station_m)
-        padded = np.empty((self.camera.height_px, self.camera.width_px, 4), np.uint8)
-        self._backdrop.draw(padded, yaw_rad)
-        self._draw_ground(padded, x_m, y_m, yaw_rad)
-        image = np.asarray(cv2.cvtColor(padded, cv2.COLOR_BGRA2BGR), np.uint8)
+        if station_m is None and (light is None or self._disturber):
+            station_m = self.road.local_coordinates(x_m, y_m)[0]
+        pose = (x_m, y_m, yaw_rad)
+        image = self._ground_and_sky(pose)
         self._paint_ahead(x_m, y_m, yaw_rad)
         others = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
-        relative = [(_relative(pose, (x_m, y_m, yaw_rad)), body) for pose, body in others]
-        for pose, body in sorted(relative, key=lambda other: -math.hypot(*other[0][:2])):
-            draw_lead(image, self.camera, body, pose)
-        bearing = self.road.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad
-        frame = round(t_s * 1e4) % 2**63
-        return self._exposure.expose(image, light, sun_bearing_rad=bearing, seed=(self.seed, frame))
+        shot = Shot(
+            road=self.road,
+            pose=pose,
+            station_m=0.0 if station_m is None else station_m,
+            t_s=t_s,
+            motion=motion,
+            vehicles=_far_first(others, pose),
+            sun_bearing_rad=self.road.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad,
+            seed=self.seed,
+        )
+        light = self._light_at(shot.station_m) if light is None else light
+        grades = self._disturber.grades(shot.station_m) if self._disturber else {}
+        if self._disturber and (grades or self._disturber.needs_light(shot.station_m, grades)):
+            return self._disturbed(self._disturber, image, shot, light, grades)
+        self._draw_vehicles(image, shot)
+        return self._expose(self._bent(image), shot, light)
+
+    def _ground_and_sky(self, pose: Pose) -> Image:
+        padded = np.empty((self._eye.height_px, self._eye.width_px, 4), np.uint8)
+        self._backdrop.draw(padded, pose[2])
+        self._draw_ground(padded, *pose)
+        return np.asarray(cv2.cvtColor(padded, cv2.COLOR_BGRA2BGR), np.uint8)
+
+    def _draw_vehicles(self, image: Image, shot: Shot) -> None:
+        for pose, body in shot.vehicles:
+            draw_lead(image, self._eye, body, pose)
+
+    def _bent(self, image: Image) -> Image:
+        return np.asarray(self._lens.bend(image), np.uint8) if self._lens else image
+
+    def _expose(self, image: Image, shot: Shot, light: Light, *, vignetted: bool = False) -> Image:
+        bearing, noise = shot.sun_bearing_rad, (self.seed, shot.frame)
+        return self._exposure.expose(image, light, sun_bearing_rad=bearing, seed=noise, vignetted=vignetted)
+
+    def _disturbed(
+        self,
+        disturber: Disturber,
+        image: Image,
+        shot: Shot,
+        light: Light,
+        grades: Mapping[DisturbanceKind, float],
+    ) -> Image:
+        """The frame of ``image``, ground and sky, under the disturbances ``grades``."""
+        still = _far_first(disturber.standing_near(shot.pose), shot.pose)
+        for pose, body in still:
+            draw_lead(image, self._eye, body, pose)
+        image = disturber.move(image, shot, grades)  # others move about as fast as we: they stay sharp
+        self._draw_vehicles(image, shot)
+        shot = replace(shot, vehicles=tuple(sorted((*still, *shot.vehicles), key=_distance, reverse=True)))
+        with_light = disturber.needs_light(shot.station_m, grades)
+        if with_light:
+            scene = disturber.scene(image, shot, grades)
+            scene = np.asarray(self._lens.bend(scene), np.float32) if self._lens else scene
+            scene = disturber.through_lens(scene, shot, grades, self._exposure.vignette)
+            image = disturber.develop(scene, shot, grades)
+        else:
+            image = self._bent(image)
+        return disturber.finish(self._expose(image, shot, light, vignetted=with_light), shot, grades)
 
     def prepaint(self) -> None:
         """Paint the whole carriageway and the distance now, so that no later frame has to wait for it."""
@@ -162,6 +211,17 @@ class Renderer:
         fields = Light.model_fields
         blend = {n: (1 - share) * getattr(before.light, n) + share * getattr(here.light, n) for n in fields}
         return Light(**blend)
+
+
+def _far_first(vehicles: Sequence[tuple[Pose, Body]], origin: Pose) -> tuple[tuple[Pose, Body], ...]:
+    """``vehicles`` seen from ``origin``, the farthest first."""
+    seen = ((_relative(pose, origin), body) for pose, body in vehicles)
+    return tuple(sorted(seen, key=_distance, reverse=True))
+
+
+def _distance(vehicle: tuple[Pose, Body]) -> float:
+    (x_m, y_m, _), _ = vehicle
+    return math.hypot(x_m, y_m)
 
 
 def _relative(pose: Pose, origin: Pose) -> Pose:

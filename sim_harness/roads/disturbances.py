@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from enum import StrEnum
 from typing import Annotated, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
-from sim_harness.roads.appearance import Section
+from sim_harness.roads.appearance import Section, Verge
+from sim_harness.roads.disturbance_table import Grades, at, load_table
 from sim_harness.roads.road import RoadSettings
 from trepid.config import Settings
 
@@ -76,47 +76,98 @@ def grades_at(disturbances: Sequence[Disturbance], station_m: float) -> dict[Dis
     return grades
 
 
-PAINTED = {
-    DisturbanceKind.TREE_SHADOWS: "shadows",
-    DisturbanceKind.BUILDING_SHADOWS: "building_shadows",
-    DisturbanceKind.BRIDGE_SHADOWS: "bridge_shadows",
-    DisturbanceKind.WET_ROAD: "wet",
-    DisturbanceKind.RAIN: "wet",
-}
-"""Disturbances that lie on the ground, and the field of a section that holds their share."""
-
-
 def disturbed(settings: RoadSettings, disturbances: Sequence[Disturbance]) -> RoadSettings:
     """``settings`` with the disturbances that are painted on the ground; done twice it is as done once.
 
     A disturbance that begins or ends within a section parts it; both parts keep its name.
     """
     for disturbance in disturbances:
-        field = PAINTED.get(disturbance.kind)
-        if field is not None and disturbance.grade > 0:
-            settings = _painted(settings, field, disturbance)
+        changes = _painted(disturbance.kind, disturbance.grade)
+        if changes and disturbance.grade > 0:
+            settings = _repainted(settings, disturbance, changes)
     return settings
 
 
-def _painted(settings: RoadSettings, field: str, disturbance: Disturbance) -> RoadSettings:
+def _painted(kind: DisturbanceKind, grade: float) -> dict[str, float]:
+    """Fields of a section and the least they are under a disturbance; empty for those in the air or the camera."""
+    table = load_table()
+    fields: dict[DisturbanceKind, tuple[str, Grades]] = {
+        DisturbanceKind.TREE_SHADOWS: ("shadows", table.tree_shadows.share),
+        DisturbanceKind.BUILDING_SHADOWS: ("building_shadows", table.building_shadows.share),
+        DisturbanceKind.BRIDGE_SHADOWS: ("bridge_shadows", table.bridge_shadows.share),
+        DisturbanceKind.RAIN: ("wet", table.rain.wet),
+        DisturbanceKind.WET_ROAD: ("wet", table.wet_road.wet),
+        DisturbanceKind.SNOW: ("snow_cover", table.snow.cover),
+    }
+    if kind not in fields:
+        return {}
+    name, grades = fields[kind]
+    return {name: at(grades, grade)}
+
+
+def _repainted(settings: RoadSettings, disturbance: Disturbance, changes: dict[str, float]) -> RoadSettings:
     length_m = sum(segment.length_m for segment in settings.segments)
-    from_m, to_m = disturbance.from_m, min(disturbance.to_m or length_m, length_m)
-    sections = _parted(_parted(settings.sections, from_m, length_m), to_m, length_m)
-    share = disturbance.grade / MAX_GRADE
+    sections, from_m = _parted(settings.sections, disturbance.from_m, length_m)
+    sections, to_m = _parted(sections, length_m if disturbance.to_m is None else disturbance.to_m, length_m)
     painted = tuple(
-        section.model_copy(update={field: max(share, getattr(section, field))})
-        if from_m <= section.start_m < to_m
-        else section
+        _covered(section, disturbance.kind, changes) if from_m <= section.start_m < to_m else section
         for section in sections
     )
     return settings.model_copy(update={"sections": painted})
 
 
-def _parted(sections: tuple[Section, ...], station_m: float, length_m: float) -> tuple[Section, ...]:
-    """The sections with one that starts at ``station_m``."""
-    starts = [section.start_m for section in sections]
-    if station_m in starts or not 0 < station_m < length_m:
-        return sections
-    index = bisect_right(starts, station_m)
-    part = sections[index - 1].model_copy(update={"start_m": station_m})
-    return (*sections[:index], part, *sections[index:])
+def _covered(section: Section, kind: DisturbanceKind, changes: dict[str, float]) -> Section:
+    update: dict[str, object] = {name: max(value, getattr(section, name)) for name, value in changes.items()}
+    if kind == DisturbanceKind.SNOW:
+        update["verge"] = Verge.SNOW  # it lies on the grass first
+    return section.model_copy(update=update)
+
+
+def _parted(
+    sections: tuple[Section, ...], station_m: float, length_m: float
+) -> tuple[tuple[Section, ...], float]:
+    """The sections with one that starts at ``station_m``, or up to a dash before it, and where it starts.
+
+    Dashes are counted from the start of a section: a cut after a whole number of them leaves them in place.
+    """
+    if not 0 < station_m < length_m:
+        return sections, station_m
+    index = bisect_right([section.start_m for section in sections], station_m)
+    section = sections[index - 1]
+    period_m = section.left.dash_m + section.left.gap_m
+    cut_m = section.start_m + (station_m - section.start_m) // period_m * period_m
+    if cut_m == section.start_m:
+        return sections, cut_m
+    end_m = sections[index].start_m if index < len(sections) else length_m
+    share = (cut_m - section.start_m) / (end_m - section.start_m)
+    before, after = (
+        section.model_copy(
+            update={
+                "lane_width_m": _cut(section.lane_width_m, share, half),
+                **{
+                    name: tuple(
+                        lane.model_copy(update={"width_m": _cut(lane.width_m, share, half)})
+                        for lane in getattr(section, name)
+                    )
+                    for name in ("left_lanes", "right_lanes")
+                },
+            }
+        )
+        for half in (0, 1)
+    )
+    return (
+        *sections[: index - 1],
+        before,
+        after.model_copy(update={"start_m": cut_m}),
+        *sections[index:],
+    ), cut_m
+
+
+def _cut(
+    width_m: float | tuple[float, float] | None, share: float, half: int
+) -> float | tuple[float, float] | None:
+    """The width of the first (0) or second (1) part of a section that is cut at a share of its length."""
+    if not isinstance(width_m, tuple):
+        return width_m
+    middle_m = width_m[0] + share * (width_m[1] - width_m[0])
+    return (width_m[0], middle_m) if half == 0 else (middle_m, width_m[1])

@@ -1,0 +1,156 @@
+"""What the grades of each disturbance mean in physical units: ``config/disturbances.yaml``."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from trepid.config import CONFIG_DIR, Settings, load
+
+Grades = tuple[float, float, float, float, float, float]
+"""A quantity at the grades 0, 1, ... 5; linear in between."""
+
+CONTRAST_LOST = 3.0  # extinction times meteorological optical range: -ln 0.05
+
+
+def at(grades: Grades, grade: float) -> float:
+    """The quantity at a grade."""
+    return float(np.interp(grade, range(len(grades)), grades))
+
+
+def extinction_1pm(visibility_m: Grades, grade: float) -> float:
+    """Extinction coefficient β = 3 / visibility, linear between the grades."""
+    return CONTRAST_LOST * float(np.interp(grade, range(len(visibility_m)), 1 / np.array(visibility_m)))
+
+
+class Night(Settings):
+    """Darkness with headlights."""
+
+    ambient: Grades
+    headlight: Grades
+    gain: Grades
+
+
+class Sun(Settings):
+    """A sun low in the picture: ``low_sun`` and ``glare``."""
+
+    elevation_deg: Grades
+    strength: Grades
+    stops: Grades
+
+
+class OverExposure(Settings):
+    """Too much exposure."""
+
+    stops: Grades
+
+
+class TunnelExit(Settings):
+    """A dark tube with a bright end."""
+
+    inside: Grades
+    stops: Grades
+    adapts_over_m: Grades
+
+
+class Shadows(Settings):
+    """Cast shadows, painted on the ground."""
+
+    share: Grades
+
+
+class Rain(Settings):
+    """Falling rain, and what it leaves behind."""
+
+    visibility_m: Grades
+    daylight: Grades
+    streaks: Grades
+    drops: Grades
+    wet: Grades
+
+
+class WetRoad(Settings):
+    """A road after rain."""
+
+    wet: Grades
+
+
+class Snow(Settings):
+    """Falling snow, and what it leaves behind."""
+
+    visibility_m: Grades
+    daylight: Grades
+    flakes: Grades
+    cover: Grades
+
+
+class Fog(Settings):
+    """Fog by day."""
+
+    visibility_m: Grades
+
+
+class Dirt(Settings):
+    """Spots and film on the lens."""
+
+    cover: Grades
+    veil: Grades
+
+
+class MotionBlur(Settings):
+    """Exposure time."""
+
+    exposure_s: Grades
+
+
+class RollingShutter(Settings):
+    """Time from the first row to the last."""
+
+    readout_s: Grades
+
+
+class Noise(Settings):
+    """Gain of the sensor."""
+
+    gain: Grades
+
+
+class Jpeg(Settings):
+    """Quality of the codec."""
+
+    quality: Grades
+
+
+class Occlusion(Settings):
+    """Standing vehicles over the markings."""
+
+    vehicles_per_100m: Grades
+    over_line_m: Grades
+
+
+class DisturbanceTable(Settings):
+    """All disturbances; the names are those of ``DisturbanceKind``."""
+
+    night: Night
+    low_sun: Sun
+    glare: Sun
+    over_exposure: OverExposure
+    tunnel_exit: TunnelExit
+    tree_shadows: Shadows
+    building_shadows: Shadows
+    bridge_shadows: Shadows
+    rain: Rain
+    wet_road: WetRoad
+    snow: Snow
+    fog: Fog
+    dirt: Dirt
+    motion_blur: MotionBlur
+    rolling_shutter: RollingShutter
+    noise: Noise
+    jpeg: Jpeg
+    occlusion: Occlusion
+
+
+@lru_cache(maxsize=1)  # frozen settings: reading them once a process is enough
+def load_table() -> DisturbanceTable:
+    """The table of ``config/disturbances.yaml``. Raises InputError."""
+    return load(CONFIG_DIR / "disturbances.yaml", DisturbanceTable)
