@@ -16,7 +16,7 @@ def run(me: Process) -> None:
     statistics, lead = me.bus.latest(IMAGE_STATISTICS), me.bus.latest(LEAD_VEHICLE)
     state = me.bus.latest(VEHICLE_STATE)
     send = me.bus.publisher(DECISION)
-    supervisor = build()
+    supervisor = build(cruise_speed_mps=me.options["cruise_speed_mps"])
     me.ready()
     decided_s = me.now_s()
     first_s: float | None = None  # when the first estimate since the last decision came

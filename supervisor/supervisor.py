@@ -44,7 +44,8 @@ class Supervisor:
     """Rates the risk of every frame, fuses the estimates, and decides how fast to drive which path.
 
     Begins in STOP, also when it is restarted on the move, and leaves it only with healthy inputs: from standstill,
-    or when a driver lets go who has driven so far. Its state is what earlier steps gave it: the remembered path, the lead's trail, the mode and its timers.
+    or when a driver lets go who has driven so far. Its state is what earlier steps gave it: the remembered path,
+    the lead's trail, the mode and its timers.
     """
 
     def __init__(self, rules: FearRules, settings: SupervisorSettings, vehicle: Vehicle) -> None:

@@ -143,11 +143,20 @@ class Fleet:
             popen.kill()
             popen.wait()
 
+    def pause(self, name: str) -> None:
+        """Let a process stand still (SIGSTOP), as if it were lost; it goes on by itself when the launcher dies."""
+        self.children[name].popen.send_signal(signal.SIGSTOP)
+
+    def resume(self, name: str) -> None:
+        """Let a paused process go on where it was."""
+        self.children[name].popen.send_signal(signal.SIGCONT)
+
     def stop(self) -> None:
         """End every child within 2 s: SIGTERM, then SIGKILL."""
         for child in self.children.values():
             if child.popen.poll() is None:
                 child.popen.terminate()
+                child.popen.send_signal(signal.SIGCONT)  # a paused one would not hear of it
         deadline_s = time.monotonic() + TERM_GRACE_S
         for child in self.children.values():
             try:

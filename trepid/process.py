@@ -4,6 +4,7 @@ A process is started by :mod:`trepid.launch` as ``python -m <module> '<Assignmen
 standard input. It stops on SIGTERM, and also when that pipe closes: then the launcher is gone, however it died.
 """
 
+import ctypes
 import faulthandler
 import os
 import signal
@@ -24,6 +25,7 @@ from trepid.topics import DIAGNOSTICS
 
 HEARTBEAT_PERIOD_S = 1.0
 READY = "ready"
+PR_SET_PDEATHSIG = 1  # linux/prctl.h
 EXIT_GRACE_S = 1.0  # a process that is stuck when its launcher dies is ended after this long
 
 
@@ -121,6 +123,7 @@ def process() -> Iterator[Process]:
     except (IndexError, ValidationError):
         sys.exit(f"{sys.argv[0]}: is started by `trepid drive`, not by hand")
     faulthandler.enable()  # a crash, or an abort by the launcher, leaves a stack in the log
+    _go_on_when_the_launcher_dies()
     stop = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the launcher, which ends its processes
@@ -128,6 +131,12 @@ def process() -> Iterator[Process]:
     clock = epoch_clock(assignment.clock_offset_ns)
     with open_bus(assignment.vehicle_name, clock, connect=assignment.connect) as bus:
         yield Process(assignment, bus, stop)
+
+
+def _go_on_when_the_launcher_dies() -> None:
+    """On Linux: SIGCONT when the parent dies, so that a paused process wakes up and finds its pipe closed."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGCONT)
 
 
 def _stop_with_launcher(stop: threading.Event) -> None:

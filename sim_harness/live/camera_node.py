@@ -21,7 +21,10 @@ def run(me: Process) -> None:
     truth = me.bus.latest(SIM_TRUTH)
     send, send_compressed = me.bus.publisher(CAMERA_IMAGE), me.bus.publisher(CAMERA_COMPRESSED)
     renderer = Renderer(
-        scenario.build_road(), load(CONFIG_DIR / "camera.yaml", Camera), seed=me.options["seed"]
+        scenario.build_road(),
+        load(CONFIG_DIR / "camera.yaml", Camera),
+        seed=me.options["seed"],
+        disturbances=scenario.disturbances,
     )
     renderer.prepaint()
     camera = SimulatedCamera(scenario, renderer)

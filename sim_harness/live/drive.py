@@ -15,10 +15,12 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from sim_harness.live.drive_log import DriveLog
+from sim_harness.lockstep.events import with_events, with_manoeuvres
 from sim_harness.lockstep.metrics import measure
+from sim_harness.lockstep.trace import Trace
 from sim_harness.scenarios.expect import judge
 from sim_harness.scenarios.faults import EstimatorBias, LostProcess
-from sim_harness.scenarios.scenario import Scenario
+from sim_harness.scenarios.scenario import Scenario, Sight
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
 from trepid.config import InputError, Settings
@@ -56,7 +58,11 @@ def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
             )
             for name in scenario.estimators
         ),
-        ProcessSpec("supervisor", "supervisor.node", {"estimators": scenario.estimators}),
+        ProcessSpec(
+            "supervisor",
+            "supervisor.node",
+            {"estimators": scenario.estimators, "cruise_speed_mps": scenario.speed_mps},
+        ),
         ProcessSpec("controller", "controller.node"),
     )
 
@@ -66,11 +72,10 @@ def drive(
 ) -> dict[str, Any]:
     """Drive ``scenario`` live and return its row of design §7 with ``processes`` and ``latency_ms``.
 
-    Raises InputError for a scenario with faults that only the lock-step loop can act out.
+    Raises InputError for a scenario that only the lock-step loop can act out.
     """
-    for fault in scenario.faults:
-        if isinstance(fault, LostProcess | EstimatorBias):
-            raise InputError(f"scenario {scenario.name}: {fault.kind} acts in lock-step only: trepid sim run")
+    for what in lockstep_only(scenario):
+        raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
     offset_ns = epoch_offset_ns()
     clock = epoch_clock(offset_ns)
     endpoint = free_endpoint()
@@ -90,6 +95,13 @@ def drive(
         if referee.wait_until_ready(signals):
             referee.watch(signals)
         return referee.row(seed)
+
+
+def lockstep_only(scenario: Scenario) -> Iterator[str]:
+    """What of ``scenario`` no live drive can act out."""
+    if scenario.sight is Sight.TRUTH:
+        yield "sight: truth"
+    yield from (fault.kind for fault in scenario.faults if isinstance(fault, EstimatorBias))
 
 
 class Referee:
@@ -116,15 +128,19 @@ class Referee:
         self._began_s = clock()
         self._shown_s = self._began_s
         self._lost_s: float | None = None  # when the first process was lost
-        self._stood_s: float | None = None  # since when the car stands after that
+        self._paused: set[str] = set()  # processes that the scenario has lost
+        self._resumed_s: dict[str, float] = {}  # when those went on
 
     def wait_until_ready(self, signals: list[str]) -> bool:
-        """Wait until every process has reported and there is a first decision; False when that fails."""
+        """Wait until every process has reported, there is a first decision, and any run-up is over.
+
+        False when that fails.
+        """
         while not signals and not self._problems:
             self._listen()
             self._problems += [f"{death} before the drive began" for death in self._fleet.bury()]
             missing = [name for name in self._fleet.children if name not in self._log.diagnostics]
-            if not missing and self._log.decision is not None and self._log.truth is not None:
+            if not missing and self._log.decision is not None and self._begun():
                 self._log.restart()
                 self._began_s = self._clock()
                 return True
@@ -140,6 +156,7 @@ class Referee:
         """Watch until the route or the duration is driven, the car stands after a loss, or a signal came."""
         while not signals:
             self._listen()
+            self._act_out_losses()
             self._end_silent_processes()
             for death in self._fleet.bury():
                 self._problems.append(f"{death} at {self._elapsed_s():.1f} s")
@@ -157,7 +174,7 @@ class Referee:
 
     def row(self, seed: int) -> dict[str, Any]:
         """The run as design §7 has it."""
-        trace = self._log.trace()
+        trace = self._trace()
         row: dict[str, Any] = {"scenario": self._scenario.name, "seed": seed}
         reasons = list(self._problems)
         if len(trace) < 2:
@@ -177,6 +194,31 @@ class Referee:
         }
         return row
 
+    def _trace(self) -> Trace:
+        """The drive so far, with what happened when."""
+        trace, scenario = self._log.trace(), self._scenario
+        if len(trace) == 0:
+            return trace
+        road = scenario.build_road()
+        trace = with_events(
+            trace,
+            faults=scenario.faults,
+            disturbances=scenario.disturbances,
+            lap_m=road.length_m if road.closed else None,
+        )
+        return with_manoeuvres(trace, scenario.manoeuvres, self._log.manoeuvres)
+
+    def _act_out_losses(self) -> None:
+        """Pause the processes that the scenario has lost now, and let go on those that it has no more."""
+        losses = [fault for fault in self._scenario.faults if isinstance(fault, LostProcess)]
+        lost = {fault.process for fault in losses if fault.active(self._elapsed_s())}
+        for name in lost - self._paused:
+            self._fleet.pause(name)
+        for name in self._paused - lost:
+            self._fleet.resume(name)
+            self._resumed_s[name] = self._clock()
+        self._paused = lost
+
     def _listen(self) -> None:
         self._log.listen(timeout_s=0.02)
         if self._recording is not None:
@@ -189,13 +231,20 @@ class Referee:
     def _elapsed_s(self) -> float:
         return self._clock() - self._began_s
 
+    def _begun(self) -> bool:
+        """The car is at its start, or beyond it; before a start at speed a driver brings it there."""
+        truth = self._log.truth
+        return truth is not None and truth.elapsed_s is not None and truth.elapsed_s >= 0.0
+
     def _finished(self) -> bool:
         return self._log.truth is not None and self._log.truth.finished
 
     def _end_silent_processes(self) -> None:
         """A process that runs but is silent is as good as dead: end it, so that it is started again."""
         for name, heard in self._log.diagnostics.items():
-            silent_s = self._clock() - heard.t_s
+            silent_s = self._clock() - max(heard.t_s, self._resumed_s.get(name, heard.t_s))
+            if name in self._paused:
+                continue
             if silent_s > self._settings.silence_s and self._fleet.children[name].popen.poll() is None:
                 self._problems.append(f"process {name} was silent for {silent_s:.1f} s")
                 self._fleet.kill(name)

@@ -57,6 +57,7 @@ class DriveLog:
     def restart(self) -> None:
         """Forget the trace and the latencies: the drive begins now."""
         self._recorder = Recorder(self._estimators)
+        self.manoeuvres: list[tuple[str, ...]] = []  # of the other vehicles, one item per sample of the trace
         self._beats: dict[str, list[Diagnostic]] = {}
         self.latency = {name: Latency(self.now_s()) for name in self._latency_names()}
 
@@ -84,6 +85,7 @@ class DriveLog:
             self.truth = truth
             if self.state is not None:
                 self._recorder.add(truth, self.state, self.command, self.decision, self.estimates)
+                self.manoeuvres.append(truth.manoeuvres)
 
     def load(self, process: str) -> dict[str, float | None]:
         """Mean steps per second and share of a core [%] of a process over the drive; None if never heard."""

@@ -10,7 +10,11 @@ from trepid.vehicle import Vehicle
 
 
 def run(me: Process) -> None:
-    """Advance in real time at the period of the plant, whether commands come or not."""
+    """Advance in real time at the period of the plant, whether commands come or not.
+
+    The run begins with the first command that goes back to a frame: until then processes are still starting, and
+    the other vehicles wait for them.
+    """
     scenario, settings = Scenario.model_validate(me.options["scenario"]), load_simulator()
     command = me.bus.latest(COMMAND)
     send_state, send_truth = me.bus.publisher(VEHICLE_STATE), me.bus.publisher(SIM_TRUTH)
@@ -24,12 +28,17 @@ def run(me: Process) -> None:
         seed=me.options["seed"],
     )
     me.ready()
+    begun = False
     ticker, lead_ticker = Ticker(1 / settings.period_s), Ticker(LEAD_VEHICLE.rate_hz)
     while me.running():
         ticker.sleep()
         ticker.due()
         command.take()
-        state, truth = simulated.step(command.message, command.received_s, now_s=me.now_s())
+        begun = begun or (command.message is not None and command.message.t_s is not None)
+        if begun:
+            state, truth = simulated.step(command.message, command.received_s, now_s=me.now_s())
+        else:
+            state, truth = simulated.wait(now_s=me.now_s())
         send_state(state)
         send_truth(truth)
         lead = simulated.sense_lead()
