@@ -1,0 +1,122 @@
+"""A report of many runs as one self-contained page: no network, nothing to install, opens in any browser."""
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sim_harness.report.summary import Detail
+from trepid.config import InputError
+
+TEMPLATE = Path(__file__).with_name("page.html")
+COLUMNS = (
+    "status",
+    "scenario",
+    "seed",
+    "duration_s",
+    "distance_m",
+    "departures",
+    "interventions",
+    "collisions",
+    "max_lateral_error_m",
+    "rms_lateral_error_m",
+    "max_lateral_accel_mps2",
+    "max_lateral_jerk_mps3",
+    "min_time_gap_s",
+    "mean_speed_mps",
+    "max_fear",
+    "mean_fear",
+)
+"""What the table shows of a row of ``sim run --json``; the rest stands with the details of the run."""
+MAX_FAILED_PICTURES, MAX_OTHER_PICTURES = 200, 12
+
+
+class Page:
+    """Collects runs as they finish, then writes the page."""
+
+    def __init__(
+        self,
+        title: str,
+        *,
+        max_failed_pictures: int = MAX_FAILED_PICTURES,
+        max_other_pictures: int = MAX_OTHER_PICTURES,
+    ) -> None:
+        self._title = title
+        self._left = {"failed": max_failed_pictures, "passed": max_other_pictures}
+        self._limits = dict(self._left)
+        self._runs: list[str] = []
+        self._details: list[str] = []
+        self._edges: dict[str, int] = {}
+
+    def __len__(self) -> int:
+        return len(self._runs)
+
+    def wants_picture(self, status: str) -> bool:
+        """True while another run with this status would be shown with its worst frame."""
+        return self._left[status] > 0
+
+    def add(
+        self,
+        row: Mapping[str, Any],
+        *,
+        tags: Sequence[str] = (),
+        command: str | None = None,
+        detail: Detail | None = None,
+    ) -> None:
+        """Add a run: its ``row`` as of ``sim run --json``, and what :func:`summarise` made of it.
+
+        ``command`` replays it; by default the scenario's name with the seed.
+        """
+        command = command or f"trepid sim run {row['scenario']} --seed {row['seed']}"
+        self._runs.append(_json([[row[name] for name in COLUMNS], list(tags)]))
+        self._details.append(
+            _json({"row": dict(row), "command": command, "detail": self._packed(row, detail)})
+        )
+
+    def write(self, path: Path) -> None:
+        """Write the page. Raises InputError when that cannot be done."""
+        facts = {"title": self._title, "columns": COLUMNS, "pictures": self._limits}
+        parts = {
+            "TITLE": self._title.replace("&", "&amp;").replace("<", "&lt;"),
+            "FACTS": _json(facts),
+            "RUNS": "[" + ",\n".join(self._runs) + "]",
+            "EDGES": "[" + ",\n".join(self._edges) + "]",
+            "DETAILS": "\n".join(
+                f'<script type="application/json" id="detail-{i}">{detail}</script>'
+                for i, detail in enumerate(self._details)
+            ),
+        }
+        text = re.sub(r"%([A-Z]+)%", lambda found: parts[found[1]], TEMPLATE.read_text(encoding="utf-8"))
+        try:
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+
+    def _packed(self, row: Mapping[str, Any], detail: Detail | None) -> Detail | None:
+        """``detail`` with its lane edges, which many runs share, as a number, and no more pictures than allowed."""
+        if detail is None:
+            return None
+        edges = self._edges.setdefault(_json(detail["edges"]), len(self._edges))
+        picture = detail["picture"]
+        if picture is not None and self._left[row["status"]] > 0:
+            self._left[row["status"]] -= 1
+        else:
+            picture = None
+        return {**detail, "edges": edges, "picture": picture}
+
+
+def write_report(
+    path: Path, title: str, runs: Iterable[tuple[Mapping[str, Any], Sequence[str], Detail | None]]
+) -> None:
+    """Write the page of ``runs``: row, tags and detail of each. Raises InputError."""
+    page = Page(title)
+    for row, tags, detail in runs:
+        page.add(row, tags=tags, detail=detail)
+    page.write(path)
+
+
+def _json(value: Any) -> str:
+    """Compact JSON that may stand within a script element."""
+    text = json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

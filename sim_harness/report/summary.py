@@ -1,0 +1,151 @@
+"""A run as the report page shows it, in some kilobytes: a worker process sends this instead of the trace.
+
+Numbers are whole multiples of a step, each as its difference from the one before; null is absent:
+``{"step": 0.01, "d": [500, -3, null, …]}``.
+"""
+
+import base64
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.lockstep.closed_loop import Result
+from sim_harness.lockstep.fear_scores import afraid
+from sim_harness.lockstep.margins import default_vehicle, time_gap_s
+from sim_harness.lockstep.trace import Column, Trace
+from sim_harness.report.film import Film, picture
+from sim_harness.scenarios.scenario import Scenario
+from sim_harness.scenarios.signals import COUNTERS, EVENT_COLUMNS
+
+EVEN_SAMPLES, STRETCHES = 120, 30  # samples that are kept: evenly spaced, and the extremes of every stretch
+EDGE_POINTS = 240
+BEYOND_M = 10.0  # of the route, at both ends of an open road
+CALM_AFTER_S = 1.0  # before it nothing has been seen, which is frightening but no news
+LONGEST_GAP_S = 10.0
+BANDS = ("mode", "cause", "section")
+
+Detail = dict[str, Any]
+
+
+def summarise(scenario: Scenario, result: Result, film: Film | None = None) -> Detail:
+    """Path, lane edges, timelines and events of a run, and with a ``film`` its worst frame, ready for JSON."""
+    trace = result.trace
+    kept = kept_samples(trace)
+    t_s = trace["t_s"] - trace["t_s"][0]
+    room_m = trace["lane_width_m"] / 2 - default_vehicle().track_m / 2
+    series = {
+        "t": (t_s, 0.01),
+        "x": (trace["x_m"], 0.05),
+        "y": (trace["y_m"], 0.05),
+        "fear": (trace["decision.fear"], 0.001),
+        "speed": (trace["speed_mps"], 0.01),
+        "cap": (trace["decision.speed_cap_mps"], 0.01),
+        "error": (trace["lateral_offset_m"], 0.001),
+        "seen": (trace["decision.lateral_offset_m"], 0.001),
+        "room": (room_m, 0.001),
+        "gap": (np.minimum(time_gap_s(trace), LONGEST_GAP_S), 0.01),
+    }
+    return {
+        "series": {name: coded(values[kept], step) for name, (values, step) in series.items()},
+        "bands": {label: _words(trace, label, t_s) for label in BANDS},
+        "events": _events(trace, t_s),
+        "marks": _marks(trace, t_s),
+        "edges": _edges(scenario),
+        "picture": _picture(trace, film) if film else None,
+    }
+
+
+def kept_samples(trace: Trace) -> NDArray[np.intp]:
+    """Samples that show a run: evenly spaced ones, and where fear, speed and error are extreme within a stretch."""
+    samples = np.arange(len(trace))
+    chosen = [np.linspace(0, len(trace) - 1, EVEN_SAMPLES).round().astype(np.intp)]
+    for stretch in np.array_split(samples, min(STRETCHES, len(trace))):
+        for name in ("decision.fear", "speed_mps", "lateral_offset_m"):
+            values = trace[name][stretch]
+            if np.isfinite(values).any():
+                chosen.append(stretch[[np.nanargmin(values), np.nanargmax(values)]])
+    return np.unique(np.concatenate(chosen))
+
+
+def worst_sample(trace: Trace) -> tuple[int, str]:
+    """The moment to look at, and why: the last one before the first departure; else the most fearful; else that of
+    the largest error, when the run was never afraid."""
+    left = np.flatnonzero(np.diff(trace["departures"]) > 0)
+    if len(left):
+        return int(left[0]), "just before it left the lane"
+    later = trace["t_s"] - trace["t_s"][0] >= CALM_AFTER_S
+    if (afraid(trace) & later).any():
+        return int(np.nanargmax(np.where(later, trace["decision.fear"], np.nan))), "when it was most afraid"
+    return int(np.argmax(np.abs(trace["lateral_offset_m"]))), "where the error was largest"
+
+
+def coded(values: Column, step: float) -> dict[str, Any]:
+    """``values`` as differences of whole multiples of ``step``, NaN as None."""
+    known = np.isfinite(values)
+    whole = np.where(known, np.round(np.where(known, values, 0.0) / step), 0.0).astype(int)
+    differences: list[int | None] = [None] * len(values)
+    last = 0
+    for i in np.flatnonzero(known).tolist():
+        differences[i] = int(whole[i]) - last
+        last = int(whole[i])
+    return {"step": step, "d": differences}
+
+
+def _words(trace: Trace, label: str, t_s: Column) -> list[list[Any]]:
+    """[from, word] of every stretch of a label; None before the first decision."""
+    codes = trace[label]
+    starts = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist()]
+    words = trace.words[label]
+    return [[round(float(t_s[i]), 2), words[int(codes[i])] if codes[i] >= 0 else None] for i in starts]
+
+
+def _events(trace: Trace, t_s: Column) -> list[list[Any]]:
+    """[name, from, to] of faults, disturbances and manoeuvres."""
+    events = []
+    for name, column in trace.columns.items():
+        if name.split(".")[0] not in EVENT_COLUMNS:
+            continue
+        there = np.concatenate([[False], column > 0, [False]])
+        edges = np.flatnonzero(np.diff(there.astype(int)))
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            end_s = t_s[min(stop, len(t_s) - 1)]
+            events.append([name.split(".", 1)[1], round(float(t_s[start]), 2), round(float(end_s), 2)])
+    return events
+
+
+def _marks(trace: Trace, t_s: Column) -> list[list[Any]]:
+    """[name, time] of departures, interventions and collisions."""
+    marks = []
+    for name, count in COUNTERS.items():
+        rises = np.diff(trace[count], prepend=0.0) > 0
+        marks += [[name, round(float(t), 2)] for t in t_s[rises]]
+    return marks
+
+
+def _edges(scenario: Scenario) -> list[dict[str, Any]]:
+    """x and y of the left edge of the lane, then of the right one, along the route."""
+    road = scenario.build_road()
+    low_m, high_m = 0.0, road.length_m
+    if not road.closed:
+        low_m = scenario.start.station_m - BEYOND_M
+        high_m = scenario.start.station_m + scenario.route_m(road) + BEYOND_M
+    stations_m = np.linspace(low_m, high_m, EDGE_POINTS)
+    half_m = np.array([road.width_at(station) for station in stations_m.tolist()]) / 2
+    edges = [road.positions(stations_m, side * half_m) for side in (1.0, -1.0)]
+    return [coded(points[:, axis], 0.05) for points in edges for axis in (0, 1)]
+
+
+def _picture(trace: Trace, film: Film) -> dict[str, Any] | None:
+    """The worst frame with overlay as a data URI, when it was, and why it is shown; None without pictures."""
+    sample, reason = worst_sample(trace)
+    shot = film.at(float(trace["t_s"][sample]))
+    if shot is None:
+        return None
+    jpeg, estimator = picture(shot)
+    return {
+        "uri": "data:image/jpeg;base64," + base64.b64encode(jpeg).decode(),
+        "t": round(shot.t_s - float(trace["t_s"][0]), 2),
+        "why": reason,
+        "estimator": estimator,
+    }
