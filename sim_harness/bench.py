@@ -21,6 +21,7 @@ from rich.table import Table
 from perception.estimators import ESTIMATORS, build
 from perception.image_statistics import ImageStatistician
 from sim_harness.lockstep.closed_loop import run
+from sim_harness.plants.bench import bench_plants
 from sim_harness.render.renderer import Renderer
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.camera import Camera
@@ -117,6 +118,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "perception": bench_perception,
     "renderer": bench_renderer,
     "lockstep": bench_lockstep,
+    "plants": bench_plants,
 }
 
 
