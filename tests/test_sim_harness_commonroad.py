@@ -46,7 +46,7 @@ def test_the_understeer_is_the_one_that_is_stated(model):
 @pytest.mark.parametrize("model", FOREIGN)
 @pytest.mark.parametrize("speed_mps", [5.0, 15.0])
 def test_our_dynamic_plant_with_their_mass_and_tyres_turns_as_they_do(model, speed_mps):
-    """Yaw rate through a step of the wheel at 2 m/s²: rise and end, to 6 % of the end (roll is not in ours)."""
+    """Yaw rate through a step of the wheel at 2 m/s²: rise and end, to 1 % (drift) and 3 % (multi-body: ours does not roll)."""
     neutral = SHUTTLE.model_copy(update=dict(understeer_gradient_rad_per_mps2=UNDERSTEER[model]))
     ours = SingleTrackPlant(neutral, PlantSettings(chassis=Chassis(**BMW)))
     theirs = build_plant(PlantSettings(model=model), SHUTTLE)
@@ -58,7 +58,8 @@ def test_our_dynamic_plant_with_their_mass_and_tyres_turns_as_they_do(model, spe
             plant.step(state, command(angle_rad), 0.01) for plant, state in ((ours, left), (theirs, right))
         )
         apart.append(abs(ours.yaw_rate_radps(left) - theirs.yaw_rate_radps(right)))
-    assert max(apart) <= 0.06 * 2.0 / speed_mps
+    share = 0.01 if model is Model.COMMONROAD_DRIFT else 0.03
+    assert max(apart) <= share * 2.0 / speed_mps
 
 
 @pytest.mark.parametrize("model", FOREIGN)

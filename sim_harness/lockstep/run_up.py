@@ -46,10 +46,7 @@ def rail(start: Start, road: Road, elapsed_s: float) -> Rail:
 
 def first_state(plant: Plant, rail: Rail, speed_mps: float) -> PlantState:
     """Rolling, with the wheels as the rail has them."""
-    angle_rad = plant.steady_angle_rad(rail.curvature_1pm, speed_mps)
-    return replace(
-        plant.initial(speed_mps=speed_mps), road_wheel_angle_rad=angle_rad, acting_demand_rad=angle_rad
-    )
+    return plant.initial(speed_mps=speed_mps, curvature_1pm=rail.curvature_1pm)
 
 
 def driven(plant: Plant, state: PlantState, rail: Rail, dt_s: float, speed_mps: float) -> PlantState:

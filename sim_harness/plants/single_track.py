@@ -22,6 +22,7 @@ import math
 
 from sim_harness.plants.actuators import Actuators, Motion, clip, moved
 from sim_harness.plants.axles import ANTI_LOCK, GRAVITY_MPS2, Axles, axles_of
+from sim_harness.plants.kinematic import Plant as KinematicPlant
 from sim_harness.plants.runge_kutta import rk4
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
@@ -48,6 +49,7 @@ class SingleTrackPlant:
         self.bank_mps2 = GRAVITY_MPS2 * math.sin(settings.bank_rad)
         self.grip_mps2 = settings.friction * weight_mps2
         self.actuators = Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * self.grip_mps2)
+        self._quasi_static = KinematicPlant(vehicle, settings)
         fastest_radps = _fastest_mode_mps2(self.axles) / SETTLES_AS_AT_MPS
         self._max_step_s = min(MAX_STEP_S, STEP_OF_FASTEST_MODE / fastest_radps)
 
@@ -78,11 +80,11 @@ class SingleTrackPlant:
 
     def yaw_rate_radps(self, state: PlantState) -> float:
         """ψ' = u·κ."""
-        return state.speed_mps * _inner(state)[1]
+        return state.speed_mps * self._inner(state)[1]
 
     def lateral_accel_mps2(self, state: PlantState) -> float:
         """Acceleration A of the centre of gravity across the vehicle, in the plane of the road."""
-        drift, curvature = _inner(state)
+        drift, curvature = self._inner(state)
         angle_rad = self.actuators.at(state).tyre_angle_rad
         front, rear = self._tyre_forces_n(angle_rad, drift, curvature, state.accel_mps2)
         return (front * math.cos(angle_rad) + rear) / self.axles.mass_kg - self.bank_mps2
@@ -100,7 +102,7 @@ class SingleTrackPlant:
         """
         axles = self.axles
         lateral_mps2 = curvature_1pm * speed_mps * speed_mps + self.bank_mps2
-        drift = -math.tan(self._slip_rad(lateral_mps2, axles.rear_mass_kg, axles.rear_stiffness_nprad))
+        drift = self._drift(lateral_mps2)
         rolling_rad = math.atan(drift + self.vehicle.wheelbase_m * curvature_1pm)
         angle_rad = rolling_rad
         for _ in range(_STEADY_ROUNDS):
@@ -148,6 +150,21 @@ class SingleTrackPlant:
             (turning - accel_mps2 * curvature) / settling_mps,
         )
 
+    def _inner(self, state: PlantState) -> tuple[float, float]:
+        """β and κ; a state without them is settled on the bend that its wheels ask for."""
+        if state.inner:
+            drift, curvature = state.inner
+            return drift, curvature
+        speed_mps, accel_mps2, angle_rad, _, _ = self.actuators.at(state)
+        curvature = self._quasi_static.curvature_1pm(angle_rad, speed_mps, accel_mps2)
+        return self._drift(curvature * speed_mps * speed_mps + self.bank_mps2), curvature
+
+    def _drift(self, lateral_mps2: float) -> float:
+        """β at which the rear tyres carry their axle through ``lateral_mps2``."""
+        return -math.tan(
+            self._slip_rad(lateral_mps2, self.axles.rear_mass_kg, self.axles.rear_stiffness_nprad)
+        )
+
     def _advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
         """Runge-Kutta steps over ``h`` [s] during which every demand is constant."""
         steps = math.ceil(h / self._max_step_s - 1e-6)
@@ -160,17 +177,9 @@ class SingleTrackPlant:
         start = actuators.at(state)
         middle = actuators.after(state, accel_demand_mps2, h / 2)
         end = actuators.after(state, accel_demand_mps2, h)
-        before = (state.x_m, state.y_m, state.yaw_rad, *_inner(state))
+        before = (state.x_m, state.y_m, state.yaw_rad, *self._inner(state))
         x_m, y_m, yaw_rad, drift, curvature = rk4(self.rates, before, start, middle, end, h)
         return moved(state, end, h, (x_m, y_m, yaw_rad), inner=(drift, curvature))
-
-
-def _inner(state: PlantState) -> tuple[float, float]:
-    """β and κ; a state without them rolls straight ahead."""
-    if not state.inner:
-        return 0.0, 0.0
-    drift, curvature = state.inner
-    return drift, curvature
 
 
 def _fastest_mode_mps2(axles: Axles) -> float:

@@ -17,4 +17,4 @@ class PlantState:
     pending: tuple[tuple[float, float], ...] = ()  # (clock when it acts [s], demand [rad]), earliest first
     clock_s: float = 0.0  # time driven
     play_rad: float = 0.0  # how far the tyres are ahead of the steering, within its friction
-    inner: tuple[float, ...] = ()  # what only the model knows; () = rolling straight ahead
+    inner: tuple[float, ...] = ()  # what only the model knows; () = settled on what the wheels ask for
