@@ -1,0 +1,63 @@
+"""Faults: when they are there, and what a lying estimator says."""
+
+import pytest
+
+from sim_harness.scenarios.faults import BlackFrames, EstimatorBias
+from trepid.messages import SteeringEstimate
+
+SEEN = SteeringEstimate(
+    t_s=1.0,
+    estimator="cv",
+    lateral_offset_m=0.1,
+    heading_error_rad=0.02,
+    curvature_1pm=0.01,
+    curvature_rate_1pm2=0.001,
+    lookahead_m=8.0,
+    road_wheel_angle_rad=0.0,
+    confidence=0.6,
+    lanes_detected=2,
+    lane_width_m=3.5,
+    latency_ms=None,
+    reason="",
+    left_boundary_px=(),
+    right_boundary_px=(),
+)
+
+
+def bias(**fields):
+    return EstimatorBias(kind="estimator_bias", estimator="cv", from_s=0, **fields)
+
+
+def test_a_fault_is_there_from_its_beginning_until_just_before_its_end():
+    fault = BlackFrames(kind="black_frames", from_s=2, to_s=3)
+    assert [fault.active(t) for t in (-1.0, 1.99, 2.0, 2.99, 3.0)] == [False, False, True, True, False]
+    assert BlackFrames(kind="black_frames", from_s=2).active(1e6)
+
+
+def test_a_lie_shifts_turns_and_bends_the_lane_and_claims_its_confidence():
+    told = bias(lateral_m=0.5, heading_rad=-0.01, curvature_1pm=0.02, confidence=0.99).told(SEEN)
+    seen = (told.lateral_offset_m, told.heading_error_rad, told.curvature_1pm)
+    assert seen == pytest.approx((0.6, 0.01, 0.03))
+    assert (told.confidence, told.t_s, told.lane_width_m) == (0.99, 1.0, 3.5)
+
+
+def test_without_a_claim_the_liar_is_as_sure_as_ever():
+    assert bias(lateral_m=0.5).told(SEEN).confidence == SEEN.confidence
+
+
+def test_who_sees_no_lane_does_not_lie_about_one():
+    nothing = SteeringEstimate.nothing(1.0, estimator="cv", lookahead_m=8.0, reason="dark")
+    assert bias(lateral_m=0.5, confidence=1.0).told(nothing) is nothing
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"), [({}, "changes nothing"), ({"lateral_m": 1, "to_s": 0.0}, "greater than 0")]
+)
+def test_a_fault_that_does_nothing_is_refused(fault, message):
+    with pytest.raises(ValueError, match=message):
+        bias(**fault)
+
+
+def test_a_fault_must_end_after_it_begins():
+    with pytest.raises(ValueError, match="to_s 3 must be after from_s 5"):
+        BlackFrames(kind="black_frames", from_s=5, to_s=3)
