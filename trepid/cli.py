@@ -6,6 +6,7 @@ With ``--json`` standard output carries JSON only; progress and logs go to stand
 
 import os
 import sys
+from io import TextIOWrapper
 
 import typer
 from typer.exceptions import TyperException
@@ -47,6 +48,9 @@ def root(version: bool = typer.Option(False, "--version", help="Print the versio
 
 def main() -> int:
     """Run the command line; return the exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # names may hold what a terminal cannot show
+            stream.reconfigure(errors="backslashreplace")
     try:
         check_packages()
         result = app(standalone_mode=False)

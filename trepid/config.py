@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import PydanticCustomError
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -26,6 +27,11 @@ class InputError(Exception):
 
 
 S = TypeVar("S", bound=BaseModel)
+
+
+def wrong_at(path: Sequence[str | int], message: str) -> PydanticCustomError:
+    """For validators of a whole model: an error about the part at ``path`` below it, so that its place is told."""
+    return PydanticCustomError("wrong_at", "{message}", {"message": message, "path": tuple(path)})
 
 
 def load(path: Path, model: type[S], *, overrides: Mapping[str, str] | None = None) -> S:
@@ -51,6 +57,8 @@ def read(path: Path) -> CommentedMap:
         raise InputError(f"{where}: not valid YAML: {problem}") from error
     except (YAMLError, ValueError) as error:
         raise InputError(f"{path}: not valid YAML: {_brief(error)}") from error
+    except RecursionError as error:
+        raise InputError(f"{path}: nested too deeply") from error
     if not isinstance(data, CommentedMap):
         raise InputError(f"{path}:1:1: expected a mapping of names to values")
     return data
@@ -159,7 +167,9 @@ def complaint(error: ValidationError, data: object, model: type[BaseModel]) -> s
 
 def _first(error: ValidationError) -> Any:
     """A misspelt field is reported before the field that is missing because of it."""
-    return min(error.errors(), key=lambda found: found["type"] != "extra_forbidden")
+    problem = min(error.errors(), key=lambda found: found["type"] != "extra_forbidden")
+    further = problem["ctx"]["path"] if problem["type"] == "wrong_at" else ()
+    return {**problem, "loc": (*problem["loc"], *further)}
 
 
 def _without_tags(path: Sequence[str | int], data: object) -> list[str | int]:

@@ -23,8 +23,7 @@ from scipy.spatial import cKDTree
 
 from sim_harness.roads.appearance import LaneWidth, Section
 from sim_harness.roads.features import Junction, MarkKind, RoadMark
-from sim_harness.roads.light import Positive
-from trepid.config import CONFIG_DIR, InputError, Settings, load
+from trepid.config import CONFIG_DIR, InputError, Settings, load, wrong_at
 
 Array = NDArray[np.float64]
 
@@ -40,11 +39,14 @@ ROAD_SUFFIXES = (".yaml", ".xodr")
 CLOSED_WITHIN_M, CLOSED_WITHIN_RAD = 1e-3, 1e-4
 
 
+Curvature = Annotated[float, Field(ge=-1, le=1)]  # 1/m; no car turns within R = 1 m
+
+
 class Segment(Settings):
     """A piece of the reference line: line, arc or clothoid."""
 
-    length_m: Positive
-    curvature_1pm: float | tuple[float, float] = (
+    length_m: Annotated[float, Field(gt=0, le=100_000)]
+    curvature_1pm: Curvature | tuple[Curvature, Curvature] = (
         0.0  # constant, or (at the start, at the end); + = bends left
     )
 
@@ -76,9 +78,10 @@ class RoadSettings(Settings):
         following = self.segments[1:] + (self.segments[:1] if self.closed else ())
         for number, (here, there) in enumerate(zip(self.segments, following, strict=False)):
             if abs(here.end_curvature_1pm - there.start_curvature_1pm) > 1e-9:
-                raise ValueError(
+                raise wrong_at(
+                    ("segments", number),
                     f"curvature jumps from {here.end_curvature_1pm} to {there.start_curvature_1pm} 1/m"
-                    f" after segments.{number}; put a clothoid between them"
+                    f" after segments.{number}; put a clothoid between them",
                 )
         return self
 
@@ -86,24 +89,28 @@ class RoadSettings(Settings):
     def _sections_are_in_order(self) -> Self:
         starts = [section.start_m for section in self.sections]
         if starts[0] != 0 or any(a >= b for a, b in pairwise(starts)):
-            raise ValueError(f"sections must start at 0 and in rising order, got {starts}")
+            raise wrong_at(("sections",), f"sections must start at 0 and in rising order, got {starts}")
         length_m = sum(segment.length_m for segment in self.segments)
         if starts[-1] >= length_m:
-            raise ValueError(f"section {self.sections[-1].name!r} starts beyond the end at {length_m:.1f} m")
+            raise wrong_at(
+                ("sections", len(starts) - 1, "start_m"),
+                f"section {self.sections[-1].name!r} starts beyond the end at {length_m:.1f} m",
+            )
         return self
 
     @model_validator(mode="after")
     def _lanes_join(self) -> Self:
         following = self.sections[1:] + (self.sections[:1] if self.closed else ())
-        for here, there in zip(self.sections, following, strict=False):
+        for number, (here, there) in enumerate(zip(self.sections, following, strict=False), start=1):
             most = max(len(lanes) for s in (here, there) for lanes in (s.lanes_to_the_left, s.right_lanes))
             for lane in range(-most, most + 1):
                 before = here.lane_width_m_at_ends(lane, self.lane_width_m)
                 after = there.lane_width_m_at_ends(lane, self.lane_width_m)
                 if before and after and abs(before[1] - after[0]) > 1e-9:
-                    raise ValueError(
+                    raise wrong_at(
+                        ("sections", number % len(self.sections)),
                         f"lane {lane} jumps from {before[1]} to {after[0]} m width at section {there.name!r};"
-                        " give its width there as [at the start, at the end]"
+                        " give its width there as [at the start, at the end]",
                     )
         return self
 
@@ -111,19 +118,18 @@ class RoadSettings(Settings):
     def _features_lie_on_the_road(self) -> Self:
         length_m = math.fsum(segment.length_m for segment in self.segments)
         for number, mark in enumerate(self.marks):
-            section = next(s for s in reversed(self.sections) if s.start_m <= mark.at_m)
             if mark.end_m > length_m:
-                raise ValueError(f"marks.{number} ends at {mark.end_m} m, beyond the road's {length_m:.1f} m")
-            if (
-                mark.kind != MarkKind.ZEBRA
-                and section.lane_width_m_at_ends(mark.lane, self.lane_width_m) is None
-            ):
-                raise ValueError(f"marks.{number}: section {section.name!r} has no lane {mark.lane}")
+                message = f"marks.{number} ends at {mark.end_m} m, beyond the road's {length_m:.1f} m"
+                raise wrong_at(("marks", number, "at_m"), message)
+            section = next(s for s in reversed(self.sections) if s.start_m <= mark.at_m)
+            lane = 0 if mark.kind == MarkKind.ZEBRA else mark.lane
+            if section.lane_width_m_at_ends(lane, self.lane_width_m) is None:
+                message = f"marks.{number}: section {section.name!r} has no lane {lane}"
+                raise wrong_at(("marks", number, "lane"), message)
         for number, junction in enumerate(self.junctions):
             if junction.at_m > length_m:
-                raise ValueError(
-                    f"junctions.{number} lies at {junction.at_m} m, beyond the road's {length_m:.1f} m"
-                )
+                message = f"junctions.{number} lies at {junction.at_m} m, beyond the road's {length_m:.1f} m"
+                raise wrong_at(("junctions", number, "at_m"), message)
         return self
 
 

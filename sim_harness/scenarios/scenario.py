@@ -11,7 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Self, get_type_hints
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, ValidationError, create_model, model_validator
 
 from perception.estimators import ESTIMATORS
 from sim_harness.plants.plant import build_plant
@@ -57,7 +57,7 @@ class Start(Settings):
     """
 
     station_m: float = 0.0
-    offset_m: float = 0.0  # + = left of the lane centre
+    offset_m: Annotated[float, Field(ge=-10, le=10)] = 0.0  # + = left of the lane centre
     heading_rad: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0  # relative to the lane
     speed_mps: Annotated[float, Field(ge=0, le=60)] = 0.0
     drift_mps: float = 0.0  # lateral speed, + = to the left; turns the heading by asin(drift/speed)
@@ -114,7 +114,7 @@ class Scenario(Settings):
     lane_width_m: Annotated[float, Field(ge=2.0, le=6.0)] | None = None
     appearance: Appearance = Field(default_factory=Appearance)
     start: Start = Start()
-    duration_s: Positive  # at most; the run also ends when the route is driven
+    duration_s: Annotated[float, Field(gt=0, le=86_400)]  # at most; it also ends when the route is driven
     distance_m: Positive | None = None  # length of the route; default: one round, or to the end of the road
     camera: CameraTiming = CameraTiming()
     estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")
@@ -179,14 +179,18 @@ class Scenario(Settings):
         for number, name in enumerate(self.estimators):
             if name not in ESTIMATORS:
                 return ("estimators", number), f"no estimator {name!r}; there are {', '.join(ESTIMATORS)}"
+            if name in self.estimators[:number]:
+                return ("estimators", number), f"{name!r} is named twice"
         if not self.road.endswith(ROAD_SUFFIXES) and not self._road_file().is_file():
             roads = ", ".join(sorted(path.stem for path in ROAD_DIR.glob("*.yaml")))
             return ("road",), f"no road {self.road!r}; there are {roads}, or give a .yaml or .xodr file"
         settings = load_road_settings(self._road_file())
         try:
-            Road(self._changed(settings))
+            length_m = Road(self._changed(settings)).length_m
         except ValueError as error:
             return (self._to_blame(error),), one_line(error)
+        if not 0.0 <= self.start.station_m < length_m:
+            return ("start", "station_m"), f"the road runs from 0 to {length_m:.1f} m"
         return self._problem_with_parts(settings)
 
     def _problem_with_parts(self, road: RoadSettings) -> Problem | None:
@@ -255,7 +259,7 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
             raise InputError(f"no scenario {source!r}; there are {names}, or give a .yaml or .py file")
     data = read(path)
     scenario = parse(data, Scenario, source=path, overrides=overrides)
-    check_vary(scenario, scenario.vary, data, path)
+    check_vary(scenario, scenario.vary, data, path, misfit=_misfit if check else None)
     update = {"name": scenario.name or path.stem}
     if scenario.road.endswith(ROAD_SUFFIXES):
         update["road"] = str(path.parent / scenario.road)
@@ -264,6 +268,12 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     if problem:
         raise InputError(located(*problem, data, path, overrides or {}))
     return scenario
+
+
+def _misfit(scenario: Scenario) -> str:
+    """What does not fit together, in a line; empty when all does."""
+    problem = scenario.problem()
+    return f"{'.'.join(map(str, problem[0]))}: {problem[1]}" if problem else ""
 
 
 def load_scenarios(source: str, overrides: Mapping[str, str] | None = None) -> list[Scenario]:
@@ -305,4 +315,7 @@ def _script_line(error: Exception, path: Path) -> int:
 
 def one_line(error: Exception) -> str:
     """One line for an error of pydantic or of a script."""
+    if isinstance(error, ValidationError):
+        problem = error.errors()[0]
+        return ": ".join([".".join(map(str, problem["loc"])), problem["msg"]]).removeprefix(": ")
     return " ".join(str(error).split()) or type(error).__name__

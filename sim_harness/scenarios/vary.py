@@ -12,7 +12,7 @@ Every parameter is sampled in the unit interval and mapped to its values from th
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
@@ -32,6 +32,7 @@ from trepid.config import InputError, Settings, complaint, position, put
 
 S = TypeVar("S", bound=BaseModel)
 
+INSIDE = 0.382  # a place within a range where a field of whole numbers shows itself
 SIGNIFICANT_DIGITS = 6  # of a drawn value: it must be short enough to be typed again
 
 
@@ -75,6 +76,10 @@ class Range(Settings):
         values = (self.value(step / (self.steps - 1)) for step in range(self.steps))
         return tuple(dict.fromkeys(values))  # whole numbers may be fewer
 
+    def probes(self) -> tuple[JsonValue, ...]:
+        """The values that show whether a field takes the range: both ends, and one inside."""
+        return self.value(0.0), self.value(1.0), self.value(INSIDE)
+
 
 class Choices(Settings):
     """Any of some values."""
@@ -86,6 +91,10 @@ class Choices(Settings):
         return self.choices[min(int(unit * len(self.choices)), len(self.choices) - 1)]
 
     def grid(self) -> tuple[JsonValue, ...]:
+        """All of them."""
+        return self.choices
+
+    def probes(self) -> tuple[JsonValue, ...]:
         """All of them."""
         return self.choices
 
@@ -114,8 +123,6 @@ Variation = Annotated[
 ]
 """A range or choices, as one writes it."""
 
-INSIDE = 0.382  # a place within a range where a field of whole numbers shows itself
-
 
 def fields(parameter: str) -> tuple[str, ...]:
     """The dotted fields that a parameter sets, all to the same value."""
@@ -139,29 +146,34 @@ def _changed(settings: BaseModel, parameters: Mapping[str, JsonValue]) -> dict[s
 
 
 def check_vary(
-    settings: BaseModel, vary: Mapping[str, Choices | Range], data: object, source: Path | str
+    settings: S,
+    vary: Mapping[str, Choices | Range],
+    data: object,
+    source: Path | str,
+    *,
+    misfit: Callable[[S], str] | None = None,
 ) -> None:
-    """Refuse a parameter that names no field of ``settings``, or has a value that its field refuses.
+    """Refuse a parameter that names no field of ``settings``, or a value that its field or ``misfit`` refuses.
 
-    Raises InputError with the place of the parameter in ``data``, the YAML read from ``source``.
+    ``misfit`` says what does not fit together in settings, empty when all does. Raises InputError with the place
+    of the parameter in ``data``, the YAML read from ``source``.
     """
     for parameter, variation in vary.items():
-        inside = (variation.value(INSIDE),) if isinstance(variation, Range) else ()
-        for value in (*variation.grid(), *inside):
-            problem = _problem(settings, parameter, value)
+        for value in variation.probes():
+            problem = _problem(settings, parameter, value, misfit)
             if problem:
                 line, column = position(data, ("vary", parameter))
-                raise InputError(f"{source}:{line}:{column}: vary: {problem}")
+                raise InputError(f"{source}:{line}:{column}: vary: {problem} (for {value!r})")
 
 
-def _problem(settings: BaseModel, parameter: str, value: JsonValue) -> str:
+def _problem(settings: S, parameter: str, value: JsonValue, misfit: Callable[[S], str] | None) -> str:
     """Why ``parameter`` cannot have ``value``; empty when it can."""
     try:
         data = _changed(settings, {parameter: value})
     except LookupError as error:
         return f"{parameter}: {error.args[0]}"
     try:
-        type(settings).model_validate(data)
+        changed_settings = type(settings).model_validate(data)
     except ValidationError as error:
-        return f"{complaint(error, data, type(settings))} (for {value!r})"
-    return ""
+        return complaint(error, data, type(settings))
+    return misfit(changed_settings) if misfit else ""
