@@ -47,6 +47,16 @@ def test_a_calm_lane_below_the_cap_is_driven_straight_and_faster():
     assert last.speed_mps == 5.0
 
 
+def test_while_a_driver_drives_nothing_is_demanded_and_the_hand_over_is_smooth():
+    """Told to stop all the while, it would brake by 1 m/s² at the hand-over if its demand had not waited at 0."""
+    one = controller()
+    for n in range(100):
+        driven = replace(state(0.02 * n, speed_mps=4.0), driver_override=True)
+        last = one.step(decision(0.02 * n, mode=Mode.STOP, stop=Stop.COMFORT), driven, now_s=0.02 * n)
+        assert last.accel_mps2 == 0.0
+    assert abs(one.step(decision(2.0), state(2.0, speed_mps=4.0), now_s=2.0).accel_mps2) < 0.1
+
+
 def test_the_command_carries_the_capture_time_of_the_frame():
     one = controller()
     assert one.step(decision(1.0, t_s=0.93), state(1.0), now_s=1.0).t_s == 0.93

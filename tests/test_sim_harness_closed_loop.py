@@ -12,7 +12,7 @@ import controller.limiter
 import supervisor.supervisor
 from perception.image_statistics import ImageStatistician
 from sim_harness.lockstep.camera import SimulatedCamera
-from sim_harness.lockstep.closed_loop import Parts, run, run_many
+from sim_harness.lockstep.closed_loop import Parts, build_parts, run, run_many
 from sim_harness.lockstep.metrics import FurtherMetrics
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import Scenario, load_scenario
@@ -181,3 +181,75 @@ def test_a_plant_that_understeers_twice_as_much_still_keeps_the_lane():
         {**dict(scenario), "plant": {"vehicle": {"understeer_gradient_rad_per_mps2": 0.0071}}}
     )
     assert drive(scenario).reasons == ()
+
+
+def with_true_sight(**fields):
+    base = dict(description="", tags=["nominal"], road="straight", duration_s=20.0, sight="truth")
+    return Scenario.model_validate(base | fields)
+
+
+def test_with_true_sight_the_lane_is_kept_without_a_single_picture():
+    scenario = load_scenario("s_curve", {"sight": "truth"})
+    parts = build_parts(scenario, seed=0)
+    result = run(scenario, parts=parts)
+    assert result.reasons == ()
+    assert result.metrics.max_lateral_error_m < 0.15
+    assert not parts.estimators
+    assert result.trace.sha256 == run(scenario).trace.sha256
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_drifting_car_is_taken_over_at_speed_and_kept_in_its_lane(side):
+    """Euro NCAP lane support: 72 km/h, 0.5 m/s; the drift must end within the lane and the speed stays."""
+    start = {"station_m": 100, "speed_mps": 20, "drift_mps": 0.5 * side}
+    trace = run(with_true_sight(start=start, speed_mps=20, duration_s=8)).trace
+    assert trace["t_s"][0] == 0.0
+    assert trace["station_m"][0] == pytest.approx(100.0)
+    assert 0.1 < trace["lateral_offset_m"].max() * side + trace["lateral_offset_m"].min() * side < 0.6
+    assert abs(trace["lateral_offset_m"][-1]) < 0.02
+    assert trace["speed_mps"].min() > 19.5
+    assert trace.words["mode"][int(trace["mode"][-1])] == "KEEP"
+
+
+CUT_IN = {"gap_m": 14, "lane": 1, "speed_mps": 6, "phases": [{"kind": "change_lane", "at_s": 2, "over_s": 3}]}
+
+
+def test_after_a_cut_in_the_time_gap_grows_to_a_safe_one():
+    scenario = with_true_sight(start={"speed_mps": 8}, traffic=[CUT_IN], duration_s=25)
+    trace = run(scenario).trace
+    changing = trace["t_s"][trace["traffic.change_lane"] > 0]
+    assert (changing[0], changing[-1]) == (pytest.approx(2.01), pytest.approx(4.99))
+    assert np.isnan(trace["lead_gap_m"][trace["t_s"] < 2.5]).all()
+    assert trace["collisions"][-1] == 0
+    assert trace["lead_gap_m"][-1] / trace["speed_mps"][-1] > 1.5
+
+
+def test_behind_who_leaves_the_lane_a_standing_car_comes_into_sight():
+    """Cut-out: the sensor sees only the nearest, and the standing car once the other has made way."""
+    leaver = {"gap_m": 16, "speed_mps": 7, "phases": [{"kind": "change_lane", "at_s": 3, "to_lane": 1}]}
+    scenario = with_true_sight(start={"speed_mps": 7}, traffic=[leaver, {"gap_m": 75}], duration_s=40)
+    trace = run(scenario).trace
+    jumps = np.flatnonzero(np.diff(trace["lead_gap_m"]) > 5.0)
+    assert len(jumps) == 1
+    assert trace["collisions"][-1] == 0
+    assert trace["speed_mps"][-1] < 0.1
+
+
+def test_conditions_are_judged_and_name_what_happened():
+    kept = {"conditions": ["time_gap >= 0.5 s", "speed <= 8.5 m/s"]}
+    broken = {"conditions": ["speed >= 7.9 m/s"]}
+    fields = {"start": {"speed_mps": 8}, "traffic": [CUT_IN], "duration_s": 12}
+    assert run(with_true_sight(expect=kept, **fields)).reasons == ()
+    (reason,) = run(with_true_sight(expect=broken, **fields)).reasons
+    assert "speed >= 7.9 m/s" in reason
+
+
+def test_two_estimators_that_lie_alike_are_believed():
+    """Nobody can tell a common lie: the car drives beside the lane centre by as much, unafraid."""
+    lies = [
+        {"kind": "estimator_bias", "estimator": name, "lateral_m": 0.45, "from_s": 6}
+        for name in ("cv", "cnn")
+    ]
+    alike = run(with_true_sight(faults=lies, lane_width_m=4.0)).trace
+    assert alike["lateral_offset_m"][-1] == pytest.approx(-0.45, abs=0.05)
+    assert alike["decision.fear"][-1] < 0.3

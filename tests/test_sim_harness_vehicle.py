@@ -166,3 +166,68 @@ def test_sensors_are_noisy_by_seed():
 def test_the_plant_of_a_scenario_may_differ_from_the_believed_vehicle():
     soft = scenario_of(plant={"vehicle": {"max_accel_mps2": 0.5}})
     assert run(vehicle_on(soft), drive(), 1.0)[0].speed_mps < 0.5
+
+
+def drive_past(simulated, command, seconds):
+    """Every truth on the way."""
+    return [simulated.step(command, 0.0, now_s=k * 0.01)[1] for k in range(round(seconds / 0.01) + 1)]
+
+
+def test_with_traffic_but_nobody_ahead_the_sensor_says_so():
+    seen = vehicle_on(scenario_of(traffic=[{"gap_m": 30.0, "lane": 1}])).sense_lead()
+    assert (seen.confidence, seen.distance_m) == (0.0, None)
+    far = vehicle_on(scenario_of(traffic=[{"gap_m": QUIET.lead_range_m + 1}])).sense_lead()
+    assert far.confidence == 0.0
+
+
+def test_one_that_comes_towards_us_has_a_negative_speed_for_the_sensor():
+    seen = vehicle_on(scenario_of(traffic=[{"gap_m": 30.0, "speed_mps": 9.0, "oncoming": True}])).sense_lead()
+    assert (seen.distance_m, seen.speed_mps) == (pytest.approx(30.0), pytest.approx(-9.0))
+
+
+def test_the_truth_carries_every_vehicle_in_the_order_of_the_scenario():
+    parked = {"station_m": 60.0, "offset_m": -3.0}
+    simulated = vehicle_on(scenario_of(traffic=[{"gap_m": 12.0, "speed_mps": 3.0}, parked]))
+    _, truth = run(simulated, drive(0.0, -1.0), 1.0)
+    assert truth.traffic_x_m == pytest.approx(
+        (SHUTTLE.wheelbase_m + 0.55 + 15.0 - Body().rear_m, 60.0), abs=0.5
+    )
+    assert truth.traffic_x_m[0] == truth.lead_x_m
+    assert truth.traffic_y_m == pytest.approx((0.0, -3.0))
+    assert truth.traffic_speed_mps == (3.0, 0.0)
+
+
+@pytest.mark.parametrize("traffic", [{"gap_m": 4.0, "oncoming": True}, {"gap_m": 4.0, "shape": "truck"}])
+def test_whatever_it_runs_into_the_car_stops_there_and_counts_it_once(traffic):
+    truths = drive_past(vehicle_on(scenario_of(traffic=[traffic])), drive(), 6.0)
+    assert truths[-1].collisions == 1
+    assert truths[-1].speed_mps == pytest.approx(0.0, abs=0.02)
+
+
+def test_who_is_driven_into_from_behind_keeps_its_speed():
+    chaser = {"station_m": -12.0, "speed_mps": 9.0}
+    truths = drive_past(vehicle_on(scenario_of(traffic=[chaser])), drive(0.0, 0.5), 4.0)
+    assert truths[-1].collisions == 1
+    assert truths[-1].speed_mps == pytest.approx(0.5 * 4.0, abs=0.3)
+
+
+def test_a_start_at_speed_is_driven_by_a_driver_up_to_the_hand_over():
+    simulated = vehicle_on(scenario_of(start={"station_m": 90.0, "speed_mps": 10.0, "drift_mps": 0.4}))
+    ticks = round(QUIET.run_up_s / 0.01)
+    both = [simulated.step(drive(), 0.0, now_s=50.0 + k * 0.01) for k in range(ticks + 1)]
+    assert [state.driver_override for state, _ in both] == [True] * ticks + [False]
+    assert {round(state.speed_mps, 9) for state, _ in both} == {10.0}
+    first, last = both[0][1], both[-1][1]
+    assert (first.elapsed_s, last.elapsed_s) == (pytest.approx(-QUIET.run_up_s), 0.0)
+    assert first.station_m == pytest.approx(90.0 - 10.0 * QUIET.run_up_s)
+    assert (last.station_m, last.lateral_offset_m) == (pytest.approx(90.0), pytest.approx(0.0))
+    assert 10.0 * math.sin(last.heading_error_rad) == pytest.approx(0.4)
+
+
+def test_while_it_waits_nothing_moves_but_the_clock():
+    simulated = vehicle_on(scenario_of(traffic=[{"gap_m": 12.0, "speed_mps": 3.0}]))
+    before, after = (simulated.wait(now_s=t)[1] for t in (5.0, 9.0))
+    assert (before.t_s, after.t_s) == (5.0, 9.0)
+    assert before.lead_gap_m == after.lead_gap_m == pytest.approx(12.0)
+    begun = simulated.step(None, None, now_s=10.0)[1]
+    assert (begun.t_s, begun.elapsed_s) == (10.0, 0.0)

@@ -220,6 +220,37 @@ def test_the_driver_takes_over_and_the_car_does_not_start_again_on_the_move() ->
     assert drive.last(5.0).mode is Mode.STOP
 
 
+DRIVEN = replace(STATE, driver_override=True)
+
+
+def test_a_driver_hands_over_at_speed_and_the_car_goes_on_without_a_dip() -> None:
+    drive = Drive(speed_mps=7.0)
+    assert drive.last(3.0, state=DRIVEN).mode is Mode.STOP
+    taken = drive.frame()
+    assert (taken.mode, taken.stop) == (Mode.CAUTION, Stop.NONE)
+    assert taken.speed_cap_mps == pytest.approx(7.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        {"duration_s": 1.0},  # too short to have seen enough
+        {"duration_s": 3.0, "cv": None},  # an estimator has never answered
+        {"duration_s": 3.0, "statistics": None},
+    ],
+)
+def test_a_driver_who_lets_go_of_a_car_that_is_not_ready_is_not_relieved(before: dict[str, Any]) -> None:
+    drive = Drive(speed_mps=7.0)
+    drive.last(**before, state=DRIVEN)
+    assert drive.last(1.0).mode is Mode.STOP
+
+
+def test_while_a_driver_drives_blindness_is_no_emergency() -> None:
+    drive = Drive(speed_mps=7.0)
+    decision = drive.last(2.0, cv=NO_LANE, cnn=NO_LANE, state=DRIVEN)
+    assert (decision.mode, decision.stop) == (Mode.STOP, Stop.COMFORT)
+
+
 def test_one_bad_frame_slows_but_does_not_stop() -> None:
     drive = Drive.under_way()
     bad = drive.frame(cv=replace(ESTIMATE, lateral_offset_m=math.nan))

@@ -111,7 +111,21 @@ def test_even_a_frozen_process_is_stopped(drive: tuple[Bus, Callable[..., Fleet]
     assert not alive(pid)
 
 
-def test_processes_end_themselves_when_their_launcher_is_killed() -> None:
+def test_a_paused_process_is_silent_until_it_goes_on(drive: tuple[Bus, Callable[..., Fleet]]) -> None:
+    bus, fleet = drive
+    hears, soon = heard(bus), heard(bus, patience_s=1.5)
+    with fleet(CONTROLLER) as running:
+        assert hears()
+        running.pause("controller")
+        soon()  # what was under way
+        assert not soon()
+        running.resume("controller")
+        assert hears()
+        assert running.bury() == []
+
+
+@pytest.mark.parametrize("paused", [False, True])
+def test_processes_end_themselves_when_their_launcher_is_killed(paused: bool) -> None:
     program = (
         "import time\n"
         "from trepid.bus import free_endpoint, open_bus\n"
@@ -125,6 +139,7 @@ def test_processes_end_themselves_when_their_launcher_is_killed() -> None:
         "    with fleet:\n"
         "        while diagnostics.take() is None:\n"
         "            time.sleep(0.02)\n"
+        f"        {'fleet.pause(*fleet.children)' if paused else 'pass'}\n"
         "        print(fleet.children['controller'].popen.pid, flush=True)\n"
         "        time.sleep(60)\n"
     )
