@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from controller.controller import Controller, ControllerSettings
 from controller.limiter import Limiter, Limits
-from sim_harness.plants.kinematic import Plant
+from sim_harness.plants.kinematic import KinematicPlant
+from sim_harness.plants.plant import Plant
 from sim_harness.plants.state import PlantState
 from sim_harness.roads.road import Road, RoadSettings, Segment
 from trepid.config import CONFIG_DIR, load
@@ -103,14 +104,16 @@ def drive(
     cap_mps: float,
     duration_s: float,
     plant_vehicle: Vehicle = SHUTTLE,
+    plant: Plant | None = None,
     known_vehicle: Vehicle | None = None,
     settings: ControllerSettings = SETTINGS,
     sight_delay_s: float = 0.04,
     limited: bool = True,
 ) -> list[Sample]:
     """Closed loop on perfect but late sight: frame -> decision -> controller -> limiter -> plant."""
-    known = known_vehicle or plant_vehicle
-    controller, limiter, plant = Controller(known, settings), Limiter(known, LIMITS), Plant(plant_vehicle)
+    plant = plant or KinematicPlant(plant_vehicle)
+    known = known_vehicle or plant.vehicle
+    controller, limiter = Controller(known, settings), Limiter(known, LIMITS)
     car, station_m, sent, sent_s = start, 0.0, None, None
     frames: list[Decision] = []
     samples = []

@@ -5,7 +5,7 @@ import math
 import pytest
 from controller_rig import SETTINGS, SHUTTLE, G, drive, road, vehicle
 
-from sim_harness.plants.kinematic import Plant
+from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.state import PlantState
 
 BENDS = (
@@ -137,7 +137,7 @@ def test_the_mirrored_road_is_driven_as_the_mirror_image():
 def test_commands_keep_acceleration_and_jerk_within_the_limits():
     """Lateral jerk as the mean over half a second (ISO 11270), acceleration at every tick."""
     samples = drive(TIGHT, start=PlantState(speed_mps=8.0), cap_mps=8.0, duration_s=22.0)
-    lateral = [Plant(SHUTTLE).lateral_accel_mps2(one.plant) for one in samples]
+    lateral = [KinematicPlant(SHUTTLE).lateral_accel_mps2(one.plant) for one in samples]
     assert max(map(abs, lateral)) <= 3.0
     means = [(b - a) / 0.5 for a, b in zip(lateral, lateral[50:], strict=False)]
     assert max(map(abs, means)) <= 5.0

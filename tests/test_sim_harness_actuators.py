@@ -4,10 +4,10 @@ import math
 from itertools import pairwise
 
 import pytest
-from test_sim_harness_plant import SHUTTLE, command, drive
+from test_sim_harness_kinematic import SHUTTLE, command, drive
 
 from sim_harness.plants.actuators import Actuators
-from sim_harness.plants.kinematic import Plant
+from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
 
@@ -19,7 +19,7 @@ FRICTION_RAD = 0.01
 
 def tyre_angles(demands_rad, **settings):
     """Where the tyres of an ideal steering point after each of ``demands_rad``."""
-    plant, state, angles = Plant(QUICK, PlantSettings(**settings)), PlantState(), []
+    plant, state, angles = KinematicPlant(QUICK, PlantSettings(**settings)), PlantState(), []
     for demand_rad in demands_rad:
         state = plant.step(state, command(demand_rad), 0.01)
         angles.append(plant.actuators.at(state).tyre_angle_rad)
@@ -51,14 +51,14 @@ def test_a_full_turn_of_the_steering_encloses_the_area_of_the_play_loop():
 
 
 def test_the_steering_sensor_does_not_see_friction_and_offset():
-    plant = Plant(QUICK, PlantSettings(steering_friction_rad=0.01, steering_offset_rad=0.02))
+    plant = KinematicPlant(QUICK, PlantSettings(steering_friction_rad=0.01, steering_offset_rad=0.02))
     state = plant.step(PlantState(), command(0.05), 0.01)
     assert state.road_wheel_angle_rad == 0.05
     assert plant.actuators.at(state).tyre_angle_rad == pytest.approx(0.05 - 0.01 + 0.02)
 
 
 def test_an_offset_turns_a_car_that_is_steered_straight_and_the_steady_angle_takes_it_back():
-    plant = Plant(SHUTTLE, PlantSettings(steering_offset_rad=0.01))
+    plant = KinematicPlant(SHUTTLE, PlantSettings(steering_offset_rad=0.01))
     turned = drive(plant, PlantState(speed_mps=8.0), command(0.0), 2.0)
     assert turned.yaw_rad == pytest.approx(2.0 * 8.0 * plant.curvature_1pm(0.01, 8.0))
     start = plant.initial(speed_mps=8.0)
@@ -73,7 +73,7 @@ def test_a_load_of_the_vehicle_s_own_mass_halves_what_drive_and_brakes_can_do():
 
 
 def test_on_ice_the_brakes_need_the_distance_that_the_grip_allows():
-    plant = Plant(QUICK, PlantSettings(friction=0.1))
+    plant = KinematicPlant(QUICK, PlantSettings(friction=0.1))
     stopped = drive(plant, PlantState(speed_mps=5.0), command(accel_mps2=-6.0), 7.0)
     grip_mps2 = 0.95 * 0.1 * 9.80665
     assert stopped.speed_mps == 0.0

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from test_sim_harness_plant import SHUTTLE, command
+from test_sim_harness_kinematic import SHUTTLE, command
 
 from sim_harness.plants.batch import BatchPlant
-from sim_harness.plants.kinematic import Plant
+from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
 
@@ -31,7 +31,7 @@ def vehicles(count, seed):
             steering_offset_rad=float(rng.choice([0.0, 0.01])),
             steering_friction_rad=float(rng.choice([0.0, 0.005])),
         )
-        yield Plant(SHUTTLE.model_copy(update=changes), settings)
+        yield KinematicPlant(SHUTTLE.model_copy(update=changes), settings)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -60,17 +60,17 @@ def test_each_vehicle_of_a_batch_drives_as_the_scalar_plant_does(seed):
 def test_a_dead_time_between_two_periods_is_refused():
     vehicle = SHUTTLE.model_copy(update=dict(steering_delay_s=0.055))
     with pytest.raises(ValueError, match="whole numbers of 0"):
-        BatchPlant([Plant(vehicle)], period_s=0.01)
+        BatchPlant([KinematicPlant(vehicle)], period_s=0.01)
 
 
 def test_a_demand_that_is_not_a_number_is_refused():
-    batch = BatchPlant([Plant(SHUTTLE)], period_s=0.01)
+    batch = BatchPlant([KinematicPlant(SHUTTLE)], period_s=0.01)
     with pytest.raises(ValueError, match="finite"):
         batch.step(batch.initial(np.array([5.0])), np.array([np.nan]), np.array([0.0]))
 
 
 def test_a_vehicle_beyond_its_critical_speed_is_refused():
     vehicle = SHUTTLE.model_copy(update=dict(understeer_gradient_rad_per_mps2=-0.00356))
-    batch = BatchPlant([Plant(vehicle)], period_s=0.01)
+    batch = BatchPlant([KinematicPlant(vehicle)], period_s=0.01)
     with pytest.raises(ValueError, match="oversteers"):
         batch.step(batch.initial(np.array([25.0])), np.array([0.01]), np.array([0.0]))

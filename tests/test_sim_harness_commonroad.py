@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from test_sim_harness_plant import SHUTTLE, command, drive
+from test_sim_harness_kinematic import SHUTTLE, command, drive
 
 from sim_harness.plants.commonroad import ROLLING_MPS, UNDERSTEER
 from sim_harness.plants.plant import build_plant
@@ -46,7 +46,7 @@ def test_the_understeer_is_the_one_that_is_stated(model):
 @pytest.mark.parametrize("model", FOREIGN)
 @pytest.mark.parametrize("speed_mps", [5.0, 15.0])
 def test_our_dynamic_plant_with_their_mass_and_tyres_turns_as_they_do(model, speed_mps):
-    """Yaw rate through a step of the wheel at 2 m/s²: rise and end, to 1 % (drift) and 3 % (multi-body: ours does not roll)."""
+    """Yaw rate through a step of the wheel to 2 m/s², to 1 % (drift) and 3 % (multi-body: ours does not roll)."""
     neutral = SHUTTLE.model_copy(update=dict(understeer_gradient_rad_per_mps2=UNDERSTEER[model]))
     ours = SingleTrackPlant(neutral, PlantSettings(chassis=Chassis(**BMW)))
     theirs = build_plant(PlantSettings(model=model), SHUTTLE)

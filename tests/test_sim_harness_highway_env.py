@@ -1,7 +1,7 @@
 """highway-env's vehicle as a plant: a linear single track that is not ours."""
 
 import pytest
-from test_sim_harness_plant import SHUTTLE, command, drive
+from test_sim_harness_kinematic import SHUTTLE, command, drive
 
 from sim_harness.plants.plant import build_plant
 from sim_harness.plants.settings import Model, PlantSettings

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from test_sim_harness_plant import SHUTTLE, command, drive
+from test_sim_harness_kinematic import SHUTTLE, command, drive
 
 from sim_harness.plants.actuators import Motion
 from sim_harness.plants.axles import axles_of
-from sim_harness.plants.kinematic import Plant as KinematicPlant
+from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.runge_kutta import rk4
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.single_track import SHAPE, SingleTrackPlant

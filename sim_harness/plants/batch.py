@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from sim_harness.plants.kinematic import Plant
+from sim_harness.plants.kinematic import KinematicPlant
 
 Array = npt.NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class BatchState:
 class BatchPlant:
     """N kinematic plants under one period."""
 
-    def __init__(self, plants: Sequence[Plant], *, period_s: float) -> None:
+    def __init__(self, plants: Sequence[KinematicPlant], *, period_s: float) -> None:
         """Raises ValueError when a dead time is not a whole number of periods."""
         actuators = [plant.actuators for plant in plants]
 
@@ -154,7 +154,7 @@ class BatchPlant:
         return np.clip(play_rad, -self._friction_rad, self._friction_rad)
 
     def _curvature(self, angle_rad: Array, speed_mps: Array, accel_mps2: Array) -> Array:
-        """As :meth:`sim_harness.plants.kinematic.Plant.curvature_1pm`, until the last vehicle has converged."""
+        """As :meth:`KinematicPlant.curvature_1pm`, until the last vehicle has converged."""
         speed2 = speed_mps * speed_mps
         compliance = self._gradient * speed2 / self._wheelbase_m
         rest_rad = angle_rad + self._offset_rad - self._gradient * self._bank_mps2

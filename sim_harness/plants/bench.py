@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sim_harness.plants.batch import BatchPlant
-from sim_harness.plants.kinematic import Plant as KinematicPlant
+from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.plant import build_plant
 from sim_harness.plants.runge_kutta import rk4
 from sim_harness.plants.settings import Model, PlantSettings

@@ -19,7 +19,7 @@ from typing import Any
 
 from sim_harness.plants.actuators import Actuators, Motion, moved
 from sim_harness.plants.axles import ANTI_LOCK, GRAVITY_MPS2
-from sim_harness.plants.kinematic import Plant as KinematicPlant
+from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.runge_kutta import rk4
 from sim_harness.plants.settings import Model, PlantSettings
 from sim_harness.plants.state import PlantState

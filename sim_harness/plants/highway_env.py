@@ -13,7 +13,7 @@ import numpy as np
 
 from sim_harness.plants.actuators import Actuators, moved
 from sim_harness.plants.axles import ANTI_LOCK, GRAVITY_MPS2, axles_of
-from sim_harness.plants.kinematic import Plant as KinematicPlant
+from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
 from trepid.config import InputError

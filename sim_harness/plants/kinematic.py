@@ -28,7 +28,7 @@ _NEWTON_STEPS = 20  # two or three in practice
 _LAST_STEP_RAD = 1e-9  # the error after a step is of the order of its square
 
 
-class Plant:
+class KinematicPlant:
     """Advances a :class:`PlantState`; holds nothing but the vehicle's parameters."""
 
     def __init__(self, vehicle: Vehicle, settings: PlantSettings | None = None) -> None:

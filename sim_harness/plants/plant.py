@@ -6,7 +6,7 @@ from pydantic import ValidationError
 
 from sim_harness.plants.commonroad import CommonRoadPlant
 from sim_harness.plants.highway_env import HighwayEnvPlant
-from sim_harness.plants.kinematic import Plant as KinematicPlant
+from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.settings import Model, PlantSettings
 from sim_harness.plants.single_track import SingleTrackPlant
 from sim_harness.plants.state import PlantState

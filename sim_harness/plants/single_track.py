@@ -22,7 +22,7 @@ import math
 
 from sim_harness.plants.actuators import Actuators, Motion, clip, moved
 from sim_harness.plants.axles import ANTI_LOCK, GRAVITY_MPS2, Axles, axles_of
-from sim_harness.plants.kinematic import Plant as KinematicPlant
+from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.runge_kutta import rk4
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
