@@ -1,26 +1,29 @@
-"""The ``sim`` verbs: scenarios and lock-step runs."""
+"""The ``sim`` verbs: scenarios, and lock-step runs of them."""
 
 import json
 import sys
-from collections.abc import Iterator
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import cv2
 import typer
 from rich.console import Console
 from rich.table import Table
 
-import sim_harness.roads.cli
-from sim_harness.lockstep.closed_loop import run, run_many
-from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenarios
-from sim_harness.scenarios.schema import schema_verb
+from sim_harness.report.page import Page
+from sim_harness.scenarios.sampling import Method, fresh_seed
+from sim_harness.scenarios.scenario import Tag, list_scenarios
+from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.plan import Plan, by_sampling, by_seeds, plan, select
+from sim_harness.sweep.show import Report, Show
+from sim_harness.sweep.store import Store
+from sim_harness.sweep.sweep import Workforce, saving, workforce
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
-app.command("schema")(schema_verb)
-app.add_typer(sim_harness.roads.cli.app, name="road", help="Roads to and from OpenDRIVE files.")
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
+RANDOM = "random"
 
 
 @app.command("list")
@@ -45,64 +48,102 @@ def list_verb(as_json: AsJson = False) -> int:
 
 @app.command("run")
 def run_verb(
-    sources: Annotated[list[str], typer.Argument(metavar="S...", help="Scenario names, .yaml or .py files.")],
-    seed: Annotated[int, typer.Option(min=0, help="The first seed.")] = 0,
+    sources: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[S...]", help="Scenario names, .yaml or .py files, or `all`."),
+    ] = None,
+    tags: Annotated[
+        list[Tag] | None, typer.Option("--tag", help="Only scenarios with this tag; again for another one.")
+    ] = None,
+    seed: Annotated[
+        str, typer.Option(metavar="N|random", help="The first seed; `random` draws one and prints it.")
+    ] = "0",
     seeds: Annotated[int, typer.Option(min=1, help="Run this many seeds, from --seed on.")] = 1,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
-    settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE")] = None,
-    trace: Annotated[Path | None, typer.Option(help="Save the trace of a single run as .npz.")] = None,
-    picture: Annotated[Path | None, typer.Option(help="Draw a single run as .png.")] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Another value for a field of the scenarios."),
+    ] = None,
+    sample: Annotated[
+        Method | None, typer.Option(help="Draw cases from what may `vary` in the scenarios.")
+    ] = None,
+    cases: Annotated[
+        int | None,
+        typer.Option(min=1, help="Cases of each scenario with --sample; default: a whole grid, else 100."),
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = 1,
+    cluster: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Run on the Dask cluster with this scheduler.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR|F.jsonl|F.parquet", help="Keep each result here as soon as it is there."),
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Run only what --out does not have yet.")] = False,
+    report: Annotated[Path | None, typer.Option(metavar="F.html", help="Write a page on all runs.")] = None,
+    trace: Annotated[
+        Path | None, typer.Option(metavar="F.npz", help="Save the trace of a single run.")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="F.png", help="Draw a single run.")] = None,
     as_json: AsJson = False,
 ) -> int:
-    """Run scenarios in lock-step; exit code 1 when one of them fails."""
-    overrides = parse_overrides(settings or [])
-    scenarios = [scenario for source in sources for scenario in load_scenarios(source, overrides)]
-    for scenario in scenarios:
-        scenario.check()
-    total = len(scenarios) * seeds
-    rows = run_many(scenarios, range(seed, seed + seeds), jobs=jobs)
-    if trace is not None or picture is not None:
-        check_outputs(total, trace, picture)
-        rows = run_and_save(scenarios[0], seed, trace, picture)
-    failed = 0
-    for number, row in enumerate(rows, start=1):
-        failed += row["status"] == "failed"
-        if as_json:
-            print(json.dumps(row), flush=True)
-        print(f"[{number}/{total}] {one_line(row)}", file=sys.stderr if as_json else sys.stdout, flush=True)
-    return 1 if failed else 0
+    """Run scenarios in lock-step; exit code 1 when one of them fails.
 
-
-def check_outputs(total: int, *paths: Path | None) -> None:
-    """Raise InputError unless there is one run to save, and a folder for each file."""
-    for path in filter(None, paths):
-        if total > 1:
-            raise InputError(f"{path}: can hold one run, not {total}")
-        if not path.parent.is_dir():
-            raise InputError(f"{path}: there is no folder {path.parent}")
-
-
-def run_and_save(
-    scenario: Scenario, seed: int, trace: Path | None, picture: Path | None
-) -> Iterator[dict[str, Any]]:
-    """The row of one run, after its trace and picture are saved."""
-    result = run(scenario, seed=seed)
-    if trace is not None:
-        result.trace.save(trace)
-    if picture is not None:
-        from sim_harness.report.picture import draw
-
-        if not cv2.imwrite(str(picture), draw(scenario, result.trace, seed=seed)):
-            raise InputError(f"{picture}: cannot be written as an image")
-    yield result.row()
-
-
-def one_line(row: dict[str, Any]) -> str:
-    """A run in a line for people."""
-    text = (
-        f"{row['scenario']} seed {row['seed']}: {row['status']}, {row['distance_m']:.0f} m in"
-        f" {row['duration_s']:.1f} s, error max {row['max_lateral_error_m']:.2f} m rms"
-        f" {row['rms_lateral_error_m']:.2f} m, departures {row['departures']}, interventions"
-        f" {row['interventions']}, {row['realtime_factor']:.1f}x real time"
+    The same scenario and seed give the same trace, bit for bit, wherever it runs. Rows of --json come in the order
+    of scenarios and seeds, lines for people as runs finish.
+    """
+    refuse(
+        {
+            "--cases needs --sample": cases is not None and sample is None,
+            "--sample draws the seeds itself: --seeds cannot be given too": sample is not None and seeds > 1,
+            "--resume needs --out": resume and out is None,
+            "--resume cannot go on with seeds that are drawn anew": resume and seed == RANDOM,
+            "--cluster has its own processes: --jobs cannot be given too": cluster is not None and jobs > 1,
+        }
     )
-    return text + "".join(f"\n    {reason}" for reason in row["reasons"])
+    first = first_seed(seed)
+    selection = select(sources or [], tags or [], parse_overrides(settings or []))
+    if sample is None:
+        planned = plan(by_seeds(selection.scenarios, range(first, first + seeds)))
+    else:
+        planned = plan(by_sampling(selection.scenarios, sample, cases, seed=first))
+    check_outputs(planned, trace, picture)
+    check_folders(report, trace, picture)
+    work: Workforce = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=report is not None)
+    if trace or picture:
+        work = partial(saving, trace=trace, picture=picture, detailed=report is not None)
+    page = Report(path=report, page=Page("trepid sim run"), command=selection.command) if report else None
+    with ExitStack() as stack:
+        store = stack.enter_context(Store(out, planned, code=fingerprint(), resume=resume)) if out else None
+        return Show(planned, work, store=store, report=page, as_json=as_json).run()
+
+
+def refuse(wrong: dict[str, bool]) -> None:
+    """Raise InputError with the first of these sentences that is true."""
+    for sentence, is_true in wrong.items():
+        if is_true:
+            raise InputError(sentence)
+
+
+def first_seed(text: str) -> int:
+    """The seed that ``text`` names, or one that is drawn and told. Raises InputError."""
+    if text == RANDOM:
+        drawn = fresh_seed()
+        print(f"trepid sim: seed {drawn}, drawn now; --seed {drawn} repeats it", file=sys.stderr, flush=True)
+        return drawn
+    if not (text.isascii() and text.isdigit()):
+        raise InputError(f"--seed {text}: expected a whole number from 0 on, or {RANDOM!r}")
+    return int(text)
+
+
+def check_outputs(planned: Plan, *files: Path | None) -> None:
+    """Raise InputError unless there is one run to save in ``files``."""
+    for file in filter(None, files):
+        if len(planned) > 1:
+            raise InputError(f"{file}: can hold one run, not {len(planned)}")
+
+
+def check_folders(*files: Path | None) -> None:
+    """Raise InputError unless there is a folder for each file."""
+    for file in filter(None, files):
+        if not file.parent.is_dir():
+            raise InputError(f"{file}: there is no folder {file.parent}")

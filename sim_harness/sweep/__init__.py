@@ -1,0 +1,1 @@
+"""Sweeps: many cases on many processes or machines, their results kept as they finish."""

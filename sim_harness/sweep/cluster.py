@@ -1,0 +1,90 @@
+"""Cases on a Dask cluster: many machines, the same results.
+
+Start one with ``dask scheduler``, and ``dask worker ADDRESS --nthreads 1`` for every core of every machine that has
+Trepid (with ``--nworkers N`` for several at once). The scheduler gives the case of a worker that is lost to another
+one; a case that has cost four workers their life is a crashed one. Needs extra ``cluster``.
+"""
+
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+from dask.config import set as configured
+from distributed import Client, KilledWorker, as_completed
+
+from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.outcome import Outcome, crashed, execute
+from sim_harness.sweep.plan import Plan
+from sim_harness.sweep.sweep import ClusterLost
+from trepid.config import InputError
+
+CONNECT_S = 10.0
+WORKERS_S = 30.0  # so long may it take until the first worker is there
+
+
+def on_cluster(plan: Plan, address: str, *, detailed: bool = False) -> Iterator[tuple[str, Outcome]]:
+    """Run the cases on the cluster at ``address``; outcomes come as they finish.
+
+    Closing the iterator withdraws the cases that have not started. Raises InputError when there is no cluster of
+    our versions, and ClusterLost.
+    """
+    with _connected(address) as client:
+        check_same_code(client, address)
+        work = partial(execute, detailed=detailed)
+        futures = {client.submit(work, case, pure=False): key for key, case in plan.items()}
+        for future in as_completed(list(futures)):
+            key = futures.pop(future)
+            if future.status == "finished":
+                outcome: Outcome = future.result()
+                _check_code({outcome.code}, address)  # of a worker that joined later
+            elif isinstance(error := future.exception(timeout=CONNECT_S), KilledWorker):
+                outcome = crashed(plan[key], f"crashed: it has killed {error.allowed_failures + 1} workers")
+            else:
+                raise ClusterLost(f"--cluster {address}: lost with {len(futures) + 1} cases to run: {error}")
+            future.release()
+            yield key, outcome
+
+
+@contextmanager
+def _connected(address: str) -> Iterator[Client]:
+    """A client that says what is wrong in an exception, not in logs. Raises InputError."""
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    with warnings.catch_warnings(), configured({"distributed.comm.timeouts.connect": CONNECT_S}):
+        warnings.simplefilter("ignore")  # on versions; they are checked below, those that matter
+        try:
+            client = Client(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise InputError(f"--cluster {address}: no Dask scheduler answers there: {error}") from error
+        with client:
+            yield client
+
+
+def check_same_code(client: Client, address: str) -> None:
+    """Raise InputError unless there are workers, all with our code, configuration and versions."""
+    try:
+        client.wait_for_workers(1, timeout=WORKERS_S)
+    except TimeoutError as error:
+        raise InputError(f"--cluster {address}: there is no worker") from error
+    versions: Any = client.get_versions()
+    ours = versions["client"]["packages"]
+    for worker, found in versions["workers"].items():
+        for name in ("python", "dask", "distributed"):
+            theirs = found["packages"][name]
+            if theirs != ours[name]:
+                raise InputError(f"--cluster {address}: {worker} has {name} {theirs}, here is {ours[name]}")
+    try:
+        _check_code(set(client.run(fingerprint).values()), address)
+    except ImportError as error:
+        raise InputError(f"--cluster {address}: a worker has no Trepid: {error}") from error
+
+
+def _check_code(fingerprints: set[str], address: str) -> None:
+    strange = fingerprints - {fingerprint()}
+    if strange:
+        raise InputError(
+            f"--cluster {address}: a worker has other code, configuration or libraries ({strange.pop()}) than we"
+            f" ({fingerprint()}); install the same, and start it again"
+        )

@@ -1,0 +1,74 @@
+"""What comes of one case, wherever it runs."""
+
+import traceback
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from sim_harness.lockstep.closed_loop import Result, run
+from sim_harness.lockstep.metrics import Metrics
+from sim_harness.report.film import run_filmed
+from sim_harness.report.summary import Detail, summarise
+from sim_harness.scenarios.sampling import Case
+from sim_harness.sweep.fingerprint import fingerprint
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """The row of a case, and what its page in a report is drawn from."""
+
+    row: Row
+    detail: Detail | None = None  # None: not asked for, or there is no result
+    code: str  # fingerprint of the process that ran it
+
+
+def execute(case: Case, *, detailed: bool = False) -> Outcome:
+    """Run a case. Whatever it raises becomes the reason why it failed: one case does not end a sweep."""
+    try:
+        return perform(case, detailed=detailed)[1]
+    except Exception as error:  # noqa: BLE001
+        return crashed(case, _reason(error))
+
+
+def perform(case: Case, *, detailed: bool = False) -> tuple[Result, Outcome]:
+    """Run a case; ``detailed`` also for a report. Raises what the run raises."""
+    detail = None
+    if detailed:
+        result, film = run_filmed(case.scenario, seed=case.seed)
+        detail = summarise(case.scenario, result, film)
+    else:
+        result = run(case.scenario, seed=case.seed)
+    return result, Outcome(row=with_parameters(case, result.row()), detail=detail, code=fingerprint())
+
+
+def crashed(case: Case, reason: str) -> Outcome:
+    """The outcome of a case that has no result: failed, every score absent."""
+    row: Row = {
+        "scenario": case.scenario.name,
+        "seed": case.seed,
+        "status": "failed",
+        "reasons": [reason],
+        **dict.fromkeys(field.name for field in fields(Metrics)),
+        "realtime_factor": None,
+        "trace_sha256": None,
+    }
+    return Outcome(row=with_parameters(case, row), code=fingerprint())
+
+
+def is_complete(row: Row) -> bool:
+    """False for the row of a crashed case: it has no trace."""
+    return row.get("trace_sha256") is not None
+
+
+def with_parameters(case: Case, row: Row) -> Row:
+    """``row``, with the values of a sampled case."""
+    return {**row, "parameters": case.parameters} if case.parameters else row
+
+
+def _reason(error: Exception) -> str:
+    """One line: what was raised, and where."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    what = " ".join(str(error).split())
+    return f"crashed: {type(error).__name__}: {what} ({Path(frame.filename).name}:{frame.lineno})"

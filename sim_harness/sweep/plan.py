@@ -1,0 +1,93 @@
+"""What a sweep runs: cases in an order, each under a key that depends on nothing but the case."""
+
+import hashlib
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sim_harness.scenarios.sampling import Case, Method, cases
+from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenarios
+from trepid.config import InputError
+
+ALL = "all"
+"""The source that stands for every scenario of ``config/scenarios/``."""
+KEY_DIGITS = 24
+_NOT_IN_KEY = {"description", "tags", "vary"}  # what a run does not depend on
+
+Plan = dict[str, Case]
+"""Key -> case, in the order of the sweep."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Scenarios, and what they were called on the command line."""
+
+    scenarios: tuple[Scenario, ...]
+    sources: Mapping[str, str]  # name of a scenario -> name or file that it came from
+    settings: Mapping[str, str]  # of --set
+
+    def command(self, case: Case) -> str:
+        """The command that repeats ``case``."""
+        settings = [f"{name}={value}" for name, value in self.settings.items()] + case.settings
+        options = " ".join(f"--set {shlex.quote(setting)}" for setting in settings)
+        source = shlex.quote(self.sources[case.scenario.name])
+        return f"trepid sim run {source} --seed {case.seed} {options}".rstrip()
+
+
+def select(sources: Sequence[str], tags: Sequence[str], overrides: Mapping[str, str]) -> Selection:
+    """The scenarios of ``sources`` that have one of ``tags``, where tags are given; checked.
+
+    ``tags`` without sources choose among all scenarios. Raises InputError, also when none is left.
+    """
+    if not sources and not tags:
+        raise InputError(f"no scenario given: name some, or `{ALL}`, or a --tag")
+    names = [name for source in sources or [ALL] for name in (_all(tags) if source == ALL else [source])]
+    found = [(scenario, name) for name in names for scenario in load_scenarios(name, overrides)]
+    chosen = [(scenario, name) for scenario, name in found if _tagged(scenario, tags)]
+    if not chosen:
+        raise InputError(f"no scenario has the tag {' or '.join(tags)}")
+    for scenario, name in chosen:
+        if name.endswith(".py"):  # files are checked as they are loaded
+            scenario.check()
+    return Selection(tuple(s for s, _ in chosen), {s.name: name for s, name in chosen}, overrides)
+
+
+def _all(tags: Sequence[str]) -> list[str]:
+    return [scenario.name for scenario in list_scenarios() if _tagged(scenario, tags)]
+
+
+def _tagged(scenario: Scenario, tags: Sequence[str]) -> bool:
+    return not tags or not set(tags).isdisjoint(scenario.tags)
+
+
+def by_seeds(scenarios: Iterable[Scenario], seeds: Sequence[int]) -> Iterator[Case]:
+    """Every scenario as it is written, with every seed."""
+    for scenario in scenarios:
+        for index, seed in enumerate(seeds):
+            yield Case(scenario=scenario, index=index, seed=seed, parameters={})
+
+
+def by_sampling(
+    scenarios: Iterable[Scenario], method: Method, count: int | None, *, seed: int
+) -> Iterator[Case]:
+    """``count`` cases of each scenario, chosen by ``method`` from what may vary in it. Raises InputError."""
+    for scenario in scenarios:
+        yield from cases(scenario, method, count, seed=seed)
+
+
+def plan(cases: Iterable[Case]) -> Plan:
+    """The cases by key. A case that comes twice is run once: the second run could only be the same."""
+    planned: Plan = {}
+    for case in cases:
+        planned.setdefault(case_key(case), case)
+    return planned
+
+
+def case_key(case: Case) -> str:
+    """Hash of what the run of a case depends on besides code and configuration: scenario, seed, its own road."""
+    digest = hashlib.sha256(case.scenario.model_dump_json(exclude=_NOT_IN_KEY).encode())
+    digest.update(f"\0{case.seed}\0".encode())
+    if case.scenario.road.endswith(".yaml"):
+        digest.update(Path(case.scenario.road).read_bytes())
+    return digest.hexdigest()[:KEY_DIGITS]
