@@ -7,7 +7,8 @@ import pytest
 
 from sim_harness.lockstep.comfort import max_lateral_jerk_mps3
 from sim_harness.lockstep.metrics import measure
-from sim_harness.lockstep.trace import Recorder
+from sim_harness.lockstep.trace import Recorder, Trace
+from trepid.config import InputError
 from trepid.messages import Decision, Mode, SimTruth, Stop, VehicleState
 
 
@@ -181,7 +182,20 @@ def test_equal_runs_have_equal_hashes_and_one_bit_or_word_of_difference_shows():
 def test_a_saved_trace_reads_back_unchanged(tmp_path):
     trace = trace_of([truth(0.0), truth(1.0, x_m=3.0)])
     trace.save(tmp_path / "run.npz")
+    assert Trace.load(tmp_path / "run.npz").sha256 == trace.sha256
     with np.load(tmp_path / "run.npz") as saved:
         assert saved["x_m"].tolist() == [0.0, 3.0]
         assert np.isnan(saved["lead_gap_m"]).all()
         assert saved["words.section"].tolist() == ["plain"]
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no zip", b"PK\x03\x04"])
+def test_what_is_no_saved_trace_is_refused_in_a_line(tmp_path, content):
+    path = tmp_path / "run.npz"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"run\.npz: is no saved trace"):
+        Trace.load(path)
+    np.savez(tmp_path / "other.npz", x=np.zeros(3))
+    with pytest.raises(InputError, match="no times or no labels"):
+        Trace.load(tmp_path / "other.npz")

@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trepid.config import InputError
 from trepid.messages import Command, Decision, SimTruth, SteeringEstimate, VehicleState
 
 Column = NDArray[np.float64]
@@ -99,6 +101,24 @@ class Trace:
         words = {f"words.{name}": np.array(words, dtype=np.str_) for name, words in self.words.items()}
         with path.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, **self.columns, **words)
+
+    @classmethod
+    def load(cls, path: Path) -> "Trace":
+        """The trace that :meth:`save` wrote. Raises InputError when ``path`` holds none."""
+        try:
+            with np.load(path, allow_pickle=False) as saved:
+                arrays = {name: saved[name] for name in saved.files}
+        except (OSError, ValueError, EOFError, BadZipFile) as error:
+            raise InputError(f"{path}: is no saved trace: {error}") from error
+        columns = {name: array for name, array in arrays.items() if not name.startswith("words.")}
+        words = {
+            name.removeprefix("words."): tuple(map(str, array))
+            for name, array in arrays.items()
+            if name.startswith("words.")
+        }
+        if "t_s" not in columns or set(words) != set(LABELS):
+            raise InputError(f"{path}: is no saved trace: it has no times or no labels")
+        return cls(columns, words)
 
 
 class Recorder:

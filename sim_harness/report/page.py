@@ -1,8 +1,8 @@
 """A report of many runs as one self-contained page: no network, nothing to install, opens in any browser.
 
-Where the run is: ``result, film = run_filmed(scenario, seed=seed)``, then ``summarise(scenario, result, film)``, with
-None instead of the film where no picture is wanted. Where the page is: ``page.add(result.row(), tags=scenario.tags,
-command=…, detail=summary)`` per run, and ``page.write(path)``.
+Where the run is: ``result, film = run_filmed(scenario, seed=seed)``, then ``summarise(scenario, result, film)``,
+with None instead of the film where no picture is wanted. Where the page is, for every run: ``page.add(row,
+tags=scenario.tags, command=…, detail=summary)``; at the end: ``page.write(path)``.
 """
 
 import json
