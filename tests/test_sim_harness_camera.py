@@ -7,7 +7,7 @@ import pytest
 from test_sim_harness_metrics import truth
 
 from sim_harness.lockstep.camera import SimulatedCamera
-from sim_harness.render.renderer import STILL, Motion
+from sim_harness.render.view import STILL, Motion
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.scenarios.traffic import BODIES
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_harness.render.lead import Body, Pose
-from sim_harness.render.renderer import STILL, Motion, Renderer
+from sim_harness.render.renderer import Renderer
+from sim_harness.render.view import STILL, Motion
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LateFrames
 from sim_harness.scenarios.scenario import Scenario
 from trepid.messages import Frame, Image, SimTruth
