@@ -61,7 +61,6 @@ DERIVED: dict[str, Callable[[Trace], Column]] = {
     "lane_edge_distance_m": margins.lane_edge_distance_m,
     "elapsed_s": lambda trace: trace["t_s"] - trace["t_s"][0],
 }
-TRUTH = "truth"  # the estimator that reads the simulator's truth
 EVENT_COLUMNS = ("fault", "disturbance", "traffic")  # fault.glare, ...: 0 while it is not there
 COUNTERS = {"departure": "departures", "intervention": "interventions", "collision": "collisions"}
 
@@ -130,7 +129,7 @@ def activity(trace: Trace, name: str) -> Column:
 def _signal_names() -> dict[str, str]:
     """Every way to name a signal -> its column; what comes first goes first."""
     names: dict[str, str] = {}
-    columns = [name for name in column_names((*ESTIMATORS, TRUTH)) if name not in LABELS and name != "t_s"]
+    columns = [name for name in column_names(tuple(ESTIMATORS)) if name not in LABELS and name != "t_s"]
     own = [*(name for name in columns if "." not in name), *DERIVED]
     for column in (*columns, *DERIVED):
         names[column] = column
