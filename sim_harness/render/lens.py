@@ -109,7 +109,7 @@ class StrayLight:
         sun_v = camera.cy_px - camera.fy_px * math.tan(camera.pitch_down_rad + elevation_rad)
         x, y = (self._u - sun_u) / camera.fx_px, (self._v - sun_v) / camera.fy_px
         away2 = np.minimum(x * x + y * y, 9)
-        stray = 0.010 / (away2 + 0.012) + 0.16 * np.exp(-away2 / STRAY_SPREAD_RAD**2)
+        stray = 0.007 / (away2 + 0.010) + 0.16 * np.exp(-away2 / STRAY_SPREAD_RAD**2)
         stray *= 1 + 0.12 * np.cos(6 * np.arctan2(y, x) + 0.4) * np.exp(-away2 / 0.05)
         disc = 4 * np.exp(-away2 / SUN_RAD**2)
         total = strength * (stray + self._ghosts(sun_u, sun_v) + self._glitter(x, elevation_rad))
@@ -136,9 +136,9 @@ class StrayLight:
     def _glitter(self, x: FloatImage, elevation_rad: float) -> FloatImage:
         """Forward-scattering asphalt below the sun: brightest where it is seen at the sun's own elevation."""
         down = (self._v - self._camera.horizon_row_px) / self._camera.fy_px
-        across = np.exp(-0.5 * (x / (0.10 + 0.45 * np.maximum(down, 0))) ** 2)
+        across = np.exp(-0.5 * (x / (0.05 + 0.40 * np.maximum(down, 0))) ** 2)
         along = np.exp(-0.5 * ((down - elevation_rad) / 0.20) ** 2)
-        return np.asarray(np.where(down > 0, 0.55 * across * along, 0), np.float32)
+        return np.asarray(np.where(down > 0, 0.30 * across * along, 0), np.float32)
 
 
 class Windscreen:
