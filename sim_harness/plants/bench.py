@@ -4,11 +4,12 @@ All take turns, so that a machine that slows down slows them alike. CommonRoad's
 Runge-Kutta, with nothing around them; highway-env does what a user of its lane-keeping task calls.
 """
 
+import importlib.metadata
 import math
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -52,12 +53,22 @@ def bench_plants() -> dict[str, Any]:
         for name, (advance, vehicles) in contestants.items():
             rates[name].append(vehicles * _steps_per_s(advance))
     medians = {name: float(np.median(values)) for name, values in rates.items()}
-    return {name: _row(rate, medians.get(PEER)) for name, rate in medians.items()}
+    rows: dict[str, Any] = {name: _row(rate, medians.get(PEER)) for name, rate in medians.items()}
+    return rows | {"peers": _versions()}
 
 
 def _row(rate: float, peer: float | None) -> dict[str, float]:
     row = {"steps_per_s": round(rate)}
     return row | ({f"ratio_to_{PEER}": round(rate / peer, 2)} if peer else {})
+
+
+def _versions() -> dict[str, str]:
+    """Versions of the peers that are installed."""
+    installed = {}
+    for name in ("commonroad-vehicle-models", "highway-env"):
+        with suppress(importlib.metadata.PackageNotFoundError):
+            installed[name] = importlib.metadata.version(name)
+    return installed
 
 
 @contextmanager
