@@ -11,9 +11,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+import sim_harness.roads.cli
 from sim_harness.report.page import Page
 from sim_harness.scenarios.sampling import Method, fresh_seed
 from sim_harness.scenarios.scenario import Tag, list_scenarios
+from sim_harness.scenarios.schema import schema_verb
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.plan import Plan, by_sampling, by_seeds, plan, select
 from sim_harness.sweep.show import Report, Show
@@ -22,6 +24,8 @@ from sim_harness.sweep.sweep import Workforce, saving, workforce
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
+app.command("schema")(schema_verb)
+app.add_typer(sim_harness.roads.cli.app, name="road", help="Show roads; read and write OpenDRIVE files.")
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
 RANDOM = "random"
 
