@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_harness.lockstep.traffic import Actor, Traffic, driven, least_jerk
+from sim_harness.lockstep.traffic import Actor, Traffic, driven, lane_centre_m, least_jerk
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.scenarios.traffic import BODIES, TrafficVehicle
 
@@ -73,6 +73,14 @@ def test_a_lane_change_ends_on_the_next_lane_along_the_road_and_is_half_over_at_
     run(one, 2.0, from_s=2.0)
     assert one.pose == pytest.approx((40.0, 3.5, 0.0))
     assert one.manoeuvres == []
+
+
+def test_lanes_are_where_the_road_has_them_or_as_wide_as_ours():
+    lanes = "[{width_m: 3.0, marking: {stroke: solid}}, {width_m: 4.0, marking: {stroke: solid}}]"
+    road = load_scenario(
+        "straight", {"appearance.far_left.stroke": "none", "appearance.left_lanes": lanes}
+    ).build_road()
+    assert [lane_centre_m(road, lane, 50.0) for lane in (-1, 0, 1, 2, 3)] == [-3.5, 0.0, 3.25, 6.75, 10.5]
 
 
 def test_least_jerk_starts_and_ends_at_rest_and_its_slope_is_its_derivative():

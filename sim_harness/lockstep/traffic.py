@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from sim_harness.lockstep.contact import Box
 from sim_harness.lockstep.referee import foot_point
+from sim_harness.roads.lanes import Lane
 from sim_harness.roads.road import Road
 from sim_harness.scenarios.traffic import ChangeLane, ChangeSpeed, Phase, TrafficVehicle, TurnOff
 
@@ -29,14 +30,13 @@ class Actor:
         self.speed_mps = settings.speed_mps
         self._road = road
         self._forwards = -1 if settings.oncoming else 1
-        self._lane_m = road.width_at(nose_m)
-        self.offset_m = settings.lane * self._lane_m + settings.offset_m
         self._origin_m = self._first_station(settings, nose_m)
+        self.offset_m = lane_centre_m(road, settings.lane, self._origin_m) + settings.offset_m
         self.station_m = self._origin_m + self._forwards * self.speed_mps * elapsed_s
         self._sideways_mps = 0.0
         self._goal_mps, self._rate_mps2 = self.speed_mps, 1.0
         self._change: ChangeLane | None = None
-        self._change_from_m, self._changing_s = 0.0, 0.0
+        self._change_from_m, self._change_by_m, self._changing_s = 0.0, 0.0, 0.0
         self._free: tuple[float, float, float] | None = None  # x, y, yaw off the road
         self._turn_1pm, self._turn_left_rad = 0.0, 0.0
         self._waiting = list(settings.phases)
@@ -122,6 +122,8 @@ class Actor:
                 self._goal_mps, self._rate_mps2 = phase.to_mps, phase.rate_mps2
             case ChangeLane():
                 self._change, self._change_from_m, self._changing_s = phase, self.offset_m, 0.0
+                goal_m = lane_centre_m(self._road, phase.to_lane, self.station_m) + phase.to_offset_m
+                self._change_by_m = goal_m - self.offset_m
             case TurnOff():
                 self._free = self.pose
                 self._turn_1pm = (1 if phase.side == "left" else -1) / phase.radius_m
@@ -136,10 +138,9 @@ class Actor:
             self._sideways_mps = 0.0
             return
         self._changing_s += dt_s
-        span_m = self._change.to_lane * self._lane_m + self._change.to_offset_m - self._change_from_m
         share, slope = least_jerk(self._changing_s / self._change.over_s)
-        self.offset_m = self._change_from_m + span_m * share
-        self._sideways_mps = span_m * slope / self._change.over_s
+        self.offset_m = self._change_from_m + self._change_by_m * share
+        self._sideways_mps = self._change_by_m * slope / self._change.over_s
         if self._changing_s >= self._change.over_s - _SAME_INSTANT_S:
             self._change = None
 
@@ -195,6 +196,14 @@ class Traffic:
         """From our bumper to the nearer end; on a closed road the short way round."""
         gap_m = min(station for station, _ in ends) - nose_m
         return math.remainder(gap_m, self._road.length_m) if self._road.closed else gap_m
+
+
+def lane_centre_m(road: Road, lane: int, station_m: float) -> float:
+    """Offset of the centre of a lane; where the road has none, as if one as wide as ours were there."""
+    section = road.section_at(station_m)
+    if section.lane_width_m_at_ends(lane, road.settings.lane_width_m) is None:
+        return lane * road.width_at(station_m)
+    return Lane(road, lane).centre_at(station_m)
 
 
 def driven(speed_mps: float, goal_mps: float, rate_mps2: float, dt_s: float) -> tuple[float, float]:
