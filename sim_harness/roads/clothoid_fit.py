@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pydantic import ValidationError
+
 from sim_harness.roads.road import Segment
 from trepid.config import InputError
 
@@ -57,7 +59,12 @@ def fit(spans: Sequence[Span], *, closed: bool) -> list[list[Segment]]:
     joints = [_mean(end, start) for end, start in zip(ends, starts[1:], strict=False)]
     first, last = (_mean(ends[-1], starts[0]).curvature_1pm,) * 2 if closed else (None, None)
     knots = [_bent(starts[0], first), *joints, _bent(ends[-1], last)]
-    fitted = [_span(span, *pair) for span, *pair in zip(spans, knots, knots[1:], strict=False)]
+    fitted = []
+    for span, first_knot, last_knot in zip(spans, knots, knots[1:], strict=False):
+        try:
+            fitted.append(_span(span, first_knot, last_knot))
+        except ValidationError as error:  # too long or too sharp for a segment
+            raise NoFit(span) from error
     return _continuous(fitted, closed=closed)
 
 

@@ -7,6 +7,8 @@ from xml.parsers import expat
 
 from trepid.config import InputError
 
+LARGEST = 1e9  # beyond any coordinate on Earth [m]
+
 
 @dataclass(slots=True)
 class Element:
@@ -47,8 +49,8 @@ class Element:
             raise self.error(f"attribute {name!r} is missing")
         return self.attributes[name]
 
-    def number(self, name: str, default: float | None = None) -> float:
-        """The attribute ``name`` as a finite number. Raises InputError."""
+    def number(self, name: str, default: float | None = None, *, most: float = LARGEST) -> float:
+        """The attribute ``name`` as a finite number of at most ``most`` either way. Raises InputError."""
         if default is not None and name not in self.attributes:
             return default
         text = self.text(name)
@@ -58,6 +60,8 @@ class Element:
             value = math.nan
         if not math.isfinite(value):
             raise self.error(f"{name}={text!r}: expected a finite number")
+        if abs(value) > most:
+            raise self.error(f"{name}={text!r}: expected at most {most:g}")
         return value
 
     def integer(self, name: str) -> int:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 from pydantic import ValidationError
 
 from sim_harness.roads.appearance import Section
@@ -30,6 +31,8 @@ SAME_STATION_M = 1e-6
 HEADING_STEP_M = 1e-4  # of the central difference that gives the curvature of a lane of varying offset
 WIDTH_TOLERANCE_M = 0.01
 SHORTEST_STRETCH_M = 1.0
+CHECK_STEP_M = 5.0
+MOST_SLANT_RAD = 0.5
 SAME_RATE_1PM2 = 1e-12
 
 
@@ -84,6 +87,19 @@ class _Stretch:
         shift_m = self.offset.at(s) if self.offset else 0.0
         return shift_m + self.section.centre_at(self.lane, s, self.middle_m)
 
+    def check(self) -> None:
+        """Raise InputError where the lane runs across the reference line rather than along it."""
+        places = np.linspace(
+            self.start_m, self.end_m, 2 + math.ceil((self.end_m - self.start_m) / CHECK_STEP_M)
+        )
+        slants = [self._slant(s) for s in places.tolist()]
+        if max(map(abs, slants)) > MOST_SLANT_RAD:
+            lane = self.section.lanes[self.lane]
+            raise lane.error(
+                f"between s = {self.start_m:g} and {self.end_m:g} m this lane leaves the reference line by"
+                f" {max(map(abs, slants)):.2g} rad: expected at most {MOST_SLANT_RAD:g}"
+            )
+
     def knot(self, s: float) -> Knot:
         """The centre of the lane at ``s``: c + o·n, its heading θ + atan2(o', 1 - κ·o)."""
         x, y, heading = self.piece.pose(s)
@@ -132,6 +148,11 @@ class _Reader:
         self._sections = [LaneSection(element) for element in road.need("lanes").all("laneSection")]
         if not self._sections:
             raise road.need("lanes").error("expected at least one <laneSection>")
+        for section, least_m in zip(
+            self._sections, [0.0, *(s.start_m for s in self._sections)], strict=False
+        ):
+            if section.start_m < least_m or (section is self._sections[0] and section.start_m > 0.0):
+                raise section.element.error(f"s={section.start_m:g}: expected rising s from 0 on")
         self._offsets = records(road.all("lanes/laneOffset"), "s")
         rule = road.attributes.get("rule", "RHT")
         if rule not in ("RHT", "LHT"):
@@ -197,6 +218,8 @@ class _Reader:
             if place > cuts[-1] + SAME_STATION_M:
                 cuts.append(place)
         coarse = [self._stretch(*ends) for ends in pairwise([*cuts, self._length_m])]
+        for stretch in coarse:
+            stretch.check()
         return [fine for stretch in coarse for fine in self._linear_widths(stretch)]
 
     def _stretch(self, start_m: float, end_m: float) -> _Stretch:
@@ -212,7 +235,11 @@ class _Reader:
         section = stretch.section
         for lane in (n for n in section.lanes if n and section.kind(n) in DRIVEN):
             ends = [section.width_at(lane, s, middle_m) for s in (start_m, end_m)]
-            bent_m = abs(section.width_at(lane, middle_m, middle_m) - sum(ends) / 2)
+            bent_m = max(
+                abs(section.width_at(lane, start_m + share * (end_m - start_m), middle_m) - chord)
+                for share in (0.25, 0.5, 0.75)
+                for chord in (ends[0] + share * (ends[1] - ends[0]),)
+            )
             if bent_m > WIDTH_TOLERANCE_M and end_m - start_m > SHORTEST_STRETCH_M:
                 halves = (start_m, middle_m), (middle_m, end_m)
                 return [part for half in halves for part in self._linear_widths(self._stretch(*half))]

@@ -15,6 +15,9 @@ from sim_harness.roads.road import GAUSS_NODES, GAUSS_WEIGHTS
 
 QUADRATURE_STEP_M = 0.5  # three-point Gauss-Legendre: 1e-9 m per kilometre for radii above 5 m
 PARAMETER_STEPS = 6
+LONGEST_M = 1e5  # of one geometry
+SHARPEST_1PM = 1.0
+JOINT_M, JOINT_RAD = 0.01, 0.01  # gaps of files written with few digits
 SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 
 Pose = tuple[float, float, float]  # x, y [m], heading [rad]
@@ -123,14 +126,26 @@ def plan_view(road: Element) -> list[Piece]:
     if not pieces:
         raise road.need("planView").error("expected at least one <geometry>")
     for here, there in pairwise(pieces):
-        end_m = here.start_m + here.length_m
-        if abs(there.start_m - end_m) > 1e-3:
-            raise there.element.error(f"s={there.start_m:g}: expected {end_m:g}, where the one before ends")
+        _check_joint(here, there)
     return pieces
 
 
+def _check_joint(here: Piece, there: Piece) -> None:
+    """Raise InputError unless ``there`` goes on where ``here`` ends."""
+    end_m = here.start_m + here.length_m
+    if abs(there.start_m - end_m) > JOINT_M:
+        raise there.element.error(f"s={there.start_m:g}: expected {end_m:g}, where the one before ends")
+    x, y, heading = here.pose(end_m)
+    gap_m = math.hypot(there.origin[0] - x, there.origin[1] - y)
+    turn_rad = abs(math.remainder(there.origin[2] - heading, math.tau))
+    if gap_m > JOINT_M or turn_rad > JOINT_RAD:
+        raise there.element.error(
+            f"starts {gap_m:.3f} m and {turn_rad:.3f} rad off the end of the one before"
+        )
+
+
 def _piece(element: Element) -> Piece:
-    length_m = element.number("length")
+    length_m = element.number("length", most=LONGEST_M)
     if length_m <= 0.0:
         raise element.error(f"length={length_m:g}: expected more than 0 m")
     origin = element.number("x"), element.number("y"), element.number("hdg")
@@ -145,9 +160,9 @@ def _shape(element: Element, length_m: float) -> Shape:
     if element.tag == "line":
         return Clothoid(0.0)
     if element.tag == "arc":
-        return Clothoid(element.number("curvature"))
+        return Clothoid(element.number("curvature", most=SHARPEST_1PM))
     if element.tag == "spiral":
-        start, end = element.number("curvStart"), element.number("curvEnd")
+        start, end = (element.number(name, most=SHARPEST_1PM) for name in ("curvStart", "curvEnd"))
         return Clothoid(start, (end - start) / length_m)
     if element.tag == "poly3":
         return Cubic(Polynomial([0.0, 1.0]), Polynomial([element.number(name) for name in "abcd"]), None)
