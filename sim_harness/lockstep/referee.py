@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from sim_harness.plants.state import PlantState
 from sim_harness.roads.road import Road
@@ -11,8 +11,7 @@ from trepid.vehicle import Vehicle
 SEPARATED_M = 0.5  # a contact is over when the gap has grown to this
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(NamedTuple):
     """A pose in the terms of the road."""
 
     station_m: float  # runs on over laps
@@ -22,18 +21,22 @@ class Place:
 
 def foot_point(road: Road, x_m: float, y_m: float, near_station_m: float) -> tuple[float, float]:
     """(station, offset) of a point on ``road``; the station runs on from ``near_station_m`` over laps."""
-    station_m, offset_m = road.local_coordinates(x_m, y_m, near_station_m=near_station_m)
-    ahead_m = station_m - near_station_m
-    if road.closed:
-        ahead_m = math.remainder(ahead_m, road.length_m)
-    return near_station_m + ahead_m, offset_m
+    foot = road.foot_point(x_m, y_m, near_station_m=near_station_m)
+    return _running_on(road, foot.station_m, near_station_m), foot.offset_m
+
+
+def _running_on(road: Road, station_m: float, near_station_m: float) -> float:
+    """``station_m`` of the lap that ``near_station_m`` is in."""
+    if not road.closed:
+        return station_m
+    return near_station_m + math.remainder(station_m - near_station_m, road.length_m)
 
 
 def locate(road: Road, pose: PlantState, near_station_m: float) -> Place:
     """Where the rear axle stands on ``road``; the station runs on from ``near_station_m``."""
-    station_m, offset_m = foot_point(road, pose.x_m, pose.y_m, near_station_m)
-    heading_error_rad = math.remainder(pose.yaw_rad - road.heading_at(station_m), math.tau)
-    return Place(station_m, offset_m, heading_error_rad)
+    foot = road.foot_point(pose.x_m, pose.y_m, near_station_m=near_station_m)
+    heading_error_rad = math.remainder(pose.yaw_rad - foot.heading_rad, math.tau)
+    return Place(_running_on(road, foot.station_m, near_station_m), foot.offset_m, heading_error_rad)
 
 
 def wheel_outside(road: Road, vehicle: Vehicle, pose: PlantState, place: Place) -> bool:
@@ -42,8 +45,13 @@ def wheel_outside(road: Road, vehicle: Vehicle, pose: PlantState, place: Place) 
     The wheels stand ``track_m / 2`` beside the axle centres, square to the vehicle.
     """
     half_m = vehicle.track_m / 2 * math.cos(place.heading_error_rad)
-    if abs(place.offset_m) + half_m > road.width_at(place.station_m) / 2:
+    outside_m = abs(place.offset_m) + half_m
+    if outside_m > road.width_at(place.station_m) / 2:
         return True
+    turn = vehicle.wheelbase_m * road.max_curvature_1pm
+    swing_m = vehicle.wheelbase_m * (abs(math.sin(place.heading_error_rad)) + turn)
+    if turn < 0.5 and outside_m + swing_m < road.min_width_m / 2:
+        return False  # the front wheels cannot be further out than that, wherever they are
     front_x_m = pose.x_m + vehicle.wheelbase_m * math.cos(pose.yaw_rad)
     front_y_m = pose.y_m + vehicle.wheelbase_m * math.sin(pose.yaw_rad)
     near_m = place.station_m + vehicle.wheelbase_m

@@ -162,7 +162,8 @@ class SimulatedVehicle:
 
     def _drive(self, applied: Command, period_s: float) -> None:
         self._pose = self._plant.step(self._pose, applied, period_s)
-        self._place = locate(self.road, self._pose, self._place.station_m)
+        near_m = self._place.station_m + self._pose.speed_mps * period_s
+        self._place = locate(self.road, self._pose, near_m)
         if self._referee.must_recentre(self._pose, self._place):
             self._place = Place(self._place.station_m, 0.0, 0.0)
             self._pose = self._recentred(self._pose, self._place)
