@@ -115,18 +115,15 @@ class _Painter:
         polygon = self._project(np.array(corners, float))
         if len(polygon) < 3:
             return
-        light = np.full(self._image.shape[:2], 255, np.uint8)
-        cv2.fillConvexPoly(light, polygon, SHADOW, cv2.LINE_AA, SHIFT)
-        spread_px = max(0.06 * float(np.ptp(polygon[:, 1])) / 2**SHIFT, 0.5)
-        spread_px = min(spread_px, 6.0)
-        low, high = (
-            polygon.min(axis=0) / 2**SHIFT - 6 * spread_px,
-            polygon.max(axis=0) / 2**SHIFT + 6 * spread_px,
-        )
-        columns, rows = (slice(max(int(a), 0), max(int(b) + 2, 0)) for a, b in zip(low, high, strict=True))
-        part = self._image[rows, columns]
+        spread_px = min(max(0.06 * float(np.ptp(polygon[:, 1])) / 2**SHIFT, 0.5), 6.0)
+        margin = 6 * spread_px
+        low, high = polygon.min(axis=0) / 2**SHIFT - margin, polygon.max(axis=0) / 2**SHIFT + margin
+        first = np.maximum(low, 0).astype(int)
+        part = self._image[first[1] : max(int(high[1]) + 2, 0), first[0] : max(int(high[0]) + 2, 0)]
         if part.size:
-            soft = cv2.GaussianBlur(light, (0, 0), spread_px)[rows, columns]
+            light = np.full(part.shape[:2], 255, np.uint8)
+            cv2.fillConvexPoly(light, polygon - first.astype(np.int32) * 2**SHIFT, SHADOW, cv2.LINE_AA, SHIFT)
+            soft = cv2.GaussianBlur(light, (0, 0), spread_px)
             part[:] = cv2.multiply(part, cv2.merge([soft] * 3), scale=1 / 255)
 
     def box(

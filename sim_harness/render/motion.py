@@ -10,9 +10,9 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from sim_harness.render.view import Bytes, Motion
+from sim_harness.render.view import Bytes, FloatImage, Motion
 from trepid.camera import Camera
 
 Matrix = NDArray[np.float64]
@@ -20,14 +20,18 @@ FINEST_PX = 1.5  # between the moments that a blur is averaged from, at the fast
 MAX_WARPS = 5
 
 
-def road_after(motion: Motion, tau_s: float) -> Matrix:
-    """Homogeneous road points of the vehicle at time 0 from those at time τ: (3, 3), an arc."""
-    turn = motion.yaw_rate_radps * tau_s
-    run = motion.speed_mps * tau_s
-    half = turn / 2
-    chord = run * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-    cos, sin = math.cos(turn), math.sin(turn)
-    return np.array([[cos, -sin, chord * math.cos(half)], [sin, cos, chord * math.sin(half)], [0, 0, 1]])
+def road_after(motion: Motion, tau_s: ArrayLike) -> Matrix:
+    """Homogeneous road points of the vehicle at time 0 from those at times τ: (..., 3, 3), an arc."""
+    tau = np.asarray(tau_s, float)
+    half = motion.yaw_rate_radps * tau / 2
+    chord = motion.speed_mps * tau * np.sinc(half / math.pi)
+    matrix = np.zeros((*tau.shape, 3, 3))
+    matrix[..., 0, 0] = matrix[..., 1, 1] = np.cos(2 * half)
+    matrix[..., 1, 0] = np.sin(2 * half)
+    matrix[..., 0, 1] = -matrix[..., 1, 0]
+    matrix[..., 0, 2], matrix[..., 1, 2] = chord * np.cos(half), chord * np.sin(half)
+    matrix[..., 2, 2] = 1
+    return matrix
 
 
 class Shake:
@@ -39,25 +43,26 @@ class Shake:
         self._horizon = horizon_row
         self._pixel_from_road = camera.pixel_from_road_matrix
         self._road_from_pixel = np.linalg.inv(self._pixel_from_road)
+        self._pixel_from_vehicle = camera.intrinsics @ camera.optical_from_vehicle
+        self._vehicle_from_pixel = np.linalg.inv(self._pixel_from_vehicle)
 
-    def ground(self, motion: Motion, tau_s: float) -> Matrix:
-        """G(τ): pixels of the ground at time 0 from those at time τ."""
+    def ground(self, motion: Motion, tau_s: ArrayLike) -> Matrix:
+        """G(τ): pixels of the ground at time 0 from those at times τ, (..., 3, 3)."""
         return np.asarray(self._pixel_from_road @ road_after(motion, tau_s) @ self._road_from_pixel)
 
-    def sky(self, motion: Motion, tau_s: float) -> Matrix:
-        """The same for what is infinitely far."""
-        camera = self._camera
-        cos, sin = (f(motion.yaw_rate_radps * tau_s) for f in (math.cos, math.sin))
-        turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
-        rotation = camera.optical_from_vehicle @ turn @ camera.optical_from_vehicle.T
-        return np.asarray(camera.intrinsics @ rotation @ np.linalg.inv(camera.intrinsics))
+    def sky(self, motion: Motion, tau_s: ArrayLike) -> Matrix:
+        """The same for what is infinitely far: K·R(τ)·K⁻¹."""
+        turn = road_after(Motion(0.0, motion.yaw_rate_radps), tau_s)
+        return np.asarray(self._pixel_from_vehicle @ turn @ self._vehicle_from_pixel)
 
     def roll(self, image: Bytes, motion: Motion, readout_s: float) -> Bytes:
         """``image`` read out row by row over ``readout_s``: each row is warped to its own time."""
         rows, columns = image.shape[:2]
         u = np.arange(columns, dtype=np.float32)
-        of = [self.ground if v >= self._horizon else self.sky for v in range(rows)]
-        warps = np.array([of[v](motion, readout_s * v / rows) for v in range(rows)])
+        tau_s = readout_s * np.arange(rows) / rows
+        warps = np.concatenate(
+            [self.sky(motion, tau_s[: self._horizon]), self.ground(motion, tau_s[self._horizon :])]
+        )
         lines = np.stack([warps[:, :, 0], warps[:, :, 1] * np.arange(rows)[:, None] + warps[:, :, 2]], axis=2)
         slope, start = lines.transpose(2, 1, 0)[..., None].astype(np.float32)  # (3, rows, 1)
         x, y, w = slope * u + start
@@ -69,17 +74,15 @@ class Shake:
 
     def blur(self, image: Bytes, motion: Motion, exposure_s: float) -> Bytes:
         """The mean of ``image`` over the exposure."""
-        warps = self._warps(motion, exposure_s)
-        size = image.shape[1::-1]
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         total = image.astype(np.float32)
-        for k in range(1, warps + 1):
+        for k in range(1, self._warps(motion, exposure_s) + 1):
             tau_s = exposure_s / 2**k
-            later = [
-                cv2.warpPerspective(part, matrix, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-                for part, matrix in ((total, self.sky(motion, tau_s)), (total, self.ground(motion, tau_s)))
-            ]
-            late = np.concatenate([later[0][: self._horizon], later[1][self._horizon :]])
+            late = np.empty_like(total)
+            for matrix, first, last in (
+                (self.sky(motion, tau_s), 0, self._horizon),
+                (self.ground(motion, tau_s), self._horizon, len(image)),
+            ):
+                late[first:last] = _warped(total, matrix, first, last)
             total = np.asarray(cv2.addWeighted(total, 0.5, late, 0.5, 0), np.float32)
         return np.asarray(cv2.convertScaleAbs(total), np.uint8)
 
@@ -90,3 +93,15 @@ class Shake:
         moved = self.ground(motion, exposure_s) @ corners
         path_px = float(np.abs(moved[:2] / moved[2] - corners[:2]).max())
         return min(max(math.ceil(math.log2(max(path_px / FINEST_PX, 1))), 1), MAX_WARPS)
+
+
+def _warped(image: FloatImage, source_from_pixel: Matrix, first: int, last: int) -> FloatImage:
+    """Rows ``first`` to ``last`` of a warped image."""
+    if first >= last:
+        return image[first:last]
+    matrix = source_from_pixel @ np.array([[1, 0, 0], [0, 1, first], [0, 0, 1]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    size = (image.shape[1], last - first)
+    return np.asarray(
+        cv2.warpPerspective(image, matrix, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), np.float32
+    )

@@ -4,6 +4,7 @@ The tube is drawn as rings of its cross-section from near to far; inside the las
 """
 
 import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -21,7 +22,7 @@ SEEN_M = 150.0  # from how far its mouth is seen
 WALL_LIGHT = 0.28  # of the wall in the tunnel's own light, relative to white
 MOUTH_REACH_M = 4.5  # how far daylight falls in
 LAMP_EVERY_M, LAMP_M = 12.0, 2.0
-RING_SHARE = 0.08  # distance between rings by that from the eye
+RING_SHARE = 0.10  # distance between rings by that from the eye
 FALLEN_IN = 0.6  # share of the daylight that reaches the floor of the mouth
 FACADE_LIGHT, FOOTWAY_LIGHT = 0.30, 0.16
 WALL_BGR = (0.80, 0.94, 1.0)
@@ -59,16 +60,15 @@ def in_tunnel(
     last_m = min(end_m, station_m + SEEN_M)
     walls = np.full(light.shape[:2], UNTOUCHED, np.float32)
     if start_m > station_m:
-        facade = _pixels(view, shot, start_m, _facade())
-        if facade is not None:
+        for facade in _outlines(view, shot, [start_m], _facade()):
             cv2.fillPoly(walls, [facade], FACADE_LIGHT, cv2.LINE_8, SHIFT)
     else:
         walls[:] = _wall(station_m, end_m, inside)
-    for ring_m in _rings(first_m, last_m, station_m):
-        arch = _pixels(view, shot, ring_m, _arch())
-        if arch is not None:
-            here = UNTOUCHED if ring_m == end_m else _wall(ring_m, end_m, inside)
-            cv2.fillPoly(walls, [arch], here, cv2.LINE_8, SHIFT)
+    rings_m = _rings(first_m, last_m, station_m)
+    arches = _outlines(view, shot, rings_m, _arch())
+    for ring_m, arch in zip(rings_m[-len(arches) :], arches, strict=False):
+        here = UNTOUCHED if ring_m == end_m else _wall(ring_m, end_m, inside)
+        cv2.fillConvexPoly(walls, arch, here, cv2.LINE_8, SHIFT)
     floor = _floor(view, shot, first_m, last_m, whole=start_m <= station_m) & (view.rays[2] < 0)
     return _lit(light, view, shot, walls, floor, mouth_m=end_m - station_m, inside=inside)
 
@@ -133,13 +133,18 @@ def _facade() -> NDArray[np.float64]:
     return np.array([(30.0, 0.0), (16.0, 9.0), (-16.0, 9.0), (-30.0, 0.0)])
 
 
-def _pixels(
-    view: View, shot: Shot, station_m: float, section: NDArray[np.float64]
-) -> NDArray[np.int32] | None:
-    """Fixed-point outline of a cross-section at a station; None when it is not wholly ahead."""
-    across = shot.road.positions(np.full(len(section), station_m), section[:, 0])
-    pixels, depth = view.pixels(np.column_stack([shot.from_world(across), section[:, 1]]))
-    return polygon(pixels) if depth.min() > 0.3 else None
+def _outlines(
+    view: View, shot: Shot, stations_m: Sequence[float], section: NDArray[np.float64]
+) -> list[NDArray[np.int32]]:
+    """Fixed-point outlines of a cross-section at rising stations, without the first ones that are not ahead."""
+    count, corners = len(stations_m), len(section)
+    across = shot.road.positions(np.repeat(stations_m, corners), np.tile(section[:, 0], count))
+    points = np.column_stack([shot.from_world(across), np.tile(section[:, 1], count)])
+    pixels, depth = view.pixels(points)
+    ahead = depth.reshape(count, corners).min(axis=1) > 0.3
+    first = int(np.argmax(ahead)) if ahead.any() else count
+    last = first + int(np.argmin(np.append(ahead[first:], False)))
+    return list(polygon(pixels).reshape(count, corners, 2)[first:last])
 
 
 def _floor(view: View, shot: Shot, from_m: float, to_m: float, *, whole: bool) -> NDArray[np.bool_]:
