@@ -1,5 +1,6 @@
 """Settings of disturbances: where they are, and what they change of the road."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,7 @@ from pydantic import ValidationError
 from sim_harness.roads.disturbance_table import DisturbanceTable, at, load_table
 from sim_harness.roads.disturbances import RAMP_M, Disturbance, DisturbanceKind, disturbed, grades_at
 from sim_harness.roads.road import Road, RoadSettings, load_road
+from trepid.cli import main
 
 CIRCUIT = load_road("circuit").settings
 KINDS = st.sampled_from(list(DisturbanceKind))
@@ -98,3 +100,10 @@ def test_a_parted_section_keeps_its_name_its_dashes_and_its_widths():
     assert [Road(parted).width_at(s) for s in stations] == pytest.approx(
         [Road(road).width_at(s) for s in stations]
     )
+
+
+def test_the_command_line_prints_the_table_and_refuses_a_picture_without_a_folder(capsys, tmp_path):
+    assert main(["sim", "disturbances", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["fog"]["visibility_m"][5] == load_table().fog.visibility_m[5]
+    assert main(["sim", "disturbances", "--picture", str(tmp_path / "no" / "sheet.png")]) == 2
+    assert "there is no folder" in capsys.readouterr().err

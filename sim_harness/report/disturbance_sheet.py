@@ -22,6 +22,7 @@ from trepid.config import CONFIG_DIR, InputError, load
 
 GRADES = range(6)
 STATION_M = 55.0
+STATIONS_M = {DisturbanceKind.BRIDGE_SHADOWS: 85.0, DisturbanceKind.OCCLUSION: 47.0}  # where there is some
 GAP_M = 16.0  # to the vehicle ahead
 MOUTH_M = 20.0  # to the end of the tunnel
 SUN_LEFT_RAD = 0.15
@@ -84,18 +85,19 @@ def _row(road: Road, ground: Ground, kind: DisturbanceKind, seed: int) -> Bytes:
 
 
 def _tile(road: Road, ground: Ground, kind: DisturbanceKind, grade: int, seed: int) -> Bytes:
-    to_m = STATION_M + MOUTH_M if kind == DisturbanceKind.TUNNEL_EXIT else None
+    station_m = STATIONS_M.get(kind, STATION_M)
+    to_m = station_m + MOUTH_M if kind == DisturbanceKind.TUNNEL_EXIT else None
     disturbance = Disturbance(kind=kind, grade=grade, to_m=to_m)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     painted = disturbed(road.settings, (disturbance,)) != road.settings
     renderer = Renderer(
         road, camera, seed=seed, ground=None if painted else ground, disturbances=(disturbance,)
     )
-    x_m, y_m = road.position(STATION_M, 0.0)
-    ahead_m = STATION_M + camera.x_m + GAP_M - Body().rear_m
+    x_m, y_m = road.position(station_m, 0.0)
+    ahead_m = station_m + camera.x_m + GAP_M - Body().rear_m
     lead = (*road.position(ahead_m, 0.0), road.heading_at(ahead_m))
     image = renderer.render(
-        x_m, y_m, road.heading_at(STATION_M), t_s=3.0, station_m=STATION_M, lead=lead, motion=MOTION
+        x_m, y_m, road.heading_at(station_m), t_s=3.0, station_m=station_m, lead=lead, motion=MOTION
     )
     small = cv2.resize(image, TILE_PX, interpolation=cv2.INTER_AREA)
     framed = cv2.copyMakeBorder(small, 0, 2, 0, 2, cv2.BORDER_CONSTANT, value=(255,) * 3)
