@@ -96,6 +96,17 @@ def test_each_occurrence_of_an_event_is_judged_and_the_worst_decides():
     assert robustness("fear <= 0.2 until glare", trace) == pytest.approx(0.1)
 
 
+def test_a_window_cuts_off_what_lies_around_its_events():
+    trace = run(21, speed_mps=np.arange(21.0), disturbance__glare=flags(21, (10, 12)))
+    assert robustness("speed >= 7 for 0.5 s before glare", trace) == -2.0
+    assert robustness("speed >= 7 for 0.5 s before glare from t = 0.8 s on", trace) == 1.0
+    assert robustness("speed <= 13 for 0.5 s after glare", trace) == -2.0
+    assert robustness("speed <= 13 for 0.5 s after glare until t = 1.2 s", trace) == 1.0
+    assert "glare never came" in parse_condition("speed <= 99 for 1 s after glare until t = 0.5 s").explain(
+        trace
+    )
+
+
 def test_what_is_there_from_the_start_begins_there_and_what_never_was_does_not_end():
     trace = run(speed_mps=np.arange(11.0), fault__frozen_camera=flags(11, (0, 4)))
     assert robustness("speed <= 2 for 0.2 s after frozen_camera begins", trace) == 0.0
@@ -113,6 +124,8 @@ def test_words_are_true_or_false_and_spelling_of_modes_does_not_depend_on_case()
     assert robustness("never mode is STOP", trace) == -math.inf
     assert robustness("mode is not KEEP whenever section is worn after 0.8 s", trace) == math.inf
     assert robustness("section is 'worn' from mode is STOP on", trace) == math.inf
+    for claim in ("mode is KEEP", "mode is not KEEP"):  # before the first decision neither is true
+        assert "no sample to judge" in parse_condition(f"{claim} at t = 0 s").explain(trace)
 
 
 def test_scopes_by_section_judge_only_its_samples():
@@ -158,9 +171,10 @@ def test_an_absent_signal_is_not_judged_and_can_be_asked_for():
     assert robustness("time_gap is known from t = 0.2 s on", trace) == math.inf
     assert robustness("fear is not unknown after 0.1 s", trace) == math.inf
     # One that is false decides a pair, one that is true an alternative; else nothing is claimed.
-    assert robustness("speed <= 9 and time_gap >= 1.5 s", trace) == -1.0
+    assert robustness("speed <= 9 and time_gap >= 3 s at t = 0 s", trace) == -1.0
     assert robustness("speed >= 9 or time_gap >= 3 s at t = 0 s", trace) == 1.0
-    assert robustness("speed >= 9 and time_gap >= 3 s at t = 0 s", trace) == -math.inf
+    for pair in ("speed >= 9 and time_gap >= 3 s", "speed <= 9 or time_gap >= 3 s"):
+        assert "no sample to judge" in parse_condition(f"{pair} at t = 0 s").explain(trace)
 
 
 def test_standing_still_keeps_any_time_gap():
@@ -280,6 +294,8 @@ def test_the_worst_moment_is_explained_from_the_start_of_the_run():
     assert condition.explain(run(4, speed_mps=speed, start_s=100.0)) == (
         "speed <= 6 m/s: failed by 0.5 m/s at 0.20 s, speed_mps = 6.5"
     )
+    never_held = parse_condition("speed <= 6 m/s while glare").explain(run(4, speed_mps=speed))
+    assert never_held.endswith("failed: its `while` never held")
     never_came = parse_condition("speed <= 6 m/s within 1 s of glare").explain(run(4, speed_mps=speed))
     assert never_came == "speed <= 6 m/s within 1 s of glare: failed: glare never came"
 

@@ -70,6 +70,8 @@ def test_samples_within_three_seconds_of_a_departure_are_followed_by_it():
     fear, followed = fear_and_departure(trace(departures=counted(10.0)))
     assert followed.sum() == 30  # 7.0 s up to 9.9 s
     assert len(fear) == 170  # up to the last 3 s, after which all may happen
+    fear, followed = fear_and_departure(trace(departures=counted(19.0)))
+    assert (len(fear), followed.sum()) == (190, 30)  # but what did happen is known
 
 
 def test_fear_that_comes_only_before_departures_is_perfect_and_constant_fear_says_nothing():
