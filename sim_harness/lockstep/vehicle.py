@@ -5,6 +5,7 @@ the actuator, as in a real vehicle.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Annotated
 
@@ -48,6 +49,13 @@ def load_simulator() -> SimulatorSettings:
     return load(CONFIG_DIR / "simulator.yaml", SimulatorSettings)
 
 
+def _standard_normal(seed: int) -> Iterator[list[float]]:
+    """Threes of independent numbers, drawn many at a time."""
+    generator = np.random.default_rng((seed, 0))
+    while True:
+        yield from generator.standard_normal((1000, 3)).tolist()
+
+
 class SimulatedVehicle:
     """Plant, sensors, limiter, referee and the other vehicles, on the road of a scenario."""
 
@@ -67,7 +75,7 @@ class SimulatedVehicle:
         self._vehicle = self._plant.vehicle
         self._limiter = limiter
         self._settings = settings
-        self._noise = np.random.default_rng((seed, 0))
+        self._noise = _standard_normal(seed)
         self._referee = Referee(road, self._vehicle, max_offset_m=settings.max_offset_m)
         self._nose_m = self._vehicle.wheelbase_m + self._vehicle.front_overhang_m
         self._route_end_m = scenario.start.station_m + scenario.route_m(road)
@@ -223,7 +231,7 @@ class SimulatedVehicle:
     def _measure(self) -> VehicleState:
         """What the sensors say: white noise, except that a standing wheel is known to stand."""
         pose, settings = self._pose, self._settings
-        speed, angle, rate = self._noise.standard_normal(3).tolist()
+        speed, angle, rate = next(self._noise)
         return VehicleState(
             t_s=self._now_s,
             speed_mps=pose.speed_mps * (1.0 + settings.speed_noise_ratio * speed),

@@ -29,7 +29,7 @@ _LAST_STEP_RAD = 1e-9  # the error after a step is of the order of its square
 
 
 class KinematicPlant:
-    """Advances a :class:`PlantState`; holds nothing but the vehicle's parameters."""
+    """Advances a :class:`PlantState`; remembers nothing of it but its own last answer."""
 
     def __init__(self, vehicle: Vehicle, settings: PlantSettings | None = None) -> None:
         """``vehicle`` as it is in reality. Raises InputError when its axles cannot carry the load as described."""
@@ -42,6 +42,8 @@ class KinematicPlant:
         self.bank_mps2 = GRAVITY_MPS2 * math.sin(settings.bank_rad)
         self.grip_mps2 = settings.friction * GRAVITY_MPS2 * math.cos(settings.bank_rad)
         self.actuators = Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * self.grip_mps2)
+        self._known: Motion | None = None  # the last motion, ...
+        self._known_rate = 0.0  # ... and its yaw rate: a step begins where the last one ended
 
     def initial(
         self,
@@ -154,5 +156,8 @@ class KinematicPlant:
         return moved(state, end, h, pose)
 
     def _yaw_rate(self, motion: Motion) -> float:
-        speed_mps, accel_mps2, angle_rad, _, _ = motion
-        return speed_mps * self.curvature_1pm(angle_rad, speed_mps, accel_mps2)
+        if motion is not self._known and motion != self._known:
+            speed_mps, accel_mps2, angle_rad, _, _ = motion
+            self._known_rate = speed_mps * self.curvature_1pm(angle_rad, speed_mps, accel_mps2)
+            self._known = motion
+        return self._known_rate
