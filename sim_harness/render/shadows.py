@@ -26,7 +26,10 @@ class Shadows:
         self._leaves = _leaves(rng, grid.columns) if any(s.shadows for s in road.sections) else None
         self._has_houses = any(section.building_shadows for section in road.sections)
         self._has_bridges = any(section.bridge_shadows for section in road.sections)
-        self._table = np.random.default_rng((seed, 7)).uniform(0, 1, (HOUSES, 2))
+        table = np.random.default_rng((seed, 7)).uniform(0, 1, (HOUSES, 2))
+        self._jitter = 0.3 + 0.4 * table[:, 0]
+        self._heights = (0.5 + 0.6 * table[:, 0]).astype(np.float32)
+        self._alleys = (0.3 * table[:, 1]).astype(np.float32)
 
     def shade(self, index: int, station: Floats) -> Bytes | None:
         """Shade of a block, (rows, columns), or None where all of it is in the sun."""
@@ -58,15 +61,17 @@ class Shadows:
         amount = tapered(self._road, station, lambda section: section.building_shadows)
         if not amount.any():
             return None
-        right, left = edges_m(self._road, station)
-        place = (station[:, None] + HOUSE_SKEW * self._grid.offsets) / HOUSE_M
+        right, left = (edge.astype(np.float32)[:, None] for edge in edges_m(self._road, station))
+        offset, share = self._grid.offsets.astype(np.float32), amount.astype(np.float32)[:, None]
+        place = (station[:, None] / HOUSE_M).astype(np.float32) + offset * np.float32(HOUSE_SKEW / HOUSE_M)
         house = np.floor(place)
-        height = self._table[house.astype(int) % HOUSES]
-        reach = -right[:, None] + (right + left)[:, None] * amount[:, None] * (0.5 + 0.6 * height[:, :, 0])
-        inside = (reach - self._grid.offsets) / PENUMBRA_M
-        alley = (place - house - 0.3 * (1 - amount[:, None]) * height[:, :, 1]) * HOUSE_M / PENUMBRA_M
-        lit = np.clip(5 * amount, 0, 1)[:, None] * DEPTH
-        return np.asarray(np.clip(np.minimum(inside, alley) + 0.5, 0, 1) * lit, np.float32)
+        number = house.astype(np.int64) % HOUSES
+        reach = (right + left) * share * self._heights[number] - right
+        alley = place - house - (1 - share) * self._alleys[number]
+        inside = np.minimum(reach - offset, alley * np.float32(HOUSE_M)) * np.float32(1 / PENUMBRA_M)
+        return np.asarray(
+            np.clip(inside + 0.5, 0, 1) * np.clip(5 * share, 0, 1) * np.float32(DEPTH), np.float32
+        )
 
     def _bridges(self, station: Floats) -> FloatImage | None:
         amount = tapered(self._road, station, lambda section: section.bridge_shadows)
@@ -74,8 +79,7 @@ class Shadows:
             return None
         place = station[:, None] + BRIDGE_SKEW * self._grid.offsets
         number = np.floor(place / BRIDGE_EVERY_M)
-        jitter = 0.3 + 0.4 * self._table[number.astype(int) % HOUSES, 0]
-        away = np.abs(place - (number + jitter) * BRIDGE_EVERY_M)
+        away = np.abs(place - (number + self._jitter[number.astype(int) % HOUSES]) * BRIDGE_EVERY_M)
         half_m = BRIDGE_HALF_M[0] + (BRIDGE_HALF_M[1] - BRIDGE_HALF_M[0]) * amount[:, None]
         lit = np.clip(2 * amount, 0, 1)[:, None] * DEPTH
         return np.asarray(np.clip((half_m - away) / PENUMBRA_M + 0.5, 0, 1) * lit, np.float32)

@@ -38,6 +38,7 @@ SNOW_RAGGED_M = 0.35  # deviation of the rim of a bank, at most half of how far 
 WET_DARKENING = 0.38  # of soaked asphalt: about half the albedo, Lekner & Dorf (1988)
 PUDDLE_BGR = (150, 142, 134)  # a grey sky, mirrored
 WHEELS_M = (-0.75, 0.75)
+ROUGH_M = 0.5  # more than an edge is rough
 
 
 class SurfacePainter:
@@ -84,14 +85,10 @@ class SurfacePainter:
         section = here.section
         if section.kerb_m:
             self._lay_kerbs(colour, here)
-        if self._is_wet:
-            wet, long, fine = (
-                self._wet(here),
-                here.part(self._textures.wave),
-                here.part(self._textures.blotch),
-            )
-            puddles = np.clip((wet - 2.1 - 0.9 * long - 0.05 * fine) / 0.15, 0, 0.8) * np.clip(5 * wet, 0, 1)
-            _blend(colour, puddles, PUDDLE_BGR)
+        if self._is_wet and (wet := self._wet(here)).any():
+            long, fine = here.part(self._textures.wave), here.part(self._textures.blotch)
+            puddles = np.clip((wet.astype(np.float32) - 2.1 - 0.9 * long - 0.05 * fine) / 0.15, 0, 0.8)
+            _blend(colour, puddles * np.clip(5 * wet, 0, 1), PUDDLE_BGR)
         if section.snow_cover:
             self._lay_trodden_snow(colour, here)
         if section.snow_left_m or section.snow_right_m:
@@ -139,13 +136,17 @@ class SurfacePainter:
         return np.asarray(width, np.float64)
 
     def _lay_kerbs(self, colour: Bytes, here: Stretch) -> None:
-        offset = self._grid.offsets
-        right, left = edges_m(self._road, here.station)
         stone = 1 - 0.25 * (here.station % KERB_STONE_M < 0.04)[:, None]
-        for edge, side, sign in ((right, 0, -1), (left, 1, 1)):
-            has_kerb = self._kerb(here.station, side) > 0
-            beyond = (sign * offset - edge[:, None] > 0) & has_kerb[:, None]
-            _blend(colour, beyond.astype(np.float64), KERB_BGR, stone)
+        for side, sign, edge in _sides(edges_m(self._road, here.station)):
+            columns = self._beyond(sign, edge, here.section.kerb_m)
+            beyond = sign * self._grid.offsets[columns] > edge[:, None]
+            has_kerb = self._kerb(here.station, side)[:, None] > 0
+            _blend(colour[:, columns], (beyond & has_kerb).astype(np.float32), KERB_BGR, stone)
+
+    def _beyond(self, sign: int, edge: Floats, width_m: float) -> slice:
+        """Columns from the inmost edge of one side to ``width_m`` beyond its outmost one, roughness included."""
+        ends = sign * (float(edge.min()) - ROUGH_M), sign * (float(edge.max()) + width_m + ROUGH_M)
+        return self._grid.touched(min(ends), max(ends))
 
     def _lay_trodden_snow(self, colour: Bytes, here: Stretch) -> None:
         """Snow in soft patches, thinner where wheels roll."""
@@ -157,18 +158,22 @@ class SurfacePainter:
 
     def _lay_banks(self, colour: Bytes, here: Stretch) -> None:
         """Banks of snow that reach raggedly in from the edges."""
-        offset, rim = self._grid.offsets, here.part(self._rim)
-        fine = here.part(self._textures.blotch)
-        right, left = edges_m(self._road, here.station)
-        reaches = (
-            tapered(self._road, here.station, lambda section: section.snow_right_m),
-            tapered(self._road, here.station, lambda section: section.snow_left_m),
-        )
-        for side, (edge, sign) in enumerate(((right, -1), (left, 1))):
-            ragged = np.minimum(SNOW_RAGGED_M, reaches[side] / 2) * rim[:, side]
-            inwards = edge - reaches[side] + ragged
-            cover = (sign * offset - inwards[:, None] + 0.04 * fine) / SNOW_SOFTNESS_M
-            _blend(colour, np.clip(cover, 0, 1) * (reaches[side] > 0)[:, None], SNOW_BGR, 1 + 0.03 * fine)
+        rim, blotch = here.part(self._rim), here.part(self._textures.blotch)
+        fields = (lambda section: section.snow_right_m), (lambda section: section.snow_left_m)
+        for side, sign, edge in _sides(edges_m(self._road, here.station)):
+            reach = tapered(self._road, here.station, fields[side])
+            ragged = np.minimum(SNOW_RAGGED_M, reach / 2) * rim[:, side]
+            inwards = edge - reach + ragged
+            columns = self._beyond(sign, inwards, float((edge - inwards).max()))
+            fine = blotch[:, columns]
+            cover = (sign * self._grid.offsets[columns] - inwards[:, None] + 0.04 * fine) / SNOW_SOFTNESS_M
+            cover = np.clip(cover, 0, 1) * (reach > 0)[:, None]
+            _blend(colour[:, columns], cover, SNOW_BGR, 1 + 0.03 * fine)
+
+
+def _sides(edges: tuple[Floats, Floats]) -> tuple[tuple[int, int, Floats], tuple[int, int, Floats]]:
+    """Number, sign of the offsets and edge of the right and of the left side."""
+    return (0, -1, edges[0]), (1, 1, edges[1])
 
 
 def _blend(

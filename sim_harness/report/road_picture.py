@@ -13,20 +13,20 @@ VIEW_M = (-9.0, 9.0)  # of the road's width, from above
 LENGTH_M = 24.0  # seen from above, from the camera's station on
 PLAN_LEVEL = 1
 GAP_PX = 4
+MOST_COLUMNS = 6
 MOST_PX = 240  # width of a frame on the sheet
 LABEL_PX = 17
 INK, PAPER = (255, 255, 255), (40, 40, 40)
 
 
-def draw_road(
-    road: Road, camera: Camera, stations_m: list[float], *, columns: int = 4, seed: int = 0
-) -> Bytes:
+def draw_road(road: Road, camera: Camera, stations_m: list[float], *, seed: int = 0) -> Bytes:
     """A sheet of frames in the lane centre at ``stations_m``, each above its plan view."""
     ground = Ground(road, seed=seed)
     renderer = Renderer(road, camera, seed=seed, ground=ground)
     cells = [_cell(renderer, ground, station_m, min(camera.width_px, MOST_PX)) for station_m in stations_m]
     height, width = cells[0].shape[:2]
-    rows = -(-len(cells) // columns)
+    rows = -(-len(cells) // MOST_COLUMNS)
+    columns = -(-len(cells) // rows)
     sheet = np.full((rows * (height + GAP_PX), columns * (width + GAP_PX), 3), PAPER, np.uint8)
     for number, cell in enumerate(cells):
         row, column = divmod(number, columns)

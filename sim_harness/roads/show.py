@@ -13,7 +13,7 @@ from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 
 STEP_M = 0.5
-QUALITY = 70  # of a JPEG
+QUALITY = 64  # of a JPEG
 
 
 def show_verb(
