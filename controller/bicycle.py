@@ -31,9 +31,9 @@ def angle_from_curvature(
     curvature_1pm: float, *, speed_mps: float, vehicle: Vehicle, roll_rad: float = 0.0
 ) -> float:
     """Road-wheel angle δ [rad] that holds ``curvature_1pm``; not limited to what the vehicle can turn."""
-    return kinematic_angle(curvature_1pm, vehicle=vehicle) + understeer_angle(
-        curvature_1pm, speed_mps=speed_mps, vehicle=vehicle, roll_rad=roll_rad
-    )
+    side_force_mps2 = curvature_1pm * speed_mps * speed_mps + GRAVITY_MPS2 * roll_rad
+    tyres_rad = vehicle.understeer_gradient_rad_per_mps2 * side_force_mps2
+    return math.atan(vehicle.wheelbase_m * curvature_1pm) + tyres_rad
 
 
 def kinematic_angle(curvature_1pm: float, *, vehicle: Vehicle) -> float:
