@@ -10,7 +10,7 @@ Everything that comes in is judged here by age, finiteness and plausibility. Wha
 | no path at all | comfort stop | holds the last curvature |
 | the supervisor says STOP | the stop that it asks for | along the path |
 
-The emergency stop for lost inputs latches until standstill.
+The emergency stop for lost inputs latches until standstill, or until a driver takes over.
 
 Without a path the curvature is held and not unwound: while a car stops, the bend it is in lasts longer than the
 gap in sight does, and straightening would leave the lane for certain.
@@ -109,8 +109,10 @@ class Controller:
         lane = self._lane(now_s)
         angle_rad = self._steer(lane, state, speed_mps)
         self._predictor.commanded(angle_rad, now_s=now_s)
-        stop = self._stop(decision, lane, speed_mps, now_s)
         driver = state is not None and state.driver_override
+        if driver:  # nothing of ours can be lost while someone else drives
+            self._healthy_s, self._emergency = now_s, False
+        stop = self._stop(decision, lane, speed_mps, now_s)
         goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver)
         return Command(
             t_s=frame_s,

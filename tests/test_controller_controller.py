@@ -57,6 +57,14 @@ def test_while_a_driver_drives_nothing_is_demanded_and_the_hand_over_is_smooth()
     assert abs(one.step(decision(2.0), state(2.0, speed_mps=4.0), now_s=2.0).accel_mps2) < 0.1
 
 
+def test_what_was_lost_while_a_driver_drove_does_not_brake_after_the_hand_over():
+    """As when processes start one after the other in a car that is driven already."""
+    one = controller()
+    for n in range(200):
+        one.step(None, replace(state(0.02 * n, speed_mps=4.0), driver_override=True), now_s=0.02 * n)
+    assert abs(one.step(decision(4.0), state(4.0, speed_mps=4.0), now_s=4.0).accel_mps2) < 0.1
+
+
 def test_the_command_carries_the_capture_time_of_the_frame():
     one = controller()
     assert one.step(decision(1.0, t_s=0.93), state(1.0), now_s=1.0).t_s == 0.93

@@ -121,6 +121,20 @@ def test_the_car_stops_when_a_process_freezes() -> None:
         assert row["final_speed_mps"] < 0.05
 
 
+def test_a_process_that_the_scenario_loses_stops_the_car_and_is_no_failure_of_the_drive() -> None:
+    returncode, row = LiveDrive("--scenario", "lost_cv").result(patience_s=70)
+    assert (returncode, row["reasons"]) == (0, [])
+    assert row["causes"]["lost_estimator"] > 1.0
+    assert (row["final_speed_mps"], row["processes"]["cv"]["restarts"]) == (0.0, 0)
+
+
+def test_a_driver_hands_over_a_live_car_at_speed() -> None:
+    returncode, row = LiveDrive("--scenario", "leader_brakes", "--duration", "4").result(patience_s=60)
+    assert (returncode, row["reasons"]) == (0, [])
+    assert row["distance_m"] > 4 * 5.0
+    assert "STOP" not in row["modes"] or row["modes"]["STOP"] < 0.2
+
+
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
 def test_no_process_outlives_the_launcher(ending: signal.Signals) -> None:
     drive = LiveDrive("--scenario", "straight")
