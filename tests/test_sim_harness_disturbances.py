@@ -9,10 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from sim_harness.cli import app
+from sim_harness.report.disturbance_sheet import disturbances_verb
 from sim_harness.roads.disturbance_table import DisturbanceTable, at, load_table
 from sim_harness.roads.disturbances import RAMP_M, Disturbance, DisturbanceKind, disturbed, grades_at
 from sim_harness.roads.road import Road, RoadSettings, load_road
-from trepid.cli import main
+from trepid.config import InputError
 
 CIRCUIT = load_road("circuit").settings
 KINDS = st.sampled_from(list(DisturbanceKind))
@@ -102,8 +104,12 @@ def test_a_parted_section_keeps_its_name_its_dashes_and_its_widths():
     )
 
 
-def test_the_command_line_prints_the_table_and_refuses_a_picture_without_a_folder(capsys, tmp_path):
-    assert main(["sim", "disturbances", "--json"]) == 0
+def test_the_verb_prints_the_table_and_refuses_a_picture_without_a_folder(capsys, tmp_path):
+    assert disturbances_verb(as_json=True) == 0
     assert json.loads(capsys.readouterr().out)["fog"]["visibility_m"][5] == load_table().fog.visibility_m[5]
-    assert main(["sim", "disturbances", "--picture", str(tmp_path / "no" / "sheet.png")]) == 2
-    assert "there is no folder" in capsys.readouterr().err
+    with pytest.raises(InputError, match="there is no folder"):
+        disturbances_verb(tmp_path / "no" / "sheet.png")
+
+
+def test_the_verb_is_mounted():
+    assert "disturbances" in [command.name for command in app.registered_commands]
