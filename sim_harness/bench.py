@@ -21,6 +21,7 @@ from rich.table import Table
 from perception.estimators import ESTIMATORS, build
 from perception.image_statistics import ImageStatistician
 from sim_harness.lockstep.closed_loop import run
+from sim_harness.lockstep.seeds import bench_seeds
 from sim_harness.plants.bench import bench_plants
 from sim_harness.render.ground import Ground
 from sim_harness.render.renderer import Renderer
@@ -162,6 +163,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "renderer": bench_renderer,
     "lockstep": bench_lockstep,
     "plants": bench_plants,
+    "seeds": bench_seeds,
 }
 
 

@@ -1,0 +1,76 @@
+"""Do the known seeds flatter? The suite's score on seeds that everybody has, and on seeds drawn just now.
+
+A public seed gets learned, by people if not by networks. Both scores come from the same scenarios; they should
+differ by no more than 2 %.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim_harness.lockstep.closed_loop import run_many
+from sim_harness.scenarios.sampling import fresh_seed
+from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios
+
+SCORED = {Tag.NOMINAL, Tag.CURVE, Tag.UNMARKED}
+KNOWN_SEEDS = (0,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """How a set of runs went."""
+
+    runs: int
+    pass_rate_percent: float
+    mean_max_lateral_error_m: float
+    p95_max_lateral_error_m: float
+
+
+def score(rows: Iterable[dict[str, Any]]) -> Score:
+    """The score of runs, given as rows of ``sim run --json``. Raises ValueError without any."""
+    rows = list(rows)
+    if not rows:
+        raise ValueError("no runs to score")
+    errors_m = [row["max_lateral_error_m"] for row in rows]
+    return Score(
+        runs=len(rows),
+        pass_rate_percent=100.0 * sum(row["status"] == "passed" for row in rows) / len(rows),
+        mean_max_lateral_error_m=float(np.mean(errors_m)),
+        p95_max_lateral_error_m=float(np.percentile(errors_m, 95)),
+    )
+
+
+def scored_scenarios() -> list[Scenario]:
+    """The shipped scenarios about ordinary driving: tagged nominal, curve or unmarked."""
+    return [scenario for scenario in list_scenarios() if SCORED & set(scenario.tags)]
+
+
+def bench_seeds(
+    scenarios: Sequence[Scenario] | None = None,
+    known: Sequence[int] = KNOWN_SEEDS,
+    fresh: Sequence[int] | None = None,
+    *,
+    jobs: int | None = None,
+) -> dict[str, Any]:
+    """Scores with ``known`` and with ``fresh`` seeds, as many drawn now if not given, and their difference.
+
+    Of the pass rates the difference is in points; of the errors in percent of what the known seeds gave.
+    """
+    scenarios = scored_scenarios() if scenarios is None else scenarios
+    fresh = [fresh_seed() for _ in known] if fresh is None else fresh
+    jobs = jobs or os.cpu_count() or 1
+    scores = [score(run_many(scenarios, seeds, jobs=jobs)) for seeds in (known, fresh)]
+    of_known, of_fresh = scores
+    more = of_fresh.mean_max_lateral_error_m / of_known.mean_max_lateral_error_m - 1.0
+    return {
+        "scenarios": len(scenarios),
+        "known_seeds": list(known),
+        "fresh_seeds": list(fresh),
+        **{f"known_{name}": round(getattr(of_known, name), 4) for name in Score.__dataclass_fields__},
+        **{f"fresh_{name}": round(getattr(of_fresh, name), 4) for name in Score.__dataclass_fields__},
+        "pass_rate_difference_points": round(of_fresh.pass_rate_percent - of_known.pass_rate_percent, 2),
+        "mean_error_difference_percent": round(100.0 * more, 2),
+    }

@@ -1,0 +1,41 @@
+"""Known seeds against fresh ones: the scores and their difference."""
+
+import pytest
+
+from sim_harness.lockstep.seeds import SCORED, bench_seeds, score, scored_scenarios
+from sim_harness.scenarios.scenario import Scenario
+
+SHORT = Scenario(
+    name="short", description="a test", tags=("nominal",), road="straight", duration_s=0.3, sight="truth",
+    start={"offset_m": 0.2, "speed_mps": 5},
+)  # fmt: skip
+
+
+def row(status, error_m):
+    return {"status": status, "max_lateral_error_m": error_m}
+
+
+def test_a_score_is_pass_rate_mean_and_95th_percentile():
+    found = score([row("passed", 0.1 * i) for i in range(20)] + [row("failed", 2.0)])
+    assert found.runs == 21
+    assert found.pass_rate_percent == pytest.approx(100 * 20 / 21)
+    assert found.mean_max_lateral_error_m == pytest.approx((0.1 * 190 + 2.0) / 21)
+    assert found.p95_max_lateral_error_m == pytest.approx(1.9)
+
+
+def test_no_runs_have_no_score():
+    with pytest.raises(ValueError, match="no runs"):
+        score([])
+
+
+def test_the_same_seeds_score_the_same_and_fresh_ones_are_told():
+    same = bench_seeds([SHORT], known=(3, 4), fresh=(3, 4), jobs=1)
+    assert (same["pass_rate_difference_points"], same["mean_error_difference_percent"]) == (0.0, 0.0)
+    drawn = bench_seeds([SHORT], known=(3,), jobs=1)
+    assert drawn["fresh_seeds"] != [3]
+    assert (drawn["known_runs"], drawn["fresh_runs"]) == (1, 1)
+
+
+def test_ordinary_driving_is_scored():
+    assert all(SCORED & set(scenario.tags) for scenario in scored_scenarios())
+    assert {"straight", "unmarked_bend", "s_curve"} <= {scenario.name for scenario in scored_scenarios()}
