@@ -14,6 +14,7 @@ WIDTH = 1280  # columns of the panorama for a full turn
 HEIGHT = 320
 LAND = 64  # rows of the panorama that hills may reach into, from below
 GROUND_BELOW_PX = 2.5  # the ground starts this far below the horizon: 110 m ahead of the default camera
+MIRROR_MARGIN_PX = 24  # rows above the ground that its mirror image goes on, for blurring
 BELOW = 8  # rows of the panorama below the horizon
 SKIES_BGR = (  # zenith, horizon
     ((205, 150, 100), (235, 225, 210)),
@@ -49,20 +50,21 @@ class Backdrop:
             )
 
     def mirrored(self, yaw_rad: float) -> Bytes:
-        """The backdrop upside down below the horizon, BGR of the whole image: as still water mirrors it."""
+        """The backdrop upside down below the horizon, BGR, black above: as still water mirrors it."""
         ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
         columns, rows = self._mirror
-        return np.asarray(
-            cv2.remap(
-                self._twice_around, columns + ahead, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-            )[:, :, :3].copy(),
-            np.uint8,
+        image = np.zeros((self._camera.height_px, self._camera.width_px, 3), np.uint8)
+        below = cv2.remap(
+            self._twice_around, columns + ahead, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
+        image[len(image) - len(below) :] = below[:, :, :3]
+        return image
 
     @cached_property
     def _mirror(self) -> tuple[FloatImage, FloatImage]:
         camera = self._camera
-        u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
+        first = max(self.rows - MIRROR_MARGIN_PX, 0)
+        u, v = np.meshgrid(np.arange(camera.width_px), np.arange(first, camera.height_px))
         right = np.arctan((u - camera.cx_px) / camera.fx_px) - camera.yaw_rad
         up = np.abs(v - camera.horizon_row_px)
         return (right * WIDTH / math.tau).astype(np.float32), (HEIGHT - BELOW - up).astype(np.float32)

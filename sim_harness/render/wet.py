@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_harness.render.backdrop import Backdrop
+from sim_harness.render.backdrop import MIRROR_MARGIN_PX, Backdrop
 from sim_harness.render.lead import draw_lead
 from sim_harness.render.noise import smooth_noise
 from sim_harness.render.view import (
@@ -39,16 +39,18 @@ class WetRoad:
         self._ground = (view.rays[2] < -0.02).astype(np.float32)
 
     def mirror(self, light: FloatImage, shot: Shot, wet: float) -> FloatImage:
-        """``light`` with the reflections of a road that is ``wet`` by 0..1."""
+        """``light`` with the reflections of a road that is ``wet`` by 0..1, in place."""
         share = self._view.fresnel * self._shine(shot, wet)
         mirrored = self._backdrop.mirrored(shot.pose[2])
         for pose, body in shot.vehicles:
             draw_lead(mirrored, self._view.camera, body, pose, mirrored=True)
         size = self._view.camera.fy_px
-        soft = cv2.GaussianBlur(light_of(mirrored), (0, 0), ROUGH_PX[0] * size, sigmaY=ROUGH_PX[1] * size)
-        return np.asarray(
-            cv2.add(light, cv2.multiply(cv2.subtract(soft, light), in_colour(share))), np.float32
-        )
+        rows = slice(max(self._backdrop.rows - MIRROR_MARGIN_PX, 0), None)
+        seen, blur_px = light_of(mirrored[rows]), (ROUGH_PX[0] * size, ROUGH_PX[1] * size)
+        soft = cv2.GaussianBlur(seen, (0, 0), blur_px[0], sigmaY=blur_px[1])
+        below = light[rows]
+        light[rows] = below + cv2.multiply(cv2.subtract(soft, below), in_colour(share[rows]))
+        return light
 
     def _shine(self, shot: Shot, wet: float) -> FloatImage:
         """How much of still water's reflection each pixel of the carriageway gives, (rows, columns)."""
