@@ -1,5 +1,6 @@
 """Sampling: concrete cases of logical scenarios, their seeds, and the limits between passing and failing."""
 
+import json
 from itertools import islice
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sim_harness.cli import app
 from sim_harness.scenarios.boundary import limits
 from sim_harness.scenarios.sampling import Method, case_seed, cases, fresh_seed, grid_size
 from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenario
@@ -198,3 +200,19 @@ def test_corners_change_all_ranges_together():
     )
     place = corner.fails.parameters
     assert abs(place["start.offset_m"]) == pytest.approx(10 * abs(place["start.heading_rad"]))
+
+
+def test_the_verb_prints_the_limits_of_a_scenario(tmp_path, capsys):
+    path = tmp_path / "edge.yaml"
+    path.write_text(
+        "description: a car that starts ever further beside the lane\ntags: [nominal]\nroad: straight\n"
+        "duration_s: 0.1\nsight: truth\nstart: {speed_mps: 5}\nexpect: {max_lateral_error_m: 0.3}\n"
+        "vary: {start.offset_m: [-0.5, 0.2]}\n"
+    )
+    assert app(["limits", str(path), "--json"], standalone_mode=False) == 0
+    down, up = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert down["fails"]["start.offset_m"] < down["passes"]["start.offset_m"]
+    assert down["fails"]["start.offset_m"] == pytest.approx(-0.3, abs=0.02)
+    assert (up["ray"], up["fails"]) == ("start.offset_m up", None)
+    with pytest.raises(InputError, match="nothing in vary"):
+        app(["limits", str(path), "--set", "vary={}"], standalone_mode=False)
