@@ -14,6 +14,7 @@ from typing import Any
 
 from dask.config import set as configured
 from distributed import Client, KilledWorker, as_completed
+from distributed.comm.addressing import parse_address, parse_host_port
 
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.outcome import Outcome, crashed, execute
@@ -35,7 +36,7 @@ def on_cluster(plan: Plan, address: str, *, detailed: bool = False) -> Iterator[
         check_same_code(client, address)
         work = partial(execute, detailed=detailed)
         futures = {client.submit(work, case, pure=False): key for key, case in plan.items()}
-        for future in as_completed(list(futures)):
+        for future in as_completed(list(futures), loop=client.loop):
             key = futures.pop(future)
             if future.status == "finished":
                 outcome: Outcome = future.result()
@@ -55,6 +56,7 @@ def _connected(address: str) -> Iterator[Client]:
     with warnings.catch_warnings(), configured({"distributed.comm.timeouts.connect": CONNECT_S}):
         warnings.simplefilter("ignore")  # on versions; they are checked below, those that matter
         try:
+            parse_host_port(parse_address(address)[1])  # what a client says of a bad address comes too late
             client = Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise InputError(f"--cluster {address}: no Dask scheduler answers there: {error}") from error

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_harness.lockstep.closed_loop import Result, run
-from sim_harness.lockstep.metrics import Metrics
+from sim_harness.lockstep.metrics import FurtherMetrics, Metrics
 from sim_harness.report.film import run_filmed
 from sim_harness.report.summary import Detail, summarise
 from sim_harness.scenarios.sampling import Case
@@ -53,6 +53,7 @@ def crashed(case: Case, reason: str) -> Outcome:
         **dict.fromkeys(field.name for field in fields(Metrics)),
         "realtime_factor": None,
         "trace_sha256": None,
+        **dict.fromkeys(field.name for field in fields(FurtherMetrics)),
     }
     return Outcome(row=with_parameters(case, row), code=fingerprint())
 

@@ -41,5 +41,5 @@ def _column(name: str, values: list[Any]) -> pa.Array:
         return pa.array(values, pa.list_(pa.string()))
     try:
         return pa.array(values)
-    except pa.ArrowInvalid:  # choices of several kinds, e.g. numbers and words
+    except (pa.ArrowInvalid, pa.ArrowTypeError):  # choices of several kinds, e.g. numbers and words
         return pa.array([None if value is None else json.dumps(value) for value in values])
