@@ -15,6 +15,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from trepid.frozen import quick
+
 Image = NDArray[np.uint8]
 """Camera image, shape (height, width, 3), 8-bit BGR."""
 
@@ -39,6 +41,7 @@ class Stop(StrEnum):
     EMERGENCY = "emergency"  # at most 4 m/s² (UN R157 minimal-risk manoeuvre limit)
 
 
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """One camera frame (sensor_msgs/Image)."""
@@ -47,6 +50,7 @@ class Frame:
     image: Image
 
 
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompressedFrame:
     """A camera frame as JPEG, for recorders and displays (sensor_msgs/CompressedImage)."""
@@ -55,6 +59,7 @@ class CompressedFrame:
     jpeg: bytes
 
 
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImageStatistics:
     """What the pixels alone say about how far the frame can be trusted."""
@@ -68,6 +73,7 @@ class ImageStatistics:
     frozen_s: float  # how long the image has been bit-identical [s]; 0 for a fresh one
 
 
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SteeringEstimate:
     """The lane as one estimator sees it, and the road-wheel angle that a kinematic vehicle would need.
@@ -115,6 +121,7 @@ class SteeringEstimate:
         )
 
 
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeadVehicle:
     """The vehicle ahead, in the frame of our rear axle."""
@@ -126,6 +133,7 @@ class LeadVehicle:
     confidence: float
 
 
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState:
     """What the vehicle reports of itself. ``t_s`` is the time of measurement."""
@@ -137,6 +145,7 @@ class VehicleState:
     driver_override: bool
 
 
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
     """What the supervisor makes of the estimates: how afraid it is, why, and what path to drive how fast."""
@@ -165,6 +174,7 @@ class Decision:
     speed_cap_mps: float
 
 
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
     """What the vehicle is told (ackermann_msgs/AckermannDriveStamped)."""
@@ -177,6 +187,7 @@ class Command:
     jerk_mps3: float
 
 
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimTruth:
     """What only a simulator knows: the true pose on the road. No driving process may read it."""
@@ -219,6 +230,7 @@ class Health(StrEnum):
     ERROR = "error"
 
 
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
     """The state of one process (diagnostic_msgs/DiagnosticArray with one status)."""

@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass
 
+from trepid.frozen import quick
 
+
+@quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantState:
     """Pose of the centre of the rear axle, motion along the vehicle, and the steering on its way to the tyres."""
