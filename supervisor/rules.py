@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
-from ruamel.yaml.comments import CommentedMap
 
 from trepid import config
 from trepid.config import InputError, Settings
@@ -215,19 +214,17 @@ def load_rules(path: Path) -> tuple[RuleFile, tuple[Rule, ...]]:
 
     Raises InputError with file:line:column of the first thing that is wrong, and what was expected there.
     """
-    data = config.read(path)
-    file = config.parse(data, RuleFile, source=path)
-    lines = path.read_text(encoding="utf-8").splitlines()
-    return file, tuple(_rule_at(i, file, data, lines, path) for i in range(len(file.rules)))
+    file = config.load(path, RuleFile)
+    return file, tuple(_rule_at(i, file, path) for i in range(len(file.rules)))
 
 
-def _rule_at(index: int, file: RuleFile, data: CommentedMap, lines: list[str], path: Path) -> Rule:
+def _rule_at(index: int, file: RuleFile, path: Path) -> Rule:
     sentence = file.rules[index]
     try:
         return parse_rule(sentence, file.inputs)
     except SentenceError as error:
-        line, column = config.position(data, ("rules", index))
-        shown = lines[line - 1][column - 1 :]
+        line, column = config.position(config.read(path), ("rules", index))
+        shown = path.read_text(encoding="utf-8").splitlines()[line - 1][column - 1 :]
         if sentence in shown:  # on one line, plain or quoted
             column += shown.index(sentence) + error.offset
         raise InputError(f"{path}:{line}:{column}: {error}") from error
