@@ -4,11 +4,12 @@ VENV := .venv
 READY := $(VENV)/.ready
 BIN := $(VENV)/bin
 
-.PHONY: help setup drive test lint train clean
+.PHONY: help setup drive test proof lint train clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
 	@echo "make test    set up and run the tests"
+	@echo "make proof   run what takes minutes: 100 runs on a loaded machine, a sweep on a Dask cluster that loses a worker"
 	@echo "make lint    ruff and mypy"
 	@echo "make train   re-create the shipped CNN weights (installs torch into its own .venv-train)"
 	@echo "make clean   remove the virtual environments"
@@ -29,6 +30,11 @@ drive: $(READY)
 test: $(READY)
 	@echo "== pytest"
 	@$(BIN)/python -m pytest $(ARGS)
+
+proof: $(READY)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,cluster]'
+	@echo "== pytest -m proof"
+	@$(BIN)/python -m pytest -m proof $(ARGS)
 
 lint: $(READY)
 	@$(BIN)/ruff check

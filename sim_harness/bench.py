@@ -28,6 +28,7 @@ from sim_harness.render.renderer import Renderer
 from sim_harness.render.view import Motion
 from sim_harness.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.scenarios.scenario import load_scenario
+from sim_harness.sweep.bench import bench_determinism, bench_sweep
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, Image, VehicleState
@@ -164,12 +165,16 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "lockstep": bench_lockstep,
     "plants": bench_plants,
     "seeds": bench_seeds,
+    "sweep": bench_sweep,
+    "determinism": bench_determinism,
 }
+ON_REQUEST = {"determinism"}  # takes minutes
 
 
 def bench(
     names: Annotated[
-        list[str] | None, typer.Argument(help=f"Any of {', '.join(BENCHMARKS)}; default: all.")
+        list[str] | None,
+        typer.Argument(help=f"Any of {', '.join(BENCHMARKS)}; default: all but {', '.join(ON_REQUEST)}."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> int:
@@ -178,7 +183,7 @@ def bench(
         if name not in BENCHMARKS:
             raise InputError(f"no benchmark {name!r}; there are {', '.join(BENCHMARKS)}")
     result: dict[str, Any] = machine()
-    for name in names or BENCHMARKS:
+    for name in names or [name for name in BENCHMARKS if name not in ON_REQUEST]:
         typer.echo(f"bench {name} ...", err=True)
         result[name] = BENCHMARKS[name]()
     if as_json:

@@ -11,6 +11,7 @@ import pytest
 
 from sim_harness.scenarios.sampling import Case
 from sim_harness.scenarios.scenario import Scenario
+from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.plan import by_seeds, plan
 from sim_harness.sweep.processes import in_this_process
 from trepid.config import ROOT, InputError
@@ -31,6 +32,7 @@ class Dask:
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
+        fingerprint.cache_clear()  # the workers read the code as it is now
         scheduler = self.started("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
         self.scheduler = scheduler
         self.address = told(scheduler, r"Scheduler at:\s+(tcp://\S+)")

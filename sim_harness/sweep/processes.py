@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import islice
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
+from multiprocessing.resource_tracker import ensure_running
 
 from sim_harness.scenarios.sampling import Case
 from sim_harness.sweep.outcome import Outcome, crashed, execute
@@ -71,6 +72,7 @@ class _Worker:
         ours, theirs = context.Pipe()
         process = context.Process(target=_serve, args=(theirs, detailed), daemon=True)
         os.environ.update(ONE_THREAD | os.environ)
+        ensure_running()  # when a process starts it instead, it lets interrupts through
         masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # children inherit it
         try:
             process.start()
