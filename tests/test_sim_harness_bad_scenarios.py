@@ -40,6 +40,8 @@ BAD = {
     "unknown alias": (GOOD + "start: *nowhere\n", ":5:8: not valid YAML: .*alias"),
     "merge of no mapping": (GOOD + "start: {<<: 3}\n", ":5:13: not valid YAML: "),
     "two documents": (GOOD + "---\n" + GOOD, ":5:1: not valid YAML: .*document"),
+    "tag": (GOOD + "start: !!python/object:os.system {}\n", ":5:8: not valid YAML: the tag .*os.system"),
+    "tag of the wrong kind": (GOOD + "start: !!set x\n", ":5:8: not valid YAML: the tag"),
     "impossible date": (GOOD.replace("a test", "2020-13-45"), "not valid YAML: month must be"),
     "number of 5000 digits": (with_duration("1" * 5000), "bad.yaml: not valid YAML: "),
     "nested 500 deep": (GOOD + "start: " + "{a: " * 500 + "1" + "}" * 500, "bad.yaml: nested too deeply"),

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import PydanticCustomError
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -68,19 +69,38 @@ def _mapping(text: str, path: Path) -> CommentedMap:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ReusedAnchorWarning)  # the last one counts, as YAML has it
-            data = YAML(typ="rt").load(text)
+            yaml = YAML(typ="rt")
+            yaml.Constructor = _PlainConstructor
+            data = yaml.load(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"{path}:{mark.line + 1}:{mark.column + 1}" if mark else f"{path}"
         problem = (error.problem or error.context or "not valid YAML").splitlines()[0]
         raise InputError(f"{where}: not valid YAML: {problem}") from error
-    except (YAMLError, ValueError) as error:
+    except (YAMLError, ValueError, KeyError) as error:
         raise InputError(f"{path}: not valid YAML: {_brief(error)}") from error
     except RecursionError as error:
         raise InputError(f"{path}: nested too deeply") from error
     if not isinstance(data, CommentedMap):
         raise InputError(f"{path}:1:1: expected a mapping of names to values")
     return data
+
+
+class _PlainConstructor(RoundTripConstructor):
+    """Refuses tags such as ``!!set``: settings have no use for them, and the library stumbles over wrong ones."""
+
+    def construct_non_recursive_object(self, node: Any, tag: str | None = None) -> Any:
+        name = str(node.tag).removeprefix("tag:yaml.org,2002:")
+        if node.ctag.handle is not None or name not in _PLAIN_TAGS[node.id]:
+            raise ConstructorError(None, None, f"the tag {node.tag} means nothing here", node.start_mark)
+        return super().construct_non_recursive_object(node, tag)
+
+
+_PLAIN_TAGS = {
+    "scalar": ("str", "int", "float", "bool", "null", "timestamp", "merge"),
+    "sequence": ("seq",),
+    "mapping": ("map",),
+}
 
 
 def parse(
