@@ -17,7 +17,6 @@ gap in sight does, and straightening would leave the lane for certain.
 """
 
 import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +27,7 @@ from controller.lane import Lane
 from controller.lateral import LateralSettings, path_curvature
 from controller.prediction import Predictor
 from controller.speed import SpeedControl, SpeedSettings, target
+from trepid.bounds import at_least, at_most, within
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
 from trepid.vehicle import Positive, Vehicle
@@ -81,6 +81,7 @@ class Controller:
         self._vehicle = vehicle
         self._settings = settings
         self._top_mps = critical_speed(vehicle) * settings.speed.critical_speed_share
+        self._modelled_mps = critical_speed(vehicle) * _MAX_OVERSTEER
         self._predictor = Predictor(
             vehicle,
             command_delay_s=settings.lateral.command_delay_s,
@@ -127,8 +128,8 @@ class Controller:
         """Time since the last step, 0 on the first; a clock that runs backwards stands still here."""
         if self._now_s is None:
             self._now_s = self._healthy_s = now_s
-        dt_s = max(0.0, now_s - self._now_s)
-        self._now_s = max(now_s, self._now_s)
+        dt_s = at_least(now_s - self._now_s, 0.0)
+        self._now_s = at_least(now_s, self._now_s)
         return dt_s
 
     def _usable_decision(self, decision: Decision | None, now_s: float) -> Decision | None:
@@ -153,12 +154,13 @@ class Controller:
         limits = self._settings.inputs
         if state is None or not self._fresh(state.t_s, now_s, limits.stale_s):
             return None
-        reported = (
-            (state.speed_mps, limits.max_speed_mps),
-            (_or_zero(state.road_wheel_angle_rad), math.pi / 2),
-            (_or_zero(state.yaw_rate_radps), limits.max_yaw_rate_radps),
+        plausible = (
+            state.speed_mps is not None
+            and abs(state.speed_mps) <= limits.max_speed_mps
+            and (state.road_wheel_angle_rad is None or abs(state.road_wheel_angle_rad) <= math.pi / 2)
+            and (state.yaw_rate_radps is None or abs(state.yaw_rate_radps) <= limits.max_yaw_rate_radps)
         )
-        return state if _within(reported) else None
+        return state if plausible else None
 
     def _fresh(self, t_s: float | None, now_s: float, max_age_s: float) -> bool:
         """False also for None and NaN, and for a stamp from the future."""
@@ -175,7 +177,7 @@ class Controller:
         """Road-wheel angle demand [rad], within what the vehicle can turn."""
         if state is None or speed_mps is None:
             return self._angle_rad or 0.0
-        model_mps = min(abs(speed_mps), _MAX_OVERSTEER * critical_speed(self._vehicle))
+        model_mps = at_most(abs(speed_mps), self._modelled_mps)
         if lane is not None:
             self._curvature_1pm = path_curvature(
                 lane,
@@ -190,8 +192,7 @@ class Controller:
         angle_rad = angle_from_curvature(
             self._curvature_1pm or 0.0, speed_mps=model_mps, vehicle=self._vehicle
         )
-        limit_rad = self._vehicle.max_road_wheel_angle_rad
-        self._angle_rad = max(-limit_rad, min(limit_rad, angle_rad))
+        self._angle_rad = within(angle_rad, self._vehicle.max_road_wheel_angle_rad)
         return self._angle_rad
 
     def _stop(
@@ -227,7 +228,7 @@ class Controller:
             return speed_mps, self._speed.release()
         if stop is not Stop.NONE or decision is None or lane is None or speed_mps is None:
             return 0.0, self._speed.stop(stop, speed_mps=speed_mps, dt_s=dt_s)
-        cap_mps = max(0.0, min(decision.speed_cap_mps, self._top_mps))
+        cap_mps = at_least(at_most(decision.speed_cap_mps, self._top_mps), 0.0)
         goal = target(lane, cap_mps=cap_mps, speed_mps=speed_mps, settings=self._settings.speed)
         return goal.speed_mps, self._speed.track(goal, speed_mps=speed_mps, dt_s=dt_s)
 
@@ -240,15 +241,15 @@ def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
         return None
     rate_1pm2 = _or_zero(rate_1pm2)  # an estimator that sees only an arc sees a constant curvature
     curvature_1pm = ahead_1pm - rate_1pm2 * decision.lookahead_m
-    reported = (
-        (offset_m, limits.max_offset_m),
-        (heading_rad, limits.max_heading_rad),
-        (ahead_1pm, limits.max_curvature_1pm),
-        (curvature_1pm, limits.max_curvature_1pm),
-        (rate_1pm2, limits.max_curvature_rate_1pm2),
-        (decision.lookahead_m, limits.max_lookahead_m),
+    plausible = (
+        abs(offset_m) <= limits.max_offset_m
+        and abs(heading_rad) <= limits.max_heading_rad
+        and abs(ahead_1pm) <= limits.max_curvature_1pm
+        and abs(curvature_1pm) <= limits.max_curvature_1pm
+        and abs(rate_1pm2) <= limits.max_curvature_rate_1pm2
+        and 0.0 <= decision.lookahead_m <= limits.max_lookahead_m
     )
-    if not _within(reported) or decision.lookahead_m < 0.0:
+    if not plausible:
         return None
     return Lane(
         offset_m=offset_m,
@@ -276,12 +277,7 @@ def _all_finite(decision: Decision) -> bool:
         decision.speed_factor,
         decision.speed_cap_mps,
     )
-    return all(number is None or math.isfinite(number) for number in numbers)
-
-
-def _within(reported: Iterable[tuple[float | None, float]]) -> bool:
-    """True when every value is known, finite and within ± its limit."""
-    return all(value is not None and abs(value) <= limit for value, limit in reported)
+    return all(map(math.isfinite, [number for number in numbers if number is not None]))
 
 
 def _finite(value: float | None) -> bool:

@@ -10,6 +10,8 @@ car-like robot (1998), section 2.2.
 import math
 from typing import NamedTuple
 
+from trepid.bounds import at_least, at_most
+
 _MIN_RADIUS_SHARE = 0.2  # of 1 - κ·e: nearer to the centre of the bend "along the lane" loses its meaning
 
 
@@ -24,7 +26,7 @@ class Lane(NamedTuple):
 
     def curvature_at(self, ahead_m: float) -> float:
         """κ₀ + c·s [1/m]; beyond the look-ahead, where nothing was seen, the last curvature that was."""
-        return self.curvature_1pm + self.curvature_rate_1pm2 * min(ahead_m, self.lookahead_m)
+        return self.curvature_1pm + self.curvature_rate_1pm2 * at_most(ahead_m, self.lookahead_m)
 
     def path_curvature(self, curvature_1pm: float) -> float:
         """Curvature [1/m] that keeps offset and heading error where the lane bends by ``curvature_1pm``.
@@ -35,23 +37,31 @@ class Lane(NamedTuple):
 
     def after(self, dt_s: float, *, speed_mps: float, yaw_rate_radps: float) -> "Lane":
         """The lane as seen ``dt_s`` later (midpoint rule, second order)."""
-        middle = self._shifted(0.5 * dt_s, self, speed_mps, yaw_rate_radps)
-        return self._shifted(dt_s, middle, speed_mps, yaw_rate_radps)
+        middle = _shifted(self, 0.5 * dt_s, self, speed_mps, yaw_rate_radps)
+        return Lane(*_shifted(self, dt_s, middle, speed_mps, yaw_rate_radps))
 
-    def _shifted(self, dt_s: float, by: "Lane", speed_mps: float, yaw_rate_radps: float) -> "Lane":
-        """The lane ``dt_s`` later at the rates s', e', ψ' that hold at ``by``."""
-        offset_m, heading_rad, curvature_1pm, rate_1pm2, lookahead_m = self
-        along_mps = speed_mps * math.cos(by.heading_rad) / _radius_share(by.curvature_1pm, by.offset_m)
-        along_m = dt_s * along_mps
-        seen = along_m < lookahead_m
-        return Lane(
-            offset_m + dt_s * (speed_mps * math.sin(by.heading_rad)),
-            heading_rad + dt_s * (yaw_rate_radps - by.curvature_1pm * along_mps),
-            curvature_1pm + rate_1pm2 * (along_m if seen else lookahead_m),
-            rate_1pm2 if seen else 0.0,
-            lookahead_m - along_m if seen else 0.0,
-        )
+
+_Clothoid = tuple[float, float, float, float, float]
+"""The fields of a lane. Between two lanes that somebody holds, a bare tuple does."""
+
+
+def _shifted(
+    lane: _Clothoid, dt_s: float, by: _Clothoid, speed_mps: float, yaw_rate_radps: float
+) -> _Clothoid:
+    """``lane`` from ``dt_s`` later at the rates s', e', ψ' that hold at ``by``."""
+    offset_m, heading_rad, curvature_1pm, rate_1pm2, lookahead_m = lane
+    by_offset_m, by_heading_rad, by_curvature_1pm, _, _ = by
+    along_mps = speed_mps * math.cos(by_heading_rad) / _radius_share(by_curvature_1pm, by_offset_m)
+    along_m = dt_s * along_mps
+    seen = along_m < lookahead_m
+    return (
+        offset_m + dt_s * (speed_mps * math.sin(by_heading_rad)),
+        heading_rad + dt_s * (yaw_rate_radps - by_curvature_1pm * along_mps),
+        curvature_1pm + rate_1pm2 * (along_m if seen else lookahead_m),
+        rate_1pm2 if seen else 0.0,
+        lookahead_m - along_m if seen else 0.0,
+    )
 
 
 def _radius_share(curvature_1pm: float, offset_m: float) -> float:
-    return max(_MIN_RADIUS_SHARE, 1.0 - curvature_1pm * offset_m)
+    return at_least(1.0 - curvature_1pm * offset_m, _MIN_RADIUS_SHARE)

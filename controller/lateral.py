@@ -31,6 +31,7 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from controller.lane import Lane
+from trepid.bounds import at_least, at_most, within
 from trepid.config import Settings
 from trepid.vehicle import NonNegative, Positive
 
@@ -57,11 +58,11 @@ class Gains(NamedTuple):
 
 def gains(speed_mps: float, *, steering_lag_s: float, settings: LateralSettings) -> Gains:
     """Gains that put the poles of the loop, lag included, at the scheduled bandwidth and damping."""
-    speed_mps = max(abs(speed_mps), _MIN_SPEED_MPS)
+    speed_mps = at_least(abs(speed_mps), _MIN_SPEED_MPS)
     lag_m, damping = speed_mps * steering_lag_s, settings.damping
-    bandwidth = min(settings.bandwidth_radpm, settings.bandwidth_radps / speed_mps)
+    bandwidth = at_most(settings.bandwidth_radps / speed_mps, settings.bandwidth_radpm)
     if lag_m > 0.0:
-        bandwidth = min(bandwidth, 0.25 / (damping * lag_m))
+        bandwidth = at_most(0.25 / (damping * lag_m), bandwidth)
     share = 1.0 - 2.0 * damping * bandwidth * lag_m
     return Gains(
         offset_1pm2=share * bandwidth**2,
@@ -74,15 +75,14 @@ def path_curvature(
 ) -> float:
     """Curvature κ_cmd [1/m] to be asked of the vehicle for ``lane`` at the moment the command acts."""
     gain = gains(speed_mps, steering_lag_s=steering_lag_s, settings=settings)
-    ahead_m = max(0.0, speed_mps) * steering_lag_s
+    ahead_m = at_least(speed_mps, 0.0) * steering_lag_s
     feedforward = lane.path_curvature(lane.curvature_at(ahead_m))
     approach = gain.offset_1pm2 / gain.heading_1pm * lane.offset_m
-    limit = math.sin(_max_approach(speed_mps, settings))
-    approach = max(-limit, min(limit, approach))
+    approach = within(approach, math.sin(_max_approach(speed_mps, settings)))
     return feedforward - gain.heading_1pm * (math.sin(lane.heading_rad) + approach)
 
 
 def _max_approach(speed_mps: float, settings: LateralSettings) -> float:
     """ψ_max [rad], at which the lateral speed v·sin ψ stays within its limit."""
-    speed_mps = max(abs(speed_mps), settings.max_approach_mps)
-    return min(settings.max_approach_rad, math.asin(settings.max_approach_mps / speed_mps))
+    speed_mps = at_least(abs(speed_mps), settings.max_approach_mps)
+    return at_most(math.asin(settings.max_approach_mps / speed_mps), settings.max_approach_rad)

@@ -27,6 +27,7 @@ ISO 11270:2014 (3 m/s², 5 m/s³); UN R157 5.3 (4 m/s², ends at standstill or w
 """
 
 import math
+from math import isfinite
 from pathlib import Path
 from typing import Annotated
 
@@ -93,13 +94,14 @@ class Limiter:
     ) -> Command:
         """What goes to the actuator at ``now_s``; ``received_s`` is when ``command`` arrived."""
         dt_s = self._elapsed(now_s)
-        frame_s = command.t_s if command is not None and _is_finite(command) else None
+        finite = command is not None and _is_finite(command)
+        frame_s = command.t_s if command is not None and finite else None
         speed_mps = self._speed(state, now_s)
         if state is not None and speed_mps is not None and state.driver_override:
             self._stopping = False
             angle_rad = self._follow_wheel(state, speed_mps)
             return _command(frame_s, angle_rad, speed_mps, 0.0)
-        command = self._judge(command, received_s, speed_mps, now_s)
+        command = self._judge(command, received_s, speed_mps, now_s, finite=finite)
         if state is None or speed_mps is None:
             angle_rad, too_tight = self._angle_rad or 0.0, False
         else:
@@ -114,9 +116,11 @@ class Limiter:
         """Time since the last step; a pause counts as ``max_step_s``, so that no limit opens wide after it."""
         if self._start_s is None:
             self._start_s = self._now_s = self._state_s = now_s
-        dt_s = min(max(0.0, now_s - self._now_s), self._limits.max_step_s)
+        dt_s, longest_s = now_s - self._now_s, self._limits.max_step_s
         self._now_s = now_s
-        return dt_s
+        if not dt_s > 0.0:
+            return 0.0
+        return dt_s if dt_s < longest_s else longest_s
 
     def _speed(self, state: VehicleState | None, now_s: float) -> float | None:
         """|v| [m/s]; None unless the state is fresh and plausible in all that it reports."""
@@ -126,7 +130,7 @@ class Limiter:
         plausible = (
             abs(state.speed_mps) <= limits.max_speed_mps
             and abs(state.road_wheel_angle_rad) <= limits.max_angle_rad
-            and (state.yaw_rate_radps is None or math.isfinite(state.yaw_rate_radps))
+            and (state.yaw_rate_radps is None or isfinite(state.yaw_rate_radps))
         )
         if not plausible or not self._fresh(state.t_s, now_s, limits.state_timeout_s):
             return None
@@ -138,15 +142,17 @@ class Limiter:
         return t_s is not None and -self._limits.early_s <= now_s - t_s <= timeout_s
 
     def _judge(
-        self, command: Command | None, received_s: float | None, speed_mps: float | None, now_s: float
+        self,
+        command: Command | None,
+        received_s: float | None,
+        speed_mps: float | None,
+        now_s: float,
+        *,
+        finite: bool,
     ) -> Command | None:
         """The command if it is good, else None. Begins and ends the stop; a good command steers it."""
         limits = self._limits
-        good = (
-            command is not None
-            and _is_finite(command)
-            and self._fresh(received_s, now_s, limits.command_timeout_s)
-        )
+        good = finite and self._fresh(received_s, now_s, limits.command_timeout_s)
         waiting = command is None and self._fresh(self._start_s, now_s, limits.command_timeout_s)
         blind = now_s - self._state_s > limits.state_timeout_s
         if blind or not (good or waiting):
@@ -158,14 +164,13 @@ class Limiter:
     def _steer(self, command: Command | None, speed_mps: float, dt_s: float) -> tuple[float, bool]:
         """Feasible angle [rad] nearest to the one asked for, and whether the bend is too tight for the speed."""
         limits = self._limits
-        wanted_rad = (
-            command.road_wheel_angle_rad
-            if command is not None
-            else self._angle(self._curvature_1pm, speed_mps)
-        )
         rate = self._vehicle.max_road_wheel_rate_radps
-        if command is not None and command.road_wheel_rate_radps > 0.0:
-            rate = min(rate, command.road_wheel_rate_radps)
+        if command is None:
+            wanted_rad = self._angle(self._curvature_1pm, speed_mps)
+        else:
+            wanted_rad = command.road_wheel_angle_rad
+            if 0.0 < command.road_wheel_rate_radps < rate:
+                rate = command.road_wheel_rate_radps
         possible = self._possible(rate * dt_s)
         gentle = self._angles(0.0, limits.lateral_accel_mps2, speed_mps)
         smooth = self._angles(self._lateral_mps2, limits.lateral_jerk_mps3 * dt_s, speed_mps)
@@ -176,19 +181,26 @@ class Limiter:
     def _possible(self, reach_rad: float) -> Interval:
         """Angles that the wheel can be asked for ``reach_rad`` away from the last one; contains that one."""
         limit_rad, last_rad = self._vehicle.max_road_wheel_angle_rad, self._angle_rad or 0.0
-        return max(-limit_rad, last_rad - reach_rad), min(limit_rad, last_rad + reach_rad)
+        low_rad, high_rad = last_rad - reach_rad, last_rad + reach_rad
+        return (
+            low_rad if low_rad > -limit_rad else -limit_rad,
+            high_rad if high_rad < limit_rad else limit_rad,
+        )
 
     def _angles(self, centre_mps2: float, reach_mps2: float, speed_mps: float) -> Interval:
         """Angles whose lateral acceleration is within ``centre`` ± ``reach``."""
-        speed2 = max(speed_mps * speed_mps, _MIN_SPEED2_M2PS2)
+        speed2 = speed_mps * speed_mps
+        speed2 = speed2 if speed2 > _MIN_SPEED2_M2PS2 else _MIN_SPEED2_M2PS2
         low, high = (centre_mps2 - reach_mps2) / speed2, (centre_mps2 + reach_mps2) / speed2
         return self._angle(low, speed_mps), self._angle(high, speed_mps)
 
     def _angle(self, curvature_1pm: float, speed_mps: float) -> float:
         """δ(κ), rising in κ."""
-        return angle_from_curvature(
-            curvature_1pm, speed_mps=min(speed_mps, self._stable_mps), vehicle=self._vehicle
-        )
+        return angle_from_curvature(curvature_1pm, speed_mps=self._modelled(speed_mps), vehicle=self._vehicle)
+
+    def _modelled(self, speed_mps: float) -> float:
+        """The speed up to which the bicycle model is believed."""
+        return speed_mps if speed_mps < self._stable_mps else self._stable_mps
 
     def _follow_wheel(self, state: VehicleState, speed_mps: float) -> float:
         """Take the measured wheel angle [rad] for the last output."""
@@ -199,7 +211,7 @@ class Limiter:
 
     def _remember(self, angle_rad: float, speed_mps: float) -> None:
         curvature_1pm = curvature_from_angle(
-            angle_rad, speed_mps=min(speed_mps, self._stable_mps), vehicle=self._vehicle
+            angle_rad, speed_mps=self._modelled(speed_mps), vehicle=self._vehicle
         )
         if curvature_1pm is None:  # oversteer, no steady turn: the true one is tighter than the kinematic one
             curvature_1pm = math.tan(angle_rad) / self._vehicle.wheelbase_m
@@ -231,15 +243,14 @@ def _command(frame_s: float | None, angle_rad: float, speed_mps: float, accel_mp
 
 
 def _is_finite(command: Command) -> bool:
-    numbers = (
-        0.0 if command.t_s is None else command.t_s,
-        command.road_wheel_angle_rad,
-        command.road_wheel_rate_radps,
-        command.speed_mps,
-        command.accel_mps2,
-        command.jerk_mps3,
+    return (
+        (command.t_s is None or isfinite(command.t_s))
+        and isfinite(command.road_wheel_angle_rad)
+        and isfinite(command.road_wheel_rate_radps)
+        and isfinite(command.speed_mps)
+        and isfinite(command.accel_mps2)
+        and isfinite(command.jerk_mps3)
     )
-    return all(math.isfinite(number) for number in numbers)
 
 
 def _narrow(outer: Interval, inner: Interval) -> Interval:
@@ -248,7 +259,10 @@ def _narrow(outer: Interval, inner: Interval) -> Interval:
 
 
 def _clip(value: float, interval: Interval) -> float:
-    return max(interval[0], min(interval[1], value))
+    low, high = interval
+    if not value < high:
+        value = high
+    return value if value > low else low
 
 
 def _inside(value: float, interval: Interval) -> bool:

@@ -15,6 +15,7 @@ from collections import deque
 
 from controller.bicycle import curvature_from_angle, yaw_rate
 from controller.lane import Lane
+from trepid.bounds import at_least, at_most, within
 from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle
 
@@ -27,6 +28,7 @@ class Predictor:
     def __init__(self, vehicle: Vehicle, *, command_delay_s: float, memory_s: float) -> None:
         """``command_delay_s``: on the way to the actuator, mean hold of the command included."""
         self._vehicle = vehicle
+        self._lag_s, self._rate_radps = vehicle.steering_lag_s, vehicle.max_road_wheel_rate_radps
         self._delay_s = command_delay_s + vehicle.steering_delay_s
         self._memory_s = memory_s
         self._motion: deque[tuple[float, float, float]] = deque()  # time, speed, yaw rate
@@ -63,9 +65,9 @@ class Predictor:
         for i in range(new, len(motion)):
             (t0, v0, r0), (t1, v1, r1) = motion[i - 1], motion[i]
             if t1 > valid_s:
-                dt_s = t1 - max(t0, valid_s)
+                dt_s = t1 - at_least(valid_s, t0)
                 lane = lane.after(dt_s, speed_mps=0.5 * (v0 + v1), yaw_rate_radps=0.5 * (r0 + r1))
-        return lane, max(valid_s, motion[-1][0]) if motion else valid_s
+        return lane, at_least(motion[-1][0], valid_s) if motion else valid_s
 
     def when_steering_acts(self, lane: Lane, *, valid_s: float, now_s: float) -> Lane:
         """``lane``, valid at ``valid_s``, as the last vehicle state or later, at ``now_s`` plus the dead time."""
@@ -77,8 +79,9 @@ class Predictor:
         """Before the first command that is remembered, whatever holds the wheel where it is."""
         wheel_rad = demand_rad = self._wheel_rad
         for due_s, next_rad in (*self._commands, (math.inf, 0.0)):
-            while from_s < min(due_s, to_s):
-                until_s = min(due_s, to_s, from_s + _STEP_S)
+            constant_s = at_most(to_s, due_s)
+            while from_s < constant_s:
+                until_s = at_most(from_s + _STEP_S, constant_s)
                 before_rad, dt_s = wheel_rad, until_s - from_s
                 wheel_rad = self._wheel_after(wheel_rad, demand_rad, dt_s)
                 rate = self._model_yaw_rate(0.5 * (before_rad + wheel_rad), speed_mps)
@@ -88,10 +91,8 @@ class Predictor:
         return lane
 
     def _wheel_after(self, wheel_rad: float, demand_rad: float, dt_s: float) -> float:
-        vehicle = self._vehicle
-        share = 1.0 - math.exp(-dt_s / vehicle.steering_lag_s) if vehicle.steering_lag_s > 0.0 else 1.0
-        reach_rad = vehicle.max_road_wheel_rate_radps * dt_s
-        return wheel_rad + max(-reach_rad, min(reach_rad, (demand_rad - wheel_rad) * share))
+        share = 1.0 - math.exp(-dt_s / self._lag_s) if self._lag_s > 0.0 else 1.0
+        return wheel_rad + within((demand_rad - wheel_rad) * share, self._rate_radps * dt_s)
 
     def _model_yaw_rate(self, wheel_rad: float, speed_mps: float) -> float:
         """Of the bicycle model; zero where it knows no steady turn (oversteer beyond its limits)."""

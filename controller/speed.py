@@ -18,6 +18,7 @@ from typing import Annotated, NamedTuple, Self
 from pydantic import Field, model_validator
 
 from controller.lane import Lane
+from trepid.bounds import at_least, at_most
 from trepid.config import Settings
 from trepid.messages import Stop
 from trepid.vehicle import Positive
@@ -73,7 +74,7 @@ def target(lane: Lane, *, cap_mps: float, speed_mps: float, settings: SpeedSetti
     for n in range(_LOOKS + 1):
         ahead_m = lane.lookahead_m * n / _LOOKS
         bend_1pm = abs(lane.curvature_1pm + lane.curvature_rate_1pm2 * ahead_m)
-        allowed = lateral_mps2 / max(bend_1pm, _STRAIGHT_1PM) + 2.0 * decel_mps2 * ahead_m
+        allowed = lateral_mps2 / at_least(bend_1pm, _STRAIGHT_1PM) + 2.0 * decel_mps2 * ahead_m
         if allowed < least:
             least, bound_m = allowed, ahead_m
     if bound_m is None:
@@ -95,7 +96,7 @@ class SpeedControl:
         if goal.speed_mps <= settings.standstill_mps:
             return self.stop(Stop.COMFORT, speed_mps=speed_mps, dt_s=dt_s)
         wanted = settings.gain_1ps * (goal.speed_mps - speed_mps) + goal.accel_mps2
-        wanted = max(-settings.max_decel_mps2, min(settings.max_accel_mps2, wanted))
+        wanted = at_least(at_most(wanted, settings.max_accel_mps2), -settings.max_decel_mps2)
         return self._towards(wanted, settings.jerk_mps3 * dt_s, settings.brake_jerk_mps3 * dt_s)
 
     def stop(self, how: Stop, *, speed_mps: float | None, dt_s: float) -> float:
@@ -121,5 +122,5 @@ class SpeedControl:
 
     def _towards(self, wanted_mps2: float, rise_mps2: float, fall_mps2: float) -> float:
         """Move the demand towards ``wanted_mps2``, up or down at most so far."""
-        self.accel_mps2 += max(-fall_mps2, min(rise_mps2, wanted_mps2 - self.accel_mps2))
+        self.accel_mps2 += at_least(at_most(wanted_mps2 - self.accel_mps2, rise_mps2), -fall_mps2)
         return self.accel_mps2
