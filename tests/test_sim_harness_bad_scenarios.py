@@ -42,6 +42,10 @@ BAD = {
     "two documents": (GOOD + "---\n" + GOOD, ":5:1: not valid YAML: .*document"),
     "tag": (GOOD + "start: !!python/object:os.system {}\n", ":5:8: not valid YAML: the tag .*os.system"),
     "tag of the wrong kind": (GOOD + "start: !!set x\n", ":5:8: not valid YAML: the tag"),
+    "mapping in a mapping as key": (
+        GOOD + "? {{a: b}: c}\n: 4\n",
+        ":5:3: not valid YAML: a mapping cannot name",
+    ),
     "impossible date": (GOOD.replace("a test", "2020-13-45"), "not valid YAML: month must be"),
     "number of 5000 digits": (with_duration("1" * 5000), "bad.yaml: not valid YAML: "),
     "nested 500 deep": (GOOD + "start: " + "{a: " * 500 + "1" + "}" * 500, "bad.yaml: nested too deeply"),
@@ -54,7 +58,7 @@ BAD = {
     "unknown field in letters of elsewhere": (GOOD + "dürätion_s: 3\n", ":5:1: unknown field 'dürätion_s'"),
     "missing field": (GOOD.replace("road: straight\n", ""), ":1:1: 'road' is missing"),
     "number as key": (GOOD + "3: 4\n", ":5:1: 3: Keys should be strings"),
-    "list as key": (GOOD + "? [a, b]\n: 4\n", "Keys should be strings"),
+    "list as key": (GOOD + "? [a, b]\n: 4\n", ":5:3: not valid YAML: a sequence cannot name"),
     # Values.
     "word for a number": (with_duration("long"), ":4:1: duration_s: .*valid number"),
     "nothing for a number": (with_duration(""), ":4:1: duration_s: .*valid number"),

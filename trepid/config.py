@@ -87,12 +87,18 @@ def _mapping(text: str, path: Path) -> CommentedMap:
 
 
 class _PlainConstructor(RoundTripConstructor):
-    """Refuses tags such as ``!!set``: settings have no use for them, and the library stumbles over wrong ones."""
+    """Refuses tags such as ``!!set`` and names that are lists or mappings.
+
+    Settings have no use for them, and the library stumbles over the wrong ones.
+    """
 
     def construct_non_recursive_object(self, node: Any, tag: str | None = None) -> Any:
         name = str(node.tag).removeprefix("tag:yaml.org,2002:")
         if node.ctag.handle is not None or name not in _PLAIN_TAGS[node.id]:
             raise ConstructorError(None, None, f"the tag {node.tag} means nothing here", node.start_mark)
+        for key, _ in node.value if node.id == "mapping" else ():
+            if key.id != "scalar":
+                raise ConstructorError(None, None, f"a {key.id} cannot name a value", key.start_mark)
         return super().construct_non_recursive_object(node, tag)
 
 
