@@ -1,13 +1,50 @@
 """What a vehicle is: dimensions, steering and limits. Numbers live in ``config/vehicle.yaml``."""
 
-from typing import Annotated
+import math
+from typing import Annotated, Any, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from trepid.config import Settings
+from trepid.config import Settings, wrong_at
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+GRADIENT = "understeer_gradient_rad_per_mps2"
+
+
+def understeer_gradient(
+    *,
+    mass_kg: float,
+    wheelbase_m: float,
+    cg_to_front_m: float,
+    front_stiffness_nprad: float,
+    rear_stiffness_nprad: float,
+) -> float:
+    """K_us = m_f/C_f - m_r/C_r [rad/(m/s²)] from the masses on the axles and their cornering stiffnesses [N/rad].
+
+    With m_f = m·l_r/L and m_r = m·l_f/L. The slip factor of opendbc is s = -K_us/L [s²/m²]: κ = δ/(L·(1 - s·v²)).
+
+    Rajamani, Vehicle Dynamics and Control (2012), section 3.3.
+    """
+    rear_kg = mass_kg * cg_to_front_m / wheelbase_m
+    return (mass_kg - rear_kg) / front_stiffness_nprad - rear_kg / rear_stiffness_nprad
+
+
+class Chassis(Settings):
+    """Mass and tyres, for a vehicle whose understeer gradient nobody has measured."""
+
+    mass_kg: Positive
+    cg_to_front_m: Positive  # centre of gravity to front axle
+    front_stiffness_nprad: Positive  # cornering stiffness of both tyres of the axle
+    rear_stiffness_nprad: Positive
+
+
+def _gradient(data: dict[str, Any]) -> float:
+    """K_us from the chassis; NaN where there is none."""
+    chassis: Chassis | None = data["chassis"]
+    if chassis is None:
+        return math.nan
+    return understeer_gradient(wheelbase_m=data["wheelbase_m"], **chassis.model_dump())
 
 
 class Vehicle(Settings):
@@ -23,7 +60,22 @@ class Vehicle(Settings):
     max_road_wheel_rate_radps: Positive
     steering_delay_s: NonNegative  # dead time of the steering actuator
     steering_lag_s: NonNegative  # first-order time constant of the steering actuator
-    understeer_gradient_rad_per_mps2: float  # K_us in δ = atan(L·κ) + K_us·κ·v²
+    chassis: Chassis | None = Field(
+        default=None, exclude=True
+    )  # instead of the next; excluded: it is used up
+    # K_us in δ = atan(L·κ) + K_us·κ·v²
+    understeer_gradient_rad_per_mps2: float = Field(default_factory=_gradient)
     max_accel_mps2: Positive
     max_decel_mps2: Positive  # what the brakes can do
     accel_lag_s: NonNegative  # first-order time constant of drive and brakes
+
+    @model_validator(mode="after")
+    def _one_understeer(self) -> Self:
+        if self.chassis is None:
+            if math.isnan(self.understeer_gradient_rad_per_mps2):
+                raise wrong_at((), f"{GRADIENT!r} is missing; 'chassis' would do instead")
+        elif GRADIENT in self.model_fields_set:
+            raise wrong_at(("chassis",), f"gives the understeer, and so does {GRADIENT!r}: leave one out")
+        elif self.chassis.cg_to_front_m >= self.wheelbase_m:
+            raise wrong_at(("chassis", "cg_to_front_m"), "the centre of gravity must lie between the axles")
+        return self

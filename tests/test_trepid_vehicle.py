@@ -1,0 +1,71 @@
+"""A vehicle file tells its understeer once: as a gradient, or as mass and tyres."""
+
+import pytest
+
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.vehicle import Chassis, Vehicle, understeer_gradient
+
+FILE = CONFIG_DIR / "vehicle.yaml"
+RAV4 = dict(
+    mass_kg=1792.0, cg_to_front_m=1.325, front_stiffness_nprad=108572.0, rear_stiffness_nprad=171630.0
+)
+GIVEN = "understeer_gradient_rad_per_mps2: 0.00356"
+CHASSIS = (
+    "chassis: {mass_kg: 1000, cg_to_front_m: 0.7, front_stiffness_nprad: 60000, rear_stiffness_nprad: 8e4}"
+)
+
+
+def written(folder, understeer):
+    """The default vehicle with ``understeer`` in the place of its gradient."""
+    path = folder / "car.yaml"
+    text = FILE.read_text(encoding="utf-8")
+    assert GIVEN in text
+    path.write_text(text.replace(GIVEN, understeer), encoding="utf-8")
+    return path
+
+
+def test_the_gradient_is_the_difference_of_the_compliances_of_the_axles():
+    """A Toyota RAV4 with opendbc's figures: 1.70 deg/g."""
+    gradient = understeer_gradient(wheelbase_m=2.65, **RAV4)
+    assert gradient == pytest.approx(896.0 / 108572.0 - 896.0 / 171630.0)
+    assert gradient == pytest.approx(0.00303, abs=5e-6)
+
+
+def test_more_weight_ahead_understeers_and_the_balanced_car_is_neutral():
+    gradients = [
+        understeer_gradient(
+            mass_kg=1000.0,
+            wheelbase_m=2.0,
+            cg_to_front_m=to_front_m,
+            front_stiffness_nprad=5e4,
+            rear_stiffness_nprad=5e4,
+        )
+        for to_front_m in (0.8, 1.0, 1.2)
+    ]
+    assert gradients == [pytest.approx(0.004), pytest.approx(0.0, abs=1e-18), pytest.approx(-0.004)]
+
+
+def test_a_file_may_give_mass_and_tyres_instead_and_the_vehicle_keeps_the_gradient(tmp_path):
+    car = load(written(tmp_path, CHASSIS), Vehicle)
+    assert car.chassis == Chassis(
+        mass_kg=1000.0, cg_to_front_m=0.7, front_stiffness_nprad=60000.0, rear_stiffness_nprad=80000.0
+    )
+    assert car.understeer_gradient_rad_per_mps2 == pytest.approx(600 / 60000 - 400 / 80000)
+    again = Vehicle.model_validate(car.model_dump() | {"understeer_gradient_rad_per_mps2": 0.002})
+    assert again.understeer_gradient_rad_per_mps2 == 0.002
+
+
+@pytest.mark.parametrize(
+    "understeer,message",
+    [
+        ("", "'understeer_gradient_rad_per_mps2' is missing; 'chassis' would do instead"),
+        (f"{GIVEN}\n{CHASSIS}", "car.yaml:13:1: chassis: gives the understeer, and so does"),
+        (CHASSIS.replace("0.7", "1.75"), "car.yaml:12:26: chassis.cg_to_front_m: the centre of gravity must"),
+        (CHASSIS.replace("1000", "-1"), "chassis.mass_kg: Input should be greater than 0"),
+        (CHASSIS.replace("mass_kg", "mas_kg"), "did you mean 'mass_kg'"),
+    ],
+)
+def test_a_file_that_tells_it_twice_or_never_is_refused_with_its_place(tmp_path, understeer, message):
+    with pytest.raises(InputError) as refused:
+        load(written(tmp_path, understeer), Vehicle)
+    assert message in str(refused.value)
