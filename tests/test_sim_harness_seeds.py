@@ -20,6 +20,7 @@ def test_a_score_is_pass_rate_mean_and_95th_percentile():
     assert found.runs == 21
     assert found.pass_rate_percent == pytest.approx(100 * 20 / 21)
     assert found.mean_max_lateral_error_m == pytest.approx((0.1 * 190 + 2.0) / 21)
+    assert found.pass_rate_error_points == pytest.approx(100 * (20 / 21 / 21 / 21) ** 0.5)
     assert found.p95_max_lateral_error_m == pytest.approx(1.9)
 
 

@@ -4,6 +4,7 @@ A public seed gets learned, by people if not by networks. Both scores come from 
 differ by no more than 2 %.
 """
 
+import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -27,6 +28,12 @@ class Score:
     pass_rate_percent: float
     mean_max_lateral_error_m: float
     p95_max_lateral_error_m: float
+
+    @property
+    def pass_rate_error_points(self) -> float:
+        """Standard error of the pass rate, binomial: 100·√(p(1 - p)/n)."""
+        share = self.pass_rate_percent / 100.0
+        return 100.0 * math.sqrt(share * (1.0 - share) / self.runs)
 
 
 def score(rows: Iterable[dict[str, Any]]) -> Score:
@@ -57,7 +64,8 @@ def bench_seeds(
 ) -> dict[str, Any]:
     """Scores with ``known`` and with ``fresh`` seeds, as many drawn now if not given, and their difference.
 
-    Of the pass rates the difference is in points; of the errors in percent of what the known seeds gave.
+    Of the pass rates the difference is in points, with its standard error, below which it says nothing; of the
+    errors in percent of what the known seeds gave.
     """
     scenarios = scored_scenarios() if scenarios is None else scenarios
     fresh = [fresh_seed() for _ in known] if fresh is None else fresh
@@ -72,5 +80,8 @@ def bench_seeds(
         **{f"known_{name}": round(getattr(of_known, name), 4) for name in Score.__dataclass_fields__},
         **{f"fresh_{name}": round(getattr(of_fresh, name), 4) for name in Score.__dataclass_fields__},
         "pass_rate_difference_points": round(of_fresh.pass_rate_percent - of_known.pass_rate_percent, 2),
+        "pass_rate_difference_error_points": round(
+            math.hypot(of_known.pass_rate_error_points, of_fresh.pass_rate_error_points), 2
+        ),
         "mean_error_difference_percent": round(100.0 * more, 2),
     }
