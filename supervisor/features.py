@@ -7,6 +7,7 @@ beyond the worst where it is not (no lane width, no path).
 
 import math
 from collections.abc import Iterable
+from operator import attrgetter
 
 from supervisor.follow import Lead
 from supervisor.fusion import Fused
@@ -26,6 +27,7 @@ IMAGE_FEATURES = {
     "frozen": "frozen_s",
 }
 """Name of the feature -> field of the image statistics."""
+_STATISTICS, _LOST_STATISTICS = attrgetter(*IMAGE_FEATURES.values()), (None,) * len(IMAGE_FEATURES)
 ESTIMATOR_SUFFIX = "_confidence"
 FEATURES = frozenset(
     {
@@ -60,18 +62,18 @@ def features(
     found: Features = dict.fromkeys(expected, 0.0)
     for s in sightings:
         found[s.estimator + ESTIMATOR_SUFFIX] = s.confidence
-    found["frame_age"] = min(ages, default=None)
-    found["estimator_age"] = max(ages, default=None)
+    found["frame_age"] = min(ages) if ages else None
+    found["estimator_age"] = max(ages) if ages else None
     found["state_age"] = math.inf if motion is None else state_age_s  # no finite number is feared as missing
-    found["lane_confidence"] = max(known, default=None)
+    found["lane_confidence"] = max(known) if known else None
     found["disagreement"], found["separation"] = _contradiction(sightings, fused, speed_mps)
     found["lane_width_error"] = _lane_width_error(sightings)
     found["speed"] = speed_mps
     found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)
     found["lead_confidence"] = lead.confidence
     found["time_gap"] = _time_gap(lead, speed_mps)
-    for name, field in IMAGE_FEATURES.items():
-        found[name] = None if statistics is None else getattr(statistics, field)
+    numbers = _LOST_STATISTICS if statistics is None else _STATISTICS(statistics)
+    found.update(zip(IMAGE_FEATURES, numbers, strict=True))
     return found
 
 
@@ -79,15 +81,15 @@ def _contradiction(
     sightings: list[Sighting], fused: Fused, speed_mps: float | None
 ) -> tuple[float | None, float | None]:
     """How far the estimates contradict each other [m/s², m]; unknown when one of them is broken."""
-    if speed_mps is None or any(s.broken for s in sightings):
+    if speed_mps is None or True in [s.broken for s in sightings]:
         return None, None
     return fused.weighted_disagreement_mps2, fused.weighted_separation_m
 
 
 def _lane_width_error(sightings: list[Sighting]) -> float:
     """The greatest, over the estimators that see boundaries."""
-    errors = [s.width_error_m for s in sightings if s.measures_width]
-    return max([BEYOND if error is None else error for error in errors], default=BEYOND)
+    errors = [BEYOND if s.width_error_m is None else s.width_error_m for s in sightings if s.measures_width]
+    return max(errors) if errors else BEYOND
 
 
 def _path(fused: Fused, speed_mps: float | None) -> tuple[float | None, float]:

@@ -6,8 +6,9 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from supervisor.lane import STANDING, Lane, Motion, mean_lane
+from supervisor.lane import STANDING, Lane, Motion, mean_lane, pursuit_curvature_1pm
 from supervisor.sightings import Sighting
+from trepid.bounds import at_least
 from trepid.config import Settings
 
 Positive = Annotated[float, Field(gt=0)]
@@ -55,6 +56,7 @@ class _View(NamedTuple):
     confidence: float
     weight: float
     lookahead_m: float
+    ahead_m: float  # where the lane is at the common look-ahead, + left
 
 
 class Fusion:
@@ -69,34 +71,37 @@ class Fusion:
         """One path from the usable sightings; the moved memory for a while when there are none."""
         moving = motion or STANDING
         used = [s for s in sightings if s.lane is not None]
-        t_s = max((s.t_s for s in used), default=now_s)
+        t_s = max([s.t_s for s in used]) if used else now_s
         memory = self._coast(moving, t_s)
-        lookahead_m = max(self._settings.min_lookahead_m, self._settings.lookahead_s * abs(moving.speed_mps))
-        views = [self._view(s, moving, t_s) for s in used]
+        lookahead_m = at_least(
+            self._settings.lookahead_s * abs(moving.speed_mps), self._settings.min_lookahead_m
+        )
+        views = [self._view(s, moving, t_s, lookahead_m) for s in used]
         group = self._agreeing(views, memory, lookahead_m)
+        total = sum([view.weight for view in group])
+        trust = [view.weight / total for view in group]
         if group:
             self._seen_s = t_s
-            self._memory = self._join(group, t_s)
+            self._memory = _join(group, trust, t_s)
         else:
             self._memory = memory
         raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m)
         speed2 = moving.speed_mps**2
-        total = sum(view.weight for view in group)
         return Fused(
             path=self._memory,
-            sources=tuple(view.name for view in group),
-            trust=tuple(view.weight / total for view in group),
+            sources=tuple([view.name for view in group]),
+            trust=tuple(trust),
             disagreement_mps2=None if raw_1pm is None else raw_1pm * speed2,
             weighted_disagreement_mps2=weighted_1pm * speed2,
             weighted_separation_m=separation_m,
         )
 
-    def _view(self, sighting: Sighting, motion: Motion, t_s: float) -> _View:
+    def _view(self, sighting: Sighting, motion: Motion, t_s: float, lookahead_m: float) -> _View:
         assert sighting.lane is not None and sighting.confidence is not None
         trust = self._settings.trust.get(sighting.estimator, self._settings.trust_of_others)
         lane = sighting.lane.after(motion, t_s - sighting.t_s)
-        weight = trust * sighting.confidence
-        return _View(sighting.estimator, lane, sighting.confidence, weight, sighting.lookahead_m)
+        weight, ahead_m = trust * sighting.confidence, lane.y_m(lookahead_m)
+        return _View(sighting.estimator, lane, sighting.confidence, weight, sighting.lookahead_m, ahead_m)
 
     def _coast(self, motion: Motion, t_s: float) -> Path | None:
         """The remembered path at ``t_s``, or None when it was last seen too long ago."""
@@ -112,26 +117,24 @@ class Fusion:
         if memory is None:
             first = max(views, key=lambda view: view.weight)
         else:
-            first = min(views, key=lambda view: sum(_gaps_m(view.lane, memory.lane, lookahead_m)))
-        return [view for view in views if not self._contradict(view.lane, first.lane, lookahead_m)]
+            offset_m, ahead_m = memory.lane.offset_m, memory.lane.y_m(lookahead_m)
+            first = min(views, key=lambda v: abs(v.lane.offset_m - offset_m) + abs(v.ahead_m - ahead_m))
+        return [view for view in views if view is first or not self._contradict(view, first)]
 
-    def _contradict(self, a: Lane, b: Lane, lookahead_m: float) -> bool:
-        here_m, ahead_m = _gaps_m(a, b, lookahead_m)
+    def _contradict(self, a: _View, b: _View) -> bool:
+        """Whether two lanes lie too far apart at the axle or at the look-ahead."""
+        here_m, ahead_m = abs(a.lane.offset_m - b.lane.offset_m), abs(a.ahead_m - b.ahead_m)
         return here_m > self._settings.gate_offset_m or ahead_m > self._settings.gate_lookahead_m
 
-    def _join(self, group: list[_View], t_s: float) -> Path:
-        total = sum(view.weight for view in group)
-        return Path(
-            t_s=t_s,
-            lane=mean_lane([view.lane for view in group], [view.weight / total for view in group]),
-            lookahead_m=min(view.lookahead_m for view in group),
-            source="+".join(view.name for view in group),
-        )
 
-
-def _gaps_m(a: Lane, b: Lane, lookahead_m: float) -> tuple[float, float]:
-    """How far two lanes lie apart at the axle and at the look-ahead [m]."""
-    return abs(a.offset_m - b.offset_m), abs(a.y_m(lookahead_m) - b.y_m(lookahead_m))
+def _join(group: list[_View], trust: list[float], t_s: float) -> Path:
+    """The mean of the views that agree."""
+    return Path(
+        t_s=t_s,
+        lane=mean_lane([view.lane for view in group], trust),
+        lookahead_m=min([view.lookahead_m for view in group]),
+        source="+".join([view.name for view in group]),
+    )
 
 
 def _disagreement(views: list[_View], lookahead_m: float) -> tuple[float | None, float, float]:
@@ -142,9 +145,11 @@ def _disagreement(views: list[_View], lookahead_m: float) -> tuple[float | None,
     """
     plain, weighted, separation_m = None, 0.0, 0.0
     for a, b in itertools.combinations(views, 2):
-        apart = abs(a.lane.pursuit_curvature_1pm(lookahead_m) - b.lane.pursuit_curvature_1pm(lookahead_m))
+        apart = abs(
+            pursuit_curvature_1pm(a.ahead_m, lookahead_m) - pursuit_curvature_1pm(b.ahead_m, lookahead_m)
+        )
         share = min(a.confidence, b.confidence) / max(a.confidence, b.confidence)
-        plain = max(plain or 0.0, apart)
-        weighted = max(weighted, apart * share)
-        separation_m = max(separation_m, abs(a.lane.offset_m - b.lane.offset_m) * share)
+        plain = at_least(apart, plain or 0.0)
+        weighted = at_least(apart * share, weighted)
+        separation_m = at_least(abs(a.lane.offset_m - b.lane.offset_m) * share, separation_m)
     return plain, weighted, separation_m

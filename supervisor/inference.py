@@ -31,6 +31,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from supervisor.rules import LEVELS, Atom, Input, Rule, RuleFile, load_rules
+from trepid.bounds import at_least, at_most
 from trepid.messages import Mode
 
 Values = Mapping[str, float | None]
@@ -56,11 +57,11 @@ class FearResult(NamedTuple):
 
 
 class Ramp(NamedTuple):
-    """Degree of an atom: 0 at ``zero``, 1 at ``one``, straight between, flat beyond."""
+    """Degree of an atom: 0 at ``zero``, 1 at ``zero + span``, straight between, flat beyond."""
 
     input: int  # index into the names
     zero: float
-    one: float
+    span: float
 
 
 class Trapezoid(NamedTuple):
@@ -121,14 +122,10 @@ class FearRules:
     def evaluate(self, values: Values) -> FearResult:
         """Fear of ``values`` (unit as in the file). Where one is missing, None, NaN or inf, fear is 1."""
         x, missing = self._complete(values)
-        firing = [
-            (strength, rule)
-            for strength, rule in zip(self._strengths(x), self.rules, strict=True)
-            if strength
-        ]
+        firing = [pair for pair in zip(self._strengths(x), self.rules, strict=True) if pair[0]]
         truth = [0.0] * len(LEVELS)
         for strength, rule in firing:
-            truth[rule.level] = max(truth[rule.level], strength)
+            truth[rule.level] = at_least(strength, truth[rule.level])
         fear = 1.0 if missing or not firing else self._choquet(truth)
         return FearResult(
             fear=fear,
@@ -163,8 +160,10 @@ class FearRules:
     def speed_factor(self, fear: float) -> float:
         """Share of the cruise speed at ``fear``: interpolated between the levels, so it never rises with fear."""
         at, factors = self._at, self._factors
-        k = next((k for k in range(1, len(at)) if fear <= at[k]), len(at) - 1)
-        part = min(1.0, (fear - at[k - 1]) / (at[k] - at[k - 1]))
+        k = 1
+        while fear > at[k] and k < len(at) - 1:
+            k += 1
+        part = at_most((fear - at[k - 1]) / (at[k] - at[k - 1]), 1.0)
         return factors[k - 1] + part * (factors[k] - factors[k - 1])
 
     def _complete(self, values: Values) -> tuple[list[float], list[str]]:
@@ -172,26 +171,30 @@ class FearRules:
         x, missing = [], []
         for name, low, high, worst in self._ends:
             value = values.get(name)
-            if value is None or not math.isfinite(value):
+            if value is not None and low <= value <= high:
+                x.append(value)
+            elif value is None or not math.isfinite(value):
                 missing.append(name)
                 x.append(worst)
             else:
-                x.append(value if low <= value <= high else min(max(value, low), high))
+                x.append(low if value < low else high)
         return x, missing
 
     def _strengths(self, x: list[float]) -> list[float]:
         """Strength of every rule: its weight times the max over its cases of the min over their ramps."""
-        degrees = [_degree(x[i], zero, one) for i, zero, one in self._ramps]
+        degrees = [
+            (x[i] - zero) / span for i, zero, span in self._ramps
+        ]  # clipped to 0..1 where they are used
         strengths = [0.0] * len(self.rules)
         for rule in self._always:
             strengths[rule] = self.rules[rule].weight
         for degree, cases in zip(degrees, self._cases, strict=True):
             if degree > 0.0:
                 for rule, others in cases:
-                    weakest = degree
+                    weakest = at_most(degree, 1.0)
                     for other in others:
-                        weakest = min(weakest, degrees[other])
-                    strengths[rule] = max(strengths[rule], self.rules[rule].weight * weakest)
+                        weakest = at_most(degrees[other], weakest)
+                    strengths[rule] = at_least(self.rules[rule].weight * weakest, strengths[rule])
         return strengths
 
     def _choquet(self, truth: list[float]) -> float:
@@ -201,7 +204,7 @@ class FearRules:
             if strength > above:
                 fear += at * (strength - above)
                 above = strength
-        return min(fear, 1.0)
+        return at_most(1.0, fear)
 
     def _cause(self, firing: list[tuple[float, Rule]], missing: list[str], fear: float) -> str:
         """The cause of the rule that adds most to fear; that of the missing input, if the rule rests on one."""
@@ -221,7 +224,7 @@ class FearRules:
             edges = [(self.names.index(a.input), *_edge(a, self.inputs[a.input], rule.level)) for a in case]
             if any(edge[1:] == NEVER for edge in edges):
                 continue
-            ramps = [self._ramp(Ramp(*edge)) for edge in edges if edge[1:] != ALWAYS]
+            ramps = [self._ramp(Ramp(i, zero, one - zero)) for i, zero, one in edges if (zero, one) != ALWAYS]
             if ramps:
                 self._cases[ramps[0]].append(_Case(index, tuple(ramps[1:])))
             else:
@@ -253,13 +256,6 @@ def _edge(atom: Atom, spec: Input, level: int) -> tuple[float, float]:
         return (zero, one) if zero != one else NEVER
     zero, one = (a, b) if upward else (d, c)
     return (zero, one) if zero != one else ALWAYS
-
-
-def _degree(x: float, zero: float, one: float) -> float:
-    degree = (x - zero) / (one - zero)
-    if degree <= 0.0:
-        return 0.0
-    return degree if degree < 1.0 else 1.0
 
 
 def _strongest_first(firing: list[tuple[float, Rule]], missing: list[tuple[str, str]]) -> tuple[Fired, ...]:

@@ -33,20 +33,21 @@ class Lane(NamedTuple):
         curve = self.curvature_1pm / 2 + self.curvature_rate_1pm2 * x_m / 6
         return -self.offset_m - self.heading_rad * x_m + curve * x_m**2
 
-    def pursuit_curvature_1pm(self, lookahead_m: float) -> float:
-        """κ_cmd = 2·y(ℓ)/ℓ²: the arc from the axle to the lane centre at ℓ (Coulter, CMU-RI-TR-92-01)."""
-        return 2 * self.y_m(lookahead_m) / lookahead_m**2
-
     def after(self, motion: Motion, dt_s: float) -> "Lane":
         """The same lane from where the vehicle is ``dt_s`` later; small angles between vehicle and lane."""
         x_m, y_m, yaw_rad = motion.over(dt_s)
         bend_rad = self.curvature_1pm * x_m + self.curvature_rate_1pm2 * x_m**2 / 2
         return Lane(
-            offset_m=y_m - self.y_m(x_m),
-            heading_rad=self.heading_rad + yaw_rad - bend_rad,
-            curvature_1pm=self.curvature_1pm + self.curvature_rate_1pm2 * x_m,
-            curvature_rate_1pm2=self.curvature_rate_1pm2,
+            y_m - self.y_m(x_m),
+            self.heading_rad + yaw_rad - bend_rad,
+            self.curvature_1pm + self.curvature_rate_1pm2 * x_m,
+            self.curvature_rate_1pm2,
         )
+
+
+def pursuit_curvature_1pm(y_m: float, lookahead_m: float) -> float:
+    """κ_cmd = 2·y(ℓ)/ℓ²: the arc from the axle to the lane centre at ℓ (Coulter, CMU-RI-TR-92-01)."""
+    return 2 * y_m / lookahead_m**2
 
 
 def mean_lane(lanes: list[Lane], weights: list[float]) -> Lane:

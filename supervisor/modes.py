@@ -93,6 +93,7 @@ HAND_OVER = Transition(
     frozenset({Mode.STOP}), lambda s: s.handed_over and s.path, Mode.CAUTION, "a driver has handed over"
 )
 """Leaves only the stop in which a supervisor begins: one that stopped the car is left at standstill."""
+_ROWS = {mode: tuple(row for row in TRANSITIONS if mode in row.sources) for mode in Mode}
 
 
 def next_state(state: ModeState, now: Situation, *, final_causes: frozenset[str]) -> ModeState:
@@ -101,9 +102,11 @@ def next_state(state: ModeState, now: Situation, *, final_causes: frozenset[str]
         state = _tightened(state, now)
     if state.final:
         return state
-    for row in (*TRANSITIONS, HAND_OVER) if state.cause == STARTING else TRANSITIONS:
-        if state.mode in row.sources and row.when(now):
+    for row in _ROWS[state.mode]:
+        if row.when(now):
             return _entered(row.target, now, final_causes)
+    if state.cause == STARTING and HAND_OVER.when(now):
+        return _entered(HAND_OVER.target, now, final_causes)
     return state
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from supervisor.lane import Lane, Motion
+from trepid.bounds import at_least
 from trepid.config import Settings
 from trepid.messages import SteeringEstimate, VehicleState
 
@@ -49,7 +50,7 @@ def age_s(t_s: float | None, *, now_s: float, settings: SightingSettings) -> flo
     """Age of a stamp [s]; inf where there is none, none that is finite, or one from the future."""
     if t_s is None or not math.isfinite(t_s) or t_s > now_s + settings.clock_tolerance_s:
         return math.inf
-    return max(0.0, now_s - t_s)
+    return at_least(now_s - t_s, 0.0)
 
 
 def sight(
@@ -105,7 +106,8 @@ def motion_of(state: VehicleState | None, *, now_s: float, settings: SightingSet
 def _width_error_m(width_m: float | None, settings: SightingSettings) -> float | None:
     if width_m is None or not math.isfinite(width_m):
         return None
-    return max(0.0, settings.min_lane_width_m - width_m, width_m - settings.max_lane_width_m)
+    beyond_m = at_least(settings.min_lane_width_m - width_m, width_m - settings.max_lane_width_m)
+    return at_least(beyond_m, 0.0)
 
 
 def within(value: float | None, limit: float) -> float | None:

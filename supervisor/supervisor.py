@@ -17,6 +17,7 @@ from supervisor.lane import Motion
 from supervisor.modes import Held, ModeSettings, ModeState, Situation, next_state
 from supervisor.sightings import Sighting, SightingSettings, age_s, motion_of, sight
 from supervisor.watchdog import DRIVER, Fault, Watchdog
+from trepid.bounds import at_least, at_most
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import (
     Decision,
@@ -132,14 +133,12 @@ class Supervisor:
     ) -> Situation:
         modes, hysteresis = self._settings.modes, self._rules.file.hysteresis
         wanted = self._rules.mode(felt.fear)
-        still_wanted = self._rules.mode(min(1.0, felt.fear + hysteresis.band))
+        still_wanted = self._rules.mode(at_most(felt.fear + hysteresis.band, 1.0))
         standstill = motion is not None and abs(motion.speed_mps) < modes.standstill_mps
-        surest = max((s.confidence or 0.0 for s in seen if s.lane), default=0.0)
-        healthy = not fault.cause and _drivable(seen, fused)
-        ready = standstill and healthy and felt.fear <= modes.reengage_max_fear
-        drivable = (
-            fault.cause in ("", DRIVER) and _drivable(seen, fused) and felt.fear <= modes.reengage_max_fear
-        )
+        surest = max([s.confidence or 0.0 for s in seen if s.lane], default=0.0)
+        drivable = _drivable(seen, fused) and felt.fear <= modes.reengage_max_fear
+        ready = drivable and standstill and not fault.cause
+        drivable = drivable and fault.cause in ("", DRIVER)
         return Situation(
             fault=fault.cause,
             lost=fault.lost,
@@ -181,11 +180,11 @@ class Supervisor:
         if self._mode.mode is Mode.STOP:
             return 0.0
         hysteresis = self._rules.file.hysteresis
-        dt_s = 0.0 if self._decided_s is None else max(0.0, now_s - self._decided_s)
+        dt_s = 0.0 if self._decided_s is None else at_least(now_s - self._decided_s, 0.0)
         driven = 0.0 if motion is None else motion.speed_mps / self._settings.cruise_speed_mps
-        caught_up = driven if begins else min(driven, self._factor + hysteresis.catch_up_per_s * dt_s)
-        risen = max(caught_up, self._factor + hysteresis.recovery_per_s * dt_s)
-        return min(self._rules.speed_factor(fear), risen)
+        caught_up = driven if begins else at_most(self._factor + hysteresis.catch_up_per_s * dt_s, driven)
+        risen = at_least(self._factor + hysteresis.recovery_per_s * dt_s, caught_up)
+        return at_most(risen, self._rules.speed_factor(fear))
 
     def _decision(
         self,
@@ -196,19 +195,20 @@ class Supervisor:
         lead: Lead,
         now_s: float,
     ) -> Decision:
-        cap_mps = min(self._settings.cruise_speed_mps * self._factor, self._follower.speed_cap_mps(lead))
+        cap_mps = at_most(self._follower.speed_cap_mps(lead), self._settings.cruise_speed_mps * self._factor)
         lane = path.lane if path else None
+        rules, strengths = zip(*felt.rules, strict=True)
         lookahead_m = path.lookahead_m if path else self._settings.fusion.min_lookahead_m
         return Decision(
-            t_s=max((s.t_s for s in seen if math.isfinite(s.t_s)), default=None),
+            t_s=max([s.t_s for s in seen if math.isfinite(s.t_s)], default=None),
             decided_s=now_s,
             mode=self._mode.mode,
             stop=self._mode.stop,
             fear=felt.fear,
             level=felt.level,
             cause=self._mode.cause or felt.cause,
-            rules=tuple(fired.text for fired in felt.rules),
-            rule_strengths=tuple(fired.strength for fired in felt.rules),
+            rules=rules,
+            rule_strengths=strengths,
             path_t_s=path.t_s if path else None,
             lateral_offset_m=lane.offset_m if lane else None,
             heading_error_rad=lane.heading_rad if lane else None,
@@ -237,7 +237,7 @@ def _opinions(rules: FearRules) -> list[str]:
 
 def _drivable(seen: list[Sighting], fused: Fused) -> bool:
     """Every expected estimator has answered of late, if only that it sees no lane, and one sees one."""
-    return bool(seen) and all(s.confidence is not None for s in seen) and bool(fused.sources)
+    return bool(seen) and None not in [s.confidence for s in seen] and bool(fused.sources)
 
 
 def build(

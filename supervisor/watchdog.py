@@ -45,7 +45,7 @@ class Watchdog:
             self._heard.discard("lead")
         else:
             ages["lead"] = lead_s
-        self._heard |= {name for name, age in ages.items() if age <= self._fresh_s}
+        self._heard.update([name for name, age in ages.items() if age <= self._fresh_s])
         lost = {name for name in self._heard if ages.get(name, math.inf) > self._lost_s}
         estimators = self._heard & estimator_ages_s.keys()
         cause = ""

@@ -9,7 +9,7 @@ import math
 import multiprocessing
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -46,6 +46,7 @@ from trepid.messages import (
 from trepid.vehicle import Vehicle
 
 _SAME_INSTANT_S = 1e-9
+NOBODY: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,27 +156,30 @@ class ClosedLoop:
         self._command: Command | None = None
         self._commanded_s: float | None = None
         self._decide_by_s = -math.inf
+        self._gone = [fault for fault in scenario.faults if isinstance(fault, LostProcess)]
 
     def drive(self) -> Trace:
         """Drive until the route or the duration is over. The trace begins at t = 0, after any run-up."""
         recorder = Recorder(self._scenario.estimators)
         manoeuvres: list[tuple[str, ...]] = []
-        period_s = self._simulator.period_s
+        period_s, parts = self._simulator.period_s, self._parts
+        shot_due = due_ticks(period_s, 1.0 / self._scenario.camera.rate_hz)
+        command_due = due_ticks(period_s, self._simulator.control_period_s)
         first = -round(self._simulator.run_up_s / period_s) if self._scenario.start.speed_mps else 0
         for tick in range(first, math.floor(self._scenario.duration_s / period_s + 0.5) + 1):
             now_s = tick * period_s
             lost = self._lost(now_s)
-            state, truth = self._parts.vehicle.step(self._command, self._commanded_s, now_s=now_s)
-            if self._due(tick, 1.0 / self._scenario.camera.rate_hz) and "camera" not in lost:
-                shot = self._parts.camera.shoot(truth, now_s=now_s)
+            state, truth = parts.vehicle.step(self._command, self._commanded_s, now_s=now_s)
+            if shot_due(tick) and "camera" not in lost:
+                shot = parts.camera.shoot(truth, now_s=now_s)
                 if shot is not None:
                     self._underway.append(self._look(shot, state, lost, now_s))
-            seen = self._arrive(now_s)
+            seen = bool(self._underway) and self._arrive(now_s)
             decided = (seen or now_s >= self._decide_by_s - _SAME_INSTANT_S) and "supervisor" not in lost
             if decided:
                 self._decide(state, now_s)
-            if (decided or self._due(tick, self._simulator.control_period_s)) and "controller" not in lost:
-                self._command = self._parts.controller.step(self._decision, state, now_s=now_s)
+            if (decided or command_due(tick)) and "controller" not in lost:
+                self._command = parts.controller.step(self._decision, state, now_s=now_s)
                 self._commanded_s = now_s
             if tick >= 0:
                 recorder.add(truth, state, self._command, self._decision, self._estimates)
@@ -195,17 +199,11 @@ class ClosedLoop:
         )
         return with_manoeuvres(trace, scenario.manoeuvres, manoeuvres)
 
-    def _due(self, tick: int, every_s: float) -> bool:
-        """True in the first tick of every span of ``every_s``."""
-        spans = self._simulator.period_s / every_s
-        return math.floor(tick * spans + 1e-6) > math.floor((tick - 1) * spans + 1e-6)
-
-    def _lost(self, now_s: float) -> set[str]:
+    def _lost(self, now_s: float) -> Set[str]:
         """Processes that are gone now. Afterwards they go on where they were, as after SIGSTOP and SIGCONT."""
-        faults = self._scenario.faults
-        return {f.process for f in faults if isinstance(f, LostProcess) and f.active(now_s)}
+        return {fault.process for fault in self._gone if fault.active(now_s)} if self._gone else NOBODY
 
-    def _look(self, shot: Shot, state: VehicleState, lost: set[str], now_s: float) -> _Sight:
+    def _look(self, shot: Shot, state: VehicleState, lost: Set[str], now_s: float) -> _Sight:
         """What the estimators that are there make of ``shot``."""
         parts, frame = self._parts, shot.frame
         if frame is not None:
@@ -243,6 +241,12 @@ class ClosedLoop:
             self._estimates, self._statistics, self._lead, state, now_s=now_s
         )
         self._decide_by_s = now_s + self._simulator.idle_decision_period_s
+
+
+def due_ticks(period_s: float, every_s: float) -> Callable[[int], bool]:
+    """Whether a tick is the first in its span of ``every_s``."""
+    spans = period_s / every_s
+    return lambda tick: math.floor(tick * spans + 1e-6) > math.floor((tick - 1) * spans + 1e-6)
 
 
 def run_many(

@@ -7,6 +7,7 @@ for a constant acceleration, so nothing is integrated numerically but that quoti
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from sim_harness.lockstep.contact import Box
 from sim_harness.lockstep.referee import foot_point
@@ -160,6 +161,19 @@ class Actor:
         return x_m, y_m, turned_rad
 
 
+class Seen(NamedTuple):
+    """All other vehicles as the truth tells of them."""
+
+    x_m: tuple[float, ...] = ()
+    y_m: tuple[float, ...] = ()
+    yaw_rad: tuple[float, ...] = ()
+    speed_mps: tuple[float, ...] = ()
+    manoeuvres: tuple[str, ...] = ()
+
+
+EMPTY = Seen()
+
+
 class Traffic:
     """All other vehicles of a run."""
 
@@ -175,6 +189,15 @@ class Traffic:
         for actor in self.actors:
             ends = actor.ends()
             actor.step(elapsed_s, dt_s, None if ends is None else self._gap_m(ends, nose_m))
+
+    def seen(self) -> Seen:
+        """Where they are, how fast, and the kinds of phases that are under way."""
+        if not self.actors:
+            return EMPTY
+        x_m, y_m, yaw_rad = zip(*(actor.pose for actor in self.actors), strict=True)
+        speeds_mps = tuple(actor.speed_mps for actor in self.actors)
+        manoeuvres = tuple(kind for actor in self.actors for kind in actor.manoeuvres)
+        return Seen(x_m, y_m, yaw_rad, speeds_mps, manoeuvres)
 
     def ahead(self, nose_m: float) -> tuple[Actor, float] | None:
         """The nearest vehicle in our lane whose middle is before our bumper, and the gap to it [m]."""

@@ -74,7 +74,7 @@ class SimulatedVehicle:
         self._plant = build_plant(scenario.plant, vehicle)
         self._vehicle = self._plant.vehicle
         self._limiter = limiter
-        self._settings = settings
+        self._settings, self._period_s = settings, settings.period_s
         self._noise = _standard_normal(seed)
         self._referee = Referee(road, self._vehicle, max_offset_m=settings.max_offset_m)
         self._nose_m = self._vehicle.wheelbase_m + self._vehicle.front_overhang_m
@@ -96,7 +96,7 @@ class SimulatedVehicle:
         ``received_s`` is when ``command`` arrived. The first call only looks and applies; it begins the run-up of a
         start at speed, else the run.
         """
-        period_s = self._settings.period_s
+        period_s = self._period_s
         if self._origin_s is None:
             self._origin_s = now_s + self._run_up_ticks * period_s
         due = math.floor((now_s - self._origin_s) / period_s + _TICK_SLACK)
@@ -151,7 +151,7 @@ class SimulatedVehicle:
     @property
     def _elapsed_s(self) -> float:
         """Time of the run; negative in the run-up."""
-        return self._ticks * self._settings.period_s
+        return self._ticks * self._period_s
 
     @property
     def _now_s(self) -> float:
@@ -159,8 +159,8 @@ class SimulatedVehicle:
 
     def _advance(self, applied: Command) -> None:
         """One period of everything that moves, and the referee's verdict on where it ends."""
-        period_s, elapsed_s = self._settings.period_s, self._elapsed_s
-        self._traffic.step(elapsed_s, period_s, nose_m=self._place.station_m + self._nose_m)
+        period_s = self._period_s
+        self._traffic.step(self._elapsed_s, period_s, nose_m=self._place.station_m + self._nose_m)
         self._ticks += 1
         if self._ticks <= 0:
             self._run_up()
@@ -241,38 +241,37 @@ class SimulatedVehicle:
         )
 
     def _truth(self) -> SimTruth:
-        pose, place, referee = self._pose, self._place, self._referee
-        actors = self._traffic.actors
-        lead = self._traffic.ahead(place.station_m + self._nose_m) if actors else None
-        lead_pose = lead[0].pose if lead else (None, None, None)
-        others = [actor.pose for actor in actors]
+        pose, (station_m, offset_m, heading_error_rad) = self._pose, self._place
+        referee, traffic = self._referee, self._traffic.seen()
+        lead = self._traffic.ahead(station_m + self._nose_m) if self._traffic.actors else None
+        lead_x_m, lead_y_m, lead_yaw_rad = lead[0].pose if lead else (None, None, None)
         return SimTruth(
             t_s=self._now_s,
             x_m=pose.x_m,
             y_m=pose.y_m,
             yaw_rad=pose.yaw_rad,
-            station_m=place.station_m,
-            lateral_offset_m=place.offset_m,
-            heading_error_rad=place.heading_error_rad,
-            curvature_1pm=self.road.curvature_at(place.station_m),
-            lane_width_m=self.road.width_at(place.station_m),
+            station_m=station_m,
+            lateral_offset_m=offset_m,
+            heading_error_rad=heading_error_rad,
+            curvature_1pm=self.road.curvature_at(station_m),
+            lane_width_m=self.road.width_at(station_m),
             lateral_accel_mps2=self._plant.lateral_accel_mps2(pose),
             longitudinal_accel_mps2=pose.accel_mps2,
             departures=referee.departures,
             interventions=referee.interventions,
             collisions=referee.collisions,
-            section=self.road.section_at(place.station_m).name,
+            section=self.road.section_at(station_m).name,
             lead_gap_m=lead[1] if lead else None,
-            lead_x_m=lead_pose[0],
-            lead_y_m=lead_pose[1],
-            lead_yaw_rad=lead_pose[2],
-            finished=place.station_m >= self._route_end_m,
+            lead_x_m=lead_x_m,
+            lead_y_m=lead_y_m,
+            lead_yaw_rad=lead_yaw_rad,
+            finished=station_m >= self._route_end_m,
             elapsed_s=self._elapsed_s,
             speed_mps=pose.speed_mps,
             yaw_rate_radps=self._plant.yaw_rate_radps(pose),
-            traffic_x_m=tuple(x_m for x_m, _, _ in others),
-            traffic_y_m=tuple(y_m for _, y_m, _ in others),
-            traffic_yaw_rad=tuple(yaw_rad for _, _, yaw_rad in others),
-            traffic_speed_mps=tuple(actor.speed_mps for actor in actors),
-            manoeuvres=tuple(kind for actor in actors for kind in actor.manoeuvres),
+            traffic_x_m=traffic.x_m,
+            traffic_y_m=traffic.y_m,
+            traffic_yaw_rad=traffic.yaw_rad,
+            traffic_speed_mps=traffic.speed_mps,
+            manoeuvres=traffic.manoeuvres,
         )

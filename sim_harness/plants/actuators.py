@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
+from trepid.bounds import at_least, at_most, within
 from trepid.messages import Command
 from trepid.vehicle import Vehicle
 
@@ -64,13 +65,13 @@ class Actuators:
         demand_rad, accel_mps2 = command.road_wheel_angle_rad, command.accel_mps2
         if not (math.isfinite(demand_rad) and math.isfinite(accel_mps2)):
             raise ValueError(f"demand must be finite, got {demand_rad} rad and {accel_mps2} m/s²")
-        accel_mps2 = max(-self.max_decel_mps2, min(self.max_accel_mps2, accel_mps2))
-        pending = self._with(state, clip(demand_rad, self.max_angle_rad))
+        accel_mps2 = at_least(at_most(accel_mps2, self.max_accel_mps2), -self.max_decel_mps2)
+        pending = self._with(state, within(demand_rad, self.max_angle_rad))
         left_s = dt_s
         while left_s > _SAME_INSTANT_S:
             if pending:
                 state, pending = _take_due(state, pending)
-            span_s = min(left_s, pending[0][0] - state.clock_s) if pending else left_s
+            span_s = at_most(pending[0][0] - state.clock_s, left_s) if pending else left_s
             state = advance(state, accel_mps2, span_s)
             left_s -= span_s
         return state
@@ -87,7 +88,7 @@ class Actuators:
         steering_rad = self._steering(state, t)
         play_rad = 0.0
         if self.friction_rad > 0.0:
-            play_rad = clip(state.play_rad + state.road_wheel_angle_rad - steering_rad, self.friction_rad)
+            play_rad = within(state.play_rad + state.road_wheel_angle_rad - steering_rad, self.friction_rad)
         tyre_rad = steering_rad + play_rad + self.offset_rad
         return Motion(speed_mps, accel_mps2, tyre_rad, steering_rad, play_rad)
 
@@ -101,19 +102,19 @@ class Actuators:
         speed_mps = v0 + demand_mps2 * t + (a0 - demand_mps2) * lag_s * (1.0 - decay)
         if speed_mps > 0.0:
             return speed_mps, accel_mps2
-        return 0.0, max(0.0, accel_mps2)
+        return 0.0, at_least(accel_mps2, 0.0)
 
     def _steering(self, state: PlantState, t: float) -> float:
         """Angle of the steering after ``t`` [s]: full rate until the error is rate·τ, exponential from there."""
         error = state.acting_demand_rad - state.road_wheel_angle_rad
         if error == 0.0:
             return state.acting_demand_rad
-        ramp_s = max(0.0, abs(error) / self.rate_radps - self.lag_s)
+        ramp_s = at_least(abs(error) / self.rate_radps - self.lag_s, 0.0)
         if t < ramp_s:
             return state.road_wheel_angle_rad + math.copysign(self.rate_radps * t, error)
         if self.lag_s == 0.0:
             return state.acting_demand_rad
-        error_then = clip(error, self.rate_radps * self.lag_s)
+        error_then = within(error, self.rate_radps * self.lag_s)
         return state.acting_demand_rad - error_then * math.exp((ramp_s - t) / self.lag_s)
 
     def _with(self, state: PlantState, demand_rad: float) -> Pending:
@@ -143,11 +144,6 @@ def moved(
         play_rad=end.play_rad,
         inner=inner,
     )
-
-
-def clip(value: float, limit: float) -> float:
-    """``value`` within ±``limit``."""
-    return max(-limit, min(limit, value))
 
 
 def _take_due(state: PlantState, pending: Pending) -> tuple[PlantState, Pending]:

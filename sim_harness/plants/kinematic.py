@@ -17,10 +17,11 @@ Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 (kinematics) and 3.3
 
 import math
 
-from sim_harness.plants.actuators import Actuators, Motion, clip, moved
+from sim_harness.plants.actuators import Actuators, Motion, moved
 from sim_harness.plants.axles import ANTI_LOCK, GRAVITY_MPS2, axles_of
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
+from trepid.bounds import within
 from trepid.messages import Command
 from trepid.vehicle import Vehicle
 
@@ -43,7 +44,8 @@ class KinematicPlant:
         self.grip_mps2 = settings.friction * GRAVITY_MPS2 * math.cos(settings.bank_rad)
         self.actuators = Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * self.grip_mps2)
         self._known: Motion | None = None  # the last motion, ...
-        self._known_rate = 0.0  # ... and its yaw rate: a step begins where the last one ended
+        self._known_rate = 0.0  # ... its yaw rate: a step begins where the last one ended, ...
+        self._last: PlantState | None = None  # ... and the state that was reached with it
 
     def initial(
         self,
@@ -89,6 +91,8 @@ class KinematicPlant:
 
     def yaw_rate_radps(self, state: PlantState) -> float:
         """ψ' = v·κ."""
+        if state is self._last:
+            return self._known_rate
         return self._yaw_rate(self.actuators.at(state))
 
     def lateral_accel_mps2(self, state: PlantState) -> float:
@@ -99,7 +103,7 @@ class KinematicPlant:
         """Angle of the steering that holds ``curvature_1pm`` at ``speed_mps``, within the angle limit."""
         lateral_mps2 = curvature_1pm * speed_mps * speed_mps + self.bank_mps2
         angle_rad = math.atan(self.wheelbase_m * curvature_1pm) + self.understeer_rad_per_mps2 * lateral_mps2
-        return clip(angle_rad - self.actuators.offset_rad, self.actuators.max_angle_rad)
+        return within(angle_rad - self.actuators.offset_rad, self.actuators.max_angle_rad)
 
     def _solve(self, rest_rad: float, compliance: float, speed_mps: float) -> float:
         """tan θ where θ + compliance·tan θ = rest."""
@@ -153,11 +157,12 @@ class KinematicPlant:
         middle = self.actuators.after(state, accel_demand_mps2, h / 2)
         end = self.actuators.after(state, accel_demand_mps2, h)
         pose = self.pose_after((state.x_m, state.y_m, state.yaw_rad), start, middle, end, h)
-        return moved(state, end, h, pose)
+        self._last = moved(state, end, h, pose)
+        return self._last
 
     def _yaw_rate(self, motion: Motion) -> float:
         if motion is not self._known and motion != self._known:
             speed_mps, accel_mps2, angle_rad, _, _ = motion
             self._known_rate = speed_mps * self.curvature_1pm(angle_rad, speed_mps, accel_mps2)
-            self._known = motion
+            self._known, self._last = motion, None
         return self._known_rate

@@ -20,12 +20,13 @@ Axle equations: Rajamani, Vehicle Dynamics and Control (2012), section 2.3. Tyre
 
 import math
 
-from sim_harness.plants.actuators import Actuators, Motion, clip, moved
+from sim_harness.plants.actuators import Actuators, Motion, moved
 from sim_harness.plants.axles import ANTI_LOCK, GRAVITY_MPS2, Axles, axles_of
 from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.runge_kutta import rk4
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.plants.state import PlantState
+from trepid.bounds import within
 from trepid.messages import Command
 from trepid.vehicle import Vehicle
 
@@ -63,7 +64,7 @@ class SingleTrackPlant:
     ) -> PlantState:
         """Settled on ``curvature_1pm`` at constant speed; ``yaw_rad`` is that of the vehicle, drift included."""
         angle_rad, drift = self._steady(curvature_1pm, speed_mps)
-        angle_rad = clip(angle_rad - self.actuators.offset_rad, self.actuators.max_angle_rad)
+        angle_rad = within(angle_rad - self.actuators.offset_rad, self.actuators.max_angle_rad)
         return PlantState(
             x_m=x_m,
             y_m=y_m,
@@ -92,7 +93,7 @@ class SingleTrackPlant:
     def steady_angle_rad(self, curvature_1pm: float, speed_mps: float) -> float:
         """Angle of the steering that holds ``curvature_1pm`` at ``speed_mps``, within the angle limit."""
         angle_rad, _ = self._steady(curvature_1pm, speed_mps)
-        return clip(angle_rad - self.actuators.offset_rad, self.actuators.max_angle_rad)
+        return within(angle_rad - self.actuators.offset_rad, self.actuators.max_angle_rad)
 
     def _steady(self, curvature_1pm: float, speed_mps: float) -> tuple[float, float]:
         """Angle of the front tyres [rad] and drift β in the steady state with yaw per metre ``curvature_1pm``.
@@ -108,7 +109,7 @@ class SingleTrackPlant:
         for _ in range(_STEADY_ROUNDS):
             share_mps2 = lateral_mps2 / math.cos(angle_rad)
             slip_rad = self._slip_rad(share_mps2, axles.front_mass_kg, axles.front_stiffness_nprad)
-            before_rad, angle_rad = angle_rad, clip(rolling_rad + slip_rad, self.actuators.max_angle_rad)
+            before_rad, angle_rad = angle_rad, within(rolling_rad + slip_rad, self.actuators.max_angle_rad)
             if abs(angle_rad - before_rad) < _STEADY_RAD:
                 break
         return angle_rad, drift
@@ -116,7 +117,7 @@ class SingleTrackPlant:
     def _slip_rad(self, lateral_mps2: float, mass_kg: float, stiffness_nprad: float) -> float:
         """Slip angle at which the tyres carry ``mass_kg`` through ``lateral_mps2``: the magic formula reversed."""
         peak_n = mass_kg * self.grip_mps2
-        used = clip(lateral_mps2 / self.grip_mps2, 1.0)
+        used = within(lateral_mps2 / self.grip_mps2, 1.0)
         return SHAPE * peak_n / stiffness_nprad * math.tan(math.asin(used) / SHAPE)
 
     def _tyre_forces_n(
