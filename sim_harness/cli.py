@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 import sim_harness.roads.cli
+from sim_harness.footage.cli import resimulate_verb
 from sim_harness.report.disturbance_sheet import disturbances_verb
 from sim_harness.report.page import Page
 from sim_harness.scenarios.limits_cli import limits_verb
@@ -27,6 +28,7 @@ from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 app.command("schema")(schema_verb)
+app.command("resimulate")(resimulate_verb)
 app.command("limits")(limits_verb)
 app.command("disturbances")(disturbances_verb)
 app.add_typer(sim_harness.roads.cli.app, name="road", help="Show roads; read and write OpenDRIVE files.")

@@ -1,0 +1,137 @@
+"""``trepid sim resimulate``: our stack in closed loop on recorded footage."""
+
+import json
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+import typer
+
+from perception.estimators import ESTIMATORS, lane_cv_settings
+from perception.self_calibration import self_calibrated
+from perception.sources import Clip, sources
+from sim_harness.footage.clip import Drive, load_drive
+from sim_harness.footage.reprojection import Reprojection, Shift
+from sim_harness.footage.resimulation import Resimulation, resimulate
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.vehicle import Vehicle
+
+CALIBRATION_FRAMES = 9
+STARTS = ((0.5, 0.0), (-0.5, 0.0), (0.0, 2.0), (0.0, -2.0))  # m to the left, degrees to the left
+MOST_OFFSET_M, MOST_HEADING_DEG = 1.0, 10.0  # beyond, an intervention is due at once, or little was seen
+PICTURE_WIDTH_PX = 640
+
+
+def resimulate_verb(
+    clip: Annotated[Path, typer.Argument(help="A video, or a folder of images in order of name.")],
+    camera: Annotated[
+        Path | None, typer.Option(help="Camera file; default: a typical one is assumed.")
+    ] = None,
+    speed: Annotated[float | None, typer.Option(min=0.5, max=60, help="Constant speed [m/s].")] = None,
+    log: Annotated[
+        Path | None, typer.Option(help="CSV with t_s, speed_mps; or a Udacity driving_log.csv.")
+    ] = None,
+    scale: Annotated[
+        float,
+        typer.Option(min=0.01, max=100, help="Multiplies the logged speed, for another scale of length."),
+    ] = 1.0,
+    offset: Annotated[
+        float | None, typer.Option(min=-MOST_OFFSET_M, max=MOST_OFFSET_M, help="Start so far left [m].")
+    ] = None,
+    heading: Annotated[
+        float | None, typer.Option(min=-MOST_HEADING_DEG, max=MOST_HEADING_DEG, help="... turned left [deg].")
+    ] = None,
+    estimator: Annotated[str, typer.Option(help="Which estimator drives.")] = "cv",
+    skip: Annotated[int, typer.Option(min=0, help="Leave out the first frames.")] = 0,
+    frames: Annotated[int | None, typer.Option(min=1, help="Use at most so many frames.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Write shifted views of one frame (.png).")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON Lines.")] = False,
+) -> int:
+    """Drive on recorded footage, seen from where our car would be; exit code 1 when it needs an intervention.
+
+    Without --offset and --heading it starts 0.5 m left and right and 2 degrees left and right in turn.
+    """
+    if speed is None and log is None:
+        raise InputError(
+            "give the speed of the recording: --speed or --log, or both to drive it at another speed"
+        )
+    if estimator not in ESTIMATORS:
+        raise InputError(f"no estimator {estimator!r}; there are {', '.join(ESTIMATORS)}")
+    cv2.setNumThreads(1)
+    known = load(camera, Camera) if camera else _assumed(clip)
+    drive = load_drive(clip, known, speed_mps=speed, log=log, scale=scale, skip=skip, most=frames)
+    if picture is not None:
+        _draw(drive, picture)
+    starts = STARTS if offset is None and heading is None else ((offset or 0.0, heading or 0.0),)
+    interventions = 0
+    for row in _runs(drive, starts, estimator):
+        interventions += row["interventions"]
+        print(json.dumps(row) if as_json else _one_line(row), flush=True)
+    return 1 if interventions else 0
+
+
+def _runs(drive: Drive, starts: tuple[tuple[float, float], ...], estimator: str) -> Iterator[dict[str, Any]]:
+    """The run without a shift, then those of ``starts``, which are held against it."""
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    unshifted: Resimulation | None = None
+    for left_m, heading_deg in ((0.0, 0.0), *starts):
+        start = Shift(left_m=left_m, yaw_rad=math.radians(heading_deg))
+        run = resimulate(drive, vehicle, start=start, estimator=estimator)
+        unshifted = unshifted or run
+        returned_s = run.return_s(unshifted)
+        yield {
+            "clip": drive.name,
+            **run.row(),
+            "return_s": None if returned_s is None else round(returned_s, 2),
+        }
+
+
+def _assumed(clip: Path) -> Camera:
+    """A typical camera with the horizon of the clip, as `trepid estimate` assumes one."""
+    print(
+        "no --camera given: metres rest on an assumed camera, its horizon found in the clip", file=sys.stderr
+    )
+    found = sources(clip)
+    if isinstance(found[0], Clip):
+        images = found[0].sample(CALIBRATION_FRAMES)
+    else:
+        places = np.linspace(0, len(found) - 1, CALIBRATION_FRAMES).astype(int)
+        stills = [found[place] for place in dict.fromkeys(places.tolist())]
+        images = [still.read() for still in stills if not isinstance(still, Clip)]
+    return self_calibrated(images, lane_cv_settings().self_calibration)
+
+
+def _draw(drive: Drive, path: Path) -> None:
+    """The middle frame 0.5 m left, as recorded, 0.5 m right; 2 degrees left, 1 m left, 2 degrees right."""
+    reprojection, frame = Reprojection(drive.camera), drive.frames[len(drive.frames) // 2]
+    turn = math.radians(2.0)
+    shifts = [
+        [Shift(left_m=0.5), Shift(), Shift(left_m=-0.5)],
+        [Shift(yaw_rad=turn), Shift(left_m=1.0), Shift(yaw_rad=-turn)],
+    ]
+    rows = [np.hstack([reprojection.view(frame, shift)[0] for shift in row]) for row in shifts]
+    sheet = np.vstack(rows)
+    scale = min(1.0, 3 * PICTURE_WIDTH_PX / sheet.shape[1])
+    small = cv2.resize(sheet, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    try:
+        written = cv2.imwrite(str(path), small)
+    except cv2.error:
+        written = False
+    if not written:
+        raise InputError(f"{path}: cannot be written as an image")
+
+
+def _one_line(row: dict[str, Any]) -> str:
+    returned = "never" if row["return_s"] is None else f"after {row['return_s']:.1f} s"
+    return (
+        f"{row['clip']} from {row['start_offset_m']:+.2f} m {math.degrees(row['start_heading_rad']):+.1f}°:"
+        f" {row['duration_s']:.1f} s, back {returned}, ends {row['end_offset_m']:+.2f} m beside the recorded path,"
+        f" {row['interventions']} interventions, autonomy {row['autonomy_percent']:.1f} %,"
+        f" lane seen {row['lane_seen_percent']:.0f} %, unseen pixels {row['mean_unseen_percent']:.1f} %"
+        f" (at most {row['max_unseen_percent']:.1f} %)"
+    )

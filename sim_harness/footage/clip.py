@@ -1,0 +1,171 @@
+"""A recorded drive: its frames, when each was taken, how fast the car was and how it turned."""
+
+import csv
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice, pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.sources import NOMINAL_FPS, Clip, Still, sources
+from sim_harness.footage.visual_yaw import yaw_changes_rad
+from trepid.camera import Camera
+from trepid.config import InputError
+from trepid.messages import Image
+
+Array = NDArray[np.float64]
+MPS_PER_MPH = 0.44704
+UDACITY_COLUMNS = 7  # center, left, right, steering, throttle, brake, speed [mph]; no header
+LEAST_TRACKED = 0.5  # share of the frames in which the turn must be seen
+SMOOTH_S = 0.2  # of the yaw rate: ten to a hundred times what a car needs to change it
+LEAST_FRAMES = 5
+CRAWL_MPS = 0.01  # so that every frame has a time of its own, also at standstill
+
+
+@dataclass(frozen=True)
+class Drive:
+    """n frames in order."""
+
+    name: str
+    frames: Sequence[Image]  # undistorted, of the size of the camera
+    t_s: Array  # from 0 on
+    speed_mps: Array
+    camera: Camera  # without distortion
+
+    @property
+    def station_m(self) -> Array:
+        """Distance driven at each frame, from 0 on."""
+        return _stations_m(self.t_s, self.speed_mps)
+
+    def yaw_rates_radps(self) -> Array:
+        """How fast the recorded car turned, at each frame, + = to the left; seen in the footage (visual_yaw).
+
+        Raises InputError when too little can be tracked.
+        """
+        dt_s = np.diff(self.t_s)
+        rates = yaw_changes_rad(self.frames, self.camera, np.diff(self.station_m)) / dt_s
+        known = np.isfinite(rates)
+        if known.mean() < LEAST_TRACKED:
+            raise InputError(
+                f"{self.name}: too few corners can be tracked to see how the recorded car turned"
+            )
+        middles_s = (self.t_s[1:] + self.t_s[:-1]) / 2
+        at_frames = np.interp(self.t_s, middles_s[known], rates[known])
+        return _smooth(at_frames, max(1, round(SMOOTH_S / float(np.median(dt_s)))))
+
+
+def load_drive(
+    path: Path,
+    camera: Camera,
+    *,
+    speed_mps: float | None = None,
+    log: Path | None = None,
+    scale: float = 1.0,
+    skip: int = 0,
+    most: int | None = None,
+) -> Drive:
+    """The frames of a video or a folder (25 frames/s) from number ``skip`` on, at most ``most``. Raises InputError.
+
+    Speed is ``speed_mps`` throughout, or that of ``log`` (see read_log) times ``scale``, for a ``camera`` of
+    another scale of length; with both, the distance that was logged is driven at ``speed_mps``.
+    """
+    found, end = sources(path), None if most is None else skip + most
+    first = found[0]
+    fps = first.fps if isinstance(first, Clip) else NOMINAL_FPS
+    every = first.read() if isinstance(first, Clip) else (s.read() for s in found if isinstance(s, Still))
+    images = list(islice(every, skip, end))
+    if len(images) < LEAST_FRAMES:
+        raise InputError(
+            f"{path}: {len(images)} frames from number {skip} on: at least {LEAST_FRAMES} expected"
+        )
+    sizes = {image.shape for image in images}
+    if len(sizes) > 1:
+        raise InputError(f"{path}: frames of different sizes: {', '.join(map(str, sorted(sizes)))}")
+    camera = camera.resized(images[0].shape[1], images[0].shape[0])
+    t_s, speeds = np.arange(len(images)) / fps, np.full(len(images), speed_mps or math.nan)
+    if log is not None:
+        t_s, speeds = (column[skip : skip + len(images)] for column in read_log(log))
+        if len(t_s) < len(images):
+            raise InputError(f"{log}: has {skip + len(t_s)} rows, but {path} has {skip + len(images)} frames")
+        t_s, speeds = t_s - t_s[0], scale * speeds
+        if speed_mps is not None:
+            t_s, speeds = _driven_at(speed_mps, t_s, speeds), np.full(len(images), speed_mps)
+    frames = [_undistorted(image, camera) for image in images]
+    return Drive(path.name, frames, t_s, speeds, camera.model_copy(update={"distortion": ()}))
+
+
+def _driven_at(speed_mps: float, t_s: Array, speeds_mps: Array) -> Array:
+    """When each frame is reached by driving the same distance at ``speed_mps``."""
+    return _stations_m(t_s, np.maximum(speeds_mps, CRAWL_MPS)) / speed_mps
+
+
+def _stations_m(t_s: Array, speeds_mps: Array) -> Array:
+    """Distance driven at each frame, from 0 on."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(t_s) * (speeds_mps[1:] + speeds_mps[:-1]) / 2)])
+
+
+def read_log(path: Path) -> tuple[Array, Array]:
+    """Times [s] and speeds [m/s], one row a frame. Raises InputError with the line of the first bad row.
+
+    Either a CSV file with the columns ``t_s`` and ``speed_mps``, or a driving_log.csv of the Udacity
+    behavioural-cloning simulator, whose times stand in the names of its images.
+    """
+    try:
+        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    header = rows[0] if rows else []
+    if {"t_s", "speed_mps"} <= set(header):
+        columns = header.index("t_s"), header.index("speed_mps")
+        values = [_numbers(path, n, row, columns) for n, row in enumerate(rows[1:], start=2)]
+    elif len(header) == UDACITY_COLUMNS:
+        values = [_udacity(path, n, row) for n, row in enumerate(rows, start=1)]
+    else:
+        raise InputError(f"{path}:1:1: expected the columns t_s and speed_mps, or a Udacity driving_log.csv")
+    for n, (before, after) in enumerate(pairwise(values), start=2):
+        if after[0] <= before[0]:
+            raise InputError(f"{path}: time does not rise at row {n}: {after[0]} s")
+    times, speeds = np.array(values, float).reshape(-1, 2).T
+    return times, speeds
+
+
+def _numbers(path: Path, line: int, row: list[str], columns: tuple[int, int]) -> tuple[float, float]:
+    try:
+        t_s, speed_mps = (float(row[column]) for column in columns)
+    except (ValueError, IndexError):
+        t_s = speed_mps = math.nan
+    if not (math.isfinite(t_s) and math.isfinite(speed_mps) and speed_mps >= 0.0):
+        raise InputError(
+            f"{path}:{line}:1: expected a time and a speed of at least 0, got {', '.join(row)!r}"
+        )
+    return t_s, speed_mps
+
+
+def _udacity(path: Path, line: int, row: list[str]) -> tuple[float, float]:
+    """center_2018_07_16_17_11_43_382.jpg,,,steering,throttle,brake,speed [mph]."""
+    stamp = re.search(r"_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)_(\d+)\.\w+$", row[0]) if row else None
+    if stamp is None or len(row) != UDACITY_COLUMNS:
+        raise InputError(f"{path}:{line}:1: expected 7 columns, the first an image named by its time")
+    _, _, day, hour, minute, second, milli = map(int, stamp.groups())
+    t_s = ((day * 24 + hour) * 60 + minute) * 60 + second + milli / 1000
+    speed = _numbers(path, line, [str(t_s), row[6]], (0, 1))[1]
+    return t_s, speed * MPS_PER_MPH
+
+
+def _undistorted(image: Image, camera: Camera) -> Image:
+    if not any(camera.distortion):
+        return image
+    distortion = np.array(camera.distortion, float)
+    return cv2.undistort(image, camera.intrinsics, distortion).astype(np.uint8, copy=False)
+
+
+def _smooth(values: Array, count: int) -> Array:
+    """Mean over ``count`` neighbours; fewer at the ends."""
+    kernel = np.ones(count)
+    weights = np.convolve(np.ones_like(values), kernel, mode="same")
+    return np.asarray(np.convolve(values, kernel, mode="same") / weights)

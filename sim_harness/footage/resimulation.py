@@ -1,0 +1,243 @@
+"""Closed loop on real pixels: DAVE-2's simulator (Bojarski et al. 2016, section 5).
+
+The recorded driver's path is taken for the truth and for the centre of the lane. The simulated car moves beside it
+by a lateral offset e and a heading ψ:
+
+    e' = v·sin ψ      ψ' = v·κ - ψ'_rec·(v / v_rec)
+
+with κ from our plant under the commands of our stack and ψ'_rec, the recorded car's own yaw rate, from the footage.
+Each next frame is the last one recorded, seen from there. The speed is the recording's: only the steering is
+judged. A driver drives at first (RUN_UP_S), until the supervisor may take over.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import controller.controller
+import controller.limiter
+import supervisor.supervisor
+from perception.estimators import ESTIMATORS
+from perception.image_statistics import ImageStatistician
+from sim_harness.footage.clip import Drive
+from sim_harness.footage.reprojection import Reprojection, Shift
+from sim_harness.plants.plant import Plant, build_plant
+from sim_harness.plants.settings import PlantSettings
+from sim_harness.plants.state import PlantState
+from trepid.config import InputError
+from trepid.messages import Command, Decision, Frame, Image, Mode, SteeringEstimate, VehicleState
+from trepid.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+PERIOD_S = 0.01  # of the vehicle; as in lock-step
+CONTROL_TICKS = 2
+CAMERA_TICKS = 4  # 25 frames/s
+SAME_STATION_M = 1e-6
+LATENCY_S = 0.02  # capture to estimate; as in lock-step
+RUN_UP_S = 2.2  # a driver must have driven for 2 s before the supervisor takes over (supervisor.yaml)
+INTERVENTION_M = 1.0  # Bojarski et al., section 7
+INTERVENTION_S = 6.0  # what an intervention costs, likewise
+LEAST_S = 0.5  # after the hand-over
+HOME_M = 0.2  # this near it is back
+
+
+@dataclass(frozen=True)
+class Resimulation:
+    """One run: a sample per frame, from the hand-over on, and what it comes to."""
+
+    t_s: Array
+    offset_m: Array  # of the car from the recorded path, + = left
+    heading_rad: Array
+    seen_m: Array  # the estimator's lateral offset; NaN where it saw no lane
+    unseen: Array  # share of the pixels that the recording did not see
+    fear: Array
+    interventions: int
+    engaged_share: float  # of the frames in which the supervisor did not ask to stop
+    first: Image  # the view at the hand-over
+    last: Image
+
+    @property
+    def duration_s(self) -> float:
+        """From the hand-over to the end."""
+        return float(self.t_s[-1] - self.t_s[0])
+
+    @property
+    def autonomy_percent(self) -> float:
+        """100·(1 - 6 s·N/T), not below 0."""
+        return max(0.0, 100.0 * (1.0 - INTERVENTION_S * self.interventions / self.duration_s))
+
+    def return_s(self, unshifted: "Resimulation") -> float | None:
+        """When the car is for good within HOME_M of where it drives from an unshifted start; None when never.
+
+        The lane centre of a recording is not known, but where the car drives without a shift is.
+        """
+        off = np.abs(self.offset_m - unshifted.offset_m) >= HOME_M
+        if off[-1]:
+            return None
+        last = np.flatnonzero(off)[-1] + 1 if off.any() else 0
+        return float(self.t_s[last] - self.t_s[0])
+
+    def row(self) -> dict[str, object]:
+        """The run as JSON."""
+        tail = self.t_s > self.t_s[-1] - 2.0
+        return {
+            "duration_s": round(self.duration_s, 2),
+            "start_offset_m": round(float(self.offset_m[0]), 3),
+            "start_heading_rad": round(float(self.heading_rad[0]), 4),
+            "end_offset_m": round(float(self.offset_m[tail].mean()), 3),  # mean of the last 2 s
+            "max_offset_m": round(float(np.abs(self.offset_m).max()), 3),
+            "rms_offset_m": round(float(np.sqrt(np.mean(self.offset_m**2))), 3),
+            "interventions": self.interventions,
+            "autonomy_percent": round(self.autonomy_percent, 1),
+            "engaged_percent": round(100.0 * self.engaged_share, 1),
+            "lane_seen_percent": round(100.0 * float(np.isfinite(self.seen_m).mean()), 1),
+            "mean_unseen_percent": round(100.0 * float(self.unseen.mean()), 2),
+            "max_unseen_percent": round(100.0 * float(self.unseen.max()), 2),
+            "max_fear": round(float(self.fear.max()), 2),
+        }
+
+
+def resimulate(
+    drive: Drive, vehicle: Vehicle, *, start: Shift, estimator: str = "cv", run_up_s: float = RUN_UP_S
+) -> Resimulation:
+    """Drive beside the recorded path from ``start`` on. Deterministic. Raises InputError when it is too short."""
+    if drive.t_s[-1] < run_up_s + LEAST_S:
+        raise InputError(
+            f"{drive.name}: {len(drive.frames)} frames last {drive.t_s[-1]:.1f} s: at least"
+            f" {run_up_s + LEAST_S:.1f} s expected, of which a driver drives {run_up_s:.1f} s"
+        )
+    return _Loop(drive, vehicle, start, estimator, run_up_s).run()
+
+
+class _Loop:
+    """Holds the newest message of each topic, as every live process does."""
+
+    def __init__(self, drive: Drive, vehicle: Vehicle, start: Shift, estimator: str, run_up_s: float) -> None:
+        self._drive, self._start = drive, start
+        self._stations_m = drive.station_m
+        self._yaw_rates_radps = drive.yaw_rates_radps()
+        self._yaws_rad = _integral(drive.t_s, self._yaw_rates_radps)
+        self._reprojection = Reprojection(drive.camera)
+        self._name, self._estimator = estimator, ESTIMATORS[estimator].build(drive.camera, vehicle)
+        self._statistician = ImageStatistician()
+        self._supervisor = supervisor.supervisor.build(cruise_speed_mps=float(drive.speed_mps.max()))
+        self._controller = controller.controller.build(vehicle)
+        self._limiter = controller.limiter.build(vehicle)
+        self._plant: Plant = build_plant(PlantSettings(), vehicle)
+        self._hand_over_s = run_up_s
+        self._state = self._plant.initial(0.0, start.left_m, start.yaw_rad, float(drive.speed_mps[0]))
+        self._interventions = 0
+        self._decision: Decision | None = None
+        self._rows: list[tuple[float, ...]] = []
+        self._views: list[Image] = []
+        self._engaged: list[bool] = []
+
+    def run(self) -> Resimulation:
+        """Every frame in turn."""
+        end_s = self._drive.t_s[-1]
+        estimates: Mapping[str, SteeringEstimate | None] = {self._name: None}
+        statistics, command, commanded_s = None, None, None
+        due: list[tuple[float, SteeringEstimate]] = []
+        for tick in range(math.floor(end_s / PERIOD_S) + 1):
+            now_s = tick * PERIOD_S
+            driven = now_s < self._hand_over_s
+            state = self._measured(now_s, driven=driven)
+            if tick % CAMERA_TICKS == 0:
+                view, unseen = self._view(now_s)
+                picture = Frame(t_s=now_s, image=view)
+                estimate = self._estimator.step(picture, state, now_s=now_s)
+                statistics = self._statistician.step(picture, now_s=now_s)
+                due.append((now_s + LATENCY_S, estimate))
+                self._note(now_s, estimate, unseen, view, driven=driven)
+            arrived = [estimate for at_s, estimate in due if at_s <= now_s + 1e-9]
+            if arrived:
+                due, estimates = due[len(arrived) :], {self._name: arrived[-1]}
+                self._decision = self._supervisor.step(estimates, statistics, None, state, now_s=now_s)
+            if arrived or tick % CONTROL_TICKS == 0:
+                command = self._controller.step(self._decision, state, now_s=now_s)
+                commanded_s = now_s
+            applied = self._limiter.step(command, commanded_s, state, now_s=now_s)
+            self._advance(applied, now_s, driven=driven)
+        return self._result()
+
+    def _view(self, now_s: float) -> tuple[Image, float]:
+        """The last frame recorded before here, seen from here: ahead of where it was taken, and beside."""
+        drive, beside = self._drive, self._state
+        station_m = float(np.interp(now_s, drive.t_s, self._stations_m))
+        number = int(np.searchsorted(self._stations_m, station_m + SAME_STATION_M, side="right")) - 1
+        ahead_m = max(station_m - float(self._stations_m[number]), 0.0)
+        turned_rad = float(np.interp(now_s, drive.t_s, self._yaws_rad) - self._yaws_rad[number])
+        if ahead_m < SAME_STATION_M:
+            ahead_m = turned_rad = 0.0
+        shift = Shift(
+            ahead_m - beside.y_m * math.sin(turned_rad),
+            ahead_m * turned_rad / 2 + beside.y_m * math.cos(turned_rad),
+            turned_rad + beside.yaw_rad,
+        )
+        return self._reprojection.view(drive.frames[number], shift)
+
+    def _measured(self, now_s: float, *, driven: bool) -> VehicleState:
+        return VehicleState(
+            t_s=now_s,
+            speed_mps=self._state.speed_mps,
+            road_wheel_angle_rad=self._state.road_wheel_angle_rad,
+            yaw_rate_radps=self._plant.yaw_rate_radps(self._state),
+            driver_override=driven,
+        )
+
+    def _advance(self, applied: Command, now_s: float, *, driven: bool) -> None:
+        """One period of the plant in a frame that moves along the recorded path."""
+        speed_mps = float(np.interp(now_s, self._drive.t_s, self._drive.speed_mps))
+        turned_rad = PERIOD_S * float(np.interp(now_s, self._drive.t_s, self._yaw_rates_radps))
+        held = replace(self._state, speed_mps=speed_mps, accel_mps2=0.0)
+        if driven:  # on rails beside the recorded path, with the wheels as it bends
+            curvature_1pm = turned_rad / PERIOD_S / max(speed_mps, 1.0)
+            self._state = self._plant.initial(
+                0.0, self._start.left_m, self._start.yaw_rad, speed_mps, curvature_1pm
+            )
+            return
+        moved = self._plant.step(held, replace(applied, accel_mps2=0.0), PERIOD_S)
+        self._state = replace(moved, x_m=0.0, yaw_rad=moved.yaw_rad - turned_rad)
+        if abs(self._state.y_m) > INTERVENTION_M:
+            self._interventions += 1
+            self._state = self._recentred(self._state, turned_rad / PERIOD_S)
+
+    def _recentred(self, state: PlantState, yaw_rate_radps: float) -> PlantState:
+        """Put back on the recorded path, with the wheels as it bends."""
+        curvature_1pm = yaw_rate_radps / max(state.speed_mps, 1.0)
+        return self._plant.initial(0.0, 0.0, 0.0, state.speed_mps, curvature_1pm)
+
+    def _note(
+        self, now_s: float, estimate: SteeringEstimate, unseen: float, view: Image, *, driven: bool
+    ) -> None:
+        if driven:
+            return
+        offset_m = estimate.lateral_offset_m
+        seen_m = math.nan if offset_m is None else offset_m
+        fear = self._decision.fear if self._decision else math.nan
+        self._rows.append((now_s, self._state.y_m, self._state.yaw_rad, seen_m, unseen, fear))
+        self._engaged.append(self._decision is not None and self._decision.mode is not Mode.STOP)
+        self._views = [*self._views[:1], view]
+
+    def _result(self) -> Resimulation:
+        t_s, offset_m, heading_rad, seen_m, unseen, fear = np.array(self._rows, float).T
+        return Resimulation(
+            t_s=t_s,
+            offset_m=offset_m,
+            heading_rad=heading_rad,
+            seen_m=seen_m,
+            unseen=unseen,
+            fear=fear,
+            interventions=self._interventions,
+            engaged_share=float(np.mean(self._engaged)),
+            first=self._views[0],
+            last=self._views[-1],
+        )
+
+
+def _integral(t_s: Array, rates: Array) -> Array:
+    """∫ rate dt from the start, by trapezia."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(t_s) * (rates[1:] + rates[:-1]) / 2)])
