@@ -15,8 +15,8 @@ from sim_harness.sweep.processes import in_this_process, on_processes
 
 RUNS_HERE, RUNS_ELSEWHERE, JOBS = 50, 50, 2
 SIMULATED_S = 5.0
-CASES = 12  # an even number, of equal length: what is measured is the machinery, not how cases happen to fit
-CASE_S = 12.0
+CASES = 16  # an even number, of equal length: what is measured is the machinery, not how cases happen to fit
+CASE_S = 20.0  # long enough for the start of a worker, 1 to 2 s, to be a small part
 ROUNDS = 2
 
 
@@ -41,7 +41,7 @@ def bench_determinism(here: int = RUNS_HERE, elsewhere: int = RUNS_ELSEWHERE) ->
 
 
 def bench_sweep(cases: int = CASES, case_s: float = CASE_S) -> dict[str, Any]:
-    """Two jobs against one on the same cases, start of the workers included; medians would need more rounds.
+    """Two jobs against one on the same cases, start of the workers included; the two take turns.
 
     ``speed_up`` is of wall-clock time and needs two free cores; ``speed_up_by_cpu`` is what the processor time that
     both took leaves of a factor of two, whoever else is on the machine.
