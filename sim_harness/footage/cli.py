@@ -63,7 +63,7 @@ def resimulate_verb(
     if estimator not in ESTIMATORS:
         raise InputError(f"no estimator {estimator!r}; there are {', '.join(ESTIMATORS)}")
     cv2.setNumThreads(1)
-    known = load(camera, Camera) if camera else _assumed(clip)
+    known = load(camera, Camera) if camera else assumed_camera(clip)
     drive = load_drive(clip, known, speed_mps=speed, log=log, scale=scale, skip=skip, most=frames)
     if picture is not None:
         _draw(drive, picture)
@@ -91,7 +91,7 @@ def _runs(drive: Drive, starts: tuple[tuple[float, float], ...], estimator: str)
         }
 
 
-def _assumed(clip: Path) -> Camera:
+def assumed_camera(clip: Path) -> Camera:
     """A typical camera with the horizon of the clip, as `trepid estimate` assumes one."""
     print(
         "no --camera given: metres rest on an assumed camera, its horizon found in the clip", file=sys.stderr
