@@ -37,17 +37,20 @@ class Lane(NamedTuple):
 
     def after(self, dt_s: float, *, speed_mps: float, yaw_rate_radps: float) -> "Lane":
         """The lane as seen ``dt_s`` later (midpoint rule, second order)."""
-        middle = _shifted(self, 0.5 * dt_s, self, speed_mps, yaw_rate_radps)
-        return Lane(*_shifted(self, dt_s, middle, speed_mps, yaw_rate_radps))
+        return Lane(*lane_after(self, dt_s, speed_mps, yaw_rate_radps))
 
 
-_Clothoid = tuple[float, float, float, float, float]
+Clothoid = tuple[float, float, float, float, float]
 """The fields of a lane. Between two lanes that somebody holds, a bare tuple does."""
 
 
-def _shifted(
-    lane: _Clothoid, dt_s: float, by: _Clothoid, speed_mps: float, yaw_rate_radps: float
-) -> _Clothoid:
+def lane_after(lane: Clothoid, dt_s: float, speed_mps: float, yaw_rate_radps: float) -> Clothoid:
+    """:meth:`Lane.after` for many short spans on end."""
+    middle = _shifted(lane, 0.5 * dt_s, lane, speed_mps, yaw_rate_radps)
+    return _shifted(lane, dt_s, middle, speed_mps, yaw_rate_radps)
+
+
+def _shifted(lane: Clothoid, dt_s: float, by: Clothoid, speed_mps: float, yaw_rate_radps: float) -> Clothoid:
     """``lane`` from ``dt_s`` later at the rates s', e', ψ' that hold at ``by``."""
     offset_m, heading_rad, curvature_1pm, rate_1pm2, lookahead_m = lane
     by_offset_m, by_heading_rad, by_curvature_1pm, _, _ = by

@@ -166,7 +166,9 @@ class Limiter:
         limits = self._limits
         rate = self._vehicle.max_road_wheel_rate_radps
         if command is None:
-            wanted_rad = self._angle(self._curvature_1pm, speed_mps)
+            wanted_rad = angle_from_curvature(
+                self._curvature_1pm, speed_mps=self._modelled(speed_mps), vehicle=self._vehicle
+            )
         else:
             wanted_rad = command.road_wheel_angle_rad
             if 0.0 < command.road_wheel_rate_radps < rate:
@@ -188,15 +190,15 @@ class Limiter:
         )
 
     def _angles(self, centre_mps2: float, reach_mps2: float, speed_mps: float) -> Interval:
-        """Angles whose lateral acceleration is within ``centre`` ± ``reach``."""
+        """Angles δ(κ), which rise in κ, whose lateral acceleration is within ``centre`` ± ``reach``."""
         speed2 = speed_mps * speed_mps
         speed2 = speed2 if speed2 > _MIN_SPEED2_M2PS2 else _MIN_SPEED2_M2PS2
         low, high = (centre_mps2 - reach_mps2) / speed2, (centre_mps2 + reach_mps2) / speed2
-        return self._angle(low, speed_mps), self._angle(high, speed_mps)
-
-    def _angle(self, curvature_1pm: float, speed_mps: float) -> float:
-        """δ(κ), rising in κ."""
-        return angle_from_curvature(curvature_1pm, speed_mps=self._modelled(speed_mps), vehicle=self._vehicle)
+        model_mps = self._modelled(speed_mps)
+        return (
+            angle_from_curvature(low, speed_mps=model_mps, vehicle=self._vehicle),
+            angle_from_curvature(high, speed_mps=model_mps, vehicle=self._vehicle),
+        )
 
     def _modelled(self, speed_mps: float) -> float:
         """The speed up to which the bicycle model is believed."""

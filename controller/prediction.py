@@ -14,7 +14,7 @@ import math
 from collections import deque
 
 from controller.bicycle import curvature_from_angle, yaw_rate
-from controller.lane import Lane
+from controller.lane import Clothoid, Lane, lane_after
 from trepid.bounds import at_least, at_most, within
 from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle
@@ -62,12 +62,13 @@ class Predictor:
         new = len(motion)
         while new > 1 and motion[new - 1][0] > valid_s:
             new -= 1
+        moved: Clothoid = lane
         for i in range(new, len(motion)):
             (t0, v0, r0), (t1, v1, r1) = motion[i - 1], motion[i]
             if t1 > valid_s:
                 dt_s = t1 - at_least(valid_s, t0)
-                lane = lane.after(dt_s, speed_mps=0.5 * (v0 + v1), yaw_rate_radps=0.5 * (r0 + r1))
-        return lane, at_least(motion[-1][0], valid_s) if motion else valid_s
+                moved = lane_after(moved, dt_s, 0.5 * (v0 + v1), 0.5 * (r0 + r1))
+        return Lane(*moved), at_least(motion[-1][0], valid_s) if motion else valid_s
 
     def when_steering_acts(self, lane: Lane, *, valid_s: float, now_s: float) -> Lane:
         """``lane``, valid at ``valid_s``, as the last vehicle state or later, at ``now_s`` plus the dead time."""
@@ -77,6 +78,7 @@ class Predictor:
 
     def _along_commanded(self, lane: Lane, from_s: float, to_s: float, speed_mps: float) -> Lane:
         """Before the first command that is remembered, whatever holds the wheel where it is."""
+        moved: Clothoid = lane
         wheel_rad = demand_rad = self._wheel_rad
         for due_s, next_rad in (*self._commands, (math.inf, 0.0)):
             constant_s = at_most(to_s, due_s)
@@ -85,10 +87,10 @@ class Predictor:
                 before_rad, dt_s = wheel_rad, until_s - from_s
                 wheel_rad = self._wheel_after(wheel_rad, demand_rad, dt_s)
                 rate = self._model_yaw_rate(0.5 * (before_rad + wheel_rad), speed_mps)
-                lane = lane.after(dt_s, speed_mps=speed_mps, yaw_rate_radps=rate)
+                moved = lane_after(moved, dt_s, speed_mps, rate)
                 from_s = until_s
             demand_rad = next_rad
-        return lane
+        return Lane(*moved)
 
     def _wheel_after(self, wheel_rad: float, demand_rad: float, dt_s: float) -> float:
         share = 1.0 - math.exp(-dt_s / self._lag_s) if self._lag_s > 0.0 else 1.0

@@ -128,6 +128,9 @@ class Recorder:
         self._estimators = estimators
         self._rows: list[tuple[float | None, ...]] = []
         self._codes: dict[str, dict[str, int]] = {label: {} for label in LABELS}
+        self._decision: Decision | None = None  # the newest one, ...
+        self._decided: tuple[float | None, ...] = _NO_DECISION  # ... its numbers, ...
+        self._labels: tuple[int, ...] = (-1,) * (len(LABELS) - 1)  # ... and the codes of its words
 
     def add(
         self,
@@ -138,11 +141,17 @@ class Recorder:
         estimates: Mapping[str, SteeringEstimate | None],
     ) -> None:
         """Append one sample: the truth and the latest of everything else."""
+        if decision is not self._decision:  # decisions cannot change: read each of them once
+            self._decision = decision
+            self._decided = _DECISION(decision) if decision else _NO_DECISION
+            self._labels = tuple(
+                [self._code(label, getattr(decision, label)) if decision else -1 for label in LABELS[1:]]
+            )
         row = [*_TRUTH(truth), *_STATE(state)]
         row += _COMMAND(command) if command else _NO_COMMAND
-        row += _DECISION(decision) if decision else _NO_DECISION
+        row += self._decided
         row.append(self._code("section", truth.section))
-        row += [self._code(label, getattr(decision, label)) if decision else -1 for label in LABELS[1:]]
+        row += self._labels
         for name in self._estimators:
             estimate = estimates.get(name)
             row += _ESTIMATE(estimate) if estimate else _NO_ESTIMATE

@@ -23,6 +23,7 @@ from scipy.spatial import cKDTree
 
 from sim_harness.roads.appearance import LaneWidth, Section
 from sim_harness.roads.features import Junction, MarkKind, RoadMark
+from trepid.bounds import at_least, within
 from trepid.config import CONFIG_DIR, InputError, Settings, load, wrong_at
 
 Array = NDArray[np.float64]
@@ -205,14 +206,16 @@ class Road:
 
     def heading_at(self, station_m: float) -> float:
         """Heading of the reference line, running on over full turns within one round."""
+        station_m = self.wrapped(station_m)
         start, _, _, heading, curvature, rate = self._interval_at(station_m)
-        run = self.wrapped(station_m) - start
+        run = station_m - start
         return heading + run * (curvature + 0.5 * rate * run)
 
     def curvature_at(self, station_m: float) -> float:
         """Curvature [1/m] of the reference line, + = bends left."""
+        station_m = self.wrapped(station_m)
         start, _, _, _, curvature, rate = self._interval_at(station_m)
-        return curvature + rate * (self.wrapped(station_m) - start)
+        return curvature + rate * (station_m - start)
 
     def width_at(self, station_m: float) -> float:
         """Width of the lane [m]: linear along each section."""
@@ -237,7 +240,7 @@ class Road:
         return min(max(run_m / (self._section_ends[index] - self._section_starts[index]), 0.0), 1.0)
 
     def _section_index(self, station_m: float) -> int:
-        station_m = station_m % self.length_m if self.closed else max(station_m, 0.0)
+        station_m = station_m % self.length_m if self.closed else at_least(station_m, 0.0)
         return bisect_right(self._section_starts, station_m) - 1
 
     def transition_at(self, station_m: float, ramp_m: float) -> tuple[Section, Section, float]:
@@ -266,8 +269,8 @@ class Road:
             cos, sin = math.cos(heading), math.sin(heading)
             dx, dy = x_m - x, y_m - y
             offset = dy * cos - dx * sin
-            step = (dx * cos + dy * sin) / max(1 - curvature * offset, MIN_SLOPE)
-            station += min(max(step, -MAX_STEP_M), MAX_STEP_M)
+            step = (dx * cos + dy * sin) / at_least(1 - curvature * offset, MIN_SLOPE)
+            station += within(step, MAX_STEP_M)
             if abs(step) < LAST_STEP_M:
                 break
         return FootPoint(self.wrapped(station), offset, heading + curvature * step, curvature)
@@ -277,12 +280,13 @@ class Road:
         return station_m % self.length_m if self.closed else station_m
 
     def _pose_at(self, station_m: float) -> tuple[float, float, float, float]:
-        return self._pose(self._interval_at(station_m), self.wrapped(station_m))
+        station_m = self.wrapped(station_m)
+        return self._pose(self._interval_at(station_m), station_m)
 
     def _interval_at(self, station_m: float) -> list[float]:
-        """The row of the table that a station lies in; an open road's first and last reach on."""
-        index = bisect_right(self._stations, self.wrapped(station_m)) - 1
-        return self._intervals[max(index, 0)]
+        """The row of the table that a wrapped station lies in; an open road's first and last reach on."""
+        index = bisect_right(self._stations, station_m) - 1
+        return self._intervals[index if index > 0 else 0]
 
     @staticmethod
     def _pose(interval: list[float], station_m: float) -> tuple[float, float, float, float]:
