@@ -20,7 +20,7 @@ from rich.table import Table
 
 from perception.estimators import ESTIMATORS, build
 from perception.image_statistics import ImageStatistician
-from sim_harness.lockstep.closed_loop import run
+from sim_harness.lockstep.bench import bench_lockstep
 from sim_harness.lockstep.seeds import bench_seeds
 from sim_harness.plants.bench import bench_plants
 from sim_harness.render.ground import Ground
@@ -150,13 +150,6 @@ def bench_perception() -> dict[str, Any]:
         name: {**summary_ms(times), "ratio_to_bare_chain": round(float(np.median(times)) / peer_s, 2)}
         for name, times in times_s.items()
     }
-
-
-def bench_lockstep() -> dict[str, Any]:
-    """Real-time factor of a lap of the circuit in lock-step, with rendering and both estimators."""
-    cv2.setNumThreads(1)
-    factors = [run(load_scenario("circuit"), seed=seed).realtime_factor for seed in range(3)]
-    return {"realtime_factor": round(float(np.median(factors)), 2), "runs": [round(f, 2) for f in factors]}
 
 
 BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {

@@ -31,7 +31,7 @@ def test_ours_and_commonroads_models_are_measured_in_one_run(monkeypatch):
 def test_a_step_of_the_batch_counts_for_each_vehicle_and_no_peer_means_no_ratio(monkeypatch):
     monkeypatch.setitem(sys.modules, "vehiclemodels.init_mb", None)
     monkeypatch.setitem(sys.modules, "highway_env", None)
-    monkeypatch.setattr(bench, "_steps_per_s", lambda advance: 10.0)
+    monkeypatch.setattr(bench, "steps_per_s", lambda advance: 10.0)
     with pytest.warns(UserWarning, match="left out"):
         rows = bench.bench_plants()
     assert rows["kinematic"] == {"steps_per_s": 10}
@@ -41,6 +41,6 @@ def test_a_step_of_the_batch_counts_for_each_vehicle_and_no_peer_means_no_ratio(
 def test_every_contestant_moves_its_vehicle():
     """What is counted is a step: with nothing to do, the rate would mean nothing."""
     calls = []
-    assert bench._steps_per_s(calls.append) > 0
+    assert bench.steps_per_s(calls.append) > 0
     assert calls == list(range(len(calls)))
     assert len(calls) > 1

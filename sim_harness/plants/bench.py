@@ -44,17 +44,24 @@ def bench_plants() -> dict[str, Any]:
         "single_track": (_plant(Model.SINGLE_TRACK, vehicle), 1),
         f"kinematic_batch_of_{BATCH}": (_batch(vehicle), BATCH),
     }
-    with _optional():
-        contestants |= {name: (advance, 1) for name, advance in _commonroad(vehicle).items()}
-    with _optional():
-        contestants["highway_env_lane_keeping"] = (_lane_keeping(), 1)
+    contestants |= {name: (advance, 1) for name, advance in peers(vehicle).items()}
     rates: dict[str, list[float]] = {name: [] for name in contestants}
     for _ in range(TURNS):
         for name, (advance, vehicles) in contestants.items():
-            rates[name].append(vehicles * _steps_per_s(advance))
+            rates[name].append(vehicles * steps_per_s(advance))
     medians = {name: float(np.median(values)) for name, values in rates.items()}
     rows: dict[str, Any] = {name: _row(rate, medians.get(PEER)) for name, rate in medians.items()}
     return rows | {"peers": _versions()}
+
+
+def peers(vehicle: Vehicle) -> dict[str, Advance]:
+    """The peers that are installed."""
+    found: dict[str, Advance] = {}
+    with _optional():
+        found |= _commonroad(vehicle)
+    with _optional():
+        found["highway_env_lane_keeping"] = _lane_keeping()
+    return found
 
 
 def _row(rate: float, peer: float | None) -> dict[str, float]:
@@ -80,7 +87,7 @@ def _optional() -> Iterator[None]:
         warnings.warn(f"left out: {error}; pip install 'trepid[bench]'", stacklevel=3)
 
 
-def _steps_per_s(advance: Advance) -> float:
+def steps_per_s(advance: Advance) -> float:
     """Calls of ``advance`` per second of this process's computing time, over one turn."""
     steps, started_s = 0, time.process_time()
     while (passed_s := time.process_time() - started_s) < TURN_S:
