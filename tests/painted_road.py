@@ -62,7 +62,7 @@ def plan(
     """The ground of a straight road, painted at the finest level."""
     image, x0, y0 = Ground(road, seed=seed).crop(0, np.array([from_m, right_m]), np.array([to_m, left_m]))
     rows, columns = image.shape[:2]
-    return Plan(image, x0 + PIXEL_M * np.arange(columns), y0 + PIXEL_M * np.arange(rows))
+    return Plan(image[:, :, :3], x0 + PIXEL_M * np.arange(columns), y0 + PIXEL_M * np.arange(rows))
 
 
 def centres_m(mask: np.ndarray, places_m: np.ndarray) -> list[float]:

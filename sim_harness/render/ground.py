@@ -5,7 +5,7 @@ by at most step²/(8 R), 1.3 mm at R = 15 m on the finest level) and looks its c
 """
 
 import math
-from collections import OrderedDict
+from functools import partial
 
 import cv2
 import numpy as np
@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 from sim_harness.render.noise import smooth_noise
 from sim_harness.render.road_strip import RoadStrip
 from sim_harness.render.side_roads import arms_of, lay_arm
-from sim_harness.render.strip_grid import LEVELS_M, Bytes
+from sim_harness.render.strip_grid import LEVELS_M, ROWS, Bytes
+from sim_harness.render.tiles import TILE_PX, Tiles
 from sim_harness.roads.appearance import Verge
 from sim_harness.roads.road import Road
 
-TILE_PX = (512, 512, 256, 256, 256)
 STEP_PX = (16, 16, 8, 4, 4)  # of the coarse grid
+FIRST_LARGE_LEVEL, GROUP = 3, 4  # from this level on, points far from the road are asked for by groups
 VERGE_PX = 1024  # period of the verge at the finest level
-MAX_TILES = (64, 48, 256, 128, 128)  # kept at each level: 190 MB at most
+MAX_TILES = (192, 160, 192, 128, 128)  # kept at each level, 256 kB each: 210 MB at most
 OUTSIDE = -1e4  # a source coordinate that lies in no image
 
 VERGE_BGR = {
@@ -53,78 +54,76 @@ class Ground:
         )
         self._verge = _verge_levels(rng)
         self._phase = rng.uniform(0, math.tau, 4)
-        self._tiles: list[OrderedDict[tuple[int, int], Bytes]] = [OrderedDict() for _ in LEVELS_M]
+        self._tiles = [
+            Tiles(partial(self._paint, level), pixel_m=pixel_m, most=most)
+            for level, (pixel_m, most) in enumerate(zip(LEVELS_M, MAX_TILES, strict=True))
+        ]
 
     def crop(
         self, level: int, low: NDArray[np.float64], high: NDArray[np.float64]
     ) -> tuple[Bytes, float, float]:
         """Image of the rectangle from ``low`` to ``high`` (x, y), and the x and y of its first pixel's centre.
 
-        Columns run along x, rows along y, LEVELS_M[level] apart.
+        Columns run along x, rows along y, LEVELS_M[level] apart; BGR and a fourth channel without meaning.
         """
-        size = TILE_PX[level]
-        pixel_m = LEVELS_M[level]
-        c0, r0 = (math.floor(v / pixel_m) for v in low)
-        c1, r1 = (math.ceil(v / pixel_m) for v in high)
-        image = np.empty((r1 - r0, c1 - c0, 3), np.uint8)
-        for row in range(r0 // size, (r1 - 1) // size + 1):
-            rows = slice(max(row * size, r0), min((row + 1) * size, r1))
-            for column in range(c0 // size, (c1 - 1) // size + 1):
-                columns = slice(max(column * size, c0), min((column + 1) * size, c1))
-                tile = self._tile(level, column, row)
-                image[rows.start - r0 : rows.stop - r0, columns.start - c0 : columns.stop - c0] = tile[
-                    rows.start - row * size : rows.stop - row * size,
-                    columns.start - column * size : columns.stop - column * size,
-                ]
-        return image, (c0 + 0.5) * pixel_m, (r0 + 0.5) * pixel_m
+        return self._tiles[level].crop(low, high)
 
     def prepaint(self) -> None:
         """Paint the whole carriageway and what is seen of it from afar."""
         for station_m in np.arange(0, self.road.length_m, 20.0):
             centre = np.array(self.road.position(station_m, 0.0))
-            self.crop(2, centre - 25, centre + 25)
-            self.crop(3, centre - 45, centre + 45)
-            self.crop(4, centre - 220, centre + 220)
+            for level, reach_m in ((2, 25), (3, 45), (4, 220)):
+                self._tiles[level].paint_all(centre - reach_m, centre + reach_m)
 
     def paint_one(self, level: int, points: NDArray[np.float64]) -> bool:
-        """Paint the first missing tile below ``points`` (x, y), shape (n, 2); whether there was one."""
-        cells = np.floor(points / (TILE_PX[level] * LEVELS_M[level])).astype(int).tolist()
-        missing = next((cell for cell in cells if tuple(cell) not in self._tiles[level]), None)
-        if missing is not None:
-            self._tile(level, *missing)
-        return missing is not None
-
-    def _tile(self, level: int, column: int, row: int) -> Bytes:
-        tiles, key = self._tiles[level], (column, row)
-        if key in tiles:
-            tiles.move_to_end(key)
-        else:
-            tiles[key] = self._paint(level, column, row)
-            if len(tiles) > MAX_TILES[level]:
-                tiles.popitem(last=False)
-        return tiles[key]
+        """Paint the first missing tile around ``points`` (x, y), shape (n, 2); whether there was one."""
+        return self._tiles[level].paint_one(points.min(axis=0), points.max(axis=0))
 
     def _paint(self, level: int, column: int, row: int) -> Bytes:
-        size, step = TILE_PX[level], STEP_PX[level]
+        size, step = TILE_PX, STEP_PX[level]
         cells = size // step + 2  # one beyond each side, for the interpolation
         points = _cell_centres(level, column, row, cells)
-        station, offset = (a.reshape(cells, cells) for a in self.road.nearest_coordinates(points, steps=2).T)
+        station, offset = self._coordinates(level, points)
         tile = self._verge_tile(level, column, row, points, station)
         if self._arms:
             self._lay_arms(tile, level, column, row)
-        cell_m = step * LEVELS_M[level]
-        right_m = self.strip.grid.right_m
-        reach_m = max(self.strip.grid.left_m, -right_m)
-        near = np.abs(offset) < reach_m + 2 * cell_m
+        tile = np.asarray(cv2.cvtColor(tile, cv2.COLOR_BGR2BGRA), np.uint8)
+        right_m, left_m = self.strip.grid.right_m, self.strip.grid.left_m
+        spare_m = 2 * step * LEVELS_M[level]
+        near = (offset > right_m - spare_m) & (offset < left_m + spare_m)
         if near.any():
             box, pixels = _box(near, step)
             station, offset, near = station[box], offset[box], near[box]
             distance = _spread(np.abs(offset), step)
             columns = _spread((offset - right_m) / LEVELS_M[level] - 0.5, step)
-            columns[distance > reach_m] = OUTSIDE
+            columns[distance > max(left_m, -right_m)] = OUTSIDE
             for first, count in self._runs(self.strip.block_at(station[near])):
                 self._lay(tile[pixels], level, first, count, station, near, columns)
         return tile
+
+    def _coordinates(self, level: int, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Station and offset of a tile's grid of points, (cells, cells, 2) -> twice (cells, cells).
+
+        On a large tile most of them lie far from the road and give only the colour of the land, so those take the
+        coordinates of a point among each GROUP² neighbours, unless the colour changes somewhere in the tile.
+        """
+        cells = len(points)
+        if level < FIRST_LARGE_LEVEL:
+            station, offset = self.road.nearest_coordinates(points.reshape(-1, 2), steps=2).T
+            return station.reshape(cells, cells), offset.reshape(cells, cells)
+        middles = np.minimum(np.arange(0, cells, GROUP) + GROUP // 2, cells - 1)
+        rough = self.road.nearest_coordinates(points[np.ix_(middles, middles)].reshape(-1, 2), steps=2)
+        colours = self._verge_bgr[self.road.section_indices(rough[:, 0])]
+        rough = rough.reshape(len(middles), len(middles), 2)
+        station, offset = np.moveaxis(rough.repeat(GROUP, axis=0).repeat(GROUP, axis=1)[:cells, :cells], 2, 0)
+        reach_m = max(self.strip.grid.left_m, -self.strip.grid.right_m)
+        spare_m = (
+            (2 + GROUP) * STEP_PX[level] * LEVELS_M[level]
+        )  # no point is GROUP steps from its group's middle
+        close = np.abs(offset) < reach_m + spare_m
+        close |= (colours != colours[0]).any()
+        station[close], offset[close] = self.road.nearest_coordinates(points[close], steps=2).T
+        return station, offset
 
     def _runs(self, blocks: NDArray[np.int64]) -> list[tuple[int, int]]:
         """Runs (first, count) of neighbouring blocks; on a closed road the last block neighbours the first."""
@@ -157,39 +156,42 @@ class Ground:
         if self.road.closed:
             along = along % self.road.length_m
         along = np.where(near & (along >= 0) & (along <= length_m), along, OUTSIDE)
-        block = strip.run(first, count, level)
-        rows = _spread(along * (len(block.colour) / length_m) - 0.5, STEP_PX[level])
+        height = count * (ROWS >> level)
+        rows = along * (height / length_m) - 0.5
+        inside = rows[along != OUTSIDE]
+        part = slice(max(math.floor(inside.min()), 0), min(math.ceil(inside.max()) + 1, height))
+        block = strip.run(first, level, part)
+        rows = _spread(rows, STEP_PX[level]) - part.start
         bent = cv2.remap(block.colour, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-        mask = bent[:, :, 3].astype(np.float32) / 255
-        tile[:] = cv2.blendLinear(np.ascontiguousarray(bent[:, :, :3]), tile, mask, 1 - mask)
+        mask = np.divide(bent[:, :, 3], 255, dtype=np.float32)
+        tile[:] = cv2.blendLinear(bent, tile, mask, 1 - mask)
         if block.shade is not None:
             shade = cv2.remap(block.shade, columns, rows, cv2.INTER_LINEAR, borderValue=255)
-            tile[:] = cv2.multiply(tile, cv2.merge([shade] * 3), scale=1 / 255)
+            tile[:] = cv2.multiply(tile, cv2.merge([shade] * 4), scale=1 / 255)
 
     def _verge_tile(
         self, level: int, column: int, row: int, points: NDArray[np.float64], station: NDArray[np.float64]
     ) -> Bytes:
         """The land beside the road."""
-        cells = len(station)
         a, b, c, d = self._phase
-        x, y = points.T
+        x, y = np.moveaxis(points, 2, 0)
         wave = (
             np.sin(x / 7 + a) * np.sin(y / 9 + b) + np.sin(x / 23 + y / 31 + c) + np.sin(y / 17 - x / 41 + d)
         )
-        colours = self._verge_bgr[self.road.section_indices(station.ravel())] * (1 + 0.06 * wave[:, None])
-        tint = _spread(colours.reshape(cells, cells, 3), STEP_PX[level])
+        colours = self._verge_bgr[self.road.section_indices(station)] * (1 + 0.06 * wave[:, :, None])
+        tint = _spread(colours, STEP_PX[level])
         grain = self._grain(level, column, row)
         return np.asarray(cv2.multiply(cv2.convertScaleAbs(tint, beta=-0.5), grain, scale=1 / 128), np.uint8)
 
     def _grain(self, level: int, column: int, row: int) -> Bytes:
         """The periodic texture of the land, around 128, on one tile."""
-        noise, size = self._verge[level], TILE_PX[level]
+        noise, size = self._verge[level], TILE_PX
         top, left = row * size % len(noise), column * size % len(noise)
         return noise[top : top + size, left : left + size]
 
     def _lay_arms(self, tile: Bytes, level: int, column: int, row: int) -> None:
         """Paint the side roads that touch the tile."""
-        size = TILE_PX[level]
+        size = TILE_PX
         run_m = (np.arange(size, dtype=np.float64) + 0.5) * LEVELS_M[level]
         tile_m = size * LEVELS_M[level]
         for arm in self._arms:
@@ -197,18 +199,18 @@ class Ground:
 
 
 def _cell_centres(level: int, column: int, row: int, cells: int) -> NDArray[np.float64]:
-    """World points of the coarse grid of a tile, shape (cells², 2), row by row."""
+    """World points (x, y) of the coarse grid of a tile, shape (cells, cells, 2)."""
     step_m = STEP_PX[level] * LEVELS_M[level]
-    tile_m = TILE_PX[level] * LEVELS_M[level]
+    tile_m = TILE_PX * LEVELS_M[level]
     run = (np.arange(cells) - 0.5) * step_m
     x, y = np.meshgrid(column * tile_m + run, row * tile_m + run)
-    return np.column_stack([x.ravel(), y.ravel()])
+    return np.stack([x, y], axis=2)
 
 
 def _spread(values: NDArray[np.float64], step: int) -> NDArray[np.float32]:
     """Values at cell centres interpolated to every pixel of the tile, without the outer ring of cells."""
     wide = cv2.resize(values.astype(np.float32), None, fx=step, fy=step, interpolation=cv2.INTER_LINEAR)
-    return np.ascontiguousarray(wide[step:-step, step:-step], np.float32)
+    return np.asarray(wide[step:-step, step:-step], np.float32)
 
 
 def _box(near: NDArray[np.bool_], step: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
@@ -233,10 +235,10 @@ def _verge_levels(rng: np.random.Generator) -> list[Bytes]:
         levels.append(
             np.asarray(cv2.resize(levels[-1], (size, size), interpolation=cv2.INTER_AREA), np.uint8)
         )
-    return [_tiled(noise, size) for noise, size in zip(levels, TILE_PX, strict=True)]
+    return [_tiled(noise) for noise in levels]
 
 
-def _tiled(noise: Bytes, size: int) -> Bytes:
-    """A square periodic texture repeated to at least ``size`` pixels, in three equal channels."""
-    repeats = -(-size // len(noise))
+def _tiled(noise: Bytes) -> Bytes:
+    """A square periodic texture repeated to at least TILE_PX pixels, in three equal channels."""
+    repeats = -(-TILE_PX // len(noise))
     return np.asarray(cv2.merge([np.tile(noise, (repeats, repeats))] * 3), np.uint8)

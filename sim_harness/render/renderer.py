@@ -187,7 +187,6 @@ class Renderer:
             )
             crop_from_world = np.array([[1, 0, -x0], [0, 1, -y0], [0, 0, pixel_m]]) / pixel_m
             matrix = crop_from_world @ world_from_road @ band.road_from_pixel
-            crop = np.asarray(cv2.cvtColor(crop, cv2.COLOR_BGR2BGRA), np.uint8)
             size = (image.shape[1], (band.bottom - band.top) * band.rows_per_row)
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
             drawn = cv2.warpPerspective(crop, matrix, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)

@@ -24,7 +24,7 @@ __all__ = ["LEVELS_M", "Block", "Bytes", "RoadStrip"]
 T = TypeVar("T")
 
 NOMINAL_BLOCK_M = ROWS * LEVELS_M[0]
-MAX_FINEST, MAX_COARSER = 12, 128  # blocks kept: 2 MB each at the finest level, 0.7 MB for all others
+MAX_FINEST, MAX_COARSER = 48, 128  # blocks kept: 2 MB each at the finest level, 0.7 MB for all others
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +33,10 @@ class Block:
 
     colour: Bytes
     shade: Bytes | None
+
+    def rows(self, part: slice) -> "Block":
+        """A part of it."""
+        return Block(self.colour[part], None if self.shade is None else self.shade[part])
 
 
 class RoadStrip:
@@ -58,14 +62,20 @@ class RoadStrip:
         """Index of the block at each station."""
         return np.floor(station_m / self.block_m).astype(np.int64)
 
-    def run(self, first: int, count: int, level: int) -> Block:
-        """``count`` blocks from block ``first`` on, joined."""
-        blocks = [self._block(first + i, level) for i in range(count)]
-        if all(block.shade is None for block in blocks):
+    def run(self, first: int, level: int, rows: slice) -> Block:
+        """``rows`` of a level, counted from the start of block ``first`` on; they may lie in many blocks."""
+        height = ROWS >> level
+        pieces = []
+        for start in range(rows.start // height * height, rows.stop, height):
+            block = self._block(first + start // height, level)
+            pieces.append(block.rows(slice(max(rows.start - start, 0), min(rows.stop - start, height))))
+        if len(pieces) == 1:
+            return pieces[0]
+        if all(piece.shade is None for piece in pieces):
             shade = None
         else:
-            shade = np.concatenate([_shade_or_light(block) for block in blocks])
-        return Block(np.concatenate([block.colour for block in blocks]), shade)
+            shade = np.concatenate([_shade_or_light(piece) for piece in pieces])
+        return Block(np.concatenate([piece.colour for piece in pieces]), shade)
 
     def _block(self, index: int, level: int) -> Block:
         index = index % self.count if self.road.closed else index

@@ -76,7 +76,8 @@ def plan_view(ground: Ground, station_m: float, width_px: int) -> Bytes:
     image, left_m, top_m = ground.crop(PLAN_LEVEL, low, high)
     size_m = LEVELS_M[PLAN_LEVEL]
     maps = [((x - left_m) / size_m).astype(np.float32), ((y - top_m) / size_m).astype(np.float32)]
-    return np.asarray(cv2.remap(image, maps[0], maps[1], cv2.INTER_LINEAR), np.uint8)
+    drawn = cv2.remap(image, maps[0], maps[1], cv2.INTER_LINEAR)
+    return np.asarray(cv2.cvtColor(drawn, cv2.COLOR_BGRA2BGR), np.uint8)
 
 
 def stack(sheets: list[Bytes]) -> Bytes:
