@@ -1,15 +1,19 @@
-"""``trepid vehicle``: the bicycle model on the command line."""
+"""``trepid vehicle``: the bicycle model on the command line, and its parameters from a log."""
 
 import json
 import math
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.bicycle import kinematic_angle, understeer_angle
+from controller.bicycle import GRAVITY_MPS2, kinematic_angle, understeer_angle
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
 from trepid.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from controller.identification import Parameter
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -48,6 +52,77 @@ def steer(
         return
     for name, number in angles.items():
         typer.echo(f"{name:32} {number:+.6f}")
+
+
+@app.command()
+def identify(
+    log: Annotated[Path, typer.Argument(help="Recording (.mcap), trace (.npz) or table (.csv).")],
+    vehicle: Annotated[
+        Path, typer.Option(help="Vehicle file: wheelbase, rate limit, first guess of the ratio.")
+    ] = CONFIG_DIR / "vehicle.yaml",
+    known_ratio: Annotated[
+        bool, typer.Option("--known-ratio", help="Hold the steering ratio of the vehicle file.")
+    ] = False,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Print what the log does not excite enough, too.")
+    ] = False,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=COLUMN", help="Which column of a table is meant; -COLUMN: reversed."),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a field of the vehicle file."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
+) -> int:
+    """Understeer, ratio, offset, dead time and lag of the steering from a log, with 95 % confidence intervals.
+
+    Exit code 1, and why, when the log lacks what tells them.
+    """
+    from controller.drive_log import read_log  # scipy and MCAP take a second; `steer` needs neither
+    from controller.identification import identify_understeer
+    from controller.steering_response import identify_response
+
+    car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
+    renamed = dict(_renaming(text) for text in column or [])
+    drive = read_log(log, renamed)
+    steady = identify_understeer(drive, car, known_ratio=known_ratio, anyway=anyway)
+    response = identify_response(drive, car)
+    found = {**steady.parameters, **response.parameters}
+    excitation = {**steady.excitation, **response.excitation}
+    refused = {
+        name: part.refused for name, part in (("understeer", steady), ("response", response)) if part.refused
+    }
+    if as_json:
+        parameters = {
+            name: {"value": p.value, "ci95": list(p.ci95), "unit": p.unit} for name, p in found.items()
+        }
+        print(json.dumps({"parameters": parameters, "excitation": excitation, "refused": refused}))
+    else:
+        for name, p in found.items():
+            print(f"{name:34} {p.value:+.5f}   95 %: {p.ci95[0]:+.5f} to {p.ci95[1]:+.5f}   {_readable(p)}")
+        for name, amount in excitation.items():
+            print(f"excited: {name:38} {amount:.4g}")
+    for name, reason in refused.items():
+        print(f"trepid: {log}: {name} not identified: {reason}", file=sys.stderr)
+    return 1 if steady.refused else 0
+
+
+def _renaming(text: str) -> tuple[str, str]:
+    name, sign, theirs = text.partition("=")
+    if not (name and sign and theirs):
+        raise InputError(f"--column {text}: expected NAME=COLUMN")
+    return name, theirs
+
+
+def _readable(parameter: "Parameter") -> str:
+    """The value in the unit in which people talk of it."""
+    if parameter.unit == "rad/(m/s²)":
+        return f"= {math.degrees(parameter.value * GRAVITY_MPS2):.2f} deg/g"
+    if parameter.unit in {"rad", "rad/s"}:
+        return f"= {math.degrees(parameter.value):.3f} {parameter.unit.replace('rad', 'deg')}"
+    return parameter.unit
 
 
 def steering(
