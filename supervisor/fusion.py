@@ -8,7 +8,7 @@ from pydantic import Field
 
 from supervisor.lane import STANDING, Lane, Motion, mean_lane, pursuit_curvature_1pm
 from supervisor.sightings import Sighting
-from trepid.bounds import at_least
+from trepid.bounds import at_least, at_most
 from trepid.config import Settings
 
 Positive = Annotated[float, Field(gt=0)]
@@ -148,7 +148,7 @@ def _disagreement(views: list[_View], lookahead_m: float) -> tuple[float | None,
         apart = abs(
             pursuit_curvature_1pm(a.ahead_m, lookahead_m) - pursuit_curvature_1pm(b.ahead_m, lookahead_m)
         )
-        share = min(a.confidence, b.confidence) / max(a.confidence, b.confidence)
+        share = at_most(b.confidence, a.confidence) / at_least(b.confidence, a.confidence)
         plain = at_least(apart, plain or 0.0)
         weighted = at_least(apart * share, weighted)
         separation_m = at_least(abs(a.lane.offset_m - b.lane.offset_m) * share, separation_m)

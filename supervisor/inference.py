@@ -27,6 +27,7 @@ import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Mapping
+from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -53,7 +54,13 @@ class FearResult(NamedTuple):
     fear: float  # 0..1
     level: str
     cause: str
-    rules: tuple[Fired, ...]  # strongest first
+    texts: tuple[str, ...]  # of the rules that fired, strongest first ...
+    strengths: tuple[float, ...]  # ... and how strongly
+
+    @property
+    def rules(self) -> tuple[Fired, ...]:
+        """The rules that fired, strongest first."""
+        return tuple(map(Fired, self.texts, self.strengths))
 
 
 class Ramp(NamedTuple):
@@ -62,6 +69,10 @@ class Ramp(NamedTuple):
     input: int  # index into the names
     zero: float
     span: float
+
+
+Firing = tuple[float, int, Rule]
+"""Strength, level of fear, and the rule."""
 
 
 class Trapezoid(NamedTuple):
@@ -87,6 +98,7 @@ class _Case(NamedTuple):
     """One way for a rule to fire: min over ramps. Filed under the first, so it is met only where that has risen."""
 
     rule: int
+    weight: float
     others: tuple[int, ...]  # the ramps after the first
 
 
@@ -98,6 +110,7 @@ class FearRules:
         self.inputs: dict[str, Input] = dict(file.inputs)
         self.names = tuple(file.inputs)
         self.rules = rules
+        self._level_of = tuple(rule.level for rule in rules)
         self._ends = [(name, *spec.range, spec.worst) for name, spec in file.inputs.items()]
         self._sets = {name: _trapezoids(spec) for name, spec in file.inputs.items()}
         self._at = tuple(action.at for action in file.fear.all)
@@ -122,16 +135,19 @@ class FearRules:
     def evaluate(self, values: Values) -> FearResult:
         """Fear of ``values`` (unit as in the file). Where one is missing, None, NaN or inf, fear is 1."""
         x, missing = self._complete(values)
-        firing = [pair for pair in zip(self._strengths(x), self.rules, strict=True) if pair[0]]
+        degrees = zip(self._strengths(x), self._level_of, self.rules, strict=True)
+        firing = [(strength, level, rule) for strength, level, rule in degrees if strength]
         truth = [0.0] * len(LEVELS)
-        for strength, rule in firing:
-            truth[rule.level] = at_least(strength, truth[rule.level])
+        for strength, level, _ in firing:
+            truth[level] = at_least(strength, truth[level])
         fear = 1.0 if missing or not firing else self._choquet(truth)
+        texts, strengths = _strongest_first(firing, [(m, self.inputs[m].riskiest_set) for m in missing])
         return FearResult(
             fear=fear,
             level=self.level(fear),
             cause=self._cause(firing, missing, fear),
-            rules=_strongest_first(firing, [(name, self.inputs[name].riskiest_set) for name in missing]),
+            texts=texts,
+            strengths=strengths,
         )
 
     def memberships(self, values: Values) -> dict[str, dict[str, float]]:
@@ -190,11 +206,13 @@ class FearRules:
             strengths[rule] = self.rules[rule].weight
         for degree, cases in zip(degrees, self._cases, strict=True):
             if degree > 0.0:
-                for rule, others in cases:
-                    weakest = at_most(degree, 1.0)
+                full = degree if degree < 1.0 else 1.0
+                for rule, weight, others in cases:
+                    weakest = full
                     for other in others:
                         weakest = at_most(degrees[other], weakest)
-                    strengths[rule] = at_least(self.rules[rule].weight * weakest, strengths[rule])
+                    strength = weight * weakest
+                    strengths[rule] = strength if strength > strengths[rule] else strengths[rule]
         return strengths
 
     def _choquet(self, truth: list[float]) -> float:
@@ -206,13 +224,13 @@ class FearRules:
                 above = strength
         return at_most(1.0, fear)
 
-    def _cause(self, firing: list[tuple[float, Rule]], missing: list[str], fear: float) -> str:
+    def _cause(self, firing: list[Firing], missing: list[str], fear: float) -> str:
         """The cause of the rule that adds most to fear; that of the missing input, if the rule rests on one."""
         if self.level_index(fear) == 0:
             return CALM
         if not firing:
             return self.inputs[missing[0]].missing if missing else SILENT_CAUSE
-        strength, rule = max(firing, key=lambda pair: pair[0] * self._at[pair[1].level])
+        strength, _, rule = max(firing, key=lambda fired: fired[0] * self._at[fired[1]])
         absent = [name for name in missing if any(a.input == name for case in rule.cases for a in case)]
         if not absent and strength * self._at[rule.level] < 1:
             absent = missing  # no rule alone accounts for a fear of 1
@@ -226,7 +244,7 @@ class FearRules:
                 continue
             ramps = [self._ramp(Ramp(i, zero, one - zero)) for i, zero, one in edges if (zero, one) != ALWAYS]
             if ramps:
-                self._cases[ramps[0]].append(_Case(index, tuple(ramps[1:])))
+                self._cases[ramps[0]].append(_Case(index, rule.weight, tuple(ramps[1:])))
             else:
                 self._always.append(index)
 
@@ -258,13 +276,20 @@ def _edge(atom: Atom, spec: Input, level: int) -> tuple[float, float]:
     return (zero, one) if zero != one else ALWAYS
 
 
-def _strongest_first(firing: list[tuple[float, Rule]], missing: list[tuple[str, str]]) -> tuple[Fired, ...]:
+def _strongest_first(
+    firing: list[Firing], missing: list[tuple[str, str]]
+) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """The missing inputs, then the rules by strength and level; a note where no rule fired."""
-    notes = [Fired(f"missing {name}: taken as {worst}", 1.0) for name, worst in missing]
+    notes = [f"missing {name}: taken as {worst}" for name, worst in missing]
     if not firing:
-        return (*notes, Fired(SILENT, 1.0))
-    ranked = sorted(firing, key=lambda pair: (-pair[0], -pair[1].level))
-    return (*notes, *(Fired(rule.text, strength) for strength, rule in ranked))
+        notes.append(SILENT)
+    ranked = sorted(
+        firing, key=itemgetter(0, 1), reverse=True
+    )  # of equals, the first in the file comes first
+    return (*notes, *[rule.text for _, _, rule in ranked]), (
+        *[1.0] * len(notes),
+        *[fired[0] for fired in ranked],
+    )
 
 
 def _trapezoids(spec: Input) -> dict[str, Trapezoid]:

@@ -12,8 +12,9 @@ class Motion(NamedTuple):
 
     def over(self, dt_s: float) -> tuple[float, float, float]:
         """Displacement (x [m], y [m], yaw [rad]) in the frame of now after ``dt_s``: chord of an arc."""
-        yaw_rad = self.yaw_rate_radps * dt_s
-        way_m = self.speed_mps * dt_s
+        speed_mps, yaw_rate_radps = self
+        yaw_rad = yaw_rate_radps * dt_s
+        way_m = speed_mps * dt_s
         return way_m * cos(yaw_rad / 2), way_m * sin(yaw_rad / 2), yaw_rad
 
 
@@ -30,18 +31,20 @@ class Lane(NamedTuple):
 
     def y_m(self, x_m: float) -> float:
         """Lateral place of the lane centre at ``x_m`` ahead, + left."""
-        curve = self.curvature_1pm / 2 + self.curvature_rate_1pm2 * x_m / 6
-        return -self.offset_m - self.heading_rad * x_m + curve * x_m**2
+        offset_m, heading_rad, curvature_1pm, rate_1pm2 = self
+        curve = curvature_1pm / 2 + rate_1pm2 * x_m / 6
+        return -offset_m - heading_rad * x_m + curve * x_m**2
 
     def after(self, motion: Motion, dt_s: float) -> "Lane":
         """The same lane from where the vehicle is ``dt_s`` later; small angles between vehicle and lane."""
         x_m, y_m, yaw_rad = motion.over(dt_s)
-        bend_rad = self.curvature_1pm * x_m + self.curvature_rate_1pm2 * x_m**2 / 2
+        _, heading_rad, curvature_1pm, rate_1pm2 = self
+        bend_rad = curvature_1pm * x_m + rate_1pm2 * x_m**2 / 2
         return Lane(
             y_m - self.y_m(x_m),
-            self.heading_rad + yaw_rad - bend_rad,
-            self.curvature_1pm + self.curvature_rate_1pm2 * x_m,
-            self.curvature_rate_1pm2,
+            heading_rad + yaw_rad - bend_rad,
+            curvature_1pm + rate_1pm2 * x_m,
+            rate_1pm2,
         )
 
 
@@ -53,9 +56,9 @@ def pursuit_curvature_1pm(y_m: float, lookahead_m: float) -> float:
 def mean_lane(lanes: list[Lane], weights: list[float]) -> Lane:
     """Mean of lanes that agree, component by component; ``weights`` sum to 1."""
     offset_m = heading_rad = curvature_1pm = curvature_rate_1pm2 = 0.0
-    for lane, weight in zip(lanes, weights, strict=True):
-        offset_m += weight * lane.offset_m
-        heading_rad += weight * lane.heading_rad
-        curvature_1pm += weight * lane.curvature_1pm
-        curvature_rate_1pm2 += weight * lane.curvature_rate_1pm2
+    for (offset, heading, curvature, rate), weight in zip(lanes, weights, strict=True):
+        offset_m += weight * offset
+        heading_rad += weight * heading
+        curvature_1pm += weight * curvature
+        curvature_rate_1pm2 += weight * rate
     return Lane(offset_m, heading_rad, curvature_1pm, curvature_rate_1pm2)

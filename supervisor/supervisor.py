@@ -197,7 +197,6 @@ class Supervisor:
     ) -> Decision:
         cap_mps = at_most(self._follower.speed_cap_mps(lead), self._settings.cruise_speed_mps * self._factor)
         lane = path.lane if path else None
-        rules, strengths = zip(*felt.rules, strict=True)
         lookahead_m = path.lookahead_m if path else self._settings.fusion.min_lookahead_m
         return Decision(
             t_s=max([s.t_s for s in seen if math.isfinite(s.t_s)], default=None),
@@ -207,8 +206,8 @@ class Supervisor:
             fear=felt.fear,
             level=felt.level,
             cause=self._mode.cause or felt.cause,
-            rules=rules,
-            rule_strengths=strengths,
+            rules=felt.texts,
+            rule_strengths=felt.strengths,
             path_t_s=path.t_s if path else None,
             lateral_offset_m=lane.offset_m if lane else None,
             heading_error_rad=lane.heading_rad if lane else None,

@@ -3,7 +3,8 @@
 By wall clock, as a user waits, and by the computing time of this process, which other work on the machine does not
 lengthen as much. A step is one vehicle period with everything that is due in it: plant, sensors, limiter and
 referee, and camera, perception, supervisor and controller at their own rates. The peers' steps are those of
-``bench plants``: CommonRoad's bare models, and highway-env's lane-keeping task, in which nothing perceives or decides.
+``bench plants``: CommonRoad's bare models, and highway-env's lane-keeping task, in which nothing perceives
+or decides.
 """
 
 import time
