@@ -15,4 +15,4 @@ def test_a_hundred_runs_in_and_across_processes_on_a_loaded_machine_have_one_has
 
 @pytest.mark.proof
 def test_two_jobs_give_the_rows_of_one():
-    assert bench_sweep(cases=4, case_s=2.0)["same_rows"]
+    assert bench_sweep(cases=4, case_s=2.0, sums=100)["same_rows"]

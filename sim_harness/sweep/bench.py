@@ -4,8 +4,9 @@ import multiprocessing
 import os
 import resource
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 from sim_harness.scenarios.sampling import Case
@@ -18,6 +19,7 @@ SIMULATED_S = 5.0
 CASES = 16  # an even number, of equal length: what is measured is the machinery, not how cases happen to fit
 CASE_S = 20.0  # long enough for the start of a worker, 1 to 2 s, to be a small part
 ROUNDS = 2
+SUMS = 6000  # of the peer, some 10 s
 
 
 def bench_determinism(here: int = RUNS_HERE, elsewhere: int = RUNS_ELSEWHERE) -> dict[str, Any]:
@@ -40,32 +42,71 @@ def bench_determinism(here: int = RUNS_HERE, elsewhere: int = RUNS_ELSEWHERE) ->
     }
 
 
-def bench_sweep(cases: int = CASES, case_s: float = CASE_S) -> dict[str, Any]:
+def bench_sweep(cases: int = CASES, case_s: float = CASE_S, sums: int = SUMS) -> dict[str, Any]:
     """Two jobs against one on the same cases, start of the workers included; the two take turns.
 
     ``speed_up`` is of wall-clock time and needs two free cores; ``speed_up_by_cpu`` is what the processor time that
-    both took leaves of a factor of two, whoever else is on the machine.
+    both took leaves of a factor of two, whoever else is on the machine. The peer says what the machine itself
+    allows: bare processes that share nothing and only add numbers.
     """
     planned = plan(by_seeds([_moving("s_curve", case_s)], range(cases)))
-    times = {jobs: [0.0, 0.0] for jobs in (1, JOBS)}
     hashes = set()
-    for jobs in [*times] * ROUNDS:
-        wall_s, cpu_s = time.perf_counter(), _children_s()
+
+    def ours(jobs: int) -> None:
         rows = {key: outcome.row["trace_sha256"] for key, outcome in on_processes(planned, jobs)}
-        times[jobs][0] += time.perf_counter() - wall_s
-        times[jobs][1] += _children_s() - cpu_s
         hashes.add(tuple(rows[key] for key in planned))
-    (one_s, one_cpu_s), (two_s, two_cpu_s) = times[1], times[JOBS]
+
+    sweep, bare = _Turns(), _Turns()
+    for jobs in (1, JOBS) * ROUNDS:
+        sweep.take(jobs, ours)
+        bare.take(jobs, partial(_add_numbers, sums))
     return {
         "cases": f"{cases} of {case_s:g} s, {ROUNDS} times",
-        "one_job_s": round(one_s, 1),
-        "two_jobs_s": round(two_s, 1),
-        "speed_up": round(one_s / two_s, 2),
-        "one_job_cpu_s": round(one_cpu_s, 1),
-        "two_jobs_cpu_s": round(two_cpu_s, 1),
-        "speed_up_by_cpu": round(JOBS * one_cpu_s / two_cpu_s, 2),
+        **sweep.found(),
+        **{f"bare_processes_{name}": value for name, value in bare.found().items()},
         "same_rows": len(hashes) == 1,
     }
+
+
+class _Turns:
+    """Wall-clock and processor time of a job on one and on two processes."""
+
+    def __init__(self) -> None:
+        self._wall_s = dict.fromkeys((1, JOBS), 0.0)
+        self._cpu_s = dict.fromkeys((1, JOBS), 0.0)
+
+    def take(self, jobs: int, work: Callable[[int], None]) -> None:
+        """Add the times of ``work`` with ``jobs`` processes, which have ended afterwards."""
+        wall_s, cpu_s = time.perf_counter(), _children_s()
+        work(jobs)
+        self._wall_s[jobs] += time.perf_counter() - wall_s
+        self._cpu_s[jobs] += _children_s() - cpu_s
+
+    def found(self) -> dict[str, float]:
+        """Times and how much faster two jobs were."""
+        return {
+            "one_job_s": round(self._wall_s[1], 1),
+            "two_jobs_s": round(self._wall_s[JOBS], 1),
+            "one_job_cpu_s": round(self._cpu_s[1], 1),
+            "two_jobs_cpu_s": round(self._cpu_s[JOBS], 1),
+            "speed_up": round(self._wall_s[1] / self._wall_s[JOBS], 2),
+            "speed_up_by_cpu": round(JOBS * self._cpu_s[1] / self._cpu_s[JOBS], 2),
+        }
+
+
+def _add_numbers(sums: int, jobs: int) -> None:
+    """``sums`` sums on ``jobs`` bare processes."""
+    context = multiprocessing.get_context("spawn")
+    processes = [context.Process(target=_sum, args=(sums // jobs,), daemon=True) for _ in range(jobs)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+
+
+def _sum(times: int) -> None:
+    for _ in range(times):
+        sum(range(100_000))
 
 
 def _moving(name: str, duration_s: float) -> Scenario:
