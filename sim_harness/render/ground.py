@@ -22,7 +22,7 @@ from sim_harness.roads.road import Road
 STEP_PX = (16, 16, 8, 4, 4)  # of the coarse grid
 FIRST_LARGE_LEVEL, GROUP = 3, 4  # from this level on, points far from the road are asked for by groups
 VERGE_PX = 1024  # period of the verge at the finest level
-MAX_TILES = (192, 160, 192, 128, 128)  # kept at each level, 256 kB each: 210 MB at most
+MAX_TILES = (64, 64, 192, 128, 128)  # kept at each level, 256 kB each: of the finest, no lap fits anyway
 OUTSIDE = -1e4  # a source coordinate that lies in no image
 
 VERGE_BGR = {
@@ -75,9 +75,9 @@ class Ground:
             for level, reach_m in ((2, 25), (3, 45), (4, 220)):
                 self._tiles[level].paint_all(centre - reach_m, centre + reach_m)
 
-    def paint_one(self, level: int, points: NDArray[np.float64]) -> bool:
-        """Paint the first missing tile around ``points`` (x, y), shape (n, 2); whether there was one."""
-        return self._tiles[level].paint_one(points.min(axis=0), points.max(axis=0))
+    def paint_one(self, level: int, low: NDArray[np.float64], high: NDArray[np.float64]) -> bool:
+        """Paint the first missing tile between ``low`` and ``high`` (x, y); whether there was one."""
+        return self._tiles[level].paint_one(low, high)
 
     def _paint(self, level: int, column: int, row: int) -> Bytes:
         size, step = TILE_PX, STEP_PX[level]

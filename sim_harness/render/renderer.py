@@ -79,6 +79,7 @@ class Renderer:
         self._backdrop = Backdrop(self._eye, seed=seed)
         self._exposure = Exposure(camera)
         self._bands = _bands(self._eye, self._backdrop.rows)
+        self._corners_m = np.array([band.corners_m for band in self._bands]).reshape(-1, 4, 2)
         self._far_rows, self._far_share = _far(self._eye, self._backdrop.rows)
         self._disturber = (
             Disturber(road, self._eye, camera, self._backdrop, disturbances, load_table(), seed=seed)
@@ -179,12 +180,9 @@ class Renderer:
     def _draw_ground(self, image: Bytes, x_m: float, y_m: float, yaw_rad: float) -> None:
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         world_from_road = np.array([[cos, -sin, x_m], [sin, cos, y_m], [0, 0, 1.0]])
-        for band in self._bands:
-            corners = band.corners_m @ world_from_road[:2, :2].T + world_from_road[:2, 2]
+        for band, low, high in zip(self._bands, *self._footprints(x_m, y_m, yaw_rad), strict=True):
             pixel_m = LEVELS_M[band.level]
-            crop, x0, y0 = self._ground.crop(
-                band.level, corners.min(axis=0) - 2 * pixel_m, corners.max(axis=0) + 2 * pixel_m
-            )
+            crop, x0, y0 = self._ground.crop(band.level, low - 2 * pixel_m, high + 2 * pixel_m)
             crop_from_world = np.array([[1, 0, -x0], [0, 1, -y0], [0, 0, pixel_m]]) / pixel_m
             matrix = crop_from_world @ world_from_road @ band.road_from_pixel
             size = (image.shape[1], (band.bottom - band.top) * band.rows_per_row)
@@ -197,11 +195,17 @@ class Renderer:
 
     def _paint_ahead(self, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Paint at most one tile that will soon be seen, so that no frame has to paint many."""
-        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-        origin = np.array([x_m + PAINT_AHEAD_M * cos, y_m + PAINT_AHEAD_M * sin])
-        for band in self._bands[:3]:
-            if self._ground.paint_one(band.level, band.corners_m @ [[cos, sin], [-sin, cos]] + origin):
+        x_m, y_m = x_m + PAINT_AHEAD_M * math.cos(yaw_rad), y_m + PAINT_AHEAD_M * math.sin(yaw_rad)
+        lows, highs = self._footprints(x_m, y_m, yaw_rad)
+        for band, low, high in zip(self._bands[:3], lows, highs, strict=False):
+            if self._ground.paint_one(band.level, low, high):
                 return
+
+    def _footprints(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[Matrix, Matrix]:
+        """Lowest and highest x and y that each band shows, (bands, 2) each."""
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        corners = self._corners_m @ np.array([[cos, sin], [-sin, cos]]) + (x_m, y_m)
+        return corners.min(axis=1), corners.max(axis=1)
 
     def _light_at(self, station_m: float) -> Light:
         before, here, share = self.road.transition_at(station_m, LIGHT_RAMP_M)

@@ -24,7 +24,7 @@ __all__ = ["LEVELS_M", "Block", "Bytes", "RoadStrip"]
 T = TypeVar("T")
 
 NOMINAL_BLOCK_M = ROWS * LEVELS_M[0]
-MAX_FINEST, MAX_COARSER = 48, 128  # blocks kept: 2 MB each at the finest level, 0.7 MB for all others
+MAX_FINEST, MAX_COARSER = 32, 128  # blocks kept: 2 MB each at the finest level, 0.7 MB for all others
 
 
 @dataclass(frozen=True, slots=True)

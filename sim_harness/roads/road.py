@@ -329,9 +329,10 @@ class Road:
         ``steps`` of Newton's method from the nearest knot: 4 give 1e-9 m, 2 give 1e-3 m, near the road.
         """
         points = np.asarray(points_m, float)
-        station = self._table[self._knot_tree.query(points)[1], 0]
-        for _ in range(steps):
-            x, y, heading, curvature = self.poses(station).T
+        knots = self._table[self._knot_tree.query(points)[1]]
+        station, pose = knots[:, 0], knots[:, 1:5]  # of a knot it stands in the table
+        for step in range(steps):
+            x, y, heading, curvature = (self.poses(station) if step else pose).T
             cos, sin = np.cos(heading), np.sin(heading)
             dx, dy = points[:, 0] - x, points[:, 1] - y
             offset = dy * cos - dx * sin
