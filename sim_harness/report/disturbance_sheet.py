@@ -22,7 +22,7 @@ from trepid.config import CONFIG_DIR, InputError, load
 
 GRADES = range(6)
 STATION_M = 55.0
-STATIONS_M = {DisturbanceKind.BRIDGE_SHADOWS: 64.0, DisturbanceKind.OCCLUSION: 47.0}  # where there is some
+STATIONS_M = {DisturbanceKind.BRIDGE_SHADOWS: 71.0, DisturbanceKind.OCCLUSION: 47.0}  # where there is some
 GAP_M = 16.0  # to the vehicle ahead
 MOUTH_M = 20.0  # to the end of the tunnel
 SUN_LEFT_RAD = 0.15
