@@ -132,8 +132,9 @@ def _from_recording(path: Path) -> DriveLog:
                     orders.append((seconds(message.log_time), command.road_wheel_angle_rad))
     except (McapError, WireError, struct.error) as error:
         raise InputError(f"{path}: is no recording: {type(error).__name__} {error}".rstrip()) from error
-    # Measured once, sent twice: what comes late goes before what came first.
-    table = np.array(sorted(set(states)), dtype=np.float64).reshape(-1, 5)
+    # Late ones take their place; a simulator that waits sends several of one instant: the first counts.
+    first = {row[0]: row for row in reversed(states)}
+    table = np.array([first[t_s] for t_s in sorted(first)], dtype=np.float64).reshape(-1, 5)
     given = np.array(orders, dtype=np.float64).reshape(-1, 2)
     return log_of(path, list(table.T), (given[:, 0], given[:, 1]))
 
