@@ -38,7 +38,7 @@ def test_the_version_is_printed() -> None:
         (["drive", "--duration", "soon"], "--duration"),
         (["drive", "--duration", "nan"], "--duration"),
         (["drive", "--scenario", "moon"], "no scenario 'moon'; there are "),
-        (["drive", "--scenario", "lost_cv"], "lost_process acts in lock-step only"),
+        (["drive", "--scenario", "biased_cnn"], "estimator_bias acts in lock-step only"),
         (["drive", "--set", "cruise_speed_mps=fast"], "--set cruise_speed_mps"),
         (["sim", "run", "moon.yaml"], "moon.yaml"),
         (["estimate", "moon.jpg"], "moon.jpg"),
