@@ -8,7 +8,7 @@ from pydantic import Field
 from supervisor.lane import Lane, Motion
 from trepid.bounds import at_least
 from trepid.config import Settings
-from trepid.messages import SteeringEstimate, VehicleState
+from trepid.messages import ImageStatistics, SteeringEstimate, VehicleState
 
 Positive = Annotated[float, Field(gt=0)]
 
@@ -19,6 +19,8 @@ class SightingSettings(Settings):
     clock_tolerance_s: Positive  # stamps may lie this far in the future
     fresh_s: Positive  # older estimates, statistics and leads are not used
     state_fresh_s: Positive  # older vehicle states are not used
+    frozen_s: Positive  # a picture that has repeated itself for longer while the car moves shows no lane
+    frozen_speed_mps: Positive  # ... from this speed on
     lost_s: Positive  # a process that was heard and has been silent this long is lost
     min_confidence: Positive  # estimates below are no estimates
     max_offset_m: Positive  # beyond these a number cannot be: the message is broken
@@ -54,16 +56,26 @@ def age_s(t_s: float | None, *, now_s: float, settings: SightingSettings) -> flo
 
 
 def sight(
-    name: str, estimate: SteeringEstimate | None, *, now_s: float, settings: SightingSettings
+    name: str,
+    estimate: SteeringEstimate | None,
+    *,
+    now_s: float,
+    settings: SightingSettings,
+    frozen: bool = False,
 ) -> Sighting:
-    """What ``estimate`` of the estimator ``name`` is worth now. An honest "no lane" has confidence 0."""
+    """What ``estimate`` of the estimator ``name`` is worth now. An honest "no lane" has confidence 0.
+
+    ``frozen``: the picture stands still while the car moves, so a lane in it is one of the past.
+    """
     age = age_s(estimate.t_s if estimate else None, now_s=now_s, settings=settings)
     if estimate is None or age > settings.lost_s:
         t_s = estimate.t_s if estimate and math.isfinite(age) else math.nan
         return Sighting(name, age, t_s, False, None, None, math.nan, None, False)
     lane = lane_of(estimate, settings)
     broken = not 0 <= estimate.confidence <= 1 or (estimate.confidence > 0 and lane is None)
-    usable = not broken and age <= settings.fresh_s and estimate.confidence >= settings.min_confidence
+    usable = (
+        not (broken or frozen) and age <= settings.fresh_s and estimate.confidence >= settings.min_confidence
+    )
     return Sighting(
         estimator=name,
         age_s=age,
@@ -89,6 +101,15 @@ def lane_of(estimate: SteeringEstimate, settings: SightingSettings) -> Lane | No
         return None
     at_axle_1pm = within(curvature_1pm - rate_1pm2 * estimate.lookahead_m, settings.max_curvature_1pm)
     return None if at_axle_1pm is None else Lane(offset_m, heading_rad, at_axle_1pm, rate_1pm2)
+
+
+def is_frozen(
+    statistics: ImageStatistics | None, motion: Motion | None, *, settings: SightingSettings
+) -> bool:
+    """Whether the picture repeats itself while the car moves, or may do so: sensor noise never repeats."""
+    if statistics is None or statistics.frozen_s <= settings.frozen_s:
+        return False
+    return motion is None or not abs(motion.speed_mps) < settings.frozen_speed_mps
 
 
 def motion_of(state: VehicleState | None, *, now_s: float, settings: SightingSettings) -> Motion | None:

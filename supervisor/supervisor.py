@@ -15,7 +15,7 @@ from supervisor.fusion import Fused, Fusion, FusionSettings
 from supervisor.inference import FearResult, FearRules
 from supervisor.lane import Motion
 from supervisor.modes import Held, ModeSettings, ModeState, Situation, next_state
-from supervisor.sightings import Sighting, SightingSettings, age_s, motion_of, sight
+from supervisor.sightings import Sighting, SightingSettings, age_s, is_frozen, motion_of, sight
 from supervisor.watchdog import DRIVER, Fault, Watchdog
 from trepid.bounds import at_least, at_most
 from trepid.config import CONFIG_DIR, InputError, Settings, load
@@ -83,15 +83,16 @@ class Supervisor:
         Ages are judged here. ``lead`` is None where no detector runs; "no vehicle ahead" has confidence 0.
         """
         limits = self._settings.sightings
-        seen = [sight(name, e, now_s=now_s, settings=limits) for name, e in estimates.items()]
         motion = motion_of(state, now_s=now_s, settings=limits)
         self._last_motion = motion or self._last_motion  # a lost vehicle is taken to go on as it went
         ahead = judge_lead(lead, motion, now_s=now_s, settings=limits)
         statistics_age_s = age_s(statistics.t_s if statistics else None, now_s=now_s, settings=limits)
+        fresh_statistics = statistics if statistics_age_s <= limits.fresh_s else None
+        frozen = is_frozen(fresh_statistics, self._last_motion, settings=limits)
+        seen = [sight(name, e, now_s=now_s, settings=limits, frozen=frozen) for name, e in estimates.items()]
         state_age_s = age_s(state.t_s if state else None, now_s=now_s, settings=limits)
         fused = self._fusion.step(seen, self._last_motion, now_s=now_s)
         trail = self._follower.step(ahead, self._last_motion, now_s=now_s)
-        fresh_statistics = statistics if statistics_age_s <= limits.fresh_s else None
         felt = self._rules.evaluate(
             features(
                 seen,

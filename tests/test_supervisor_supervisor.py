@@ -276,6 +276,20 @@ def test_after_one_bad_frame_the_speed_that_the_car_still_has_is_allowed_soon() 
     assert drive.last(0.5).speed_factor == pytest.approx(0.9, abs=0.02)
 
 
+@pytest.mark.parametrize("frozen_s", [0.12, math.nan])
+def test_a_lane_in_a_picture_that_may_be_frozen_is_not_driven(frozen_s: float) -> None:
+    drive = Drive.under_way()
+    decision = drive.last(0.2, statistics=replace(STATISTICS, frozen_s=frozen_s))
+    assert decision.path_source == "memory" and decision.sources == ()
+
+
+def test_who_drives_on_a_frozen_picture_soon_brakes_hard() -> None:
+    drive = Drive.under_way()
+    frozen = replace(STATISTICS, frozen_s=1.0)
+    assert drive.last(1.0, statistics=frozen).stop is Stop.COMFORT
+    assert drive.last(0.6, statistics=frozen).stop is Stop.EMERGENCY
+
+
 def test_a_frozen_picture_stops_a_moving_car_but_not_a_standing_one() -> None:
     drive = Drive.under_way()
     decision = drive.last(0.6, statistics=replace(STATISTICS, frozen_s=0.5))
