@@ -21,7 +21,6 @@ from rich.table import Table
 from perception.estimators import ESTIMATORS, build
 from perception.image_statistics import ImageStatistician
 from sim_harness.lockstep.bench import bench_lockstep
-from sim_harness.lockstep.seeds import bench_seeds
 from sim_harness.plants.bench import bench_plants
 from sim_harness.render.ground import Ground
 from sim_harness.render.renderer import Renderer
@@ -29,6 +28,7 @@ from sim_harness.render.view import Motion
 from sim_harness.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.sweep.bench import bench_determinism, bench_sweep
+from sim_harness.sweep.seeds import bench_seeds
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, Image, VehicleState

@@ -2,8 +2,8 @@
 
 import pytest
 
-from sim_harness.lockstep.seeds import SCORED, bench_seeds, score, scored_scenarios
 from sim_harness.scenarios.scenario import Scenario
+from sim_harness.sweep.seeds import SCORED, bench_seeds, score, scored_scenarios
 
 SHORT = Scenario(
     name="short", description="a test", tags=("nominal",), road="straight", duration_s=0.3, sight="truth",

@@ -6,10 +6,9 @@ reads a clock but for the real-time factor, so that a scenario and a seed give t
 """
 
 import math
-import multiprocessing
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Set
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -247,20 +246,3 @@ def due_ticks(period_s: float, every_s: float) -> Callable[[int], bool]:
     """Whether a tick is the first in its span of ``every_s``."""
     spans = period_s / every_s
     return lambda tick: math.floor(tick * spans + 1e-6) > math.floor((tick - 1) * spans + 1e-6)
-
-
-def run_many(
-    scenarios: Sequence[Scenario], seeds: Sequence[int], *, jobs: int = 1
-) -> Iterator[dict[str, Any]]:
-    """Rows of every scenario with every seed, in that order, on ``jobs`` processes. Raises InputError."""
-    work = [(scenario, seed) for scenario in scenarios for seed in seeds]
-    if jobs == 1 or len(work) == 1:
-        yield from map(_row, work)
-        return
-    with multiprocessing.get_context("spawn").Pool(min(jobs, len(work))) as pool:
-        yield from pool.imap(_row, work)
-
-
-def _row(job: tuple[Scenario, int]) -> dict[str, Any]:
-    scenario, seed = job
-    return run(scenario, seed=seed).row()
