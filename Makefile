@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 READY := $(VENV)/.ready
+TESTED := $(VENV)/.ready-test
+PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 BIN := $(VENV)/bin
 
 .PHONY: help setup drive test proof lint train clean
@@ -14,29 +16,35 @@ help:
 	@echo "make train   re-create the shipped CNN weights (installs torch into its own .venv-train)"
 	@echo "make clean   remove the virtual environments"
 
-setup: $(READY)
+setup: $(TESTED)
 
 $(READY): pyproject.toml constraints.txt
 	@echo "== setting up $(VENV) (once; pip packages only)"
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@$(PIP) -e .
 	@touch $(READY)
-	@echo "== $(VENV) is ready"
+	@echo "== $(VENV) is ready to drive"
+
+$(TESTED): $(READY)
+	@echo "== adding what the tests need"
+	@$(PIP) -e '.[test]'
+	@touch $(TESTED)
+	@echo "== $(VENV) is ready to test"
 
 drive: $(READY)
 	@echo "== trepid drive $(ARGS)"
 	@$(BIN)/python -m trepid drive $(ARGS)
 
-test: $(READY)
+test: $(TESTED)
 	@echo "== pytest"
 	@$(BIN)/python -m pytest $(ARGS)
 
-proof: $(READY)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,cluster]'
+proof: $(TESTED)
+	@$(PIP) -e '.[test,cluster]'
 	@echo "== pytest -m proof"
 	@$(BIN)/python -m pytest -m proof $(ARGS)
 
-lint: $(READY)
+lint: $(TESTED)
 	@$(BIN)/ruff check
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
