@@ -33,13 +33,16 @@ app.command("limits")(limits_verb)
 app.command("disturbances")(disturbances_verb)
 app.add_typer(sim_harness.roads.cli.app, name="road", help="Show roads; read and write OpenDRIVE files.")
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
+Tags = Annotated[
+    list[Tag] | None, typer.Option("--tag", help="Only scenarios with this tag; again for another one.")
+]
 RANDOM = "random"
 
 
 @app.command("list")
-def list_verb(as_json: AsJson = False) -> int:
+def list_verb(tags: Tags = None, as_json: AsJson = False) -> int:
     """List the scenarios."""
-    scenarios = list_scenarios()
+    scenarios = [s for s in list_scenarios() if not tags or set(tags) & set(s.tags)]
     if as_json:
         for scenario in scenarios:
             fields = ("name", "tags", "description", "duration_s")
@@ -62,9 +65,7 @@ def run_verb(
         list[str] | None,
         typer.Argument(metavar="[S...]", help="Scenario names, .yaml or .py files, or `all`."),
     ] = None,
-    tags: Annotated[
-        list[Tag] | None, typer.Option("--tag", help="Only scenarios with this tag; again for another one.")
-    ] = None,
+    tags: Tags = None,
     seed: Annotated[
         str, typer.Option(metavar="N|random", help="The first seed; `random` draws one and prints it.")
     ] = "0",

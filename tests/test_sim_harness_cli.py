@@ -36,6 +36,12 @@ def test_list_prints_one_json_line_per_scenario(capsys):
     assert {"circuit", "straight"} <= {row["name"] for row in rows}
 
 
+def test_list_keeps_to_a_tag(capsys):
+    assert sim("list", "--tag", "traffic", "--json") == 0
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert rows and all("traffic" in row["tags"] for row in rows)
+
+
 def test_list_without_json_is_a_table_for_people(capsys):
     assert sim("list") == 0
     assert "circuit" in capsys.readouterr().out
