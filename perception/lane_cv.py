@@ -187,8 +187,7 @@ class LaneCv:
         points = view.markings.points(image)
         if self._track is None:
             return self._first_look(points, image, view)
-        lines = self._find_lines(points, self._with_width_of(LINES), (settings.vote.tracked,), view)
-        belief = self._belief(lines)
+        lines, belief = self._follow_lines(points, view)
         if belief >= settings.good_confidence:
             return self._keep(lines, belief)
         if self._source == LINES and belief >= settings.min_confidence:
@@ -201,6 +200,17 @@ class LaneCv:
             edge_belief = 0.0
         best, best_belief = (lines, belief) if belief > edge_belief else (edges, edge_belief)
         return self._unless_better(best, best_belief, points, image, view)
+
+    def _follow_lines(self, points: RoadPoints, view: View) -> tuple[LaneFit, float]:
+        """The lines of the remembered lane: right where they must be now, else the best near there."""
+        prior = self._with_width_of(LINES)
+        if self._source == LINES:
+            lines = self._find_lines(points, prior, (), view)
+            belief = self._belief(lines)
+            if belief >= self._settings.good_confidence:
+                return lines, belief
+        lines = self._find_lines(points, prior, (self._settings.vote.tracked,), view)
+        return lines, self._belief(lines)
 
     def _keep(self, fit: LaneFit, belief: float) -> tuple[LaneFit, float]:
         self._rival_looks = self._weak_frames = 0

@@ -49,7 +49,6 @@ class Fitted:
     state: LaneState
     residual_m: Array
     weight: Array
-    log_evidence: float
 
 
 def lane_coordinates(
@@ -92,15 +91,15 @@ def fit_lane(
     """
     precision = np.linalg.inv(prior.covariance)
     mean = start.copy()
-    shared = _shared_weight(side, settings.points_per_boundary) * points.weight / points.sigma_m**2
-    residual = weight = np.zeros(len(side))
-    scale = np.maximum(2 * points.sigma_m, settings.robust_scale_m)
+    shared = _shared_weight(points, side, settings)
+    scale = _robust_scale(points, settings)
+    gate = settings.gate_m + settings.gate_growth * points.x_m + points.sigma_m
+    residual = weight = shared
     information = precision
     for iteration in range(settings.iterations):
         residual, jacobian = _residuals(points, side, mean, camera)
-        gate = settings.gate_m * (2.0 if iteration == 0 else 1.0) + settings.gate_growth * points.x_m
-        gate = gate + points.sigma_m
-        weight = shared / (1 + (residual / scale) ** 2) * (np.abs(residual) < gate)
+        near = np.abs(residual) < (gate if iteration else gate + settings.gate_m)
+        weight = shared / (1 + (residual / scale) ** 2) * near
         weighted = jacobian.T * weight
         information = precision + weighted @ jacobian
         right_side = weighted @ (jacobian @ (mean - prior.mean) - residual)
@@ -111,27 +110,24 @@ def fit_lane(
         state=LaneState(mean=mean, covariance=(covariance + covariance.T) / 2),
         residual_m=residual,
         weight=weight,
-        log_evidence=_log_evidence(mean - prior.mean, precision, information, residual, shared, scale),
     )
 
 
-def _log_evidence(
-    change: Array,
-    precision: NDArray[np.floating],
-    information: NDArray[np.floating],
-    residual: Array,
-    shared: Array,
-    scale: Array,
+def log_evidence(
+    fitted: Fitted, points: RoadPoints, side: Array, prior: LaneState, settings: FitSettings
 ) -> float:
-    """How well the prior foresaw the points: log ∫ p(points | x)·p(x) dx, but for a constant, after Laplace.
+    """How well ``prior`` foresaw the points: log ∫ p(points | x)·p(x) dx, but for a constant, after Laplace.
 
     A looser prior pays for its freedom by log|P⁻¹ + N|/|P⁻¹|, so a bend is only seen where it is needed
     (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 28).
     """
-    misfit = float(np.sum(shared * scale**2 * np.log1p((residual / scale) ** 2)))
-    surprise = float(change @ precision @ change)
-    occam = float(np.linalg.slogdet(information)[1] - np.linalg.slogdet(precision)[1])
-    return -0.5 * (misfit + surprise + occam)
+    scale = _robust_scale(points, settings)
+    shared = _shared_weight(points, side, settings)
+    misfit = float(np.sum(shared * scale**2 * np.log1p((fitted.residual_m / scale) ** 2)))
+    change = fitted.state.mean - prior.mean
+    surprise = float(change @ np.linalg.solve(prior.covariance, change))
+    occam = np.linalg.slogdet(prior.covariance)[1] - np.linalg.slogdet(fitted.state.covariance)[1]
+    return -0.5 * (misfit + surprise + float(occam))
 
 
 def _bounded(mean: Array) -> Array:
@@ -142,11 +138,17 @@ def _bounded(mean: Array) -> Array:
     return mean
 
 
-def _shared_weight(side: Array, points_per_boundary: float) -> Array:
-    left, right = int(np.count_nonzero(side > 0)), int(np.count_nonzero(side < 0))
-    share_left = min(1.0, points_per_boundary / max(left, 1))
-    share_right = min(1.0, points_per_boundary / max(right, 1))
-    return np.where(side > 0, share_left, share_right)
+def _shared_weight(points: RoadPoints, side: Array, settings: FitSettings) -> Array:
+    """Information [1/m²] of each point: its own, or its share of what its boundary can tell."""
+    left = int(np.count_nonzero(side > 0))
+    share_left = min(1.0, settings.points_per_boundary / max(left, 1))
+    share_right = min(1.0, settings.points_per_boundary / max(len(side) - left, 1))
+    return np.where(side > 0, share_left, share_right) * points.weight / points.sigma_m**2
+
+
+def _robust_scale(points: RoadPoints, settings: FitSettings) -> Array:
+    """Residual [m] from which on a point counts less (Cauchy)."""
+    return np.maximum(2 * points.sigma_m, settings.robust_scale_m)
 
 
 def levelled(points: RoadPoints, pitch_rad: float, camera: Camera) -> tuple[Array, Array]:

@@ -45,9 +45,9 @@ def marking_channel(image: NDArray[np.uint8], yellow_gain: float) -> NDArray[np.
     c = (R+G)/2 + g·((R+G)/2 − B): luminance without blue, plus g times the yellowness. It is grey-preserving. The
     fixed form of the adaptive projections of the review (inventory B10); blue shadows get darker, not brighter.
     """
-    blue, green, red = cv2.split(image)
+    blue, green, red = (cv2.extractChannel(image, number) for number in range(3))  # a third faster than split
     half = cv2.addWeighted(red, 0.25, green, 0.25, 0)  # halved, so that it cannot saturate
-    return cv2.addWeighted(half, 2 * (1 + yellow_gain), blue, -yellow_gain, 0).astype(np.uint8)
+    return cv2.addWeighted(half, 2 * (1 + yellow_gain), blue, -yellow_gain, 0).astype(np.uint8, copy=False)
 
 
 class MarkingFilter:
@@ -59,10 +59,14 @@ class MarkingFilter:
         edges = int(np.ceil(settings.half_range_m / self._step_m))
         self._edge_m = self._step_m * np.arange(edges, -edges - 1, -1.0)
         columns = grid.camera.cx_px - grid.metre_px[:, None] * self._edge_m + 0.5
-        rows = np.broadcast_to(np.arange(len(grid.ahead_m), dtype=float)[:, None], columns.shape)
-        self._map_x, self._map_y = columns.astype(np.float32), rows.astype(np.float32)
+        columns = np.clip(columns, 0, grid.camera.width_px)  # nothing is known beside the image
+        before = np.minimum(columns.astype(np.int64), grid.camera.width_px - 1)
+        self._share_after = (columns - before).astype(np.float32)
+        self._before = before + (grid.camera.width_px + 1) * np.arange(len(before))[:, None]
+        self._after = self._before + 1
         area = (grid.bottom_px - grid.top_px) * grid.metre_px * settings.width_m
         self._per_pixel = (1 / area).astype(np.float32)[:, None]
+        self._sigma_m = np.hypot(settings.sigma_m, settings.sigma_px / grid.metre_px)
 
     def response(self, channel: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Contrast [grey levels] of a stripe of paint against its brighter neighbour, per band and place.
@@ -75,11 +79,15 @@ class MarkingFilter:
         integral = cv2.integral(channel, sdepth=cv2.CV_32S)
         first = int(grid.top_px[0])
         running = (integral[grid.bottom_px - first] - integral[grid.top_px - first]).astype(np.float32)
-        sampled = cv2.remap(
-            running, self._map_x, self._map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
-        mean = (sampled[:, 2:] - sampled[:, :-2]) * self._per_pixel
-        return mean[:, 2:-2] - np.maximum(mean[:, :-4], mean[:, 4:])
+        sampled = running.take(self._after)
+        before = running.take(self._before)
+        sampled -= before
+        sampled *= self._share_after
+        sampled += before
+        mean = sampled[:, 2:] - sampled[:, :-2]
+        mean *= self._per_pixel
+        brighter = np.maximum(mean[:, :-4], mean[:, 4:])
+        return np.subtract(mean[:, 2:-2], brighter, out=brighter)
 
     def points(self, image: NDArray[np.uint8]) -> RoadPoints:
         """Local maxima of the response that stand out of its noise, in a BGR image of the camera's size."""
@@ -87,21 +95,20 @@ class MarkingFilter:
         response = self.response(marking_channel(below, self._settings.yellow_gain))
         noise = cv2.norm(response, cv2.NORM_L1) / max(response.size, 1)
         threshold = max(self._settings.min_contrast_grey, self._settings.noise_factor * noise)
-        inner = response[:, 1:-1]
-        mask = inner > threshold
-        mask &= inner >= response[:, 2:]
-        mask &= inner > response[:, :-2]
-        flat = np.flatnonzero(mask)
-        band, place = np.divmod(flat, inner.shape[1])
-        before, peak, after = response[band, place], response[band, place + 1], response[band, place + 2]
+        response[:, 0] = response[:, -1] = 0  # a peak has neighbours
+        high = np.flatnonzero(response > threshold)
+        peak, after = response.take(high), response.take(high + 1)
+        before = response.take(high - 1)
+        highest = (peak >= after) & (peak > before)
+        peak, before, after = peak[highest], before[highest], after[highest]
+        band, place = np.divmod(high[highest], response.shape[1])
         shift = 0.5 * (after - before) / np.maximum(2 * peak - before - after, 1e-3)
-        left_m = self._edge_m[place + 4] - self._step_m * shift
+        left_m = self._edge_m[place + 3] - self._step_m * shift
         x_m, y_m = self._grid.vehicle_from_grid(self._grid.ahead_m[band], left_m)
-        pixel_m = 1 / self._grid.metre_px[band]
         return RoadPoints(
             x_m=x_m,
             y_m=y_m,
-            sigma_m=np.hypot(self._settings.sigma_m, self._settings.sigma_px * pixel_m),
+            sigma_m=self._sigma_m[band],
             weight=np.minimum(peak / self._settings.full_contrast_grey, 1.0).astype(np.float64),
             band=band,
         )

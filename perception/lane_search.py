@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from perception.lane_evidence import NO_SUPPORT, EvidenceSettings, LaneFit, boundary_support
 from perception.lane_fit import (
     KAPPA,
+    KAPPA_RATE,
     PITCH,
     PSI,
     WIDTH,
@@ -23,15 +24,17 @@ from perception.lane_fit import (
     lane_coordinates,
     lane_curve,
     levelled,
+    log_evidence,
     subset,
 )
 from perception.lane_points import RoadPoints
 from perception.lane_vote import LaneGuess, VoteSettings, vote_lane
 from perception.lateral_grid import LateralGrid
-from perception.road_edges import RoadEdgeFinder
+from perception.road_edges import RoadEdgeFinder, parallel_curve
 from trepid.camera import Camera
 
 STRAIGHT = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])  # keeps all of a state but its bend
+EVIDENCE_REACH_M = 30.0  # farther rows are too few to speak for a boundary or against it
 STATIONS_M = np.concatenate([np.arange(-1.0, 20.0, 0.5), np.arange(20.0, 81.0, 2.0)])
 
 
@@ -49,23 +52,40 @@ def find_lane(
 ) -> LaneFit:
     """The lane that ``points`` support best, searched in ``stages`` around ``prior`` and fitted with it.
 
-    With a prior ``straight`` for a road that does not bend, the simpler of the two explanations wins.
+    Without stages it is fitted right from ``prior``. With a prior ``straight`` for a road that does not bend, the
+    simpler of the two explanations wins.
     """
+    start = prior.mean
+    if stages:
+        guess = _voted(points, prior, stages, grid, prior_weight)
+        if guess.support < min_support:
+            return LaneFit(state=prior, left=NO_SUPPORT, right=NO_SUPPORT, residual=0.0)
+        start = prior.mean.copy()
+        start[[E, PSI, KAPPA, WIDTH]] = (
+            guess.offset_m, guess.heading_rad, guess.curvature_1pm, guess.width_m,
+        )  # fmt: skip
+    near, side = _assign(points, start, grid.camera, fit)
+    fitted = fit_lane(near, side, prior, start, grid.camera, fit)
+    if straight is not None:
+        plain = fit_lane(near, side, straight, start * STRAIGHT, grid.camera, fit)
+        fitted = _simpler(plain, straight, fitted, prior, near, side, fit)
+    return _with_evidence(fitted, points, near, side, grid, fit, evidence)
+
+
+def _voted(
+    points: RoadPoints,
+    prior: LaneState,
+    stages: Sequence[VoteSettings],
+    grid: LateralGrid,
+    prior_weight: float,
+) -> LaneGuess:
+    """The lane that the points vote for, stage by stage finer."""
     x_m, y_m = levelled(points, prior.mean[PITCH], grid.camera)
     flat = replace(points, x_m=x_m, y_m=y_m)
     guess = _guess(prior)
     for stage in stages:
         guess = vote_lane(flat, guess, stage, bands=len(grid.ahead_m), prior_weight=prior_weight)
-    if guess.support < min_support:
-        return LaneFit(state=prior, left=NO_SUPPORT, right=NO_SUPPORT, residual=0.0)
-    start = prior.mean.copy()
-    start[[E, PSI, KAPPA, WIDTH]] = guess.offset_m, guess.heading_rad, guess.curvature_1pm, guess.width_m
-    near, side = _assign(points, start, grid.camera, fit)
-    fitted = fit_lane(near, side, prior, start, grid.camera, fit)
-    if straight is not None:
-        plain = fit_lane(near, side, straight, start * STRAIGHT, grid.camera, fit)
-        fitted = _simpler(plain, fitted, fit)
-    return _with_evidence(fitted, points, near, side, grid, fit, evidence)
+    return guess
 
 
 def find_road(
@@ -93,14 +113,23 @@ def find_road(
     fitted = fit_lane(points, side, prior, start, finder.grid.camera, fit)
     if straight is not None:
         plain = fit_lane(points, side, straight, start * STRAIGHT, finder.grid.camera, fit)
-        fitted = _simpler(plain, fitted, fit)
+        fitted = _simpler(plain, straight, fitted, prior, points, side, fit)
     found = _with_evidence(fitted, points, points, side, finder.grid, fit, evidence)
     return replace(found, by_edges=True)
 
 
-def _simpler(plain: Fitted, bent: Fitted, fit: FitSettings) -> Fitted:
+def _simpler(
+    plain: Fitted,
+    straight: LaneState,
+    bent: Fitted,
+    prior: LaneState,
+    points: RoadPoints,
+    side: Array,
+    fit: FitSettings,
+) -> Fitted:
     """The straight lane unless the points make the bent one more likely than straight roads are common."""
-    return plain if plain.log_evidence + fit.straight_log_odds > bent.log_evidence else bent
+    odds = log_evidence(plain, points, side, straight, fit) - log_evidence(bent, points, side, prior, fit)
+    return plain if odds + fit.straight_log_odds > 0 else bent
 
 
 def _guess(prior: LaneState) -> LaneGuess:
@@ -182,14 +211,11 @@ def _with_evidence(
 ) -> LaneFit:
     """The fitted state with the support of each boundary."""
     state, residual = fitted.state, fitted.residual_m
-    middle = (grid.top_px + grid.bottom_px - 1) / 2
-    columns = boundary_columns(state.mean, grid.camera, middle, reach_m=30.0)
     accepted = (fitted.weight > 0) & (np.abs(residual) < fit.gate_m + near.sigma_m)
-    area_m = np.sum(np.minimum(grid.camera.width_px / grid.metre_px, 16.0))
-    density = len(points.x_m) / max(area_m, 1.0)
+    density = len(points.x_m) / grid.area_m2
+    seen_in = _visible(state.mean, grid)
     supports = []
-    for sign, column in zip((1.0, -1.0), columns, strict=True):
-        visible = (column >= 0) & (column < grid.camera.width_px)
+    for sign, visible in zip((1.0, -1.0), seen_in, strict=True):
         own = accepted & (side == sign)
         supports.append(
             boundary_support(near, own, visible, density_per_m=density, gate_m=fit.gate_m, settings=evidence)
@@ -197,3 +223,18 @@ def _with_evidence(
     scaled = residual[accepted] / near.sigma_m[accepted]
     rms = float(np.sqrt(np.mean(scaled**2))) if len(scaled) else 0.0
     return LaneFit(state=state, left=supports[0], right=supports[1], residual=rms)
+
+
+def _visible(mean: Array, grid: LateralGrid) -> NDArray[np.bool_]:
+    """Whether each band shows the left and the right boundary, shape (2, bands): in the picture and not too far.
+
+    The boundaries are taken as circles, bent further by κ'·x³/6: good to a few columns.
+    """
+    camera = grid.camera
+    stretch = np.maximum(1 + mean[PITCH] / camera.height_m * grid.ahead_m, 0.3)
+    x_m = camera.x_m + grid.ahead_m / stretch
+    place_m = np.array([[0.5], [-0.5]]) * mean[WIDTH] - mean[E]
+    y_m = parallel_curve(x_m, mean[PSI], mean[KAPPA], place_m) + mean[KAPPA_RATE] / 6 * x_m**3
+    aside_m = (y_m - camera.y_m) * stretch - math.tan(camera.yaw_rad) * grid.ahead_m
+    column = camera.cx_px - aside_m * grid.metre_px
+    return (column >= 0) & (column < camera.width_px) & (x_m < EVIDENCE_REACH_M)

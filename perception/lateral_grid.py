@@ -6,6 +6,7 @@ exact box in the row: the perspective needs no image warp, only a row-dependent 
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,11 @@ class LateralGrid:
     ahead_m: Array  # distance of the middle of the band
     metre_px: Array  # columns per metre across, in that band
     range_m: Array  # Δahead of one pixel row: how coarse the distance is there
+
+    @cached_property
+    def area_m2(self) -> float:
+        """Road that the bands show, up to 16 m wide, if each were a metre long; at least 1."""
+        return max(1.0, float(np.sum(np.minimum(self.camera.width_px / self.metre_px, 16.0))))
 
     def column_px(self, band: NDArray[np.int64], left_m: Array) -> Array:
         """Columns of places ``left_m`` to the left of the optical axis: u = cx − f·left/depth."""

@@ -166,8 +166,9 @@ class RoadEdgeFinder:
                 settings.curvature_steps - 1
             )
             index = self._index(heading, bend)
-        inside = np.take(sums.summed, index).mean(axis=0)
-        sharp = settings.step_weight * np.take(sums.step, index).mean(axis=0)
+        places = len(self._place_m)
+        inside = np.take(sums.summed, index).mean(axis=0).reshape(-1, places).T
+        sharp = settings.step_weight * np.take(sums.step, index).mean(axis=0).reshape(-1, places).T
         unlikely = ((heading - prior.mean[PSI]) / max(sigma[PSI], 0.02))[:, None] ** 2
         unlikely = unlikely + ((bend - prior.mean[KAPPA]) / max(sigma[KAPPA], 0.006)) ** 2
         found = prior.mean.copy()
@@ -188,20 +189,20 @@ class RoadEdgeFinder:
         return heading, bend, self._index(heading, bend)
 
     def _index(self, heading: Array, bend: Array) -> NDArray[np.int64]:
-        """Flat index into the sums of the curves (ψ, κ, place) in every band, shape (bands, places, ψ·κ)."""
+        """Flat index into the sums of the curves (ψ, κ, place) in every band, shape (bands, ψ·κ·place)."""
         bands, places = len(self.grid.ahead_m), len(self._left_m)
         ahead_m = self.grid.ahead_m.astype(np.float32)[:, None, None, None]
         y_m = parallel_curve(
             np.float32(self._camera.x_m) + ahead_m,
-            heading.astype(np.float32)[:, None],
-            bend.astype(np.float32),
-            self._place_m.astype(np.float32)[:, None, None],
+            heading.astype(np.float32)[:, None, None],
+            bend.astype(np.float32)[:, None],
+            self._place_m.astype(np.float32),
         )
         axis_m = np.float32(self._camera.y_m) + np.float32(np.tan(self._camera.yaw_rad)) * ahead_m
-        column = (np.float32(self._left_m[0]) + axis_m - y_m) / np.float32(self._settings.step_m)
+        column = (np.float32(self._left_m[0]) + axis_m - y_m) * np.float32(1 / self._settings.step_m)
         index = np.clip(column + np.float32(0.5), 0, places - 1).astype(np.int64)
         index += (places * np.arange(bands))[:, None, None, None]
-        return index.reshape(bands, len(self._place_m), -1)
+        return index.reshape(bands, -1)
 
     def points(self, sums: RoadSums, mean: Array) -> tuple[RoadPoints, Array]:
         """Edge points near the curves of ``mean``, one per band and side, and their sides (+1 left, −1 right).
