@@ -36,8 +36,13 @@ drive: $(READY)
 	@$(BIN)/python -m trepid drive $(ARGS)
 
 test: $(TESTED)
-	@echo "== pytest"
+	@echo "== pytest $(ARGS)"
+ifdef ARGS
 	@$(BIN)/python -m pytest $(ARGS)
+else
+	@$(BIN)/python -m pytest -n 2 -m "not processes and not proof"
+	@$(BIN)/python -m pytest -m processes
+endif
 
 proof: $(TESTED)
 	@$(PIP) -e '.[test,cluster]'

@@ -55,7 +55,9 @@ def test_local_coordinates_undo_position(lane, share, offset_m):
         assert there == pytest.approx((station_m, offset_m), abs=1e-6)
 
 
-@pytest.mark.parametrize("lane", [Lane(DUAL, -1), Lane(DUAL, 1), Lane(TRACK, 0)], ids=str)
+@pytest.mark.parametrize(
+    "lane", [Lane(DUAL, -1), Lane(DUAL, 1), Lane(TRACK, 0)], ids=["right", "left", "own"]
+)
 def test_heading_is_the_direction_of_the_lanes_centre(lane):
     h = 1e-4
     for share in (0.3, 0.32, 0.4, 0.49, 0.66):

@@ -20,7 +20,7 @@ def test_ours_and_commonroads_models_are_measured_in_one_run(monkeypatch):
         "vehiclemodels", reason="commonroad-vehicle-models is in the extras [test] and [bench]"
     )
     monkeypatch.setitem(sys.modules, "highway_env", None)
-    with pytest.warns(UserWarning, match="left out: .*highway_env"):
+    with pytest.warns(UserWarning, match="left out: .*(highway_env|gymnasium)"):
         rows = bench.bench_plants()
     assert {"kinematic", "single_track", "kinematic_batch_of_50"} < set(rows)
     assert rows[bench.PEER][f"ratio_to_{bench.PEER}"] == 1.0
