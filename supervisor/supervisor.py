@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from supervisor import fusion
-from supervisor.features import ESTIMATOR_SUFFIX, FEATURES, features
+from supervisor.features import ESTIMATOR_SUFFIX, FEATURES, Features, features
 from supervisor.follow import Follower, FollowSettings, Lead, judge_lead
 from supervisor.fusion import Fused, Fusion, FusionSettings
 from supervisor.inference import FearResult, FearRules
@@ -93,17 +93,16 @@ class Supervisor:
         state_age_s = age_s(state.t_s if state else None, now_s=now_s, settings=limits)
         fused = self._fusion.step(seen, self._last_motion, now_s=now_s)
         trail = self._follower.step(ahead, self._last_motion, now_s=now_s)
-        felt = self._rules.evaluate(
-            features(
-                seen,
-                fused,
-                fresh_statistics,
-                ahead,
-                motion,
-                state_age_s=state_age_s,
-                expected=self._opinions,
-            )
+        asked = features(
+            seen,
+            fused,
+            fresh_statistics,
+            ahead,
+            motion,
+            state_age_s=state_age_s,
+            expected=self._opinions,
         )
+        felt = self._rules.evaluate(asked)
         fault = self._watchdog.step(
             {s.estimator: s.age_s for s in seen},
             statistics_s=statistics_age_s,
@@ -118,7 +117,7 @@ class Supervisor:
         path = trail if self._follows(fused, trail) else fused.path
         self._factor = self._speed_factor(felt.fear, motion, now_s, begins=stopped)
         self._decided_s, self._driver = now_s, driver
-        return self._decision(seen, felt, fused, path, ahead, now_s)
+        return self._decision(seen, asked, felt, fused, path, ahead, now_s)
 
     def _situation(
         self,
@@ -190,6 +189,7 @@ class Supervisor:
     def _decision(
         self,
         seen: list[Sighting],
+        asked: Features,
         felt: FearResult,
         fused: Fused,
         path: fusion.Path | None,
@@ -209,6 +209,8 @@ class Supervisor:
             cause=self._mode.cause or felt.cause,
             rules=felt.texts,
             rule_strengths=felt.strengths,
+            inputs=self._rules.names,
+            input_values=tuple(map(asked.get, self._rules.names)),
             path_t_s=path.t_s if path else None,
             lateral_offset_m=lane.offset_m if lane else None,
             heading_error_rad=lane.heading_rad if lane else None,

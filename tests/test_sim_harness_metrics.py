@@ -54,6 +54,8 @@ def decision(fear, mode=Mode.KEEP, cause="none"):
         cause=cause,
         rules=(),
         rule_strengths=(),
+        inputs=(),
+        input_values=(),
         path_t_s=None,
         lateral_offset_m=None,
         heading_error_rad=None,

@@ -22,6 +22,7 @@ PLAIN = {
     m.Mode: st.sampled_from(m.Mode),
     m.Stop: st.sampled_from(m.Stop),
     tuple[float, ...]: st.lists(finite, max_size=3).map(tuple),
+    tuple[float | None, ...]: st.lists(st.none() | finite, max_size=3).map(tuple),
     tuple[str, ...]: st.lists(st.text("abc", max_size=3), max_size=3).map(tuple),
     m.PixelPath: st.lists(st.tuples(finite, finite), max_size=3).map(tuple),
 }

@@ -159,6 +159,10 @@ class Decision:
     cause: str  # what fear is about; "none" when calm
     rules: tuple[str, ...]  # the rules that fired, strongest first
     rule_strengths: tuple[float, ...]
+    inputs: tuple[str, ...]  # what the rules were asked about ...
+    input_values: tuple[
+        float | None, ...
+    ]  # ... and what it was: with the rule file this gives the fear again
     # The fused path, in the terms of SteeringEstimate and valid at path_t_s; all None when there is no path.
     path_t_s: float | None
     lateral_offset_m: float | None

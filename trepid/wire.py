@@ -12,7 +12,7 @@ Python field           .msg field
 ``int``                ``int32``
 ``bool``               ``bool``
 ``str``, ``StrEnum``   ``string``
-``tuple[float, ...]``  ``float64[]``
+``tuple[float, ...]``  ``float64[]``; of ``float | None``: NaN = absent
 ``tuple[str, ...]``    ``string[]``
 ``PixelPath``          ``float64[]``, x0 y0 x1 y1 …
 =====================  ==========================================================
@@ -89,6 +89,11 @@ def _nan_as_absent(value: float) -> float | None:
 FLOAT = FieldCodec("float64", float, float)
 OPTIONAL_FLOAT = FieldCodec("float64", _absent_as_nan, _nan_as_absent)
 FLOATS = FieldCodec("float64[]", lambda v: np.array(v, np.float64), lambda v: tuple(v.tolist()))
+OPTIONAL_FLOATS = FieldCodec(
+    "float64[]",
+    lambda v: np.array(v, np.float64),  # None becomes NaN
+    lambda v: tuple(map(_nan_as_absent, v.tolist())),
+)
 STRINGS = FieldCodec("string[]", list, tuple)
 PIXEL_PATH = FieldCodec(
     "float64[]",
@@ -102,6 +107,7 @@ CODECS: dict[Any, FieldCodec] = {
     bool: FieldCodec("bool", bool, bool),
     str: FieldCodec("string", str, str),
     tuple[float, ...]: FLOATS,
+    tuple[float | None, ...]: OPTIONAL_FLOATS,
     tuple[str, ...]: STRINGS,
     PixelPath: PIXEL_PATH,
 }
