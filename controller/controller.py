@@ -24,7 +24,8 @@ from pydantic import Field
 
 from controller.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
 from controller.lane import Lane
-from controller.lateral import LateralSettings, path_curvature
+from controller.lateral import LateralSettings, build_law
+from controller.law import Acting
 from controller.prediction import Predictor
 from controller.speed import SpeedControl, SpeedSettings, target
 from trepid.bounds import at_least, at_most, within
@@ -87,6 +88,7 @@ class Controller:
             command_delay_s=settings.lateral.command_delay_s,
             memory_s=settings.inputs.path_memory_s + settings.inputs.stale_s,
         )
+        self._law = build_law(settings.lateral, vehicle)
         self._speed = SpeedControl(settings.speed)
         self._now_s: float | None = None
         self._healthy_s = 0.0  # when both inputs were last usable
@@ -107,12 +109,14 @@ class Controller:
         speed_mps = state.speed_mps if state is not None else None
         if state is not None and speed_mps is not None:
             self._predictor.saw(state, speed_mps)
-        lane = self._lane(now_s)
-        angle_rad = self._steer(lane, state, speed_mps)
+        acting = self._acting(now_s)
+        angle_rad = self._steer(acting, state, speed_mps, dt_s)
         self._predictor.commanded(angle_rad, now_s=now_s)
         driver = state is not None and state.driver_override
         if driver:  # nothing of ours can be lost while someone else drives
             self._healthy_s, self._emergency = now_s, False
+            self._law.release()
+        lane = acting.lane if acting is not None else None
         stop = self._stop(decision, lane, speed_mps, now_s)
         goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver)
         return Command(
@@ -166,25 +170,24 @@ class Controller:
         """False also for None and NaN, and for a stamp from the future."""
         return t_s is not None and -self._settings.inputs.early_s <= now_s - t_s <= max_age_s
 
-    def _lane(self, now_s: float) -> Lane | None:
-        """The newest path, moved to the moment at which a command given now acts; None: none or too old."""
+    def _acting(self, now_s: float) -> Acting | None:
+        """Car and newest path, moved to the moment at which a command given now acts; None: none or too old."""
         if self._path is None or not self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s):
             return None
         lane, valid_s = self._path = self._predictor.at_last_state(self._path[0], valid_s=self._path[1])
         return self._predictor.when_steering_acts(lane, valid_s=valid_s, now_s=now_s)
 
-    def _steer(self, lane: Lane | None, state: VehicleState | None, speed_mps: float | None) -> float:
+    def _steer(
+        self, acting: Acting | None, state: VehicleState | None, speed_mps: float | None, dt_s: float
+    ) -> float:
         """Road-wheel angle demand [rad], within what the vehicle can turn."""
         if state is None or speed_mps is None:
             return self._angle_rad or 0.0
         model_mps = at_most(abs(speed_mps), self._modelled_mps)
-        if lane is not None:
-            self._curvature_1pm = path_curvature(
-                lane,
-                speed_mps=speed_mps,
-                steering_lag_s=self._vehicle.steering_lag_s,
-                settings=self._settings.lateral,
-            )
+        if acting is None:
+            self._law.release()
+        if acting is not None:
+            self._curvature_1pm = self._law.curvature(acting, dt_s=dt_s)
         elif self._curvature_1pm is None:  # never had a path: stay as the wheels are
             self._curvature_1pm = curvature_from_angle(
                 _or_zero(state.road_wheel_angle_rad), speed_mps=model_mps, vehicle=self._vehicle

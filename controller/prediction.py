@@ -15,6 +15,7 @@ from collections import deque
 
 from controller.bicycle import curvature_from_angle, yaw_rate
 from controller.lane import Clothoid, Lane, lane_after
+from controller.law import Acting
 from trepid.bounds import at_least, at_most, within
 from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle
@@ -70,13 +71,18 @@ class Predictor:
                 moved = lane_after(moved, dt_s, 0.5 * (v0 + v1), 0.5 * (r0 + r1))
         return Lane(*moved), at_least(motion[-1][0], valid_s) if motion else valid_s
 
-    def when_steering_acts(self, lane: Lane, *, valid_s: float, now_s: float) -> Lane:
+    def when_steering_acts(self, lane: Lane, *, valid_s: float, now_s: float) -> Acting:
         """``lane``, valid at ``valid_s``, as the last vehicle state or later, at ``now_s`` plus the dead time."""
         if not self._motion:
-            return lane
-        return self._along_commanded(lane, valid_s, now_s + self._delay_s, self._motion[-1][1])
+            return Acting(lane, 0.0, 0.0, 0.0, lane)
+        speed_mps = self._motion[-1][1]
+        then, wheel_rad = self._along_commanded(lane, valid_s, now_s + self._delay_s, speed_mps)
+        curvature_1pm = curvature_from_angle(wheel_rad, speed_mps=speed_mps, vehicle=self._vehicle)
+        return Acting(then, speed_mps, wheel_rad, curvature_1pm or 0.0, lane)
 
-    def _along_commanded(self, lane: Lane, from_s: float, to_s: float, speed_mps: float) -> Lane:
+    def _along_commanded(
+        self, lane: Lane, from_s: float, to_s: float, speed_mps: float
+    ) -> tuple[Lane, float]:
         """Before the first command that is remembered, whatever holds the wheel where it is."""
         moved: Clothoid = lane
         wheel_rad = demand_rad = self._wheel_rad
@@ -90,7 +96,7 @@ class Predictor:
                 moved = lane_after(moved, dt_s, speed_mps, rate)
                 from_s = until_s
             demand_rad = next_rad
-        return Lane(*moved)
+        return Lane(*moved), wheel_rad
 
     def _wheel_after(self, wheel_rad: float, demand_rad: float, dt_s: float) -> float:
         share = 1.0 - math.exp(-dt_s / self._lag_s) if self._lag_s > 0.0 else 1.0

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from controller.bicycle import angle_from_curvature
 from controller.lane import Lane
-from controller.lateral import gains, path_curvature
+from controller.lateral_feedforward import gains, path_curvature
 from controller.prediction import Predictor
 
-LATERAL = SETTINGS.lateral
+LATERAL = SETTINGS.lateral.feedforward
 finite = st.floats(-1.0, 1.0)
 
 
@@ -138,7 +138,7 @@ def predictor(car=SHUTTLE):
 def when_steering_acts(ahead: Predictor, seen: Lane, *, path_t_s: float, now_s: float) -> Lane:
     """``seen``, valid at ``path_t_s``, when a command given at ``now_s`` acts."""
     measured, valid_s = ahead.at_last_state(seen, valid_s=path_t_s)
-    return ahead.when_steering_acts(measured, valid_s=valid_s, now_s=now_s)
+    return ahead.when_steering_acts(measured, valid_s=valid_s, now_s=now_s).lane
 
 
 def test_a_late_path_is_brought_forward_along_the_measured_circle():
