@@ -245,7 +245,7 @@ def test_at_standstill_it_keeps_braking_while_nothing_comes():
 
 BAD = (math.nan, math.inf, -math.inf)
 COMMAND_NUMBERS = [f.name for f in fields(Command)]
-STATE_NUMBERS = [f.name for f in fields(VehicleState) if f.name != "driver_override"]
+STATE_NUMBERS = ("t_s", "speed_mps", "road_wheel_angle_rad", "yaw_rate_radps")
 
 
 @pytest.mark.parametrize("name", COMMAND_NUMBERS)

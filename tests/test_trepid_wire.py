@@ -18,6 +18,7 @@ PLAIN = {
     float | None: st.none() | finite,
     int: st.integers(-(2**31), 2**31 - 1),
     bool: st.booleans(),
+    bool | None: st.none() | st.booleans(),
     str: st.text(st.characters(min_codepoint=1, codec="utf-8"), max_size=8),
     m.Mode: st.sampled_from(m.Mode),
     m.Stop: st.sampled_from(m.Stop),

@@ -70,7 +70,8 @@ class ImageStatistics:
     over_exposed: float  # share of pixels at or near white, 0..1
     under_exposed: float  # share of pixels at or near black, 0..1
     sharpness: float  # variance of the Laplacian of grey in [0, 255]² units; small = blurred
-    frozen_s: float  # how long the image has been bit-identical [s]; 0 for a fresh one
+    frozen_s: float  # how long no new image has come, only repeated ones [s]; 0 for a new one
+    spots: float  # share of the picture's tiles that hold a dark spot which stands still, 0..1: dirt on the lens
 
 
 @quick
@@ -142,7 +143,9 @@ class VehicleState:
     speed_mps: float | None
     road_wheel_angle_rad: float | None
     yaw_rate_radps: float | None
-    driver_override: bool
+    driver_override: bool  # the driver has the car: told by it, or seen by the limiter
+    driver_torque_nm: float | None = None  # at the steering wheel, + = to the left; None: not measured
+    saturated: bool | None = None  # the limiter keeps cutting the steering demand; None: nobody watches
 
 
 @quick

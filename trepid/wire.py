@@ -11,6 +11,7 @@ Python field           .msg field
 ``float | None``       ``float64``, NaN = absent
 ``int``                ``int32``
 ``bool``               ``bool``
+``bool | None``        ``int8``, -1 = absent
 ``str``, ``StrEnum``   ``string``
 ``tuple[float, ...]``  ``float64[]``; of ``float | None``: NaN = absent
 ``tuple[str, ...]``    ``string[]``
@@ -86,6 +87,14 @@ def _nan_as_absent(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
+def _absent_as_minus_one(value: bool | None) -> int:
+    return -1 if value is None else int(value)
+
+
+def _minus_one_as_absent(value: int) -> bool | None:
+    return None if value < 0 else bool(value)
+
+
 FLOAT = FieldCodec("float64", float, float)
 OPTIONAL_FLOAT = FieldCodec("float64", _absent_as_nan, _nan_as_absent)
 FLOATS = FieldCodec("float64[]", lambda v: np.array(v, np.float64), lambda v: tuple(v.tolist()))
@@ -105,6 +114,7 @@ CODECS: dict[Any, FieldCodec] = {
     float | None: OPTIONAL_FLOAT,
     int: FieldCodec("int32", int, int),
     bool: FieldCodec("bool", bool, bool),
+    bool | None: FieldCodec("int8", _absent_as_minus_one, _minus_one_as_absent),
     str: FieldCodec("string", str, str),
     tuple[float, ...]: FLOATS,
     tuple[float | None, ...]: OPTIONAL_FLOATS,
