@@ -8,6 +8,7 @@ import importlib.metadata
 import json
 import os
 import platform
+import secrets
 import time
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any
@@ -20,6 +21,7 @@ from rich.table import Table
 
 from perception.estimators import ESTIMATORS, build
 from perception.image_statistics import ImageStatistician
+from sim_harness.control_bench.bench import SECTIONS, bench_control
 from sim_harness.lockstep.bench import bench_lockstep
 from sim_harness.plants.bench import bench_plants
 from sim_harness.render.ground import Ground
@@ -161,24 +163,33 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "sweep": bench_sweep,
     "determinism": bench_determinism,
 }
-ON_REQUEST = {"determinism"}  # takes minutes
+SEEDED: dict[str, Callable[[int], dict[str, Any]]] = {
+    "control": bench_control,
+    **{f"control-{name}": section for name, section in SECTIONS.items()},
+}
+"""Benchmarks that draw lots."""
+ON_REQUEST = {"determinism", *SEEDED}  # takes minutes
 
 
 def bench(
     names: Annotated[
         list[str] | None,
-        typer.Argument(help=f"Any of {', '.join(BENCHMARKS)}; default: all but {', '.join(ON_REQUEST)}."),
+        typer.Argument(
+            help=f"Any of {', '.join([*BENCHMARKS, *SEEDED])}; default: all but {', '.join(sorted(ON_REQUEST))}."
+        ),
     ] = None,
+    seed: Annotated[int | None, typer.Option(help="Replay the lots of a run; default: fresh ones.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> int:
     """Measure what each part costs, beside a peer in the same run."""
     for name in names or []:
-        if name not in BENCHMARKS:
-            raise InputError(f"no benchmark {name!r}; there are {', '.join(BENCHMARKS)}")
-    result: dict[str, Any] = machine()
+        if name not in BENCHMARKS and name not in SEEDED:
+            raise InputError(f"no benchmark {name!r}; there are {', '.join([*BENCHMARKS, *SEEDED])}")
+    seed = secrets.randbits(32) if seed is None else seed
+    result: dict[str, Any] = machine() | {"seed": seed}
     for name in names or [name for name in BENCHMARKS if name not in ON_REQUEST]:
         typer.echo(f"bench {name} ...", err=True)
-        result[name] = BENCHMARKS[name]()
+        result[name] = SEEDED[name](seed) if name in SEEDED else BENCHMARKS[name]()
     if as_json:
         print(json.dumps(result))
         return 0
