@@ -1,5 +1,7 @@
 """Supervisor process: one decision per camera frame, and decisions go on when frames do not."""
 
+from pathlib import Path
+
 from supervisor.supervisor import build
 from trepid.bus import Latest
 from trepid.messages import SteeringEstimate
@@ -16,7 +18,7 @@ def run(me: Process) -> None:
     statistics, lead = me.bus.latest(IMAGE_STATISTICS), me.bus.latest(LEAD_VEHICLE)
     state = me.bus.latest(VEHICLE_STATE)
     send = me.bus.publisher(DECISION)
-    supervisor = build(cruise_speed_mps=me.options["cruise_speed_mps"])
+    supervisor = build(rules=Path(me.options["rules"]), cruise_speed_mps=me.options["cruise_speed_mps"])
     me.ready()
     decided_s = me.now_s()
     first_s: float | None = None  # when the first estimate since the last decision came

@@ -86,6 +86,15 @@ def test_a_road_file_beside_a_scenario_is_part_of_the_key(tmp_path):
     assert len(keys) == 2
 
 
+def test_a_rule_file_beside_a_scenario_is_part_of_the_key(tmp_path):
+    rules = tmp_path / "rules.yaml"
+    keys = {case_key(case(SECOND))}
+    for text in ("one", "other"):
+        rules.write_text(text)
+        keys.add(case_key(case(SECOND.model_copy(update={"rules": str(rules)}))))
+    assert len(keys) == 3
+
+
 def test_a_case_that_comes_twice_is_run_once():
     assert len(plan(by_seeds([SECOND, SECOND], range(2)))) == 2
 

@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.config import InputError
 from trepid.messages import Command, VehicleState
-from trepid.recording import Recording
+from trepid.recording import BusRecorder
 from trepid.topics import COMMAND, VEHICLE_STATE, Topic, estimate_topic, topic_of
 from trepid.wire import to_cdr
 
@@ -28,7 +28,7 @@ def record(path: Path, *, patience_s: float = 5) -> None:
     with (
         open_bus("car", time.monotonic, listen=endpoint) as launcher,
         open_bus("car", time.monotonic, connect=endpoint) as vehicle,
-        Recording(path, launcher) as recording,
+        BusRecorder(path, launcher) as recording,
     ):
         heard = launcher.latest(VEHICLE_STATE)
         send_state, send_command = vehicle.publisher(VEHICLE_STATE), vehicle.publisher(COMMAND)
@@ -72,7 +72,7 @@ def test_a_recording_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         open_bus("car", time.monotonic, listen=free_endpoint()) as bus,
         pytest.raises(InputError, match=r"drive\.mcap: cannot be written"),
     ):
-        Recording(path, bus)
+        BusRecorder(path, bus)
 
 
 def test_a_key_leads_to_its_topic_and_a_foreign_one_to_none(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
 from trepid.config import InputError, Settings
 from trepid.launch import Fleet, ProcessSpec
-from trepid.recording import Recording
+from trepid.recording import BusRecorder
 
 Show = Callable[[DriveLog, Fleet, float], None]
 """Shows the drive so far: log, processes, elapsed time [s]."""
@@ -61,7 +61,11 @@ def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
         ProcessSpec(
             "supervisor",
             "supervisor.node",
-            {"estimators": scenario.estimators, "cruise_speed_mps": scenario.speed_mps},
+            {
+                "estimators": scenario.estimators,
+                "cruise_speed_mps": scenario.speed_mps,
+                "rules": str(scenario.rules_file),
+            },
         ),
         ProcessSpec("controller", "controller.node"),
     )
@@ -89,7 +93,7 @@ def drive(
             clock_offset_ns=offset_ns,
             max_restarts=settings.max_restarts,
         ) as fleet,
-        Recording(record, bus) if record else nullcontext() as recording,
+        BusRecorder(record, bus, [scenario.rules_file]) if record else nullcontext() as recording,
     ):
         referee = Referee(bus, clock, fleet, scenario, settings, show, recording)
         if referee.wait_until_ready(signals):
@@ -115,7 +119,7 @@ class Referee:
         scenario: Scenario,
         settings: DriveSettings,
         show: Show,
-        recording: Recording | None,
+        recording: BusRecorder | None,
     ) -> None:
         self._recording = recording
         self._clock = clock
@@ -143,6 +147,8 @@ class Referee:
             if not missing and self._log.decision is not None and self._begun():
                 self._log.restart()
                 self._began_s = self._clock()
+                if self._recording is not None:
+                    self._recording.began(self._began_s)
                 return True
             if self._elapsed_s() > self._settings.ready_timeout_s:
                 waited = f"after {self._settings.ready_timeout_s:.0f} s"

@@ -124,7 +124,9 @@ def build_parts(scenario: Scenario, *, seed: int) -> Parts:
         camera=SimulatedCamera(scenario, renderer),
         estimators={name: perception.estimators.build(name) for name in scenario.estimators if renderer},
         statistician=ImageStatistician(),
-        supervisor=supervisor.supervisor.build(cruise_speed_mps=scenario.speed_mps),
+        supervisor=supervisor.supervisor.build(
+            rules=scenario.rules_file, cruise_speed_mps=scenario.speed_mps
+        ),
         controller=controller.controller.build(),
         oracles={name: Oracle(name, road, vehicle) for name in scenario.estimators if not renderer},
     )

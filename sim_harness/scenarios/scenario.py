@@ -31,6 +31,7 @@ from trepid.vehicle import Vehicle
 
 SCENARIO_DIR = CONFIG_DIR / "scenarios"
 ROAD_DIR = CONFIG_DIR / "roads"
+RULES_FILE = CONFIG_DIR / "fear.yaml"
 Problem = tuple[tuple[str | int, ...], str]
 """A field, as the way to it, and what is wrong with it."""
 
@@ -119,6 +120,7 @@ class Scenario(Settings):
     camera: CameraTiming = CameraTiming()
     estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")
     sight: Sight = Sight.CAMERA
+    rules: str | None = None  # a rule file beside the scenario; default: config/fear.yaml
     speed_mps: Positive | None = None  # that the driver sets; default: cruise_speed_mps of supervisor.yaml
     plant: PlantSettings = PlantSettings()  # how reality differs from config/vehicle.yaml
     disturbances: tuple[Disturbance, ...] = ()
@@ -146,6 +148,11 @@ class Scenario(Settings):
 
     def _road_file(self) -> Path:
         return Path(self.road) if self.road.endswith(ROAD_SUFFIXES) else ROAD_DIR / f"{self.road}.yaml"
+
+    @property
+    def rules_file(self) -> Path:
+        """The rule file that the supervisor drives by."""
+        return RULES_FILE if self.rules is None else Path(self.rules)
 
     def _changed(self, settings: RoadSettings) -> RoadSettings:
         """``settings`` with what this scenario has instead. Raises ValueError where it does not fit together."""
@@ -194,6 +201,8 @@ class Scenario(Settings):
         return self._problem_with_parts(settings)
 
     def _problem_with_parts(self, road: RoadSettings) -> Problem | None:
+        if not self.rules_file.is_file():
+            return ("rules",), f"no rule file {self.rules_file}"
         try:
             build_plant(self.plant, load(CONFIG_DIR / "vehicle.yaml", Vehicle))
         except InputError as error:
@@ -263,6 +272,8 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     update = {"name": scenario.name or path.stem}
     if scenario.road.endswith(ROAD_SUFFIXES):
         update["road"] = str(path.parent / scenario.road)
+    if scenario.rules is not None:
+        update["rules"] = str(path.parent / scenario.rules)
     scenario = scenario.model_copy(update=update)
     problem = scenario.problem() if check else None
     if problem:

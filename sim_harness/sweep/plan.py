@@ -85,9 +85,11 @@ def plan(cases: Iterable[Case]) -> Plan:
 
 
 def case_key(case: Case) -> str:
-    """Hash of what the run of a case depends on besides code and configuration: scenario, seed, its own road."""
+    """Hash of what a run depends on besides code and configuration: scenario, seed, its own road and rules."""
     digest = hashlib.sha256(case.scenario.model_dump_json(exclude=_NOT_IN_KEY).encode())
     digest.update(f"\0{case.seed}\0".encode())
     if case.scenario.road.endswith(".yaml"):
         digest.update(Path(case.scenario.road).read_bytes())
+    if case.scenario.rules is not None:
+        digest.update(Path(case.scenario.rules).read_bytes())
     return digest.hexdigest()[:KEY_DIGITS]
