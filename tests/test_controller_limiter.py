@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from controller.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
 from controller.limiter import Limiter, _narrow, build
-from trepid.messages import Command, VehicleState
+from trepid.messages import Command
 
 DT_S = 0.01
 RATE = SHUTTLE.max_road_wheel_rate_radps
