@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from supervisor.inference import FearRules, Trapezoid
+from supervisor.inference import FearRules
+from supervisor.membership import Trapezoid
 from supervisor.rules import LEVELS, Input
 from trepid.config import InputError
 

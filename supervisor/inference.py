@@ -1,26 +1,14 @@
-"""Fear from named numbers: a closed-form fuzzy inference that is monotone by construction.
+"""Fear and trust from named numbers: a closed-form fuzzy inference, compiled once and then a pure function.
 
-Sets are those of scikit-fuzzy (``trimf``, ``trapmf``), degrees are joined by min (and) and max (or) as in Mamdani's
-method. What differs from Mamdani is what a rule's ``x is S`` means and how levels are joined, because a centroid is
-neither monotone nor able to reach 0 and 1:
+Two methods make a number of the rules that hold: :mod:`supervisor.monotone`, the default, which cannot calm down as
+a risk rises, and :mod:`supervisor.mamdani`. In both, sets are those of scikit-fuzzy (``trimf``, ``trapmf``), and
+degrees are joined by min (and) and max (or). Each output, fear and the trust in every estimator, has its own rules.
 
-* In a rule that frightens, ``x is S`` reads "x is S or worse": the edge of S toward the calm side, then 1 (the
-  upper closure of S in the order of risk). In a rule for very_low it reads "S or calmer".
-* With t_k = the greatest strength among rules that call for level k or more (so t_1 >= t_2 >= ...) and a_k =
-  where level k stands on 0..1,
-
-      fear = sum_k (a_k - a_{k-1}) * t_k,
-
-  the Choquet integral of the levels. It is continuous, exact at 0 and 1, and never falls when a risk rises.
-
-A missing or non-finite value fires the riskiest sets of its input and makes fear 1 by itself; where no rule fires
-at all fear is 1 too.
+A missing, non-finite or impossible value counts as the worst end of its input's range and makes fear 1 by itself;
+where no rule for fear holds at all fear is 1 too. Trust is 1 where no rule lowers it.
 
 scikit-fuzzy defines the sets but is not imported while driving: it takes 0.4 s to load, and its functions take
-whole arrays. ``trepid fear check`` and the tests hold the compiled sets against it.
-
-Sugeno, Theory of fuzzy integrals (1974); Kouikoglou and Phillis, On the monotonicity of hierarchical sum-product
-fuzzy systems (2009), for why Mamdani's method is not monotone.
+whole arrays. The tests hold the compiled sets, and Mamdani's method, against it.
 """
 
 import itertools
@@ -31,14 +19,20 @@ from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from supervisor.rules import LEVELS, Atom, Input, Rule, RuleFile, load_rules
-from trepid.bounds import at_least, at_most
+from supervisor.mamdani import Mamdani
+from supervisor.membership import level_sets, trapezoids
+from supervisor.monotone import Monotone, Strengths
+from supervisor.rules import FEAR, LEVELS, TRUST_PREFIX, Input, RuleFile
+from supervisor.sentence import Rule, load_rules
+from trepid.bounds import at_most
 from trepid.messages import Mode
 
 Values = Mapping[str, float | None]
 CALM = "none"  # the cause when there is nothing to fear
 SILENT = "no rule speaks here"
 SILENT_CAUSE = "no_rule"
+DISTRUST_AT = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""1 - trust at the five levels, from trust very_high down: evenly spread, as the words are."""
 
 
 class Fired(NamedTuple):
@@ -63,43 +57,48 @@ class FearResult(NamedTuple):
         return tuple(map(Fired, self.texts, self.strengths))
 
 
-class Ramp(NamedTuple):
-    """Degree of an atom: 0 at ``zero``, 1 at ``zero + span``, straight between, flat beyond."""
+class Trust(NamedTuple):
+    """How far to trust one estimator, and why no further."""
 
-    input: int  # index into the names
-    zero: float
-    span: float
+    trust: float  # 0..1
+    cause: str
+    texts: tuple[str, ...]  # of the rules that fired, strongest first ...
+    strengths: tuple[float, ...]  # ... and how strongly
 
 
 Firing = tuple[float, int, Rule]
-"""Strength, level of fear, and the rule."""
+"""Strength, harm, and the rule."""
 
 
-class Trapezoid(NamedTuple):
-    """Points of a fuzzy set, as in scikit-fuzzy's ``trapmf``."""
+class Voice:
+    """What the rules say about one output. Immutable."""
 
-    a: float
-    b: float
-    c: float
-    d: float
+    def __init__(
+        self, file: RuleFile, rules: tuple[Rule, ...], at: tuple[float, ...], names: list[str]
+    ) -> None:
+        inputs = {name: file.inputs[name] for name in names}
+        self.rules, self.inputs = rules, inputs
+        self._harms = tuple(rule.harm for rule in rules)
+        self._ends = [(name, *spec.range, spec.beyond == "end", spec.worst) for name, spec in inputs.items()]
+        self.method = (Monotone if file.method == "monotone" else Mamdani)(rules, inputs, at)
 
-    def membership(self, x: float) -> float:
-        """Degree of ``x``, 0..1; equals ``skfuzzy.trapmf``."""
-        if self.b <= x <= self.c:
-            return 1.0
-        if self.a < x < self.b:
-            return (x - self.a) / (self.b - self.a)
-        if self.c < x < self.d:
-            return (self.d - x) / (self.d - self.c)
-        return 0.0
+    def complete(self, values: Values) -> tuple[list[float], list[str]]:
+        """Every input within its range, and the names of those that have no possible value."""
+        x, missing = [], []
+        for name, low, high, ends, worst in self._ends:
+            value = values.get(name)
+            if value is not None and low <= value <= high:
+                x.append(value)
+            elif value is not None and ends and math.isfinite(value):
+                x.append(low if value < low else high)
+            else:
+                missing.append(name)
+                x.append(worst)
+        return x, missing
 
-
-class _Case(NamedTuple):
-    """One way for a rule to fire: min over ramps. Filed under the first, so it is met only where that has risen."""
-
-    rule: int
-    weight: float
-    others: tuple[int, ...]  # the ramps after the first
+    def firing(self, strengths: Strengths) -> list[Firing]:
+        """The rules that hold, in the order of the file."""
+        return [(strengths[i], self._harms[i], self.rules[i]) for i in sorted(strengths)]
 
 
 class FearRules:
@@ -110,55 +109,45 @@ class FearRules:
         self.inputs: dict[str, Input] = dict(file.inputs)
         self.names = tuple(file.inputs)
         self.rules = rules
-        self._level_of = tuple(rule.level for rule in rules)
-        self._ends = [(name, *spec.range, spec.worst) for name, spec in file.inputs.items()]
-        self._sets = {name: _trapezoids(spec) for name, spec in file.inputs.items()}
         self._at = tuple(action.at for action in file.fear.all)
         self._factors = tuple(action.speed_factor for action in file.fear.all)
         self._modes = tuple(action.mode for action in file.fear.all)
-        self._levels = {
-            name: Trapezoid(*([self._at[max(k - 1, 0)]] + [self._at[k]] * 2 + [self._at[min(k + 1, 4)]]))
-            for k, name in enumerate(LEVELS)
-        }
         self._borders = [(low + high) / 2 for low, high in itertools.pairwise(self._at)]
-        self._ramps: list[Ramp] = []
-        self._cases: list[list[_Case]] = []  # of each ramp
-        self._always: list[int] = []  # rules that hold everywhere
-        for index, rule in enumerate(rules):
-            self._compile(index, rule)
+        self.fear_voice = Voice(file, _about(FEAR, rules), self._at, list(self.names))
+        self.trust_voices = {name: _trust_voice(name, file, rules) for name in file.estimators}
 
     @classmethod
     def load(cls, path: Path) -> "FearRules":
-        """The rules in the file at ``path``. Raises InputError with file:line:column."""
+        """The rules in the file at ``path``, not yet verified. Raises InputError with file:line:column."""
         return cls(*load_rules(path))
 
     def evaluate(self, values: Values) -> FearResult:
-        """Fear of ``values`` (unit as in the file). Where one is missing, None, NaN or inf, fear is 1."""
-        x, missing = self._complete(values)
-        degrees = zip(self._strengths(x), self._level_of, self.rules, strict=True)
-        firing = [(strength, level, rule) for strength, level, rule in degrees if strength]
-        truth = [0.0] * len(LEVELS)
-        for strength, level, _ in firing:
-            truth[level] = at_least(strength, truth[level])
-        fear = 1.0 if missing or not firing else self._choquet(truth)
-        texts, strengths = _strongest_first(firing, [(m, self.inputs[m].riskiest_set) for m in missing])
-        return FearResult(
-            fear=fear,
-            level=self.level(fear),
-            cause=self._cause(firing, missing, fear),
-            texts=texts,
-            strengths=strengths,
-        )
+        """Fear of ``values`` (unit as in the file). Where one is missing, None, NaN, inf, impossible, fear is 1."""
+        voice = self.fear_voice
+        x, missing = voice.complete(values)
+        strengths = voice.method.strengths(x)
+        firing = voice.firing(strengths)
+        fear = 1.0 if missing or not firing else voice.method.value(strengths)
+        notes = [self._note(name, values) for name in missing] if missing else []
+        texts, degrees = _strongest_first(firing, notes if firing else [*notes, SILENT])
+        return FearResult(fear, self.level(fear), self._cause(firing, missing, fear), texts, degrees)
+
+    def trust(self, values: Values) -> dict[str, Trust]:
+        """Trust in every estimator of the file. Only the inputs of its own rules are asked for.
+
+        A missing or impossible value counts as the worst, so more risk and less knowledge are never more trust.
+        """
+        return {name: self._trusted(voice, values) for name, voice in self.trust_voices.items()}
 
     def memberships(self, values: Values) -> dict[str, dict[str, float]]:
         """Degrees of every input, and of fear itself, in their five sets (``skfuzzy.trimf``, ``trapmf``)."""
-        x, _ = self._complete(values)
+        x, _ = self.fear_voice.complete(values)
         degrees = {
-            name: {level: shape.membership(value) for level, shape in self._sets[name].items()}
-            for name, value in zip(self.names, x, strict=True)
+            name: {level: shape.membership(value) for level, shape in trapezoids(spec).items()}
+            for (name, spec), value in zip(self.inputs.items(), x, strict=True)
         }
         fear = self.evaluate(values).fear
-        degrees["fear"] = {level: shape.membership(fear) for level, shape in self._levels.items()}
+        degrees[FEAR] = {level: shape.membership(fear) for level, shape in level_sets(self._at).items()}
         return degrees
 
     def level(self, fear: float) -> str:
@@ -182,48 +171,6 @@ class FearRules:
         part = at_most((fear - at[k - 1]) / (at[k] - at[k - 1]), 1.0)
         return factors[k - 1] + part * (factors[k] - factors[k - 1])
 
-    def _complete(self, values: Values) -> tuple[list[float], list[str]]:
-        """Every input within its range, and the names of those that are missing."""
-        x, missing = [], []
-        for name, low, high, worst in self._ends:
-            value = values.get(name)
-            if value is not None and low <= value <= high:
-                x.append(value)
-            elif value is None or not math.isfinite(value):
-                missing.append(name)
-                x.append(worst)
-            else:
-                x.append(low if value < low else high)
-        return x, missing
-
-    def _strengths(self, x: list[float]) -> list[float]:
-        """Strength of every rule: its weight times the max over its cases of the min over their ramps."""
-        degrees = [
-            (x[i] - zero) / span for i, zero, span in self._ramps
-        ]  # clipped to 0..1 where they are used
-        strengths = [0.0] * len(self.rules)
-        for rule in self._always:
-            strengths[rule] = self.rules[rule].weight
-        for degree, cases in zip(degrees, self._cases, strict=True):
-            if degree > 0.0:
-                full = degree if degree < 1.0 else 1.0
-                for rule, weight, others in cases:
-                    weakest = full
-                    for other in others:
-                        weakest = at_most(degrees[other], weakest)
-                    strength = weight * weakest
-                    strengths[rule] = strength if strength > strengths[rule] else strengths[rule]
-        return strengths
-
-    def _choquet(self, truth: list[float]) -> float:
-        """sum_k a_k (t_k - t_{k+1}) with t_k the greatest of ``truth`` from level k up: exactly 1 when t_4 is."""
-        fear, above = 0.0, 0.0
-        for at, strength in zip(reversed(self._at), reversed(truth), strict=True):
-            if strength > above:
-                fear += at * (strength - above)
-                above = strength
-        return at_most(1.0, fear)
-
     def _cause(self, firing: list[Firing], missing: list[str], fear: float) -> str:
         """The cause of the rule that adds most to fear; that of the missing input, if the rule rests on one."""
         if self.level_index(fear) == 0:
@@ -231,66 +178,47 @@ class FearRules:
         if not firing:
             return self.inputs[missing[0]].missing if missing else SILENT_CAUSE
         strength, _, rule = max(firing, key=lambda fired: fired[0] * self._at[fired[1]])
-        absent = [name for name in missing if any(a.input == name for case in rule.cases for a in case)]
+        absent = [name for name in missing if name in rule.inputs]
         if not absent and strength * self._at[rule.level] < 1:
             absent = missing  # no rule alone accounts for a fear of 1
         return self.inputs[absent[0]].missing if absent else rule.cause
 
-    def _compile(self, index: int, rule: Rule) -> None:
-        """Enter rule ``index`` into the tables."""
-        for case in rule.cases:
-            edges = [(self.names.index(a.input), *_edge(a, self.inputs[a.input], rule.level)) for a in case]
-            if any(edge[1:] == NEVER for edge in edges):
-                continue
-            ramps = [self._ramp(Ramp(i, zero, one - zero)) for i, zero, one in edges if (zero, one) != ALWAYS]
-            if ramps:
-                self._cases[ramps[0]].append(_Case(index, rule.weight, tuple(ramps[1:])))
-            else:
-                self._always.append(index)
+    def _note(self, name: str, values: Values) -> str:
+        """What is said of an input without a possible value."""
+        spec, value = self.inputs[name], values.get(name)
+        if value is None or not math.isfinite(value):
+            return f"missing {name}: taken as {spec.riskiest_set}"
+        low, high = spec.range
+        return f"impossible {name} {value:g}, not in {low:g}..{high:g}: taken as {spec.riskiest_set}"
 
-    def _ramp(self, ramp: Ramp) -> int:
-        """Index of ``ramp`` in the table; rules share ramps."""
-        if ramp not in self._ramps:
-            self._ramps.append(ramp)
-            self._cases.append([])
-        return self._ramps.index(ramp)
-
-
-NEVER = (math.inf, math.inf)
-ALWAYS = (-math.inf, -math.inf)
+    def _trusted(self, voice: Voice, values: Values) -> Trust:
+        x, missing = voice.complete(values)
+        strengths = voice.method.strengths(x)
+        firing = voice.firing(strengths)
+        if not firing:
+            return TRUSTED
+        trust = 1.0 - voice.method.value(strengths)
+        texts, degrees = _strongest_first(firing, [self._note(name, values) for name in missing])
+        _, _, rule = max(firing, key=lambda fired: fired[0] * fired[1])
+        absent = [name for name in missing if name in rule.inputs]
+        return Trust(trust, self.inputs[absent[0]].missing if absent else rule.cause, texts, degrees)
 
 
-def _edge(atom: Atom, spec: Input, level: int) -> tuple[float, float]:
-    """The edge (zero, one) of the closure of the atom's set: toward risk, or toward calm in a rule for very_low.
-
-    Of a set a <= b <= c <= d, "S or more" rises from a to b, "S or less" falls from c to d, and ``not`` takes the
-    complement of the other one, so that every atom of a rule moves the same way with risk.
-    """
-    a, b, c, d = spec.sets.trapezoid(atom.set)
-    frightens = level > 0
-    upward = (spec.risk == "rising") == frightens
-    if atom.negated:
-        zero, one = (c, d) if upward else (b, a)
-        return (zero, one) if zero != one else NEVER
-    zero, one = (a, b) if upward else (d, c)
-    return (zero, one) if zero != one else ALWAYS
+TRUSTED = Trust(1.0, CALM, (), ())
 
 
-def _strongest_first(
-    firing: list[Firing], missing: list[tuple[str, str]]
-) -> tuple[tuple[str, ...], tuple[float, ...]]:
-    """The missing inputs, then the rules by strength and level; a note where no rule fired."""
-    notes = [f"missing {name}: taken as {worst}" for name, worst in missing]
-    if not firing:
-        notes.append(SILENT)
-    ranked = sorted(
-        firing, key=itemgetter(0, 1), reverse=True
-    )  # of equals, the first in the file comes first
-    return (*notes, *[rule.text for _, _, rule in ranked]), (
-        *[1.0] * len(notes),
-        *[fired[0] for fired in ranked],
-    )
+def _about(output: str, rules: tuple[Rule, ...]) -> tuple[Rule, ...]:
+    return tuple(rule for rule in rules if rule.output == output)
 
 
-def _trapezoids(spec: Input) -> dict[str, Trapezoid]:
-    return {level: Trapezoid(*spec.sets.trapezoid(level)) for level in LEVELS}
+def _trust_voice(estimator: str, file: RuleFile, rules: tuple[Rule, ...]) -> Voice:
+    own = _about(TRUST_PREFIX + estimator, rules)
+    spoken = frozenset().union(*(rule.inputs for rule in own))
+    return Voice(file, own, DISTRUST_AT, [name for name in file.inputs if name in spoken])
+
+
+def _strongest_first(firing: list[Firing], notes: list[str]) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    """The notes, then the rules by strength and harm; of equals, the first in the file comes first."""
+    ranked = sorted(firing, key=itemgetter(0, 1), reverse=True)
+    texts, strengths = [rule.text for _, _, rule in ranked], [fired[0] for fired in ranked]
+    return (*notes, *texts), (*[1.0] * len(notes), *strengths)

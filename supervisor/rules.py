@@ -1,25 +1,15 @@
 """The rule file: inputs with five named sets each, rules as sentences, and what to do at each level of fear.
 
-A rule is a sentence::
-
-    if EXPRESSION then fear is LEVEL [with weight W] [because CAUSE]
-
-EXPRESSION joins ``input is [not] set`` by ``and``, ``or``, ``not`` and parentheses. Sets are given by the points of
-scikit-fuzzy's ``trimf`` (three) or ``trapmf`` (four).
+Sets are given by the points of scikit-fuzzy's ``trimf`` (three) or ``trapmf`` (four). The language of the sentences
+is that of :mod:`supervisor.sentence`.
 """
 
-import difflib
 import itertools
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from trepid import config
-from trepid.config import InputError, Settings
+from trepid.config import Settings, wrong_at
 from trepid.messages import Mode
 
 LEVELS = ("very_low", "low", "medium", "high", "very_high")
@@ -29,7 +19,11 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 Points = tuple[float, ...]
 Share = Annotated[float, Field(ge=0, le=1)]
 Seconds = Annotated[float, Field(ge=0)]
-KEYWORDS = frozenset({"if", "then", "and", "or", "not", "is", "with", "weight", "because", "fear"})
+FEAR = "fear"
+TRUST_PREFIX = "trust_"
+KEYWORDS = frozenset({"if", "then", "and", "or", "not", "is", "with", "weight", "because", FEAR})
+Method = Literal["monotone", "mamdani"]
+"""How rules become a number; :mod:`supervisor.inference` says what each promises."""
 
 
 class Sets(Settings):
@@ -61,9 +55,10 @@ class Input(Settings):
 
     meaning: str
     unit: str
-    range: tuple[float, float]  # values beyond it count as its ends
+    range: tuple[float, float]  # of values that can be
     risk: Literal["rising", "falling"]  # which way it gets worse
     missing: Name = "missing_data"  # the cause when there is no value
+    beyond: Literal["broken", "end"] = "broken"  # beyond the range: as if missing, or as the end of the range
     sets: Sets
 
     @property
@@ -157,182 +152,26 @@ class Hysteresis(Settings):
 class RuleFile(Settings):
     """The contents of ``config/fear.yaml``."""
 
+    method: Method = "monotone"
+    estimators: tuple[Name, ...] = ()  # those whose trust the rules speak of
     inputs: Annotated[dict[Name, Input], Field(min_length=1)]
     rules: Annotated[tuple[str, ...], Field(min_length=1)]
     fear: Actions
     hysteresis: Hysteresis
 
-    @field_validator("inputs")
-    @classmethod
-    def _names_are_no_keywords(cls, inputs: dict[str, Input]) -> dict[str, Input]:
-        for name in inputs:
-            if name in KEYWORDS:
-                raise ValueError(f"{name!r} is a word of the rule language; choose another name")
-        return inputs
-
-
-class Atom(NamedTuple):
-    """``input is [not] set``."""
-
-    input: str
-    set: str
-    negated: bool
-
-
-Cases = tuple[tuple[Atom, ...], ...]
-"""An expression as a disjunction of conjunctions."""
-
-
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """One sentence, understood."""
-
-    text: str
-    cases: Cases
-    level: int  # index into LEVELS
-    weight: float
-    cause: str
-
-
-class SentenceError(ValueError):
-    """A rule that cannot be understood; ``offset`` is where in the sentence, from 0."""
-
-    def __init__(self, message: str, offset: int) -> None:
-        super().__init__(message)
-        self.offset = offset
-
-
-class Word(NamedTuple):
-    """A token of a sentence and where it starts."""
-
-    text: str
-    offset: int
-
-
-def load_rules(path: Path) -> tuple[RuleFile, tuple[Rule, ...]]:
-    """The rule file at ``path`` and its sentences, understood.
-
-    Raises InputError with file:line:column of the first thing that is wrong, and what was expected there.
-    """
-    file = config.load(path, RuleFile)
-    return file, tuple(_rule_at(i, file, path) for i in range(len(file.rules)))
-
-
-def _rule_at(index: int, file: RuleFile, path: Path) -> Rule:
-    sentence = file.rules[index]
-    try:
-        return parse_rule(sentence, file.inputs)
-    except SentenceError as error:
-        line, column = config.position(config.read(path), ("rules", index))
-        shown = path.read_text(encoding="utf-8").splitlines()[line - 1][column - 1 :]
-        if sentence in shown:  # on one line, plain or quoted
-            column += shown.index(sentence) + error.offset
-        raise InputError(f"{path}:{line}:{column}: {error}") from error
-
-
-def parse_rule(sentence: str, inputs: Mapping[str, Input] | Iterable[str]) -> Rule:
-    """The rule that ``sentence`` states about ``inputs``. Raises SentenceError."""
-    words = [Word(m.group(), m.start()) for m in re.finditer(r"[A-Za-z_]\w*|[0-9.]+|\S", sentence)]
-    return _Parser(sentence, words, tuple(inputs)).rule()
-
-
-class _Parser:
-    """Recursive descent over the words of one sentence; ``not`` is pushed down to the atoms (De Morgan)."""
-
-    def __init__(self, sentence: str, words: list[Word], inputs: tuple[str, ...]) -> None:
-        self.sentence, self.words, self.inputs = sentence, words, inputs
-        self.end = Word("", len(sentence))
-
     @property
-    def next(self) -> Word:
-        return self.words[0] if self.words else self.end
+    def outputs(self) -> tuple[str, ...]:
+        """What a rule may speak of behind ``then``."""
+        return (FEAR, *(TRUST_PREFIX + name for name in self.estimators))
 
-    def take(self, *expected: str, what: str = "") -> str:
-        """The next word, which must be one of ``expected``."""
-        word = self.next
-        if word.text not in expected:
-            raise SentenceError(_expectation(word.text, expected, what), word.offset)
-        self.words = self.words[1:]
-        return word.text
-
-    def skip(self, *phrase: str) -> bool:
-        """Whether ``phrase`` stood next; it is passed over then."""
-        found = [w.text for w in self.words[: len(phrase)]] == list(phrase)
-        if found:
-            self.words = self.words[len(phrase) :]
-        return found
-
-    def rule(self) -> Rule:
-        self.take("if")
-        cases = self.any_of(negated=False)
-        for word in ("then", "fear", "is"):
-            self.take(word)
-        level = LEVELS.index(self.take(*LEVELS, what="level"))
-        weight = self.weight() if self.skip("with", "weight") else 1.0
-        cause = self.cause() if self.skip("because") else cases[0][0].input
-        self.take("")
-        return Rule(self.sentence, cases, level, weight, cause)
-
-    def any_of(self, *, negated: bool) -> Cases:
-        parts = [self.all_of(negated=negated)]
-        while self.skip("or"):
-            parts.append(self.all_of(negated=negated))
-        return _conjunction(parts) if negated else _disjunction(parts)
-
-    def all_of(self, *, negated: bool) -> Cases:
-        parts = [self.term(negated=negated)]
-        while self.skip("and"):
-            parts.append(self.term(negated=negated))
-        return _disjunction(parts) if negated else _conjunction(parts)
-
-    def term(self, *, negated: bool) -> Cases:
-        if self.skip("not"):
-            return self.term(negated=not negated)
-        if self.skip("("):
-            inner = self.any_of(negated=negated)
-            self.take(")")
-            return inner
-        name = self.take(*self.inputs, what="input")
-        self.take("is")
-        if self.skip("not"):
-            negated = not negated
-        return ((Atom(name, self.take(*LEVELS, what="set"), negated),),)
-
-    def weight(self) -> float:
-        word = self.next
-        try:
-            value = float(word.text)
-        except ValueError:
-            value = -1.0
-        if not 0 < value <= 1:
-            raise SentenceError(f"expected a weight above 0 and at most 1, got {word.text!r}", word.offset)
-        self.words = self.words[1:]
-        return value
-
-    def cause(self) -> str:
-        word = self.next
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", word.text):
-            raise SentenceError(f"expected a cause such as 'dark', got {word.text!r}", word.offset)
-        self.words = self.words[1:]
-        return word.text
-
-
-def _conjunction(parts: list[Cases]) -> Cases:
-    return tuple(tuple(itertools.chain(*choice)) for choice in itertools.product(*parts))
-
-
-def _disjunction(parts: list[Cases]) -> Cases:
-    return tuple(itertools.chain(*parts))
-
-
-def _expectation(got: str, expected: tuple[str, ...], what: str) -> str:
-    """What was expected instead of ``got``, with a did-you-mean."""
-    if expected == ("",):
-        return f"expected the end of the rule, 'with weight' or 'because', got {got!r}"
-    if not got:
-        return f"the rule ends too early: expected {what or repr(expected[0])}"
-    close = difflib.get_close_matches(got, expected, n=1)
-    if not what and not close:
-        return f"expected {expected[0]!r}, got {got!r}"
-    hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(expected)}"
-    return f"unknown {what or 'word'} {got!r}; {hint}"
+    @model_validator(mode="after")
+    def _names_are_unambiguous(self) -> "RuleFile":
+        for name in self.inputs:
+            if name in KEYWORDS or name in self.outputs:
+                raise wrong_at(
+                    ("inputs", name), f"{name!r} is a word of the rule language; choose another name"
+                )
+        for index, name in enumerate(self.estimators):
+            if name in self.estimators[:index]:
+                raise wrong_at(("estimators", index), f"{name!r} stands here twice")
+        return self

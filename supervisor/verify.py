@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from skfuzzy.membership import trapmf, trimf
 
-from supervisor.inference import SILENT, FearRules, Trapezoid
+from supervisor.inference import SILENT, FearRules
+from supervisor.membership import Trapezoid
 from supervisor.rules import LEVELS, Input
 
 Point = dict[str, float]

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.stats import kendalltau
 
 from supervisor.inference import SILENT, FearRules
-from supervisor.rules import LEVELS, Input, RuleFile, Sets, parse_rule
+from supervisor.rules import LEVELS, Input, RuleFile, Sets
+from supervisor.sentence import parse_rule
 from supervisor.verify import calmest, worst
 from trepid.config import CONFIG_DIR
 from trepid.messages import Mode
@@ -73,10 +74,16 @@ def test_an_input_left_out_is_missing() -> None:
     }
 
 
-def test_beyond_the_range_on_the_risky_side_is_the_worst() -> None:
-    for name, spec in RULES.inputs.items():
-        beyond = spec.worst + (spec.worst - spec.calmest)
-        assert RULES.evaluate({**CALM, name: beyond}).fear == RULES.evaluate({**CALM, name: spec.worst}).fear
+@pytest.mark.parametrize("side", ["worst", "calmest"])
+@pytest.mark.parametrize("name", RULES.names)
+def test_a_value_beyond_the_range_counts_as_its_end_only_where_the_file_says_so(name: str, side: str) -> None:
+    spec = RULES.inputs[name]
+    middle, end = sum(spec.range) / 2, getattr(spec, side)
+    felt = RULES.evaluate({**CALM, name: end + (end - middle)})
+    if spec.beyond == "end":
+        assert felt == RULES.evaluate({**CALM, name: end})
+    else:
+        assert (felt.fear, felt.texts[0].split(" ")[:2]) == (1, ["impossible", name])
 
 
 def test_fear_is_exactly_0_when_all_is_calm_and_exactly_1_at_the_worst() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from supervisor.rules import Atom, load_rules, parse_rule
+from supervisor.sentence import Atom, load_rules, parse_rule
 from trepid.config import CONFIG_DIR, InputError
 
 INPUTS = ("dark", "fast")

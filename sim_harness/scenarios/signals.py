@@ -14,8 +14,8 @@ import numpy as np
 from perception.estimators import ESTIMATORS
 from sim_harness.lockstep import margins
 from sim_harness.lockstep.trace import LABELS, Column, Trace, column_names
-from supervisor.rules import LEVELS, load_rules
-from trepid.config import CONFIG_DIR
+from supervisor.rules import LEVELS, RuleFile
+from trepid.config import CONFIG_DIR, load
 
 SUFFIXES = {
     "_1pm2": "1/m²",
@@ -147,5 +147,4 @@ def _bare(column: str) -> str:
 
 @cache
 def _level_places() -> tuple[float, ...]:
-    file, _ = load_rules(CONFIG_DIR / "fear.yaml")
-    return tuple(action.at for action in file.fear.all)
+    return tuple(action.at for action in load(CONFIG_DIR / "fear.yaml", RuleFile).fear.all)
