@@ -1,6 +1,7 @@
-"""What the pixels alone say about how far a frame can be trusted: light, sharpness, a frozen camera."""
+"""What the pixels alone say about how far a frame can be trusted: light, sharpness, dirt, a frozen camera."""
 
 import zlib
+from collections import deque
 
 import cv2
 import numpy as np
@@ -11,14 +12,25 @@ from trepid.messages import Frame, ImageStatistics
 WORKING_WIDTH_PX = 320  # sharpness depends on the scale, so every camera is measured at one
 OVER_EXPOSED_GREY = 250  # at or above: no detail is left (sensors and codecs clip a little below 255)
 UNDER_EXPOSED_GREY = 10  # at or below: nothing but sensor noise
+REMEMBERED_IMAGES = 256  # 10 s at 25 Hz: a loop of at most this many frames is seen to repeat
+SPOT_MAP_PX = (80, 60)  # spots are looked for at a quarter of the working size: texture and noise average out
+SPOT_PX = 13  # of that map, the largest spot: a sixth of the picture
+SPOT_DEPTH = 0.1  # by this share of its surroundings a spot is darker; asphalt varies by half of it
+SPOT_DEPTH_GREY = 5.0  # ... and by so much more, which the noise of a night picture does not reach
+SPOT_FRAMES = 2  # in so many frames in a row it stands where it was
+TILES = (6, 8)  # rows (a multiple of 3) and columns of the picture in which spots are counted
+SPOTTED = 0.03  # of a tile's area: three pixels of the map in its hundred
+
+Map = NDArray[np.uint8]
 
 
 class ImageStatistician:
-    """Statistics of every frame; remembers only the checksum of the last image and since when it is the same."""
+    """Statistics of every frame; remembers checksums of past images and where their dark spots were."""
 
     def __init__(self) -> None:
-        self._checksum: int | None = None
-        self._same_since_s = 0.0
+        self._checksums: deque[int] = deque(maxlen=REMEMBERED_IMAGES)
+        self._new_s = 0.0  # when the last image came that had not been seen before
+        self._spots: deque[Map] = deque(maxlen=SPOT_FRAMES)
 
     def step(self, frame: Frame, *, now_s: float) -> ImageStatistics:
         """Statistics of ``frame``; ``frozen_s`` runs on with ``now_s`` even when capture time stands still."""
@@ -32,23 +44,66 @@ class ImageStatistician:
             under_exposed=np.count_nonzero(grey <= UNDER_EXPOSED_GREY) / grey.size,
             sharpness=_sharpness(grey),
             frozen_s=self._frozen_s(grey, max(frame.t_s, now_s)),
+            spots=self._spotted(grey),
         )
 
-    def _frozen_s(self, grey: NDArray[np.uint8], t_s: float) -> float:
+    def _frozen_s(self, grey: Map, t_s: float) -> float:
+        """How long only images have come that came before: one image, two by turns, or a loop.
+
+        Sensor noise never repeats. An image that is met again counts as remembered anew.
+        """
         checksum = zlib.crc32(np.ascontiguousarray(grey).data)
-        if checksum != self._checksum:
-            self._checksum, self._same_since_s = checksum, t_s
-        return max(0.0, t_s - self._same_since_s)
+        if checksum in self._checksums:
+            self._checksums.remove(checksum)
+        else:
+            self._new_s = t_s
+        self._checksums.append(checksum)
+        return max(0.0, t_s - self._new_s)
+
+    def _spotted(self, grey: Map) -> float:
+        """Share of tiles with a dark spot that has stood still for SPOT_FRAMES frames; 0 before that.
+
+        That of the third of the picture, upper, middle or lower, which has least: dirt is everywhere, while clouds
+        stand in the sky, trees at the horizon, and cracks, snow and vehicles on the road.
+        """
+        self._spots.append(_dark_spots(grey))
+        if len(self._spots) < SPOT_FRAMES:
+            return 0.0
+        standing = self._spots[0]
+        for spots in list(self._spots)[1:]:
+            standing = cv2.min(standing, spots).astype(np.uint8, copy=False)
+        rows, columns = TILES
+        share = cv2.resize(standing, (columns, rows), interpolation=cv2.INTER_AREA)
+        thirds = (share >= 255 * SPOTTED).reshape(3, -1)
+        return float(thirds.mean(axis=1).min())
 
 
-def _sharpness(grey: NDArray[np.uint8]) -> float:
+def _dark_spots(grey: Map) -> Map:
+    """255 where the small picture is darker than to the left and right and also than above and below.
+
+    By the closing (black-hat transform) with a row and with a column: a line, a track or the edge of the road is
+    darker in one direction only.
+    """
+    small = cv2.resize(grey, SPOT_MAP_PX, interpolation=cv2.INTER_AREA)
+    around = cv2.min(_closed(small, (SPOT_PX, 1)), _closed(small, (1, SPOT_PX)))
+    depth = cv2.subtract(around, small)
+    return cv2.compare(
+        depth, cv2.addWeighted(around, SPOT_DEPTH, around, 0.0, SPOT_DEPTH_GREY), cv2.CMP_GT
+    ).astype(np.uint8, copy=False)
+
+
+def _closed(image: cv2.typing.MatLike, size: tuple[int, int]) -> cv2.typing.MatLike:
+    return cv2.morphologyEx(image, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_RECT, size))
+
+
+def _sharpness(grey: Map) -> float:
     """Variance of the Laplacian; from its sums, which are exact and a tenth of the price of meanStdDev."""
     laplacian = cv2.Laplacian(grey, cv2.CV_16S)
     mean = cv2.sumElems(laplacian)[0] / grey.size
     return max(0.0, cv2.norm(laplacian, cv2.NORM_L2SQR) / grey.size - mean**2)
 
 
-def grey_image(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def grey_image(image: NDArray[np.uint8]) -> Map:
     """Grey image, reduced by area averaging to at most 320 columns (inventory A04, A05)."""
     if image.shape[1] > WORKING_WIDTH_PX:
         height_px = max(1, round(image.shape[0] * WORKING_WIDTH_PX / image.shape[1]))

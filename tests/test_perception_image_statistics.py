@@ -59,3 +59,49 @@ def test_one_changed_pixel_thaws_the_camera():
 @pytest.mark.parametrize("shape", [(1, 1), (1, 1, 3), (2, 500, 3), (240, 320), (240, 320, 1), (240, 320, 4)])
 def test_odd_shapes_are_measured_like_any_other(shape):
     assert statistics(np.full(shape, 100, np.uint8)).brightness == pytest.approx(100 / 255, abs=0.01)
+
+
+def drive_past(*, spots: np.ndarray | None = None, frames: int = 4) -> list[float]:
+    """Share of spotted tiles while textured pictures stream by behind ``spots``, a mask."""
+    statistician = ImageStatistician()
+    seen = []
+    for number in range(frames):
+        image = 100 + scene(number) // 8  # as asphalt
+        if spots is not None:
+            image[spots] = image[spots] // 4
+        seen.append(statistician.step(Frame(t_s=0.04 * number, image=image), now_s=0.04 * number).spots)
+    return seen
+
+
+def blots(rows: slice) -> np.ndarray:
+    """Blots of 16 pixels, 40 apart."""
+    mask = np.zeros((240, 320), bool)
+    for top in range(10, 240, 40):
+        for left in range(10, 320, 40):
+            mask[top : top + 16, left : left + 16] = True
+    kept = np.zeros_like(mask)
+    kept[rows] = mask[rows]
+    return kept
+
+
+def test_spots_all_over_a_moving_picture_are_dirt_from_the_second_frame_on():
+    assert drive_past(spots=blots(slice(None)))[:3] == [0.0, 1.0, 1.0]
+    assert drive_past() == [0.0] * 4
+
+
+def test_spots_in_one_part_of_the_picture_are_the_scene():
+    assert max(drive_past(spots=blots(slice(0, 120)))) == 0.0
+    stripes = np.zeros((240, 320), bool)
+    stripes[:, 20::40] = stripes[:, 21::40] = True  # a dark line along the road
+    assert max(drive_past(spots=stripes)) == 0.0
+
+
+@pytest.mark.parametrize("loop", [1, 2, 7])
+def test_images_that_come_again_and_again_are_a_frozen_camera(loop):
+    statistician = ImageStatistician()
+    seen = [
+        statistician.step(Frame(t_s=0.04 * number, image=scene(number % loop)), now_s=0.04 * number).frozen_s
+        for number in range(3 * loop + 2)
+    ]
+    since_s = np.maximum(np.arange(3 * loop + 2) - (loop - 1), 0) * 0.04
+    assert seen == pytest.approx(list(since_s))

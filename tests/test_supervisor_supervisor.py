@@ -62,6 +62,7 @@ STATISTICS = ImageStatistics(
     under_exposed=0.01,
     sharpness=200.0,
     frozen_s=0.0,
+    spots=0.0,
 )
 STATE = VehicleState(
     t_s=0.0, speed_mps=8.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False

@@ -65,4 +65,5 @@ def clear_view(t_s: float) -> ImageStatistics:
         under_exposed=0.0,
         sharpness=1000.0,
         frozen_s=0.0,
+        spots=0.0,
     )
