@@ -28,6 +28,7 @@ from controller.lateral import LateralSettings, build_law
 from controller.law import Acting
 from controller.prediction import Predictor
 from controller.speed import SpeedControl, SpeedSettings, target
+from controller.steering_learner import LearningSettings, SteeringLearner
 from trepid.bounds import at_least, at_most, within
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
@@ -57,6 +58,7 @@ class ControllerSettings(Settings):
     """``config/controller.yaml``."""
 
     lateral: LateralSettings
+    learning: LearningSettings
     speed: SpeedSettings
     inputs: InputLimits
 
@@ -79,7 +81,7 @@ class Controller:
     """``step`` it at every new decision and at least 50 times a second. Starts with the brake on."""
 
     def __init__(self, vehicle: Vehicle, settings: ControllerSettings) -> None:
-        self._vehicle = vehicle
+        self.learner = SteeringLearner(vehicle, settings.learning)
         self._settings = settings
         self._top_mps = critical_speed(vehicle) * settings.speed.critical_speed_share
         self._modelled_mps = critical_speed(vehicle) * _MAX_OVERSTEER
@@ -106,6 +108,9 @@ class Controller:
         frame_s = decision.t_s if decision is not None and _finite(decision.t_s) else None
         decision = self._usable_decision(decision, now_s)
         state = self._usable_state(state, now_s)
+        if state is not None:  # from here on angles are those of the tyres
+            state = self.learner.step(state)
+            self._predictor.vehicle = self._vehicle
         speed_mps = state.speed_mps if state is not None else None
         if state is not None and speed_mps is not None:
             self._predictor.saw(state, speed_mps)
@@ -121,12 +126,19 @@ class Controller:
         goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver)
         return Command(
             t_s=frame_s,
-            road_wheel_angle_rad=angle_rad,
+            road_wheel_angle_rad=within(
+                self.learner.command_rad(angle_rad), self._vehicle.max_road_wheel_angle_rad
+            ),
             road_wheel_rate_radps=0.0,
             speed_mps=goal_mps,
             accel_mps2=accel_mps2,
             jerk_mps3=0.0,
         )
+
+    @property
+    def _vehicle(self) -> Vehicle:
+        """The vehicle as it has been learned to be."""
+        return self.learner.vehicle
 
     def _elapsed(self, now_s: float) -> float:
         """Time since the last step, 0 on the first; a clock that runs backwards stands still here."""
@@ -163,6 +175,7 @@ class Controller:
             and abs(state.speed_mps) <= limits.max_speed_mps
             and (state.road_wheel_angle_rad is None or abs(state.road_wheel_angle_rad) <= math.pi / 2)
             and (state.yaw_rate_radps is None or abs(state.yaw_rate_radps) <= limits.max_yaw_rate_radps)
+            and (state.driver_torque_nm is None or math.isfinite(state.driver_torque_nm))
         )
         return state if plausible else None
 

@@ -28,7 +28,7 @@ class Predictor:
 
     def __init__(self, vehicle: Vehicle, *, command_delay_s: float, memory_s: float) -> None:
         """``command_delay_s``: on the way to the actuator, mean hold of the command included."""
-        self._vehicle = vehicle
+        self.vehicle = vehicle
         self._lag_s, self._rate_radps = vehicle.steering_lag_s, vehicle.max_road_wheel_rate_radps
         self._delay_s = command_delay_s + vehicle.steering_delay_s
         self._memory_s = memory_s
@@ -77,7 +77,7 @@ class Predictor:
             return Acting(lane, 0.0, 0.0, 0.0, lane)
         speed_mps = self._motion[-1][1]
         then, wheel_rad = self._along_commanded(lane, valid_s, now_s + self._delay_s, speed_mps)
-        curvature_1pm = curvature_from_angle(wheel_rad, speed_mps=speed_mps, vehicle=self._vehicle)
+        curvature_1pm = curvature_from_angle(wheel_rad, speed_mps=speed_mps, vehicle=self.vehicle)
         return Acting(then, speed_mps, wheel_rad, curvature_1pm or 0.0, lane)
 
     def _along_commanded(
@@ -104,5 +104,5 @@ class Predictor:
 
     def _model_yaw_rate(self, wheel_rad: float, speed_mps: float) -> float:
         """Of the bicycle model; zero where it knows no steady turn (oversteer beyond its limits)."""
-        curvature_1pm = curvature_from_angle(wheel_rad, speed_mps=speed_mps, vehicle=self._vehicle)
+        curvature_1pm = curvature_from_angle(wheel_rad, speed_mps=speed_mps, vehicle=self.vehicle)
         return yaw_rate(curvature_1pm, speed_mps=speed_mps) if curvature_1pm is not None else 0.0

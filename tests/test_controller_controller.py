@@ -257,15 +257,15 @@ def test_without_a_path_it_follows_the_remembered_one_then_holds_the_curvature_a
     asked = [
         one.step(
             decision(now_s + 0.02 * n, **lost),
-            state(now_s + 0.02 * n, speed_mps=4.0, road_wheel_angle_rad=0.0573, yaw_rate_radps=4 * curvature),
+            state(now_s + 0.02 * n, speed_mps=4.0, road_wheel_angle_rad=0.0542, yaw_rate_radps=4 * curvature),
             now_s=now_s + 0.02 * n,
         )
         for n in range(100)
     ]
     assert asked[0].accel_mps2 > 0.0 > asked[30].accel_mps2
-    held = {c.road_wheel_angle_rad for c in asked[30:]}
-    assert len(held) == 1
-    assert held.pop() > 0.0
+    held = [c.road_wheel_angle_rad for c in asked[30:]]
+    assert max(held) - min(held) <= 3e-4  # at an angle and yaw rate that do not quite fit, learning moves it a little
+    assert min(held) > 0.0
 
 
 def test_held_curvature_needs_less_wheel_as_the_speed_falls():
