@@ -1,7 +1,8 @@
 """Lateral control: lane to path curvature, by feed-forward of the lane's bend and feedback of offset and heading.
 
 The lane passed in is the one at the moment the command begins to act (:mod:`controller.prediction`), so the loop
-that is left has no dead time but the steering lag τ. Along the travelled path s (not time) and for small errors
+that is left has no dead time but the lag τ of steering and tyres. Along the travelled path s (not time) and for
+small errors
 
     e' = ψ        ψ' = κ_a - κ        T·κ_a' = κ_cmd - κ_a        T = v·τ [m], ' = d/ds
 
@@ -32,6 +33,7 @@ from pydantic import Field
 
 from controller.lane import Lane
 from controller.law import Acting
+from controller.tyres import Tyres
 from trepid.bounds import at_least, at_most, within
 from trepid.config import Settings
 from trepid.vehicle import Positive, Vehicle
@@ -62,21 +64,21 @@ class Feedforward:
     def __init__(self, settings: FeedforwardSettings, vehicle: Vehicle) -> None:
         self._settings = settings
         self._lag_s = vehicle.steering_lag_s
+        self._tyres = Tyres(vehicle)
 
     def curvature(self, at: Acting, *, dt_s: float) -> float:
         """κ_cmd [1/m]."""
-        return path_curvature(
-            at.lane, speed_mps=at.speed_mps, steering_lag_s=self._lag_s, settings=self._settings
-        )
+        lag_s = self._lag_s + self._tyres.lag_s(at.speed_mps)
+        return path_curvature(at.lane, speed_mps=at.speed_mps, lag_s=lag_s, settings=self._settings)
 
     def release(self) -> None:
         """Nothing to forget."""
 
 
-def gains(speed_mps: float, *, steering_lag_s: float, settings: FeedforwardSettings) -> Gains:
+def gains(speed_mps: float, *, lag_s: float, settings: FeedforwardSettings) -> Gains:
     """Gains that put the poles of the loop, lag included, at the scheduled bandwidth and damping."""
     speed_mps = at_least(abs(speed_mps), _MIN_SPEED_MPS)
-    lag_m, damping = speed_mps * steering_lag_s, settings.damping
+    lag_m, damping = speed_mps * lag_s, settings.damping
     bandwidth = at_most(settings.bandwidth_radps / speed_mps, settings.bandwidth_radpm)
     if lag_m > 0.0:
         bandwidth = at_most(0.25 / (damping * lag_m), bandwidth)
@@ -87,12 +89,10 @@ def gains(speed_mps: float, *, steering_lag_s: float, settings: FeedforwardSetti
     )
 
 
-def path_curvature(
-    lane: Lane, *, speed_mps: float, steering_lag_s: float, settings: FeedforwardSettings
-) -> float:
+def path_curvature(lane: Lane, *, speed_mps: float, lag_s: float, settings: FeedforwardSettings) -> float:
     """Curvature κ_cmd [1/m] to be asked of the vehicle for ``lane`` at the moment the command acts."""
-    gain = gains(speed_mps, steering_lag_s=steering_lag_s, settings=settings)
-    ahead_m = at_least(speed_mps, 0.0) * steering_lag_s
+    gain = gains(speed_mps, lag_s=lag_s, settings=settings)
+    ahead_m = at_least(speed_mps, 0.0) * lag_s
     feedforward = lane.path_curvature(lane.curvature_at(ahead_m))
     approach = gain.offset_1pm2 / gain.heading_1pm * lane.offset_m
     approach = within(approach, math.sin(_max_approach(speed_mps, settings)))

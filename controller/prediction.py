@@ -6,6 +6,8 @@ rate, from there to now + dead time by the commands that are already on their wa
 
     δ' = (δ_cmd(t - T_d) - δ)/τ, |δ'| ≤ rate limit
 
+and the tyres (:mod:`controller.tyres`). Their drift, which nothing measures, follows from the measured yaw rate.
+
 What remains for feedback is a plant without dead time (Smith predictor; Åström & Hägglund, Advanced PID Control
 (2006), section 8.4).
 """
@@ -13,9 +15,9 @@ What remains for feedback is a plant without dead time (Smith predictor; Åströ
 import math
 from collections import deque
 
-from controller.bicycle import curvature_from_angle, yaw_rate
 from controller.lane import Clothoid, Lane, lane_after
 from controller.law import Acting
+from controller.tyres import Turning, Tyres
 from trepid.bounds import at_least, at_most, within
 from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle
@@ -28,13 +30,23 @@ class Predictor:
 
     def __init__(self, vehicle: Vehicle, *, command_delay_s: float, memory_s: float) -> None:
         """``command_delay_s``: on the way to the actuator, mean hold of the command included."""
-        self.vehicle = vehicle
+        self._vehicle, self._tyres = vehicle, Tyres(vehicle)
         self._lag_s, self._rate_radps = vehicle.steering_lag_s, vehicle.max_road_wheel_rate_radps
         self._delay_s = command_delay_s + vehicle.steering_delay_s
         self._memory_s = memory_s
-        self._motion: deque[tuple[float, float, float]] = deque()  # time, speed, yaw rate
+        self._motion: deque[tuple[float, float, float, float]] = deque()  # time, speed, yaw rate, drift
         self._commands: deque[tuple[float, float]] = deque()  # time from which it acts, angle
         self._wheel_rad = 0.0
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle as it is believed to be; its tyres may be learned while driving."""
+        return self._vehicle
+
+    @vehicle.setter
+    def vehicle(self, vehicle: Vehicle) -> None:
+        if vehicle is not self._vehicle:
+            self._vehicle, self._tyres = vehicle, Tyres(vehicle)
 
     def saw(self, state: VehicleState, speed_mps: float) -> None:
         """Take in a vehicle state; one that was taken in before, or is older, changes nothing."""
@@ -46,10 +58,17 @@ class Predictor:
             self._wheel_rad = self._commands[-1][1]
         rate = state.yaw_rate_radps
         if rate is None:
-            rate = self._model_yaw_rate(self._wheel_rad, speed_mps)
-        self._motion.append((state.t_s, speed_mps, rate))
+            rate = speed_mps * self._tyres.steady_1pm(self._wheel_rad, speed_mps)
+        self._motion.append((state.t_s, speed_mps, rate, self._drift(state.t_s, speed_mps, rate)))
         while len(self._motion) > 2 and self._motion[1][0] < state.t_s - self._memory_s:
             self._motion.popleft()
+
+    def _drift(self, t_s: float, speed_mps: float, rate: float) -> float:
+        """Of the rear axle at ``t_s``; settled where nothing is known of before."""
+        if not self._motion:
+            return self._tyres.drift_after(0.0, rate, speed_mps, math.inf)
+        before_s, _, before_rate, drift_rad = self._motion[-1]
+        return self._tyres.drift_after(drift_rad, 0.5 * (before_rate + rate), speed_mps, t_s - before_s)
 
     def commanded(self, angle_rad: float, *, now_s: float) -> None:
         """Remember a command that goes out now."""
@@ -65,10 +84,11 @@ class Predictor:
             new -= 1
         moved: Clothoid = lane
         for i in range(new, len(motion)):
-            (t0, v0, r0), (t1, v1, r1) = motion[i - 1], motion[i]
+            (t0, v0, r0, drift0), (t1, v1, r1, drift1) = motion[i - 1], motion[i]
             if t1 > valid_s:
                 dt_s = t1 - at_least(valid_s, t0)
-                moved = lane_after(moved, dt_s, 0.5 * (v0 + v1), 0.5 * (r0 + r1))
+                drift_rad = 0.5 * (drift0 + drift1)
+                moved = lane_after(moved, dt_s, 0.5 * (v0 + v1), 0.5 * (r0 + r1), drift_rad)
         return Lane(*moved), at_least(motion[-1][0], valid_s) if motion else valid_s
 
     def when_steering_acts(self, lane: Lane, *, valid_s: float, now_s: float) -> Acting:
@@ -76,33 +96,35 @@ class Predictor:
         if not self._motion:
             return Acting(lane, 0.0, 0.0, 0.0, lane)
         speed_mps = self._motion[-1][1]
-        then, wheel_rad = self._along_commanded(lane, valid_s, now_s + self._delay_s, speed_mps)
-        curvature_1pm = curvature_from_angle(wheel_rad, speed_mps=speed_mps, vehicle=self.vehicle)
-        return Acting(then, speed_mps, wheel_rad, curvature_1pm or 0.0, lane)
+        then, wheel_rad, turning = self._along_commanded(lane, valid_s, now_s + self._delay_s)
+        return Acting(
+            lane=then._replace(heading_rad=then.heading_rad + turning.drift_rad),
+            speed_mps=speed_mps,
+            wheel_rad=wheel_rad,
+            curvature_1pm=self._tyres.path_1pm(turning, speed_mps),
+            seen=lane,
+        )
 
-    def _along_commanded(
-        self, lane: Lane, from_s: float, to_s: float, speed_mps: float
-    ) -> tuple[Lane, float]:
+    def _along_commanded(self, lane: Lane, from_s: float, to_s: float) -> tuple[Lane, float, Turning]:
         """Before the first command that is remembered, whatever holds the wheel where it is."""
+        _, speed_mps, rate, drift_rad = self._motion[-1]
         moved: Clothoid = lane
         wheel_rad = demand_rad = self._wheel_rad
+        turning = self._tyres.turning(rate, drift_rad, wheel_rad, speed_mps)
         for due_s, next_rad in (*self._commands, (math.inf, 0.0)):
             constant_s = at_most(to_s, due_s)
             while from_s < constant_s:
                 until_s = at_most(from_s + _STEP_S, constant_s)
-                before_rad, dt_s = wheel_rad, until_s - from_s
+                before_rad, before, dt_s = wheel_rad, turning, until_s - from_s
                 wheel_rad = self._wheel_after(wheel_rad, demand_rad, dt_s)
-                rate = self._model_yaw_rate(0.5 * (before_rad + wheel_rad), speed_mps)
-                moved = lane_after(moved, dt_s, speed_mps, rate)
+                turning = self._tyres.after(turning, before_rad, wheel_rad, speed_mps, dt_s)
+                rate = 0.5 * speed_mps * (before.yaw_1pm + turning.yaw_1pm)
+                drift_rad = 0.5 * (before.drift_rad + turning.drift_rad)
+                moved = lane_after(moved, dt_s, speed_mps, rate, drift_rad)
                 from_s = until_s
             demand_rad = next_rad
-        return Lane(*moved), wheel_rad
+        return Lane(*moved), wheel_rad, turning
 
     def _wheel_after(self, wheel_rad: float, demand_rad: float, dt_s: float) -> float:
         share = 1.0 - math.exp(-dt_s / self._lag_s) if self._lag_s > 0.0 else 1.0
         return wheel_rad + within((demand_rad - wheel_rad) * share, self._rate_radps * dt_s)
-
-    def _model_yaw_rate(self, wheel_rad: float, speed_mps: float) -> float:
-        """Of the bicycle model; zero where it knows no steady turn (oversteer beyond its limits)."""
-        curvature_1pm = curvature_from_angle(wheel_rad, speed_mps=speed_mps, vehicle=self.vehicle)
-        return yaw_rate(curvature_1pm, speed_mps=speed_mps) if curvature_1pm is not None else 0.0

@@ -84,7 +84,7 @@ def test_the_mirrored_lane_moves_as_the_mirror_image(offset, heading, curvature,
 @pytest.mark.parametrize("lag_s", [0.0, 0.05, 0.1, 0.3])
 @pytest.mark.parametrize("speed_mps", [0.0, 1.0, 5.5, 10.0, 30.0])
 def test_the_gains_put_all_three_poles_where_bandwidth_and_damping_say(speed_mps, lag_s):
-    gain = gains(speed_mps, steering_lag_s=lag_s, settings=LATERAL)
+    gain = gains(speed_mps, lag_s=lag_s, settings=LATERAL)
     speed_mps = max(speed_mps, 0.1)
     lag_m = speed_mps * lag_s
     poles = np.roots(np.trim_zeros([lag_m, 1.0, gain.heading_1pm, gain.offset_1pm2], "f"))
@@ -98,12 +98,12 @@ def test_the_gains_put_all_three_poles_where_bandwidth_and_damping_say(speed_mps
 
 def test_in_time_the_gain_on_the_offset_does_not_grow_with_speed():
     """A loop designed in time with fixed curvature gains speeds up with v² and leaves the lane."""
-    fast, faster = (gains(v, steering_lag_s=0.1, settings=LATERAL) for v in (10.0, 30.0))
+    fast, faster = (gains(v, lag_s=0.1, settings=LATERAL) for v in (10.0, 30.0))
     assert fast.offset_1pm2 * 10.0**2 == pytest.approx(faster.offset_1pm2 * 30.0**2)
 
 
 def curvature_for(one, speed_mps=5.5):
-    return path_curvature(one, speed_mps=speed_mps, steering_lag_s=0.1, settings=LATERAL)
+    return path_curvature(one, speed_mps=speed_mps, lag_s=0.1, settings=LATERAL)
 
 
 def test_on_the_centre_of_a_clothoid_the_law_asks_for_the_curvature_one_lag_ahead():

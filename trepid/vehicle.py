@@ -10,6 +10,7 @@ from trepid.config import Settings, wrong_at
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 GRADIENT = "understeer_gradient_rad_per_mps2"
+REAR_SLIP = "rear_slip_gradient_rad_per_mps2"
 
 
 def understeer_gradient(
@@ -47,6 +48,15 @@ def _gradient(data: dict[str, Any]) -> float:
     return understeer_gradient(wheelbase_m=data["wheelbase_m"], **chassis.model_dump())
 
 
+def _rear_slip(data: dict[str, Any]) -> float:
+    """R = m_r/C_r from the chassis; 0 where there is none."""
+    chassis: Chassis | None = data["chassis"]
+    if chassis is None:
+        return 0.0
+    rear_kg = chassis.mass_kg * chassis.cg_to_front_m / data["wheelbase_m"]
+    return rear_kg / chassis.rear_stiffness_nprad
+
+
 class Vehicle(Settings):
     """A car-like vehicle; the reference point is the centre of the rear axle."""
 
@@ -65,6 +75,8 @@ class Vehicle(Settings):
     )  # instead of the next; excluded: it is used up
     # K_us in δ = atan(L·κ) + K_us·κ·v²
     understeer_gradient_rad_per_mps2: float = Field(default_factory=_gradient)
+    # R: in a bend the course of the rear axle lies R·κ·v² outside of the heading; 0: not known, or rigid tyres
+    rear_slip_gradient_rad_per_mps2: NonNegative = Field(default_factory=_rear_slip)
     max_accel_mps2: Positive
     max_decel_mps2: Positive  # what the brakes can do
     accel_lag_s: NonNegative  # first-order time constant of drive and brakes
@@ -74,8 +86,9 @@ class Vehicle(Settings):
         if self.chassis is None:
             if math.isnan(self.understeer_gradient_rad_per_mps2):
                 raise wrong_at((), f"{GRADIENT!r} is missing; 'chassis' would do instead")
-        elif GRADIENT in self.model_fields_set:
-            raise wrong_at(("chassis",), f"gives the understeer, and so does {GRADIENT!r}: leave one out")
+        elif given := {GRADIENT, REAR_SLIP} & self.model_fields_set:
+            what = "the understeer" if GRADIENT in given else "the slip of the rear axle"
+            raise wrong_at(("chassis",), f"gives {what}, and so does {max(given)!r}: leave one out")
         elif self.chassis.cg_to_front_m >= self.wheelbase_m:
             raise wrong_at(("chassis", "cg_to_front_m"), "the centre of gravity must lie between the axles")
         return self
