@@ -12,7 +12,7 @@ def run(me: Process) -> None:
     decision, state = me.bus.latest(DECISION), me.bus.latest(VEHICLE_STATE)
     send = me.bus.publisher(COMMAND)
     controller = build()
-    me.ready()
+    me.ready(values=controller.learner.values)
     ticker = Ticker(RATE_HZ)
     while me.running():
         me.bus.wait(timeout_s=ticker.remaining_s())

@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -22,6 +22,8 @@ from trepid.clock import epoch_clock
 from trepid.config import Settings
 from trepid.messages import Diagnostic, Health
 from trepid.topics import DIAGNOSTICS
+
+Values = tuple[tuple[str, str], ...]
 
 HEARTBEAT_PERIOD_S = 1.0
 READY = "ready"
@@ -49,6 +51,7 @@ class Process:
         self.now_s = epoch_clock(assignment.clock_offset_ns)
         self._stop = stop
         self._send = bus.publisher(DIAGNOSTICS)
+        self._further: Callable[[], Values] = tuple
         self._steps = 0
         self._said = (Health.OK, "")
         self._beat_s = time.monotonic()
@@ -58,8 +61,12 @@ class Process:
         """False once the process shall end."""
         return not self._stop.is_set()
 
-    def ready(self) -> None:
-        """Say that everything is built and the first step may come; the launcher waits for it."""
+    def ready(self, *, values: Callable[[], Values] = tuple) -> None:
+        """Say that everything is built and the first step may come; the launcher waits for it.
+
+        ``values`` is asked at every heartbeat for further values to go with it.
+        """
+        self._further = values
         self.beat(Health.OK, READY)
 
     def stepped(self, health: Health = Health.OK, message: str = "") -> None:
@@ -80,6 +87,7 @@ class Process:
             ("pid", str(os.getpid())),
             ("rate_hz", f"{self._steps / wall_s:.1f}"),
             ("cpu_percent", f"{100 * cpu_s / wall_s:.1f}"),
+            *self._further(),
         )
         self._send(
             Diagnostic(t_s=self.now_s(), process=self.name, health=health, message=message, values=values)
