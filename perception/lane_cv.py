@@ -365,6 +365,7 @@ class LaneCv:
             reason=reason,
             left_boundary_px=left,
             right_boundary_px=right,
+            marked=self._source == LINES,
         )
 
     def _nothing(self, t_s: float, reason: str) -> SteeringEstimate:

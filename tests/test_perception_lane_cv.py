@@ -116,6 +116,7 @@ def test_one_line_and_the_remembered_width_keep_the_lane():
         seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
     assert seen.lateral_offset_m == pytest.approx(0.2, abs=0.1)
     assert seen.confidence > 0.3
+    assert seen.marked is True
 
 
 @pytest.mark.parametrize("lane", [(0.0, 0.0, 0.0, 0.0), (0.3, -0.04, 0.0, 0.0), (-0.2, 0.02, 0.03, 0.0)])
@@ -127,6 +128,7 @@ def test_an_unmarked_road_is_kept_by_its_edges(lane):
     assert seen.lateral_offset_m == pytest.approx(lane[0], abs=0.15)
     assert seen.lane_width_m == pytest.approx(3.6, abs=0.3)
     assert 0.2 < seen.confidence < 1
+    assert seen.marked is False
 
 
 def test_a_lost_lane_is_remembered_with_falling_confidence_and_then_given_up():

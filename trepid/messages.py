@@ -99,6 +99,7 @@ class SteeringEstimate:
     reason: str  # why there is no estimate or why confidence is low; "" when all is well
     left_boundary_px: PixelPath
     right_boundary_px: PixelPath
+    marked: bool | None = None  # the boundaries are painted lines; False: edges of the road; None: not known
 
     @classmethod
     def nothing(cls, t_s: float, *, estimator: str, lookahead_m: float, reason: str) -> "SteeringEstimate":
