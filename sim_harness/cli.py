@@ -95,6 +95,9 @@ def run_verb(
         Path | None, typer.Option(metavar="F.npz", help="Save the trace of a single run.")
     ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="F.png", help="Draw a single run.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="F.mcap", help="Record a single run, as a live drive is.")
+    ] = None,
     as_json: AsJson = False,
 ) -> int:
     """Run scenarios in lock-step; exit code 1 when one of them fails.
@@ -117,11 +120,11 @@ def run_verb(
         planned = plan(by_seeds(selection.scenarios, range(first, first + seeds)))
     else:
         planned = plan(by_sampling(selection.scenarios, sample, cases, seed=first))
-    check_outputs(planned, trace, picture)
-    check_folders(report, trace, picture)
+    check_outputs(planned, trace, picture, record)
+    check_folders(report, trace, picture, record)
     work: Workforce = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=report is not None)
-    if trace or picture:
-        work = partial(saving, trace=trace, picture=picture, detailed=report is not None)
+    if trace or picture or record:
+        work = partial(saving, trace=trace, picture=picture, record=record, detailed=report is not None)
     page = Report(path=report, page=Page("trepid sim run"), command=selection.command) if report else None
     with ExitStack() as stack:
         store = stack.enter_context(Store(out, planned, code=fingerprint(), resume=resume)) if out else None

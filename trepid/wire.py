@@ -21,9 +21,9 @@ Python field           .msg field
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, Field, dataclass, fields
 from enum import StrEnum
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar, cast, get_args, get_origin
 
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -268,15 +268,32 @@ def _derived_to_ros(message: Message) -> Any:
     return ROS[ros_name(type(message))](**values)
 
 
-def _derived_from_ros(ros: Any, message_type: type[M]) -> M:
+def derived_from_ros(ros: Any, message_type: type[M]) -> M:
+    """The message of a derived type in a ROS object, which may be of an older version: what it lacks is absent.
+
+    Raises WireError when it lacks what cannot be absent.
+    """
     values: dict[str, Any] = {}
     for field in fields(cast(Any, message_type)):
         if field.name == "t_s":
             t_s = _stamp_s(ros.header)
             values["t_s"] = t_s if field.type == float | None else _required(t_s)
-        else:
+        elif hasattr(ros, field.name):
             values[field.name] = _codec(field.type).decode(getattr(ros, field.name))
+        else:
+            values[field.name] = _absent(field)
     return message_type(**values)
+
+
+def _absent(field: Field[Any]) -> Any:
+    """The value of a field of which nothing was said. Raises WireError when it must have one."""
+    if field.default is not MISSING:
+        return field.default
+    if type(None) in get_args(field.type):
+        return None
+    if get_origin(field.type) is tuple:
+        return ()
+    raise WireError(f"it says nothing of {field.name}")
 
 
 def _required(t_s: float | None) -> float:
@@ -313,7 +330,7 @@ def from_cdr(data: bytes, message_type: type[M]) -> M:
         ros = STORE.deserialize_cdr(data, ros_name(message_type))
         if message_type in from_ros:
             return cast(M, from_ros[message_type](ros))
-        return _derived_from_ros(ros, message_type)
+        return derived_from_ros(ros, message_type)
     except WireError:
         raise
     except Exception as error:  # rosbags lets through whatever numpy and struct raise on foreign bytes

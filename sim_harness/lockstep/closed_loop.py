@@ -37,8 +37,10 @@ from trepid.config import CONFIG_DIR, load
 from trepid.messages import (
     Command,
     Decision,
+    Frame,
     ImageStatistics,
     LeadVehicle,
+    SimTruth,
     SteeringEstimate,
     VehicleState,
 )
@@ -61,6 +63,25 @@ class Parts:
     oracles: Mapping[str, Oracle] = field(
         default_factory=dict
     )  # instead of estimators, where sight is the truth
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instant:
+    """What is known at the end of one vehicle period: the newest message of each topic."""
+
+    now_s: float
+    truth: SimTruth
+    state: VehicleState
+    frame: Frame | None  # that arrived in this period
+    estimates: Mapping[str, SteeringEstimate | None]
+    statistics: ImageStatistics | None
+    lead: LeadVehicle | None
+    decision: Decision | None
+    command: Command | None
+
+
+Witness = Callable[[Instant], None]
+"""Is told of every instant of a run, the run-up included."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,14 +109,16 @@ class Result:
         }
 
 
-def run(scenario: Scenario, *, seed: int = 0, parts: Parts | None = None) -> Result:
+def run(
+    scenario: Scenario, *, seed: int = 0, parts: Parts | None = None, witness: Witness | None = None
+) -> Result:
     """Drive ``scenario`` once and judge it; ``parts`` instead of the real nodes are for tests.
 
     Raises InputError when the scenario does not fit together.
     """
     cv2.setNumThreads(1)
     simulator = load_simulator()
-    loop = ClosedLoop(scenario, parts or build_parts(scenario, seed=seed), simulator)
+    loop = ClosedLoop(scenario, parts or build_parts(scenario, seed=seed), simulator, witness)
     started_s = time.perf_counter()
     trace = loop.drive()
     wall_s = time.perf_counter() - started_s
@@ -145,8 +168,15 @@ class _Sight:
 class ClosedLoop:
     """One run. Holds the newest message of each topic, as every live process does."""
 
-    def __init__(self, scenario: Scenario, parts: Parts, simulator: SimulatorSettings) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        parts: Parts,
+        simulator: SimulatorSettings,
+        witness: Witness | None = None,
+    ) -> None:
         self._scenario = scenario
+        self._witness = witness
         self._parts = parts
         self._simulator = simulator
         self._underway: deque[_Sight] = deque()
@@ -171,6 +201,7 @@ class ClosedLoop:
             now_s = tick * period_s
             lost = self._lost(now_s)
             state, truth = parts.vehicle.step(self._command, self._commanded_s, now_s=now_s)
+            shot = None
             if shot_due(tick) and "camera" not in lost:
                 shot = parts.camera.shoot(truth, now_s=now_s)
                 if shot is not None:
@@ -182,12 +213,27 @@ class ClosedLoop:
             if (decided or command_due(tick)) and "controller" not in lost:
                 self._command = parts.controller.step(self._decision, state, now_s=now_s)
                 self._commanded_s = now_s
+            if self._witness is not None:
+                self._witness(self._instant(now_s, truth, state, shot))
             if tick >= 0:
                 recorder.add(truth, state, self._command, self._decision, self._estimates)
                 manoeuvres.append(truth.manoeuvres)
             if truth.finished:
                 break
         return self._with_events(recorder.trace(), manoeuvres)
+
+    def _instant(self, now_s: float, truth: SimTruth, state: VehicleState, shot: Shot | None) -> Instant:
+        return Instant(
+            now_s=now_s,
+            truth=truth,
+            state=state,
+            frame=shot.frame if shot else None,
+            estimates=self._estimates,
+            statistics=self._statistics,
+            lead=self._lead,
+            decision=self._decision,
+            command=self._command,
+        )
 
     def _with_events(self, trace: Trace, manoeuvres: list[tuple[str, ...]]) -> Trace:
         """``trace`` with what happened when, for conditions to name."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from perception.annotate import annotated
 from perception.estimators import Estimator
-from sim_harness.lockstep.closed_loop import Parts, Result, build_parts, run
+from sim_harness.lockstep.closed_loop import Parts, Result, Witness, build_parts, run
 from sim_harness.scenarios.scenario import Scenario
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 
@@ -67,10 +67,11 @@ class _Watched:
         return estimate
 
 
-def run_filmed(scenario: Scenario, *, seed: int) -> tuple[Result, Film]:
+def run_filmed(scenario: Scenario, *, seed: int, witness: Witness | None = None) -> tuple[Result, Film]:
     """:func:`run`, and what the camera saw. Raises InputError."""
     film = Film()
-    return run(scenario, seed=seed, parts=film.watching(build_parts(scenario, seed=seed))), film
+    parts = film.watching(build_parts(scenario, seed=seed))
+    return run(scenario, seed=seed, parts=parts, witness=witness), film
 
 
 def picture(shot: Shot) -> tuple[bytes, str]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from sim_harness.lockstep.closed_loop import Result, run
+from sim_harness.lockstep.closed_loop import Result, Witness, run
 from sim_harness.lockstep.metrics import FurtherMetrics, Metrics
 from sim_harness.report.film import run_filmed
 from sim_harness.report.summary import Detail, summarise
@@ -32,14 +32,14 @@ def execute(case: Case, *, detailed: bool = False) -> Outcome:
         return crashed(case, _reason(error))
 
 
-def perform(case: Case, *, detailed: bool = False) -> tuple[Result, Outcome]:
+def perform(case: Case, *, detailed: bool = False, witness: Witness | None = None) -> tuple[Result, Outcome]:
     """Run a case; ``detailed`` also for a report. Raises what the run raises."""
     detail = None
     if detailed:
-        result, film = run_filmed(case.scenario, seed=case.seed)
+        result, film = run_filmed(case.scenario, seed=case.seed, witness=witness)
         detail = summarise(case.scenario, result, film)
     else:
-        result = run(case.scenario, seed=case.seed)
+        result = run(case.scenario, seed=case.seed, witness=witness)
     return result, Outcome(row=with_parameters(case, result.row()), detail=detail, code=fingerprint())
 
 

@@ -1,12 +1,13 @@
 """A sweep: the cases of a plan, run by someone, kept in a store, given out as they finish."""
 
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, nullcontext
 from functools import partial
 from pathlib import Path
 
 import cv2
 
+from sim_harness.lockstep.recording import recording
 from sim_harness.sweep.outcome import Outcome, perform
 from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.processes import in_this_process, on_processes
@@ -53,13 +54,14 @@ def sweep(plan: Plan, work: Workforce, store: Store | None = None) -> Iterator[t
 
 
 def saving(
-    plan: Plan, *, trace: Path | None, picture: Path | None, detailed: bool
+    plan: Plan, *, trace: Path | None, picture: Path | None, record: Path | None, detailed: bool
 ) -> Iterator[tuple[str, Outcome]]:
-    """Run the cases here, and save the trace and the picture of each. Raises what a run raises."""
+    """Run the cases here, and save trace, picture and recording of each. Raises what a run raises."""
     from sim_harness.report.picture import draw
 
     for key, case in plan.items():
-        result, outcome = perform(case, detailed=detailed)
+        with recording(record, case.scenario) if record else nullcontext() as witness:
+            result, outcome = perform(case, detailed=detailed, witness=witness)
         if trace is not None:
             result.trace.save(trace)
         if picture is not None and not cv2.imwrite(
