@@ -6,7 +6,7 @@ decision to keep it. There is no limiter, so that what is seen is what the law d
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,12 +37,22 @@ class Episode:
     duration_s: float
     believed: Vehicle
     plant: PlantSettings = field(default_factory=PlantSettings)
+    frame_every: int = FRAME_EVERY  # ticks
+    latency_s: float = LATENCY_S
     offset_noise_m: float = 0.0  # standard deviation of every frame's offset
     secant: bool = (
         False  # the clothoid seen joins axle and look-ahead, instead of touching the road at the axle
     )
     start_m: float = 0.0  # offset at the start
     seed: int = 0
+
+
+class Steering(Protocol):
+    """What steers: the controller, or something to compare it with."""
+
+    def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
+        """The command for ``now_s``."""
+        ...
 
 
 class Track(NamedTuple):
@@ -87,8 +97,12 @@ S_DURATION_S = 13.0  # as long as the S takes
 
 def drive(episode: Episode, settings: ControllerSettings) -> Track:
     """Drive ``episode`` at its speed with the laws of ``settings``. Ends early where the lane is lost."""
+    return drive_by(Controller(episode.believed, _at_any_speed(settings, episode.speed_mps)), episode)
+
+
+def drive_by(steering: Steering, episode: Episode) -> Track:
+    """Drive ``episode`` at its speed by ``steering``. Ends early where the lane is lost."""
     plant = build_plant(episode.plant, episode.believed)
-    controller = Controller(episode.believed, _at_any_speed(settings, episode.speed_mps))
     sight = _Sight(episode)
     road, car = episode.road, plant.initial(y_m=episode.start_m, speed_mps=episode.speed_mps)
     station_m, command, rows = 0.0, None, []
@@ -97,10 +111,10 @@ def drive(episode: Episode, settings: ControllerSettings) -> Track:
         station_m, offset_m = road.local_coordinates(car.x_m, car.y_m, near_station_m=station_m)
         heading_rad = car.yaw_rad - road.heading_at(station_m)
         measured = _measured(plant, car, now_s)
-        if tick % FRAME_EVERY == 0:
+        if tick % episode.frame_every == 0:
             sight.look(now_s, station_m, offset_m, heading_rad)
         if tick % CONTROL_EVERY == 0 or command is None:
-            command = controller.step(sight.decided(now_s), measured, now_s=now_s)
+            command = steering.step(sight.decided(now_s), measured, now_s=now_s)
         angle_rad = command.road_wheel_angle_rad
         lateral_mps2 = plant.lateral_accel_mps2(car)
         rows.append((now_s, offset_m, heading_rad, lateral_mps2, car.road_wheel_angle_rad, angle_rad))
@@ -139,12 +153,13 @@ def _measured(plant: Plant, car: PlantState, now_s: float) -> VehicleState:
 
 
 class _Sight:
-    """The lane as it is, ``LATENCY_S`` late."""
+    """The lane as it is, late."""
 
     def __init__(self, episode: Episode) -> None:
         self._road, self._speed_mps = episode.road, episode.speed_mps
         self._ahead_m = at_least(SIGHT_S * episode.speed_mps, SIGHT_M)
         self._rate_over_m = self._ahead_m if episode.secant else TANGENT_M
+        self._latency_s = episode.latency_s
         self._noise_m = episode.offset_noise_m
         self._generator = np.random.default_rng(episode.seed)
         self._underway: list[Decision] = []
@@ -157,7 +172,7 @@ class _Sight:
         self._underway.append(
             Decision(
                 t_s=now_s,
-                decided_s=now_s + LATENCY_S,
+                decided_s=now_s + self._latency_s,
                 mode=Mode.KEEP,
                 stop=Stop.NONE,
                 fear=0.0,
