@@ -16,6 +16,7 @@ from supervisor.inference import FearResult, FearRules
 from supervisor.lane import Motion
 from supervisor.modes import Held, ModeSettings, ModeState, Situation, next_state
 from supervisor.sightings import Sighting, SightingSettings, age_s, is_frozen, motion_of, sight
+from supervisor.verify import load_verified
 from supervisor.watchdog import DRIVER, Fault, Watchdog
 from trepid.bounds import at_least, at_most
 from trepid.config import CONFIG_DIR, InputError, Settings, load
@@ -68,6 +69,14 @@ class Supervisor:
         self._factor = 0.0
         self._decided_s: float | None = None
         self._last_motion: Motion | None = None
+
+    def adopt(self, rules: FearRules) -> None:
+        """Go on with other rules from the next step on; mode, timers and memory stay.
+
+        Raises InputError when ``rules`` speak of an input that does not exist; the rules stay as they were then.
+        """
+        self._opinions = _opinions(rules)
+        self._rules = rules
 
     def step(
         self,
@@ -253,4 +262,4 @@ def build(
     loaded = load(settings, SupervisorSettings)
     if cruise_speed_mps is not None:
         loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps})
-    return Supervisor(FearRules.load(rules), loaded, load(vehicle, Vehicle))
+    return Supervisor(load_verified(rules), loaded, load(vehicle, Vehicle))

@@ -1,57 +1,146 @@
-"""What a rule file must keep at every point, tried on many: it speaks, is monotone, and reaches 0 and 1.
+"""What a rule file must keep before it may drive, and what it tells of itself.
 
-Monotony holds by construction wherever a rule fires (see :mod:`supervisor.inference`); a hole in the rules is
-where it breaks, and holes are what the points look for: the corners of the sets of every pair of inputs with the
-rest calm, and random points of a fixed seed.
+=================  ===========================================================================================
+it speaks          a rule for fear holds at every point: decided exactly by :mod:`supervisor.coverage`
+it is monotone     by construction of :mod:`supervisor.monotone`, wherever it speaks
+it reaches 0 and 1 at the calmest and at the worst point, which bound all others because it is monotone
+what is lost       a missing input makes fear 1: by construction, and tried for each
+nothing is idle    every input is spoken of; every rule holds somewhere, none everywhere, none against another
+=================  ===========================================================================================
+
+Mamdani's method keeps none of the first three, so there it is tried on many points and the first failures are told.
 """
 
 import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
-from skfuzzy.membership import trapmf, trimf
 
+from supervisor.conflicts import contradictions, repetitions
+from supervisor.coverage import Point, calmest, silent_point, worst
 from supervisor.inference import SILENT, FearRules
-from supervisor.membership import Trapezoid
+from supervisor.monotone import cases
 from supervisor.rules import LEVELS, Input
+from supervisor.sentence import Rule
+from supervisor.slopes import lipschitz
+from trepid import config
+from trepid.config import InputError
 
-Point = dict[str, float]
-
-_TOLERANCE = 1e-12  # of the sum of five products
+_TRIED, _SEED = 120, 0  # points, where Mamdani's method is tried
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
     """What a check found."""
 
-    points: int  # tried
     problems: tuple[str, ...]  # empty: the rules may drive
+    notes: tuple[str, ...]  # worth a look
+    slopes: dict[str, float]  # greatest change of fear per unit of every input; empty for Mamdani's method
 
 
-def verify(rules: FearRules, *, random_points: int = 120, seed: int = 0) -> Verdict:
-    """Check ``rules`` for holes, monotony, reach, missing inputs and idle parts."""
-    scattered = list(_random_points(rules, random_points, seed))
-    points = [*_pair_points(rules), *scattered]
-    problems = [
-        *_idle_parts(rules),
-        *_wrong_sets(rules),
-        *_reach(rules),
-        *itertools.islice(_holes(rules, points), 1),
-        *itertools.islice(_rises_and_falls(rules, scattered), 1),
+def verify(rules: FearRules) -> Verdict:
+    """Check ``rules`` for holes, monotony, reach, missing inputs and idle or void parts."""
+    if rules.file.method == "mamdani":
+        return Verdict((*_unspoken(rules), *_tried(rules)), (), {})
+    problems = [*_unspoken(rules), *_idle(rules), *_reach(rules), *_lost(rules), *_silent(rules)]
+    problems += [
+        f"contradicts {_quoted(b)}, which counts instead: {a.text}" for a, b in contradictions(rules)
     ]
-    return Verdict(len(points), tuple(problems))
+    notes = [f"adds nothing to {_quoted(b)}: {a.text}" for a, b in repetitions(rules)]
+    return Verdict(tuple(problems), tuple(notes), lipschitz(rules))
 
 
-def calmest(rules: FearRules) -> Point:
-    """Every input at its least feared end."""
-    return {name: spec.calmest for name, spec in rules.inputs.items()}
+def load_verified(path: Path) -> FearRules:
+    """The rules in the file at ``path``, fit to drive. Raises InputError with the first thing that is wrong."""
+    return _verified(path, config.read_text(path))
 
 
-def worst(rules: FearRules) -> Point:
-    """Every input at its most feared end."""
-    return {name: spec.worst for name, spec in rules.inputs.items()}
+@lru_cache(maxsize=16)
+def _verified(path: Path, _: str) -> FearRules:
+    """By content, because every run of a sweep asks for the same rules."""
+    rules = FearRules.load(path)
+    problems = verify(rules).problems
+    if problems:
+        more = f" (and {len(problems) - 1} more: see `trepid fear check`)" if len(problems) > 1 else ""
+        raise InputError(f"{path}:{place(path, problems[0], rules)}: {problems[0]}{more}")
+    return rules
+
+
+def place(path: Path, problem: str, rules: FearRules) -> str:
+    """line:column of the rule that ``problem`` names, else of the rules as a whole."""
+    named = [i for i, rule in enumerate(rules.rules) if problem.endswith(rule.text)]
+    line, column = config.position(config.read(path), ("rules", *named[:1]))
+    return f"{line}:{column}"
+
+
+def _quoted(rule: Rule) -> str:
+    return f"'{rule.text}'"
+
+
+def _silent(rules: FearRules) -> Iterator[str]:
+    try:
+        point = silent_point(rules)
+    except OverflowError as error:
+        yield f"cannot be proven to speak everywhere: {error}"
+        return
+    if point is not None:
+        yield f"no rule speaks at {_told(rules, point)}"
+
+
+def _reach(rules: FearRules) -> Iterator[str]:
+    for name, point, expected in (("calmest", calmest(rules), 0.0), ("worst", worst(rules), 1.0)):
+        felt = rules.evaluate(point)
+        if felt.fear != expected:
+            yield f"with every input at its {name} fear is {felt.fear:.3f}, expected exactly {expected:g}"
+
+
+def _lost(rules: FearRules) -> Iterator[str]:
+    calm = calmest(rules)
+    for name in rules.names:
+        if rules.evaluate({**calm, name: None}).fear != 1:
+            yield f"fear is not 1 when {name} is missing"
+
+
+def _unspoken(rules: FearRules) -> Iterator[str]:
+    spoken = frozenset().union(*(rule.inputs for rule in rules.rules))
+    yield from (f"no rule speaks of {name}" for name in rules.names if name not in spoken)
+    silent = [name for name, voice in rules.trust_voices.items() if not voice.rules]
+    yield from (f"no rule speaks of the trust in {name}" for name in silent)
+
+
+def _idle(rules: FearRules) -> Iterator[str]:
+    """Rules that hold nowhere, and those that hold everywhere or lower trust or raise fear when all is calm."""
+    calm = calmest(rules)
+    for rule in rules.rules:
+        compiled = cases(rule, rules.inputs)
+        if not compiled:
+            yield f"never fires: {rule.text}"
+        elif [] in compiled or (rule.harm and _holds(rule, rules, calm)):
+            yield f"always fires: {rule.text}"
+
+
+def _holds(rule: Rule, rules: FearRules, point: Point) -> bool:
+    x = [point[name] for name in rules.names]
+    ramps = cases(rule, rules.inputs)
+    return any(all((x[ramp.input] - ramp.zero) / ramp.span > 0 for ramp in case) for case in ramps)
+
+
+def _tried(rules: FearRules) -> Iterator[str]:
+    """What Mamdani's method breaks: reach, and the first silence and the first fall on points that are tried."""
+    yield from _reach(rules)
+    points = list(_points(rules))
+    yield from itertools.islice(_holes(rules, points), 1)
+    yield from itertools.islice(_falls(rules, points), 1)
+
+
+def _points(rules: FearRules) -> Iterator[Point]:
+    rng = np.random.default_rng(_SEED)
+    for _ in range(_TRIED):
+        yield {name: float(rng.choice(knots(spec))) for name, spec in rules.inputs.items()}
 
 
 def knots(spec: Input) -> list[float]:
@@ -61,65 +150,21 @@ def knots(spec: Input) -> list[float]:
     return sorted([*corners, *middles], reverse=spec.risk == "falling")
 
 
-def _pair_points(rules: FearRules) -> Iterator[Point]:
-    calm = calmest(rules)
-    for one, other in itertools.combinations(rules.names, 2):
-        for x, y in itertools.product(knots(rules.inputs[one])[::2], knots(rules.inputs[other])[::2]):
-            yield {**calm, one: x, other: y}
-
-
-def _random_points(rules: FearRules, count: int, seed: int) -> Iterator[Point]:
-    rng = np.random.default_rng(seed)
-    for _ in range(count):
-        yield {name: float(rng.choice(knots(spec))) for name, spec in rules.inputs.items()}
-
-
 def _holes(rules: FearRules, points: list[Point]) -> Iterator[str]:
     for point in points:
-        if any(fired.text == SILENT for fired in rules.evaluate(point).rules):
+        if SILENT in rules.evaluate(point).texts:
             yield f"no rule speaks at {_told(rules, point)}"
 
 
-def _rises_and_falls(rules: FearRules, points: list[Point]) -> Iterator[str]:
-    """Along every input through ``points``: fear must not fall towards risk, nor when the input is lost."""
+def _falls(rules: FearRules, points: list[Point]) -> Iterator[str]:
     for point, (name, spec) in itertools.product(points, rules.inputs.items()):
         before = -math.inf
-        for x in (*knots(spec)[::2], None):
+        for x in knots(spec):
             fear = rules.evaluate({**point, name: x}).fear
-            if fear < before - _TOLERANCE:
-                to = "missing" if x is None else f"{x:g}"
-                place = _told(rules, point)
-                yield f"fear falls from {before:.3f} to {fear:.3f} as {name} worsens to {to} at {place}"
+            if fear < before:
+                where = _told(rules, point)
+                yield f"fear falls from {before:.3f} to {fear:.3f} as {name} worsens to {x:g} at {where}"
             before = fear
-
-
-def _reach(rules: FearRules) -> Iterator[str]:
-    for name, point, expected in (("calmest", calmest(rules), 0.0), ("worst", worst(rules), 1.0)):
-        fear = rules.evaluate(point).fear
-        if fear != expected:
-            yield f"with every input at its {name} fear is {fear:.3f}, expected exactly {expected:g}"
-
-
-def _idle_parts(rules: FearRules) -> Iterator[str]:
-    spoken = {atom.input for rule in rules.rules for case in rule.cases for atom in case}
-    yield from (f"no rule speaks of {name}" for name in rules.names if name not in spoken)
-    extremes = [rules.evaluate(point) for point in (calmest(rules), worst(rules))]
-    fired = {fired.text for extreme in extremes for fired in extreme.rules}
-    yield from (f"never fires: {rule.text}" for rule in rules.rules if rule.text not in fired)
-    calm = {fired.text for fired in extremes[0].rules}
-    yield from (f"always fires: {rule.text}" for rule in rules.rules if rule.level and rule.text in calm)
-
-
-def _wrong_sets(rules: FearRules) -> Iterator[str]:
-    """Compiled sets against scikit-fuzzy, whose definitions the points of the file follow."""
-    for name, spec in rules.inputs.items():
-        x = np.linspace(*spec.range, 501)
-        for level in LEVELS:
-            points = getattr(spec.sets, level)
-            expected = trapmf(x, points) if len(points) == 4 else trimf(x, points)
-            shape = Trapezoid(*spec.sets.trapezoid(level))
-            if not np.allclose([shape.membership(float(v)) for v in x], expected, atol=1e-9):
-                yield f"{name} {level} differs from scikit-fuzzy"
 
 
 def _told(rules: FearRules, point: Point) -> str:

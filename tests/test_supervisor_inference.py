@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kendalltau
 
+from supervisor.coverage import calmest, worst
 from supervisor.inference import SILENT, FearRules
 from supervisor.rules import LEVELS, Input, RuleFile, Sets
 from supervisor.sentence import parse_rule
-from supervisor.verify import calmest, worst
 from trepid.config import CONFIG_DIR
 from trepid.messages import Mode
 

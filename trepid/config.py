@@ -44,7 +44,7 @@ def load(path: Path, model: type[S], *, overrides: Mapping[str, str] | None = No
     """
     if overrides:
         return parse(read(path), model, source=path, overrides=overrides)
-    return _loaded(path, _text(path), model)
+    return _loaded(path, read_text(path), model)
 
 
 @lru_cache(maxsize=256)
@@ -55,10 +55,11 @@ def _loaded(path: Path, text: str, model: type[S]) -> S:
 
 def read(path: Path) -> CommentedMap:
     """The YAML mapping in ``path`` with its line numbers. Raises InputError."""
-    return _mapping(_text(path), path)
+    return _mapping(read_text(path), path)
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """The text in ``path``. Raises InputError."""
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
