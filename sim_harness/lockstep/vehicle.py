@@ -104,7 +104,7 @@ class SimulatedVehicle:
             self._advance(self._applied)
         state = self._measure()
         self._applied = self._limiter.step(command, received_s, state, now_s=now_s)
-        return state, self._truth()
+        return self._limiter.report(state), self._truth()
 
     def wait(self, *, now_s: float) -> tuple[VehicleState, SimTruth]:
         """Look, but let nothing begin: the first :meth:`step` will."""

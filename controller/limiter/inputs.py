@@ -1,0 +1,72 @@
+"""What comes in and whether it can be believed."""
+
+from collections import deque
+from math import isfinite
+from typing import NamedTuple
+
+from controller.limiter.limits import Limits
+from trepid.messages import Command, VehicleState
+
+COUNTED = 8  # arrivals over which the rate of commands is judged
+
+
+class Seen(NamedTuple):
+    """A vehicle state that can be believed."""
+
+    speed_mps: float  # without its sign
+    wheel_rad: float
+    driver: bool  # as the vehicle says
+    torque_nm: float | None
+
+
+def fresh(t_s: float | None, now_s: float, timeout_s: float, limits: Limits) -> bool:
+    """False also for None, NaN and a stamp from the future."""
+    return t_s is not None and -limits.early_s <= now_s - t_s <= timeout_s
+
+
+def believed(state: VehicleState | None, now_s: float, limits: Limits) -> Seen | None:
+    """None unless ``state`` is fresh and plausible in all that it reports; yaw rate and torque may be unknown."""
+    if state is None or state.speed_mps is None or state.road_wheel_angle_rad is None:
+        return None
+    plausible = (
+        fresh(state.t_s, now_s, limits.state_timeout_s, limits)
+        and abs(state.speed_mps) <= limits.max_speed_mps
+        and abs(state.road_wheel_angle_rad) <= limits.max_angle_rad
+        and _known_is_finite(state.yaw_rate_radps)
+        and _known_is_finite(state.driver_torque_nm)
+    )
+    if not plausible:
+        return None
+    return Seen(
+        abs(state.speed_mps), state.road_wheel_angle_rad, state.driver_override, state.driver_torque_nm
+    )
+
+
+def is_finite(command: Command) -> bool:
+    """True when every number of ``command`` is."""
+    return (
+        _known_is_finite(command.t_s)
+        and isfinite(command.road_wheel_angle_rad)
+        and isfinite(command.road_wheel_rate_radps)
+        and isfinite(command.speed_mps)
+        and isfinite(command.accel_mps2)
+        and isfinite(command.jerk_mps3)
+    )
+
+
+def _known_is_finite(value: float | None) -> bool:
+    return value is None or isfinite(value)
+
+
+class Arrivals:
+    """Whether commands come often enough. More of them than asked for open no limit: all are per elapsed time."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._longest_s = COUNTED / limits.command_rate_hz
+        self._times_s: deque[float] = deque(maxlen=COUNTED)
+
+    def too_seldom(self, received_s: float | None, now_s: float) -> bool:
+        """True when the last COUNTED commands, the newest of them received at ``received_s``, took too long."""
+        if received_s is not None and received_s not in self._times_s:
+            self._times_s.append(received_s)
+        return len(self._times_s) == COUNTED and now_s - self._times_s[0] > self._longest_s

@@ -1,0 +1,257 @@
+"""One step of the limiter: what may go to the actuator now.
+
+Steering. The angle must lie in three intervals, the first being the hardest:
+
+1. what the wheel can do: ±max angle, and not further from the last angle than rate·dt,
+2. lateral acceleration: |κ|·v² ≤ 3 m/s², at the speed that the car will have when the wheel has followed,
+3. lateral jerk: d(κ·v²)/dt = v²·κ' + 2·v·a·κ within ±5 m/s³. What changes of speed make of the angle held, measured
+   and as commanded, is taken off what is left for the wheel; no brake may make more than the whole.
+
+``narrow(outer, inner)`` is their intersection or, when they are apart, the point of ``outer`` nearest to ``inner``.
+It maps two non-empty intervals to a non-empty one inside ``outer``. The first interval contains the last angle,
+which was itself within ± max angle; the second contains straight on; the third contains the last angle. So the
+feasible interval is never empty, and holding the wheel is feasible unless it breaks the second. When limits
+conflict, as at a speed too high for the bend, the wheel goes towards less |κ| as fast as it can, acceleration comes
+before jerk, and the brake is applied.
+
+Acceleration. Bounded by the drive and brake limits. No drive and at least the comfort brake when the frame behind
+the command is old, when commands come too seldom, when the bend asked for or driven is too tight for the speed,
+when the vehicle's state is missing, and until the first command comes. When commands or states stay away for longer
+than their timeouts, or a command is not finite: a stop, latched until standstill. Without a command the last
+curvature is held; commands that come again steer the stop but do not end it.
+
+The driver. While the driver has the car, the angle given is that of the wheel, and drive and brakes fade to zero;
+the car is handed back with the wheel as it is, and from there the rate and the jerk grow up to their limits.
+
+ISO 11270:2014 (3 m/s², 5 m/s³); UN R157 5.3 (4 m/s², ends at standstill or when the driver takes over); UN R79
+5.1 (the driver overrides at once).
+"""
+
+from dataclasses import replace
+from math import isnan, nan
+from pathlib import Path
+from typing import NamedTuple
+
+from controller.limiter.inputs import Arrivals, Seen, believed, fresh, is_finite
+from controller.limiter.interval import Interval, clip, narrow
+from controller.limiter.limits import Limits
+from controller.limiter.override import DriverWatch
+from controller.limiter.saturation import SaturationWatch
+from controller.limiter.turn import SteadyTurn
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Command, VehicleState
+from trepid.vehicle import Vehicle
+
+SLOWEST_MPS = 0.1  # below it any curvature is gentle; keeps a/v² finite
+LEAST = 1e-9  # keeps other quotients finite
+
+
+def build(vehicle: Vehicle | None = None, limits_file: Path | None = None) -> "Limiter":
+    """Limiter of ``vehicle`` (default: ``config/vehicle.yaml``). Raises InputError on a bad file."""
+    vehicle = vehicle or load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    return Limiter(vehicle, load(limits_file or CONFIG_DIR / "limiter.yaml", Limits))
+
+
+class Wheel(NamedTuple):
+    """Where the wheel was sent, and how fast the car was then."""
+
+    angle_rad: float
+    speed_mps: float
+
+
+STRAIGHT = Wheel(0.0, 0.0)
+
+
+class Limiter:
+    """``step`` it in every cycle of the actuator (100 Hz), whether or not anything came."""
+
+    def __init__(self, vehicle: Vehicle, limits: Limits) -> None:
+        self._vehicle, self._limits = vehicle, limits
+        self._late_s = vehicle.steering_delay_s + vehicle.steering_lag_s
+        self._lateral_mps2 = limits.lateral_share * limits.lateral_accel_mps2
+        self._jerk_mps3 = limits.lateral_share * limits.lateral_jerk_mps3
+        self._turn = SteadyTurn(vehicle)
+        self._arrivals = Arrivals(limits)
+        self._driver = DriverWatch(vehicle, limits)
+        self._saturation = SaturationWatch(vehicle, limits)
+        # Times of the first step, of the last one, and when the state was last good: the first step counts as such.
+        self._start_s = self._now_s = self._state_s = nan
+        self._stopping = False
+        self._handed_over = False
+        self._ours_s = 0.0  # for how long the wheel has been ours
+        self._sighted = False  # a wheel angle was seen
+        self._wheel = STRAIGHT  # last output
+        self._accel_mps2 = 0.0  # last output
+        self._gaining_mps2 = 0.0  # what the drive has made of the outputs by now
+
+    @property
+    def stopping(self) -> bool:
+        """True while the limiter stops the car by itself."""
+        return self._stopping
+
+    @property
+    def handed_over(self) -> bool:
+        """True while the driver has the car."""
+        return self._handed_over
+
+    @property
+    def saturated(self) -> bool:
+        """True while more steering is asked for than may be given."""
+        return self._saturation.saturated
+
+    def report(self, state: VehicleState) -> VehicleState:
+        """``state`` as the vehicle tells it to the others: with what was found here at the last step."""
+        return replace(state, driver_override=self._handed_over, saturated=self.saturated)
+
+    def step(
+        self, command: Command | None, received_s: float | None, state: VehicleState | None, *, now_s: float
+    ) -> Command:
+        """What goes to the actuator at ``now_s``; ``received_s`` is when ``command`` arrived."""
+        dt_s = self._elapsed(now_s)
+        sound = command if command is not None and is_finite(command) else None
+        frame_s = None if sound is None else sound.t_s
+        seen = believed(state, now_s, self._limits)
+        self._handed_over = seen is not None and self._driven_by_hand(seen)
+        if seen is not None and self._handed_over:
+            return self._hand_over(seen, frame_s, dt_s)
+        timeout_s = self._limits.command_timeout_s
+        usable = sound if fresh(received_s, now_s, timeout_s, self._limits) else None
+        waiting = command is None and fresh(self._start_s, now_s, timeout_s, self._limits)
+        self._judge(seen, lost=usable is None and not waiting)
+        seldom = self._arrivals.too_seldom(received_s, now_s)
+        if seen is None:
+            accel_mps2 = self._demand(usable, calm=False)
+        else:
+            accel_mps2 = self._steer(usable, seen.speed_mps, dt_s, calm=not seldom)
+        goal_mps = 0.0 if usable is None or self._stopping else usable.speed_mps
+        return self._given(frame_s, goal_mps, accel_mps2, dt_s)
+
+    def _elapsed(self, now_s: float) -> float:
+        """Time since the last step; a pause counts as ``max_step_s``, so that no limit opens wide after it."""
+        if isnan(self._start_s):
+            self._start_s = self._now_s = self._state_s = now_s
+        dt_s = clip(now_s - self._now_s, (0.0, self._limits.max_step_s))
+        self._now_s = now_s
+        return dt_s
+
+    def _driven_by_hand(self, seen: Seen) -> bool:
+        """Whether the driver has the car; the first sight of the wheel takes it as it is."""
+        self._state_s = self._now_s
+        if not self._sighted:
+            self._follow(seen)
+        return self._driver.step(seen, self._now_s)
+
+    def _hand_over(self, seen: Seen, frame_s: float | None, dt_s: float) -> Command:
+        """The wheel as the driver holds it; drive and brakes fade."""
+        self._stopping = False
+        self._ours_s = 0.0
+        self._follow(seen)
+        self._saturation.step(seen.wheel_rad, seen.wheel_rad, 0.0, dt_s)
+        reach_mps2 = self._limits.override.fade_mps3 * dt_s
+        accel_mps2 = clip(0.0, (self._accel_mps2 - reach_mps2, self._accel_mps2 + reach_mps2))
+        return self._given(frame_s, seen.speed_mps, accel_mps2, dt_s)
+
+    def _judge(self, seen: Seen | None, *, lost: bool) -> None:
+        """Begin the stop when commands or states are lost, and end it at standstill."""
+        if lost or self._now_s - self._state_s > self._limits.state_timeout_s:
+            self._stopping = True
+        elif seen is not None and seen.speed_mps <= self._limits.standstill_mps:
+            self._stopping = False
+
+    def _demand(self, command: Command | None, *, calm: bool) -> float:
+        """Acceleration [m/s²] within the limits; only a calm car with a command on a fresh frame may be driven."""
+        limits = self._limits
+        if self._stopping:
+            return -limits.stop_decel_mps2
+        if command is None:
+            return -limits.comfort_decel_mps2
+        driven = calm and fresh(command.t_s, self._now_s, limits.frame_timeout_s, limits)
+        highest_mps2 = limits.max_accel_mps2 if driven else -limits.comfort_decel_mps2
+        return clip(command.accel_mps2, (-limits.max_decel_mps2, highest_mps2))
+
+    def _steer(self, command: Command | None, speed_mps: float, dt_s: float, *, calm: bool) -> float:
+        """Move the wheel as far as it may towards what is asked for; returns the acceleration to go with it."""
+        last_rad, limit_rad = self._wheel.angle_rad, self._vehicle.max_road_wheel_angle_rad
+        wanted_rad, rate_radps = self._wanted(command, speed_mps)
+        held_1pm = self._turn.curvature_1pm(last_rad, speed_mps)
+        calm = calm and max(abs(wanted_rad), abs(last_rad)) <= self._gentle(speed_mps)
+        accel_mps2 = self._within_bend(self._demand(command, calm=calm), held_1pm, speed_mps)
+        gentle_rad = self._gentle(speed_mps + max(accel_mps2, self._gaining_mps2, 0.0) * self._late_s)
+
+        self._ours_s += dt_s
+        share = min(self._ours_s / self._limits.override.fade_in_s, 1.0)
+        reach_rad = rate_radps * dt_s
+        possible = narrow((-limit_rad, limit_rad), (last_rad - reach_rad, last_rad + reach_rad))
+        smooth = narrow(
+            self._smooth(held_1pm, accel_mps2, speed_mps, dt_s, share),
+            (last_rad - share * reach_rad, last_rad + share * reach_rad),
+        )
+        feasible = narrow(narrow(possible, (-gentle_rad, gentle_rad)), smooth)
+        angle_rad = clip(wanted_rad, feasible)
+        self._remember(angle_rad, speed_mps)
+        self._saturation.step(wanted_rad, angle_rad, speed_mps, dt_s)
+        return accel_mps2
+
+    def _wanted(self, command: Command | None, speed_mps: float) -> tuple[float, float]:
+        """Angle [rad] asked for and rate [rad/s] of the wheel to go there; without a command the last curvature."""
+        rate_radps = self._vehicle.max_road_wheel_rate_radps
+        if command is None:
+            return self._turn.angle_rad(self._turn.curvature_1pm(*self._wheel), speed_mps), rate_radps
+        if command.road_wheel_rate_radps > 0.0:
+            rate_radps = min(command.road_wheel_rate_radps, rate_radps)
+        return command.road_wheel_angle_rad, rate_radps
+
+    def _gentle(self, speed_mps: float) -> float:
+        """Largest angle [rad] within the limit of lateral acceleration."""
+        return self._turn.angle_rad(self._lateral_mps2 / max(speed_mps, SLOWEST_MPS) ** 2, speed_mps)
+
+    def _within_bend(self, accel_mps2: float, held_1pm: float, speed_mps: float) -> float:
+        """``accel_mps2``, but so that 2·v·|a·κ| is within the jerk limit: what a bend allows of drive and brake.
+
+        Beyond the limit of lateral acceleration, where braking is urgent, only that limit counts as κ·v².
+        """
+        speed_mps = max(speed_mps, SLOWEST_MPS)
+        lateral_mps2 = min(abs(held_1pm) * speed_mps**2, self._lateral_mps2)
+        longest_mps2 = self._jerk_mps3 * speed_mps / (2.0 * max(lateral_mps2, LEAST))
+        return clip(accel_mps2, (-longest_mps2, longest_mps2))
+
+    def _smooth(
+        self, held_1pm: float, accel_mps2: float, speed_mps: float, dt_s: float, share: float
+    ) -> Interval:
+        """Angles [rad] around the last one within ``share`` of the jerk limit, less what changes of speed make."""
+        budget_mps2 = share * self._jerk_mps3 * dt_s
+        per_mps = 2.0 * speed_mps * held_1pm
+        coming_mps2 = per_mps * accel_mps2 * dt_s
+        measured_mps2 = per_mps * (speed_mps - self._wheel.speed_mps)
+        up_mps2 = max(budget_mps2 - max(coming_mps2, measured_mps2, 0.0), 0.0)
+        down_mps2 = max(budget_mps2 + min(coming_mps2, measured_mps2, 0.0), 0.0)
+        speed2 = max(speed_mps, SLOWEST_MPS) ** 2
+        return (
+            self._turn.angle_rad(held_1pm - down_mps2 / speed2, speed_mps),
+            self._turn.angle_rad(held_1pm + up_mps2 / speed2, speed_mps),
+        )
+
+    def _follow(self, seen: Seen) -> None:
+        """Take the measured wheel angle for the last output."""
+        limit_rad = self._vehicle.max_road_wheel_angle_rad
+        self._sighted = True
+        self._remember(clip(seen.wheel_rad, (-limit_rad, limit_rad)), seen.speed_mps)
+
+    def _remember(self, angle_rad: float, speed_mps: float) -> None:
+        """The wheel is sent to ``angle_rad``."""
+        self._wheel = Wheel(angle_rad, speed_mps)
+        self._driver.demanded(angle_rad, self._now_s)
+
+    def _given(self, frame_s: float | None, goal_mps: float, accel_mps2: float, dt_s: float) -> Command:
+        """The command for the actuator; the drive follows it with a lag of first order."""
+        passed = dt_s / max(self._vehicle.accel_lag_s + dt_s, LEAST)
+        self._gaining_mps2 += passed * (accel_mps2 - self._gaining_mps2)
+        self._accel_mps2 = accel_mps2
+        return Command(
+            t_s=frame_s,
+            road_wheel_angle_rad=self._wheel.angle_rad,
+            road_wheel_rate_radps=0.0,
+            speed_mps=goal_mps,
+            accel_mps2=accel_mps2,
+            jerk_mps3=0.0,
+        )

@@ -1,0 +1,38 @@
+"""Whether the car is asked for more steering than it may or can do.
+
+A demand is cut when the angle given differs from the angle asked for by more than ``cut_mps2`` of lateral
+acceleration, a_y = v²·δ/(L + K_us·v²), or when the angle asked for is the greatest there is: whoever asks for that
+has cut it already. The time for which it is cut counts up and otherwise down again, as in openpilot (LatControl,
+``_check_saturation``), so that a demand cut off and on counts too; from ``after_s`` on the car is saturated.
+"""
+
+from controller.limiter.limits import Limits
+from trepid.vehicle import Vehicle
+
+
+class SaturationWatch:
+    """``step`` it with every demand."""
+
+    def __init__(self, vehicle: Vehicle, limits: Limits) -> None:
+        self._limits = limits.saturation
+        self._vehicle = vehicle
+        self._cut_s = 0.0
+
+    @property
+    def saturated(self) -> bool:
+        """True when the demand has been cut for long enough."""
+        return self._cut_s >= self._limits.after_s
+
+    def step(self, wanted_rad: float, given_rad: float, speed_mps: float, dt_s: float) -> None:
+        """The limiter gave ``given_rad`` to who wanted ``wanted_rad``, for ``dt_s``."""
+        limits, vehicle = self._limits, self._vehicle
+        speed2 = speed_mps * speed_mps
+        per_rad = speed2 / (vehicle.wheelbase_m + vehicle.understeer_gradient_rad_per_mps2 * speed2)
+        cut = (
+            per_rad * abs(wanted_rad - given_rad) > limits.cut_mps2
+            or abs(wanted_rad) >= vehicle.max_road_wheel_angle_rad
+        )
+        if cut and speed_mps >= limits.from_mps:
+            self._cut_s = min(self._cut_s + dt_s, limits.after_s)
+        else:
+            self._cut_s = max(self._cut_s - dt_s, 0.0)

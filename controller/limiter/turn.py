@@ -1,0 +1,48 @@
+"""Road-wheel angle against path curvature in a steady turn: the equation that the limits are judged by.
+
+    δ = atan(u) + c·u      u = L·κ      c = K_us·v²/L
+
+It rises in u where 1/(1 + u²) + c > 0: everywhere for K_us ≥ 0, and for an oversteering car up to a tightest turn,
+which shrinks to nothing at the critical speed √(-L/K_us). The equation is used where it rises by SLOPE at least,
+and no faster than at STABLE of the critical speed; beyond, both functions answer with the edge.
+
+Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 and 3.3.
+"""
+
+from math import atan, sqrt
+
+from controller.limiter.interval import clip
+from trepid.vehicle import Vehicle
+
+STABLE = 0.95
+SLOPE = 0.02
+STEEPEST = 1e-3  # keeps |u| ≤ 32, an angle of 88°, for cars that do not oversteer
+NEWTON_STEPS = 7  # then |δ - δ(κ)| < 1e-9 rad; 1e-7 on the edge of an oversteering car
+
+
+class SteadyTurn:
+    """The steady turns of one vehicle."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._wheelbase_m = vehicle.wheelbase_m
+        self._gradient = vehicle.understeer_gradient_rad_per_mps2
+
+    def angle_rad(self, curvature_1pm: float, speed_mps: float) -> float:
+        """δ(κ), rising."""
+        compliance, tightest = self._shape(speed_mps)
+        u = clip(self._wheelbase_m * curvature_1pm, (-tightest, tightest))
+        return atan(u) + compliance * u
+
+    def curvature_1pm(self, angle_rad: float, speed_mps: float) -> float:
+        """κ(δ), rising. Left of its root the equation is concave, so that Newton from 0 climbs to it from below."""
+        compliance, tightest = self._shape(speed_mps)
+        u = 0.0
+        for _ in range(NEWTON_STEPS):
+            step = (angle_rad - atan(u) - compliance * u) / (1.0 / (1.0 + u * u) + compliance)
+            u = max(-tightest, min(tightest, u + step))
+        return u / self._wheelbase_m
+
+    def _shape(self, speed_mps: float) -> tuple[float, float]:
+        """c, and the largest |u| at which the equation still rises."""
+        compliance = max(self._gradient * speed_mps * speed_mps / self._wheelbase_m, -STABLE * STABLE)
+        return compliance, sqrt(1.0 / max(SLOPE - compliance, STEEPEST) - 1.0)
