@@ -22,6 +22,8 @@ from rich.table import Table
 from perception.estimators import ESTIMATORS, build
 from perception.image_statistics import ImageStatistician
 from sim_harness.control_bench.bench import SECTIONS, bench_control
+from sim_harness.fear_bench.bench import SECTIONS as FEAR_SECTIONS
+from sim_harness.fear_bench.bench import bench_fear
 from sim_harness.lockstep.bench import bench_lockstep
 from sim_harness.plants.bench import bench_plants
 from sim_harness.render.ground import Ground
@@ -166,6 +168,8 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
 SEEDED: dict[str, Callable[[int], dict[str, Any]]] = {
     "control": bench_control,
     **{f"control-{name}": section for name, section in SECTIONS.items()},
+    "fear": bench_fear,
+    **{f"fear-{name}": section for name, section in FEAR_SECTIONS.items()},
 }
 """Benchmarks that draw lots."""
 ON_REQUEST = {"determinism", *SEEDED}  # takes minutes

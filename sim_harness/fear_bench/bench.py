@@ -1,0 +1,20 @@
+"""``trepid bench fear``: what the fear engine costs and what it finds."""
+
+from collections.abc import Callable
+from typing import Any
+
+from sim_harness.fear_bench.inference import bench_inference
+
+SECTIONS: dict[str, Callable[[int], dict[str, Any]]] = {
+    "inference": bench_inference,
+}
+"""Each is given the seed and gives what it measured; one that draws lots draws them from the seed only."""
+
+
+def bench_fear(seed: int) -> dict[str, Any]:
+    """All sections."""
+    return {
+        f"{section}: {name}": value
+        for section, measure in SECTIONS.items()
+        for name, value in measure(seed).items()
+    }

@@ -1,0 +1,167 @@
+"""One inference: its time beside scikit-fuzzy's, memory over a million of them, sameness across processes.
+
+The rules are those of the target, 8 inputs with 5 sets each and 40 rules, and the shipped file. Points are drawn
+from the whole range of every input, where many rules hold, and from the calm end, where a car spends its days.
+"""
+
+import gc
+import hashlib
+import json
+import os
+import random
+import resource
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from sim_harness.fear_bench.scikit import fear_of, simulation
+from supervisor.coverage import Point
+from supervisor.inference import FearRules
+from supervisor.rules import LEVELS, Method, RuleFile
+from supervisor.sentence import parse_rule
+from trepid.config import CONFIG_DIR, ROOT
+
+INFERENCES, PEER_INFERENCES, MANY = 20_000, 60, 1_000_000
+TARGET_US = {"median_us": 30.0, "p99_us": 50.0}
+CALM_SHARE = 0.2  # of the range, from the calm end
+EIGHT = (
+    *("frame_age", "lane_confidence", "disagreement", "lane_width_error"),
+    *("brightness", "over_exposed", "speed", "lateral_error"),
+)
+
+
+def bench_inference(seed: int) -> dict[str, Any]:
+    """Times [us], ratio to scikit-fuzzy, agreement of the method mamdani, memory, sameness across processes."""
+    target, shipped = forty_rules(), FearRules.load(CONFIG_DIR / "fear.yaml")
+    rng = random.Random(seed)
+    anywhere = [random_point(target, rng) for _ in range(500)]
+    rows: dict[str, Any] = {
+        "8 inputs, 5 sets, 40 rules": beside_scikit(target, anywhere),
+        "the same, calm": times_us(target, [random_point(target, rng, CALM_SHARE) for _ in range(500)]),
+        "the same, mamdani": times_us(forty_rules("mamdani"), anywhere),
+        "mamdani, greatest difference to scikit-fuzzy": difference(forty_rules("mamdani"), anywhere),
+    }
+    size = f"shipped file, {len(shipped.inputs)} inputs, {len(shipped.rules)} rules"
+    rows[size] = times_us(shipped, [random_point(shipped, rng) for _ in range(500)])
+    rows[f"{size}, calm"] = times_us(shipped, [random_point(shipped, rng, CALM_SHARE) for _ in range(500)])
+    rows[f"memory over {MANY:.0e} inferences"] = growth(target, anywhere)
+    rows["processes that differ"] = differing_processes(seed)
+    return rows
+
+
+def forty_rules(method: Method = "monotone") -> FearRules:
+    """Eight inputs of the shipped file and forty rules, two in five of them about two or three inputs."""
+    shipped = FearRules.load(CONFIG_DIR / "fear.yaml").file
+    bad = {name: LEVELS if shipped.inputs[name].risk == "rising" else LEVELS[::-1] for name in EIGHT}
+    sentences = [
+        f"if {' and '.join(f'{name} is {bad[name][0]}' for name in EIGHT[:3])} then fear is very_low"
+    ]
+    for i, name in enumerate(EIGHT):
+        second, third = EIGHT[(i + 1) % 8], EIGHT[(i + 2) % 8]
+        sentences += [f"if {name} is {bad[name][k]} then fear is {LEVELS[k]}" for k in (1, 2, 3)]
+        sentences.append(f"if {name} is {bad[name][2]} and {second} is {bad[second][2]} then fear is high")
+        three = f"{name} is {bad[name][3]} and {second} is {bad[second][2]} and {third} is {bad[third][1]}"
+        sentences.append(f"if {three} then fear is very_high")
+    file = RuleFile(
+        method=method,
+        inputs={name: shipped.inputs[name] for name in EIGHT},
+        rules=tuple(sentences[:40]),
+        fear=shipped.fear,
+        hysteresis=shipped.hysteresis,
+    )
+    return FearRules(file, tuple(parse_rule(sentence, file.inputs) for sentence in file.rules))
+
+
+def random_point(rules: FearRules, rng: random.Random, share: float = 1.0) -> Point:
+    """Every input uniform over ``share`` of its range from the calm end."""
+    return {
+        name: spec.calmest + share * rng.random() * (spec.worst - spec.calmest)
+        for name, spec in rules.inputs.items()
+    }
+
+
+def times_us(rules: FearRules, points: list[Point], *, count: int = INFERENCES) -> dict[str, float]:
+    """Median and 99th percentile of one inference [us], by the clock on the wall."""
+    return _summary([_time_s(rules.evaluate, points[i % len(points)]) for i in range(count)])
+
+
+def beside_scikit(rules: FearRules, points: list[Point]) -> dict[str, Any]:
+    """Times of ours and of scikit-fuzzy's ControlSystemSimulation, taking turns, and their ratio."""
+    peer = simulation(rules)
+    ours: list[float] = []
+    theirs: list[float] = []
+    for turn in range(PEER_INFERENCES):
+        own = range(turn * INFERENCES // PEER_INFERENCES, (turn + 1) * INFERENCES // PEER_INFERENCES)
+        ours += [_time_s(rules.evaluate, points[i % len(points)]) for i in own]
+        theirs.append(_time_s(fear_of, peer, points[turn % len(points)]))
+    row: dict[str, Any] = _summary(ours)
+    row["target"] = "met" if all(row[name] <= limit for name, limit in TARGET_US.items()) else "missed"
+    row["scikit_fuzzy_median_us"] = _summary(theirs)["median_us"]
+    row["ratio"] = round(float(np.median(theirs) / np.median(ours)))
+    return row
+
+
+def difference(rules: FearRules, points: list[Point], *, count: int = 20) -> float:
+    """Greatest difference of fear to scikit-fuzzy's with 1001 points a universe, where a rule speaks."""
+    peer = simulation(rules, places=1001)
+    pairs = [(rules.evaluate(point).fear, fear_of(peer, point)) for point in points[:count]]
+    return max(abs(ours - theirs) for ours, theirs in pairs if theirs is not None)
+
+
+def growth(rules: FearRules, points: list[Point], *, count: int = MANY) -> dict[str, int]:
+    """Blocks and bytes that ``count`` inferences leave behind, after as many to warm up as there are points."""
+    for point in points:
+        rules.evaluate(point)
+    gc.collect()
+    blocks, peak_kib = sys.getallocatedblocks(), _peak_kib()
+    for i in range(count):
+        rules.evaluate(points[i % len(points)])
+    gc.collect()
+    left = sys.getallocatedblocks() - blocks
+    return {"blocks": left, "peak_memory_kib": _peak_kib() - peak_kib}
+
+
+def differing_processes(seed: int, *, processes: int = 3) -> int:
+    """How many of some processes, each with its own hash seed, do not find the same bits as this one."""
+    command = [sys.executable, "-m", __name__, str(seed)]
+    own = fingerprint(seed)
+    differ = 0
+    for n in range(processes):
+        env = {**os.environ, "PYTHONHASHSEED": str(n)}
+        done = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, check=True, text=True)
+        differ += done.stdout.strip() != own
+    return differ
+
+
+def fingerprint(seed: int, *, count: int = 2000) -> str:
+    """Hash of all that the shipped rules find at points drawn by ``seed``, to the last bit."""
+    rules, rng, digest = FearRules.load(CONFIG_DIR / "fear.yaml"), random.Random(seed), hashlib.sha256()
+    for _ in range(count):
+        felt = rules.evaluate(random_point(rules, rng, rng.random()))
+        digest.update(struct.pack(f"<{1 + len(felt.strengths)}d", felt.fear, *felt.strengths))
+        digest.update(json.dumps([felt.cause, felt.texts]).encode())
+    return digest.hexdigest()
+
+
+def _time_s(call: Callable[..., object], *args: object) -> float:
+    started_s = time.perf_counter()
+    call(*args)
+    return time.perf_counter() - started_s
+
+
+def _summary(times_s: list[float]) -> dict[str, float]:
+    p50, p99 = np.percentile(times_s, [50, 99]) * 1e6
+    return {"median_us": round(float(p50), 1), "p99_us": round(float(p99), 1)}
+
+
+def _peak_kib() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+if __name__ == "__main__":
+    print(fingerprint(int(sys.argv[1])))
