@@ -116,7 +116,7 @@ def test_at_constant_speed_acceleration_and_jerk_are_never_exceeded(wanted, spee
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_accelerating_in_a_bend_counts_into_the_jerk(sign):
-    """v·a·κ twice is 4.8 m/s³ here: only 0.2 is left for turning further in."""
+    """What the speed makes of the bend is taken off what the wheel may make of it."""
     one, accel, speed = limiter(), 4.0, 20.0
     start = angle_for(sign * 0.6 * AY / 3.0, speed)
     one.step(
