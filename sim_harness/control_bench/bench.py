@@ -3,10 +3,18 @@
 from collections.abc import Callable
 from typing import Any
 
+from sim_harness.control_bench.deep_steer import bench_deep_steer
+from sim_harness.control_bench.drift import bench_drift
 from sim_harness.control_bench.lateral import bench_lateral
+from sim_harness.control_bench.learning import bench_learning
+from sim_harness.control_bench.speeds import bench_speeds
 
 SECTIONS: dict[str, Callable[[int], dict[str, Any]]] = {
     "lateral": bench_lateral,
+    "speeds": bench_speeds,
+    "deep-steer": bench_deep_steer,
+    "drift": bench_drift,
+    "learning": bench_learning,
 }
 """Each is given the seed and gives what it measured; one that draws lots draws them from the seed only."""
 
