@@ -15,7 +15,6 @@ import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Mapping
-from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -66,8 +65,8 @@ class Trust(NamedTuple):
     strengths: tuple[float, ...]  # ... and how strongly
 
 
-Firing = tuple[float, int, Rule]
-"""Strength, harm, and the rule."""
+Firing = tuple[float, int, int]
+"""Strength, harm, and minus the index of a rule, so that tuples rank as rules do."""
 
 
 class Voice:
@@ -77,7 +76,8 @@ class Voice:
         self, file: RuleFile, rules: tuple[Rule, ...], at: tuple[float, ...], names: list[str]
     ) -> None:
         inputs = {name: file.inputs[name] for name in names}
-        self.rules, self.inputs = rules, inputs
+        self.rules, self.inputs, self._at = rules, inputs, at
+        self._texts = tuple(rule.text for rule in rules)
         self._harms = tuple(rule.harm for rule in rules)
         self._ends = [(name, *spec.range, spec.beyond == "end", spec.worst) for name, spec in inputs.items()]
         self.method = (Monotone if file.method == "monotone" else Mamdani)(rules, inputs, at)
@@ -96,9 +96,26 @@ class Voice:
                 x.append(worst)
         return x, missing
 
-    def firing(self, strengths: Strengths) -> list[Firing]:
-        """The rules that hold, in the order of the file."""
-        return [(strengths[i], self._harms[i], self.rules[i]) for i in sorted(strengths)]
+    def ranked(self, strengths: Strengths) -> list[Firing]:
+        """The rules that hold by strength and harm; of equals, the first in the file comes first."""
+        harms = self._harms
+        return sorted([(strength, harms[i], -i) for i, strength in strengths.items()], reverse=True)
+
+    def told(self, ranked: list[Firing], notes: list[str]) -> tuple[tuple[str, ...], tuple[float, ...]]:
+        """The notes and the texts of the rules, and how strongly each holds."""
+        texts, strengths = [self._texts[-i] for _, _, i in ranked], [fired[0] for fired in ranked]
+        return (*notes, *texts), (*[1.0] * len(notes), *strengths)
+
+    def decisive(self, ranked: list[Firing]) -> tuple[Rule, float]:
+        """The rule that adds most to the output, of equals the first in the file; and how much."""
+        most, first = 0.0, 1 - len(self.rules)
+        for strength, harm, i in ranked:
+            if strength < most:
+                break  # none of the rest can add more
+            part = strength * self._at[harm]
+            if part > most or (part == most and i > first):
+                most, first = part, i
+        return self.rules[-first], most
 
 
 class FearRules:
@@ -126,11 +143,11 @@ class FearRules:
         voice = self.fear_voice
         x, missing = voice.complete(values)
         strengths = voice.method.strengths(x)
-        firing = voice.firing(strengths)
-        fear = 1.0 if missing or not firing else voice.method.value(strengths)
+        ranked = voice.ranked(strengths)
+        fear = 1.0 if missing or not ranked else voice.method.value(strengths)
         notes = [self._note(name, values) for name in missing] if missing else []
-        texts, degrees = _strongest_first(firing, notes if firing else [*notes, SILENT])
-        return FearResult(fear, self.level(fear), self._cause(firing, missing, fear), texts, degrees)
+        texts, degrees = voice.told(ranked, notes if ranked else [*notes, SILENT])
+        return FearResult(fear, self.level(fear), self._cause(ranked, missing, fear), texts, degrees)
 
     def trust(self, values: Values) -> dict[str, Trust]:
         """Trust in every estimator of the file. Only the inputs of its own rules are asked for.
@@ -171,15 +188,15 @@ class FearRules:
         part = at_most((fear - at[k - 1]) / (at[k] - at[k - 1]), 1.0)
         return factors[k - 1] + part * (factors[k] - factors[k - 1])
 
-    def _cause(self, firing: list[Firing], missing: list[str], fear: float) -> str:
+    def _cause(self, ranked: list[Firing], missing: list[str], fear: float) -> str:
         """The cause of the rule that adds most to fear; that of the missing input, if the rule rests on one."""
         if self.level_index(fear) == 0:
             return CALM
-        if not firing:
+        if not ranked:
             return self.inputs[missing[0]].missing if missing else SILENT_CAUSE
-        strength, _, rule = max(firing, key=lambda fired: fired[0] * self._at[fired[1]])
-        absent = [name for name in missing if name in rule.inputs]
-        if not absent and strength * self._at[rule.level] < 1:
+        rule, part = self.fear_voice.decisive(ranked)
+        absent = [name for name in missing if name in rule.inputs] if missing else missing
+        if not absent and part < 1:
             absent = missing  # no rule alone accounts for a fear of 1
         return self.inputs[absent[0]].missing if absent else rule.cause
 
@@ -194,14 +211,14 @@ class FearRules:
     def _trusted(self, voice: Voice, values: Values) -> Trust:
         x, missing = voice.complete(values)
         strengths = voice.method.strengths(x)
-        firing = voice.firing(strengths)
-        if not firing:
+        ranked = voice.ranked(strengths)
+        if not ranked:
             return TRUSTED
-        trust = 1.0 - voice.method.value(strengths)
-        texts, degrees = _strongest_first(firing, [self._note(name, values) for name in missing])
-        _, _, rule = max(firing, key=lambda fired: fired[0] * fired[1])
+        texts, degrees = voice.told(ranked, [self._note(name, values) for name in missing])
+        rule, _ = voice.decisive(ranked)
         absent = [name for name in missing if name in rule.inputs]
-        return Trust(trust, self.inputs[absent[0]].missing if absent else rule.cause, texts, degrees)
+        cause = self.inputs[absent[0]].missing if absent else rule.cause
+        return Trust(1.0 - voice.method.value(strengths), cause, texts, degrees)
 
 
 TRUSTED = Trust(1.0, CALM, (), ())
@@ -215,10 +232,3 @@ def _trust_voice(estimator: str, file: RuleFile, rules: tuple[Rule, ...]) -> Voi
     own = _about(TRUST_PREFIX + estimator, rules)
     spoken = frozenset().union(*(rule.inputs for rule in own))
     return Voice(file, own, DISTRUST_AT, [name for name in file.inputs if name in spoken])
-
-
-def _strongest_first(firing: list[Firing], notes: list[str]) -> tuple[tuple[str, ...], tuple[float, ...]]:
-    """The notes, then the rules by strength and harm; of equals, the first in the file comes first."""
-    ranked = sorted(firing, key=itemgetter(0, 1), reverse=True)
-    texts, strengths = [rule.text for _, _, rule in ranked], [fired[0] for fired in ranked]
-    return (*notes, *texts), (*[1.0] * len(notes), *strengths)

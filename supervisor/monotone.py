@@ -98,7 +98,10 @@ class Monotone:
             for rule, weight, others in self._cases[number]:
                 weakest = degrees[number]
                 for other in others:
-                    weakest = at_most(degrees[other], weakest)
+                    degree = degrees[other]
+                    weakest = (
+                        degree if degree < weakest else weakest
+                    )  # a call would cost more than all else here
                 strength = weight * weakest
                 if strength > strengths.get(rule, 0.0):
                     strengths[rule] = strength
@@ -109,7 +112,7 @@ class Monotone:
         truth = [0.0] * len(LEVELS)
         for rule, strength in strengths.items():
             harm = self._harms[rule]
-            truth[harm] = at_least(strength, truth[harm])
+            truth[harm] = strength if strength > truth[harm] else truth[harm]
         if truth[-1] == 1.0:
             return 1.0
         value, above = 0.0, 0.0
