@@ -3,7 +3,10 @@
 from enum import StrEnum
 
 from controller.lateral_feedforward import Feedforward, FeedforwardSettings
+from controller.lateral_lqi import Lqi, LqiSettings
 from controller.law import LateralLaw
+from controller.pure_pursuit import PurePursuit, PurePursuitSettings
+from controller.stanley import Stanley, StanleySettings
 from trepid.config import Settings
 from trepid.vehicle import NonNegative, Vehicle
 
@@ -12,6 +15,9 @@ class LawName(StrEnum):
     """The lateral laws."""
 
     FEEDFORWARD = "feedforward"
+    LQI = "lqi"
+    PURE_PURSUIT = "pure_pursuit"
+    STANLEY = "stanley"
 
 
 class LateralSettings(Settings):
@@ -20,6 +26,9 @@ class LateralSettings(Settings):
     law: LawName
     command_delay_s: NonNegative  # from the controller to the actuator, mean hold of the command included
     feedforward: FeedforwardSettings
+    lqi: LqiSettings
+    pure_pursuit: PurePursuitSettings
+    stanley: StanleySettings
 
 
 def build_law(settings: LateralSettings, vehicle: Vehicle) -> LateralLaw:
@@ -27,3 +36,9 @@ def build_law(settings: LateralSettings, vehicle: Vehicle) -> LateralLaw:
     match settings.law:
         case LawName.FEEDFORWARD:
             return Feedforward(settings.feedforward, vehicle)
+        case LawName.LQI:
+            return Lqi(settings.lqi, vehicle, command_delay_s=settings.command_delay_s)
+        case LawName.PURE_PURSUIT:
+            return PurePursuit(settings.pure_pursuit)
+        case LawName.STANLEY:
+            return Stanley(settings.stanley, vehicle)

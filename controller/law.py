@@ -14,7 +14,8 @@ class Acting(NamedTuple):
     lane: Lane  # its heading is that of the course of the rear axle, drift of the tyres included
     speed_mps: float
     wheel_rad: float  # predicted road-wheel angle
-    curvature_1pm: float  # that the rear axle's path then has
+    curvature_1pm: float  # that the path of the rear axle then has, ...
+    steady_1pm: float  # ... and that it goes towards while the wheel stays
     seen: Lane  # the lane at the last vehicle state, for laws that do not predict
 
 

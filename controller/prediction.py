@@ -94,7 +94,7 @@ class Predictor:
     def when_steering_acts(self, lane: Lane, *, valid_s: float, now_s: float) -> Acting:
         """``lane``, valid at ``valid_s``, as the last vehicle state or later, at ``now_s`` plus the dead time."""
         if not self._motion:
-            return Acting(lane, 0.0, 0.0, 0.0, lane)
+            return Acting(lane, 0.0, 0.0, 0.0, 0.0, lane)
         speed_mps = self._motion[-1][1]
         then, wheel_rad, turning = self._along_commanded(lane, valid_s, now_s + self._delay_s)
         return Acting(
@@ -102,6 +102,7 @@ class Predictor:
             speed_mps=speed_mps,
             wheel_rad=wheel_rad,
             curvature_1pm=self._tyres.path_1pm(turning, speed_mps),
+            steady_1pm=self._tyres.steady_1pm(wheel_rad, speed_mps),
             seen=lane,
         )
 

@@ -23,7 +23,7 @@ from trepid.vehicle import Vehicle
 TICK_S = 0.01  # of the vehicle, as in config/simulator.yaml
 CONTROL_EVERY, FRAME_EVERY = 2, 4  # ticks: 50 Hz, 25 Hz
 LATENCY_S = 0.04  # from the frame to its decision
-SIGHT_M, SIGHT_S = 8.0, 1.0  # how far the lane is seen, at least, and in time
+SIGHT_M, SIGHT_S = 8.0, 1.0  # how far a clothoid that touches the road is trusted, at least, and in time
 TANGENT_M = 0.01  # over which the rate of the curvature at the axle is taken
 LOST_M = 5.0  # beyond this offset the lane counts as lost, and the episode ends
 
@@ -40,8 +40,8 @@ class Episode:
     frame_every: int = FRAME_EVERY  # ticks
     latency_s: float = LATENCY_S
     offset_noise_m: float = 0.0  # standard deviation of every frame's offset
-    secant: bool = (
-        False  # the clothoid seen joins axle and look-ahead, instead of touching the road at the axle
+    sight_s: float | None = (
+        None  # the clothoid seen is true at the axle and so far ahead; None: and touches it
     )
     start_m: float = 0.0  # offset at the start
     seed: int = 0
@@ -157,8 +157,9 @@ class _Sight:
 
     def __init__(self, episode: Episode) -> None:
         self._road, self._speed_mps = episode.road, episode.speed_mps
-        self._ahead_m = at_least(SIGHT_S * episode.speed_mps, SIGHT_M)
-        self._rate_over_m = self._ahead_m if episode.secant else TANGENT_M
+        self._ahead_m = self._rate_over_m = (episode.sight_s or 0.0) * episode.speed_mps
+        if episode.sight_s is None:
+            self._ahead_m, self._rate_over_m = at_least(SIGHT_S * episode.speed_mps, SIGHT_M), TANGENT_M
         self._latency_s = episode.latency_s
         self._noise_m = episode.offset_noise_m
         self._generator = np.random.default_rng(episode.seed)
