@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from supervisor.supervisor import build
+from supervisor.reload import RuleWatch, taken_over
+from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
-from trepid.messages import SteeringEstimate
+from trepid.messages import Health, SteeringEstimate
 from trepid.process import Process, process
 from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 
@@ -13,12 +14,20 @@ GATHER_S = 0.02  # wait this long for the other estimators of the same frame
 
 
 def run(me: Process) -> None:
+    """Build the supervisor and decide until told to stop; rules may change meanwhile."""
+    rules = Path(me.options["rules"])
+    with RuleWatch(rules) as changes:
+        supervisor = build(rules=rules, cruise_speed_mps=me.options["cruise_speed_mps"])
+        decide(me, supervisor, changes)
+
+
+def decide(me: Process, supervisor: Supervisor, changes: RuleWatch) -> None:
     """Decide when all estimates of a frame are in, shortly after the first of them, or when nothing comes."""
     estimates = {name: me.bus.latest(estimate_topic(name)) for name in me.options["estimators"]}
     statistics, lead = me.bus.latest(IMAGE_STATISTICS), me.bus.latest(LEAD_VEHICLE)
     state = me.bus.latest(VEHICLE_STATE)
     send = me.bus.publisher(DECISION)
-    supervisor = build(rules=Path(me.options["rules"]), cruise_speed_mps=me.options["cruise_speed_mps"])
+    said = Health.OK, ""
     me.ready()
     decided_s = me.now_s()
     first_s: float | None = None  # when the first estimate since the last decision came
@@ -41,7 +50,10 @@ def run(me: Process) -> None:
         )
         send(decision)
         decided_s, first_s = now_s, None
-        me.stepped()
+        news = changes.take()
+        if news is not None:
+            said = taken_over(news, supervisor.adopt)
+        me.stepped(*said)
 
 
 def _same_frame(estimates: dict[str, Latest[SteeringEstimate]]) -> bool:
