@@ -89,6 +89,7 @@ class Controller:
             vehicle,
             command_delay_s=settings.lateral.command_delay_s,
             memory_s=settings.inputs.path_memory_s + settings.inputs.stale_s,
+            timing_share=settings.lateral.timing_share,
         )
         self._law = build_law(settings.lateral, vehicle)
         self._speed = SpeedControl(settings.speed)

@@ -1,6 +1,9 @@
 """Which law steers: ``lateral`` in ``config/controller.yaml``."""
 
 from enum import StrEnum
+from typing import Annotated
+
+from pydantic import Field
 
 from controller.lateral_feedforward import Feedforward, FeedforwardSettings
 from controller.lateral_lqi import Lqi, LqiSettings
@@ -25,6 +28,7 @@ class LateralSettings(Settings):
 
     law: LawName
     command_delay_s: NonNegative  # from the controller to the actuator, mean hold of the command included
+    timing_share: Annotated[float, Field(ge=0, lt=1)]  # of dead time and lag, that is learned; 0: nothing is
     feedforward: FeedforwardSettings
     lqi: LqiSettings
     pure_pursuit: PurePursuitSettings

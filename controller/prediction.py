@@ -17,6 +17,7 @@ from collections import deque
 
 from controller.lane import Clothoid, Lane, lane_after
 from controller.law import Acting
+from controller.steering_timing import SteeringTiming
 from controller.tyres import Turning, Tyres
 from trepid.bounds import at_least, at_most, within
 from trepid.messages import VehicleState
@@ -28,14 +29,21 @@ _STEP_S = 0.02  # of the model; the wheel is exact for any step, the pose of sec
 class Predictor:
     """Remembers what was measured and commanded for as long as ``memory_s``."""
 
-    def __init__(self, vehicle: Vehicle, *, command_delay_s: float, memory_s: float) -> None:
-        """``command_delay_s``: on the way to the actuator, mean hold of the command included."""
+    def __init__(
+        self, vehicle: Vehicle, *, command_delay_s: float, memory_s: float, timing_share: float = 0.0
+    ) -> None:
+        """``command_delay_s``: on the way to the actuator, mean hold of the command included.
+
+        ``timing_share``: by how much of its dead time and lag the steering may turn out to be later.
+        """
         self._vehicle, self._tyres = vehicle, Tyres(vehicle)
         self._lag_s, self._rate_radps = vehicle.steering_lag_s, vehicle.max_road_wheel_rate_radps
         self._delay_s = command_delay_s + vehicle.steering_delay_s
+        self._longest_s = self._delay_s + timing_share * (self._delay_s + vehicle.steering_lag_s)
+        self._timing = SteeringTiming(vehicle, delay_s=self._delay_s, share=timing_share)
         self._memory_s = memory_s
         self._motion: deque[tuple[float, float, float, float]] = deque()  # time, speed, yaw rate, drift
-        self._commands: deque[tuple[float, float]] = deque()  # time from which it acts, angle
+        self._commands: deque[tuple[float, float]] = deque()  # time at which it was given, angle
         self._wheel_rad = 0.0
 
     @property
@@ -52,6 +60,7 @@ class Predictor:
         """Take in a vehicle state; one that was taken in before, or is older, changes nothing."""
         if self._motion and state.t_s <= self._motion[-1][0]:
             return
+        self._timing.saw(state)
         if state.road_wheel_angle_rad is not None:
             self._wheel_rad = state.road_wheel_angle_rad
         elif self._commands:
@@ -72,9 +81,15 @@ class Predictor:
 
     def commanded(self, angle_rad: float, *, now_s: float) -> None:
         """Remember a command that goes out now."""
-        self._commands.append((now_s + self._delay_s, angle_rad))
-        while len(self._commands) > 1 and self._commands[1][0] < now_s:
+        self._timing.commanded(angle_rad, now_s=now_s)
+        self._commands.append((now_s, angle_rad))
+        while len(self._commands) > 1 and self._commands[1][0] < now_s - self._longest_s:
             self._commands.popleft()
+
+    @property
+    def _dead_s(self) -> float:
+        """From a command to its first effect."""
+        return at_least(self._delay_s + self._timing.late_s, 0.0)
 
     def at_last_state(self, lane: Lane, *, valid_s: float) -> tuple[Lane, float]:
         """``lane``, valid at ``valid_s``, as it was at the last vehicle state, if that is later, and when."""
@@ -96,7 +111,8 @@ class Predictor:
         if not self._motion:
             return Acting(lane, 0.0, 0.0, 0.0, 0.0, lane)
         speed_mps = self._motion[-1][1]
-        then, wheel_rad, turning = self._along_commanded(lane, valid_s, now_s + self._delay_s)
+        dead_s = self._dead_s
+        then, wheel_rad, turning = self._along_commanded(lane, valid_s - dead_s, now_s)
         return Acting(
             lane=then._replace(heading_rad=then.heading_rad + turning.drift_rad),
             speed_mps=speed_mps,
@@ -107,7 +123,10 @@ class Predictor:
         )
 
     def _along_commanded(self, lane: Lane, from_s: float, to_s: float) -> tuple[Lane, float, Turning]:
-        """Before the first command that is remembered, whatever holds the wheel where it is."""
+        """By the commands given between the two times, which act one dead time later.
+
+        Before the first command that is remembered, whatever holds the wheel where it is.
+        """
         _, speed_mps, rate, drift_rad = self._motion[-1]
         moved: Clothoid = lane
         wheel_rad = demand_rad = self._wheel_rad

@@ -1,0 +1,86 @@
+"""How late the steering is, learned from commands and measured wheel angles.
+
+The vehicle file gives dead time T and lag τ. A model with these numbers is driven by the commands; its angle w is
+compared with the measured one, m. A steering that is later by θ has m(t) = w(t - θ) + b ≈ w - θ·w' + b, a straight
+line of m - w over w', so that with sums over what was driven and a prior of weight λ at θ = 0
+
+    θ = -cov(m - w, w') / (var(w') + λ)
+
+Old sums fade with the excitation that comes in and not with time: a straight road teaches nothing and takes nothing
+away. θ counts as dead time, also where it is lag in truth; a ramp cannot tell them apart. It stays within a share
+of T + τ, for beyond that the file is wrong and not the steering.
+
+Ljung, System Identification (1999), sections 4.2 (linear regression) and 11.2 (forgetting).
+"""
+
+import math
+from collections import deque
+
+from trepid.bounds import at_least, at_most, within
+from trepid.messages import VehicleState
+from trepid.vehicle import Vehicle
+
+_PRIOR = 3e-6  # λ [rad²/s]: a tenth of a second at the rate of the wheel in an S at 25 m/s
+_WINDOW = 1e-3  # [rad²/s] of excitation after which what was before has faded to 1/e
+_GAP_S = 0.2  # a longer silence of the vehicle: the model starts anew
+
+
+class SteeringTiming:
+    """Watches one steering."""
+
+    def __init__(self, vehicle: Vehicle, *, delay_s: float, share: float) -> None:
+        """``delay_s``: from a command to the wheels; ``share`` of it plus the lag is the most to be learned."""
+        self._lag_s, self._rate_radps = vehicle.steering_lag_s, vehicle.max_road_wheel_rate_radps
+        self._delay_s = delay_s
+        self._most_s = share * (delay_s + vehicle.steering_lag_s)
+        self._coming: deque[tuple[float, float]] = deque()  # when a command acts, angle
+        self._t_s: float | None = None  # of the model
+        self._model_rad = self._demand_rad = 0.0
+        self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)  # 1, x, y, x², x·y over dt, x = w', y = m - w
+
+    @property
+    def late_s(self) -> float:
+        """θ [s]; negative where the steering is quicker than its file says."""
+        one, x, y, xx, xy = self._sums
+        if one == 0.0:
+            return 0.0
+        return within(-(xy - x * y / one) / (xx - x * x / one + _PRIOR), self._most_s)
+
+    def commanded(self, angle_rad: float, *, now_s: float) -> None:
+        """A command goes out."""
+        self._coming.append((now_s + self._delay_s, angle_rad))
+
+    def saw(self, state: VehicleState) -> None:
+        """The vehicle reports its wheel angle; whoever else steers teaches nothing."""
+        wheel_rad = state.road_wheel_angle_rad
+        if self._most_s == 0.0 or wheel_rad is None:
+            return
+        before_s, self._t_s = self._t_s, state.t_s
+        dt_s = state.t_s - before_s if before_s is not None else math.inf
+        if state.driver_override or not 0.0 < dt_s < _GAP_S:
+            self._model_rad = self._demand_rad = wheel_rad
+            self._advance(state.t_s, state.t_s)
+            return
+        before_rad = self._model_rad
+        self._advance(state.t_s - dt_s, state.t_s)
+        self._learn((self._model_rad - before_rad) / dt_s, wheel_rad - self._model_rad, dt_s)
+
+    def _advance(self, from_s: float, to_s: float) -> None:
+        """The model from one time to another, by the commands that begin to act meanwhile."""
+        while self._coming and self._coming[0][0] <= to_s:
+            due_s, next_rad = self._coming.popleft()
+            self._turn(due_s - from_s)
+            from_s, self._demand_rad = at_least(due_s, from_s), next_rad
+        self._turn(to_s - from_s)
+
+    def _turn(self, dt_s: float) -> None:
+        if dt_s <= 0.0:
+            return
+        share = 1.0 - math.exp(-dt_s / self._lag_s) if self._lag_s > 0.0 else 1.0
+        self._model_rad += within((self._demand_rad - self._model_rad) * share, self._rate_radps * dt_s)
+
+    def _learn(self, x: float, y: float, dt_s: float) -> None:
+        keep = at_most(math.exp(-x * x * dt_s / _WINDOW), 1.0)
+        new = (1.0, x, y, x * x, x * y)
+        one, sx, sy, sxx, sxy = (keep * s + v * dt_s for s, v in zip(self._sums, new, strict=True))
+        self._sums = (one, sx, sy, sxx, sxy)
