@@ -1,4 +1,4 @@
-"""What is feared, as named numbers: the inputs that ``config/fear.yaml`` may speak of.
+"""What is feared, as named numbers: the inputs that ``config/fear.yaml`` may speak of. Why: ``docs/fear_terms.md``.
 
 None is "lost or broken", which alone makes fear 1. What is honestly absent has a number: the calm one where its
 absence is feared elsewhere (no vehicle ahead; no second estimate to disagree with, which is a low confidence), one
@@ -6,13 +6,14 @@ beyond the worst where it is not (no lane width, no path).
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from operator import attrgetter
 
 from supervisor.follow import Lead
 from supervisor.fusion import Fused
 from supervisor.lane import Motion
 from supervisor.sightings import Sighting
+from trepid.bounds import at_least
 from trepid.messages import ImageStatistics
 
 BEYOND = 1e6  # beyond the range of any input
@@ -25,55 +26,91 @@ IMAGE_FEATURES = {
     "under_exposed": "under_exposed",
     "sharpness": "sharpness",
     "frozen": "frozen_s",
+    "spots": "spots",
 }
 """Name of the feature -> field of the image statistics."""
 _STATISTICS, _LOST_STATISTICS = attrgetter(*IMAGE_FEATURES.values()), (None,) * len(IMAGE_FEATURES)
-ESTIMATOR_SUFFIX = "_confidence"
-FEATURES = frozenset(
+CONFIDENCE, JITTER = "_confidence", "_jitter"
+ESTIMATOR_SUFFIXES = (CONFIDENCE, JITTER)
+EARLY_FEATURES = frozenset(
     {
-        *("frame_age", "estimator_age", "state_age", "lane_confidence", "lane_width_error"),
-        *("disagreement", "separation"),
+        *("frame_age", "estimator_age", "state_age", "speed", "saturated"),
         *IMAGE_FEATURES,
-        *("speed", "lateral_demand", "lateral_error", "lead_confidence", "time_gap"),
+        *("lane_width", "lane_width_error", "unmarked"),
+        *("lead_confidence", "lead_distance", "time_gap"),
     }
 )
-"""Besides these there is ``<estimator>_confidence`` for every estimator."""
+"""Known before the estimates are joined: what trust in an estimator may rest on."""
+FEATURES = EARLY_FEATURES | {
+    *("lane_confidence", "disagreement", "separation", "single_source"),
+    *("lateral_demand", "lateral_error", "crossing"),
+}
+"""Besides these there are ``<estimator>_confidence`` and ``<estimator>_jitter`` for every estimator."""
 
 Features = dict[str, float | None]
 
 
-def features(
+def early_features(
     sightings: list[Sighting],
-    fused: Fused,
     statistics: ImageStatistics | None,
     lead: Lead,
     motion: Motion | None,
     *,
     state_age_s: float,
+    jitter_m: Mapping[str, float],
+    saturated_s: float,
     expected: Iterable[str] = (),
 ) -> Features:
-    """Every input by name. ``statistics`` must be fresh or None; ``motion`` is None when the state is lost.
+    """EARLY_FEATURES and those of every estimator. ``statistics`` must be fresh or None, ``motion`` None when lost.
 
-    ``expected`` names further confidences that the rules speak of: an estimator that does not run has none.
+    ``expected`` names features of further estimators that the rules speak of: one that does not run has no
+    confidence and no jitter.
     """
     speed_mps = None if motion is None else abs(motion.speed_mps)
     ages = [s.age_s for s in sightings]
-    known = [s.confidence for s in sightings if s.confidence is not None]
     found: Features = dict.fromkeys(expected, 0.0)
     for s in sightings:
-        found[s.estimator + ESTIMATOR_SUFFIX] = s.confidence
+        found[s.estimator + CONFIDENCE] = s.confidence
+        found[s.estimator + JITTER] = None if s.broken else jitter_m.get(s.estimator, 0.0)
     found["frame_age"] = min(ages) if ages else None
     found["estimator_age"] = max(ages) if ages else None
     found["state_age"] = math.inf if motion is None else state_age_s  # no finite number is feared as missing
-    found["lane_confidence"] = max(known) if known else None
-    found["disagreement"], found["separation"] = _contradiction(sightings, fused, speed_mps)
-    found["lane_width_error"] = _lane_width_error(sightings)
     found["speed"] = speed_mps
-    found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)
+    found["saturated"] = saturated_s
+    found["lane_width"] = _narrowest_m(sightings)
+    found["lane_width_error"] = _lane_width_error(sightings)
+    found["unmarked"] = _unmarked(sightings)
     found["lead_confidence"] = lead.confidence
+    found["lead_distance"] = _lead_distance(lead)
     found["time_gap"] = _time_gap(lead, speed_mps)
     numbers = _LOST_STATISTICS if statistics is None else _STATISTICS(statistics)
     found.update(zip(IMAGE_FEATURES, numbers, strict=True))
+    return found
+
+
+def features(
+    early: Features,
+    sightings: list[Sighting],
+    fused: Fused,
+    motion: Motion | None,
+    *,
+    trust: Mapping[str, float],
+    single_source_s: float,
+    half_width_m: float,
+) -> Features:
+    """Every input by name: ``early``, and what is known only of estimates that are joined.
+
+    ``trust`` is how far each estimator's confidence is believed, 1 where it says nothing; ``half_width_m`` that
+    of the vehicle.
+    """
+    speed_mps = early["speed"]
+    believed = [s.confidence * trust.get(s.estimator, 1.0) for s in sightings if s.confidence is not None]
+    found = dict(early)
+    found["lane_confidence"] = max(believed) if believed else None
+    found["disagreement"], found["separation"] = _contradiction(sightings, fused, speed_mps)
+    found["single_source"] = single_source_s
+    found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)
+    found["crossing"] = _crossing_s(fused, motion, early["lane_width"], half_width_m)
     return found
 
 
@@ -92,6 +129,19 @@ def _lane_width_error(sightings: list[Sighting]) -> float:
     return max(errors) if errors else BEYOND
 
 
+def _narrowest_m(sightings: list[Sighting]) -> float:
+    """The least width that an estimator sees; BEYOND, feared as a lane width error, where none does."""
+    widths_m = [s.width_m for s in sightings if s.measures_width and s.width_m is not None]
+    return min(widths_m) if widths_m else BEYOND
+
+
+def _unmarked(sightings: list[Sighting]) -> float:
+    """1 where the surest estimator that can tell sees the road by its edges, not by lines; 0 where none can."""
+    telling = [s for s in sightings if s.marked is not None]
+    surest = max(telling, key=lambda s: s.confidence or 0.0, default=None)
+    return 1.0 if surest is not None and not surest.marked else 0.0
+
+
 def _path(fused: Fused, speed_mps: float | None) -> tuple[float | None, float]:
     """What the path asks of the tyres [m/s²], and how far off it the car is [m]."""
     if fused.path is None:
@@ -99,6 +149,48 @@ def _path(fused: Fused, speed_mps: float | None) -> tuple[float | None, float]:
     lane = fused.path.lane
     demand = None if speed_mps is None else abs(lane.curvature_1pm) * speed_mps**2
     return demand, abs(lane.offset_m)
+
+
+def _crossing_s(
+    fused: Fused, motion: Motion | None, lane_width_m: float | None, half_width_m: float
+) -> float | None:
+    """Time until a wheel crosses the edge of the lane if heading and yaw rate stay as they are [s].
+
+    In the frame of the lane e(t) = e + v·ψ·t + (v·ω - κ·v²)·t²/2 (Mammar et al., Time to line crossing for lane
+    departure avoidance, IEEE Trans. ITS 7 (2006), with constant yaw rate). None when the motion is lost; BEYOND
+    without a path or a width, which are feared elsewhere, and when it never crosses.
+    """
+    if motion is None:
+        return None
+    if fused.path is None or lane_width_m is None or lane_width_m >= BEYOND:
+        return BEYOND
+    lane, speed_mps = fused.path.lane, motion.speed_mps
+    room_m = at_least(lane_width_m / 2 - half_width_m, 0.0)
+    drift_mps = speed_mps * lane.heading_rad
+    bend_mps2 = speed_mps * motion.yaw_rate_radps - lane.curvature_1pm * speed_mps**2
+    left = _first_root(room_m - lane.offset_m, drift_mps, bend_mps2)
+    return min(left, _first_root(room_m + lane.offset_m, -drift_mps, -bend_mps2))
+
+
+def _first_root(room_m: float, drift_mps: float, bend_mps2: float) -> float:
+    """The least t >= 0 with drift·t + bend·t²/2 = room; BEYOND when there is none."""
+    if room_m <= 0.0:
+        return 0.0
+    if abs(bend_mps2) < 1e-9:
+        return room_m / drift_mps if drift_mps > 0 else BEYOND
+    under_root = drift_mps**2 + 2 * bend_mps2 * room_m
+    if under_root < 0:
+        return BEYOND
+    # In the form that loses no digits where bend is small: room = t·(drift + sqrt(...))/2.
+    towards = drift_mps + math.sqrt(under_root)
+    return 2 * room_m / towards if towards > 0 else BEYOND
+
+
+def _lead_distance(lead: Lead) -> float | None:
+    """What the vehicle ahead leaves to be seen of the road [m]; BEYOND without one."""
+    if lead.confidence is None:
+        return None
+    return BEYOND if lead.distance_m is None else lead.distance_m
 
 
 def _time_gap(lead: Lead, speed_mps: float | None) -> float | None:

@@ -1,7 +1,20 @@
-"""Estimates to one path. Roads that contradict each other are never averaged."""
+"""Estimates to one path, each weighed by how exact it claims to be. Contradicting roads are never averaged.
+
+A calibrated confidence c is the probability that the steering angle is less than a tolerance wrong. Of a normal
+error with standard deviation σ, in tolerances,
+
+    c = P(|x| < 1) = 2·Φ(1/σ) - 1,   so   1/σ = Φ⁻¹((1 + c)/2),
+
+and independent views are best joined with weights 1/σ² (inverse variance; Bar-Shalom, Li and Kirubarajan,
+Estimation with Applications to Tracking and Navigation (2001), section 2.6). The path of the frame before, moved
+with the vehicle, is one more view: its variance grows with the time since (a scalar Kalman filter), so that it
+counts for little beside a sure view and steadies unsure ones.
+"""
 
 import itertools
 import math
+from collections.abc import Mapping
+from statistics import NormalDist
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
@@ -12,20 +25,25 @@ from trepid.bounds import at_least, at_most
 from trepid.config import Settings
 
 Positive = Annotated[float, Field(gt=0)]
+Share = Annotated[float, Field(gt=0, le=1)]
+_NORMAL = NormalDist()
+LEAST_BELIEF, MOST_BELIEF = 0.05, 0.98  # a calibration by thousands of frames cannot tell more
+NO_TRUST: Mapping[str, float] = {}
 
 
 class FusionSettings(Settings):
     """Section ``fusion`` of ``config/supervisor.yaml``."""
 
-    trust: dict[
-        str, Annotated[float, Field(gt=0, le=1)]
-    ]  # how far each estimator's own confidence is believed
-    trust_of_others: Annotated[float, Field(gt=0, le=1)]
+    trust: dict[str, Share]  # how far each estimator's own confidence is believed
+    trust_of_others: Share
     min_lookahead_m: Positive  # where roads are compared: ℓ = max(min_lookahead_m, lookahead_s·v)
     lookahead_s: Positive
     gate_offset_m: Positive  # roads this far apart at the axle ...
     gate_lookahead_m: Positive  # ... or at ℓ are two roads
-    memory_s: Annotated[float, Field(gt=0, le=1)]  # how long the path is remembered when nothing is seen
+    rejoin_share: Share  # of these gates, within which a view that was left out is joined again
+    memory_s: Share  # how long the path is remembered when nothing is seen
+    forgetting_per_s: Positive  # growth of the variance of the memory, in squared tolerances
+    outlier_s: Annotated[float, Field(ge=0)]  # a lone view that contradicts the memory must last this long
 
 
 class Path(NamedTuple):
@@ -41,22 +59,30 @@ class Fused(NamedTuple):
     """What the estimates come to."""
 
     path: Path | None
-    sources: tuple[str, ...]
-    trust: tuple[float, ...]  # sums to 1; empty when nothing was fused
+    sources: tuple[str, ...]  # estimators that were joined
+    trust: tuple[float, ...]  # their shares; sums to 1; empty when nothing was fused
     disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two estimates; None with fewer than two
     weighted_disagreement_mps2: float  # the same, times the share of the less sure; 0 with fewer than two
     weighted_separation_m: float  # likewise, how far apart they place the car across the lane
 
 
-class _View(NamedTuple):
+class View(NamedTuple):
     """A usable lane at the common time, and its weight."""
 
     name: str
     lane: Lane
-    confidence: float
-    weight: float
+    confidence: float  # as far as it is believed
+    weight: float  # 1/σ², per squared tolerance
     lookahead_m: float
     ahead_m: float  # where the lane is at the common look-ahead, + left
+
+
+class Memory(NamedTuple):
+    """The path of an earlier frame."""
+
+    path: Path | None
+    variance: float  # in squared tolerances, when it was last seen
+    seen_s: float  # when it was last seen by an estimator
 
 
 class Fusion:
@@ -64,80 +90,141 @@ class Fusion:
 
     def __init__(self, settings: FusionSettings) -> None:
         self._settings = settings
-        self._memory: Path | None = None
-        self._seen_s = -math.inf  # when the memory was last seen by an estimator
+        self._memory = self._before = Memory(None, math.inf, -math.inf)
+        self._left_out: frozenset[str] = frozenset()  # at the last frame, because they contradicted the rest
 
-    def step(self, sightings: list[Sighting], motion: Motion | None, *, now_s: float) -> Fused:
-        """One path from the usable sightings; the moved memory for a while when there are none."""
+    def step(
+        self,
+        sightings: list[Sighting],
+        motion: Motion | None,
+        *,
+        now_s: float,
+        trust: Mapping[str, float] = NO_TRUST,
+    ) -> Fused:
+        """One path from the usable sightings; the moved memory for a while when there are none.
+
+        ``trust`` is how far each estimator is believed at this moment, 1 where it says nothing.
+        """
         moving = motion or STANDING
         used = [s for s in sightings if s.lane is not None]
         t_s = max([s.t_s for s in used]) if used else now_s
-        memory = self._coast(moving, t_s)
+        if t_s > self._memory.seen_s:  # of one frame there may be several decisions, but it counts once
+            self._before = self._memory
+        coasted = self._coast(moving, t_s)
         lookahead_m = at_least(
             self._settings.lookahead_s * abs(moving.speed_mps), self._settings.min_lookahead_m
         )
-        views = [self._view(s, moving, t_s, lookahead_m) for s in used]
-        group = self._agreeing(views, memory, lookahead_m)
-        total = sum([view.weight for view in group])
-        trust = [view.weight / total for view in group]
-        if group:
-            self._seen_s = t_s
-            self._memory = _join(group, trust, t_s)
-        else:
-            self._memory = memory
+        views = [self._view(s, moving, t_s, lookahead_m, trust=trust.get(s.estimator, 1.0)) for s in used]
+        remembered = self._remembered(coasted, t_s, lookahead_m)
+        group = self._agreeing(views, remembered, t_s)
+        self._left_out = frozenset([view.name for view in views if view not in group])
         raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m)
+        if views and not group:  # held back: as far from the road of a moment ago as from another estimator
+            assert remembered is not None
+            _, held_1pm, held_m = _disagreement([*views, remembered], lookahead_m)
+            weighted_1pm, separation_m = at_least(held_1pm, weighted_1pm), at_least(held_m, separation_m)
+        total = sum([view.weight for view in group])
+        if group:
+            self._memory = self._joined(group, remembered, t_s)
+        else:
+            self._memory = self._before._replace(path=coasted)
         speed2 = moving.speed_mps**2
         return Fused(
-            path=self._memory,
+            path=self._memory.path,
             sources=tuple([view.name for view in group]),
-            trust=tuple(trust),
+            trust=tuple([view.weight / total for view in group]),
             disagreement_mps2=None if raw_1pm is None else raw_1pm * speed2,
             weighted_disagreement_mps2=weighted_1pm * speed2,
             weighted_separation_m=separation_m,
         )
 
-    def _view(self, sighting: Sighting, motion: Motion, t_s: float, lookahead_m: float) -> _View:
+    def _view(
+        self, sighting: Sighting, motion: Motion, t_s: float, lookahead_m: float, *, trust: float
+    ) -> View:
         assert sighting.lane is not None and sighting.confidence is not None
-        trust = self._settings.trust.get(sighting.estimator, self._settings.trust_of_others)
+        always = self._settings.trust.get(sighting.estimator, self._settings.trust_of_others)
+        believed = trust * sighting.confidence
         lane = sighting.lane.after(motion, t_s - sighting.t_s)
-        weight, ahead_m = trust * sighting.confidence, lane.y_m(lookahead_m)
-        return _View(sighting.estimator, lane, sighting.confidence, weight, sighting.lookahead_m, ahead_m)
+        return View(
+            name=sighting.estimator,
+            lane=lane,
+            confidence=at_least(believed, LEAST_BELIEF),
+            weight=information(always * believed),
+            lookahead_m=sighting.lookahead_m,
+            ahead_m=lane.y_m(lookahead_m),
+        )
 
     def _coast(self, motion: Motion, t_s: float) -> Path | None:
         """The remembered path at ``t_s``, or None when it was last seen too long ago."""
-        memory = self._memory
-        if memory is None or t_s - self._seen_s > self._settings.memory_s:
+        path, _, seen_s = self._before
+        if path is None or t_s - seen_s > self._settings.memory_s:
             return None
-        return Path(t_s, memory.lane.after(motion, t_s - memory.t_s), memory.lookahead_m, "memory")
+        return Path(t_s, path.lane.after(motion, t_s - path.t_s), path.lookahead_m, "memory")
 
-    def _agreeing(self, views: list[_View], memory: Path | None, lookahead_m: float) -> list[_View]:
-        """The views that show one road: that of the memory, without one that of the most trusted view."""
+    def _remembered(self, path: Path | None, t_s: float, lookahead_m: float) -> View | None:
+        """The memory as a view, less exact the longer ago it was seen."""
+        if path is None:
+            return None
+        unseen_s = at_least(t_s - self._before.seen_s, 0.0)
+        weight = 1 / (self._before.variance + self._settings.forgetting_per_s * unseen_s)
+        return View("memory", path.lane, 1.0, weight, path.lookahead_m, path.lane.y_m(lookahead_m))
+
+    def _agreeing(self, views: list[View], memory: View | None, t_s: float) -> list[View]:
+        """The views that show one road: that of the memory, without one that of the most trusted view.
+
+        Where none agrees with the memory: those that agree with each other, at once; a single view only when
+        the memory has not been confirmed for ``outlier_s``.
+        """
         if not views:
             return []
         if memory is None:
-            first = max(views, key=lambda view: view.weight)
-        else:
-            offset_m, ahead_m = memory.lane.offset_m, memory.lane.y_m(lookahead_m)
-            first = min(views, key=lambda v: abs(v.lane.offset_m - offset_m) + abs(v.ahead_m - ahead_m))
+            return self._with(max(views, key=lambda view: view.weight), views)
+        first = min(views, key=lambda v: _apart_m(v, memory))
+        group = self._with(first, views)
+        doubted = self._contradict(first, memory) and len(group) < 2
+        return [] if doubted and t_s - self._before.seen_s <= self._settings.outlier_s else group
+
+    def _with(self, first: View, views: list[View]) -> list[View]:
         return [view for view in views if view is first or not self._contradict(view, first)]
 
-    def _contradict(self, a: _View, b: _View) -> bool:
-        """Whether two lanes lie too far apart at the axle or at the look-ahead."""
+    def _contradict(self, a: View, b: View) -> bool:
+        """Whether two lanes lie too far apart at the axle or at the look-ahead.
+
+        One that was left out must come clearly nearer: else it would be joined, and pull the path over to where
+        it is, as soon as the other errs a little towards it.
+        """
         here_m, ahead_m = abs(a.lane.offset_m - b.lane.offset_m), abs(a.ahead_m - b.ahead_m)
-        return here_m > self._settings.gate_offset_m or ahead_m > self._settings.gate_lookahead_m
+        share = self._settings.rejoin_share if {a.name, b.name} & self._left_out else 1.0
+        return (
+            here_m > share * self._settings.gate_offset_m or ahead_m > share * self._settings.gate_lookahead_m
+        )
+
+    def _joined(self, group: list[View], memory: View | None, t_s: float) -> Memory:
+        """The mean of ``group``, and of the memory where it shows the same road, by their weights."""
+        joined = group
+        if memory is not None and not any(self._contradict(view, memory) for view in group):
+            joined = [*group, memory]
+        total = sum([view.weight for view in joined])
+        path = Path(
+            t_s=t_s,
+            lane=mean_lane([view.lane for view in joined], [view.weight / total for view in joined]),
+            lookahead_m=min([view.lookahead_m for view in group]),
+            source="+".join([view.name for view in group]),
+        )
+        return Memory(path, 1 / total, t_s)
 
 
-def _join(group: list[_View], trust: list[float], t_s: float) -> Path:
-    """The mean of the views that agree."""
-    return Path(
-        t_s=t_s,
-        lane=mean_lane([view.lane for view in group], trust),
-        lookahead_m=min([view.lookahead_m for view in group]),
-        source="+".join([view.name for view in group]),
-    )
+def information(confidence: float) -> float:
+    """1/σ² of a view that is less than a tolerance wrong with probability ``confidence``, per squared tolerance."""
+    believed = at_most(at_least(confidence, LEAST_BELIEF), MOST_BELIEF)
+    return _NORMAL.inv_cdf((1 + believed) / 2) ** 2
 
 
-def _disagreement(views: list[_View], lookahead_m: float) -> tuple[float | None, float, float]:
+def _apart_m(a: View, b: View) -> float:
+    return abs(a.lane.offset_m - b.lane.offset_m) + abs(a.ahead_m - b.ahead_m)
+
+
+def _disagreement(views: list[View], lookahead_m: float) -> tuple[float | None, float, float]:
     """Greatest |Δκ_cmd| [1/m] of two views, plain and weighted, and greatest weighted |Δe| [m].
 
     The weight is the lesser confidence over the greater: an unsure view beside a sure one is an outlier rather

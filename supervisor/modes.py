@@ -27,6 +27,7 @@ class ModeSettings(Settings):
     road_back_s: Seconds  # FOLLOW ends when the road has been seen this long ...
     road_back_confidence: Annotated[float, Field(gt=0, le=1)]  # ... with this confidence
     final_causes: frozenset[str]  # a stop for one of these is final
+    stop_after_s: dict[str, Positive]  # cause -> how long it may frighten before a comfort stop
 
 
 class Situation(NamedTuple):
@@ -36,6 +37,7 @@ class Situation(NamedTuple):
     lost: bool  # a process is lost
     blind: bool  # moving, and nothing has shown where to for too long, or frames have stopped coming
     terrified: bool  # fear has asked for STOP for long enough
+    lasting: bool  # one cause has frightened for longer than it may
     afraid: bool  # fear asks for CAUTION or more
     calm: bool  # fear has been clearly below that for long enough
     cause: str  # what fear is about
@@ -79,6 +81,7 @@ TRANSITIONS = (
         DRIVING, lambda s: bool(s.fault), Mode.STOP, "a process is lost, data is stale, the driver acts"
     ),
     Transition(DRIVING, lambda s: s.terrified, Mode.STOP, "fear calls for it"),
+    Transition(DRIVING, lambda s: s.lasting, Mode.STOP, "one cause has frightened for too long"),
     Transition(DRIVING, lambda s: not s.path and not s.lead, Mode.STOP, "neither road nor lead"),
     Transition(ON_ROAD, lambda s: not s.path, Mode.FOLLOW, "the road is lost, a lead is there"),
     Transition(frozenset({Mode.FOLLOW}), lambda s: s.road_back, Mode.CAUTION, "the road is back"),
@@ -113,7 +116,7 @@ def next_state(state: ModeState, now: Situation, *, final_causes: frozenset[str]
 def _entered(mode: Mode, now: Situation, final_causes: frozenset[str]) -> ModeState:
     if mode is not Mode.STOP:
         return ModeState(mode, Stop.NONE, "", final=False)
-    cause = now.fault or (now.cause if now.terrified else "no_road")
+    cause = now.fault or (now.cause if now.terrified or now.lasting else "no_road")
     return _tightened(ModeState(Mode.STOP, Stop.COMFORT, cause, final=cause in final_causes), now)
 
 
@@ -125,19 +128,3 @@ def _tightened(state: ModeState, now: Situation) -> ModeState:
     if now.blind and state.stop is not Stop.EMERGENCY:
         return ModeState(Mode.STOP, Stop.EMERGENCY, now.fault or now.cause, final=True)
     return state._replace(final=state.final or (now.lost and state.cause != STARTING))
-
-
-class Held:
-    """Watches for how long a condition holds without a break."""
-
-    def __init__(self) -> None:
-        self._since_s: float | None = None
-
-    def lasts(self, condition: bool, wanted_s: float | None, *, now_s: float) -> bool:
-        """Whether ``condition`` has now held for ``wanted_s``; None is never reached."""
-        if not condition:
-            self._since_s = None
-            return False
-        if self._since_s is None:
-            self._since_s = now_s
-        return wanted_s is not None and now_s - self._since_s >= wanted_s

@@ -46,6 +46,8 @@ class Sighting(NamedTuple):
     lookahead_m: float
     width_error_m: float | None  # beyond what lanes measure; None: unknown
     measures_width: bool  # whether it claims to see a boundary
+    width_m: float | None = None  # of the lane; None: unknown, or impossible
+    marked: bool | None = None  # seen by painted lines; False: by the edges of the road
 
 
 def age_s(t_s: float | None, *, now_s: float, settings: SightingSettings) -> float:
@@ -86,6 +88,8 @@ def sight(
         lookahead_m=estimate.lookahead_m,
         width_error_m=_width_error_m(estimate.lane_width_m, settings),
         measures_width=usable and estimate.lanes_detected > 0,
+        width_m=within(estimate.lane_width_m, settings.max_offset_m) if usable else None,
+        marked=estimate.marked if usable else None,
     )
 
 

@@ -9,16 +9,19 @@ from typing import Annotated
 from pydantic import Field
 
 from supervisor import fusion
-from supervisor.features import ESTIMATOR_SUFFIX, FEATURES, Features, features
-from supervisor.follow import Follower, FollowSettings, Lead, judge_lead
-from supervisor.fusion import Fused, Fusion, FusionSettings
-from supervisor.inference import FearResult, FearRules
-from supervisor.lane import Motion
-from supervisor.modes import Held, ModeSettings, ModeState, Situation, next_state
-from supervisor.sightings import Sighting, SightingSettings, age_s, is_frozen, motion_of, sight
+from supervisor.analyser import AnalyserSettings, Finding, analyse, explained
+from supervisor.features import FEATURES
+from supervisor.follow import FollowSettings
+from supervisor.fusion import FusionSettings
+from supervisor.inference import CALM, FearResult, FearRules
+from supervisor.modes import ModeSettings, ModeState, Situation, next_state
+from supervisor.outlook import Observer, Outlook, unknown_features
+from supervisor.sightings import SightingSettings
+from supervisor.speed import SpeedFactor
+from supervisor.timers import Held, Patience
 from supervisor.verify import load_verified
 from supervisor.watchdog import DRIVER, Fault, Watchdog
-from trepid.bounds import at_least, at_most
+from trepid.bounds import at_most
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import (
     Decision,
@@ -37,6 +40,7 @@ class SupervisorSettings(Settings):
 
     cruise_speed_mps: Annotated[float, Field(gt=0)]
     sightings: SightingSettings
+    analyser: AnalyserSettings
     fusion: FusionSettings
     modes: ModeSettings
     follow: FollowSettings
@@ -53,9 +57,8 @@ class Supervisor:
     def __init__(self, rules: FearRules, settings: SupervisorSettings, vehicle: Vehicle) -> None:
         """Raises InputError when ``rules`` speak of an input that does not exist."""
         self._rules, self._settings = rules, settings
-        self._opinions = _opinions(rules)
-        self._fusion = Fusion(settings.fusion)
-        self._follower = Follower(settings.follow, vehicle)
+        _refuse_unknown(rules)
+        self._observer = Observer(rules, settings.sightings, settings.fusion, settings.follow, vehicle)
         self._mode = ModeState.initial()
         self._watchdog = Watchdog(
             fresh_s=settings.sightings.fresh_s,
@@ -64,19 +67,10 @@ class Supervisor:
             state_s=settings.sightings.state_fresh_s,
         )
         self._terrified, self._calm, self._ready, self._drivable = Held(), Held(), Held(), Held()
-        self._driver = False  # a driver acted at the last step
         self._road_back, self._pathless = Held(), Held()
-        self._factor = 0.0
-        self._decided_s: float | None = None
-        self._last_motion: Motion | None = None
-
-    def adopt(self, rules: FearRules) -> None:
-        """Go on with other rules from the next step on; mode, timers and memory stay.
-
-        Raises InputError when ``rules`` speak of an input that does not exist; the rules stay as they were then.
-        """
-        self._opinions = _opinions(rules)
-        self._rules = rules
+        self._patience = Patience(settings.modes.stop_after_s)
+        self._speed = SpeedFactor(rules, settings.cruise_speed_mps)
+        self._driver = False  # a driver acted at the last step
 
     def step(
         self,
@@ -91,73 +85,55 @@ class Supervisor:
 
         Ages are judged here. ``lead`` is None where no detector runs; "no vehicle ahead" has confidence 0.
         """
-        limits = self._settings.sightings
-        motion = motion_of(state, now_s=now_s, settings=limits)
-        self._last_motion = motion or self._last_motion  # a lost vehicle is taken to go on as it went
-        ahead = judge_lead(lead, motion, now_s=now_s, settings=limits)
-        statistics_age_s = age_s(statistics.t_s if statistics else None, now_s=now_s, settings=limits)
-        fresh_statistics = statistics if statistics_age_s <= limits.fresh_s else None
-        frozen = is_frozen(fresh_statistics, self._last_motion, settings=limits)
-        seen = [sight(name, e, now_s=now_s, settings=limits, frozen=frozen) for name, e in estimates.items()]
-        state_age_s = age_s(state.t_s if state else None, now_s=now_s, settings=limits)
-        fused = self._fusion.step(seen, self._last_motion, now_s=now_s)
-        trail = self._follower.step(ahead, self._last_motion, now_s=now_s)
-        asked = features(
-            seen,
-            fused,
-            fresh_statistics,
-            ahead,
-            motion,
-            state_age_s=state_age_s,
-            expected=self._opinions,
-        )
-        felt = self._rules.evaluate(asked)
-        fault = self._watchdog.step(
-            {s.estimator: s.age_s for s in seen},
-            statistics_s=statistics_age_s,
-            lead_s=ahead.age_s if lead else None,
-            state_s=state_age_s,
-            driver_override=state is not None and state.driver_override,
-        )
+        outlook = self._observer.step(estimates, statistics, lead, state, now_s=now_s)
         driver = state is not None and state.driver_override
-        situation = self._situation(felt, fault, seen, fused, trail, motion, now_s, driver=driver)
+        felt = self._rules.evaluate(outlook.asked)
+        finding = analyse(outlook.asked, self._settings.analyser, ages_s=outlook.ages_s)
+        cause = CALM if felt.cause == CALM else explained(felt.cause, finding)
+        fault = self._watchdog.step(
+            outlook.ages_s,
+            statistics_s=outlook.statistics_age_s,
+            lead_s=outlook.ahead.age_s if lead else None,
+            state_s=outlook.state_age_s,
+            driver_override=driver,
+        )
         stopped = self._mode.mode is Mode.STOP
+        situation = self._situation(felt.fear, cause, fault, outlook, now_s, driver=driver)
         self._mode = next_state(self._mode, situation, final_causes=self._settings.modes.final_causes)
-        path = trail if self._follows(fused, trail) else fused.path
-        self._factor = self._speed_factor(felt.fear, motion, now_s, begins=stopped)
-        self._decided_s, self._driver = now_s, driver
-        return self._decision(seen, asked, felt, fused, path, ahead, now_s)
+        self._driver = driver
+        factor = self._speed.step(
+            felt.fear,
+            outlook.motion,
+            stopping=self._mode.mode is Mode.STOP,
+            begins=stopped,
+            now_s=now_s,
+        )
+        return self._decision(outlook, felt, self._mode.cause or cause, finding, factor, now_s)
 
     def _situation(
-        self,
-        felt: FearResult,
-        fault: Fault,
-        seen: list[Sighting],
-        fused: Fused,
-        trail: fusion.Path | None,
-        motion: Motion | None,
-        now_s: float,
-        *,
-        driver: bool,
+        self, fear: float, cause: str, fault: Fault, outlook: Outlook, now_s: float, *, driver: bool
     ) -> Situation:
         modes, hysteresis = self._settings.modes, self._rules.file.hysteresis
-        wanted = self._rules.mode(felt.fear)
-        still_wanted = self._rules.mode(at_most(felt.fear + hysteresis.band, 1.0))
+        motion, path, trail = outlook.motion, outlook.fused.path, outlook.trail
+        wanted = self._rules.mode(fear)
+        still_wanted = self._rules.mode(at_most(fear + hysteresis.band, 1.0))
+        afraid = wanted is not Mode.KEEP
         standstill = motion is not None and abs(motion.speed_mps) < modes.standstill_mps
-        surest = max([s.confidence or 0.0 for s in seen if s.lane], default=0.0)
-        drivable = _drivable(seen, fused) and felt.fear <= modes.reengage_max_fear
+        surest = max([s.confidence or 0.0 for s in outlook.seen if s.lane], default=0.0)
+        drivable = outlook.drivable and fear <= modes.reengage_max_fear
         ready = drivable and standstill and not fault.cause
         drivable = drivable and fault.cause in ("", DRIVER)
         return Situation(
             fault=fault.cause,
             lost=fault.lost,
-            blind=self._is_blind(fault, seen, pathless=fused.path is None and trail is None, now_s=now_s)
+            blind=self._is_blind(fault, outlook, pathless=path is None and trail is None, now_s=now_s)
             and not driver,
             terrified=self._terrified.lasts(wanted is Mode.STOP, hysteresis.stop_after_s, now_s=now_s),
-            afraid=wanted is not Mode.KEEP,
+            lasting=self._patience.ends(cause if afraid else "", now_s=now_s),
+            afraid=afraid,
             calm=self._calm.lasts(still_wanted is Mode.KEEP, hysteresis.calm_after_s, now_s=now_s),
-            cause=felt.cause,
-            path=fused.path is not None,
+            cause=cause,
+            path=path is not None,
             road_back=self._road_back.lasts(
                 surest >= modes.road_back_confidence, modes.road_back_s, now_s=now_s
             ),
@@ -170,56 +146,39 @@ class Supervisor:
             and not driver,
         )
 
-    def _is_blind(self, fault: Fault, seen: list[Sighting], *, pathless: bool, now_s: float) -> bool:
+    def _is_blind(self, fault: Fault, outlook: Outlook, *, pathless: bool, now_s: float) -> bool:
         """Whether the car moves, as far as is known, and has not been shown where to for too long."""
-        modes, last = self._settings.modes, self._last_motion
+        modes, last = self._settings.modes, outlook.last_motion
         moving = last is not None and abs(last.speed_mps) >= modes.standstill_mps
         lasting = self._pathless.lasts(moving and pathless, modes.blind_s, now_s=now_s)
-        frameless = fault.cause == "stale_data" and min(s.age_s for s in seen) > modes.emergency_stop_age_s
+        frameless = fault.cause == "stale_data" and min(outlook.ages_s.values()) > modes.emergency_stop_age_s
         return lasting or (moving and frameless)
 
-    def _follows(self, fused: Fused, trail: fusion.Path | None) -> bool:
-        return trail is not None and (self._mode.mode is Mode.FOLLOW or fused.path is None)
-
-    def _speed_factor(self, fear: float, motion: Motion | None, now_s: float, *, begins: bool) -> float:
-        """Falls with fear at once and rises slowly, but fast to the speed that the car still has; 0 in STOP.
-
-        Where the drive begins it begins at the speed that the car has: that of the driver, or standstill.
-        """
-        if self._mode.mode is Mode.STOP:
-            return 0.0
-        hysteresis = self._rules.file.hysteresis
-        dt_s = 0.0 if self._decided_s is None else at_least(now_s - self._decided_s, 0.0)
-        driven = 0.0 if motion is None else motion.speed_mps / self._settings.cruise_speed_mps
-        caught_up = driven if begins else at_most(self._factor + hysteresis.catch_up_per_s * dt_s, driven)
-        risen = at_least(self._factor + hysteresis.recovery_per_s * dt_s, caught_up)
-        return at_most(risen, self._rules.speed_factor(fear))
+    def _path(self, outlook: Outlook) -> fusion.Path | None:
+        follows = self._mode.mode is Mode.FOLLOW or outlook.fused.path is None
+        return outlook.trail if outlook.trail is not None and follows else outlook.fused.path
 
     def _decision(
-        self,
-        seen: list[Sighting],
-        asked: Features,
-        felt: FearResult,
-        fused: Fused,
-        path: fusion.Path | None,
-        lead: Lead,
-        now_s: float,
+        self, outlook: Outlook, felt: FearResult, cause: str, finding: Finding, factor: float, now_s: float
     ) -> Decision:
-        cap_mps = at_most(self._follower.speed_cap_mps(lead), self._settings.cruise_speed_mps * self._factor)
+        cruise_mps = self._settings.cruise_speed_mps * factor
+        cap_mps = at_most(self._observer.speed_cap_mps(outlook.ahead), cruise_mps)
+        path, fused = self._path(outlook), outlook.fused
         lane = path.lane if path else None
         lookahead_m = path.lookahead_m if path else self._settings.fusion.min_lookahead_m
         return Decision(
-            t_s=max([s.t_s for s in seen if math.isfinite(s.t_s)], default=None),
+            t_s=max([s.t_s for s in outlook.seen if math.isfinite(s.t_s)], default=None),
             decided_s=now_s,
             mode=self._mode.mode,
             stop=self._mode.stop,
             fear=felt.fear,
             level=felt.level,
-            cause=self._mode.cause or felt.cause,
+            cause=cause,
+            part=finding.part if finding.cause == cause else "",
             rules=felt.texts,
             rule_strengths=felt.strengths,
             inputs=self._rules.names,
-            input_values=tuple(map(asked.get, self._rules.names)),
+            input_values=tuple(map(outlook.asked.get, self._rules.names)),
             path_t_s=path.t_s if path else None,
             lateral_offset_m=lane.offset_m if lane else None,
             heading_error_rad=lane.heading_rad if lane else None,
@@ -230,25 +189,17 @@ class Supervisor:
             sources=fused.sources,
             trust=fused.trust,
             disagreement_mps2=fused.disagreement_mps2,
-            speed_factor=self._factor,
+            speed_factor=factor,
             speed_cap_mps=cap_mps if self._mode.stop is Stop.NONE else 0.0,
         )
 
 
-def _opinions(rules: FearRules) -> list[str]:
-    """Inputs of the rules that are confidences of single estimators. Raises InputError for unknown inputs."""
-    others = [name for name in rules.names if name not in FEATURES]
-    for name in others:
-        if not name.endswith(ESTIMATOR_SUFFIX):
-            close = difflib.get_close_matches(name, FEATURES, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(FEATURES))}"
-            raise InputError(f"the fear rules speak of {name!r}, which nothing measures; {hint}")
-    return others
-
-
-def _drivable(seen: list[Sighting], fused: Fused) -> bool:
-    """Every expected estimator has answered of late, if only that it sees no lane, and one sees one."""
-    return bool(seen) and None not in [s.confidence for s in seen] and bool(fused.sources)
+def _refuse_unknown(rules: FearRules) -> None:
+    """Raises InputError when ``rules`` speak of something that nothing measures."""
+    for name in unknown_features(rules.names):
+        close = difflib.get_close_matches(name, FEATURES, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(FEATURES))}"
+        raise InputError(f"the fear rules speak of {name!r}, which nothing measures; {hint}")
 
 
 def build(

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.fusion import Fused, Fusion
+from supervisor.fusion import Fused, Fusion, information
 from supervisor.lane import Lane, Motion
 from supervisor.sightings import Sighting
 from supervisor.supervisor import SupervisorSettings
@@ -57,15 +57,87 @@ LANES = st.builds(
 )
 
 
-def test_agreeing_estimates_are_averaged_by_trust_times_confidence() -> None:
+def test_agreeing_estimates_are_averaged_by_the_inverse_of_their_variances() -> None:
     fused = fuse(
         sighting(Lane(0.1, 0.0, 0.0, 0.0), "cv", confidence=0.9),
         sighting(Lane(0.4, 0.0, 0.0, 0.0), "cnn", confidence=0.6),
     )
-    cv, cnn = 0.9 * SETTINGS.trust["cv"], 0.6 * SETTINGS.trust["cnn"]
+    cv, cnn = information(0.9 * SETTINGS.trust["cv"]), information(0.6 * SETTINGS.trust["cnn"])
     assert fused.sources == ("cv", "cnn")
     assert fused.trust == pytest.approx((cv / (cv + cnn), cnn / (cv + cnn)))
     assert lane_of(fused).offset_m == pytest.approx((cv * 0.1 + cnn * 0.4) / (cv + cnn))
+
+
+@pytest.mark.parametrize("confidence", [0.2, 0.5, 0.9])
+def test_a_confidence_is_the_chance_to_be_within_a_tolerance(confidence: float) -> None:
+    sigma = 1 / math.sqrt(information(confidence))
+    assert math.erf(1 / (sigma * math.sqrt(2))) == pytest.approx(confidence)
+
+
+def test_who_is_not_trusted_at_the_moment_counts_less() -> None:
+    one, other = sighting(Lane(0.1, 0.0, 0.0, 0.0)), sighting(Lane(0.4, 0.0, 0.0, 0.0), "cnn")
+    plain = Fusion(SETTINGS).step([one, other], DRIVING, now_s=0.0)
+    doubtful = Fusion(SETTINGS).step([one, other], DRIVING, now_s=0.0, trust={"cnn": 0.1})
+    assert doubtful.trust[1] < 0.1 * plain.trust[1]
+    assert lane_of(doubtful).offset_m == pytest.approx(0.1, abs=0.01)
+
+
+def test_a_lone_view_that_jumps_is_held_back_for_a_moment_and_then_believed() -> None:
+    fusion = Fusion(SETTINGS)
+    fuse(sighting(STRAIGHT), fusion=fusion)
+    aside = Lane(0.9, 0.0, 0.0, 0.0)
+    for frame in range(1, 6):
+        t_s = 0.04 * frame
+        fused = fuse(sighting(aside, t_s=t_s), fusion=fusion, now_s=t_s)
+        assert fused.sources == () and lane_of(fused).offset_m == 0.0
+        assert fused.weighted_separation_m == pytest.approx(0.81)  # which is feared
+    fused = fuse(sighting(aside, t_s=0.28), fusion=fusion, now_s=0.28)
+    assert fused.sources == ("cv",) and lane_of(fused) == aside
+
+
+def test_two_views_that_jump_together_are_believed_at_once() -> None:
+    fusion = Fusion(SETTINGS)
+    fuse(sighting(STRAIGHT), fusion=fusion)
+    aside = Lane(0.9, 0.0, 0.0, 0.0)
+    fused = fuse(sighting(aside, t_s=0.04), sighting(aside, "cnn", t_s=0.04), fusion=fusion, now_s=0.04)
+    assert fused.sources == ("cv", "cnn") and lane_of(fused).offset_m == pytest.approx(0.9)
+
+
+def test_a_view_that_was_left_out_is_not_joined_when_the_other_errs_towards_it() -> None:
+    fusion = Fusion(SETTINGS)
+    fuse(sighting(STRAIGHT), sighting(STRAIGHT, "cnn"), fusion=fusion)
+    for frame, (cv_m, cnn_m, joined) in enumerate(
+        [(0.7, 0.0, 1), (0.6, 0.2, 1), (0.7, 0.0, 1), (0.1, 0.0, 2)]
+    ):
+        t_s = 0.04 * (frame + 1)
+        views = [sighting(Lane(e, 0.0, 0.0, 0.0), n, t_s=t_s) for n, e in (("cv", cv_m), ("cnn", cnn_m))]
+        assert len(fuse(*views, fusion=fusion, now_s=t_s).sources) == joined
+
+
+def wobble_m(confidence: float) -> float:
+    """How far the path moves from frame to frame where a lone view jumps 0.2 m to and fro."""
+    fusion, places = Fusion(SETTINGS), []
+    for frame in range(40):
+        lane = Lane(0.1 if frame % 2 else -0.1, 0.0, 0.0, 0.0)
+        t_s = 0.04 * frame
+        fused = fuse(sighting(lane, t_s=t_s, confidence=confidence), fusion=fusion, now_s=t_s)
+        places.append(lane_of(fused).offset_m)
+    return abs(places[-1] - places[-2])
+
+
+def test_memory_steadies_an_unsure_view_and_hardly_slows_a_sure_one() -> None:
+    assert wobble_m(0.98) > 0.12
+    assert wobble_m(0.3) < 0.06
+
+
+def test_a_frame_counts_once_however_often_it_is_decided_upon() -> None:
+    once, often = Fusion(SETTINGS), Fusion(SETTINGS)
+    for fusion, times in ((once, 1), (often, 5)):
+        for frame in range(3):
+            view = sighting(Lane(0.1 * frame, 0.0, 0.0, 0.0), t_s=0.04 * frame, confidence=0.5)
+            for _ in range(times):
+                fused = fuse(view, fusion=fusion, now_s=0.04 * frame)
+        assert lane_of(fused).offset_m == pytest.approx(lane_of(fuse(view, fusion=once, now_s=0.08)).offset_m)
 
 
 @settings(max_examples=60, deadline=None)
@@ -85,7 +157,8 @@ def test_of_two_roads_the_one_that_was_being_driven_is_kept(remembered: Lane, ta
     fuse(sighting(remembered), fusion=fusion)
     fused = fuse(sighting(RIGHT, "cv", t_s=0.04), sighting(LEFT, "cnn", t_s=0.04), fusion=fusion, now_s=0.04)
     assert fused.sources == (taken,)
-    assert lane_of(fused) == remembered
+    assert lane_of(fused).curvature_1pm == pytest.approx(remembered.curvature_1pm)
+    assert lane_of(fused).offset_m == pytest.approx(0.0, abs=0.01)
 
 
 def test_disagreement_is_in_lateral_acceleration_and_counts_less_beside_a_sure_estimate() -> None:

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.modes import STARTING, Held, ModeState, Situation, next_state
+from supervisor.modes import STARTING, ModeState, Situation, next_state
+from supervisor.timers import Held
 from trepid.messages import Mode, Stop
 
 FINE = Situation(
@@ -12,6 +13,7 @@ FINE = Situation(
     lost=False,
     blind=False,
     terrified=False,
+    lasting=False,
     afraid=False,
     calm=True,
     cause="none",

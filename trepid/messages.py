@@ -161,6 +161,7 @@ class Decision:
     fear: float  # 0..1
     level: str  # very_low, low, medium, high, very_high
     cause: str  # what fear is about; "none" when calm
+    part: str = ""  # where that lies: "camera", "lens", "traffic", "road", "vehicle", an estimator; "" if unknown
     rules: tuple[str, ...]  # the rules that fired, strongest first
     rule_strengths: tuple[float, ...]
     inputs: tuple[str, ...]  # what the rules were asked about ...
