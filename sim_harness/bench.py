@@ -22,6 +22,7 @@ from rich.table import Table
 from perception.estimators import ESTIMATORS, build
 from perception.image_statistics import ImageStatistician
 from sim_harness.control_bench.bench import SECTIONS, bench_control
+from sim_harness.control_bench.limits import bench_limits
 from sim_harness.fear_bench.bench import SECTIONS as FEAR_SECTIONS
 from sim_harness.fear_bench.bench import bench_fear
 from sim_harness.lockstep.bench import bench_lockstep
@@ -168,6 +169,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
 SEEDED: dict[str, Callable[[int], dict[str, Any]]] = {
     "control": bench_control,
     **{f"control-{name}": section for name, section in SECTIONS.items()},
+    "control-limits": bench_limits,
     "fear": bench_fear,
     **{f"fear-{name}": section for name, section in FEAR_SECTIONS.items()},
 }

@@ -17,7 +17,7 @@ from trepid.messages import Command
 DT_S = 0.01
 # The whole of the limits at once: no share for what a real car makes of them, no fading in, no driver by deviation.
 NO_HANDS = SHIPPED.override.model_copy(update=dict(fade_in_s=1e-9, angle_rad=9.0))
-LIMITS = SHIPPED.model_copy(update=dict(lateral_share=1.0, override=NO_HANDS))
+LIMITS = SHIPPED.model_copy(update=dict(lateral_accel_share=1.0, lateral_jerk_share=1.0, override=NO_HANDS))
 RATE = SHUTTLE.max_road_wheel_rate_radps
 AY, JERK = LIMITS.lateral_accel_mps2, LIMITS.lateral_jerk_mps3
 

@@ -17,6 +17,7 @@ class Seen(NamedTuple):
     wheel_rad: float
     driver: bool  # as the vehicle says
     torque_nm: float | None
+    yaw_rate_radps: float | None
 
 
 def fresh(t_s: float | None, now_s: float, timeout_s: float, limits: Limits) -> bool:
@@ -38,7 +39,11 @@ def believed(state: VehicleState | None, now_s: float, limits: Limits) -> Seen |
     if not plausible:
         return None
     return Seen(
-        abs(state.speed_mps), state.road_wheel_angle_rad, state.driver_override, state.driver_torque_nm
+        speed_mps=abs(state.speed_mps),
+        wheel_rad=state.road_wheel_angle_rad,
+        driver=state.driver_override,
+        torque_nm=state.driver_torque_nm,
+        yaw_rate_radps=state.yaw_rate_radps,
     )
 
 

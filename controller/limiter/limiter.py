@@ -3,7 +3,8 @@
 Steering. The angle must lie in three intervals, the first being the hardest:
 
 1. what the wheel can do: ±max angle, and not further from the last angle than rate·dt,
-2. lateral acceleration: |κ|·v² ≤ 3 m/s², at the speed that the car will have when the wheel has followed,
+2. lateral acceleration: |κ|·v² ≤ 3 m/s², at the speed that the car will have when the wheel has followed, less what
+   the car turns more than its wheels say,
 3. lateral jerk: d(κ·v²)/dt = v²·κ' + 2·v·a·κ within ±5 m/s³. What changes of speed make of the angle held, measured
    and as commanded, is taken off what is left for the wheel; no brake may make more than the whole.
 
@@ -32,8 +33,9 @@ from math import isnan, nan
 from pathlib import Path
 from typing import NamedTuple
 
+from controller.limiter.excess import Excess
 from controller.limiter.inputs import Arrivals, Seen, believed, fresh, is_finite
-from controller.limiter.interval import Interval, clip, narrow
+from controller.limiter.interval import Interval, clip, inside, narrow
 from controller.limiter.limits import Limits
 from controller.limiter.override import DriverWatch
 from controller.limiter.saturation import SaturationWatch
@@ -67,10 +69,12 @@ class Limiter:
 
     def __init__(self, vehicle: Vehicle, limits: Limits) -> None:
         self._vehicle, self._limits = vehicle, limits
+        self._limit_rad = vehicle.max_road_wheel_angle_rad
         self._late_s = vehicle.steering_delay_s + vehicle.steering_lag_s
-        self._lateral_mps2 = limits.lateral_share * limits.lateral_accel_mps2
-        self._jerk_mps3 = limits.lateral_share * limits.lateral_jerk_mps3
+        self._lateral_mps2 = limits.lateral_accel_share * limits.lateral_accel_mps2
+        self._jerk_mps3 = limits.lateral_jerk_share * limits.lateral_jerk_mps3
         self._turn = SteadyTurn(vehicle)
+        self._excess = Excess(self._turn, limits)
         self._arrivals = Arrivals(limits)
         self._driver = DriverWatch(vehicle, limits)
         self._saturation = SaturationWatch(vehicle, limits)
@@ -122,7 +126,7 @@ class Limiter:
         if seen is None:
             accel_mps2 = self._demand(usable, calm=False)
         else:
-            accel_mps2 = self._steer(usable, seen.speed_mps, dt_s, calm=not seldom)
+            accel_mps2 = self._steer(usable, seen, dt_s, calm=not seldom)
         goal_mps = 0.0 if usable is None or self._stopping else usable.speed_mps
         return self._given(frame_s, goal_mps, accel_mps2, dt_s)
 
@@ -169,14 +173,16 @@ class Limiter:
         highest_mps2 = limits.max_accel_mps2 if driven else -limits.comfort_decel_mps2
         return clip(command.accel_mps2, (-limits.max_decel_mps2, highest_mps2))
 
-    def _steer(self, command: Command | None, speed_mps: float, dt_s: float, *, calm: bool) -> float:
+    def _steer(self, command: Command | None, seen: Seen, dt_s: float, *, calm: bool) -> float:
         """Move the wheel as far as it may towards what is asked for; returns the acceleration to go with it."""
-        last_rad, limit_rad = self._wheel.angle_rad, self._vehicle.max_road_wheel_angle_rad
+        last_rad, limit_rad, speed_mps = self._wheel.angle_rad, self._limit_rad, seen.speed_mps
         wanted_rad, rate_radps = self._wanted(command, speed_mps)
         held_1pm = self._turn.curvature_1pm(last_rad, speed_mps)
-        calm = calm and max(abs(wanted_rad), abs(last_rad)) <= self._gentle(speed_mps)
+        gentle = self._gentle(speed_mps, 0.0)
+        calm = calm and inside(wanted_rad, gentle) and inside(last_rad, gentle)
         accel_mps2 = self._within_bend(self._demand(command, calm=calm), held_1pm, speed_mps)
-        gentle_rad = self._gentle(speed_mps + max(accel_mps2, self._gaining_mps2, 0.0) * self._late_s)
+        ahead_mps = speed_mps + max(accel_mps2, self._gaining_mps2, 0.0) * self._late_s
+        gentle = self._gentle(ahead_mps, self._excess.step(seen, dt_s))
 
         self._ours_s += dt_s
         share = min(self._ours_s / self._limits.override.fade_in_s, 1.0)
@@ -186,8 +192,7 @@ class Limiter:
             self._smooth(held_1pm, accel_mps2, speed_mps, dt_s, share),
             (last_rad - share * reach_rad, last_rad + share * reach_rad),
         )
-        feasible = narrow(narrow(possible, (-gentle_rad, gentle_rad)), smooth)
-        angle_rad = clip(wanted_rad, feasible)
+        angle_rad = clip(wanted_rad, narrow(narrow(possible, gentle), smooth))
         self._remember(angle_rad, speed_mps)
         self._saturation.step(wanted_rad, angle_rad, speed_mps, dt_s)
         return accel_mps2
@@ -201,9 +206,12 @@ class Limiter:
             rate_radps = min(command.road_wheel_rate_radps, rate_radps)
         return command.road_wheel_angle_rad, rate_radps
 
-    def _gentle(self, speed_mps: float) -> float:
-        """Largest angle [rad] within the limit of lateral acceleration."""
-        return self._turn.angle_rad(self._lateral_mps2 / max(speed_mps, SLOWEST_MPS) ** 2, speed_mps)
+    def _gentle(self, speed_mps: float, excess_mps2: float) -> Interval:
+        """Angles [rad] within the limit of lateral acceleration, of which ``excess_mps2`` takes its part."""
+        per_mps2 = 1.0 / max(speed_mps, SLOWEST_MPS) ** 2
+        left_1pm = per_mps2 * (self._lateral_mps2 - max(excess_mps2, 0.0))
+        right_1pm = per_mps2 * (self._lateral_mps2 + min(excess_mps2, 0.0))
+        return self._turn.angle_rad(-right_1pm, speed_mps), self._turn.angle_rad(left_1pm, speed_mps)
 
     def _within_bend(self, accel_mps2: float, held_1pm: float, speed_mps: float) -> float:
         """``accel_mps2``, but so that 2·v·|a·κ| is within the jerk limit: what a bend allows of drive and brake.
@@ -233,9 +241,8 @@ class Limiter:
 
     def _follow(self, seen: Seen) -> None:
         """Take the measured wheel angle for the last output."""
-        limit_rad = self._vehicle.max_road_wheel_angle_rad
         self._sighted = True
-        self._remember(clip(seen.wheel_rad, (-limit_rad, limit_rad)), seen.speed_mps)
+        self._remember(clip(seen.wheel_rad, (-self._limit_rad, self._limit_rad)), seen.speed_mps)
 
     def _remember(self, angle_rad: float, speed_mps: float) -> None:
         """The wheel is sent to ``angle_rad``."""

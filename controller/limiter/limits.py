@@ -10,6 +10,8 @@ from trepid.vehicle import Positive
 
 Deceleration = Annotated[float, Field(gt=0, le=4.0)]  # UN R157 5.3
 
+Share = Annotated[float, Field(gt=0, le=1)]
+
 
 class OverrideLimits(Settings):
     """When the driver has the car, and how it is handed over."""
@@ -39,7 +41,9 @@ class Limits(Settings):
 
     lateral_accel_mps2: Positive
     lateral_jerk_mps3: Positive
-    lateral_share: Annotated[float, Field(gt=0, le=1)]  # of both that a demand may take
+    lateral_accel_share: Share  # of the limit, that a demand may take
+    lateral_jerk_share: Share
+    yaw_share: Share  # of the limit of lateral acceleration that a yaw rate may take off it
     max_accel_mps2: Positive
     max_decel_mps2: Deceleration
     comfort_decel_mps2: Deceleration
