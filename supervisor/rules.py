@@ -7,7 +7,7 @@ is that of :mod:`supervisor.sentence`.
 import itertools
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_validator
 
 from trepid.config import Settings, wrong_at
 from trepid.messages import Mode
@@ -16,11 +16,18 @@ LEVELS = ("very_low", "low", "medium", "high", "very_high")
 """The five intensities, of every input and of fear itself (inventory F02)."""
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-Points = tuple[float, ...]
 Share = Annotated[float, Field(ge=0, le=1)]
 Seconds = Annotated[float, Field(ge=0)]
 FEAR = "fear"
 TRUST_PREFIX = "trust_"
+_POINTS_SCHEMA = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
+_SENTENCE_SCHEMA = {
+    "type": "string",
+    "pattern": rf"^if .+ then ({FEAR}|{TRUST_PREFIX}[a-z0-9_]+) is ({'|'.join(LEVELS)})( with weight | because |$)",
+    "examples": ["if disagreement is high and speed is high then fear is very_high because disagreement"],
+}
+Points = Annotated[tuple[float, ...], WithJsonSchema(_POINTS_SCHEMA)]
+Sentence = Annotated[str, WithJsonSchema(_SENTENCE_SCHEMA)]
 KEYWORDS = frozenset({"if", "then", "and", "or", "not", "is", "with", "weight", "because", FEAR})
 Method = Literal["monotone", "mamdani"]
 """How rules become a number; :mod:`supervisor.inference` says what each promises."""
@@ -53,12 +60,18 @@ class Sets(Settings):
 class Input(Settings):
     """One thing that is feared."""
 
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
     meaning: str
     unit: str
-    range: tuple[float, float]  # of values that can be
-    risk: Literal["rising", "falling"]  # which way it gets worse
-    missing: Name = "missing_data"  # the cause when there is no value
-    beyond: Literal["broken", "end"] = "broken"  # beyond the range: as if missing, or as the end of the range
+    range: tuple[float, float]
+    """The values that can be."""
+    risk: Literal["rising", "falling"]
+    """Which way it gets worse."""
+    missing: Name = "missing_data"
+    """The cause when there is no value. Fear is 1 then."""
+    beyond: Literal["broken", "end"] = "broken"
+    """What a value beyond the range is: broken data, as if missing, or as good as the end of the range."""
     sets: Sets
 
     @property
@@ -103,8 +116,12 @@ def _check_neighbours(name: str, left: Points, next_name: str, right: Points) ->
 class Action(Settings):
     """What one level of fear means: where it stands on 0..1, how fast to drive, in which mode."""
 
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
     at: Share
+    """Where the level stands on fear's scale, 0 to 1."""
     speed_factor: Share
+    """Share of the cruise speed; between levels it is interpolated."""
     mode: Literal[Mode.KEEP, Mode.CAUTION, Mode.STOP]
 
 
@@ -140,23 +157,34 @@ class Actions(Settings):
 class Hysteresis(Settings):
     """How reluctantly fear is forgotten. Getting more afraid takes effect at once."""
 
-    band: Annotated[float, Field(ge=0, lt=0.2)]  # fear must fall this far below a level's border to leave it
-    calm_after_s: Seconds  # ... and stay there this long
-    stop_after_s: Seconds  # a level whose mode is STOP must last this long: one bad frame only slows down
-    recovery_per_s: Annotated[float, Field(gt=0)]  # greatest rise of the speed factor [1/s] ...
-    catch_up_per_s: Annotated[
-        float, Field(gt=0)
-    ]  # ... and while it is below the speed that the car still has
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+    band: Annotated[float, Field(ge=0, lt=0.2)]
+    """Fear must fall this far below a level's border to leave it ..."""
+    calm_after_s: Seconds
+    """... and stay there this long."""
+    stop_after_s: Seconds
+    """A level whose mode is STOP must last this long: one bad frame only slows down."""
+    recovery_per_s: Annotated[float, Field(gt=0)]
+    """Greatest rise of the speed factor [1/s] ..."""
+    catch_up_per_s: Annotated[float, Field(gt=0)]
+    """... and while it is below the speed that the car still has."""
 
 
 class RuleFile(Settings):
     """The contents of ``config/fear.yaml``."""
 
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
     method: Method = "monotone"
-    estimators: tuple[Name, ...] = ()  # those whose trust the rules speak of
+    """monotone: more risk is never less fear, and fear reaches 0 and 1. mamdani: as scikit-fuzzy, to compare."""
+    estimators: tuple[Name, ...] = ()
+    """Those whose trust the rules speak of."""
     inputs: Annotated[dict[Name, Input], Field(min_length=1)]
-    rules: Annotated[tuple[str, ...], Field(min_length=1)]
+    rules: Annotated[tuple[Sentence, ...], Field(min_length=1)]
+    """if A is SET and/or/not ... then fear (or trust_NAME) is LEVEL [with weight W] [because CAUSE]"""
     fear: Actions
+    """What each level of fear does."""
     hysteresis: Hysteresis
 
     @property
