@@ -18,6 +18,7 @@ import supervisor.cli
 from sim_harness.bench import bench
 from sim_harness.live.drive_cli import drive
 from sim_harness.training.train import train
+from sim_harness.training.train_lead import train_lead
 from trepid import __version__
 from trepid.config import InputError
 from trepid.packages import check_packages
@@ -35,6 +36,7 @@ app.command("estimate")(perception.cli.estimate)
 app.add_typer(supervisor.cli.app, name="fear", help="Check, show and explain fuzzy rule files.")
 app.add_typer(controller.cli.app, name="vehicle", help="The bicycle model with understeer.")
 app.command("train")(train)
+app.command("train-lead")(train_lead)
 app.command("bench")(bench)
 
 

@@ -19,8 +19,8 @@ from sim_harness.lockstep.events import with_events, with_manoeuvres
 from sim_harness.lockstep.metrics import measure
 from sim_harness.lockstep.trace import Trace
 from sim_harness.scenarios.expect import judge
-from sim_harness.scenarios.faults import EstimatorBias, LostProcess
-from sim_harness.scenarios.scenario import Scenario, Sight
+from sim_harness.scenarios.faults import EstimatorBias, LostLane, LostProcess
+from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
 from trepid.config import InputError, Settings
@@ -58,6 +58,7 @@ def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
             )
             for name in scenario.estimators
         ),
+        *_lead_processes(scenario),
         ProcessSpec(
             "supervisor",
             "supervisor.node",
@@ -69,6 +70,12 @@ def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
         ),
         ProcessSpec("controller", "controller.node"),
     )
+
+
+def _lead_processes(scenario: Scenario) -> tuple[ProcessSpec, ...]:
+    if scenario.leads_by is not LeadSensor.CAMERA:
+        return ()  # the vehicle process tells of it
+    return (ProcessSpec("lead", "perception.lead_node", {"estimators": scenario.estimators}),)
 
 
 def drive(
@@ -105,7 +112,9 @@ def lockstep_only(scenario: Scenario) -> Iterator[str]:
     """What of ``scenario`` no live drive can act out."""
     if scenario.sight is Sight.TRUTH:
         yield "sight: truth"
-    yield from (fault.kind for fault in scenario.faults if isinstance(fault, EstimatorBias))
+    if scenario.leads_by is LeadSensor.MODELLED:
+        yield "lead_sensor: modelled"
+    yield from (fault.kind for fault in scenario.faults if isinstance(fault, EstimatorBias | LostLane))
 
 
 class Referee:

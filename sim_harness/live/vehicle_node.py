@@ -2,7 +2,7 @@
 
 from controller.limiter import build as build_limiter
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
-from sim_harness.scenarios.scenario import Scenario
+from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.config import CONFIG_DIR, load
 from trepid.process import Process, Ticker, process
 from trepid.topics import COMMAND, LEAD_VEHICLE, SIM_TRUTH, VEHICLE_STATE
@@ -27,6 +27,7 @@ def run(me: Process) -> None:
         settings,
         seed=me.options["seed"],
     )
+    tells_of_lead = scenario.leads_by is LeadSensor.TRUTH
     me.ready()
     begun = False
     ticker, lead_ticker = Ticker(1 / settings.period_s), Ticker(LEAD_VEHICLE.rate_hz)
@@ -41,7 +42,7 @@ def run(me: Process) -> None:
             state, truth = simulated.wait(now_s=me.now_s())
         send_state(state)
         send_truth(truth)
-        lead = simulated.sense_lead()
+        lead = simulated.sense_lead() if tells_of_lead else None
         if lead is not None and lead_ticker.due():
             send_lead(lead)
         me.stepped()

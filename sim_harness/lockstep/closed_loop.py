@@ -17,20 +17,23 @@ import cv2
 import controller.controller
 import controller.limiter
 import perception.estimators
+import perception.lead
 import supervisor.supervisor
 from controller.controller import Controller
 from perception.estimators import Estimator
 from perception.image_statistics import ImageStatistician
+from perception.lead import LeadFinder
 from sim_harness.lockstep.camera import Shot, SimulatedCamera
 from sim_harness.lockstep.events import with_events, with_manoeuvres
+from sim_harness.lockstep.lead_model import LeadModel, build_lead_model
 from sim_harness.lockstep.metrics import Metrics, measure, measure_further
 from sim_harness.lockstep.oracle import Oracle, clear_view
 from sim_harness.lockstep.trace import Recorder, Trace
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
 from sim_harness.render.renderer import Renderer
 from sim_harness.scenarios.expect import judge
-from sim_harness.scenarios.faults import EstimatorBias, LostProcess
-from sim_harness.scenarios.scenario import Scenario, Sight
+from sim_harness.scenarios.faults import EstimatorBias, LostLane, LostProcess
+from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from supervisor.supervisor import Supervisor
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -63,6 +66,7 @@ class Parts:
     oracles: Mapping[str, Oracle] = field(
         default_factory=dict
     )  # instead of estimators, where sight is the truth
+    lead: LeadFinder | LeadModel | None = None  # None: the vehicle ahead is told of exactly
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +156,18 @@ def build_parts(scenario: Scenario, *, seed: int) -> Parts:
         ),
         controller=controller.controller.build(),
         oracles={name: Oracle(name, road, vehicle) for name in scenario.estimators if not renderer},
+        lead=_lead_sensor(scenario, seed=seed),
     )
+
+
+def _lead_sensor(scenario: Scenario, *, seed: int) -> LeadFinder | LeadModel | None:
+    match scenario.leads_by:
+        case LeadSensor.CAMERA:
+            return perception.lead.build()
+        case LeadSensor.MODELLED:
+            return build_lead_model(seed=seed)
+        case LeadSensor.TRUTH:
+            return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,14 +278,23 @@ class ClosedLoop:
             now_s + self._scenario.camera.latency_s,
             {name: self._biased(name, estimate, now_s) for name, estimate in seen.items()},
             parts.statistician.step(frame, now_s=now_s) if frame else clear_view(shot.truth.t_s),
-            parts.vehicle.sense_lead(),
+            self._look_ahead(frame, state, now_s) if "lead" not in lost else None,
         )
 
+    def _look_ahead(self, frame: Frame | None, state: VehicleState, now_s: float) -> LeadVehicle | None:
+        """The vehicle ahead; the detector knows the lanes of the frames before, as a process of its own does."""
+        match self._parts.lead:
+            case LeadFinder() as finder:
+                return finder.step(frame, state, self._estimates.values(), now_s=now_s) if frame else None
+            case LeadModel() as model:
+                return model.step(self._parts.vehicle.sense_lead())
+        return self._parts.vehicle.sense_lead()
+
     def _biased(self, name: str, estimate: SteeringEstimate, now_s: float) -> SteeringEstimate:
-        """``estimate`` with the biases that its estimator has now."""
+        """What the estimator says under the faults that it has now."""
         for fault in self._scenario.faults:
-            if isinstance(fault, EstimatorBias) and fault.estimator == name and fault.active(now_s):
-                estimate = fault.told(estimate)
+            if isinstance(fault, EstimatorBias | LostLane) and fault.active(now_s):
+                estimate = fault.told(estimate) if fault.estimator in (name, None) else estimate
         return estimate
 
     def _arrive(self, now_s: float) -> bool:
@@ -279,7 +303,7 @@ class ClosedLoop:
         while self._underway and self._underway[0].due_s <= now_s + _SAME_INSTANT_S:
             sight = self._underway.popleft()
             self._estimates.update(sight.estimates)
-            self._statistics, self._lead = sight.statistics, sight.lead
+            self._statistics, self._lead = sight.statistics, sight.lead or self._lead
             seen = True
         return seen
 

@@ -87,6 +87,18 @@ class EstimatorBias(Span):
         )
 
 
+class LostLane(Span):
+    """An estimator sees no lane, and says so: as under snow, or where the paint ends and the light is bad."""
+
+    kind: Literal["lost_lane"]
+    estimator: str | None = None  # default: all of them
+
+    def told(self, estimate: SteeringEstimate) -> SteeringEstimate:
+        """What the estimator says instead of ``estimate``."""
+        name, ahead_m = estimate.estimator, estimate.lookahead_m
+        return SteeringEstimate.nothing(estimate.t_s, estimator=name, lookahead_m=ahead_m, reason="lost lane")
+
+
 Fault = Annotated[
-    FrozenCamera | BlackFrames | LateFrames | LostProcess | EstimatorBias, Field(discriminator="kind")
+    FrozenCamera | BlackFrames | LateFrames | LostProcess | EstimatorBias | LostLane, Field(discriminator="kind")
 ]

@@ -84,6 +84,14 @@ class Sight(StrEnum):
     TRUTH = "truth"  # nothing is rendered; each of them knows the exact lane, see lockstep/oracle.py
 
 
+class LeadSensor(StrEnum):
+    """What tells the supervisor of the vehicle ahead."""
+
+    CAMERA = "camera"  # the lead detector, from rendered pictures
+    TRUTH = "truth"  # the exact place, as of a range sensor, see docs/traffic.md
+    MODELLED = "modelled"  # the exact place with the errors of the camera's detector, see config/lead_model.yaml
+
+
 class CameraTiming(Settings):
     """When frames are taken and when their estimates are there."""
 
@@ -120,6 +128,7 @@ class Scenario(Settings):
     camera: CameraTiming = CameraTiming()
     estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")
     sight: Sight = Sight.CAMERA
+    lead_sensor: LeadSensor | None = None  # default: the camera, where there are pictures; else the truth
     rules: str | None = None  # a rule file beside the scenario; default: config/fear.yaml
     speed_mps: Positive | None = None  # that the driver sets; default: cruise_speed_mps of supervisor.yaml
     plant: PlantSettings = PlantSettings()  # how reality differs from config/vehicle.yaml
@@ -132,11 +141,25 @@ class Scenario(Settings):
     @model_validator(mode="after")
     def _faults_hit_something(self) -> Self:
         victims = {"camera", "supervisor", "controller", *self.estimators}
+        if self.leads_by is LeadSensor.CAMERA:
+            victims.add("lead")
         for fault in self.faults:
             victim = getattr(fault, "process", None) or getattr(fault, "estimator", None)
             if victim is not None and victim not in victims:
                 raise ValueError(f"no process {victim!r}; there are {', '.join(sorted(victims))}")
         return self
+
+    @model_validator(mode="after")
+    def _pictures_for_the_detector(self) -> Self:
+        if self.lead_sensor is LeadSensor.CAMERA and self.sight is Sight.TRUTH:
+            raise ValueError("lead_sensor: camera needs pictures; with sight: truth there are none")
+        return self
+
+    @property
+    def leads_by(self) -> LeadSensor:
+        """What tells of the vehicle ahead."""
+        pictures = LeadSensor.CAMERA if self.sight is Sight.CAMERA else LeadSensor.TRUTH
+        return self.lead_sensor or pictures
 
     def build_road(self) -> Road:
         """The road as this scenario has it. Raises InputError."""
