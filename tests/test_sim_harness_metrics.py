@@ -161,6 +161,14 @@ def test_fear_modes_and_causes_are_counted_from_the_first_decision_on():
     assert scores.mean_fear == pytest.approx((2 * 0.2 + 1 * 0.8) / 3)
 
 
+def test_fear_counts_from_the_start_of_driving_on():
+    truths = [truth(t) for t in (0.0, 1.0, 3.0, 4.0, 5.0)]
+    begins = decision(1.0, Mode.STOP, "starting")
+    scores = measure(trace_of(truths, [None, begins, decision(0.3), decision(0.4), decision(0.3)]))
+    assert (scores.max_fear, scores.mean_fear) == (0.4, pytest.approx(0.35))
+    assert measure(trace_of(truths, [begins] * 5)).max_fear is None
+
+
 def test_without_decisions_there_is_no_fear_to_score():
     scores = measure(trace_of([truth(0.0), truth(1.0)]))
     assert (scores.max_fear, scores.mean_fear, scores.modes) == (None, None, {})

@@ -11,6 +11,7 @@ from scipy.stats import rankdata
 from sim_harness.lockstep.margins import STANDING_MPS, time_gap_s
 from sim_harness.lockstep.trace import Column, Trace
 from supervisor.inference import FearRules
+from supervisor.modes import STARTING
 from trepid.config import CONFIG_DIR
 
 HORIZON_S = 3.0  # a departure is foretold by fear at most this long before it
@@ -19,6 +20,19 @@ SLOWED = 0.9  # of the allowed speed: less counts as a slow-down
 JOINED_S = 1.0  # slow-downs closer than this are one
 CLOSE_GAP_S = 2.0  # a vehicle ahead closer than this is a reason to slow down
 Flags = NDArray[np.bool_]
+
+
+def felt_fear(trace: Trace) -> Column:
+    """Fear from the start of driving on; NaN before, when a supervisor that knows nothing yet fears all.
+
+    Driving starts with the first sample that is not for the cause with which every supervisor begins.
+    """
+    fear = trace["decision.fear"]
+    words = trace.words.get("cause", ())
+    if STARTING not in words:
+        return fear
+    starting = (trace["cause"] == words.index(STARTING)) | np.isnan(fear)
+    return np.where(np.logical_and.accumulate(starting), np.nan, fear)
 
 
 def afraid(trace: Trace) -> Flags:
@@ -47,11 +61,11 @@ def fear_lead_time_s(trace: Trace) -> float | None:
 
 
 def fear_and_departure(trace: Trace) -> tuple[Column, Flags]:
-    """Fear of each sample, and whether a departure followed within 3 s; only samples of which both are known.
+    """Fear of each driven sample, and whether a departure followed within 3 s; only where both are known.
 
     What follows the last 3 s of a run is unknown, unless a departure was in time.
     """
-    t_s, fear = trace["t_s"], trace["decision.fear"]
+    t_s, fear = trace["t_s"], felt_fear(trace)
     departures_s = np.append(t_s[1:][np.diff(trace["departures"]) > 0], np.inf)
     until_s = (
         departures_s[np.searchsorted(departures_s, t_s, side="right").clip(max=len(departures_s) - 1)] - t_s

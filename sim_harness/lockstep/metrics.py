@@ -9,7 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_harness.lockstep.comfort import max_lateral_jerk_mps3, max_r79_jerk_mps3, steering_reversals_per_min
-from sim_harness.lockstep.fear_scores import fear_auroc, fear_lead_time_s, nuisance_slowdowns_per_km
+from sim_harness.lockstep.fear_scores import (
+    fear_auroc,
+    fear_lead_time_s,
+    felt_fear,
+    nuisance_slowdowns_per_km,
+)
 from sim_harness.lockstep.margins import (
     lane_edge_distance_m,
     time_gap_s,
@@ -38,7 +43,7 @@ class Metrics:
     collisions: int
     min_time_gap_s: float | None
     mean_speed_mps: float
-    max_fear: float | None
+    max_fear: float | None  # from the start of driving on
     mean_fear: float | None
     modes: dict[str, float]  # name -> seconds
     causes: dict[str, float]  # name -> seconds
@@ -55,7 +60,7 @@ def measure(trace: Trace) -> Metrics:
         raise ValueError(f"a trace of {len(trace)} samples over {duration_s} s cannot be scored")
     distance_m = float(trace["station_m"][-1] - trace["station_m"][0])
     interventions = int(trace["interventions"][-1])
-    fear = trace["decision.fear"]
+    fear = felt_fear(trace)
     offset_m = trace["lateral_offset_m"]
     return Metrics(
         duration_s=duration_s,
