@@ -1,5 +1,8 @@
 """What nature and builders do to a carriageway: snow, water, broken edges, kerbs, bridges."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from painted_road import WIDTH_M, bare, plan, straight
@@ -90,3 +93,16 @@ def test_the_same_seed_paints_the_same_bytes_in_any_order(name):
     backwards = [other.crop(1, place - 6, place + 6)[0] for place in reversed(places)]
     assert all(np.array_equal(a, b) for a, b in zip(forwards, reversed(backwards), strict=True))
     assert not np.array_equal(forwards[0], Ground(road, seed=6).crop(1, places[0] - 6, places[0] + 6)[0])
+
+
+def test_what_was_painted_is_freed_with_its_ground_and_waits_for_no_garbage_collector():
+    ground = Ground(load_road("town"), seed=5)
+    ground.crop(1, np.array([0.0, -6.0]), np.array([12.0, 6.0]))
+    gone = weakref.ref(ground)
+    tiles = weakref.ref(ground._tiles[1]._tiles[next(iter(ground._tiles[1]._tiles))])
+    gc.disable()
+    try:
+        del ground
+        assert gone() is None and tiles() is None
+    finally:
+        gc.enable()

@@ -4,11 +4,12 @@ import multiprocessing
 import os
 import signal
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 
 from sim_harness.scenarios.sampling import Case, Method
-from sim_harness.scenarios.scenario import Scenario, load_scenario
+from sim_harness.scenarios.scenario import Scenario, Sight, load_scenario
 from sim_harness.sweep.outcome import Outcome, execute, is_complete
 from sim_harness.sweep.plan import by_sampling, by_seeds, case_key, plan, select
 from sim_harness.sweep.processes import in_this_process, on_processes
@@ -145,3 +146,21 @@ def test_without_cases_nothing_is_started():
 def test_a_scenario_with_pictures_gives_the_same_trace_in_other_processes():
     planned = plan(by_seeds([load_scenario("curve_left_r15").shortened(1.0)], (3, 4)))
     assert rows(in_this_process(planned)) == rows(on_processes(planned, 2))
+
+
+@pytest.mark.proof
+def test_a_long_sweep_needs_no_more_memory_than_a_short_one():
+    roads = ("circuit", "town", "winter", "gravel_track")
+    seen = [SECOND.model_copy(update={"road": road, "sight": Sight.CAMERA}) for road in roads]
+    grown_mb = []
+    for n in range(3):
+        before_mb = _memory_mb()
+        assert all(is_complete(execute(case(scenario, n)).row) for scenario in seen)
+        grown_mb.append(_memory_mb() - before_mb)
+    assert max(grown_mb[1:]) < 20.0
+
+
+def _memory_mb():
+    """Resident memory of this process."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
