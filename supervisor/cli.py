@@ -8,12 +8,13 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
+from supervisor.coverage import calmest
+from supervisor.explain_drive import explain_drive, is_recording
+from supervisor.figure import sets_figure, surface_figure
 from supervisor.inference import FearRules
-from supervisor.membership import Trapezoid
-from supervisor.rules import LEVELS, Input
+from supervisor.plot import save
+from supervisor.show import show_rules, show_surface
 from supervisor.verify import place, verify
 from trepid.config import InputError
 
@@ -21,7 +22,6 @@ app = typer.Typer(no_args_is_help=True)
 
 RuleFileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Rule file, e.g. config/fear.yaml.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON only.")]
-PLOT_COLUMNS = 44
 
 
 @app.command()
@@ -58,34 +58,63 @@ def _check(file: Path, *, as_json: bool) -> bool:
 
 
 @app.command()
-def show(file: RuleFileArgument) -> None:
-    """Show the inputs with their sets, the rules, and what each level of fear does."""
+def show(
+    file: RuleFileArgument,
+    values: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME=VALUE...", help="Inputs of a surface that are not calm."),
+    ] = None,
+    surface: Annotated[
+        tuple[str, str] | None, typer.Option(metavar="X Y", help="Show fear over these two inputs instead.")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="F.png", help="Draw it instead.")] = None,
+) -> None:
+    """Show the inputs with their sets, the rules, and what each level of fear does; or fear over two inputs."""
     rules = FearRules.load(file)
+    point = {**calmest(rules), **_values(values or [], rules)}
+    axes = _axes(surface, rules) if surface else None
+    if picture is not None:
+        save(surface_figure(rules, *axes, point) if axes else sets_figure(rules), picture)
+        return
     console = Console(width=None if Console().is_terminal else 120)
-    for name, spec in rules.inputs.items():
-        low, high = spec.range
-        risk = "more is worse" if spec.risk == "rising" else "less is worse"
-        about = f"[{spec.unit}] {low:g} … {high:g}, {risk}: {spec.meaning}"
-        console.print(f"[bold]{name}[/bold] {escape(about)}", highlight=False, soft_wrap=True)
-        console.print(_set_table(spec))
-    console.print("[bold]rules[/bold]")
-    for rule in rules.rules:
-        console.print(f"  {escape(rule.text)}", soft_wrap=True)
-    console.print(_action_table(rules))
+    if axes:
+        show_surface(rules, *axes, point, console)
+    else:
+        show_rules(rules, console)
 
 
 @app.command()
 def explain(
-    file: RuleFileArgument,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A rule file, or the recording of a drive.")],
     values: Annotated[
         list[str] | None, typer.Argument(metavar="NAME=VALUE...", help="Inputs; nan: a missing value.")
     ] = None,
     calm: Annotated[
         bool, typer.Option("--calm", help="Inputs that are not given are calm, instead of missing.")
     ] = False,
+    at: Annotated[
+        float | None, typer.Option(metavar="T", help="Recording: why did it slow down at T seconds?")
+    ] = None,
+    rules_file: Annotated[
+        Path | None, typer.Option("--rules", metavar="F.yaml", help="Recording: by these rules, not its own.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="F.png", help="Recording: draw what was seen at that moment.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Explain how afraid the rules are of these values, and why. Inputs that are not given are missing."""
+    """Explain how afraid the rules are of these values, or why a recorded drive slowed down.
+
+    Inputs that are not given are missing. Of a recording without --at, every slow-down is listed.
+    """
+    if is_recording(file):
+        if values or calm:
+            raise InputError(f"{file}: a recording has its own values; ask --at which second")
+        if not explain_drive(file, at, rules=rules_file, picture=picture, as_json=as_json):
+            raise typer.Exit(1)
+        return
+    if at is not None or picture is not None or rules_file is not None:
+        raise InputError(f"{file}: --at, --rules and --picture are for recordings, and this is no MCAP file")
     rules = FearRules.load(file)
     given = _values(values or [], rules)
     point = {name: given.get(name, spec.calmest if calm else None) for name, spec in rules.inputs.items()}
@@ -121,10 +150,7 @@ def _values(texts: list[str], rules: FearRules) -> dict[str, float | None]:
         name, equals, number = text.partition("=")
         if not equals:
             raise InputError(f"{text!r}: expected NAME=VALUE")
-        if name not in rules.inputs:
-            close = difflib.get_close_matches(name, rules.names, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(rules.names)}"
-            raise InputError(f"{text}: unknown input {name!r}; {hint}")
+        _check_name(name, rules, text)
         try:
             value = float(number)
         except ValueError as error:
@@ -133,25 +159,16 @@ def _values(texts: list[str], rules: FearRules) -> dict[str, float | None]:
     return values
 
 
-def _set_table(spec: Input) -> Table:
-    low, high = spec.range
-    table = Table(box=None, show_header=False, padding=(0, 1))
-    shown_high = spec.sets.very_high[1] + (spec.sets.very_high[1] - low) * 0.15  # the tail is flat
-    for level in LEVELS:
-        points = " ".join(f"{x:g}" for x in getattr(spec.sets, level))
-        table.add_row(f"  {level}", _curve(spec.sets.trapezoid(level), low, min(high, shown_high)), points)
-    return table
+def _check_name(name: str, rules: FearRules, place: str) -> None:
+    if name not in rules.inputs:
+        close = difflib.get_close_matches(name, rules.names, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(rules.names)}"
+        raise InputError(f"{place}: unknown input {name!r}; {hint}")
 
 
-def _curve(points: tuple[float, float, float, float], low: float, high: float) -> str:
-    """A set as a row of bars."""
-    shape, bars = Trapezoid(*points), " ▁▂▃▄▅▆▇█"
-    places = [low + (high - low) * i / (PLOT_COLUMNS - 1) for i in range(PLOT_COLUMNS)]
-    return "".join(bars[round(8 * shape.membership(x))] for x in places)
-
-
-def _action_table(rules: FearRules) -> Table:
-    table = Table("fear", "at", "speed factor", "mode", box=None)
-    for level, action in zip(LEVELS, rules.file.fear.all, strict=True):
-        table.add_row(level, f"{action.at:g}", f"{action.speed_factor:g}", action.mode.value)
-    return table
+def _axes(names: tuple[str, str], rules: FearRules) -> tuple[str, str]:
+    for name in names:
+        _check_name(name, rules, f"--surface {' '.join(names)}")
+    if names[0] == names[1]:
+        raise InputError(f"--surface {' '.join(names)}: two different inputs are needed")
+    return names

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import zstandard
-from mcap.exceptions import InvalidMagic, McapError
+from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Footer, McapRecord, Metadata, Schema
 from mcap.records import Message as McapMessage
 from mcap.stream_reader import StreamReader
@@ -86,16 +86,18 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
 
 def _records(path: Path) -> Iterator[McapRecord]:
     """The records up to the first that is not whole. Raises InputError when ``path`` is no MCAP file."""
+    found = False
     try:
         with path.open("rb") as file:
             size = path.stat().st_size
-            yield from StreamReader(file, validate_crcs=True, record_size_limit=size).records
+            for record in StreamReader(file, validate_crcs=True, record_size_limit=size).records:
+                found = True
+                yield record
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except InvalidMagic as error:
-        raise InputError(f"{path}: not a recording: no MCAP file") from error
-    except _BROKEN:
-        return
+    except _BROKEN as error:
+        if not found:
+            raise InputError(f"{path}: not a recording: no MCAP file") from error
 
 
 def _decoded(decode: Decoder, record: McapMessage, key: str, path: Path) -> Any:
@@ -128,7 +130,7 @@ def _older(message_type: type, text: str, path: Path) -> Decoder:
     try:
         store.register(get_types_from_msg(text, name))
     except Exception as error:  # rosbags lets through whatever its parser raises on foreign text
-        raise InputError(f"{path}: the definition of {name} cannot be read: {error}") from error
+        raise InputError(f"{path}: the definition of {name} that it carries cannot be read") from error
 
     def decode(data: bytes) -> Any:
         try:
