@@ -70,6 +70,7 @@ class Limiter:
     def __init__(self, vehicle: Vehicle, limits: Limits) -> None:
         self._vehicle, self._limits = vehicle, limits
         self._limit_rad = vehicle.max_road_wheel_angle_rad
+        self._middle_m = vehicle.wheelbase_m / 2.0
         self._late_s = vehicle.steering_delay_s + vehicle.steering_lag_s
         self._lateral_mps2 = limits.lateral_accel_share * limits.lateral_accel_mps2
         self._jerk_mps3 = limits.lateral_jerk_share * limits.lateral_jerk_mps3
@@ -226,17 +227,21 @@ class Limiter:
     def _smooth(
         self, held_1pm: float, accel_mps2: float, speed_mps: float, dt_s: float, share: float
     ) -> Interval:
-        """Angles [rad] around the last one within ``share`` of the jerk limit, less what changes of speed make."""
-        budget_mps2 = share * self._jerk_mps3 * dt_s
+        """Angles [rad] around the last one within ``share`` of the jerk limit, less what changes of speed make.
+
+        In the middle of the car, L/2 before the rear axle, yaw acceleration adds L/(2·v)·d(κ·v²)/dt to κ·v²: as
+        much less jerk is left for the wheel, which counts when the car is slow.
+        """
+        floor_mps = max(speed_mps, SLOWEST_MPS)
+        budget_mps2 = share * self._jerk_mps3 * dt_s * floor_mps / (floor_mps + self._middle_m)
         per_mps = 2.0 * speed_mps * held_1pm
         coming_mps2 = per_mps * accel_mps2 * dt_s
         measured_mps2 = per_mps * (speed_mps - self._wheel.speed_mps)
         up_mps2 = max(budget_mps2 - max(coming_mps2, measured_mps2, 0.0), 0.0)
         down_mps2 = max(budget_mps2 + min(coming_mps2, measured_mps2, 0.0), 0.0)
-        speed2 = max(speed_mps, SLOWEST_MPS) ** 2
         return (
-            self._turn.angle_rad(held_1pm - down_mps2 / speed2, speed_mps),
-            self._turn.angle_rad(held_1pm + up_mps2 / speed2, speed_mps),
+            self._turn.angle_rad(held_1pm - down_mps2 / floor_mps**2, speed_mps),
+            self._turn.angle_rad(held_1pm + up_mps2 / floor_mps**2, speed_mps),
         )
 
     def _follow(self, seen: Seen) -> None:

@@ -52,8 +52,8 @@ class Group(NamedTuple):
 
 
 GROUPS = (  # in all 10 000; a step of the multi-body model takes 16 times as long as one of the kinematic one
-    Group(Model.KINEMATIC, 5000, 6.0, 30.0),
-    Group(Model.SINGLE_TRACK, 4000, 6.0, 30.0),
+    Group(Model.KINEMATIC, 5000, 4.0, 30.0),
+    Group(Model.SINGLE_TRACK, 4000, 4.0, 30.0),
     Group(Model.COMMONROAD_DRIFT, 700, 4.0, 15.0),
     Group(Model.COMMONROAD_MULTI_BODY, 300, 3.0, 15.0),
 )
