@@ -8,6 +8,7 @@ from pydantic import Field
 from controller.lateral_feedforward import Feedforward, FeedforwardSettings
 from controller.lateral_lqi import Lqi, LqiSettings
 from controller.law import LateralLaw
+from controller.mpc import Mpc, MpcSettings
 from controller.pure_pursuit import PurePursuit, PurePursuitSettings
 from controller.stanley import Stanley, StanleySettings
 from trepid.config import Settings
@@ -19,6 +20,7 @@ class LawName(StrEnum):
 
     FEEDFORWARD = "feedforward"
     LQI = "lqi"
+    MPC = "mpc"
     PURE_PURSUIT = "pure_pursuit"
     STANLEY = "stanley"
 
@@ -31,6 +33,7 @@ class LateralSettings(Settings):
     timing_share: Annotated[float, Field(ge=0, lt=1)]  # of dead time and lag, that is learned; 0: nothing is
     feedforward: FeedforwardSettings
     lqi: LqiSettings
+    mpc: MpcSettings
     pure_pursuit: PurePursuitSettings
     stanley: StanleySettings
 
@@ -41,8 +44,16 @@ def build_law(settings: LateralSettings, vehicle: Vehicle) -> LateralLaw:
         case LawName.FEEDFORWARD:
             return Feedforward(settings.feedforward, vehicle)
         case LawName.LQI:
-            return Lqi(settings.lqi, vehicle, command_delay_s=settings.command_delay_s)
+            return lqi(settings, vehicle)
+        case LawName.MPC:
+            fallback = lqi(settings, vehicle)
+            return Mpc(settings.mpc, vehicle, command_delay_s=settings.command_delay_s, fallback=fallback)
         case LawName.PURE_PURSUIT:
             return PurePursuit(settings.pure_pursuit)
         case LawName.STANLEY:
             return Stanley(settings.stanley, vehicle)
+
+
+def lqi(settings: LateralSettings, vehicle: Vehicle) -> Lqi:
+    """The law that :class:`controller.mpc.Mpc` falls back on, too."""
+    return Lqi(settings.lqi, vehicle, command_delay_s=settings.command_delay_s)

@@ -16,6 +16,7 @@ quadratic control problems (2013).
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
@@ -120,6 +121,7 @@ def preview(grid: Grid) -> ca.Function:
     return ca.Function("preview", [head], [bend(ahead_m), aims, ca.diff(asked, 1, 1) / h])
 
 
+@lru_cache(maxsize=8)
 def quadratic(grid: Grid) -> ca.Function:
     """(shift, scale, Problem, last plan w (N,)) packed -> all of the QP for Δw about that plan, shifted and scaled.
 
@@ -183,6 +185,7 @@ def _linear_stage(h: float) -> ca.Function:
     return ca.Function("linear_stage", inputs, [after, by_x, by_w])
 
 
+@lru_cache(maxsize=8)
 def first_plan(grid: Grid) -> ca.Function:
     """Problem -> w (N,) of the feedback w = w_aim - gains·(e, p, a), less their aims, within the limits of w."""
     gain = grid.gains()
