@@ -12,6 +12,7 @@ from rich.console import Console
 from supervisor.coverage import calmest
 from supervisor.explain_drive import explain_drive, is_recording
 from supervisor.figure import sets_figure, surface_figure
+from supervisor.files_cli import export, import_, schema
 from supervisor.inference import FearRules
 from supervisor.plot import save
 from supervisor.show import show_rules, show_surface
@@ -19,6 +20,9 @@ from supervisor.verify import place, verify
 from trepid.config import InputError
 
 app = typer.Typer(no_args_is_help=True)
+app.command()(schema)
+app.command()(export)
+app.command("import")(import_)
 
 RuleFileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Rule file, e.g. config/fear.yaml.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON only.")]
