@@ -27,7 +27,8 @@ from controller.lane import Lane
 from controller.lateral import LateralSettings, build_law
 from controller.law import Acting
 from controller.prediction import Predictor
-from controller.speed import SpeedControl, SpeedSettings, target
+from controller.speed import SpeedSettings, target
+from controller.speed_control import SpeedControl
 from controller.steering_learner import LearningSettings, SteeringLearner
 from trepid.bounds import at_least, at_most, within
 from trepid.config import CONFIG_DIR, InputError, Settings, load
@@ -92,7 +93,7 @@ class Controller:
             timing_share=settings.lateral.timing_share,
         )
         self._law = build_law(settings.lateral, vehicle)
-        self._speed = SpeedControl(settings.speed)
+        self._speed = SpeedControl(settings.speed, drive_lag_s=vehicle.accel_lag_s)
         self._now_s: float | None = None
         self._healthy_s = 0.0  # when both inputs were last usable
         self._emergency = False  # own emergency stop, latched until standstill
@@ -246,7 +247,13 @@ class Controller:
         if stop is not Stop.NONE or decision is None or lane is None or speed_mps is None:
             return 0.0, self._speed.stop(stop, speed_mps=speed_mps, dt_s=dt_s)
         cap_mps = at_least(at_most(decision.speed_cap_mps, self._top_mps), 0.0)
-        goal = target(lane, cap_mps=cap_mps, speed_mps=speed_mps, settings=self._settings.speed)
+        goal = target(
+            lane,
+            cap_mps=cap_mps,
+            speed_mps=speed_mps,
+            drive_lag_s=self._vehicle.accel_lag_s,
+            settings=self._settings.speed,
+        )
         return goal.speed_mps, self._speed.track(goal, speed_mps=speed_mps, dt_s=dt_s)
 
 

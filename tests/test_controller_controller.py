@@ -224,8 +224,9 @@ def test_silence_escalates_from_a_comfort_to_an_emergency_stop():
     one, now_s, _ = rolling()
     asked = silent(one, now_s, 3.0)
     before = [c.accel_mps2 for c in asked[: round((INPUTS.lost_s - 0.04) / 0.02)]]
-    assert min(before) == -SETTINGS.speed.comfort.decel_mps2
-    assert asked[-1].accel_mps2 == -SETTINGS.speed.emergency.decel_mps2
+    speed = SETTINGS.speed  # brakes that do nothing look like a hill, which is counted in
+    assert -speed.comfort.decel_mps2 - speed.max_load_mps2 <= min(before) <= -speed.comfort.decel_mps2
+    assert -4.0 <= asked[-1].accel_mps2 <= -speed.emergency.decel_mps2
 
 
 def test_an_own_emergency_stop_latches_until_standstill():
@@ -234,7 +235,7 @@ def test_an_own_emergency_stop_latches_until_standstill():
     for n in range(100):
         t = now_s + 0.02 * n
         moving = one.step(decision(t), state(t), now_s=t)
-    assert moving.accel_mps2 == -SETTINGS.speed.emergency.decel_mps2
+    assert moving.accel_mps2 <= -SETTINGS.speed.emergency.decel_mps2
     for n in range(100, 300):
         t = now_s + 0.02 * n
         standing = one.step(decision(t), state(t, speed_mps=0.0), now_s=t)

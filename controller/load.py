@@ -1,0 +1,57 @@
+"""The load of a hill: what accelerates the car beside its drive and brakes.
+
+    v' = a + d        a' = (demand - a)/τ_a        d' = 0
+
+d = -g·sin θ - rolling and air drag [m/s²], seen by an observer with both poles at ``BANDWIDTH_RADPS``:
+
+    v̂' = a + d̂ + 2ω·(v - v̂)        d̂' = ω²·(v - v̂)
+
+Counted into the demand it does what integral action does, but does not wind up while the demand is bounded, and
+does not answer to a new target. Someone else's brake is no hill: an error beyond ``TORN_MPS`` starts the model
+anew.
+
+Luenberger, An introduction to observers, IEEE TAC 16(6), 1971; Rajamani, Vehicle Dynamics and Control (2012),
+section 4.1 (longitudinal forces).
+"""
+
+import math
+
+from trepid.bounds import within
+
+BANDWIDTH_RADPS = 1.0
+TORN_MPS = 0.5  # a hill of 20 % that comes at once tears 0.25 m/s
+
+
+class LoadObserver:
+    """``step`` it with the demand that has acted since the last step."""
+
+    def __init__(self, drive_lag_s: float, *, limit_mps2: float) -> None:
+        self.load_mps2 = 0.0  # d̂
+        self.acting_mps2 = 0.0  # a
+        self._lag_s, self._limit_mps2 = drive_lag_s, limit_mps2
+        self._speed_mps: float | None = None  # v̂; None: to be read first
+
+    def step(self, demand_mps2: float, *, speed_mps: float, dt_s: float) -> None:
+        """Take in the speed after ``dt_s`` of ``demand_mps2``."""
+        before_mps2 = self.acting_mps2
+        keep = math.exp(-dt_s / self._lag_s) if self._lag_s > 0.0 else 0.0
+        self.acting_mps2 = demand_mps2 + (before_mps2 - demand_mps2) * keep
+        gained_mps = demand_mps2 * dt_s + (before_mps2 - demand_mps2) * self._lag_s * (1.0 - keep)
+        if self._speed_mps is None:
+            self._speed_mps = speed_mps
+            return
+        self._speed_mps += gained_mps + self.load_mps2 * dt_s
+        error = speed_mps - self._speed_mps
+        if abs(error) > TORN_MPS:
+            self._speed_mps = speed_mps
+            return
+        self._speed_mps += 2.0 * BANDWIDTH_RADPS * dt_s * error
+        self.load_mps2 = within(self.load_mps2 + BANDWIDTH_RADPS**2 * dt_s * error, self._limit_mps2)
+
+    def standing(self) -> None:
+        """The car stands: a brake that holds moves nothing, and the hill is the one that was there."""
+        self.acting_mps2, self._speed_mps = 0.0, None
+
+    def pause(self) -> None:
+        """What acts is not known."""
+        self._speed_mps = None
