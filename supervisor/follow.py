@@ -1,20 +1,23 @@
 """The vehicle ahead: how fast one may drive behind it, and its trail as a path when the road is lost."""
 
 import math
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, NamedTuple
 
-import numpy as np
 from pydantic import Field
 
 from supervisor.fusion import Path
+from supervisor.hand_over import LEAD
 from supervisor.lane import STANDING, Lane, Motion
 from supervisor.sightings import SightingSettings, age_s, within
+from supervisor.trail import Trail, TrailSettings, fit, max_curvature_rate_1pm2
 from trepid.config import Settings
 from trepid.messages import LeadVehicle
 from trepid.vehicle import Vehicle
 
 Positive = Annotated[float, Field(gt=0)]
+STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
+SAME_LEAD_M, AT_ONCE_S = 1.0, 0.15  # from one sighting to the next; else it is another vehicle
 
 
 class FollowSettings(Settings):
@@ -26,8 +29,17 @@ class FollowSettings(Settings):
     time_gap_s: Annotated[float, Field(ge=1.5)]
     standstill_gap_m: Positive
     decel_mps2: Positive  # comfortable braking behind a slower lead
-    trail_spacing_m: Positive
-    trail_length_m: Positive
+    hold_s: Positive  # a lead that is no longer seen is taken to be there for so long
+    max_follow_s: Positive  # nobody is followed for longer without a sight of the road
+    least_ahead_m: Positive  # of trail, to drive on it
+    lag_s: Positive  # the trail up to so long ago says where a lead on the road must be now
+    least_lag_m: Positive
+    reference_m: Positive  # so much of the older trail says it
+    gate_sigmas: Positive  # a lead farther from there has left the road, or is another one
+    max_gate_m: Positive  # ... and so far from there is too far, however little is known
+    gate_road_m: Positive  # ... and so far from the middle of the lane, where that is seen
+    hand_over_s: Positive
+    trail: TrailSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +51,9 @@ class Lead:
     distance_m: float | None = None  # now; None: no vehicle ahead
     lateral_m: float = 0.0
     speed_mps: float = 0.0  # 0 when unknown: the worst to drive behind
+
+
+NOBODY = Lead(confidence=0.0)
 
 
 def judge_lead(
@@ -67,14 +82,37 @@ def judge_lead(
     )
 
 
+class Following(NamedTuple):
+    """What the leader is good for."""
+
+    usable: bool  # one may drive behind it
+    path: Path | None  # its trail from here, be it only to stop on
+
+
+NO_LEADER = Following(usable=False, path=None)
+
+
 class Follower:
-    """Remembers where the lead was, in the frame of the vehicle: its trail is a path that a car has driven."""
+    """Follows the trail of the vehicle ahead, as long as that can be a road.
+
+    A leader adds to the trail only where a road may be: near the middle of the lane while that is seen, else near
+    the clothoid through its own trail up to a while ago. One that drives elsewhere is not followed: it turns off,
+    leaves the road, or drives on another; whoever takes its place on the trail is.
+    """
 
     def __init__(self, settings: FollowSettings, vehicle: Vehicle) -> None:
         self._settings = settings
         self._front_m = vehicle.wheelbase_m + vehicle.front_overhang_m  # front bumper before the rear axle
-        self._trail: list[tuple[float, float]] = []  # (x, y) [m], oldest first
-        self._t_s: float | None = None
+        self._trail = Trail(settings.trail)
+        self._road: Lane | None = None  # as last seen, or driven, from where the vehicle is now
+        self._road_s = -math.inf  # when it was seen
+        self._held = NOBODY  # the lead as last seen, moved on
+        self._now_s: float | None = None
+        self._seen_s = -math.inf  # when there was a lead on the trail
+        self._speed_mps = 0.0  # the greater of ours and the lead's
+        self._lead_m = math.inf  # how far ahead it was at the last step
+        self._points = self._trail.seen()
+        self._ahead_m = -math.inf  # how far the trail reaches
 
     def usable(self, lead: Lead) -> bool:
         """Whether ``lead`` is sure, near and ahead enough to be followed."""
@@ -85,52 +123,111 @@ class Follower:
             and abs(lead.lateral_m) <= self._settings.max_lateral_m
         )
 
-    def step(self, lead: Lead, motion: Motion | None, *, now_s: float) -> Path | None:
-        """The lead's path from here to its rear, None when there is none to follow."""
-        self._move(motion or STANDING, now_s)
+    def step(self, lead: Lead, road: Path | None, motion: Motion | None, *, now_s: float) -> Following:
+        """Take in where ``lead`` is, and the ``road`` where it is seen."""
+        own = motion or STANDING
+        dt_s = 0.0 if self._now_s is None else now_s - self._now_s
+        self._now_s = now_s
+        self._trail.move(own, dt_s)
+        self._held = _moved_on(self._held, lead, own, dt_s, hold_s=self._settings.hold_s)
+        self._speed_mps = max(abs(own.speed_mps), lead.speed_mps)
+        if road is not None:
+            self._road, self._road_s = road.lane.after(own, now_s - road.t_s), now_s
+        elif self._road is not None:
+            self._road = self._road.after(own, dt_s)
+        self._points = self._trail.seen()
+        self._take(lead, seen=road is not None, now_s=now_s)
+        self._ahead_m = float(self._points[:, 0].max(initial=-math.inf))
+        if self._ahead_m < self._settings.least_ahead_m:
+            return NO_LEADER
+        lately = now_s - self._seen_s <= self._settings.hold_s
+        in_time = now_s - self._road_s <= self._settings.max_follow_s
+        return Following(lately and in_time, self._path(now_s))
+
+    def _take(self, lead: Lead, *, seen: bool, now_s: float) -> None:
+        """Add the lead to the trail if it is where a road may be."""
         if lead.distance_m is None or not self.usable(lead):
-            self._trail = []
-            return None
-        here = (self._front_m + lead.distance_m, lead.lateral_m)
-        if not self._trail or math.dist(here, self._trail[-1]) >= self._settings.trail_spacing_m:
-            self._trail.append(here)
-        return Path(now_s, _lane_through([*self._trail, here]), here[0], "lead")
+            return
+        ahead_m = self._front_m + lead.distance_m
+        where = self._lane_gate(ahead_m) if seen else self._trail_gate(ahead_m)
+        same = abs(ahead_m - self._lead_m) < SAME_LEAD_M and now_s - self._seen_s < AT_ONCE_S
+        self._lead_m = ahead_m
+        if abs(lead.lateral_m - where.y_m) <= where.within_m:
+            self._trail.add(ahead_m, lead.lateral_m)
+            self._seen_s = now_s
+        elif same:  # the leader goes astray, and has for a while
+            self._trail.forget_beyond(ahead_m - self._lag_m)
+        self._points = self._trail.seen()
+
+    @property
+    def _lag_m(self) -> float:
+        """Of the trail so much is new, and to be judged by what is older."""
+        return max(self._settings.lag_s * self._speed_mps, self._settings.least_lag_m)
+
+    def _lane_gate(self, ahead_m: float) -> "Gate":
+        """The middle of the lane; beyond where lanes are seen well it may bend as roads do."""
+        assert self._road is not None
+        far_m = max(ahead_m - self._settings.trail.window_m, 0.0)
+        return Gate(self._road.y_m(ahead_m), self._settings.gate_road_m + self._bend_m(far_m))
+
+    def _trail_gate(self, ahead_m: float) -> "Gate":
+        """Where the older part of the trail leads to; beyond it the road may bend as roads do."""
+        s, x_m = self._settings, self._points[:, 0]
+        known = self._points[x_m <= x_m.max(initial=0.0) - self._lag_m]
+        end_m = float(known[:, 0].max(initial=0.0))
+        reference = fit(
+            known, self._prior, s.trail, around_m=end_m, window_m=s.reference_m, speed_mps=self._speed_mps
+        )
+        sighting_m = s.trail.sigma_m + s.trail.sigma_per_m * ahead_m
+        sigma_m = math.hypot(reference.sigma_m(ahead_m), sighting_m)
+        within_m = s.gate_sigmas * sigma_m + self._bend_m(max(ahead_m - end_m, 0.0))
+        return Gate(reference.lane.y_m(ahead_m), min(within_m, s.max_gate_m))
+
+    def _bend_m(self, over_m: float) -> float:
+        """How far aside a road may get within ``over_m`` of bending as fast as roads do."""
+        return max_curvature_rate_1pm2(self._speed_mps, self._settings.trail) * over_m**3 / 6
+
+    @property
+    def _prior(self) -> Lane:
+        """The path as far as it is known without the trail: the road as last seen, else straight on."""
+        return STRAIGHT if self._road is None else self._road._replace(curvature_rate_1pm2=0.0)
+
+    def _path(self, now_s: float) -> Path:
+        """The leader's path from here. Where the road is not seen, the next goes on from it."""
+        s = self._settings.trail
+        lane = fit(
+            self._points, self._prior, s, around_m=0.0, window_m=s.window_m, speed_mps=self._speed_mps
+        ).lane
+        if now_s > self._road_s:
+            self._road = lane
+        return Path(now_s, lane, self._ahead_m, LEAD)
 
     def speed_cap_mps(self, lead: Lead) -> float:
-        """Greatest speed behind ``lead`` [m/s], inf without one.
+        """Greatest speed behind ``lead`` [m/s], inf without one; one that has just vanished is taken to be there.
 
         min((d - d0)/T, sqrt(v_lead² + 2·a·(d - d0))): holds the time gap T, and closes up on a slower lead no
         harder than with a.
         """
-        if lead.distance_m is None:
+        ahead = self._held if lead.distance_m is None else lead
+        if ahead.distance_m is None:
             return math.inf
-        free_m = max(0.0, lead.distance_m - self._settings.standstill_gap_m)
-        braking_mps = math.sqrt(lead.speed_mps**2 + 2 * self._settings.decel_mps2 * free_m)
+        free_m = max(0.0, ahead.distance_m - self._settings.standstill_gap_m)
+        braking_mps = math.sqrt(ahead.speed_mps**2 + 2 * self._settings.decel_mps2 * free_m)
         return min(free_m / self._settings.time_gap_s, braking_mps)
 
-    def _move(self, motion: Motion, now_s: float) -> None:
-        """The trail as seen from where the vehicle is now; what lies behind the rear axle is forgotten."""
-        dt_s = 0.0 if self._t_s is None else now_s - self._t_s
-        self._t_s = now_s
-        dx_m, dy_m, yaw_rad = motion.over(dt_s)
-        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-        moved = [
-            ((x - dx_m) * cos + (y - dy_m) * sin, (y - dy_m) * cos - (x - dx_m) * sin) for x, y in self._trail
-        ]
-        self._trail = [point for point in moved if 0 <= point[0] <= self._settings.trail_length_m]
+
+class Gate(NamedTuple):
+    """Where a leader on the road must be."""
+
+    y_m: float
+    within_m: float
 
 
-def _lane_through(trail: list[tuple[float, float]]) -> Lane:
-    """The lane y(x) = a + b·x + c·x²/2 nearest to the trail (least squares).
-
-    The way from the car to the oldest point is not known, so the car's own place and heading enter as one more
-    point each: a single lead gives an arc to its rear, a long trail outweighs them.
-    """
-    points = np.array([(0.0, 0.0), *trail])
-    x, y = points[:, 0], points[:, 1]
-    scale_m = max(float(x[-1]), 1.0)
-    u = x / scale_m
-    rows = np.column_stack([np.ones_like(u), u, u**2 / 2])
-    heading_row = [[0.0, 1.0, 0.0]]  # y'(0) = 0
-    a, b, c = np.linalg.lstsq(np.vstack([rows, heading_row]), np.append(y, 0.0), rcond=None)[0]
-    return Lane(float(-a), float(-b / scale_m), float(c / scale_m**2), 0.0)
+def _moved_on(held: Lead, lead: Lead, own: Motion, dt_s: float, *, hold_s: float) -> Lead:
+    """The lead; where there is none, the last one for ``hold_s``, closing up as it did."""
+    if lead.distance_m is not None:
+        return replace(lead, age_s=0.0)
+    if held.distance_m is None or held.age_s + dt_s > hold_s:
+        return NOBODY
+    nearer_m = max(own.speed_mps - held.speed_mps, 0.0) * dt_s
+    return replace(held, age_s=held.age_s + dt_s, distance_m=max(held.distance_m - nearer_m, 0.0))

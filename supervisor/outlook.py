@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from supervisor.consistency import Consistency
 from supervisor.features import ESTIMATOR_SUFFIXES, FEATURES, Features, early_features, features
-from supervisor.follow import Follower, FollowSettings, Lead, judge_lead
-from supervisor.fusion import Fused, Fusion, FusionSettings, Path
+from supervisor.follow import Follower, Following, FollowSettings, Lead, judge_lead
+from supervisor.fusion import Fused, Fusion, FusionSettings
 from supervisor.inference import FearRules
 from supervisor.lane import Motion
 from supervisor.sightings import Sighting, SightingSettings, age_s, is_frozen, motion_of, sight
@@ -26,7 +26,7 @@ class Outlook(NamedTuple):
     statistics_age_s: float
     trust: dict[str, float]  # of the rules in every estimator, 0..1
     fused: Fused
-    trail: Path | None  # of the vehicle ahead
+    trail: Following  # of the vehicle ahead
     asked: Features  # what the fear rules may ask about
 
     @property
@@ -104,7 +104,8 @@ class Observer:
             single_source_s=self._single.step(alone, now_s=now_s),
             half_width_m=self._half_width_m,
         )
-        trail = self._follower.step(ahead, moving, now_s=now_s)
+        road = fused.path if fused.sources else None
+        trail = self._follower.step(ahead, road, moving, now_s=now_s)
         return Outlook(seen, ahead, motion, moving, state_age_s, statistics_age_s, trust, fused, trail, asked)
 
 

@@ -13,6 +13,7 @@ from supervisor.analyser import AnalyserSettings, Finding, analyse, explained
 from supervisor.features import FEATURES
 from supervisor.follow import FollowSettings
 from supervisor.fusion import FusionSettings
+from supervisor.hand_over import HandOver
 from supervisor.inference import CALM, FearResult, FearRules
 from supervisor.modes import ModeSettings, ModeState, Situation, next_state
 from supervisor.outlook import Observer, Outlook, unknown_features
@@ -70,6 +71,7 @@ class Supervisor:
         self._road_back, self._pathless = Held(), Held()
         self._patience = Patience(settings.modes.stop_after_s)
         self._speed = SpeedFactor(rules, settings.cruise_speed_mps)
+        self._hand_over = HandOver(settings.follow.hand_over_s)
         self._driver = False  # a driver acted at the last step
 
     def step(
@@ -126,7 +128,7 @@ class Supervisor:
         return Situation(
             fault=fault.cause,
             lost=fault.lost,
-            blind=self._is_blind(fault, outlook, pathless=path is None and trail is None, now_s=now_s)
+            blind=self._is_blind(fault, outlook, pathless=path is None and trail.path is None, now_s=now_s)
             and not driver,
             terrified=self._terrified.lasts(wanted is Mode.STOP, hysteresis.stop_after_s, now_s=now_s),
             lasting=self._patience.ends(cause if afraid else "", now_s=now_s),
@@ -137,7 +139,7 @@ class Supervisor:
             road_back=self._road_back.lasts(
                 surest >= modes.road_back_confidence, modes.road_back_s, now_s=now_s
             ),
-            lead=trail is not None,
+            lead=trail.usable,
             standstill=standstill,
             ready=self._ready.lasts(ready, modes.reengage_after_s, now_s=now_s),
             handed_over=self._drivable.lasts(
@@ -154,16 +156,18 @@ class Supervisor:
         frameless = fault.cause == "stale_data" and min(outlook.ages_s.values()) > modes.emergency_stop_age_s
         return lasting or (moving and frameless)
 
-    def _path(self, outlook: Outlook) -> fusion.Path | None:
-        follows = self._mode.mode is Mode.FOLLOW or outlook.fused.path is None
-        return outlook.trail if outlook.trail is not None and follows else outlook.fused.path
+    def _path(self, outlook: Outlook, now_s: float) -> fusion.Path | None:
+        """The road's, or where it is lost the leader's; led over from one to the other."""
+        road, trail = outlook.fused.path, outlook.trail.path
+        follows = trail is not None and (self._mode.mode is Mode.FOLLOW or road is None)
+        return self._hand_over.step(trail if follows else road, outlook.last_motion, now_s=now_s)
 
     def _decision(
         self, outlook: Outlook, felt: FearResult, cause: str, finding: Finding, factor: float, now_s: float
     ) -> Decision:
         cruise_mps = self._settings.cruise_speed_mps * factor
         cap_mps = at_most(self._observer.speed_cap_mps(outlook.ahead), cruise_mps)
-        path, fused = self._path(outlook), outlook.fused
+        path, fused = self._path(outlook, now_s), outlook.fused
         lane = path.lane if path else None
         lookahead_m = path.lookahead_m if path else self._settings.fusion.min_lookahead_m
         return Decision(

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.follow import Follower, Lead, judge_lead
-from supervisor.lane import Motion
+from supervisor.follow import Follower, Following, Lead, judge_lead
+from supervisor.fusion import Path
+from supervisor.lane import Lane, Motion
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import LeadVehicle
@@ -17,6 +18,7 @@ SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 FRONT_M = VEHICLE.wheelbase_m + VEHICLE.front_overhang_m
 STEP_S = 0.04
+STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
 
 
 def judged(message: LeadVehicle | None, *, speed_mps: float = 8.0, now_s: float = 0.0) -> Lead:
@@ -89,34 +91,134 @@ def test_a_nearer_lead_never_allows_more_speed(one_m: float, other_m: float, spe
     assert caps[0] <= caps[1]
 
 
+def follow(
+    follower: Follower,
+    places: list[tuple[float, float]],
+    *,
+    speed_mps: float,
+    yaw_rate_radps: float = 0.0,
+    road: Lane | None = None,
+    first: int = 0,
+    lead_mps: float | None = None,
+) -> Following:
+    """Steps of 0.04 s with the lead's rear at ``places``, seen from our axle; the last answer."""
+    motion = Motion(speed_mps, yaw_rate_radps)
+    for n, (x_m, y_m) in enumerate(places, start=first):
+        now_s = n * STEP_S
+        here = Lead(
+            age_s=0.0,
+            confidence=0.9,
+            distance_m=x_m - FRONT_M,
+            lateral_m=y_m,
+            speed_mps=speed_mps if lead_mps is None else lead_mps,
+        )
+        seen = None if road is None else Path(now_s, road, 20.0, "cv")
+        answer = follower.step(here, seen, motion, now_s=now_s)
+    return answer
+
+
+def follower_on_a_straight(speed_mps: float = 5.0, gap_m: float = 12.0) -> Follower:
+    """One that has followed a lead straight ahead for 4 s, with the lane in sight."""
+    follower = Follower(SETTINGS.follow, VEHICLE)
+    follow(follower, [(FRONT_M + gap_m, 0.0)] * 100, speed_mps=speed_mps, road=STRAIGHT)
+    return follower
+
+
 @pytest.mark.parametrize(
-    "message", [lead(confidence=0.3), lead(distance_m=60.0), lead(lateral_m=6.0), lead(distance_m=None)]
+    "message", [lead(confidence=0.3), lead(distance_m=60.0), lead(lateral_m=20.0), lead(distance_m=None)]
 )
 def test_what_is_unsure_far_or_aside_is_not_followed(message: LeadVehicle) -> None:
-    assert Follower(SETTINGS.follow, VEHICLE).step(judged(message), Motion(8.0, 0.0), now_s=0.0) is None
-
-
-def test_a_lead_seen_for_the_first_time_gives_an_arc_towards_it() -> None:
-    path = Follower(SETTINGS.follow, VEHICLE).step(judged(lead(20.0, 1.5)), Motion(8.0, 0.0), now_s=0.0)
-    assert path is not None
-    assert path.source == "lead"
-    assert path.lane.y_m(FRONT_M + 20.0) == pytest.approx(1.5, abs=0.1)
-    assert path.lane.heading_rad == pytest.approx(0.0, abs=0.02)
+    follower = Follower(SETTINGS.follow, VEHICLE)
+    assert not follower.step(judged(message), None, Motion(8.0, 0.0), now_s=0.0).usable
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_trail_of_a_lead_on_a_circle_is_the_circle_and_not_the_way_to_its_bumper(side: float) -> None:
     """Both drive the same circle of 40 m; the chord to the lead would cut 2 m to the inside."""
     radius_m, speed_mps, gap_m = 40.0, 5.0, 18.0
-    follower, motion = Follower(SETTINGS.follow, VEHICLE), Motion(speed_mps, side * speed_mps / radius_m)
     angle = gap_m / radius_m
     rear = radius_m * math.sin(angle), side * radius_m * (1 - math.cos(angle))
-    for n in range(150):
-        here = lead(rear[0] - FRONT_M, rear[1], speed_mps, t_s=n * STEP_S)
-        path = follower.step(judged(here, speed_mps=speed_mps, now_s=n * STEP_S), motion, now_s=n * STEP_S)
-    assert path is not None
-    assert path.lane.offset_m == pytest.approx(0.0, abs=0.1)
-    assert path.lane.curvature_1pm == pytest.approx(side / radius_m, rel=0.1)
-    for x_m in (4.0, 8.0, 12.0, 16.0):
+    follower = Follower(SETTINGS.follow, VEHICLE)
+    circle = Lane(0.0, 0.0, side / radius_m, 0.0)
+    turning = side * speed_mps / radius_m
+    follow(follower, [rear] * 100, speed_mps=speed_mps, yaw_rate_radps=turning, road=circle)
+    answer = follow(follower, [rear] * 100, speed_mps=speed_mps, yaw_rate_radps=turning, first=100)
+    assert answer.usable
+    assert answer.path is not None
+    assert answer.path.source == "lead"
+    lane = answer.path.lane
+    assert lane.offset_m == pytest.approx(0.0, abs=0.1)
+    assert lane.curvature_1pm == pytest.approx(side / radius_m, rel=0.1)
+    for x_m in (4.0, 8.0, 12.0):
         circle_m = side * (radius_m - math.sqrt(radius_m**2 - x_m**2))
-        assert path.lane.y_m(x_m) == pytest.approx(circle_m, abs=0.15)
+        assert lane.y_m(x_m) == pytest.approx(circle_m, abs=0.15)
+
+
+def leaving(side: float, *, speed_mps: float = 5.0, gap_m: float = 12.0) -> list[tuple[float, float]]:
+    """A lead that drifts 6 m off the road within 4 s: the least jerk of ``change_lane``."""
+    places = []
+    for n in range(100):
+        tau = n * STEP_S / 4.0
+        places.append((FRONT_M + gap_m, side * 6.0 * (10 * tau**3 - 15 * tau**4 + 6 * tau**5)))
+    return places
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_leader_that_leaves_the_road_is_followed_no_farther(side: float) -> None:
+    follower = follower_on_a_straight()
+    last = 100
+    for place in leaving(side):
+        answer = follow(follower, [place], speed_mps=5.0, first=last)
+        last += 1
+        if not answer.usable:
+            break
+    assert not answer.usable
+    assert abs(place[1]) < 6.0, "given up before it stands in the ditch"
+    assert answer.path is not None, "what is left of the trail is there to stop on"
+    for x_m in (0.0, 4.0, 8.0):
+        assert abs(answer.path.lane.y_m(x_m)) < 0.3
+
+
+def test_a_vehicle_that_cuts_in_is_followed_once_it_drives_where_the_road_is() -> None:
+    follower = follower_on_a_straight()
+    beside = follow(follower, [(FRONT_M + 8.0, 3.5)] * 50, speed_mps=5.0, first=100)
+    assert not beside.usable
+    assert follow(follower, [(FRONT_M + 8.0, 0.05)] * 10, speed_mps=5.0, first=150).usable
+
+
+def test_a_leader_that_stops_is_stopped_behind_on_its_trail() -> None:
+    follower = follower_on_a_straight()
+    answer = follow(follower, [(FRONT_M + 3.5, 0.0)] * 100, speed_mps=0.0, first=100)
+    assert answer.usable
+    standing = Lead(age_s=0.0, confidence=0.9, distance_m=3.0, speed_mps=0.0)
+    assert follower.speed_cap_mps(standing) == 0
+
+
+def test_a_leader_that_is_missed_for_a_moment_still_is_there() -> None:
+    follower = follower_on_a_straight()
+    answer = follower.step(judged(None), None, Motion(5.0, 0.0), now_s=100 * STEP_S)
+    assert answer.usable
+    assert follower.speed_cap_mps(judged(None)) < math.inf
+    late = 100 * STEP_S + SETTINGS.follow.hold_s + 0.1
+    assert not follower.step(judged(None), None, Motion(5.0, 0.0), now_s=late).usable
+    assert follower.speed_cap_mps(judged(None)) == math.inf
+
+
+def test_nobody_is_followed_for_ever() -> None:
+    follower = follower_on_a_straight()
+    steps = math.ceil(SETTINGS.follow.max_follow_s / STEP_S) + 2
+    answer = follow(follower, [(FRONT_M + 12.0, 0.0)] * steps, speed_mps=5.0, first=100)
+    assert not answer.usable
+
+
+def test_the_mirrored_lead_gives_the_mirrored_path() -> None:
+    noise = [0.05 * math.sin(7.0 * n) for n in range(150)]
+    answers = []
+    for side in (1.0, -1.0):
+        places = [(20.0 + 0.01 * n, side * (0.3 + w)) for n, w in enumerate(noise)]
+        follower = Follower(SETTINGS.follow, VEHICLE)
+        answers.append(follow(follower, places, speed_mps=4.0, yaw_rate_radps=side * 0.02).path)
+    left, right = answers
+    assert left is not None
+    assert right is not None
+    assert left.lane == pytest.approx(tuple(-value for value in right.lane), abs=1e-9)
