@@ -12,8 +12,9 @@ from pydantic import ValidationError
 
 from controller.lane import Lane
 from controller.load import LoadObserver
-from controller.speed import SpeedSettings, StopProfile, Target, target
+from controller.speed import SpeedSettings, Target, target
 from controller.speed_control import SpeedControl
+from sim_harness.control_bench.longitudinal import stop_m_and_s
 from trepid.messages import Stop
 
 SPEED = SETTINGS.speed
@@ -81,30 +82,6 @@ def stopping(control, how):
 
 def profile_of(how):
     return SPEED.emergency if how is Stop.EMERGENCY else SPEED.comfort
-
-
-def stop_m_and_s(profile: StopProfile, speed_mps: float) -> tuple[float, float]:
-    """Closed form of a stop: jerk up to b, constant b, √(2·j·v) down to f, constant f. Without drive lag.
-
-    A slow car never gets to b: the two jerks meet at a peak p with p²/j - f²/(2j) = v - f²/(2j).
-    """
-    b, j, f = profile.decel_mps2, profile.jerk_mps3, profile.final_decel_mps2
-    peak = min(b, math.sqrt(j * speed_mps))
-    if peak <= f:  # only up to f, then constant
-        rise_s = min(f / j, math.sqrt(2 * speed_mps / j))
-        left_mps = speed_mps - j * rise_s**2 / 2
-        return speed_mps * rise_s - j * rise_s**3 / 6 + left_mps**2 / (2 * f), rise_s + left_mps / f
-    rise_s, fall_s, end_mps = peak / j, (peak - f) / j, f * f / (2 * j)
-    after_mps = speed_mps - peak**2 / (2 * j)  # after the rise
-    before_mps = peak**2 / (2 * j)  # before the fall
-    flat_s = (after_mps - before_mps) / peak
-    metres = (
-        (speed_mps * rise_s - j * rise_s**3 / 6)
-        + (after_mps + before_mps) / 2 * flat_s
-        + (before_mps * fall_s - peak * fall_s**2 / 2 + j * fall_s**3 / 6)
-        + end_mps**2 / (2 * f)
-    )
-    return metres, rise_s + flat_s + fall_s + end_mps / f
 
 
 def test_a_straight_lane_is_driven_at_the_cap():

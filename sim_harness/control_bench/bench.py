@@ -7,6 +7,7 @@ from sim_harness.control_bench.deep_steer import bench_deep_steer
 from sim_harness.control_bench.drift import bench_drift
 from sim_harness.control_bench.lateral import bench_lateral
 from sim_harness.control_bench.learning import bench_learning
+from sim_harness.control_bench.longitudinal import bench_longitudinal
 from sim_harness.control_bench.speeds import bench_speeds
 
 SECTIONS: dict[str, Callable[[int], dict[str, Any]]] = {
@@ -15,6 +16,7 @@ SECTIONS: dict[str, Callable[[int], dict[str, Any]]] = {
     "deep-steer": bench_deep_steer,
     "drift": bench_drift,
     "learning": bench_learning,
+    "longitudinal": bench_longitudinal,
 }
 """Each is given the seed and gives what it measured; one that draws lots draws them from the seed only."""
 
