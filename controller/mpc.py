@@ -44,7 +44,11 @@ _LEAST_LAG = 1e-3  # θ of an immediate steering; e^(-h/θ) is zero then
 _STEEPEST = 2.0 * math.exp(
     -2.0
 )  # heading of (1 + s + s²/2)·e^-s, the way back of a triple pole, over its offset
-_FARTHEST_RAD = 0.8  # heading error from which on the model is left
+# Beyond these the model is left.
+_FASTEST_MPS = 100.0
+_FARTHEST_M = 20.0
+_FARTHEST_RAD = 0.8
+_TIGHTEST_1PM = 1.0
 _INNERMOST = 0.6  # of the bend's radius; towards 1, "along the lane" loses its meaning
 _MOST_DRIFT = 0.8  # share of the jerk that a change of speed may take, so that zero stays allowed
 
@@ -105,14 +109,16 @@ class Mpc:
         self._asked_1pm = None
 
     def _fallen_back(self, at: Acting, dt_s: float) -> float:
-        """What the fallback asks for; what was asked for last, should even that be no number."""
+        """What the fallback asks for; what was asked for last, where there are no numbers to steer by."""
         self._solver.reset()
+        if not _finite(at):
+            return self._asked_1pm or 0.0
         asked_1pm = self._fallback.curvature(at, dt_s=dt_s)
         return asked_1pm if math.isfinite(asked_1pm) else self._asked_1pm or 0.0
 
     def _planned(self, at: Acting, dt_s: float) -> float | None:
         """κ_cmd by plan; None, and why in ``doing``, without one to be trusted."""
-        if not _modelled(at):
+        if not (_finite(at) and _modelled(at)):
             self.doing = "falling back: outside the model"
             return None
         now = self._problem(at, dt_s)
@@ -197,13 +203,18 @@ class Mpc:
         )
 
 
+def _finite(at: Acting) -> bool:
+    """Whether every number that a law looks at is one."""
+    return math.isfinite(sum(at.lane) + at.speed_mps + at.curvature_1pm + at.steady_1pm)
+
+
 def _modelled(at: Acting) -> bool:
-    """Whether car and lane are such as the model describes; False for NaN."""
+    """Whether car and lane are such as the model describes."""
     lane = at.lane
     return (
-        math.isfinite(at.speed_mps + at.curvature_1pm + at.steady_1pm + lane.curvature_rate_1pm2)
-        and at.speed_mps >= 0.0
+        0.0 <= at.speed_mps <= _FASTEST_MPS
+        and abs(lane.offset_m) <= _FARTHEST_M
         and abs(lane.heading_rad) <= _FARTHEST_RAD
         and abs(lane.curvature_1pm * lane.offset_m) <= _INNERMOST
-        and math.isfinite(lane.offset_m + lane.lookahead_m)
+        and max(map(abs, (lane.curvature_1pm, at.curvature_1pm, at.steady_1pm))) <= _TIGHTEST_1PM
     )
