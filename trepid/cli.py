@@ -19,6 +19,7 @@ from sim_harness.bench import bench
 from sim_harness.live.drive_cli import drive
 from sim_harness.training.train import train
 from sim_harness.training.train_lead import train_lead
+from sim_harness.tuning.cli import tune
 from trepid import __version__
 from trepid.config import InputError
 from trepid.packages import check_packages
@@ -34,6 +35,7 @@ app.command("drive")(drive)
 app.add_typer(sim_harness.cli.app, name="sim", help="Run scenarios in lock-step, faster than real time.")
 app.command("estimate")(perception.cli.estimate)
 app.add_typer(supervisor.cli.app, name="fear", help="Check, show and explain fuzzy rule files.")
+supervisor.cli.app.command("tune")(tune)  # by the harness, which the supervisor does not know
 app.add_typer(controller.cli.app, name="vehicle", help="The bicycle model with understeer.")
 app.command("train")(train)
 app.command("train-lead")(train_lead)

@@ -1,0 +1,1 @@
+"""Rule files tuned over scenarios: ``trepid fear tune``."""

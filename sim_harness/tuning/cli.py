@@ -1,0 +1,207 @@
+"""``trepid fear tune``: a better rule file, by trying many over scenarios."""
+
+import json
+import sys
+import time
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+
+from sim_harness.scenarios.sampling import Method, fresh_seed
+from sim_harness.sweep.plan import Plan, by_sampling, plan, select
+from sim_harness.sweep.show import INTERRUPTED
+from sim_harness.tuning.numbers import NumberedText
+from sim_harness.tuning.settings import Span, TuneSettings, parse_vary
+from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
+
+if TYPE_CHECKING:
+    from sim_harness.tuning.study import Task
+
+SETTINGS = CONFIG_DIR / "tune.yaml"
+
+
+def tune(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The rule file to start from.")],
+    scenarios: Annotated[
+        list[str] | None, typer.Option(metavar="S", help="Tune over this scenario; again for more.")
+    ] = None,
+    unseen: Annotated[
+        list[str] | None, typer.Option(metavar="S", help="Judge on this scenario too; again for more.")
+    ] = None,
+    cases: Annotated[int | None, typer.Option(min=1, help="Cases drawn of each scenario.")] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Another value for a field of the scenarios."),
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=LOW..HIGH", help="Tune this number of the file; again for more."),
+    ] = None,
+    trials: Annotated[int, typer.Option(min=1, help="Until the study has this many.")] = 50,
+    workers: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = 1,
+    storage: Annotated[
+        str | None,
+        typer.Option(metavar="URL|F.journal", help="Where trials are kept; default: beside --out."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the cases to tune over, and of the search.")] = 0,
+    unseen_seed: Annotated[
+        int | None, typer.Option(min=0, help="Of the cases to judge by; default: drawn now and printed.")
+    ] = None,
+    settings: Annotated[Path, typer.Option(help="What is tuned, and what harm costs.")] = SETTINGS,
+    out: Annotated[
+        Path | None, typer.Option(metavar="NEW.yaml", help="The new rule file; default: FILE with _tuned.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> int:
+    """Tune numbers of a rule file over scenarios, and judge the result on cases that it has not seen.
+
+    The same command goes on after an interruption; on one storage several may work at once. Exit code 1 when
+    nothing better was found, or it is not better on unseen cases.
+    """
+    if find_spec("optuna") is None:
+        raise InputError("trepid fear tune needs Optuna: pip install 'trepid[tune]'")
+    given = load(settings, TuneSettings)
+    target = out or file.with_name(f"{file.stem}_tuned.yaml")
+    if target.exists():
+        raise InputError(f"{target}: is there already; --out names another file")
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: there is no folder {target.parent}")
+    overrides = parse_overrides(changes or [])
+    count = cases or given.cases
+    names = scenarios or list(given.scenarios)
+    held_out = unseen if unseen is not None else [] if scenarios else list(given.unseen)
+    fresh = fresh_seed() if unseen_seed is None else unseen_seed
+    parameters = parse_vary(vary) if vary else dict(given.parameters)
+    check_start(file, parameters)
+    seen = drawn(names, overrides, count, seed)
+    judged = drawn([*names, *held_out], overrides, count, fresh)
+    if set(seen) & set(judged):
+        raise InputError(
+            f"--unseen-seed {fresh} draws cases that are tuned over; scenarios that vary need another"
+        )
+    from sim_harness.tuning.study import Task
+
+    try:
+        say(f"{len(seen)} cases without fear, to compare with")
+        from sim_harness.tuning.compare import references
+
+        task = Task(
+            rules=file.resolve(),
+            parameters=parameters,
+            planned=seen,
+            references=references(file, seen, workers),
+            costs=given.costs,
+            storage=storage or str(target.with_suffix(".journal")),
+            trials=trials,
+            seed=seed,
+        )
+        return _tuned(task, target, judged, fresh, workers, as_json=as_json)
+    except KeyboardInterrupt:
+        say("interrupted: what is finished is kept; the same command goes on from there")
+        return INTERRUPTED
+
+
+def check_start(file: Path, parameters: dict[str, Span]) -> None:
+    """Raise InputError unless ``file`` may drive and its numbers lie where they may go."""
+    from supervisor.inference import FearRules
+    from supervisor.verify import verify
+
+    problems = verify(FearRules.load(file)).problems
+    if problems:
+        raise InputError(f"{file}: must pass its check before it is tuned: {problems[0]}")
+    text = NumberedText(file)
+    for name, span in parameters.items():
+        value = text.value(name)
+        if not span.low <= value <= span.high:
+            raise InputError(
+                f"{file}: {name} is {value:g}, outside {span.low:g}..{span.high:g}, where it may go"
+            )
+    text.changed({name: text.value(name) for name in parameters})
+
+
+def drawn(names: list[str], overrides: dict[str, str], count: int, seed: int) -> Plan:
+    """``count`` cases of each scenario. Raises InputError."""
+    selection = select(names, [], overrides)
+    return plan(by_sampling(selection.scenarios, Method.RANDOM, count, seed=seed))
+
+
+def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
+    from sim_harness.tuning.compare import both, changes, score_table
+    from sim_harness.tuning.score import record, scored
+    from sim_harness.tuning.study import SCORE, START, complete, cost, search, values_of
+
+    say(
+        f"study {task.name} in {task.storage}, {len(task.parameters)} numbers, {len(task.planned)} cases a trial"
+    )
+    trials = search(task, workers, Progress(task.trials).tell)
+    found = complete(trials)
+    start = next((trial for trial in found if START in trial.user_attrs), None)
+    if start is None:
+        raise InputError(
+            f"{task.storage}: {task.rules.name} itself was not driven; is another session at it?"
+        )
+    best = min(found, key=cost)
+    text = NumberedText(task.rules)
+    values = values_of(best, task.parameters)
+    better = cost(best) < cost(start)
+    result: dict[str, Any] = {
+        "study": task.name,
+        "trials": len(found),
+        "invalid": sum(trial.state.name == "PRUNED" for trial in trials),
+        "seen": {"before": start.user_attrs[SCORE], "after": best.user_attrs[SCORE]},
+        "unseen_seed": fresh,
+        "out": None,
+    }
+    if not better:
+        return _tell(result, f"no better than {task.rules.name} in {len(found)} trials", as_json=as_json)
+    target.write_text(text.changed(values), encoding="utf-8")
+    say(f"wrote {target}; judging it on {len(judged)} unseen cases, seed {fresh}")
+    before, after = both(task.rules, target, judged, task.costs, workers)
+    diff = changes(text.text, text.changed(values), task.rules.name, target.name)
+    result |= {"out": str(target), "values": values, "diff": diff}
+    result["unseen"] = {"before": record(before), "after": record(after)}
+    if as_json:
+        print(json.dumps(result))
+    else:
+        seen = {f"{when} (seen)": scored(result["seen"][when]) for when in ("before", "after")}
+        print(diff)
+        Console().print(score_table({**seen, "before (unseen)": before, "after (unseen)": after}))
+        print("better on unseen cases too" if after.cost < before.cost else "NOT better on unseen cases")
+    return 0 if after.cost < before.cost else 1
+
+
+def _tell(result: dict[str, Any], text: str, *, as_json: bool) -> int:
+    print(json.dumps(result) if as_json else text)
+    return 1
+
+
+class Progress:
+    """A line for each finished trial, with the time that is left."""
+
+    def __init__(self, wanted: int) -> None:
+        self._wanted = wanted
+        self._began_s = time.monotonic()
+        self._had: int | None = None  # trials that were there before
+
+    def tell(self, trials: list[Any]) -> None:
+        """Say where the search is."""
+        values = [trial.value for trial in trials if trial.state.name == "COMPLETE"]
+        start = [
+            trial.value for trial in trials if trial.state.name == "COMPLETE" and "start" in trial.user_attrs
+        ]
+        invalid = sum(trial.state.name == "PRUNED" for trial in trials)
+        self._had = len(values) if self._had is None else self._had
+        new, left = len(values) - self._had, self._wanted - len(values)
+        spent_s = time.monotonic() - self._began_s
+        eta = f", about {spent_s / new * left:.0f} s left" if new and left > 0 else ""
+        best = f", best cost {min(values):.4g}" if values else ""
+        best += f" (start {start[0]:.4g})" if start else ""
+        say(f"{len(values)} of {self._wanted} trials, {invalid} invalid{best}{eta}")
+
+
+def say(text: str) -> None:
+    """Tell the user how it goes."""
+    print(f"trepid fear tune: {text}", file=sys.stderr, flush=True)

@@ -1,0 +1,162 @@
+"""How good a rule file is: what it costs to drive scenarios by it.
+
+    cost = departure·D + nuisance_per_km·N + speed_loss·V + missed_warning·(1 - A)
+
+with D the departures and collisions of the average run, N the slow-downs per km that nothing called for, V the mean
+speed lost where there is nothing to fear, against the same drives without fear, and A the AUROC of fear against a
+departure within 3 s. A is judged on drives without fear: fear that works prevents the departures that it is judged
+by. There the rules are asked about every decision as it was, which costs no run.
+"""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from sim_harness.lockstep.closed_loop import Instant
+from sim_harness.lockstep.fear_scores import fear_auroc
+from sim_harness.lockstep.trace import Trace
+from sim_harness.scenarios.sampling import Case
+from sim_harness.sweep.outcome import is_complete, perform
+from sim_harness.sweep.plan import Plan, plan
+from sim_harness.sweep.processes import in_this_process
+from sim_harness.tuning.settings import Costs
+from supervisor.inference import FearRules
+from trepid.messages import Decision, Mode
+
+
+class RunCrashed(Exception):
+    """A run of a candidate crashed: that says nothing of the rules."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fearless:
+    """A drive on which fear had no consequences."""
+
+    mean_speed_mps: float
+    t_s: tuple[float, ...]  # of each decision
+    departures: tuple[int, ...]  # by then
+    inputs: tuple[str, ...]
+    values: tuple[tuple[float | None, ...], ...]  # of the inputs, a row for each decision
+
+    def felt(self, rules: FearRules) -> Trace:
+        """What fear ``rules`` would have had."""
+        fear = [rules.evaluate(dict(zip(self.inputs, row, strict=True))).fear for row in self.values]
+        columns = {"t_s": self.t_s, "departures": self.departures, "decision.fear": fear}
+        return Trace({name: np.array(column, dtype=np.float64) for name, column in columns.items()}, {})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """What came of driving a plan by one rule file."""
+
+    cost: float
+    runs: int
+    departures: int  # and collisions
+    nuisance_per_km: float
+    speed_loss: float  # share; negative: faster than without fear
+    auroc: float | None  # None: without fear nobody departed, or everybody all the time
+    mean_speed_mps: float
+
+
+def fearless(rules: Path, folder: Path) -> Path:
+    """A copy of a rule file whose fear changes nothing, for reference drives."""
+    yaml = YAML(typ="rt")
+    data = yaml.load(rules.read_text(encoding="utf-8"))
+    for action in data["fear"].values():
+        action["speed_factor"], action["mode"] = 1.0, Mode.KEEP.value
+    path = folder / "fearless.yaml"
+    yaml.dump(data, path)
+    return path
+
+
+def reference(case: Case) -> Fearless:
+    """Drive ``case``, whose rules have no consequences. Raises what the run raises."""
+    seen: list[tuple[float, int, Decision]] = []
+
+    def witness(now: Instant) -> None:
+        if now.decision is not None and now.now_s >= 0 and (not seen or seen[-1][2] is not now.decision):
+            seen.append((now.now_s, now.truth.departures, now.decision))
+
+    result, _ = perform(case, witness=witness)
+    return Fearless(
+        mean_speed_mps=result.metrics.mean_speed_mps,
+        t_s=tuple(t_s for t_s, _, _ in seen),
+        departures=tuple(departures for _, departures, _ in seen),
+        inputs=seen[0][2].inputs if seen else (),
+        values=tuple(decision.input_values for _, _, decision in seen),
+    )
+
+
+def driven_by(rules: Path, planned: Plan) -> list[Case]:
+    """The cases of a plan, in its order, with these rules."""
+    return [
+        Case(
+            scenario=case.scenario.model_copy(update={"rules": str(rules)}),
+            index=case.index,
+            seed=case.seed,
+            parameters=case.parameters,
+        )
+        for case in planned.values()
+    ]
+
+
+def score(rules: Path, planned: Plan, references: list[Fearless], costs: Costs) -> Score:
+    """Drive ``planned`` by ``rules``; ``references`` are its drives without fear. Raises RunCrashed."""
+    cases = driven_by(rules, planned)
+    rows = [outcome.row for _, outcome in in_this_process(plan(cases))]
+    for row in rows:
+        if not is_complete(row):
+            raise RunCrashed(f"{row['scenario']} seed {row['seed']}: {row['reasons'][0]}")
+    loaded = FearRules.load(rules)
+    parts: dict[str, Any] = {
+        "departures": sum(row["departures"] + row["collisions"] for row in rows),
+        "nuisance_per_km": _nuisance_per_km(rows),
+        "speed_loss": _speed_loss(cases, rows, references),
+        "auroc": fear_auroc(*(drive.felt(loaded) for drive in references)),
+        "mean_speed_mps": float(np.mean([row["mean_speed_mps"] for row in rows])),
+    }
+    return Score(cost=_cost(parts, len(rows), costs), runs=len(rows), **parts)
+
+
+def scored(record: dict[str, Any]) -> Score:
+    """The score in what :func:`dataclasses.asdict` made of it."""
+    return Score(**record)
+
+
+def record(of: Score) -> dict[str, Any]:
+    """A score as plain values."""
+    return asdict(of)
+
+
+def _cost(parts: dict[str, Any], runs: int, costs: Costs) -> float:
+    missed = 0.0 if parts["auroc"] is None else 1.0 - parts["auroc"]
+    return float(
+        costs.departure * parts["departures"] / runs
+        + costs.nuisance_per_km * parts["nuisance_per_km"]
+        + costs.speed_loss * max(parts["speed_loss"], 0.0)
+        + costs.missed_warning * missed
+    )
+
+
+def _nuisance_per_km(rows: Iterable[dict[str, Any]]) -> float:
+    driven = [row for row in rows if row["nuisance_slowdowns_per_km"] is not None]
+    distance_km = sum(row["distance_m"] for row in driven) / 1000.0
+    count = sum(row["nuisance_slowdowns_per_km"] * row["distance_m"] / 1000.0 for row in driven)
+    return count / distance_km if distance_km > 0 else 0.0
+
+
+def _speed_loss(cases: list[Case], rows: list[dict[str, Any]], references: list[Fearless]) -> float:
+    """Share of the mean speed that fear costs in cases without fault, disturbance or traffic, else in all."""
+    calm = [not (c.scenario.faults or c.scenario.disturbances or c.scenario.traffic) for c in cases]
+    counted = calm if any(calm) else [True] * len(cases)
+    pairs = [
+        (row["mean_speed_mps"], drive.mean_speed_mps)
+        for row, drive, counts in zip(rows, references, counted, strict=True)
+        if counts
+    ]
+    with_fear, without = (float(np.mean(speeds)) for speeds in zip(*pairs, strict=True))
+    return 1.0 - with_fear / without if without > 0 else 0.0

@@ -1,0 +1,62 @@
+"""What is tuned, by what measure: ``config/tune.yaml``."""
+
+import math
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from trepid.config import InputError, Settings
+
+NonNegative = Annotated[float, Field(ge=0)]
+DIGITS = 3  # of a parameter's span: finer differences mean nothing
+
+
+class Costs(Settings):
+    """What each harm costs; their sum is minimised. See :mod:`sim_harness.tuning.score`."""
+
+    departure: NonNegative  # or collision, of the average run
+    nuisance_per_km: NonNegative  # of slow-downs that nothing called for
+    speed_loss: NonNegative  # of the mean speed on calm roads, as a share
+    missed_warning: NonNegative  # 1 - AUROC of fear against departures of drives without fear
+
+
+class Span(Settings):
+    """Where a number may go."""
+
+    low: float
+    high: float
+
+    @model_validator(mode="after")
+    def _rises(self) -> "Span":
+        if not self.low < self.high:
+            raise ValueError(f"low {self.low:g} must be below high {self.high:g}")
+        return self
+
+    def rounded(self, value: float) -> float:
+        """``value`` to a thousandth of the span, as somebody would write it."""
+        step = 10.0 ** round(math.log10((self.high - self.low) / 10**DIGITS))
+        return min(max(round(round(value / step) * step, 12), self.low), self.high)
+
+
+class TuneSettings(Settings):
+    """The contents of ``config/tune.yaml``."""
+
+    scenarios: tuple[str, ...]
+    unseen: tuple[str, ...]  # more scenarios, on which the result is judged beside fresh cases of the former
+    cases: Annotated[int, Field(ge=1)]  # of each scenario
+    costs: Costs
+    parameters: dict[str, Span]  # name of a number (see tuning/numbers.py) -> where it may go
+
+
+def parse_vary(texts: list[str]) -> dict[str, Span]:
+    """``NAME=LOW..HIGH`` texts of ``--vary``. Raises InputError."""
+    spans = {}
+    for text in texts:
+        name, _, span = text.partition("=")
+        low, dots, high = span.partition("..")
+        try:
+            spans[name] = Span(low=float(low), high=float(high))
+        except ValueError as error:
+            what = "low must be below high" if dots and low and high else "expected NAME=LOW..HIGH"
+            raise InputError(f"--vary {text}: {what}") from error
+    return spans

@@ -1,0 +1,218 @@
+"""The search: workers that try candidates on one storage, which outlives them.
+
+Optuna's tree-structured Parzen estimator proposes; each worker asks, checks, drives and tells by itself, so that
+workers of any number of sessions, here or on other machines, go on with the same study. A candidate that fails the
+checks of a rule file is never driven. Who is killed loses one candidate.
+
+Watanabe, Tree-structured Parzen estimator: understanding its algorithm components and their roles for better
+empirical performance (2023).
+"""
+
+import hashlib
+import json
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.context import SpawnProcess
+from multiprocessing.resource_tracker import ensure_running
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import optuna
+from optuna.samplers import TPESampler
+from optuna.storages import BaseStorage, JournalStorage, RDBStorage
+from optuna.storages.journal import JournalFileBackend
+from optuna.trial import FrozenTrial, TrialState
+
+from sim_harness.sweep.plan import Plan
+from sim_harness.sweep.processes import ONE_THREAD
+from sim_harness.tuning.numbers import NumberedText
+from sim_harness.tuning.score import Fearless, RunCrashed, record, score
+from sim_harness.tuning.settings import Costs, Span
+from supervisor.inference import FearRules
+from supervisor.verify import verify
+from trepid.config import InputError
+
+POLL_S = 0.2
+LOCKED_S = 60.0  # a worker waits this long for the database that others write to
+MOST_INVALID = 50  # candidates in a row: the spans hold next to no valid file
+SCORE, INVALID, SESSION, START = "score", "invalid", "session", "start"  # user attributes of a trial
+Tell = Callable[[list[FrozenTrial]], None]
+"""Is told of every trial so far whenever one has finished."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """What a worker needs; can be sent to another process."""
+
+    rules: Path
+    parameters: dict[str, Span]
+    planned: Plan
+    references: list[Fearless]
+    costs: Costs
+    storage: str
+    trials: int  # complete ones in the study, whoever made them
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Of the study: what is tuned from where, over what, by which measure. Other questions, other studies."""
+        spans = {name: [span.low, span.high] for name, span in self.parameters.items()}
+        about = [self.rules.read_text(encoding="utf-8"), spans, list(self.planned), self.costs.model_dump()]
+        digest = hashlib.sha256(json.dumps(about).encode()).hexdigest()
+        return f"{self.rules.stem}-{digest[:12]}"
+
+
+class Invalid(Exception):
+    """A candidate that fails the checks of a rule file."""
+
+
+def open_storage(url: str) -> BaseStorage:
+    """The storage at ``sqlite:///FILE`` or another database, or in a journal file. Raises InputError."""
+    try:
+        if "://" in url:
+            arguments = {"connect_args": {"timeout": LOCKED_S}} if url.startswith("sqlite") else {}
+            return RDBStorage(url, engine_kwargs=arguments)
+        return JournalStorage(JournalFileBackend(url))
+    except Exception as error:  # whatever the driver of that database raises
+        what = str(error).splitlines()[0]
+        raise InputError(f"--storage {url}: cannot be used: {what}") from error
+
+
+def candidate(task: Task, values: dict[str, float], folder: Path) -> Path:
+    """The rule file with other values, checked. Raises Invalid."""
+    path = folder / "candidate.yaml"
+    path.write_text(NumberedText(task.rules).changed(values), encoding="utf-8")
+    try:
+        problems = verify(FearRules.load(path)).problems
+    except InputError as error:
+        raise Invalid(str(error)) from error
+    if problems:
+        raise Invalid(str(problems[0]))
+    return path
+
+
+def search(task: Task, workers: int, tell: Tell) -> list[FrozenTrial]:
+    """Search until the study has its trials; the trials. Interrupting leaves in the storage what is finished."""
+    study = _opened(task)
+    session = os.urandom(8).hex()
+    context = multiprocessing.get_context("spawn")
+    os.environ.update(ONE_THREAD | os.environ)
+    crew = [context.Process(target=_work, args=(task, n, session), daemon=True) for n in range(workers)]
+    try:
+        _start(crew)
+        finished = -1
+        while any(process.is_alive() for process in crew):
+            time.sleep(POLL_S)
+            trials = study.get_trials(deepcopy=False)
+            count = sum(trial.state.is_finished() for trial in trials)
+            if count != finished:
+                finished = count
+                tell(trials)
+    finally:
+        for process in crew:
+            process.kill()
+            process.join()
+        _give_up(study, session)
+    failed = [process.exitcode for process in crew if process.exitcode not in (0, None)]
+    trials = study.get_trials()
+    if failed and len(complete(trials)) < task.trials:
+        raise InputError(f"the workers ended with exit codes {failed}; their messages stand above")
+    return trials
+
+
+def _start(crew: list[SpawnProcess]) -> None:
+    """An interrupt from the keyboard never reaches the workers: who started them ends them."""
+    ensure_running()  # when a process starts it instead, it lets interrupts through
+    masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # children inherit it
+    try:
+        for process in crew:
+            process.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, masked)
+
+
+def complete(trials: list[FrozenTrial]) -> list[FrozenTrial]:
+    """Those that were driven."""
+    return [trial for trial in trials if trial.state == TrialState.COMPLETE]
+
+
+def _opened(task: Task) -> optuna.Study:
+    """The study in its storage; a new one begins with the values that the file has."""
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    study = optuna.create_study(study_name=task.name, storage=open_storage(task.storage), load_if_exists=True)
+    waits_or_done = (TrialState.WAITING, TrialState.RUNNING, TrialState.COMPLETE)
+    if not any(START in trial.user_attrs for trial in study.get_trials(states=waits_or_done)):
+        text = NumberedText(task.rules)
+        start = {name: text.value(name) for name in task.parameters}
+        study.enqueue_trial(start, user_attrs={START: True})
+    return study
+
+
+def cost(trial: FrozenTrial) -> float:
+    """What a complete trial came to."""
+    return float(trial.user_attrs[SCORE]["cost"])
+
+
+def _give_up(study: optuna.Study, session: str) -> None:
+    """What workers of this session had begun is failed."""
+    for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+        if trial.user_attrs.get(SESSION) == session:
+            study.tell(trial.number, state=TrialState.FAIL)
+
+
+def _work(task: Task, number: int, session: str) -> None:
+    """One worker: candidates until there are enough."""
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    study = optuna.load_study(study_name=task.name, storage=open_storage(task.storage))
+    begun = len(study.get_trials(deepcopy=False))  # who goes on must not draw the same numbers again
+    seed = int(np.random.SeedSequence((task.seed, number, begun)).generate_state(1)[0])
+    study.sampler = TPESampler(seed=seed, multivariate=True, constant_liar=True)
+    invalid = 0
+    with TemporaryDirectory() as folder:
+        while invalid < MOST_INVALID and _wanted(study, task, session):
+            trial = study.ask()
+            trial.set_user_attr(SESSION, session)
+            invalid = 0 if _tried(study, trial, task, Path(folder)) else invalid + 1
+
+
+def _wanted(study: optuna.Study, task: Task, session: str) -> bool:
+    trials = study.get_trials(deepcopy=False)
+    under_way = [t for t in trials if t.state == TrialState.RUNNING and t.user_attrs.get(SESSION) == session]
+    return len(complete(trials)) + len(under_way) < task.trials
+
+
+def _tried(study: optuna.Study, trial: optuna.Trial, task: Task, folder: Path) -> bool:
+    """Try one candidate; False when it is none."""
+    values = suggested(trial, task.parameters)
+    try:
+        found = score(candidate(task, values, folder), task.planned, task.references, task.costs)
+    except Invalid as error:
+        trial.set_user_attr(INVALID, str(error))
+        study.tell(trial, state=TrialState.PRUNED)
+        return False
+    except RunCrashed as error:
+        trial.set_user_attr(INVALID, str(error))
+        study.tell(trial, state=TrialState.FAIL)
+        return False
+    trial.set_user_attr(SCORE, record(found))
+    study.tell(trial, found.cost)
+    return True
+
+
+def suggested(trial: Any, parameters: dict[str, Span]) -> dict[str, float]:
+    """The values that a trial proposes, rounded to what somebody would write."""
+    return {
+        name: span.rounded(trial.suggest_float(name, span.low, span.high))
+        for name, span in parameters.items()
+    }
+
+
+def values_of(trial: FrozenTrial, parameters: dict[str, Span]) -> dict[str, float]:
+    """The values that a finished trial tried."""
+    return {name: span.rounded(trial.params[name]) for name, span in parameters.items()}
