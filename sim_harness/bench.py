@@ -25,6 +25,7 @@ from sim_harness.control_bench.bench import SECTIONS, bench_control
 from sim_harness.control_bench.limits import bench_limits
 from sim_harness.fear_bench.bench import SECTIONS as FEAR_SECTIONS
 from sim_harness.fear_bench.bench import bench_fear
+from sim_harness.follow_bench.bench import FOLLOW_SECTIONS, bench_follow
 from sim_harness.lockstep.bench import bench_lockstep
 from sim_harness.plants.bench import bench_plants
 from sim_harness.render.ground import Ground
@@ -172,6 +173,8 @@ SEEDED: dict[str, Callable[[int], dict[str, Any]]] = {
     "control-limits": bench_limits,
     "fear": bench_fear,
     **{f"fear-{name}": section for name, section in FEAR_SECTIONS.items()},
+    "follow": bench_follow,
+    **{f"follow-{name}": section for name, section in FOLLOW_SECTIONS.items()},
 }
 """Benchmarks that draw lots."""
 ON_REQUEST = {"determinism", *SEEDED}  # takes minutes
