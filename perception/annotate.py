@@ -26,20 +26,25 @@ SINGLE_IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".bmp"})
 
 def annotated(image: Bgr, estimate: SteeringEstimate) -> Bgr:
     """A copy of ``image``, at least 640 px wide, with the lane of ``estimate`` drawn into it."""
-    scale = max(1.0, MIN_WIDTH_PX / image.shape[1])
-    size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
-    canvas = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC).astype(np.uint8, copy=False)
+    canvas, scale = enlarged(image)
     left, right = (
         np.array(path, float).reshape(-1, 2) * scale
         for path in (estimate.left_boundary_px, estimate.right_boundary_px)
     )
-    unit = max(1, round(size[0] / 480))
+    unit = max(1, round(canvas.shape[1] / 480))
     colour = _confidence_colour(estimate.confidence)
     canvas = _lane(canvas, left, right, colour)
     for line, line_colour in ((left, LEFT), (right, RIGHT)):
         _polyline(canvas, line, line_colour, 2 * unit)
     _centre(canvas, left, right, 2 * unit)
     return _panel(canvas, estimate, colour)
+
+
+def enlarged(image: Bgr) -> tuple[Bgr, float]:
+    """A copy of ``image``, at least 640 px wide, and by how much it is larger."""
+    scale = max(1.0, MIN_WIDTH_PX / image.shape[1])
+    size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
+    return cv2.resize(image, size, interpolation=cv2.INTER_CUBIC).astype(np.uint8, copy=False), scale
 
 
 def _confidence_colour(confidence: float) -> Colour:
@@ -89,18 +94,16 @@ def _panel(canvas: Bgr, estimate: SteeringEstimate, colour: Colour) -> Bgr:
     strip[:] = cv2.addWeighted(strip, 0.25, np.full_like(strip, PANEL), 0.75, 0)
     for number, (name, value) in enumerate(_numbers(estimate)):
         x = round((12 + 103 * number) * unit)
-        _text(canvas, name, (x, round(16 * unit)), 0.36 * unit, (190, 190, 190))
-        _text(canvas, value, (x, round(36 * unit)), 0.52 * unit, WHITE)
+        text(canvas, name, (x, round(16 * unit)), 0.36 * unit, (190, 190, 190))
+        text(canvas, value, (x, round(36 * unit)), 0.52 * unit, WHITE)
     x, bar = round(530 * unit), round(98 * unit)
-    _text(canvas, "confidence", (x, round(16 * unit)), 0.36 * unit, (190, 190, 190))
+    text(canvas, "confidence", (x, round(16 * unit)), 0.36 * unit, (190, 190, 190))
     top, bottom = round(24 * unit), round(36 * unit)
     cv2.rectangle(canvas, (x, top), (x + bar, bottom), (80, 80, 80), -1)
     cv2.rectangle(canvas, (x, top), (x + round(bar * estimate.confidence), bottom), colour, -1)
-    _text(
-        canvas, f"{estimate.confidence:.2f}", (x + round(34 * unit), round(34.5 * unit)), 0.36 * unit, WHITE
-    )
+    text(canvas, f"{estimate.confidence:.2f}", (x + round(34 * unit), round(34.5 * unit)), 0.36 * unit, WHITE)
     if estimate.reason:
-        _text(canvas, estimate.reason, (round(12 * unit), round(62 * unit)), 0.45 * unit, colour)
+        text(canvas, estimate.reason, (round(12 * unit), round(62 * unit)), 0.45 * unit, colour)
     return canvas
 
 
@@ -119,10 +122,11 @@ def _number(value: float | None, pattern: str) -> str:
     return "-" if value is None else pattern.format(value)
 
 
-def _text(canvas: Bgr, text: str, at: tuple[int, int], size: float, colour: Colour) -> None:
+def text(canvas: Bgr, words: str, at: tuple[int, int], size: float, colour: Colour) -> None:
+    """Write ``words`` with a dark edge, so that they can be read on anything."""
     thickness = max(1, round(size * 1.6))
-    cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, PANEL, thickness + 2, cv2.LINE_AA)
-    cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, colour, thickness, cv2.LINE_AA)
+    cv2.putText(canvas, words, at, cv2.FONT_HERSHEY_SIMPLEX, size, PANEL, thickness + 2, cv2.LINE_AA)
+    cv2.putText(canvas, words, at, cv2.FONT_HERSHEY_SIMPLEX, size, colour, thickness, cv2.LINE_AA)
 
 
 class AnnotationWriter:

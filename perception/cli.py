@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +20,7 @@ from rich.table import Table
 
 from perception.annotate import AnnotationWriter, annotated, as_path
 from perception.estimators import ESTIMATORS, Estimator, lane_cv_settings
+from perception.lead_cli import estimate_leads
 from perception.self_calibration import self_calibrated
 from perception.sources import NOMINAL_FPS, VIDEO_SUFFIXES, Clip, Source, Still, sources
 from trepid.camera import Camera
@@ -30,6 +32,7 @@ Bgr = NDArray[np.uint8]
 Seen = tuple[Path, int, Bgr, SteeringEstimate]
 
 CALIBRATION_FRAMES = 9
+LEAD = "lead"
 MAX_TABLE_WIDTH = 200
 ASSUMED = "no --camera given: metres rest on an assumed camera, its horizon found in each image or clip"
 
@@ -42,6 +45,9 @@ def estimate(
     camera: Annotated[
         Path | None, typer.Option(help="Camera file; without it a typical one is assumed.")
     ] = None,
+    detector: Annotated[
+        Path | None, typer.Option(help="With --estimator lead: an .onnx or .tflite box detector to use.")
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object per frame on standard output.")
     ] = False,
@@ -49,12 +55,14 @@ def estimate(
         Path | None, typer.Option(help="Write annotated frames: an image, an .mp4 file or a folder.")
     ] = None,
 ) -> None:
-    """Estimate the lane in images, folders of images and videos."""
+    """Estimate the lane, or find the vehicle ahead, in images, folders of images and videos."""
     if estimator == "list":
         _list_estimators(as_json)
         return
-    if estimator not in ESTIMATORS:
-        raise InputError(f"no estimator {estimator!r}; there are {', '.join(ESTIMATORS)}")
+    if estimator not in (*ESTIMATORS, LEAD):
+        raise InputError(f"no estimator {estimator!r}; there are {', '.join((*ESTIMATORS, LEAD))}")
+    if detector is not None and estimator != LEAD:
+        raise InputError(f"--detector is for --estimator {LEAD}")
     if not inputs:
         raise InputError("name at least one image, folder or video")
     cv2.setNumThreads(1)
@@ -62,6 +70,12 @@ def estimate(
         "OPENCV_FFMPEG_LOGLEVEL", "-8"
     )  # quiet: a broken video is reported in our own words
     known = load(camera, Camera) if camera else None
+    if estimator == LEAD:
+        if known is None:
+            print(ASSUMED, file=sys.stderr)
+        eyes = partial(_camera_for, known=known)
+        estimate_leads(inputs, eyes, detector=detector, annotate=annotate, as_json=as_json)
+        return
     seen = _seen(inputs, estimator, known)
     if known is None:
         seen = _telling(seen, ASSUMED)
@@ -72,8 +86,13 @@ def estimate(
 
 def _list_estimators(as_json: bool) -> None:
     for name, entry in ESTIMATORS.items():
-        row = {"estimator": name, "description": entry.description}
-        print(json.dumps(row) if as_json else f"{name:8} {entry.description}")
+        _list(name, entry.description, as_json)
+    _list(LEAD, "vehicles, and the one ahead of us: a small network, or a detector from a file", as_json)
+
+
+def _list(name: str, description: str, as_json: bool) -> None:
+    row = {"estimator": name, "description": description}
+    print(json.dumps(row) if as_json else f"{name:8} {description}")
 
 
 def _seen(inputs: list[Path], name: str, known: Camera | None) -> Iterator[Seen]:
