@@ -6,7 +6,7 @@ TESTED := $(VENV)/.ready-test
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 BIN := $(VENV)/bin
 
-.PHONY: help setup drive test proof lint train clean
+.PHONY: help setup drive test proof lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
@@ -14,6 +14,7 @@ help:
 	@echo "make proof   run what takes minutes: 100 runs on a loaded machine, a sweep on a Dask cluster that loses a worker"
 	@echo "make lint    ruff and mypy"
 	@echo "make train   re-create the shipped CNN weights (installs torch into its own .venv-train)"
+	@echo "make acados  the peer of trepid bench control-mpc (needs gcc)"
 	@echo "make clean   remove the virtual environments"
 
 setup: $(TESTED)
@@ -59,5 +60,9 @@ train:
 	@.venv-train/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[train]'
 	@.venv-train/bin/python -m trepid train $(ARGS)
 
+# acados's wheel brings a casadi of its own, so it stays out of .venv.
+acados:
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --target .venv-acados comma-deps-acados==0.2.2.post92
+
 clean:
-	rm -rf $(VENV) .venv-train
+	rm -rf $(VENV) .venv-train .venv-acados
