@@ -11,9 +11,9 @@ from trepid.config import CONFIG_DIR, load
 pytest.importorskip("casadi", reason="needs the extra mpc")
 pytest.importorskip("daqp", reason="needs the extra mpc")
 
-from controller.mpc_solver import Solver  # noqa: E402
-from sim_harness.control_bench import mpc as bench  # noqa: E402
-from sim_harness.control_bench.acados_peer import CONFIGURATIONS, Acados, missing  # noqa: E402
+from controller.mpc_solver import Solver
+from sim_harness.control_bench import mpc as bench
+from sim_harness.control_bench.acados_peer import CONFIGURATIONS, Acados, missing
 
 SETTINGS = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
 
