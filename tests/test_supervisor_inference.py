@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import pickle
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +11,12 @@ import pytest
 import skfuzzy
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rule_rig import small_rules
 from scipy.stats import kendalltau
 
+from sim_harness.fear_bench.fingerprint import differing_processes
 from supervisor.coverage import calmest, worst
-from supervisor.inference import SILENT, FearRules
+from supervisor.inference import SILENT, FearRules, Trust
 from supervisor.rules import LEVELS, Input, RuleFile, Sets
 from supervisor.sentence import parse_rule
 from trepid.config import CONFIG_DIR
@@ -230,3 +234,60 @@ def test_a_weight_can_only_calm() -> None:
     values = {**CALM, "disagreement": 3.0}
     fears = [FearRules(RULES.file, (rule,)).evaluate(values).fear for rule in (heavy, light)]
     assert fears == [1, pytest.approx(0.3)]
+
+
+def found(seed: int) -> list[tuple[float, str, tuple[float, ...]]]:
+    """What the shipped rules find at random points."""
+    rng = np.random.default_rng(seed)
+    points = [{n: float(rng.uniform(*spec.range)) for n, spec in RULES.inputs.items()} for _ in range(200)]
+    return [(felt.fear, felt.cause, felt.strengths) for felt in map(RULES.evaluate, points)]
+
+
+def test_threads_that_share_the_rules_find_the_same_bits() -> None:
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(found, [1, 2, 3, 4])) == [found(seed) for seed in (1, 2, 3, 4)]
+
+
+def test_rules_sent_to_another_process_and_back_find_the_same_bits() -> None:
+    again = pickle.loads(pickle.dumps(RULES))
+    for point in (CALM, WORST, {**CALM, "disagreement": 1.9, "speed": 7.7}):
+        assert again.evaluate(point) == RULES.evaluate(point)
+        assert again.trust(point) == RULES.trust(point)
+
+
+def test_processes_with_other_hash_seeds_find_the_same_bits() -> None:
+    assert differing_processes(5, processes=1) == 0
+
+
+def test_trust_is_1_when_nothing_lowers_it_and_falls_to_what_a_rule_says() -> None:
+    rules = small_rules("if a is high then trust_cv is low because dim", estimators=("cv", "cnn"))
+    assert rules.trust({"a": 0.0})["cv"] == Trust(1, "none", (), ())
+    assert rules.trust({"a": 1.0})["cv"][:2] == (0.25, "dim")
+    assert rules.trust({"a": 0.625})["cv"].trust == pytest.approx(1 - 0.5 * 0.75)
+    assert rules.trust({"a": 1.0})["cnn"].trust == 1
+
+
+def test_trust_asks_only_for_the_inputs_of_its_rules_and_takes_what_is_missing_for_the_worst() -> None:
+    rules = small_rules("if a is high then trust_cv is very_low because dim", estimators=("cv",))
+    assert rules.trust({"a": 0.0, "b": None})["cv"].trust == 1
+    lost = rules.trust({"a": None})["cv"]
+    assert (lost.trust, lost.cause, lost.texts[0]) == (0, "missing_data", "missing a: taken as very_high")
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(0, 1), st.floats(0, 1), st.sampled_from("ab"), st.floats(0, 1))
+def test_more_risk_is_never_more_trust(a: float, b: float, name: str, x: float) -> None:
+    rules = small_rules(
+        "if a is low and b is not very_low then trust_cv is medium with weight 0.7",
+        "if a is high or b is very_high then trust_cv is very_low",
+        estimators=("cv",),
+    )
+    less, more = {"a": a, "b": b}, {"a": a, "b": b}
+    more[name] = max(x, less[name])
+    assert rules.trust(more)["cv"].trust <= rules.trust(less)["cv"].trust
+
+
+def test_rules_about_trust_do_not_frighten() -> None:
+    doubt, fear = "if a is high then trust_cv is very_low", "if a is very_high then fear is low"
+    rules = small_rules(doubt, fear, estimators=("cv",))
+    assert rules.evaluate({"a": 0.75, "b": 0}).cause == "no_rule"

@@ -6,13 +6,8 @@ Times are by the clock on the wall and, as other work on the machine lengthens t
 """
 
 import gc
-import hashlib
-import json
-import os
 import random
 import resource
-import struct
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -20,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from sim_harness.fear_bench.fingerprint import differing_processes, random_point
 from sim_harness.fear_bench.scikit import fear_of, simulation
 from supervisor.coverage import Point
 from supervisor.inference import FearRules
 from supervisor.rules import LEVELS, Method, RuleFile
 from supervisor.sentence import parse_rule
-from trepid.config import CONFIG_DIR, ROOT
+from trepid.config import CONFIG_DIR
 
 INFERENCES, PEER_INFERENCES, MANY = 20_000, 60, 1_000_000
 TARGET_US = {"median_us": 30.0, "p99_us": 50.0}
@@ -81,14 +77,6 @@ def forty_rules(method: Method = "monotone") -> FearRules:
     return FearRules(file, tuple(parse_rule(sentence, file.inputs) for sentence in file.rules))
 
 
-def random_point(rules: FearRules, rng: random.Random, share: float = 1.0) -> Point:
-    """Every input uniform over ``share`` of its range from the calm end."""
-    return {
-        name: spec.calmest + share * rng.random() * (spec.worst - spec.calmest)
-        for name, spec in rules.inputs.items()
-    }
-
-
 def times_us(rules: FearRules, points: list[Point], *, count: int = INFERENCES) -> dict[str, Any]:
     """Median and 99th percentile of one inference [us]."""
     spent = np.empty((count, 2))  # filled in place: a growing list would be measured too
@@ -133,28 +121,6 @@ def growth(rules: FearRules, points: list[Point], *, count: int = MANY) -> dict[
     return {"blocks": left, "peak_memory_kib": _peak_kib() - peak_kib}
 
 
-def differing_processes(seed: int, *, processes: int = 3) -> int:
-    """How many of some processes, each with its own hash seed, do not find the same bits as this one."""
-    command = [sys.executable, "-m", __name__, str(seed)]
-    own = fingerprint(seed)
-    differ = 0
-    for n in range(processes):
-        env = {**os.environ, "PYTHONHASHSEED": str(n)}
-        done = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, check=True, text=True)
-        differ += done.stdout.strip() != own
-    return differ
-
-
-def fingerprint(seed: int, *, count: int = 2000) -> str:
-    """Hash of all that the shipped rules find at points drawn by ``seed``, to the last bit."""
-    rules, rng, digest = FearRules.load(CONFIG_DIR / "fear.yaml"), random.Random(seed), hashlib.sha256()
-    for _ in range(count):
-        felt = rules.evaluate(random_point(rules, rng, rng.random()))
-        digest.update(struct.pack(f"<{1 + len(felt.strengths)}d", felt.fear, *felt.strengths))
-        digest.update(json.dumps([felt.cause, felt.texts]).encode())
-    return digest.hexdigest()
-
-
 def _spent(call: Callable[..., object], *args: object) -> Spent:
     wall_s, used_s = time.perf_counter(), time.thread_time()
     call(*args)
@@ -170,7 +136,3 @@ def _summary(spent: Sequence[Spent] | Floats) -> dict[str, Any]:
 
 def _peak_kib() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
-
-if __name__ == "__main__":
-    print(fingerprint(int(sys.argv[1])))
