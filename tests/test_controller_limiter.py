@@ -4,14 +4,12 @@ import math
 from dataclasses import fields, replace
 
 import pytest
-from controller_rig import LIMITS as SHIPPED
-from controller_rig import SHUTTLE, command, state, vehicle
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from limiter_rig import SHIPPED, SHUTTLE, command, state, vehicle
 
 from controller.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
 from controller.limiter import Limiter, build
-from controller.limiter.interval import narrow
 from trepid.messages import Command
 
 DT_S = 0.01
@@ -44,20 +42,6 @@ def run(one, seconds, asked=None, known=None, from_s=0.0):
     known = known or state
     times = [from_s + DT_S * n for n in range(round(seconds / DT_S))]
     return [one.step(asked(t), t, known(t), now_s=t) for t in times]
-
-
-interval = st.tuples(st.floats(-10, 10), st.floats(-10, 10)).map(sorted).map(tuple)
-
-
-@given(interval, interval)
-def test_narrowing_is_the_intersection_or_the_nearest_point_and_never_empty(outer, inner):
-    low, high = narrow(outer, inner)
-    assert outer[0] <= low <= high <= outer[1]
-    overlap = max(outer[0], inner[0]), min(outer[1], inner[1])
-    if overlap[0] <= overlap[1]:
-        assert (low, high) == overlap
-    else:
-        assert low == high in outer
 
 
 def test_a_calm_command_passes_unchanged():

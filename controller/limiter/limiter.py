@@ -151,7 +151,7 @@ class Limiter:
         self._stopping = False
         self._ours_s = 0.0
         self._follow(seen)
-        self._saturation.step(seen.wheel_rad, seen.wheel_rad, 0.0, dt_s)
+        self._saturation.rest(dt_s)
         reach_mps2 = self._limits.override.fade_mps3 * dt_s
         accel_mps2 = clip(0.0, (self._accel_mps2 - reach_mps2, self._accel_mps2 + reach_mps2))
         return self._given(frame_s, seen.speed_mps, accel_mps2, dt_s)

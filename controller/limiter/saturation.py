@@ -35,4 +35,8 @@ class SaturationWatch:
         if cut and speed_mps >= limits.from_mps:
             self._cut_s = min(self._cut_s + dt_s, limits.after_s)
         else:
-            self._cut_s = max(self._cut_s - dt_s, 0.0)
+            self.rest(dt_s)
+
+    def rest(self, dt_s: float) -> None:
+        """Nothing was cut for ``dt_s``."""
+        self._cut_s = max(self._cut_s - dt_s, 0.0)

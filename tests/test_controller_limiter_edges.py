@@ -1,0 +1,246 @@
+"""The limiter's step in closed form: what each limit gives where it alone decides."""
+
+import math
+
+import pytest
+from limiter_rig import AT_ONCE, DT_S, EXACT, SHUTTLE, command, limiter, seen, state, vehicle
+
+from controller.limiter.excess import Excess
+from controller.limiter.turn import SteadyTurn
+
+TURN = SteadyTurn(SHUTTLE)
+QUICK = vehicle(max_road_wheel_rate_radps=1e6)  # the wheel goes anywhere at once, ...
+ANY_JERK = AT_ONCE.model_copy(update=dict(lateral_jerk_mps3=1e6))  # ... and the jerk does not matter
+LATE_S = SHUTTLE.steering_delay_s + SHUTTLE.steering_lag_s
+AY = AT_ONCE.lateral_accel_mps2
+
+
+def edge_rad(speed_mps, lateral_mps2=AY):
+    """The angle of a turn of ``lateral_mps2``."""
+    return TURN.angle_rad(lateral_mps2 / speed_mps**2, speed_mps)
+
+
+def stepped(one, now_s, *, wanted=0.0, accel=0.0, speed=10.0, **changes):
+    """One step with everything fresh."""
+    asked = command(now_s, road_wheel_angle_rad=wanted, accel_mps2=accel)
+    return one.step(asked, now_s, state(now_s, speed_mps=speed, **changes), now_s=now_s)
+
+
+def test_at_first_nothing_is_stopped_handed_over_or_saturated():
+    one = limiter()
+    assert (one.stopping, one.handed_over, one.saturated) == (False, False, False)
+    assert one.stopping is one.handed_over is one.saturated is False
+    assert one.step(None, None, None, now_s=0.0).road_wheel_angle_rad == 0.0
+
+
+def test_what_was_found_is_told_upward_and_the_rest_of_the_state_stays():
+    one, told = limiter(EXACT), state(3.0, speed_mps=7.0, driver_torque_nm=0.5)
+    stepped(one, 0.0)
+    assert one.report(told) == state(3.0, speed_mps=7.0, driver_torque_nm=0.5, saturated=False)
+    for n in range(80):
+        stepped(one, n / 64, wanted=0.5)
+    assert one.saturated
+    assert one.report(told).saturated is True
+    stepped(one, 1.5, driver_override=True)
+    assert one.report(told).driver_override is True
+    assert one.handed_over is True
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_the_angle_is_that_of_the_limit_at_the_speed_to_come(sign):
+    """A drive of 1.2 m/s² makes 0.18 m/s while the wheel follows."""
+    out = stepped(limiter(ANY_JERK, QUICK), 0.0, wanted=sign * 0.99 * edge_rad(10.0), accel=1.2)
+    assert out.accel_mps2 == 1.2
+    still = stepped(limiter(ANY_JERK, QUICK), 0.0, wanted=sign * 2.0)
+    assert still.road_wheel_angle_rad == 0.0  # a first step has no time to move the wheel
+    one = limiter(ANY_JERK, QUICK)
+    stepped(one, 0.0, accel=1.2)
+    out = stepped(one, DT_S, wanted=sign * 0.99 * edge_rad(10.0), accel=1.2)
+    assert out.road_wheel_angle_rad == pytest.approx(sign * edge_rad(10.0 + 1.2 * LATE_S), rel=1e-12)
+    assert out.accel_mps2 == 1.2
+
+
+@pytest.mark.parametrize("accel", [0.0, -0.5])
+def test_without_drive_the_speed_to_come_is_that_of_now(accel):
+    one = limiter(ANY_JERK, QUICK)
+    stepped(one, 0.0, accel=accel)
+    out = stepped(one, DT_S, wanted=2.0, accel=accel)
+    assert out.road_wheel_angle_rad == pytest.approx(edge_rad(10.0), rel=1e-12)
+    assert out.accel_mps2 == -1.0
+
+
+def test_a_drive_just_let_go_still_makes_speed():
+    """It follows with a lag of first order: after n steps of 1.2 m/s², 1.2·(1 - (1 - dt/(τ + dt))ⁿ)."""
+    one = limiter(ANY_JERK, QUICK)
+    stepped(one, 0.0, accel=1.2)  # no time has passed: the drive does nothing yet
+    for n in range(1, 21):
+        stepped(one, n * DT_S, accel=1.2)
+    gaining = 1.2 * (1.0 - (1.0 - DT_S / (SHUTTLE.accel_lag_s + DT_S)) ** 20)
+    assert 0.5 < gaining < 1.0
+    out = stepped(one, 21 * DT_S, wanted=0.99 * edge_rad(10.0), accel=-0.5)
+    assert out.road_wheel_angle_rad == pytest.approx(edge_rad(10.0 + gaining * LATE_S), rel=1e-12)
+
+
+def test_a_drive_without_lag_follows_at_once_and_with_no_time_not_at_all():
+    prompt = vehicle(max_road_wheel_rate_radps=1e6, accel_lag_s=0.0)
+    one = limiter(ANY_JERK, prompt)
+    stepped(one, 0.0, accel=1.2)
+    stepped(one, DT_S, accel=1.2)
+    out = stepped(one, 2 * DT_S, wanted=0.99 * edge_rad(10.0), accel=-0.5)
+    assert out.road_wheel_angle_rad == pytest.approx(edge_rad(10.0 + 1.2 * LATE_S), rel=1e-12)
+    one = limiter(ANY_JERK, prompt)
+    stepped(one, 0.0, accel=1.2)
+    out = stepped(one, DT_S, wanted=0.99 * edge_rad(10.0), accel=-0.5)
+    assert out.road_wheel_angle_rad == pytest.approx(0.99 * edge_rad(10.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_what_a_car_turns_more_than_its_wheels_say_is_taken_off_that_side_alone(sign):
+    yaw_rate_radps = sign * 0.02
+    excess = Excess(TURN, ANY_JERK)
+    excess.step(seen(speed_mps=10.0, yaw_rate_radps=yaw_rate_radps), 0.0)
+    e_mps2 = abs(excess.step(seen(speed_mps=10.0, yaw_rate_radps=yaw_rate_radps), DT_S))
+    assert 0.3 < e_mps2 < 1.0
+    for side, lateral_mps2 in ((sign, AY - e_mps2), (-sign, AY)):
+        one = limiter(ANY_JERK, QUICK)
+        stepped(one, 0.0, yaw_rate_radps=yaw_rate_radps)
+        out = stepped(one, DT_S, wanted=side * 2.0, yaw_rate_radps=yaw_rate_radps)
+        assert out.road_wheel_angle_rad == pytest.approx(side * edge_rad(10.0, lateral_mps2), rel=1e-9)
+
+
+@pytest.mark.parametrize("lateral_mps2", [-2.0, 1.0])
+def test_a_bend_leaves_as_much_brake_and_drive_as_its_jerk_allows(lateral_mps2):
+    """2·a·(κ·v²)/v ≤ J; with J = 0.5 m/s³ and v = 4 m/s: a ≤ 1/(κ·v²)."""
+    little = AT_ONCE.model_copy(update=dict(lateral_jerk_mps3=0.5))
+    most = 0.5 * 4.0 / (2.0 * abs(lateral_mps2))
+    start = edge_rad(4.0, lateral_mps2)
+    for asked in (1.4, -3.0):
+        out = stepped(limiter(little), 0.0, wanted=start, accel=asked, speed=4.0, road_wheel_angle_rad=start)
+        assert out.accel_mps2 == pytest.approx(math.copysign(most, asked), rel=1e-6)
+
+
+def test_in_a_bend_too_tight_for_the_speed_the_brake_is_that_of_the_limit():
+    little = AT_ONCE.model_copy(update=dict(lateral_jerk_mps3=2.0))
+    out = stepped(limiter(little), 0.0, wanted=0.3, accel=-4.0, speed=10.0, road_wheel_angle_rad=0.3)
+    assert out.accel_mps2 == pytest.approx(-2.0 * 10.0 / (2.0 * AY))
+
+
+def test_the_wheel_is_handed_back_as_it_is_and_its_rate_grows_from_nothing():
+    """At standstill only the rate limits: share n/64 of rate·dt in the n-th step of 0.5 s of 64 steps."""
+    one = limiter(EXACT)
+    stepped(one, 0.0, speed=0.0)
+    for n in range(1, 100):
+        stepped(one, n * DT_S, speed=0.0, wanted=0.0, road_wheel_angle_rad=0.2, driver_override=True)
+    assert one.handed_over
+    reach_rad, angle_rad = SHUTTLE.max_road_wheel_rate_radps * DT_S, 0.2
+    for n in range(1, 70):
+        out = stepped(one, (99 + n) * DT_S, speed=0.0, wanted=0.5, road_wheel_angle_rad=0.2)
+        angle_rad += reach_rad * min(n / 64, 1.0)
+        assert out.road_wheel_angle_rad == pytest.approx(angle_rad, rel=1e-12)
+
+
+def test_when_the_driver_takes_over_drive_and_brake_fade_and_the_command_stays_that_of_its_frame():
+    one = limiter(EXACT)
+    stepped(one, 0.0, accel=-2.0)
+    accels = []
+    for n in range(1, 70):
+        out = stepped(one, n * DT_S, accel=-2.0, driver_override=True, road_wheel_angle_rad=0.1, speed=6.0)
+        accels.append(out.accel_mps2)
+        assert (out.t_s, out.road_wheel_angle_rad, out.speed_mps) == (n * DT_S, 0.1, 6.0)
+    assert accels[:2] == [-2.0 + 4.0 * DT_S, -2.0 + 8.0 * DT_S]
+    assert accels[-6:] == [0.0] * 6
+    one = limiter(EXACT)
+    stepped(one, 0.0, accel=1.0)
+    out = stepped(one, DT_S, accel=1.0, driver_override=True)
+    assert out.accel_mps2 == 1.0 - 4.0 * DT_S
+    assert stepped(limiter(EXACT), 0.0, accel=1.0, driver_override=True).accel_mps2 == 0.0
+
+
+def test_the_driver_ends_a_stop_and_what_was_cut_is_forgotten():
+    one = limiter(EXACT)
+    for n in range(80):
+        stepped(one, n / 64, wanted=0.5)
+    assert one.saturated
+    one.step(command(accel_mps2=math.nan), 1.25, state(1.25), now_s=1.25)
+    assert one.stopping is True
+    stepped(one, 1.265625, driver_override=True)
+    assert one.stopping is False
+    for n in range(1, 40):
+        stepped(one, 1.265625 + n / 64, driver_override=True)
+    assert one.saturated is False
+
+
+def test_the_driver_is_found_by_a_wheel_that_does_not_follow():
+    one = limiter(EXACT)
+    for n in range(16):
+        stepped(one, n / 64)
+    found = [stepped(one, 0.25 + n / 64, road_wheel_angle_rad=0.1) and one.handed_over for n in range(20)]
+    assert found == [False] * 15 + [True] * 5
+    assert stepped(one, 0.5625, wanted=0.3, road_wheel_angle_rad=0.12).road_wheel_angle_rad == 0.12
+
+
+def test_without_a_state_the_driver_does_not_have_the_car():
+    one = limiter(EXACT)
+    stepped(one, 0.0, driver_override=True)
+    assert one.handed_over is True
+    one.step(command(DT_S), DT_S, None, now_s=DT_S)
+    assert one.handed_over is False
+
+
+def test_commands_that_come_too_seldom_drive_no_more():
+    """Eight in 0.5 s are asked for; every 0.125 s one comes, well within the timeout."""
+    one, accels = limiter(), []
+    for n in range(16 * 8):
+        received_s = math.floor(n / 8) * 0.125
+        asked = command(received_s, accel_mps2=1.0)
+        accels.append(one.step(asked, received_s, state(n / 64), now_s=n / 64).accel_mps2)
+    assert accels[0] == 1.0
+    assert accels[-1] == -1.0
+    assert one.stopping is False
+
+
+@pytest.mark.parametrize("age_s,stops", [(0.25, False), (0.2501, True)])
+def test_commands_are_lost_after_their_timeout(age_s, stops):
+    one = limiter()
+    stepped(one, 0.0)
+    one.step(command(), 0.0, state(age_s), now_s=age_s)
+    assert one.stopping is stops
+
+
+@pytest.mark.parametrize("age_s,stops", [(0.125, False), (0.1251, True)])
+def test_states_are_lost_after_their_timeout(age_s, stops):
+    one = limiter()
+    stepped(one, 0.0)
+    one.step(command(age_s), age_s, None, now_s=age_s)
+    assert one.stopping is stops
+
+
+@pytest.mark.parametrize("speed,stops", [(0.125, False), (0.126, True)])
+def test_a_stop_ends_at_standstill(speed, stops):
+    one = limiter()
+    one.step(command(accel_mps2=math.nan), 0.0, state(), now_s=0.0)
+    stepped(one, DT_S, speed=speed)
+    assert one.stopping is stops
+
+
+def test_the_last_curvature_is_held_for_the_speed_of_now():
+    one = limiter(ANY_JERK, QUICK)
+    stepped(one, 0.0)
+    angle_rad = stepped(one, DT_S, wanted=0.05).road_wheel_angle_rad
+    out = one.step(None, None, state(2 * DT_S, speed_mps=8.0), now_s=2 * DT_S)
+    expected = TURN.angle_rad(TURN.curvature_1pm(angle_rad, 10.0), 8.0)
+    assert out.road_wheel_angle_rad == pytest.approx(expected, rel=1e-12)
+    assert out.road_wheel_angle_rad < angle_rad
+
+
+def test_more_commands_open_no_limit():
+    """Limits are per elapsed time: eight steps within a tick move the wheel as far as one does."""
+    once, often = limiter(), limiter()
+    for one in (once, often):
+        stepped(one, 0.0, speed=0.0)
+    for n in range(1, 9):
+        many = stepped(often, n * DT_S / 8, wanted=0.5, speed=0.0)
+        again = stepped(often, n * DT_S / 8, wanted=0.5, speed=0.0)
+        assert again.road_wheel_angle_rad == many.road_wheel_angle_rad
+    single = stepped(once, DT_S, wanted=0.5, speed=0.0)
+    assert many.road_wheel_angle_rad == pytest.approx(single.road_wheel_angle_rad, rel=1e-9)
