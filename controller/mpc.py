@@ -41,9 +41,7 @@ if TYPE_CHECKING:
 
 _MIN_SPEED_MPS = 1.0  # below it a second counts as a metre, so that the wheels can turn at standstill
 _LEAST_LAG = 1e-3  # θ of an immediate steering; e^(-h/θ) is zero then
-_STEEPEST = 2.0 * math.exp(
-    -2.0
-)  # heading of (1 + s + s²/2)·e^-s, the way back of a triple pole, over its offset
+_STEEPEST = math.exp(-1.0)  # on the way back (1 + s)·e^-s of the two slow poles: heading over offset
 # Beyond these the model is left.
 _FASTEST_MPS = 100.0
 _FARTHEST_M = 20.0

@@ -31,6 +31,7 @@ _SOFT = 8  # DAQP's mark of a soft constraint
 _SOLVED = (1, 2)  # DAQP: solved; solved with soft constraints violated
 _STEEPEST_RAD = 1.2  # roll-outs beyond it are no guess: tan ψ and 1/cos ψ take over
 _COLD_ITERATIONS = 3
+_MOST_STEPS = 200  # of the active-set method, some 2 µs each; a few are the rule, 20 are not rare at many limits
 
 
 class Soft(NamedTuple):
@@ -116,6 +117,7 @@ class Solver:
             sense = np.zeros(len(self._high), dtype=np.int32)
             sense[2 * self._grid.stages :] = _SOFT
             self._qp = daqp.Model()
+            self._qp.settings = {"iter_limit": _MOST_STEPS}
             self._qp.setup(hessian, gradient, self._rows, self._high, self._low, sense)
             self._price(self._qp)
         else:
