@@ -14,6 +14,7 @@ from supervisor.coverage import calmest, silent_point, worst
 from supervisor.inference import SILENT, FearRules
 from supervisor.rules import LEVELS
 from supervisor.slopes import lipschitz
+from supervisor.supervisor import build
 from supervisor.verify import knots, load_verified, verify
 from trepid.config import CONFIG_DIR, InputError
 
@@ -206,3 +207,9 @@ def test_verified_rules_are_read_again_when_the_file_changes(tmp_path: Path) -> 
     assert load_verified(path) is first
     path.write_text(text.replace("speed_factor: 0.4", "speed_factor: 0.3"), encoding="utf-8")
     assert load_verified(path).file.fear.high.speed_factor == 0.3
+
+
+@pytest.mark.parametrize("path", sorted((CONFIG_DIR / "fear").glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_shipped_variant_may_drive(path: Path) -> None:
+    assert verify(FearRules.load(path)).problems == ()
+    build(rules=path)  # and asks only for what is measured

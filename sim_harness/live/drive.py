@@ -65,7 +65,7 @@ def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
             {
                 "estimators": scenario.estimators,
                 "cruise_speed_mps": scenario.speed_mps,
-                "rules": str(scenario.rules_file),
+                "rules": str(scenario.rules_file.resolve()),  # processes run in the root
             },
         ),
         ProcessSpec("controller", "controller.node"),
