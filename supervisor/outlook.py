@@ -51,13 +51,18 @@ class Observer:
         follow: FollowSettings,
         vehicle: Vehicle,
     ) -> None:
-        self._rules, self._limits = rules, sightings
-        self._expected = [name for name in rules.names if name.endswith(ESTIMATOR_SUFFIXES)]
+        self.adopt(rules)
+        self._limits = sightings
         self._half_width_m = vehicle.track_m / 2
         self._fusion, self._follower = Fusion(fusion), Follower(follow, vehicle)
         self._consistency = Consistency()
         self._saturated, self._single = Stopwatch(), Stopwatch()
         self._last_motion: Motion | None = None
+
+    def adopt(self, rules: FearRules) -> None:
+        """Ask what ``rules`` ask about from the next step on."""
+        self._rules = rules
+        self._expected = [name for name in rules.names if name.endswith(ESTIMATOR_SUFFIXES)]
 
     def speed_cap_mps(self, lead: Lead) -> float:
         """Greatest speed behind ``lead`` [m/s], inf without one."""

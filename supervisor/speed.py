@@ -13,6 +13,10 @@ class SpeedFactor:
         self._factor = 0.0
         self._last_s: float | None = None
 
+    def adopt(self, rules: FearRules) -> None:
+        """Go on with the actions of ``rules``, at the speed of now."""
+        self._rules = rules
+
     def step(
         self, fear: float, motion: Motion | None, *, stopping: bool, begins: bool, now_s: float
     ) -> float:

@@ -74,6 +74,16 @@ class Supervisor:
         self._hand_over = HandOver(settings.follow.hand_over_s)
         self._driver = False  # a driver acted at the last step
 
+    def adopt(self, rules: FearRules) -> None:
+        """Go on with other rules from the next step on; mode, timers and memory stay.
+
+        Raises InputError when ``rules`` speak of an input that does not exist; the rules stay as they were then.
+        """
+        _refuse_unknown(rules)
+        self._rules = rules
+        self._observer.adopt(rules)
+        self._speed.adopt(rules)
+
     def step(
         self,
         estimates: Mapping[str, SteeringEstimate | None],
