@@ -5,10 +5,11 @@ The relation of :mod:`controller.identification` in steady state, one vehicle st
     θ - atan(L·(r - r₀)/v) = K·a - b + T·θ'        a = v·(r - r₀)
 
 θ measured wheel angle, r measured yaw rate, v speed; K understeer gradient, b steering offset (tyres minus sensor),
-r₀ zero error of the yaw rate, T the time by which yaw follows the wheels: 0 in the kinematic model, about 0.05 s on
-tyres. An extended Kalman filter holds x = (K, b, r₀, T) and its covariance P. Both sides pass the same low-pass of
-``SMOOTH_S``, which keeps the relation and takes noise out of a and θ'. K, r₀ and T hardly change, b walks: so old
-bends are forgotten slowly and old offsets within a second (``WALK``). While the car stands, r is r₀.
+r₀ zero error of the yaw rate, T the time by which yaw follows the wheels: that of the tyres as far as the vehicle
+file knows them (:func:`yaw_lag_s`, about 0.05 s), and T₁ that is learned. An extended Kalman filter holds
+x = (K, b, r₀, T₁) and its covariance P. Both sides pass the same low-pass of ``SMOOTH_S``, which keeps the relation
+and takes noise out of a and θ'. K, r₀ and T₁ hardly change, b walks: so old bends are forgotten slowly and old
+offsets within a second (``WALK``). While the car stands, r is r₀.
 
 A bank φ of the road reads as the offset -K·g·φ. The two cannot be told apart from angle and yaw rate, and need not
 be: either asks for the same wheel angle, and b follows the bank within a second. A wrong wheelbase ΔL reads as
@@ -44,7 +45,7 @@ SMOOTH_S = 0.3  # an octave below the 1 Hz above which the tyres' own dynamics b
 UPDATE_S = 0.05  # between updates of the filter, which follows at 2 rad/s; the low-pass sees every state
 LONGEST_STEP_S = 0.25  # after a longer silence the low-pass starts anew
 STANDING_MPS = 0.01  # wheel encoders are exact at standstill
-UNKNOWN = (1.5e-3, 1e-2, 2e-3, 0.05)  # deviations of K [rad/(m/s²)], b [rad], r₀ [rad/s], T [s] at the start
+UNKNOWN = (1.5e-3, 1e-2, 2e-3, 0.03)  # deviations of K [rad/(m/s²)], b [rad], r₀ [rad/s], T₁ [s] at the start
 WALK = (1e-5, 3e-4, 1e-5, 1e-3)  # per √s: passengers, road bank, temperature, speed
 ERROR_RAD = 1.5e-4  # rad·√s, density of what the relation leaves out; with the walk: b follows at 2 rad/s
 STANDING_RADPS = 2e-4  # rad/s·√s of the yaw rate at standstill: 0.002 rad/s at 100 Hz
@@ -55,6 +56,19 @@ VISIBLE = 0.005  # of the bound of K: smaller changes do not make a new Vehicle
 
 LEARNING = ("offset", "offset and understeer")
 Rows = tuple[float, float, float, float]
+
+
+def yaw_lag_s(vehicle: Vehicle, speed_mps: float) -> float:
+    """Time by which yaw follows a ramp of the wheels; 0 where the slip of the rear axle is not known.
+
+    T = F·v - K·(F + R)·v³/(L + K·v²), F = R + K: the first-order term of the two axles of :mod:`controller.tyres`.
+    """
+    rear, gradient = vehicle.rear_slip_gradient_rad_per_mps2, vehicle.understeer_gradient_rad_per_mps2
+    if rear == 0.0:
+        return 0.0
+    front, speed2 = rear + gradient, speed_mps * speed_mps
+    held_m = vehicle.wheelbase_m + gradient * speed2
+    return speed_mps * (front - gradient * (front + rear) * speed2 / held_m)
 
 
 class LearningSettings(Settings):
@@ -88,7 +102,7 @@ class SteeringLearner:
         self._gradient = self._start  # as used; the vehicle follows in steps of VISIBLE
         self._span = max(settings.understeer_share * abs(self._start), settings.understeer_span)
         self._least = max(self._start - self._span, min(self._start, 0.0))
-        self._filter = _Kalman([self._start, 0.0, 0.0, 0.03])
+        self._filter = _Kalman([self._start, 0.0, 0.0, 0.0])
         self._smooth: _Smooth | None = None
         self._t_s: float | None = None  # of the last state
         self._pending_s = 0.0  # since the last update of the filter
@@ -104,7 +118,7 @@ class SteeringLearner:
         return self._filter.x[2]
 
     def deviations(self) -> tuple[float, ...]:
-        """Standard deviations of K [rad/(m/s²)], b [rad], r₀ [rad/s] and T [s]."""
+        """Standard deviations of K [rad/(m/s²)], b [rad], r₀ [rad/s] and T₁ [s]."""
         return self._filter.deviations()
 
     def values(self) -> tuple[tuple[str, str], ...]:
@@ -144,7 +158,9 @@ class SteeringLearner:
             return self._pause("no measurement")
         if abs(speed_mps) <= STANDING_MPS:
             self._filter.walk(dt_s)
+            self._filter.hold_gradient()
             self._filter.learn((0.0, 0.0, 1.0, 0.0), rate - self._filter.x[2], STANDING_RADPS**2, dt_s)
+            self._bound()
             return self._pause("standing")
         if speed_mps < self._settings.slowest_mps:
             return self._pause("too slow")
@@ -177,6 +193,7 @@ class SteeringLearner:
         kalman, per_zero_s = self._filter, self.vehicle.wheelbase_m / speed_mps
         gradient, offset_rad, zero, lag_s = kalman.x
         lateral_mps2 = smooth.lateral_mps2 - speed_mps * zero
+        lag_s += yaw_lag_s(self.vehicle, speed_mps)
         expected = gradient * lateral_mps2 - offset_rad - per_zero_s * zero + lag_s * smooth.angle_rate_radps
         bend = abs(lateral_mps2) >= self._settings.least_lateral_mps2
         kalman.walk(dt_s)
@@ -189,9 +206,14 @@ class SteeringLearner:
             smooth.angle_rate_radps,
         )
         kalman.learn(rows, smooth.difference_rad - expected, ERROR_RAD**2, dt_s)
-        kalman.x[0] = at_least(at_most(kalman.x[0], self._start + self._span), self._least)
-        kalman.x[1] = within(kalman.x[1], self._settings.max_offset_rad)
+        self._bound()
         return LEARNING[1 if bend else 0]
+
+    def _bound(self) -> None:
+        """Keep what was learned within its bounds."""
+        x = self._filter.x
+        x[0] = at_least(at_most(x[0], self._start + self._span), self._least)
+        x[1] = within(x[1], self._settings.max_offset_rad)
 
     def _follow(self, speed_mps: float, dt_s: float) -> None:
         """Move what is used towards what was learned, within the jerk."""
@@ -228,7 +250,7 @@ class _Smooth:
 
 
 class _Kalman:
-    """x = (K, b, r₀, T) as random walks, and the covariance P of its error."""
+    """x = (K, b, r₀, T₁) as random walks, and the covariance P of its error."""
 
     def __init__(self, x: list[float]) -> None:
         self.x = x

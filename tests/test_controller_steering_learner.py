@@ -13,7 +13,7 @@ from identification_rig import drive as weave
 
 from controller.bicycle import angle_from_curvature
 from controller.identification import identify_understeer
-from controller.steering_learner import SteeringLearner
+from controller.steering_learner import SteeringLearner, yaw_lag_s
 from sim_harness.plants.plant import build_plant
 from sim_harness.plants.settings import Model, PlantSettings
 from trepid.messages import VehicleState
@@ -104,6 +104,24 @@ def test_bank_reads_as_an_offset_and_is_forgotten_within_three_seconds(sign):
     for n in range(300, 450):
         one.step(moving(n * 0.02, 15.0, 0.0, 0.0))
     assert abs(one.offset_rad) < 2e-4
+
+
+@pytest.mark.parametrize("speed_mps", [5.0, 10.0, 20.0])
+def test_yaw_lags_a_ramp_of_the_wheels_by_what_the_tyres_make_of_it(speed_mps):
+    """Against the two axles of controller/tyres.py, integrated."""
+    rear, wheelbase_m = 0.0051, CAR.wheelbase_m
+    front = rear + GRADIENT
+    car = vehicle(rear_slip_gradient_rad_per_mps2=rear)
+    drift = direction = rate = t_s = 0.0
+    dt_s, ramp = 1e-4, 0.02
+    for _ in range(30_000):
+        t_s += dt_s
+        drift += dt_s * (-drift / (rear * speed_mps) - rate)
+        direction += dt_s * ((ramp * t_s - direction) / (front * speed_mps) - rate)
+        rate = speed_mps * (direction - drift) / wheelbase_m
+    steady = speed_mps / (wheelbase_m + GRADIENT * speed_mps**2)
+    assert yaw_lag_s(car, speed_mps) == pytest.approx(t_s - rate / (steady * ramp), abs=5e-4)
+    assert yaw_lag_s(CAR, speed_mps) == 0.0
 
 
 def test_what_a_driver_steers_teaches_as_much():
