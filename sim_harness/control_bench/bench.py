@@ -8,6 +8,7 @@ from sim_harness.control_bench.drift import bench_drift
 from sim_harness.control_bench.lateral import bench_lateral
 from sim_harness.control_bench.learning import bench_learning
 from sim_harness.control_bench.longitudinal import bench_longitudinal
+from sim_harness.control_bench.ranking import bench_ranking
 from sim_harness.control_bench.speeds import bench_speeds
 from trepid.config import InputError
 
@@ -29,6 +30,7 @@ SECTIONS: dict[str, Callable[[int], dict[str, Any]]] = {
     "drift": bench_drift,
     "learning": bench_learning,
     "longitudinal": bench_longitudinal,
+    "ranking": bench_ranking,
 }
 """Each is given the seed and gives what it measured; one that draws lots draws them from the seed only."""
 
