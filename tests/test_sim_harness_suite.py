@@ -65,7 +65,7 @@ def test_every_kind_of_disturbance_fault_and_manoeuvre_occurs():
     }
     faults = {
         schema[name]["properties"]["kind"]["const"]
-        for name in ("FrozenCamera", "BlackFrames", "LateFrames", "LostProcess", "EstimatorBias")
+        for name in ("FrozenCamera", "BlackFrames", "LateFrames", "LostProcess", "EstimatorBias", "LostLane")
     }
     assert set.union(*(kinds(s.disturbances) for s in SCENARIOS)) == set(DisturbanceKind)
     assert set.union(*(kinds(s.faults) for s in SCENARIOS)) == faults
