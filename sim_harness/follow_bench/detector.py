@@ -89,7 +89,7 @@ def bench_lead(seed: int) -> dict[str, Any]:
     clear = np.concatenate([log.table for log in logs["clear"]])
     times_ms = 1e3 * np.concatenate([log.times_s for logs_ in logs.values() for log in logs_])
     result: dict[str, Any] = {
-        "ms per frame (median, p99)": [round(float(v), 2) for v in np.percentile(times_ms, (50, 99))],
+        "ms of processor time per frame (median, p99)": [round(float(v), 2) for v in np.percentile(times_ms, (50, 99))],
         "false leads without a leader, share of frames": _share(
             ~np.isnan(np.concatenate([log.table for log in empty])[:, 3])
         ),
@@ -183,9 +183,9 @@ def _frame(
         t_s=t_s, speed_mps=SPEED_MPS, road_wheel_angle_rad=0.0, yaw_rate_radps=rate, driver_override=False
     )
     lane = oracle.step(_truth(road, world.station_m, offset_m, t_s))
-    started_s = time.perf_counter()
+    started_s = time.thread_time()
     said = finder.step(Frame(t_s=t_s, image=image), state, [lane], now_s=t_s)
-    log.times_s.append(time.perf_counter() - started_s)
+    log.times_s.append(time.thread_time() - started_s)
     nose_m = world.vehicle.wheelbase_m + world.vehicle.front_overhang_m
     true = None
     if world.with_leader:
