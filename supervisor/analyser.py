@@ -39,6 +39,7 @@ class AnalyserSettings(Settings):
     occluding_s: Positive  # ... or at a time gap less than this
     unsure: Share  # confidence below: the road is hard to see
     blind: Share  # ... it is not seen at all
+    weak_edges: Share  # confidence below which edges without lines, seen by one estimator only, are no road
     disagreement_mps2: Positive
     separation_m: Positive
 
@@ -91,7 +92,13 @@ def _behind(x: Features, s: AnalyserSettings) -> bool:
 
 def _unseen(x: Features, s: AnalyserSettings) -> bool:
     """The road is hard to see, for all that is known."""
-    return not _number(x["lane_confidence"]) >= s.unsure
+    return not _number(x["sight"]) >= s.unsure
+
+
+def _nowhere(x: Features, s: AnalyserSettings) -> bool:
+    """No estimator sees a road; or one sees weak edges where the other sees nothing: a field, fallen snow."""
+    weak = _number(x["unmarked"]) > 0.5 and _number(x["sight"]) < s.weak_edges
+    return _number(x["sight"]) < s.blind or (weak and _number(x["second_confidence"]) < s.blind)
 
 
 SUSPECTS = (
@@ -138,13 +145,15 @@ SUSPECTS = (
         _any(_above("disagreement", "disagreement_mps2"), _above("separation", "separation_m")),
         "the estimators see different roads",
     ),
-    Suspect("no_road", "road", _below("lane_confidence", "blind"), "nothing like a road is seen"),
+    Suspect("no_road", "road", _nowhere, "nothing, or weak edges that nobody confirms, is seen of a road"),
     Suspect("unmarked", "road", lambda x, s: _number(x["unmarked"]) > 0.5, "edges are seen, but no lines"),
     Suspect("low_confidence", "road", _unseen, "the road is hard to see"),
 )
 """In the order of causation: the first that fits is the cause."""
 
-SYMPTOMS = frozenset({"low_confidence", "no_road", "disagreement", "single_source", "jitter", "lane_width"})
+SYMPTOMS = frozenset(
+    {"low_confidence", "unconfirmed", "no_road", "disagreement", "single_source", "jitter", "lane_width"}
+)
 """Causes of fear rules that something else may have brought about; the analyser's finding then says what."""
 
 

@@ -42,7 +42,7 @@ EARLY_FEATURES = frozenset(
 )
 """Known before the estimates are joined: what trust in an estimator may rest on."""
 FEATURES = EARLY_FEATURES | {
-    *("lane_confidence", "disagreement", "separation", "single_source"),
+    *("lane_confidence", "second_confidence", "sight", "disagreement", "separation", "single_source"),
     *("lateral_demand", "lateral_error", "crossing"),
 }
 """Besides these there are ``<estimator>_confidence`` and ``<estimator>_jitter`` for every estimator."""
@@ -104,9 +104,13 @@ def features(
     of the vehicle.
     """
     speed_mps = early["speed"]
-    believed = [s.confidence * trust.get(s.estimator, 1.0) for s in sightings if s.confidence is not None]
+    believed = [
+        (s, s.confidence * trust.get(s.estimator, 1.0)) for s in sightings if s.confidence is not None
+    ]
     found = dict(early)
-    found["lane_confidence"] = max(believed) if believed else None
+    found["lane_confidence"] = max([c for _, c in believed]) if believed else None
+    found["second_confidence"] = sorted([0.0, 0.0, *[c for _, c in believed]])[-2] if believed else None
+    found["sight"] = max([0.0 if s.from_memory else c for s, c in believed]) if believed else None
     found["disagreement"], found["separation"] = _contradiction(sightings, fused, speed_mps)
     found["single_source"] = single_source_s
     found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)

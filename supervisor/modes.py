@@ -27,7 +27,8 @@ class ModeSettings(Settings):
     road_back_s: Seconds  # FOLLOW ends when the road has been seen this long ...
     road_back_confidence: Annotated[float, Field(gt=0, le=1)]  # ... with this confidence
     final_causes: frozenset[str]  # a stop for one of these is final
-    stop_after_s: dict[str, Positive]  # cause -> how long it may frighten before a comfort stop
+    stop_after_s: dict[str, Positive]  # cause -> how long it may frighten before a comfort stop ...
+    emergency_after_s: dict[str, Positive]  # ... and on the move before an emergency stop
 
 
 class Situation(NamedTuple):
@@ -81,7 +82,7 @@ TRANSITIONS = (
         DRIVING, lambda s: bool(s.fault), Mode.STOP, "a process is lost, data is stale, the driver acts"
     ),
     Transition(DRIVING, lambda s: s.terrified, Mode.STOP, "fear calls for it"),
-    Transition(DRIVING, lambda s: s.lasting, Mode.STOP, "one cause has frightened for too long"),
+    Transition(ON_ROAD, lambda s: s.lasting, Mode.STOP, "one cause has frightened for too long"),
     Transition(DRIVING, lambda s: not s.path and not s.lead, Mode.STOP, "neither road nor lead"),
     Transition(ON_ROAD, lambda s: not s.path, Mode.FOLLOW, "the road is lost, a lead is there"),
     Transition(frozenset({Mode.FOLLOW}), lambda s: s.road_back, Mode.CAUTION, "the road is back"),

@@ -48,6 +48,7 @@ class Sighting(NamedTuple):
     measures_width: bool  # whether it claims to see a boundary
     width_m: float | None = None  # of the lane; None: unknown, or impossible
     marked: bool | None = None  # seen by painted lines; False: by the edges of the road
+    from_memory: bool = False  # the estimator looks for boundaries and found none in this frame: it remembers
 
 
 def age_s(t_s: float | None, *, now_s: float, settings: SightingSettings) -> float:
@@ -90,6 +91,7 @@ def sight(
         measures_width=usable and estimate.lanes_detected > 0,
         width_m=within(estimate.lane_width_m, settings.max_offset_m) if usable else None,
         marked=estimate.marked if usable else None,
+        from_memory=estimate.marked is not None and estimate.lanes_detected == 0,
     )
 
 

@@ -70,6 +70,7 @@ class Supervisor:
         self._terrified, self._calm, self._ready, self._drivable = Held(), Held(), Held(), Held()
         self._road_back, self._pathless = Held(), Held()
         self._patience = Patience(settings.modes.stop_after_s)
+        self._last_patience = Patience(settings.modes.emergency_after_s)
         self._speed = SpeedFactor(rules, settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)
         self._driver = False  # a driver acted at the last step
@@ -130,6 +131,7 @@ class Supervisor:
         wanted = self._rules.mode(fear)
         still_wanted = self._rules.mode(at_most(fear + hysteresis.band, 1.0))
         afraid = wanted is not Mode.KEEP
+        borne = cause if afraid and not trail.usable else ""  # behind a leader there is a way without a road
         standstill = motion is not None and abs(motion.speed_mps) < modes.standstill_mps
         surest = max([s.confidence or 0.0 for s in outlook.seen if s.lane], default=0.0)
         drivable = outlook.drivable and fear <= modes.reengage_max_fear
@@ -138,10 +140,16 @@ class Supervisor:
         return Situation(
             fault=fault.cause,
             lost=fault.lost,
-            blind=self._is_blind(fault, outlook, pathless=path is None and trail.path is None, now_s=now_s)
+            blind=self._is_blind(
+                fault,
+                outlook,
+                pathless=path is None and trail.path is None,
+                cause=borne,
+                now_s=now_s,
+            )
             and not driver,
             terrified=self._terrified.lasts(wanted is Mode.STOP, hysteresis.stop_after_s, now_s=now_s),
-            lasting=self._patience.ends(cause if afraid else "", now_s=now_s),
+            lasting=self._patience.ends(borne, now_s=now_s),
             afraid=afraid,
             calm=self._calm.lasts(still_wanted is Mode.KEEP, hysteresis.calm_after_s, now_s=now_s),
             cause=cause,
@@ -158,13 +166,14 @@ class Supervisor:
             and not driver,
         )
 
-    def _is_blind(self, fault: Fault, outlook: Outlook, *, pathless: bool, now_s: float) -> bool:
-        """Whether the car moves, as far as is known, and has not been shown where to for too long."""
+    def _is_blind(self, fault: Fault, outlook: Outlook, *, pathless: bool, cause: str, now_s: float) -> bool:
+        """Whether the car moves, as far as is known, and for too long nobody who is sure has shown where to."""
         modes, last = self._settings.modes, outlook.last_motion
         moving = last is not None and abs(last.speed_mps) >= modes.standstill_mps
         lasting = self._pathless.lasts(moving and pathless, modes.blind_s, now_s=now_s)
         frameless = fault.cause == "stale_data" and min(outlook.ages_s.values()) > modes.emergency_stop_age_s
-        return lasting or (moving and frameless)
+        guessing = self._last_patience.ends(cause if moving else "", now_s=now_s)
+        return lasting or guessing or (moving and frameless)
 
     def _path(self, outlook: Outlook, now_s: float) -> fusion.Path | None:
         """The road's, or where it is lost the leader's; led over from one to the other."""

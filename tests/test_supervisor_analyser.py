@@ -15,7 +15,8 @@ FINE: Features = {
     "estimator_age": 0.03,
     "state_age": 0.01,
     "speed": 8.0,
-    "lane_confidence": 0.9,
+    "sight": 0.9,
+    "second_confidence": 0.9,
     "unmarked": 0.0,
     "brightness": 0.5,
     "contrast": 0.2,
@@ -30,7 +31,7 @@ FINE: Features = {
     "separation": 0.05,
 }
 AGES_S = {"cv": 0.03, "cnn": 0.03}
-BLIND = {"lane_confidence": 0.0}
+BLIND = {"sight": 0.0}
 
 
 def finding(**changes: float | None) -> Finding:
@@ -51,12 +52,14 @@ def test_when_all_is_well_nothing_is_found() -> None:
         ("over_exposed", "camera", BLIND | {"over_exposed": 0.8, "contrast": 0.01}),
         ("frozen_camera", "camera", {"frozen": 0.08}),
         ("blurred", "camera", BLIND | {"sharpness": 3.0}),
-        ("dirty_lens", "lens", {"spots": 0.3, "lane_confidence": 0.4}),
-        ("occluded", "traffic", {"lane_confidence": 0.3, "lead_distance": 6.0}),
+        ("dirty_lens", "lens", {"spots": 0.3, "sight": 0.4}),
+        ("occluded", "traffic", {"sight": 0.3, "lead_distance": 6.0}),
         ("disagreement", "perception", {"separation": 0.7}),
         ("no_road", "road", BLIND),
-        ("unmarked", "road", {"unmarked": 1.0, "lane_confidence": 0.4}),
-        ("low_confidence", "road", {"lane_confidence": 0.4}),
+        ("no_road", "road", {"unmarked": 1.0, "sight": 0.5, "second_confidence": 0.0}),
+        ("unmarked", "road", {"unmarked": 1.0, "sight": 0.9, "second_confidence": 0.0}),
+        ("unmarked", "road", {"unmarked": 1.0, "sight": 0.6}),
+        ("low_confidence", "road", {"sight": 0.6}),
     ],
 )
 def test_causes_come_before_their_consequences(cause: str, part: str, changes: Features) -> None:

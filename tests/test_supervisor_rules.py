@@ -93,12 +93,12 @@ def test_a_bad_word_in_a_rule_is_named_with_line_and_column(
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("low: [0.11, 0.15, 0.2]", "low: [0.15, 0.11, 0.2]", "must not fall"),
-        ("low: [0.11, 0.15, 0.2]", "low: [0.11, 0.2]", "expected 3 points"),
-        ("low: [0.11, 0.15, 0.2]", "low: [0.15, 0.16, 0.2]", "leave a gap"),
-        ("low: [0.11, 0.15, 0.2]", "low: [0.12, 0.12, 0.2]", "vertical"),
-        ("low: [0.11, 0.15, 0.2]", "low: [0.05, 0.3, 0.35]", "not in order"),
-        ("very_low: [0.0, 0.0, 0.11, 0.15]", "very_low: [0.0, 0.1, 0.11, 0.15]", "start as a shoulder"),
+        ("low: [0.08, 0.11, 0.2]", "low: [0.11, 0.08, 0.2]", "must not fall"),
+        ("low: [0.08, 0.11, 0.2]", "low: [0.08, 0.2]", "expected 3 points"),
+        ("low: [0.08, 0.11, 0.2]", "low: [0.11, 0.12, 0.2]", "leave a gap"),
+        ("low: [0.08, 0.11, 0.2]", "low: [0.09, 0.09, 0.2]", "vertical"),
+        ("low: [0.08, 0.11, 0.2]", "low: [0.05, 0.3, 0.35]", "not in order"),
+        ("very_low: [0.0, 0.0, 0.08, 0.11]", "very_low: [0.0, 0.05, 0.08, 0.11]", "start as a shoulder"),
         ("very_high: [0.25, 0.3, 1.0, 1.0]", "very_high: [0.25, 0.3, 0.9, 1.0]", "end as a shoulder"),
         ("risk: rising", "rsik: rising", "did you mean 'risk'?"),
         ("speed_factor: 0.4", "speed_factor: 0.9", "fear must slow down"),

@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from typing import Any
 
+from sim_harness.fear_bench.causes import bench_causes
 from sim_harness.fear_bench.inference import bench_inference
 
 SECTIONS: dict[str, Callable[[int], dict[str, Any]]] = {
     "inference": bench_inference,
+    "causes": bench_causes,
 }
 """Each is given the seed and gives what it measured; one that draws lots draws them from the seed only."""
 
