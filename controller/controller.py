@@ -37,6 +37,7 @@ from trepid.vehicle import Positive, Vehicle
 
 _MAX_DRIVE_LAG = 0.25  # of k·τ_a: damping 1 of the speed loop
 _MAX_OVERSTEER = 0.95  # of the critical speed, up to which the bicycle model is trusted
+_EASED_SHARE = 0.5  # of the lateral acceleration in bends, left while the limiter cuts the steering
 
 
 class InputLimits(Settings):
@@ -93,6 +94,8 @@ class Controller:
             timing_share=settings.lateral.timing_share,
         )
         self._law = build_law(settings.lateral, vehicle)
+        budget_mps2 = _EASED_SHARE * settings.speed.lateral_accel_mps2
+        self._eased = settings.speed.model_copy(update=dict(lateral_accel_mps2=budget_mps2))
         self._speed = SpeedControl(settings.speed, drive_lag_s=vehicle.accel_lag_s)
         self._now_s: float | None = None
         self._healthy_s = 0.0  # when both inputs were last usable
@@ -125,7 +128,8 @@ class Controller:
             self._law.release()
         lane = acting.lane if acting is not None else None
         stop = self._stop(decision, lane, speed_mps, now_s)
-        goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver)
+        cut = state is not None and state.saturated is True
+        goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver, cut=cut)
         return Command(
             t_s=frame_s,
             road_wheel_angle_rad=within(
@@ -240,8 +244,12 @@ class Controller:
         dt_s: float,
         *,
         driver: bool,
+        cut: bool,
     ) -> tuple[float, float]:
-        """Speed aimed at [m/s] and acceleration demand [m/s²]; where a driver drives, that of the car and none."""
+        """Speed aimed at [m/s] and acceleration demand [m/s²]; where a driver drives, that of the car and none.
+
+        While the limiter cuts the steering, bends are planned slower.
+        """
         if driver and speed_mps is not None:
             return speed_mps, self._speed.release()
         if stop is not Stop.NONE or decision is None or lane is None or speed_mps is None:
@@ -252,7 +260,7 @@ class Controller:
             cap_mps=cap_mps,
             speed_mps=speed_mps,
             drive_lag_s=self._vehicle.accel_lag_s,
-            settings=self._settings.speed,
+            settings=self._eased if cut else self._settings.speed,
         )
         return goal.speed_mps, self._speed.track(goal, speed_mps=speed_mps, dt_s=dt_s)
 
