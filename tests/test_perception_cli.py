@@ -182,3 +182,22 @@ def test_hidden_and_foreign_files_in_a_folder_are_left_out(folder):
     (folder / "readme.txt").write_text("notes")
     found = sources(folder)
     assert all(isinstance(source, Still) for source in found) and len(found) == 2
+
+
+def test_the_lead_detector_lists_vehicles_with_places_and_boxes(folder, capsys, tmp_path):
+    estimate([folder], estimator="lead", as_json=True, annotate=tmp_path / "leads")
+    for row in lines(capsys):
+        assert row["estimator"] == "lead"
+        assert {"distance_m", "lateral_m", "speed_mps", "confidence", "detections", "latency_ms"} <= set(row)
+        assert row["speed_mps"] is None, "without odometry there is no speed"
+    assert sorted(path.name for path in (tmp_path / "leads").iterdir()) == ["a.png", "b.png"]
+
+
+def test_a_detector_file_is_for_the_lead_estimator_only(folder):
+    with pytest.raises(InputError, match="--detector"):
+        estimate([folder], detector=Path("some.onnx"))
+
+
+def test_a_missing_detector_file_is_named(folder, tmp_path):
+    with pytest.raises(InputError, match=r"none\.tflite"):
+        estimate([folder], estimator="lead", detector=tmp_path / "none.tflite")

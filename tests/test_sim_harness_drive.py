@@ -14,7 +14,7 @@ import pytest
 
 from trepid.config import ROOT
 
-PROCESSES = ("vehicle", "camera", "cv", "cnn", "supervisor", "controller")
+PROCESSES = ("vehicle", "camera", "cv", "cnn", "lead", "supervisor", "controller")
 pytestmark = pytest.mark.processes
 
 
