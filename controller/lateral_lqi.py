@@ -16,8 +16,12 @@ s² + √(2 + d²)·ω·s + ω². Like the pole placement of :mod:`controller.la
 slowed down further until the margins asked for hold with the prediction over the dead time in the loop
 (:mod:`controller.lqr`): a vehicle file with slow steering gets a slow loop, never an unstable one.
 
-The integral is bounded, stands still where the offset is out of the linear range, and is forgotten when a driver
-steers. As far from the centre as that, the car comes back along a straight line at the approach angle.
+Far from the centre, with r = |e| + |w|·k_w/k_e above r₀, the bandwidth falls by r₀/r, to a least one: a wheel
+whose jerk is limited cannot follow large errors as quickly as small ones (low-and-high gain: Lin and Saberi, IEEE
+Trans. Automatic Control 40 (1995)).
+
+The integral is bounded, stands still when r is above r₀, and is forgotten when a driver steers. Further off still,
+the car comes back along a straight line at the approach angle.
 
 Anderson and Moore, Optimal Control (1990), sections 2.3 and 3.3; Hippe, Windup in Control (2006), chapter 2.
 """
@@ -62,6 +66,8 @@ class LqiSettings(Settings):
     damping: NonNegative  # d
     integral: NonNegative  # i
     max_integral_mps2: NonNegative  # that the integral may ask for
+    near_m: Positive  # r₀
+    far_radps: Positive  # bandwidth far from the centre
     max_approach_rad: Annotated[float, Field(gt=0, lt=1.5)]
     max_approach_mps: Positive
     margins: MarginSettings
@@ -168,13 +174,17 @@ class Lqi:
     def curvature(self, at: Acting, *, dt_s: float) -> float:
         """κ_cmd [1/m]."""
         lane, speed_mps = at.lane, at_least(abs(at.speed_mps), _MIN_SPEED_MPS)
+        sideways_mps = speed_mps * math.sin(lane.heading_rad)
         gain = self._gains(speed_mps)
+        far_m = abs(lane.offset_m) + abs(sideways_mps) * gain.sideways_1ps / gain.offset_1ps2
+        if far_m <= self._settings.near_m:
+            self._integrate(gain, lane.offset_m, dt_s)
+        else:
+            gain = self._softened(gain, self._settings.near_m / far_m)
+        approach_mps = self._approach(gain, lane.offset_m, speed_mps)
         tyres_m, steering_m = self._tyres.lag_s(speed_mps) * at.speed_mps, self._lag_s * at.speed_mps
         beside, wheel_1pm = (self._bend(lane, ahead_m) for ahead_m in (0.0, tyres_m))
         ahead_1pm = self._bend(lane, tyres_m + steering_m)
-        sideways_mps = speed_mps * math.sin(lane.heading_rad)
-        approach_mps, near = self._approach(gain, lane.offset_m, speed_mps)
-        self._integrate(gain, lane.offset_m if near else 0.0, dt_s)
         speed2 = speed_mps * speed_mps
         feedback_mps2 = (
             self._integral_mps2
@@ -188,18 +198,23 @@ class Lqi:
         """Forget the integral."""
         self._integral_mps2 = 0.0
 
+    def _softened(self, gain: Gains, share: float) -> Gains:
+        """``gain`` at ``share`` of its bandwidth, but no slower than far from the centre."""
+        share = at_least(share, at_most(self._settings.far_radps / math.sqrt(gain.offset_1ps2), 1.0))
+        return gain._replace(
+            offset_1ps2=share * share * gain.offset_1ps2, sideways_1ps=share * gain.sideways_1ps
+        )
+
     def _bend(self, lane: Lane, ahead_m: float) -> float:
         """Curvature that keeps the distance to the lane ``ahead_m`` from here."""
         return lane.path_curvature(lane.curvature_at(at_least(ahead_m, 0.0)))
 
-    def _approach(self, gain: Gains, offset_m: float, speed_mps: float) -> tuple[float, bool]:
-        """The sideways speed back to the centre that ``offset_m`` asks for, and whether it may have it."""
-        settings = self._settings
-        most_rad = at_most(
-            math.asin(at_most(settings.max_approach_mps / speed_mps, 1.0)), settings.max_approach_rad
+    def _approach(self, gain: Gains, offset_m: float, speed_mps: float) -> float:
+        """The sideways speed back to the centre that ``offset_m`` asks for, within the approach angle."""
+        most_mps = at_most(
+            speed_mps * math.sin(self._settings.max_approach_rad), self._settings.max_approach_mps
         )
-        wanted_mps, most_mps = gain.offset_1ps2 / gain.sideways_1ps * offset_m, speed_mps * math.sin(most_rad)
-        return within(wanted_mps, most_mps), abs(wanted_mps) <= most_mps
+        return within(gain.offset_1ps2 / gain.sideways_1ps * offset_m, most_mps)
 
     def _integrate(self, gain: Gains, offset_m: float, dt_s: float) -> None:
         step_mps2 = gain.integral_1ps3 * offset_m * dt_s

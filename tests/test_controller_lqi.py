@@ -6,14 +6,16 @@ from itertools import pairwise
 import control
 import numpy as np
 import pytest
-from controller_rig import SETTINGS, SHUTTLE, vehicle
+from controller_rig import SETTINGS, SHUTTLE, drive, road, vehicle
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controller.lane import Lane
+from controller.lateral import LawName
 from controller.lateral_lqi import SPEEDS_MPS, Lags, Lqi, design, model
 from controller.law import Acting
 from controller.lqr import exponential, gains, loop, margins
+from sim_harness.plants.state import PlantState
 
 LQI = SETTINGS.lateral.lqi
 NEED = LQI.margins
@@ -166,9 +168,27 @@ def test_far_from_the_centre_nothing_winds_up():
 
 def test_far_from_the_centre_it_asks_for_no_more_than_the_largest_approach_angle():
     approach_rad = math.asin(LQI.max_approach_mps / 10.0)
-    for far in (2.0, 5.0):
+    for far in (5.0, 7.0):
         asked = law().curvature(acting(offset=far, heading=-approach_rad), dt_s=0.0)
         assert asked == pytest.approx(0.0, abs=1e-12)
+
+
+def test_far_from_the_centre_it_turns_in_more_gently():
+    """Per metre of offset, where the approach angle does not bound it yet."""
+    near, far = (abs(law().curvature(acting(offset=e), dt_s=0.0)) / e for e in (0.1, 0.6))
+    assert far < 0.6 * near
+
+
+@pytest.mark.parametrize("speed_mps", [10.0, 30.0])
+def test_a_metre_off_it_comes_back_through_the_limiter(speed_mps):
+    """The limiter's jerk would make a loop as quick as near the centre swing for ever."""
+    by_lqi = SETTINGS.model_copy(
+        update=dict(lateral=SETTINGS.lateral.model_copy(update=dict(law=LawName.LQI)))
+    )
+    line, start = road([(30.0 * speed_mps, 0.0)]), PlantState(speed_mps=speed_mps, y_m=-1.0)
+    samples = drive(line, start=start, cap_mps=speed_mps, duration_s=12.0, settings=by_lqi)
+    assert abs(samples[-1].offset_m) <= 0.03
+    assert max(one.offset_m for one in samples) <= 0.05
 
 
 def test_slow_steering_is_given_a_slow_loop():
