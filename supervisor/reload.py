@@ -23,9 +23,10 @@ from supervisor.verify import load_verified
 from trepid.config import ROOT, InputError, read_text
 from trepid.messages import Health
 
-PATIENCE_S = 20.0  # reading takes under a second; a file that takes longer is refused
+PATIENCE_S = 60.0  # reading takes about a second, on a busy computer ten; a file that takes longer is refused
 SETTLE_MS = 100  # an editor writes a file in several strokes
-NICENESS = 10
+LOOK_EVERY_MS = 1000  # looked at also when nothing was heard: not every file system tells
+NICENESS = 5
 
 
 class News(NamedTuple):
@@ -66,6 +67,8 @@ class RuleWatch:
                 watch_filter=lambda _, path: Path(path).name == self._path.name,
                 stop_event=self._stop,
                 debounce=SETTLE_MS,
+                rust_timeout=LOOK_EVERY_MS,
+                yield_on_timeout=True,
                 recursive=False,
             ):
                 self._look()

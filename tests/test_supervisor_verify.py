@@ -48,7 +48,7 @@ numbers = st.sampled_from([i / 64 for i in range(65)])
 points = st.fixed_dictionaries(dict.fromkeys(INPUTS, numbers))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(rule_sets)
 def test_the_rules_are_found_silent_exactly_where_a_dense_grid_finds_them_silent(rules: FearRules) -> None:
     strengths = rules.fear_voice.method.strengths
@@ -60,7 +60,7 @@ def test_the_rules_are_found_silent_exactly_where_a_dense_grid_finds_them_silent
         assert rules.evaluate(found).texts == (SILENT,)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(rule_sets, points, st.sampled_from(sorted(INPUTS)), numbers)
 def test_where_the_rules_speak_fear_never_falls_as_a_risk_rises_not_even_by_rounding(
     rules: FearRules, point: dict[str, float], name: str, x: float
@@ -70,7 +70,7 @@ def test_where_the_rules_speak_fear_never_falls_as_a_risk_rises_not_even_by_roun
     assert more.fear >= less.fear or SILENT in less.texts
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(rule_sets, points, st.sampled_from(sorted(INPUTS)), numbers)
 def test_fear_changes_no_faster_than_the_bound(
     rules: FearRules, point: dict[str, float], name: str, x: float
