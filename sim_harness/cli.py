@@ -14,6 +14,7 @@ from rich.table import Table
 import sim_harness.roads.cli
 from sim_harness.footage.cli import resimulate_verb
 from sim_harness.report.disturbance_sheet import disturbances_verb
+from sim_harness.report.lead_sheet import leads_verb
 from sim_harness.report.page import Page
 from sim_harness.scenarios.limits_cli import limits_verb
 from sim_harness.scenarios.sampling import Method, fresh_seed
@@ -31,6 +32,7 @@ app.command("schema")(schema_verb)
 app.command("resimulate")(resimulate_verb)
 app.command("limits")(limits_verb)
 app.command("disturbances")(disturbances_verb)
+app.command("leads")(leads_verb)
 app.add_typer(sim_harness.roads.cli.app, name="road", help="Show roads; read and write OpenDRIVE files.")
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
 Tags = Annotated[

@@ -1,0 +1,80 @@
+"""One picture of what the lead detector sees: distances from left to right, conditions from top to bottom."""
+
+from pathlib import Path
+from typing import Annotated
+
+import cv2
+import numpy as np
+import typer
+
+from perception.lead import LeadFinder, lead_settings, make_detector
+from perception.lead_cli import SeenLead, drawn
+from sim_harness.render.lead import Body
+from sim_harness.render.renderer import Renderer
+from sim_harness.render.view import Bytes, Motion
+from sim_harness.roads.disturbances import Disturbance, DisturbanceKind
+from sim_harness.roads.road import Road, load_road
+from sim_harness.scenarios.traffic import BODIES, Shape
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.messages import Frame
+from trepid.vehicle import Vehicle
+
+STATION_M = 55.0
+GAPS_M = (4.0, 9.0, 16.0, 28.0)
+SHAPES = (Shape.CAR, Shape.VAN, Shape.CAR, Shape.TRUCK)
+ROWS: tuple[tuple[DisturbanceKind, float] | None, ...] = (
+    None,
+    (DisturbanceKind.TREE_SHADOWS, 3.0),
+    (DisturbanceKind.NIGHT, 2.0),
+    (DisturbanceKind.RAIN, 3.0),
+)
+TILE_PX = (320, 240)
+MOTION = Motion(speed_mps=6.0, yaw_rate_radps=0.0)
+
+
+def leads_verb(
+    picture: Annotated[Path, typer.Option(help="File to draw into, .png or .jpg.")],
+    road: Annotated[str, typer.Option(help="A name in config/roads/.")] = "circuit",
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+) -> int:
+    """Draw what the lead detector sees of vehicles on a road, near and far, in good and bad light."""
+    sheet = lead_sheet(load_road(road), seed=seed)
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    if not cv2.imwrite(str(picture), sheet, [cv2.IMWRITE_JPEG_QUALITY, 80]):
+        raise InputError(f"{picture}: cannot be written")
+    return 0
+
+
+def lead_sheet(road: Road, *, seed: int) -> Bytes:
+    """The picture, shape (rows, columns, 3)."""
+    camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    rows = []
+    for kind in ROWS:
+        disturbances = [] if kind is None else [Disturbance(kind=kind[0], grade=kind[1])]
+        renderer = Renderer(road, camera, seed=seed, disturbances=disturbances)
+        places = zip(GAPS_M, SHAPES, strict=True)
+        rows.append(np.hstack([_tile(renderer, vehicle, gap_m, BODIES[shape]) for gap_m, shape in places]))
+    return np.asarray(np.vstack(rows), np.uint8)
+
+
+def _tile(renderer: Renderer, vehicle: Vehicle, gap_m: float, body: Body) -> Bytes:
+    """A vehicle ``gap_m`` ahead, a car that comes towards us behind it, and what is found of them."""
+    road, camera = renderer.road, renderer.camera
+    nose_m = STATION_M + vehicle.wheelbase_m + vehicle.front_overhang_m
+    rear_m = nose_m + gap_m - body.rear_m
+    beside_m = nose_m + 1.5 * gap_m + 4.0
+    coming = (*road.position(beside_m, road.width_at(beside_m)), road.heading_at(beside_m) + np.pi)
+    image = renderer.render(
+        *road.position(STATION_M, 0.0),
+        road.heading_at(STATION_M),
+        t_s=gap_m,
+        station_m=STATION_M,
+        vehicles=[((*road.position(rear_m, 0.1), road.heading_at(rear_m)), body), (coming, Body())],
+        motion=MOTION,
+    )
+    settings = lead_settings()
+    finder = LeadFinder(make_detector(settings, camera), settings, camera, vehicle)
+    lead = finder.step(Frame(t_s=0.0, image=image), None, [], now_s=0.0)
+    seen = SeenLead(Path("sheet"), 0, image, camera, lead, finder.detections, 0.0)
+    return np.asarray(cv2.resize(drawn(seen), TILE_PX, interpolation=cv2.INTER_AREA), np.uint8)
