@@ -5,13 +5,15 @@ READY := $(VENV)/.ready
 TESTED := $(VENV)/.ready-test
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 BIN := $(VENV)/bin
+LIMITER_TESTS := tests/test_controller_limiter_edges.py tests/test_controller_limiter_parts.py tests/test_controller_limiter.py
 
-.PHONY: help setup drive test proof lint train acados clean
+.PHONY: help setup drive test proof mutation lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
 	@echo "make test    set up and run the tests"
 	@echo "make proof   run what takes minutes: 100 runs on a loaded machine, a sweep on a Dask cluster that loses a worker"
+	@echo "make mutation  mutate the limiter: its tests must notice every change (15 min on two quiet cores)"
 	@echo "make lint    ruff and mypy"
 	@echo "make train   re-create the shipped CNN weights (installs torch into its own .venv-train)"
 	@echo "make acados  the peer of trepid bench control-mpc (needs gcc)"
@@ -46,9 +48,17 @@ else
 endif
 
 proof: $(TESTED)
-	@$(PIP) -e '.[test,cluster]'
+	@$(PIP) -e '.[proof]'
+	@echo "== coverage of the limiter by its own tests"
+	@$(BIN)/python -m pytest $(LIMITER_TESTS) --cov=controller.limiter --cov-branch --cov-fail-under=100
 	@echo "== pytest -m proof"
 	@$(BIN)/python -m pytest -m proof $(ARGS)
+
+# Goes on where it was; every mutant must be killed, none is excused.
+mutation: $(TESTED)
+	@$(PIP) -e '.[proof]'
+	@$(BIN)/mutmut run --max-children 2
+	@mkdir -p out; $(BIN)/mutmut results | tee out/mutation.txt; test ! -s out/mutation.txt
 
 lint: $(TESTED)
 	@$(BIN)/ruff check
