@@ -109,6 +109,40 @@ def identify(
     return 1 if steady.refused else 0
 
 
+@app.command()
+def margins(
+    vehicle: Annotated[Path, typer.Option(help="Vehicle file.")] = CONFIG_DIR / "vehicle.yaml",
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a field of the vehicle file."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
+) -> None:
+    """Bandwidth of the LQI steering loop over speed, and how wrong it may be before it is unstable."""
+    from controller.controller import ControllerSettings
+    from controller.lateral_lqi import Lqi
+
+    car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
+    lateral = load(CONFIG_DIR / "controller.yaml", ControllerSettings).lateral
+    law = Lqi(lateral.lqi, car, command_delay_s=lateral.command_delay_s)
+    rows = [
+        {
+            "speed_mps": design.speed_mps,
+            "bandwidth_radps": round(design.bandwidth_radps, 3),
+            "gain_margin_db": round(design.margins.gain_db, 1) if design.margins.gain < math.inf else None,
+            "phase_margin_deg": round(math.degrees(design.margins.phase_rad), 1),
+            "delay_margin_s": round(design.margins.delay_s, 3),
+        }
+        for design in law.designs
+    ]
+    if as_json:
+        typer.echo(json.dumps(rows))
+        return
+    typer.echo(" ".join(f"{name:>16}" for name in rows[0]))
+    for row in rows:
+        typer.echo(" ".join(f"{'inf' if value is None else value:>16}" for value in row.values()))
+
+
 def _renaming(text: str) -> tuple[str, str]:
     name, sign, theirs = text.partition("=")
     if not (name and sign and theirs):

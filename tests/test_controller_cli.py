@@ -57,3 +57,14 @@ def test_bad_input_is_refused_with_what_is_wrong(arguments, message):
     error = steer(*flat, *arguments).exception
     assert isinstance(error, InputError)
     assert message in str(error)
+
+
+def test_the_margins_of_the_steering_loop_are_those_asked_for_at_every_speed():
+    rows = json.loads(CliRunner().invoke(app, ["margins", "--set", "steering_delay_s=0.2", "--json"]).stdout)
+    assert [row["speed_mps"] for row in rows] == sorted(row["speed_mps"] for row in rows)
+    for row in rows:
+        assert row["gain_margin_db"] is None or row["gain_margin_db"] >= 6.0
+        assert row["phase_margin_deg"] >= 44.9
+        assert row["delay_margin_s"] >= 0.05
+    table = CliRunner().invoke(app, ["margins"]).stdout.splitlines()
+    assert len(table) == len(rows) + 1
