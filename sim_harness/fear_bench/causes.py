@@ -226,7 +226,9 @@ class Watcher:
 
 def trial(fault: Fault | None, rng: Rng, watcher: Watcher) -> list[str]:
     """The causes of the frames after the fault strikes, without one of as many frames of an undisturbed drive."""
-    scene, past, causes = Scene(rng), [], []
+    scene = Scene(rng)
+    past: list[Image] = []
+    causes: list[str] = []
     seed = int(rng.integers(2**31))
     for number in range(WARM_UP + WITHIN):
         moment = Moment(image=scene.image(number), past=past)
