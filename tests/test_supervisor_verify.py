@@ -106,6 +106,10 @@ def test_a_steep_rule_of_a_low_level_counts_by_what_it_adds() -> None:
             ("if a is very_low and b is very_low then fear is very_low", "if a is low then fear is very_high"),
             "no rule speaks at b=0.25, the rest calm",
         ),
+        (
+            ("if a is very_low and b is very_low then fear is very_low", "if b is low then fear is very_high"),
+            "no rule speaks at a=0.25, the rest calm",
+        ),
         (("if a is not very_low or a is very_low then fear is high",), "always fires: if a"),
         (("if a is very_high then fear is very_low", "if b is low then fear is very_high"), "always fires: if a"),
         (("if a is not very_high and b is low then fear is medium",), "never fires: if a"),
