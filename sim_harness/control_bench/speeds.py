@@ -20,14 +20,14 @@ ARCS_S = 2 * 2.0 + 2.0  # both arcs, and the straights before and after
 def bench_speeds(seed: int) -> dict[str, Any]:
     """Largest distance from the centre of the lane [m] by law and plant, over the speeds [m/s]."""
     rows: dict[str, dict[str, float]] = {}
-    for model, episode in _episodes(seed):
+    for model, episode in episodes(seed):
         for law, settings in contestants().items():
             row = rows.setdefault(f"{law}, {model.value}", {})
             row[f"{episode.speed_mps:.1f}"] = round(drive(episode, settings).worst_m, 4)
     return rows
 
 
-def _episodes(seed: int) -> Iterator[tuple[Model, Episode]]:
+def episodes(seed: int) -> Iterator[tuple[Model, Episode]]:
     """Cars that are what they are believed to be; with tyres, their stiffness is known."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     rear_slip = 1.0 / (PlantSettings().chassis.rear_stiffness_per_rad * GRAVITY_MPS2)
