@@ -10,9 +10,8 @@ speed: σ = s/ℓ along the lane, e offset [m], p = ℓ·ψ [m], a = ℓ²·κ_a
 constant over a stage of h. The two linear equations are solved exactly, with which e and p take one midpoint
 step. (The lag counts σ along the lane; along the path it is (1 - κ·e)/cos ψ of it.)
 
-Domahidi and Jerez, FORCES Pro; Verschueren et al., Towards time-optimal race car driving using nonlinear MPC
-(2014), section II (spatial bicycle model); Frison and Jørgensen, A fast condensing method for solution of linear-
-quadratic control problems (2013).
+Verschueren et al., Towards time-optimal race car driving using nonlinear MPC (2014), section II (the bicycle along
+the lane); Frison and Jørgensen, A fast condensing method for solution of linear-quadratic control problems (2013).
 """
 
 import math
