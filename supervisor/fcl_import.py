@@ -49,7 +49,7 @@ class _Reader:
             level: action.model_dump() for level, action in zip(LEVELS, like.fear.all, strict=True)
         }
         self.hysteresis: dict[str, Any] = like.hysteresis.model_dump()
-        self.method = "mamdani"
+        self.head: dict[str, Any] = {"method": "mamdani"}
 
     def file(self) -> RuleFile:
         words = self.words
@@ -190,28 +190,28 @@ class _Reader:
         words = self.words
         while not words.skip("END_OPTION"):
             word = words.take(*_PER_INPUT, *_PER_LEVEL, "HYSTERESIS", "METHOD", "BECAUSE", "END_OPTION")
-            store, key = self.stored(word)
+            store, around, key = self.stored(word)
             words.take(":=")
-            self.places[(*store[1], key)] = words.next
-            store[0][key] = _plain(words.value())
+            self.places[(*around, key)] = words.next
+            store[key] = _plain(words.value())
             words.take(";")
 
-    def stored(self, word: Token) -> tuple[Any, Any]:
-        """Where the value of an option goes: a mapping with its place in the file, and the key."""
+    def stored(self, word: Token) -> tuple[dict[Any, Any], tuple[str, ...], Any]:
+        """Where the value of an option goes: a mapping, its place in the file, and the key."""
         words = self.words
         if word.keyword in _PER_INPUT:
             name = words.name(self.inputs, what="one").text
-            return (self.inputs[name], ("inputs", name)), _PER_INPUT[word.keyword]
+            return self.inputs[name], ("inputs", name), _PER_INPUT[word.keyword]
         if word.keyword in _PER_LEVEL:
             level = words.name(LEVELS, what="one").text
-            return (self.actions[level], ("fear", level)), _PER_LEVEL[word.keyword]
+            return self.actions[level], ("fear", level), _PER_LEVEL[word.keyword]
         if word.keyword == "HYSTERESIS":
-            return (self.hysteresis, ("hysteresis",)), words.name(self.hysteresis, what="one").text
+            return self.hysteresis, ("hysteresis",), words.name(self.hysteresis, what="one").text
         if word.keyword == "METHOD":
-            return (vars(self), ()), "method"
+            return self.head, (), "method"
         label = words.value()
         self.fixed(label.text in self.labels, label, "the number of a rule above")
-        return (self.causes, ("causes",)), self.labels[label.text]
+        return self.causes, ("causes",), self.labels[label.text]
 
     def checked(self) -> RuleFile:
         for level, place in zip(LEVELS, self.peaks(FEAR), strict=True):
@@ -220,7 +220,7 @@ class _Reader:
         for name in estimators:
             self.peaks(TRUST_PREFIX + name)
         data = {
-            "method": self.method,
+            **self.head,
             "estimators": estimators,
             "inputs": self.inputs,
             "rules": [self.sentence(index) for index in range(len(self.rules))],
