@@ -17,6 +17,7 @@ from trepid.vehicle import Vehicle
 
 Positive = Annotated[float, Field(gt=0)]
 STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
+LED_BACK_S = 2.0  # the trail is driven for a while after the road is back (modes.road_back_s)
 SAME_LEAD_M, AT_ONCE_S = 1.0, 0.15  # from one sighting to the next; else it is another vehicle
 
 
@@ -86,7 +87,9 @@ class Following(NamedTuple):
     """What the leader is good for."""
 
     usable: bool  # one may drive behind it
-    path: Path | None  # its trail from here, be it only to stop on
+    path: (
+        Path | None
+    )  # its trail from here, be it only to stop on; None also where the road has long been seen
 
 
 NO_LEADER = Following(usable=False, path=None)
@@ -110,6 +113,7 @@ class Follower:
         self._now_s: float | None = None
         self._seen_s = -math.inf  # when there was a lead on the trail
         self._speed_mps = 0.0  # the greater of ours and the lead's
+        self._led_s = -math.inf  # when the road was not seen
         self._lead_m = math.inf  # how far ahead it was at the last step
         self._points = self._trail.seen()
         self._ahead_m = -math.inf  # how far the trail reaches
@@ -142,7 +146,10 @@ class Follower:
             return NO_LEADER
         lately = now_s - self._seen_s <= self._settings.hold_s
         in_time = now_s - self._road_s <= self._settings.max_follow_s
-        return Following(lately and in_time, self._path(now_s))
+        if road is None:
+            self._led_s = now_s
+        led = now_s - self._led_s <= LED_BACK_S
+        return Following(lately and in_time, self._path(now_s) if led else None)
 
     def _take(self, lead: Lead, *, seen: bool, now_s: float) -> None:
         """Add the lead to the trail if it is where a road may be."""
