@@ -6,11 +6,13 @@ from typing import Any
 from sim_harness.fear_bench.causes import bench_causes
 from sim_harness.fear_bench.fuzz import bench_fuzz
 from sim_harness.fear_bench.inference import bench_inference
+from sim_harness.fear_bench.supervision import bench_supervision
 
 SECTIONS: dict[str, Callable[[int], dict[str, Any]]] = {
     "inference": bench_inference,
     "causes": bench_causes,
     "fuzz": bench_fuzz,
+    "supervision": bench_supervision,
 }
 """Each is given the seed and gives what it measured; one that draws lots draws them from the seed only."""
 

@@ -1,0 +1,79 @@
+"""The bench of drivers: lots are replayed, drives are not driven twice, figures are counted right."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_harness.fear_bench import supervision
+from sim_harness.fear_bench.arms import Driver, chosen
+from sim_harness.fear_bench.fuzz import situations
+from sim_harness.fear_bench.supervision import SUPERVISED, cases, driven, drivers, summary, warnings_s
+from sim_harness.lockstep.trace import Trace
+
+CV = situations()["calm"]["cv"]
+SEEN = {"cv": CV, "cnn": replace(CV, estimator="cnn", lateral_offset_m=0.5, confidence=0.95)}
+
+
+@pytest.mark.parametrize(
+    ("driver", "offset_m"), [("cv", 0.1), ("cnn", 0.5), ("average", 0.3), ("surest", 0.5)]
+)
+def test_every_driver_drives_its_lane(driver: str, offset_m: float) -> None:
+    lane = chosen(SEEN, Driver(driver))
+    assert lane is not None and lane.lateral_offset_m == pytest.approx(offset_m)
+    assert chosen({}, Driver(driver)) is None
+
+
+def test_more_cases_begin_with_the_same() -> None:
+    few, many = list(cases(3, 2)), list(cases(3, 4))
+    assert many[: len(few)] == few
+    assert len({case.key for case in many}) == len(many)
+
+
+def row(
+    driver: str, *, clean: bool, departures: int = 0, warned_s: tuple[float, ...] = ()
+) -> dict[str, object]:
+    before, others = np.zeros(100, int), np.zeros(100, int)
+    before[80], others[10] = 5 * departures, 100
+    return {
+        "driver": driver,
+        "clean": clean,
+        "departures": departures,
+        "distance_m": 1000.0,
+        "mean_speed_mps": 7.6 if driver == SUPERVISED else 8.0,
+        "nuisance_per_km": 1.0,
+        "warnings_s": list(warned_s),
+        "fear_before": before.tolist(),
+        "fear_else": others.tolist(),
+    }
+
+
+def test_the_summary_counts() -> None:
+    rows = [row(d, clean=c) for d in (SUPERVISED, Driver.AVERAGE) for c in (True, False)]
+    rows.append(row(Driver.CV, clean=False, departures=2, warned_s=(2.5, 0.4)))
+    told = summary(rows)
+    assert told["cv: departures"].startswith("2 in 1")
+    assert told["departures feared 2 s ahead"] == "50.0 % of 2"
+    assert told["AUROC of fear"] == 1.0
+    assert told["loss of mean speed on clean roads"] == "5.0 %"
+    assert told["nuisance slow-downs on clean roads"] == "1 in 1.0 km"
+
+
+def test_a_warning_is_counted_from_where_it_began_and_not_across_an_intervention() -> None:
+    t_s = np.arange(0.0, 10.0, 0.1)
+    fear = np.where((t_s > 2.95) & (t_s < 5.0), 0.8, 0.0)
+    after = (t_s > 5.95).astype(float)
+    trace = Trace({"t_s": t_s, "decision.fear": fear, "departures": after, "interventions": after}, {})
+    assert warnings_s(trace) == pytest.approx([3.0])
+    moved = Trace({**trace.columns, "interventions": (t_s > 5.5).astype(float) + after}, {})
+    assert warnings_s(moved) == [0.0]
+
+
+def test_what_was_driven_is_not_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "kept.jsonl"
+    kept = [{"case": case.key, "driver": str(d), "mine": True} for case in cases(1, 1) for d in drivers(case)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in kept))
+    monkeypatch.setattr(supervision, "drive", None)  # driving would raise
+    assert list(driven(1, 1, path)) == kept
