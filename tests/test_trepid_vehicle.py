@@ -69,3 +69,14 @@ def test_a_file_that_tells_it_twice_or_never_is_refused_with_its_place(tmp_path,
     with pytest.raises(InputError) as refused:
         load(written(tmp_path, understeer), Vehicle)
     assert message in str(refused.value)
+
+
+def test_the_slip_of_the_rear_axle_is_its_mass_over_its_stiffness_or_as_given_or_none(tmp_path):
+    assert load(written(tmp_path, CHASSIS), Vehicle).rear_slip_gradient_rad_per_mps2 == pytest.approx(
+        1000.0 * 0.7 / 1.75 / 8e4
+    )
+    assert load(written(tmp_path, GIVEN), Vehicle).rear_slip_gradient_rad_per_mps2 == 0.0
+    given = load(written(tmp_path, f"{GIVEN}\nrear_slip_gradient_rad_per_mps2: 0.005"), Vehicle)
+    assert given.rear_slip_gradient_rad_per_mps2 == 0.005
+    with pytest.raises(InputError, match="chassis: gives the slip of the rear axle, and so does"):
+        load(written(tmp_path, f"{CHASSIS}\nrear_slip_gradient_rad_per_mps2: 0.005"), Vehicle)
