@@ -48,6 +48,8 @@ def in_mode(mode: Mode) -> ModeState:
         (Mode.KEEP, {}, Mode.KEEP),
         (Mode.KEEP, {"afraid": True}, Mode.CAUTION),
         (Mode.KEEP, {"terrified": True}, Mode.STOP),
+        (Mode.KEEP, {"lasting": True}, Mode.STOP),
+        (Mode.FOLLOW, {"lasting": True, "road_back": False, "path": False, "lead": True}, Mode.FOLLOW),
         (Mode.KEEP, {"path": False}, Mode.STOP),
         (Mode.KEEP, {"path": False, "lead": True}, Mode.FOLLOW),
         (Mode.CAUTION, {"calm": False}, Mode.CAUTION),
