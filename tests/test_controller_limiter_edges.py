@@ -244,3 +244,27 @@ def test_more_commands_open_no_limit():
         assert again.road_wheel_angle_rad == many.road_wheel_angle_rad
     single = stepped(once, DT_S, wanted=0.5, speed=0.0)
     assert many.road_wheel_angle_rad == pytest.approx(single.road_wheel_angle_rad, rel=1e-9)
+
+
+def test_the_jerk_is_that_of_the_middle_of_the_car():
+    """The wheel may make J·v/(v + L/2): 5 m/s³·5/(5 + 0.875)."""
+    one = limiter()
+    stepped(one, 0.0, speed=5.0)
+    out = stepped(one, DT_S, wanted=1.0, speed=5.0)
+    jerk_mps3 = 5.0 * 5.0 / 5.875
+    expected = TURN.angle_rad(jerk_mps3 * DT_S / 25.0, 5.0)
+    assert out.road_wheel_angle_rad == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_first_demands_fade_in_too():
+    one = limiter(EXACT)
+    stepped(one, 0.0, speed=0.0)
+    out = stepped(one, DT_S, speed=0.0, wanted=0.5)
+    assert out.road_wheel_angle_rad == pytest.approx(SHUTTLE.max_road_wheel_rate_radps * DT_S / 64)
+
+
+@pytest.mark.parametrize("asked,given_out", [(-2.0, -2.0), (-9.0, -4.0), (1.0, -1.0)])
+def test_without_a_state_a_command_may_brake_more_than_gently(asked, given_out):
+    one = limiter()
+    stepped(one, 0.0)
+    assert one.step(command(DT_S, accel_mps2=asked), DT_S, None, now_s=DT_S).accel_mps2 == given_out

@@ -61,7 +61,7 @@ class Wheel(NamedTuple):
     speed_mps: float
 
 
-STRAIGHT = Wheel(0.0, 0.0)
+UNSEEN = Wheel(0.0, 0.0)  # the output until a wheel angle was seen
 
 
 class Limiter:
@@ -84,8 +84,7 @@ class Limiter:
         self._stopping = False
         self._handed_over = False
         self._ours_s = 0.0  # for how long the wheel has been ours
-        self._sighted = False  # a wheel angle was seen
-        self._wheel = STRAIGHT  # last output
+        self._wheel = UNSEEN  # last output
         self._accel_mps2 = 0.0  # last output
         self._gaining_mps2 = 0.0  # what the drive has made of the outputs by now
 
@@ -125,7 +124,7 @@ class Limiter:
         self._judge(seen, lost=usable is None and not waiting)
         seldom = self._arrivals.too_seldom(received_s, now_s)
         if seen is None:
-            accel_mps2 = self._demand(usable, calm=False)
+            accel_mps2 = self._demand(usable, -self._limits.comfort_decel_mps2)
         else:
             accel_mps2 = self._steer(usable, seen, dt_s, calm=not seldom)
         goal_mps = 0.0 if usable is None or self._stopping else usable.speed_mps
@@ -142,7 +141,7 @@ class Limiter:
     def _driven_by_hand(self, seen: Seen) -> bool:
         """Whether the driver has the car; the first sight of the wheel takes it as it is."""
         self._state_s = self._now_s
-        if not self._sighted:
+        if self._wheel is UNSEEN:
             self._follow(seen)
         return self._driver.step(seen, self._now_s)
 
@@ -163,16 +162,22 @@ class Limiter:
         elif seen is not None and seen.speed_mps <= self._limits.standstill_mps:
             self._stopping = False
 
-    def _demand(self, command: Command | None, *, calm: bool) -> float:
-        """Acceleration [m/s²] within the limits; only a calm car with a command on a fresh frame may be driven."""
+    def _demand(self, command: Command | None, highest_mps2: float) -> float:
+        """Acceleration [m/s²] within the limits, of which ``highest_mps2`` is the upper one."""
         limits = self._limits
         if self._stopping:
             return -limits.stop_decel_mps2
         if command is None:
             return -limits.comfort_decel_mps2
-        driven = calm and fresh(command.t_s, self._now_s, limits.frame_timeout_s, limits)
-        highest_mps2 = limits.max_accel_mps2 if driven else -limits.comfort_decel_mps2
         return clip(command.accel_mps2, (-limits.max_decel_mps2, highest_mps2))
+
+    def _highest(self, command: Command | None, *, calm: bool) -> float:
+        """Only a calm car with a command on a fresh frame may be driven."""
+        limits = self._limits
+        driven = (
+            calm and command is not None and fresh(command.t_s, self._now_s, limits.frame_timeout_s, limits)
+        )
+        return limits.max_accel_mps2 if driven else -limits.comfort_decel_mps2
 
     def _steer(self, command: Command | None, seen: Seen, dt_s: float, *, calm: bool) -> float:
         """Move the wheel as far as it may towards what is asked for; returns the acceleration to go with it."""
@@ -181,7 +186,8 @@ class Limiter:
         held_1pm = self._turn.curvature_1pm(last_rad, speed_mps)
         gentle = self._gentle(speed_mps, 0.0)
         calm = calm and inside(wanted_rad, gentle) and inside(last_rad, gentle)
-        accel_mps2 = self._within_bend(self._demand(command, calm=calm), held_1pm, speed_mps)
+        demand_mps2 = self._demand(command, self._highest(command, calm=calm))
+        accel_mps2 = self._within_bend(demand_mps2, held_1pm, speed_mps)
         ahead_mps = speed_mps + max(accel_mps2, self._gaining_mps2, 0.0) * self._late_s
         gentle = self._gentle(ahead_mps, self._excess.step(seen, dt_s))
 
@@ -246,7 +252,6 @@ class Limiter:
 
     def _follow(self, seen: Seen) -> None:
         """Take the measured wheel angle for the last output."""
-        self._sighted = True
         self._remember(clip(seen.wheel_rad, (-self._limit_rad, self._limit_rad)), seen.speed_mps)
 
     def _remember(self, angle_rad: float, speed_mps: float) -> None:
