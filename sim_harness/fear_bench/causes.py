@@ -2,7 +2,7 @@
 
 A trial is a drive along a marked road that suddenly goes wrong in one way. What counts is the cause that the
 supervisor would publish at the first or second frame after that, so the fear rules must speak, too. How hard the
-fault is, where it strikes and what it looks like are drawn by lot.
+fault is, where it strikes and what it looks like are drawn by lot. Times are processor times.
 """
 
 import time
@@ -204,16 +204,16 @@ class Watcher:
         )
         outlook = self._observer.step(self._seen, self._statistics, lead, state, now_s=t_s + LATENCY_S)
         felt = self._rules.evaluate(outlook.asked)
-        started_s = time.perf_counter()
+        started_s = time.thread_time()
         finding = analyse(outlook.asked, self._settings, ages_s=outlook.ages_s)
-        self.spent_us.append(1e6 * (time.perf_counter() - started_s))
+        self.spent_us.append(1e6 * (time.thread_time() - started_s))
         return CALM if felt.cause == CALM else explained(felt.cause, finding)
 
     def _look(self, moment: Moment, state: VehicleState, t_s: float) -> None:
         frame = Frame(t_s=t_s, image=moment.image)
-        started_s = time.perf_counter()
+        started_s = time.thread_time()
         self._statistics = self._statistician.step(frame, now_s=t_s)
-        self.looked_us.append(1e6 * (time.perf_counter() - started_s))
+        self.looked_us.append(1e6 * (time.thread_time() - started_s))
         for name, estimator in self._estimators.items():
             if name == moment.silent:
                 continue
