@@ -134,7 +134,10 @@ class Supervisor:
         borne = cause if afraid and not trail.usable else ""  # behind a leader there is a way without a road
         standstill = motion is not None and abs(motion.speed_mps) < modes.standstill_mps
         surest = max([s.confidence or 0.0 for s in outlook.seen if s.lane], default=0.0)
-        drivable = outlook.drivable and fear <= modes.reengage_max_fear
+        startable = not (
+            afraid and cause in modes.stop_after_s
+        )  # what will stop the car does not let it start
+        drivable = outlook.drivable and fear <= modes.reengage_max_fear and startable
         ready = drivable and standstill and not fault.cause
         drivable = drivable and fault.cause in ("", DRIVER)
         return Situation(

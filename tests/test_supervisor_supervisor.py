@@ -454,3 +454,19 @@ def test_rules_about_what_nothing_measures_are_refused() -> None:
     file = RULES.file.model_copy(update={"inputs": {**RULES.inputs, "brightnes": RULES.inputs["brightness"]}})
     with pytest.raises(InputError, match="'brightnes', which nothing measures; did you mean 'brightness'"):
         Supervisor(FearRules(file, RULES.rules), SETTINGS, VEHICLE)
+
+
+def test_it_does_not_start_while_the_estimators_see_different_roads() -> None:
+    aside = replace(ESTIMATE, lateral_offset_m=0.7, heading_error_rad=0.0)
+    decision = Drive().last(6.0, cnn=aside)
+    assert decision.fear <= SETTINGS.modes.reengage_max_fear
+    assert (decision.mode, decision.cause) == (Mode.STOP, "starting")
+
+
+def test_one_weak_witness_of_an_unmarked_road_stops_the_car_soon() -> None:
+    drive = Drive.under_way()
+    weak = replace(ESTIMATE, confidence=0.5, marked=False)
+    assert drive.last(0.4, cv=weak, cnn=NO_LANE).mode is Mode.CAUTION
+    decision = drive.last(0.5, cv=weak, cnn=NO_LANE)
+    assert (decision.mode, decision.stop, decision.cause) == (Mode.STOP, Stop.COMFORT, "no_road")
+    assert drive.last(1.0, cv=weak, cnn=NO_LANE).stop is Stop.EMERGENCY
