@@ -89,7 +89,7 @@ def bench_lead(seed: int) -> dict[str, Any]:
     clear = np.concatenate([log.table for log in logs["clear"]])
     times_ms = 1e3 * np.concatenate([log.times_s for logs_ in logs.values() for log in logs_])
     result: dict[str, Any] = {
-        "ms of processor time per frame (median, p99)": [round(float(v), 2) for v in np.percentile(times_ms, (50, 99))],
+        "ms of processor time per frame (median, p99)": np.percentile(times_ms, (50, 99)).round(2).tolist(),
         "false leads without a leader, share of frames": _share(
             ~np.isnan(np.concatenate([log.table for log in empty])[:, 3])
         ),
