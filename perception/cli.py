@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from perception.annotate import AnnotationWriter, annotated, as_path
-from perception.estimators import ESTIMATORS, Estimator, lane_cv_settings
+from perception.estimators import Estimator, entry_of, estimators, lane_cv_settings
 from perception.lead_cli import estimate_leads
 from perception.self_calibration import self_calibrated
 from perception.sources import NOMINAL_FPS, VIDEO_SUFFIXES, Clip, Source, Still, sources
@@ -59,8 +59,9 @@ def estimate(
     if estimator == "list":
         _list_estimators(as_json)
         return
-    if estimator not in (*ESTIMATORS, LEAD):
-        raise InputError(f"no estimator {estimator!r}; there are {', '.join((*ESTIMATORS, LEAD))}")
+    names = (*estimators(), LEAD)
+    if estimator not in names:
+        raise InputError(f"no estimator {estimator!r}; there are {', '.join(names)}")
     if detector is not None and estimator != LEAD:
         raise InputError(f"--detector is for --estimator {LEAD}")
     if not inputs:
@@ -85,14 +86,20 @@ def estimate(
 
 
 def _list_estimators(as_json: bool) -> None:
-    for name, entry in ESTIMATORS.items():
-        _list(name, entry.description, as_json)
-    _list(LEAD, "vehicles, and the one ahead of us: a small network, or a detector from a file", as_json)
-
-
-def _list(name: str, description: str, as_json: bool) -> None:
-    row = {"estimator": name, "description": description}
-    print(json.dumps(row) if as_json else f"{name:8} {description}")
+    """What each is and where it comes from."""
+    lead = "vehicles, and the one ahead of us: a small network, or a detector from a file"
+    rows = [
+        {"estimator": name, "description": entry.description, "source": entry.source, "stages": entry.stages}
+        for name, entry in estimators().items()
+    ]
+    rows.append({"estimator": LEAD, "description": lead, "source": "config/lead.yaml", "stages": ()})
+    width = max(len(str(row["estimator"])) for row in rows)
+    for row in rows:
+        if as_json:
+            print(json.dumps(row))
+            continue
+        print(f"{row['estimator']:{width}} {row['description']}")
+        print(f"{'':{width}}   {row['source']}" + (f": {' > '.join(row['stages'])}" if row["stages"] else ""))
 
 
 def _seen(inputs: list[Path], name: str, known: Camera | None) -> Iterator[Seen]:
@@ -110,7 +117,7 @@ def _source_seen(source: Source, name: str, known: Camera | None, vehicle: Vehic
     for number, image in enumerate(images):
         if runner is None:
             camera = _camera_for(source, image, known)
-            runner = ESTIMATORS[name].build(camera, vehicle)
+            runner = entry_of(name).build(camera, vehicle)
         t_s = number / source.fps if isinstance(source, Clip) else 0.0
         started_s = time.perf_counter()
         result = runner.step(Frame(t_s=t_s, image=image), None, now_s=t_s)

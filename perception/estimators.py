@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Protocol
 
 from perception.lane_cv import LaneCv, LaneCvSettings
+from perception.techniques.pipeline import Pipeline
+from perception.techniques.recipe import Recipe, recipes
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
@@ -23,10 +25,12 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """How to build an estimator, and what it is in a line."""
+    """How to build an estimator, what it is in a line and where it comes from."""
 
     description: str
     build: Callable[[Camera, Vehicle], Estimator]
+    source: str
+    stages: tuple[str, ...] = ()  # of a pipeline
 
 
 @cache  # reading YAML costs as much as estimating ten frames, and a folder of stills builds one for each
@@ -47,15 +51,44 @@ def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
 
 
 ESTIMATORS = {
-    "cv": Entry("lane lines or road edges, robust clothoid fit, Kalman tracking", _lane_cv),
-    "cnn": Entry("PilotNet-sized network from pixels to lane state with its own uncertainty", _steer_net),
+    "cv": Entry(
+        "lane lines or road edges, robust clothoid fit, Kalman tracking",
+        _lane_cv,
+        source="Trepid; config/perception.yaml",
+    ),
+    "cnn": Entry(
+        "PilotNet-sized network from pixels to lane state with its own uncertainty",
+        _steer_net,
+        source="R [87] and later; config/steer_net.yaml",
+    ),
 }
+"""What is driven with; :func:`estimators` adds the pipelines."""
+
+
+def estimators() -> dict[str, Entry]:
+    """Every estimator by name: our own, and the pipelines of config/pipelines.yaml. Raises InputError."""
+    return ESTIMATORS | {name: _pipeline(recipe) for name, recipe in recipes().items()}
+
+
+def _pipeline(recipe: Recipe) -> Entry:
+    return Entry(
+        recipe.description,
+        partial(Pipeline, recipe),
+        source=recipe.source,
+        stages=tuple(stage.name for stage in recipe.stages),
+    )
+
+
+def entry_of(name: str) -> Entry:
+    """The estimator called ``name``. Raises InputError that tells the others."""
+    known = estimators()
+    if name not in known:
+        raise InputError(f"no estimator {name!r}; there are {', '.join(known)}")
+    return known[name]
 
 
 def build(
     name: str, *, camera: Path = CONFIG_DIR / "camera.yaml", vehicle: Path = CONFIG_DIR / "vehicle.yaml"
 ) -> Estimator:
     """The estimator called ``name`` for the camera and vehicle files. Raises InputError."""
-    if name not in ESTIMATORS:
-        raise InputError(f"no estimator {name!r}; there are {', '.join(ESTIMATORS)}")
-    return ESTIMATORS[name].build(load(camera, Camera), load(vehicle, Vehicle))
+    return entry_of(name).build(load(camera, Camera), load(vehicle, Vehicle))

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import typer
 
-from perception.estimators import ESTIMATORS, lane_cv_settings
+from perception.estimators import entry_of, lane_cv_settings
 from perception.self_calibration import self_calibrated
 from perception.sources import Clip, sources
 from sim_harness.footage.clip import Drive, load_drive
@@ -60,8 +60,7 @@ def resimulate_verb(
         raise InputError(
             "give the speed of the recording: --speed or --log, or both to drive it at another speed"
         )
-    if estimator not in ESTIMATORS:
-        raise InputError(f"no estimator {estimator!r}; there are {', '.join(ESTIMATORS)}")
+    entry_of(estimator)  # names a wrong one before the footage is read
     cv2.setNumThreads(1)
     known = load(camera, Camera) if camera else assumed_camera(clip)
     drive = load_drive(clip, known, speed_mps=speed, log=log, scale=scale, skip=skip, most=frames)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import controller.controller
 import controller.limiter
 import supervisor.supervisor
-from perception.estimators import ESTIMATORS
+from perception.estimators import entry_of
 from perception.image_statistics import ImageStatistician
 from sim_harness.footage.clip import Drive
 from sim_harness.footage.reprojection import Reprojection, Shift
@@ -121,7 +121,7 @@ class _Loop:
         self._yaw_rates_radps = drive.yaw_rates_radps()
         self._yaws_rad = _integral(drive.t_s, self._yaw_rates_radps)
         self._reprojection = Reprojection(drive.camera)
-        self._name, self._estimator = estimator, ESTIMATORS[estimator].build(drive.camera, vehicle)
+        self._name, self._estimator = estimator, entry_of(estimator).build(drive.camera, vehicle)
         self._statistician = ImageStatistician()
         self._supervisor = supervisor.supervisor.build(cruise_speed_mps=float(drive.speed_mps.max()))
         self._controller = controller.controller.build(vehicle)

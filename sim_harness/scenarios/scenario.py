@@ -13,7 +13,7 @@ from typing import Annotated, Any, Self, get_type_hints
 
 from pydantic import Field, ValidationError, create_model, model_validator
 
-from perception.estimators import ESTIMATORS
+from perception.estimators import estimators
 from sim_harness.plants.plant import build_plant
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.roads.appearance import Section
@@ -89,7 +89,9 @@ class LeadSensor(StrEnum):
 
     CAMERA = "camera"  # the lead detector, from rendered pictures
     TRUTH = "truth"  # the exact place, as of a range sensor, see docs/traffic.md
-    MODELLED = "modelled"  # the exact place with the errors of the camera's detector, see config/lead_model.yaml
+    MODELLED = (
+        "modelled"  # the exact place with the errors of the camera's detector, see config/lead_model.yaml
+    )
 
 
 class CameraTiming(Settings):
@@ -206,9 +208,10 @@ class Scenario(Settings):
 
         Raises InputError when the file of the road is wrong.
         """
+        known = estimators()
         for number, name in enumerate(self.estimators):
-            if name not in ESTIMATORS:
-                return ("estimators", number), f"no estimator {name!r}; there are {', '.join(ESTIMATORS)}"
+            if name not in known:
+                return ("estimators", number), f"no estimator {name!r}; there are {', '.join(known)}"
             if name in self.estimators[:number]:
                 return ("estimators", number), f"{name!r} is named twice"
         if not self.road.endswith(ROAD_SUFFIXES) and not self._road_file().is_file():

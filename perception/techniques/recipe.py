@@ -1,0 +1,135 @@
+"""``config/pipelines.yaml``: named pipelines as short lists of stages, checked when they are read."""
+
+import difflib
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache, partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+from pydantic import Field, create_model
+from ruamel.yaml.comments import CommentedMap
+
+from perception.techniques.stages import KINDS
+from trepid.config import CONFIG_DIR, InputError, Settings, located, parse, read, read_text
+
+PIPELINES = CONFIG_DIR / "pipelines.yaml"
+ORDER = {name: number for number, name in enumerate(KINDS)} | {"prepare": 0, "warp": 0, "region": 0}
+ONCE = ("model", "track", "state", "steer")
+NEEDED = ("features", "model", "state")
+
+
+class Written(Settings):
+    """One pipeline as it stands in the file."""
+
+    source: Annotated[str, Field(min_length=1)]  # where it comes from
+    description: Annotated[str, Field(min_length=1)]
+    trust: Annotated[float, Field(gt=0, le=1)] = 1.0  # how far its confidence may go: from the bench
+    stages: Annotated[tuple[str | dict[str, dict[str, Any] | None], ...], Field(min_length=1)]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of a pipeline with its settings."""
+
+    name: str
+    kind: str
+    entry: Callable[..., Any]
+    settings: Mapping[str, Any]
+
+    def bound(self) -> Callable[..., Any]:
+        """What is called for every frame; a stage with memory begins with none."""
+        if not inspect.isclass(self.entry):
+            return partial(self.entry, **self.settings)
+        step: Callable[..., Any] = self.entry(**self.settings).step  # type: ignore[attr-defined]
+        return step
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A pipeline: what it is, where it comes from and its stages."""
+
+    name: str
+    source: str
+    description: str
+    trust: float
+    stages: tuple[Stage, ...]
+
+    def of(self, *kinds: str) -> tuple[Stage, ...]:
+        """Its stages of ``kinds``, in order."""
+        return tuple(stage for stage in self.stages if stage.kind in kinds)
+
+
+def recipes(path: Path = PIPELINES) -> dict[str, Recipe]:
+    """All pipelines of the file by name. Raises InputError with file:line:column."""
+    return _recipes(path, read_text(path))
+
+
+@lru_cache(maxsize=8)  # by content, as trepid.config does it: reading YAML is slow
+def _recipes(path: Path, text: str) -> dict[str, Recipe]:
+    data = read(path)
+    return {str(name): _recipe(str(name), data, path) for name in data}
+
+
+def _recipe(name: str, data: CommentedMap, path: Path) -> Recipe:
+    if not isinstance(data[name], CommentedMap):
+        raise InputError(located([name], "expected source, description and stages", data, path, {}))
+    written = parse(data[name], Written, source=path)
+    stages = tuple(_stage(name, number, data, path) for number in range(len(written.stages)))
+    recipe = Recipe(name, written.source, written.description, written.trust, stages)
+    problem = _misfit(recipe)
+    if problem:
+        raise InputError(located([name, "stages", *problem[0]], problem[1], data, path, {}))
+    return recipe
+
+
+def _stage(pipeline: str, number: int, data: CommentedMap, path: Path) -> Stage:
+    """Stage ``number``: a name, or one name with a mapping of settings."""
+    place: list[str | int] = [pipeline, "stages", number]
+    item = data[pipeline]["stages"][number]
+    if isinstance(item, CommentedMap) and len(item) != 1:
+        raise InputError(located(place, f"expected one stage, got {len(item)}", data, path, {}))
+    name = next(iter(item)) if isinstance(item, CommentedMap) else item
+    kind = next((kind for kind, table in KINDS.items() if name in table), None)
+    if kind is None:
+        raise InputError(located(place, _unknown(str(name)), data, path, {}))
+    entry = KINDS[kind][name]
+    given = item[name] if isinstance(item, CommentedMap) else None
+    settings = settings_of(entry)
+    read_in = parse(given, settings, source=path) if given is not None else settings()
+    return Stage(str(name), kind, entry, dict(read_in))
+
+
+def _unknown(name: str) -> str:
+    known = [stage for table in KINDS.values() for stage in table]
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"no stage {name!r}; " + (
+        f"did you mean {close[0]!r}?" if close else f"there are {', '.join(known)}"
+    )
+
+
+@cache
+def settings_of(entry: Callable[..., Any]) -> type[Settings]:
+    """The settings of a stage: its keyword-only parameters, or those of its constructor, with their limits."""
+    function = entry.__init__ if inspect.isclass(entry) else entry
+    hints = get_type_hints(function, include_extras=True)
+    fields: dict[str, Any] = {
+        name: (hints[name], ... if parameter.default is parameter.empty else parameter.default)
+        for name, parameter in inspect.signature(function).parameters.items()
+        if parameter.kind is parameter.KEYWORD_ONLY
+    }
+    return create_model(entry.__name__, __base__=Settings, **fields)
+
+
+def _misfit(recipe: Recipe) -> tuple[list[int], str] | None:
+    """What is wrong with the order or number of stages, and where below ``stages``; None when all fits."""
+    kinds = [stage.kind for stage in recipe.stages]
+    for number, (before, after) in enumerate(pairwise(kinds), start=1):
+        if ORDER[after] < ORDER[before]:
+            return [number], f"{after} {recipe.stages[number].name!r} must come before {before}"
+        if after in ONCE and after in kinds[:number]:
+            return [number], f"a second {after}"
+    missing = [kind for kind in NEEDED if kind not in kinds]
+    return ([], f"no stage of kind {', '.join(missing)}") if missing else None
