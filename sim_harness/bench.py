@@ -17,10 +17,10 @@ import cv2
 import numpy as np
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from perception.estimators import ESTIMATORS, build
 from perception.image_statistics import ImageStatistician
+from sim_harness.bench_text import tables
 from sim_harness.control_bench.bench import SECTIONS, bench_control
 from sim_harness.control_bench.limits import bench_limits
 from sim_harness.fear_bench.bench import SECTIONS as FEAR_SECTIONS
@@ -202,12 +202,7 @@ def bench(
     if as_json:
         print(json.dumps(result))
         return 0
-    table = Table(box=None)
-    table.add_column("what", style="dim")
-    table.add_column("value")
-    for key, value in result.items():
-        rows = value.items() if isinstance(value, dict) else [("", value)]
-        for part, number in rows:
-            table.add_row(f"{key} {part}", str(number))
-    Console().print(table)
+    console = Console()
+    for table in tables(result):
+        console.print(table, "")
     return 0
