@@ -99,6 +99,11 @@ class Lags(NamedTuple):
     steering_s: float
     tyres_s: float
 
+    def noticeable(self) -> "Lags":
+        """Without lags too short to matter, whose poles would only cost digits."""
+        lasting = (lag_s if lag_s > _SHORTEST_LAG_S else 0.0 for lag_s in (self.steering_s, self.tyres_s))
+        return Lags(self.dead_s, *lasting)
+
 
 def model(lags: Lags) -> tuple[Array, Array, list[int]]:
     """A, B of (z, e, w, p, q), and which of the five states there are."""
@@ -108,7 +113,7 @@ def model(lags: Lags) -> tuple[Array, Array, list[int]]:
     a[0, 1] = a[1, 2] = 1.0
     into, rate = 2, 1.0
     for state, lag_s in ((3, lags.tyres_s), (4, lags.steering_s)):
-        if lag_s > _SHORTEST_LAG_S:
+        if lag_s > 0.0:
             a[into, state] = rate
             a[state, state] = -1.0 / lag_s
             into, rate = state, 1.0 / lag_s
@@ -119,7 +124,7 @@ def model(lags: Lags) -> tuple[Array, Array, list[int]]:
 
 def design(speed_mps: float, lags: Lags, settings: LqiSettings) -> Design:
     """The quickest loop at ``speed_mps``, up to the bandwidth in ``settings``, that has the margins."""
-    need = settings.margins
+    need, lags = settings.margins, lags.noticeable()
     least_s = need.delay_s + need.delay_share * sum(lags)
     omega = at_most(settings.bandwidth_radps, settings.bandwidth_radpm * speed_mps)
     while True:

@@ -33,7 +33,7 @@ from controller.bicycle import curvature_from_angle
 from controller.law import Acting, LateralLaw
 from controller.tyres import Tyres
 from trepid.bounds import at_least, at_most, within
-from trepid.config import InputError, Settings
+from trepid.config import Settings
 from trepid.vehicle import Positive, Vehicle
 
 if TYPE_CHECKING:
@@ -69,18 +69,14 @@ class MpcSettings(Settings):
 
 
 class Mpc:
-    """The law; needs casadi and daqp, which are loaded here. Raises InputError where they are not installed."""
+    """The law; loads casadi and daqp, which other laws and most commands need not pay for."""
 
     def __init__(
         self, settings: MpcSettings, vehicle: Vehicle, *, command_delay_s: float, fallback: LateralLaw
     ) -> None:
-        try:
-            from controller.mpc_model import Grid
-            from controller.mpc_solver import Soft, Solver
-        except ModuleNotFoundError as error:
-            raise InputError(
-                f"lateral.law mpc needs {error.name}: install the extra 'mpc' or choose another law"
-            ) from error
+        from controller.mpc_model import Grid
+        from controller.mpc_solver import Soft, Solver
+
         self.doing = "nothing yet"
         self._settings, self._vehicle, self._fallback = settings, vehicle, fallback
         self._tyres = Tyres(vehicle)

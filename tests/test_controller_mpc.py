@@ -5,6 +5,7 @@ import subprocess
 import sys
 from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are
@@ -13,15 +14,10 @@ from controller.lane import Lane
 from controller.lateral import LawName, build_law, lqi
 from controller.law import Acting
 from controller.mpc import Mpc
+from controller.mpc_model import Grid, Problem, command_bounds, preview, stage
+from controller.mpc_solver import Soft, Solver
 from sim_harness.control_bench.episode import S_DURATION_S, Episode, drive, s_clothoid
 from tests.controller_rig import SETTINGS, SHUTTLE
-from trepid.config import InputError
-
-ca = pytest.importorskip("casadi", reason="needs the extra mpc")
-pytest.importorskip("daqp", reason="needs the extra mpc")
-
-from controller.mpc_model import Grid, Problem, command_bounds, preview, stage  # noqa: E402
-from controller.mpc_solver import Soft, Solver  # noqa: E402
 
 GRID = Grid(stages=20, h=0.25, quickness=0.3)
 SOFT = Soft(linear=1.0, quadratic=10.0)
@@ -349,11 +345,3 @@ def test_casadi_is_loaded_only_when_the_law_is_chosen():
     ask = "import controller.controller, sys; print('casadi' in sys.modules, 'daqp' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]
-
-
-def test_without_casadi_the_choice_is_refused_in_one_line(monkeypatch):
-    for name in ("controller.mpc_model", "controller.mpc_solver"):
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "casadi", None)
-    with pytest.raises(InputError, match="extra 'mpc'"):
-        build_law(MPC, SHUTTLE)

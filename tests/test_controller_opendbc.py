@@ -43,7 +43,7 @@ def ours(platform) -> Vehicle:
         rear_stiffness_nprad=model.cR,
     )
     fields = SHUTTLE.model_dump() | {"wheelbase_m": model.l, "steering_ratio": model.sR, "chassis": chassis}
-    del fields["understeer_gradient_rad_per_mps2"]
+    del fields["understeer_gradient_rad_per_mps2"], fields["rear_slip_gradient_rad_per_mps2"]
     return Vehicle.model_validate(fields)
 
 

@@ -8,23 +8,13 @@ from sim_harness.control_bench.drift import bench_drift
 from sim_harness.control_bench.lateral import bench_lateral
 from sim_harness.control_bench.learning import bench_learning
 from sim_harness.control_bench.longitudinal import bench_longitudinal
+from sim_harness.control_bench.mpc import bench_mpc
 from sim_harness.control_bench.ranking import bench_ranking
 from sim_harness.control_bench.speeds import bench_speeds
-from trepid.config import InputError
-
-
-def _mpc(seed: int) -> dict[str, Any]:
-    """Imported when asked for: casadi and DAQP are extras."""
-    try:
-        from sim_harness.control_bench.mpc import bench_mpc
-    except ModuleNotFoundError as error:
-        raise InputError(f"bench control-mpc needs {error.name}: install the extra 'mpc'") from error
-    return bench_mpc(seed)
-
 
 SECTIONS: dict[str, Callable[[int], dict[str, Any]]] = {
     "lateral": bench_lateral,
-    "mpc": _mpc,
+    "mpc": bench_mpc,
     "speeds": bench_speeds,
     "deep-steer": bench_deep_steer,
     "drift": bench_drift,
