@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -31,9 +32,8 @@ class View:
     width_px: int
     height_px: int
     pixel_from_ground: Array  # homography from road points (x, y, 1) [m], shape (3, 3)
-    from_above: bool = (
-        False  # a bird's-eye view: rows go forward, columns to the left, equal metres everywhere
-    )
+    from_above: bool = False  # a bird's-eye view: rows go forward, columns to the left
+    seen: Mask | None = None  # which pixels the camera shows; None: all
 
     @cached_property
     def ground_from_pixel(self) -> Array:
@@ -83,14 +83,24 @@ class View:
             width_px=box.right_px - box.left_px,
             height_px=box.bottom_px - box.top_px,
             pixel_from_ground=shift @ self.pixel_from_ground,
+            seen=None if self.seen is None else self.seen[box.rows, box.columns],
         )
 
     def resized(self, width_px: int, height_px: int) -> "View":
         """The view of the area-averaged picture: pixel u of it is centred on s·(u + ½) − ½."""
         sx, sy = width_px / self.width_px, height_px / self.height_px
         scale = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
+        seen = self.seen
+        if seen is not None:
+            seen = (
+                cv2.resize(seen.astype(np.uint8), (width_px, height_px), interpolation=cv2.INTER_NEAREST) > 0
+            )
         return replace(
-            self, width_px=width_px, height_px=height_px, pixel_from_ground=scale @ self.pixel_from_ground
+            self,
+            width_px=width_px,
+            height_px=height_px,
+            pixel_from_ground=scale @ self.pixel_from_ground,
+            seen=seen,
         )
 
 
@@ -107,6 +117,16 @@ class Box:
     bottom_px: int
     left_px: int
     right_px: int
+
+    @property
+    def rows(self) -> slice:
+        """Its rows."""
+        return slice(self.top_px, self.bottom_px)
+
+    @property
+    def columns(self) -> slice:
+        """Its columns."""
+        return slice(self.left_px, self.right_px)
 
 
 @dataclass(frozen=True)

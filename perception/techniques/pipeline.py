@@ -105,7 +105,7 @@ class Pipeline:
                 picture = call(picture, view)
             elif kind == "warp":
                 picture, view = call(picture, view)
-                mask = None  # of the picture before
+                mask = view.seen
             else:
                 picture, view, mask = _within(call(view, predicted, speed_mps), picture, view, mask)
         features = _all_of([call(picture, view) for call in self._features])
@@ -215,12 +215,11 @@ def _unusable(image: NDArray[np.uint8]) -> str:
 
 def _within(region: Region, picture: Image, view: View, mask: Mask | None) -> tuple[Image, View, Mask | None]:
     """Picture, view and mask cut to the region; masks of several regions are joined by "and"."""
-    box = region.box
-    rows, columns = slice(box.top_px, box.bottom_px), slice(box.left_px, box.right_px)
+    rows, columns = region.box.rows, region.box.columns
     inner = region.mask[rows, columns] if region.mask is not None else None
     outer = mask[rows, columns] if mask is not None else None
     both = inner if outer is None else outer if inner is None else inner & outer
-    return np.ascontiguousarray(picture[rows, columns]), view.cropped(box), both
+    return np.ascontiguousarray(picture[rows, columns]), view.cropped(region.box), both
 
 
 def _all_of(seen: list[Features]) -> Features:

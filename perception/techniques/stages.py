@@ -23,25 +23,95 @@ come in any order before the features; ``track`` and ``steer`` may be left out.
 from collections.abc import Callable
 from typing import Any
 
-from perception.techniques.colour import grey
-from perception.techniques.edges import canny
+from perception.techniques.colour import adaptive_grey, binary, channel, grey
+from perception.techniques.edges import canny, canny_auto, edlines, prewitt, sobel
 from perception.techniques.lane import exact_pair
+from perception.techniques.light import clahe, low_light, match_histogram
 from perception.techniques.lines import hough
-from perception.techniques.region import roi_fixed
-from perception.techniques.smoothing import gaussian
+from perception.techniques.outliers import (
+    along_road,
+    as_wide_as_paint,
+    clusters,
+    middle_to_side,
+    near_prediction,
+    outline,
+    patch_component,
+)
+from perception.techniques.region import roi_fixed, roi_speed, roi_tracked
+from perception.techniques.shadow import without_shadows
+from perception.techniques.smoothing import gaussian, gaussian_auto, high_pass, median, median_auto
 from perception.techniques.steer import pursuit
+from perception.techniques.steering_rules_abdelrahman import Abdelrahman
+from perception.techniques.steering_rules_dev import dev
+from perception.techniques.steering_rules_sujatha import Sujatha
+from perception.techniques.steering_rules_tu import Tu
+from perception.techniques.steering_rules_umamaheswari import Umamaheswari
+from perception.techniques.stripes import (
+    dark_bright_dark,
+    mser_blue,
+    oriented,
+    paint_colour,
+    top_hat,
+    wavelet,
+)
+from perception.techniques.surface import brightness, patch_colour, texture
+from perception.techniques.warp import BirdEyeSelf, area_resize, bird_eye
 
 Table = dict[str, Callable[..., Any]]
 
-PREPARE: Table = {"grey": grey, "gaussian": gaussian}
-WARP: Table = {}
-REGION: Table = {"roi_fixed": roi_fixed}
-FEATURES: Table = {"canny": canny}
-OUTLIERS: Table = {}
+PREPARE: Table = {
+    "grey": grey,
+    "channel": channel,
+    "adaptive_grey": adaptive_grey,
+    "binary": binary,
+    "gaussian": gaussian,
+    "gaussian_auto": gaussian_auto,
+    "median": median,
+    "median_auto": median_auto,
+    "high_pass": high_pass,
+    "clahe": clahe,
+    "low_light": low_light,
+    "match_histogram": match_histogram,
+    "without_shadows": without_shadows,
+    "wavelet": wavelet,
+}
+WARP: Table = {"area_resize": area_resize, "bird_eye": bird_eye, "bird_eye_self": BirdEyeSelf}
+REGION: Table = {"roi_fixed": roi_fixed, "roi_tracked": roi_tracked, "roi_speed": roi_speed}
+FEATURES: Table = {
+    "canny": canny,
+    "canny_auto": canny_auto,
+    "sobel": sobel,
+    "prewitt": prewitt,
+    "edlines": edlines,
+    "dark_bright_dark": dark_bright_dark,
+    "top_hat": top_hat,
+    "oriented": oriented,
+    "paint_colour": paint_colour,
+    "mser_blue": mser_blue,
+    "brightness": brightness,
+    "patch_colour": patch_colour,
+    "texture": texture,
+}
+OUTLIERS: Table = {
+    "near_prediction": near_prediction,
+    "along_road": along_road,
+    "as_wide_as_paint": as_wide_as_paint,
+    "middle_to_side": middle_to_side,
+    "clusters": clusters,
+    "patch_component": patch_component,
+    "outline": outline,
+}
 MODEL: Table = {"hough": hough}
 TRACK: Table = {}
 STATE: Table = {"exact_pair": exact_pair}
-STEER: Table = {"pursuit": pursuit}
+STEER: Table = {
+    "pursuit": pursuit,
+    "dev": dev,
+    "tu": Tu,
+    "sujatha": Sujatha,
+    "umamaheswari": Umamaheswari,
+    "abdelrahman": Abdelrahman,
+}
 
 KINDS: dict[str, Table] = {
     "prepare": PREPARE,
