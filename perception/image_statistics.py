@@ -20,6 +20,9 @@ SPOT_DEPTH_GREY = 5.0  # ... and by so much more, which the noise of a night pic
 SPOT_FRAMES = 2  # in so many frames in a row it stands where it was
 TILES = (6, 8)  # rows (a multiple of 3) and columns of the picture in which spots are counted
 SPOTTED = 0.03  # of a tile's area: three pixels of the map in its hundred
+STANDING = (
+    0.5  # of its dark spots stand still, where dirt is: 0.65 to 0.9 do of mud; noise keeps 0.4 by chance
+)
 
 Map = NDArray[np.uint8]
 
@@ -64,7 +67,8 @@ class ImageStatistician:
         """Share of tiles with a dark spot that has stood still for SPOT_FRAMES frames; 0 before that.
 
         That of the third of the picture, upper, middle or lower, which has least: dirt is everywhere, while clouds
-        stand in the sky, trees at the horizon, and cracks, snow and vehicles on the road.
+        stand in the sky, trees at the horizon, and cracks, snow and vehicles on the road. A third whose spots
+        mostly come and go is not dirty, however many happen to stand.
         """
         self._spots.append(_dark_spots(grey))
         if len(self._spots) < SPOT_FRAMES:
@@ -74,8 +78,14 @@ class ImageStatistician:
             standing = cv2.min(standing, spots).astype(np.uint8, copy=False)
         rows, columns = TILES
         share = cv2.resize(standing, (columns, rows), interpolation=cv2.INTER_AREA)
-        thirds = (share >= 255 * SPOTTED).reshape(3, -1)
-        return float(thirds.mean(axis=1).min())
+        spotted = (share >= 255 * SPOTTED).reshape(3, -1).mean(axis=1)
+        stood, seen = _areas(standing), _areas(self._spots[-1])
+        return float(np.where(stood > STANDING * seen, spotted, 0.0).min())
+
+
+def _areas(spots: Map) -> NDArray[np.int64]:
+    """How many pixels of the upper, middle and lower third are set."""
+    return np.array([cv2.countNonZero(third) for third in np.split(spots, 3)])
 
 
 def _dark_spots(grey: Map) -> Map:

@@ -96,6 +96,13 @@ def test_spots_in_one_part_of_the_picture_are_the_scene():
     assert max(drive_past(spots=stripes)) == 0.0
 
 
+def test_noise_whose_dark_spots_meet_by_chance_is_no_dirt():
+    statistician, lots = ImageStatistician(), np.random.default_rng(0)
+    for number in range(20):
+        image = lots.integers(40, 220, (24, 32, 3), dtype=np.uint8)
+        assert statistician.step(Frame(t_s=0.04 * number, image=image), now_s=0.04 * number).spots == 0.0
+
+
 @pytest.mark.parametrize("loop", [1, 2, 7])
 def test_images_that_come_again_and_again_are_a_frozen_camera(loop):
     statistician = ImageStatistician()
