@@ -111,6 +111,19 @@ def test_settings_from_the_command_line_replace_those_of_the_file(tmp_path):
         load_scenario(write(tmp_path, GOOD), {"duration_s": "-3"})
 
 
+def test_a_relative_rule_file_lies_beside_the_scenario_or_where_the_override_was_typed(tmp_path, monkeypatch):
+    vary = "vary:\n  start.offset_m: [-0.2, 0.2]\n"
+    rules = (CONFIG_DIR / "fear.yaml").read_text()
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "own.yaml").write_text(rules)
+    (tmp_path / "typed.yaml").write_text(rules)
+    beside = load_scenario(write(tmp_path, f"{GOOD}rules: own.yaml\n{vary}", "a/mine.yaml"))
+    assert beside.rules_file.resolve() == tmp_path / "a" / "own.yaml"
+    monkeypatch.chdir(tmp_path)
+    typed = load_scenario(write(tmp_path, GOOD + vary, "a/other.yaml"), {"rules": "typed.yaml"})
+    assert typed.rules_file.resolve() == tmp_path / "typed.yaml"
+
+
 def test_a_scenario_survives_json_unchanged():
     for scenario in list_scenarios():
         assert Scenario.model_validate(scenario.model_dump(mode="json")) == scenario

@@ -294,17 +294,22 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
             raise InputError(f"no scenario {source!r}; there are {names}, or give a .yaml or .py file")
     data = read(path)
     scenario = parse(data, Scenario, source=path, overrides=overrides)
-    check_vary(scenario, scenario.vary, data, path, misfit=_misfit if check else None)
     update = {"name": scenario.name or path.stem}
     if scenario.road.endswith(ROAD_SUFFIXES):
-        update["road"] = str(path.parent / scenario.road)
+        update["road"] = str(_beside("road", path, overrides) / scenario.road)
     if scenario.rules is not None:
-        update["rules"] = str(path.parent / scenario.rules)
+        update["rules"] = str(_beside("rules", path, overrides) / scenario.rules)
     scenario = scenario.model_copy(update=update)
+    check_vary(scenario, scenario.vary, data, path, misfit=_misfit if check else None)
     problem = scenario.problem() if check else None
     if problem:
         raise InputError(located(*problem, data, path, overrides or {}))
     return scenario
+
+
+def _beside(field: str, path: Path, overrides: Mapping[str, str] | None) -> Path:
+    """The folder that a relative path in ``field`` starts from: the scenario's, or where an override was typed."""
+    return Path() if overrides and field in overrides else path.parent
 
 
 def _misfit(scenario: Scenario) -> str:
