@@ -23,6 +23,7 @@ from perception.image_statistics import ImageStatistician
 from sim_harness.bench_text import tables
 from sim_harness.control_bench.bench import SECTIONS, bench_control
 from sim_harness.control_bench.limits import bench_limits
+from sim_harness.control_bench.random_cases import bench_random
 from sim_harness.fear_bench.bench import SECTIONS as FEAR_SECTIONS
 from sim_harness.fear_bench.bench import bench_fear
 from sim_harness.follow_bench.bench import FOLLOW_SECTIONS, bench_follow
@@ -171,6 +172,7 @@ SEEDED: dict[str, Callable[[int], dict[str, Any]]] = {
     "control": bench_control,
     **{f"control-{name}": section for name, section in SECTIONS.items()},
     "control-limits": bench_limits,
+    "control-random": bench_random,
     "fear": bench_fear,
     **{f"fear-{name}": section for name, section in FEAR_SECTIONS.items()},
     "follow": bench_follow,
