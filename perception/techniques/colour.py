@@ -25,7 +25,8 @@ CHANNELS = {
 ROAD_GREY, TEXTURE_GREY = 96.0, 12.0  # what road is mapped to, and one standard deviation of it
 MIN_SAMPLES = 30  # of paint; fewer are noise
 SENSOR_GREY = 2.0  # standard deviation that every camera has: keeps the scatter invertible
-OUTSTANDING = 6.0  # standard deviations of the top-hat that make paint
+USUAL = 80.0  # percentile of the top-hat that texture and noise reach
+OUTSTANDING = 5.0  # times that much makes paint
 
 
 def grey(image: Image, view: View) -> Image:
@@ -96,7 +97,7 @@ def adaptive_grey(image: Image, view: View, *, marking_m: Annotated[float, Field
     road = np.isfinite(view.pixel_m)
     pixels = image.astype(np.float32)
     hats = np.stack([row_top_hat(image[:, :, i], view, marking_m) for i in range(3)], axis=2)
-    scatter = hats[road].reshape(-1, 3).std(axis=0) + SENSOR_GREY
+    scatter = np.percentile(hats[road][::2, ::2].reshape(-1, 3), USUAL, axis=0) + SENSOR_GREY
     paint = (hats / scatter).max(axis=2) > OUTSTANDING
     paint[~road] = False
     plain = (hats / scatter).max(axis=2) < 1

@@ -1,6 +1,5 @@
 """Light and contrast made even (inventory A18–A20)."""
 
-import math
 from typing import Annotated
 
 import cv2
@@ -33,19 +32,16 @@ def clahe(
     return np.asarray(cv2.cvtColor(cv2.insertChannel(lightness, lab, 0), cv2.COLOR_Lab2BGR), np.uint8)
 
 
-def low_light(image: Image, view: View, *, road_grey: Level = 90.0, least_gamma: Positive = 0.35) -> Image:
-    """Dark pictures lifted: 255·(v/255)^γ with the γ ≤ 1 that takes the median of the road to ``road_grey`` (A19).
+def low_light(image: Image, view: View, *, road_grey: Level = 90.0, most: Positive = 8.0) -> Image:
+    """Dark pictures lifted: v·g, with the gain g from 1 to ``most`` that takes the road to ``road_grey`` (A19).
 
-    The published form trains a network to restyle night as day; this is its plain, hand-made part, and what a
-    picture of daylight is left alone by. Source: R [30]. Cannot see: what the sensor has lost in its noise.
+    The median below the horizon counts as the road. The published form trains a network to restyle night as day;
+    this is its plain part, the exposure. Daylight is left alone. Source: R [30]. Cannot see: what the sensor has
+    lost in its noise, which is lifted as well; lamps saturate.
     """
     road = grey(image, view)[np.isfinite(view.pixel_m)]
-    middle = float(np.median(road)) if road.size else road_grey
-    if middle >= road_grey:
-        return image
-    gamma = max(math.log(road_grey / 255) / math.log(max(middle, 1.0) / 255), least_gamma)
-    table = 255 * (np.arange(LEVELS) / 255) ** gamma
-    return np.asarray(cv2.LUT(image, table.round().astype(np.uint8)), np.uint8)
+    gain = min(road_grey / max(float(np.median(road)), 1.0), most) if road.size else 1.0
+    return image if gain <= 1 else np.asarray(cv2.convertScaleAbs(image, alpha=gain), np.uint8)
 
 
 def match_histogram(image: Image, view: View, *, mean: Level = 110.0, deviation: Positive = 45.0) -> Image:

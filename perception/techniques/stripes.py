@@ -173,7 +173,9 @@ def mser_blue(
     widest_px = width_px(view, widest_m)
     paint = np.zeros(image.shape[:2], np.uint8)
     largest = image.shape[0] * image.shape[1] // 20
-    finder = cv2.MSER.create(delta=delta, min_area=15, max_area=max(largest, 16), max_variation=1.0)
+    finder = cv2.MSER.create(
+        delta=delta, min_area=15, max_area=max(largest, 16), max_variation=1.0, min_diversity=0.0
+    )
     for plane in (image[:, :, 0], _yellowness(image)):
         # Blurred: OpenCV takes the least variation only where it is a strict minimum, and crisp paint has none.
         smooth = np.asarray(cv2.GaussianBlur(plane, (0, 0), BLUR_PX), np.uint8)
@@ -206,6 +208,9 @@ def _is_stripe(
     if spread[1] < slimness**2 * max(float(spread[0]), 0.1):
         return False
     aside = round(2 * per_row) + 1
-    last = plane.shape[1] - 1
-    beside = (plane[rows, np.maximum(columns - aside, 0)], plane[rows, np.minimum(columns + aside, last)])
-    return float(plane[rows, columns].mean()) > max(float(side.mean()) for side in beside) + LEAST_GREY
+    own = float(plane[rows, columns].mean())
+    for beside in (columns - aside, columns + aside):
+        inside = (beside >= 0) & (beside < plane.shape[1])
+        if inside.any() and own < float(plane[rows[inside], beside[inside]].mean()) + LEAST_GREY:
+            return False
+    return True
