@@ -23,7 +23,15 @@ come in any order before the features; ``track`` and ``steer`` may be left out.
 from collections.abc import Callable
 from typing import Any
 
+from perception.techniques.bezier import ransac_bezier
 from perception.techniques.colour import adaptive_grey, binary, channel, grey
+from perception.techniques.curves import (
+    histogram_cubic,
+    hough_standard,
+    hyperbola,
+    near_line_far_parabola,
+    pchip,
+)
 from perception.techniques.edges import canny, canny_auto, edlines, prewitt, sobel
 from perception.techniques.lane import exact_pair
 from perception.techniques.light import clahe, low_light, match_histogram
@@ -37,6 +45,7 @@ from perception.techniques.outliers import (
     outline,
     patch_component,
 )
+from perception.techniques.ransac import ransac_bspline, ransac_line, ransac_parabola, straight_curve
 from perception.techniques.region import roi_fixed, roi_speed, roi_tracked
 from perception.techniques.shadow import without_shadows
 from perception.techniques.smoothing import gaussian, gaussian_auto, high_pass, median, median_auto
@@ -101,7 +110,19 @@ OUTLIERS: Table = {
     "patch_component": patch_component,
     "outline": outline,
 }
-MODEL: Table = {"hough": hough}
+MODEL: Table = {
+    "hough": hough,
+    "hough_standard": hough_standard,
+    "ransac_line": ransac_line,
+    "ransac_parabola": ransac_parabola,
+    "ransac_bspline": ransac_bspline,
+    "ransac_bezier": ransac_bezier,
+    "straight_curve": straight_curve,
+    "near_line_far_parabola": near_line_far_parabola,
+    "histogram_cubic": histogram_cubic,
+    "hyperbola": hyperbola,
+    "pchip": pchip,
+}
 TRACK: Table = {}
 STATE: Table = {"exact_pair": exact_pair}
 STEER: Table = {
