@@ -59,12 +59,12 @@ class Words:
         self._index += len(phrase)
         return True
 
-    def name(self, known: Iterable[str] = (), *, what: str = "name") -> Token:
+    def name(self, known: Iterable[str] | None = None, *, what: str = "name") -> Token:
         """The next token, a name, and one of ``known`` if that is given."""
-        known = tuple(known)
-        if self.next.kind != "word" or (known and self.next.text not in known):
+        names = () if known is None else tuple(known)
+        if self.next.kind != "word" or (known is not None and self.next.text not in names):
             raise self.error(
-                self.next, f"{what} of {', '.join(known)}" if known else f"a {what}", close_to=known
+                self.next, f"{what} of {', '.join(names)}" if names else f"a {what}", close_to=names
             )
         return self._advance()
 

@@ -209,6 +209,16 @@ class Follower:
             self._road = lane
         return Path(now_s, lane, self._ahead_m, LEAD)
 
+    def pace_mps(self, lead: Lead) -> float:
+        """The speed up to which fear slows nobody down who follows ``lead`` [m/s]; 0 without a trail.
+
+        Who falls behind loses the last witness of the road. So the leader's speed, but no more than sqrt(2·a·s), at
+        which a comfort stop ends where the known trail ends, s ahead.
+        """
+        if self._ahead_m < self._settings.least_ahead_m or not self.usable(lead):
+            return 0.0
+        return min(lead.speed_mps, math.sqrt(2 * self._settings.decel_mps2 * self._ahead_m))
+
     def speed_cap_mps(self, lead: Lead) -> float:
         """Greatest speed behind ``lead`` [m/s], inf without one; one that has just vanished is taken to be there.
 

@@ -93,6 +93,12 @@ class Fusion:
         self._memory = self._before = Memory(None, math.inf, -math.inf)
         self._left_out: frozenset[str] = frozenset()  # at the last frame, because they contradicted the rest
 
+    @property
+    def offset_m(self) -> float | None:
+        """Where the path of the last step has the vehicle [m]; None without one."""
+        path = self._memory.path
+        return None if path is None else path.lane.offset_m
+
     def step(
         self,
         sightings: list[Sighting],

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from supervisor.reload import RuleWatch, taken_over
+from supervisor.reload import Announcement, RuleWatch, taken_over
 from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
 from trepid.messages import Health, SteeringEstimate
@@ -28,7 +28,8 @@ def decide(me: Process, supervisor: Supervisor, changes: RuleWatch) -> None:
     state = me.bus.latest(VEHICLE_STATE)
     send = me.bus.publisher(DECISION)
     said = Health.OK, ""
-    me.ready()
+    announcement = Announcement()
+    me.ready(values=announcement.values)
     decided_s = me.now_s()
     first_s: float | None = None  # when the first estimate since the last decision came
     while me.running():
@@ -53,6 +54,8 @@ def decide(me: Process, supervisor: Supervisor, changes: RuleWatch) -> None:
         news = changes.take()
         if news is not None:
             said = taken_over(news, supervisor.adopt)
+            if said[0] is Health.OK:
+                announcement.of(news, from_s=now_s)
         me.stepped(*said)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from supervisor.beside import in_own_lane
 from supervisor.consistency import Consistency
 from supervisor.features import ESTIMATOR_SUFFIXES, FEATURES, Features, early_features, features
 from supervisor.follow import Follower, Following, FollowSettings, Lead, judge_lead
@@ -68,6 +69,10 @@ class Observer:
         """Greatest speed behind ``lead`` [m/s], inf without one."""
         return self._follower.speed_cap_mps(lead)
 
+    def pace_mps(self, lead: Lead) -> float:
+        """The speed up to which fear slows nobody down who follows ``lead`` [m/s]; 0 without a trail."""
+        return self._follower.pace_mps(lead)
+
     def step(
         self,
         estimates: Mapping[str, SteeringEstimate | None],
@@ -85,7 +90,11 @@ class Observer:
         statistics_age_s = age_s(statistics.t_s if statistics else None, now_s=now_s, settings=limits)
         fresh = statistics if statistics_age_s <= limits.fresh_s else None
         frozen = is_frozen(fresh, moving, settings=limits)
-        seen = [sight(name, e, now_s=now_s, settings=limits, frozen=frozen) for name, e in estimates.items()]
+        before_m = self._fusion.offset_m
+        seen = [
+            in_own_lane(sight(name, e, now_s=now_s, settings=limits, frozen=frozen), before_m)
+            for name, e in estimates.items()
+        ]
         state_age_s = age_s(state.t_s if state else None, now_s=now_s, settings=limits)
         early = early_features(
             seen,

@@ -2,6 +2,7 @@
 
 import math
 from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,14 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supervisor.inference import FearRules
+from supervisor.reload import FROM_S, TEXT
 from trepid.config import CONFIG_DIR, InputError
 from trepid.messages import Command, CompressedFrame, Decision, SteeringEstimate, VehicleState
 from trepid.recorded import Recorded, read_recording
-from trepid.topics import CAMERA_COMPRESSED, COMMAND, DECISION, VEHICLE_STATE, estimate_topic
+from trepid.topics import CAMERA_COMPRESSED, COMMAND, DECISION, DIAGNOSTICS, VEHICLE_STATE, estimate_topic
 
 Column = NDArray[np.float64]
 RULES_NAME = "fear.yaml"
-_KEYS = (DECISION.key, VEHICLE_STATE.key, COMMAND.key, estimate_topic("*").key)
+_KEYS = (DECISION.key, VEHICLE_STATE.key, COMMAND.key, estimate_topic("*").key, DIAGNOSTICS.key)
 _FRAME_WITHIN_S = 1.0  # an older picture shows another moment
 
 
@@ -30,6 +32,7 @@ class Recall:
     recorded: Recorded
     rules: FearRules
     rules_from: str  # where these come from, in words
+    changes: tuple[tuple[float, FearRules], ...] = ()  # after which decided_s others were driven by
 
     @cached_property
     def zero_s(self) -> float:
@@ -67,6 +70,11 @@ class Recall:
         """The speed of a calm drive: where nothing ahead limits it, the cap is its product with the factor."""
         ratios = [d.speed_cap_mps / d.speed_factor for d in self.decisions if d.speed_factor > 0.05]
         return max(ratios, default=0.0)
+
+    def rules_of(self, decision: Decision) -> FearRules:
+        """The rules by which ``decision`` was made: they may change while the car drives."""
+        newest = [rules for from_s, rules in self.changes if from_s < decision.decided_s]
+        return newest[-1] if newest else self.rules
 
     def index_at(self, t_s: float) -> int:
         """The last decision by ``t_s``; the first one before it."""
@@ -110,7 +118,8 @@ class Recall:
         """Whether the rules give decision ``index`` its fear again."""
         decision = self.decisions[index]
         values = dict(zip(decision.inputs, decision.input_values, strict=True))
-        return bool(values) and math.isclose(self.rules.evaluate(values).fear, decision.fear, abs_tol=1e-9)
+        fear = self.rules_of(decision).evaluate(values).fear
+        return bool(values) and math.isclose(fear, decision.fear, abs_tol=1e-9)
 
     def _newest(self, topic: Any, index: int) -> Any:
         arrived = self.recorded.of(topic)
@@ -140,7 +149,19 @@ def recall(path: Path, rules: Path | None = None) -> Recall:
     if attached is None:
         shipped = CONFIG_DIR / RULES_NAME
         return Recall(recorded, FearRules.load(shipped), f"{shipped.name} as it is now (none was recorded)")
-    return Recall(recorded, _attached_rules(recorded.files[attached], path), f"{attached}, as recorded")
+    changes = tuple(_changes(recorded, path))
+    since = f", changed {len(changes)} times on the way" if changes else ""
+    return Recall(
+        recorded, _attached_rules(recorded.files[attached], path), f"{attached}, as recorded{since}", changes
+    )
+
+
+def _changes(recorded: Recorded, path: Path) -> Iterator[tuple[float, FearRules]]:
+    """When the supervisor went over to other rules, and which. Raises InputError."""
+    for _, diagnostic in recorded.of(DIAGNOSTICS):
+        values = dict(diagnostic.values)
+        if TEXT in values and FROM_S in values:
+            yield float(values[FROM_S]), _attached_rules(values[TEXT].encode(), path)
 
 
 def _attached_rules(data: bytes, path: Path) -> FearRules:

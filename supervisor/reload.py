@@ -22,11 +22,13 @@ from supervisor.inference import FearRules
 from supervisor.verify import load_verified
 from trepid.config import ROOT, InputError, read_text
 from trepid.messages import Health
+from trepid.process import Values
 
 PATIENCE_S = 60.0  # reading takes about a second, on a busy computer ten; a file that takes longer is refused
 SETTLE_MS = 100  # an editor writes a file in several strokes
 LOOK_EVERY_MS = 1000  # looked at also when nothing was heard: not every file system tells
 NICENESS = 5
+FROM_S, TEXT = "rules_from_s", "rules"  # values of the diagnostics that announce changed rules
 
 
 class News(NamedTuple):
@@ -34,6 +36,7 @@ class News(NamedTuple):
 
     rules: FearRules | None  # None: it is refused
     complaint: str  # why; "" when it is good
+    text: str = ""  # of the rules
 
 
 class RuleWatch:
@@ -99,7 +102,24 @@ def reread(path: Path) -> News:
     if done.returncode:
         said = done.stderr.decode(errors="replace").strip().splitlines()
         return News(None, said[-1] if said else f"{path}: reading it ended with code {done.returncode}")
-    return News(pickle.loads(done.stdout), "")
+    rules, text = pickle.loads(done.stdout)
+    return News(rules, "", text)
+
+
+class Announcement:
+    """Rules that were taken over, told once: the heartbeat that follows carries their text into the recording."""
+
+    def __init__(self) -> None:
+        self._values: Values = ()
+
+    def of(self, news: News, *, from_s: float) -> None:
+        """Decisions after ``from_s`` go by the rules in ``news``."""
+        self._values = ((FROM_S, repr(from_s)), (TEXT, news.text))
+
+    def values(self) -> Values:
+        """What to say at the next heartbeat, once."""
+        values, self._values = self._values, ()
+        return values
 
 
 def taken_over(news: News, adopt: Callable[[FearRules], None]) -> tuple[Health, str]:
@@ -116,14 +136,15 @@ def taken_over(news: News, adopt: Callable[[FearRules], None]) -> tuple[Health, 
 
 
 def main() -> int:
-    """``python -m supervisor.reload FILE``: the verified rules, pickled for the parent; or why not, and exit 2."""
+    """``python -m supervisor.reload FILE``: the verified rules and their text, pickled; or why not, and exit 2."""
     os.nice(NICENESS)
     try:
+        text = read_text(Path(sys.argv[1]))
         rules = load_verified(Path(sys.argv[1]))
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
-    sys.stdout.buffer.write(pickle.dumps(rules))
+    sys.stdout.buffer.write(pickle.dumps((rules, text)))
     return 0
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from supervisor.inference import FearRules
 from supervisor.recall import Recall
 from supervisor.slowdowns import CLEAR, DEEP, SlowDown, nearest, slow_downs, telling
 from trepid.messages import Decision, Stop
@@ -162,7 +163,8 @@ def _limit(drive: Recall, decision: Decision) -> str:
 
 def _rules(drive: Recall, decision: Decision) -> list[Story]:
     """The rules that fired, those first that add most to fear: strength times where their level stands."""
-    at = {rule.text: drive.rules.file.fear.all[rule.harm].at for rule in drive.rules.rules}
+    by = drive.rules_of(decision)
+    at = {rule.text: by.file.fear.all[rule.harm].at for rule in by.rules}
     fired = [
         {"text": text, "strength": strength, "adds": strength * at.get(text, 1.0)}
         for text, strength in zip(decision.rules, decision.rule_strengths, strict=True)
@@ -175,25 +177,26 @@ def _inputs(drive: Recall, decision: Decision) -> list[Story]:
     values = dict(zip(decision.inputs, decision.input_values, strict=True))
     if not values:
         return []  # a recording of a version that did not write them
-    speak = {rule.text: rule.inputs for rule in drive.rules.rules if rule.harm > 0}
-    named = [name for text in decision.rules for name in _ordered(drive, speak.get(text, frozenset()))]
+    by = drive.rules_of(decision)
+    speak = {rule.text: rule.inputs for rule in by.rules if rule.harm > 0}
+    named = [name for text in decision.rules for name in _ordered(by, speak.get(text, frozenset()))]
     named += [name for name, value in values.items() if value is None or not math.isfinite(value)]
-    degrees = drive.rules.memberships(values)
+    degrees = by.memberships(values)
     return [
         {
             "name": name,
             "value": _known(values.get(name)),
-            "unit": drive.rules.inputs[name].unit,
-            "meaning": drive.rules.inputs[name].meaning,
+            "unit": by.inputs[name].unit,
+            "meaning": by.inputs[name].meaning,
             "sets": {level: degree for level, degree in degrees[name].items() if degree > 0},
         }
         for name in dict.fromkeys(named)
-        if name in drive.rules.inputs
+        if name in by.inputs
     ]
 
 
-def _ordered(drive: Recall, names: frozenset[str]) -> list[str]:
-    return [name for name in drive.rules.inputs if name in names]
+def _ordered(rules: FearRules, names: frozenset[str]) -> list[str]:
+    return [name for name in rules.inputs if name in names]
 
 
 def _estimates(drive: Recall, index: int) -> list[Story]:
@@ -267,7 +270,10 @@ def _end(drive: Recall, slow: SlowDown, worst: int) -> Story:
     relief = None
     for i in range(last, worst, -1):
         decision = drive.decisions[i]
-        if decision.stop is not Stop.NONE or drive.rules.speed_factor(decision.fear) < allowed - CLEAR:
+        if (
+            decision.stop is not Stop.NONE
+            or drive.rules_of(decision).speed_factor(decision.fear) < allowed - CLEAR
+        ):
             break
         relief = i
     if relief is None:

@@ -22,7 +22,7 @@ from supervisor.speed import SpeedFactor
 from supervisor.timers import Held, Patience
 from supervisor.verify import load_verified
 from supervisor.watchdog import DRIVER, Fault, Watchdog
-from trepid.bounds import at_most
+from trepid.bounds import at_least, at_most
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import (
     Decision,
@@ -188,6 +188,9 @@ class Supervisor:
         self, outlook: Outlook, felt: FearResult, cause: str, finding: Finding, factor: float, now_s: float
     ) -> Decision:
         cruise_mps = self._settings.cruise_speed_mps * factor
+        if self._mode.mode is Mode.FOLLOW and self._rules.mode(felt.fear) is not Mode.STOP:
+            pace_mps = at_most(self._observer.pace_mps(outlook.ahead), self._settings.cruise_speed_mps)
+            cruise_mps = at_least(cruise_mps, pace_mps)
         cap_mps = at_most(self._observer.speed_cap_mps(outlook.ahead), cruise_mps)
         path, fused = self._path(outlook, now_s), outlook.fused
         lane = path.lane if path else None

@@ -36,7 +36,8 @@ class Held:
 class Patience:
     """For how long one cause has frightened: grows while it does, shrinks as fast while it does not.
 
-    So a cause that comes and goes from frame to frame is neither forgotten nor made worse than it is.
+    So a cause that comes and goes from frame to frame is neither forgotten nor made worse than it is. While another
+    of the causes that are waited for frightens, it stays as it is: they are doubts about the same road.
     """
 
     def __init__(self, stop_after_s: Mapping[str, float]) -> None:
@@ -49,6 +50,6 @@ class Patience:
         dt_s = 0.0 if self._last_s is None else at_least(now_s - self._last_s, 0.0)
         self._last_s = now_s
         for name, limit_s in self._stop_after_s.items():
-            step_s = dt_s if name == cause else -dt_s
+            step_s = dt_s if name == cause else 0.0 if cause in self._stop_after_s else -dt_s
             self._borne_s[name] = at_most(at_least(self._borne_s[name] + step_s, 0.0), limit_s)
         return cause in self._borne_s and self._borne_s[cause] >= self._stop_after_s[cause]

@@ -49,7 +49,7 @@ def test_the_shipped_rules_pass_their_check() -> None:
             "never fires: if speed is not very_high",
         ),
         (CALM_RULE, CALM_RULE + "  - if speed is very_low then fear is medium\n", "always fires: if speed"),
-        ("if lane_width_error is", "if lateral_error is", "no rule speaks of lane_width_error"),
+        ("lane_width_error is", "lateral_error is", "no rule speaks of lane_width_error"),
         ("then fear is very_high", "then fear is high", "fear is 0.750, expected exactly 1"),
     ],
 )  # fmt: skip

@@ -326,7 +326,12 @@ def test_without_road_it_follows_the_vehicle_ahead_and_takes_the_road_again() ->
     drive.last(1.0, lead=LEAD)
     following = drive.last(1.5, cv=NO_LANE, cnn=NO_LANE, lead=LEAD)
     assert (following.mode, following.path_source, following.stop) == (Mode.FOLLOW, "lead", Stop.NONE)
-    assert 0 < following.speed_cap_mps < 0.5 * SETTINGS.cruise_speed_mps
+    assert following.speed_factor * SETTINGS.cruise_speed_mps < 0.5 * SETTINGS.cruise_speed_mps
+    assert following.speed_cap_mps == LEAD.speed_mps, (
+        "fear does not let the last witness of the road get away"
+    )
+    hurried = drive.last(1.0, cv=NO_LANE, cnn=NO_LANE, lead=replace(LEAD, speed_mps=12.0))
+    assert LEAD.speed_mps < hurried.speed_cap_mps < SETTINGS.cruise_speed_mps, "but it can stop on the trail"
     back = drive.last(1.0, lead=LEAD)
     assert (back.mode, back.path_source) == (Mode.CAUTION, "cv+cnn")
 
@@ -466,7 +471,7 @@ def test_it_does_not_start_while_the_estimators_see_different_roads() -> None:
 def test_one_weak_witness_of_an_unmarked_road_stops_the_car_soon() -> None:
     drive = Drive.under_way()
     weak = replace(ESTIMATE, confidence=0.5, marked=False)
-    assert drive.last(0.4, cv=weak, cnn=NO_LANE).mode is Mode.CAUTION
-    decision = drive.last(0.5, cv=weak, cnn=NO_LANE)
+    assert drive.last(0.3, cv=weak, cnn=NO_LANE).mode is Mode.CAUTION
+    decision = drive.last(0.3, cv=weak, cnn=NO_LANE)
     assert (decision.mode, decision.stop, decision.cause) == (Mode.STOP, Stop.COMFORT, "no_road")
     assert drive.last(1.0, cv=weak, cnn=NO_LANE).stop is Stop.EMERGENCY
