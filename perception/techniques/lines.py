@@ -102,16 +102,21 @@ def _line(segments: Segments, aside_m: Array, *, min_length_m: float, join_m: fl
 
 
 def _fitted(group: Segments) -> Boundary:
-    """The least-squares line y = a + b·x through points every ``STEP_M`` of the pieces."""
+    """The least-squares line y = a + b·x through points every ``STEP_M`` of the pieces.
+
+    A pixel is as wide on the road as it is far away, so points weigh 1/x; so does their residual.
+    """
     pieces = [
         first + np.linspace(0, 1, max(2, round(length / STEP_M)))[:, None] * (last - first)
         for (first, last), length in zip(group.ends_m, group.length_m, strict=True)
     ]
     points = np.concatenate(pieces)
-    b, a = np.polyfit(points[:, 0], points[:, 1], 1)
+    weight = 1 / np.maximum(points[:, 0], STEP_M)
+    b, a = np.polyfit(points[:, 0], points[:, 1], 1, w=weight)
     near, far = float(points[:, 0].min()), float(points[:, 0].max())
     steps = [np.arange(first // STEP_M, last // STEP_M + 1) for first, last in group.ends_m[:, :, 0]]
     covered = np.unique(np.concatenate(steps)).size * STEP_M
     x_m = np.linspace(near, far, max(2, round((far - near) / STEP_M)))
-    residual = float(np.sqrt(np.mean((points[:, 1] - a - b * points[:, 0]) ** 2)))
+    away = points[:, 1] - a - b * points[:, 0]
+    residual = float(np.sqrt(np.average(away**2, weights=weight**2)))
     return Boundary(x_m, a + b * x_m, residual, min(1.0, covered / max(far - near, STEP_M)))

@@ -13,6 +13,7 @@ from perception.techniques.picture import (
     Boundary,
     Features,
     Image,
+    Kind,
     Lane,
     Mask,
     Motion,
@@ -33,7 +34,9 @@ LOOKAHEAD_M = 8.0  # where the curvature of the estimate holds, as config/percep
 ROW_STEP_PX = 10  # boundaries are reported every ten rows of the input image
 MAX_GAP_S = 1.0  # after this the last boundaries say nothing about the next
 RESIDUAL_M = 0.15  # scatter of the evidence that halves the belief: as wide as a line
-WIDTH_M, WIDTH_SIGMA_M = 3.4, 0.6  # lanes are 2.7 to 3.75 m wide
+ASIDE_M = 0.5  # how far out of its lane a vehicle's path may lead until that is hardly believed
+ON_M, WIDE_M, CLEAR_TO_M = 0.3, 3.0, 20.0  # on a boundary; what may be the lane; how far that is looked at
+MURKY, CLEAR = 0.45, 0.85  # even noise has 0.2 to 0.3 of the lane and its boundaries on these
 ONE_SIDE = 0.6  # belief in a lane of which one side was seen
 
 
@@ -63,13 +66,13 @@ class Pipeline:
             return self._nothing(frame.t_s, "the camera sees no road")
         motion = self._motion(frame.t_s, state)
         predicted = moved(self._last, motion) if self._last is not None else None
-        boundaries = self._boundaries(picture, view, predicted, motion.speed_mps)
+        boundaries, evidence = self._boundaries(picture, view, predicted, motion.speed_mps)
         if self._track is not None:
             boundaries = self._track(boundaries, motion)
         self._last, self._last_t_s = (boundaries if boundaries.seen else None), frame.t_s
         lane = self._state(boundaries, view)
         angle = self._steer(boundaries, lane, view, self._vehicle.wheelbase_m, motion.dt_s)
-        return self._estimate(frame.t_s, boundaries, lane, angle)
+        return self._estimate(frame.t_s, boundaries, evidence, lane, angle)
 
     def _working(self, image: NDArray[np.uint8]) -> tuple[Image, View]:
         """The BGR image at working size, without lens distortion, and its view."""
@@ -97,8 +100,8 @@ class Pipeline:
 
     def _boundaries(
         self, picture: Image, view: View, predicted: Boundaries | None, speed_mps: float | None
-    ) -> Boundaries:
-        """Prepared picture → features → without outliers → boundaries on the road."""
+    ) -> tuple[Boundaries, float]:
+        """Prepared picture → features → without outliers → boundaries on the road, and how clear they are."""
         mask: Mask | None = None
         for kind, call in self._before:
             if kind == "prepare":
@@ -115,10 +118,10 @@ class Pipeline:
         for call in self._outliers:
             features = call(features, view, predicted)
         boundaries: Boundaries = self._model(features, view, predicted, self._rng)
-        return boundaries
+        return boundaries, clarity(features, view, boundaries)
 
     def _estimate(
-        self, t_s: float, boundaries: Boundaries, lane: Lane | None, angle_rad: float | None
+        self, t_s: float, boundaries: Boundaries, evidence: float, lane: Lane | None, angle_rad: float | None
     ) -> SteeringEstimate:
         if lane is None or angle_rad is None:
             return self._nothing(t_s, boundaries.reason or "the boundaries make no lane")
@@ -132,7 +135,7 @@ class Pipeline:
             curvature_rate_1pm2=rate,
             lookahead_m=LOOKAHEAD_M,
             road_wheel_angle_rad=angle_rad,
-            confidence=self._recipe.trust * belief(boundaries, lane),
+            confidence=self._recipe.trust * evidence * belief(boundaries, lane, self._recipe),
             lanes_detected=boundaries.seen,
             lane_width_m=lane.width_m,
             latency_ms=None,
@@ -147,7 +150,7 @@ class Pipeline:
         )
 
 
-def belief(boundaries: Boundaries, lane: Lane) -> float:
+def belief(boundaries: Boundaries, lane: Lane, recipe: Recipe) -> float:
     """0..1: support of the boundaries × small residual × plausible width × a lane that the vehicle is in."""
     sides = [side for side in (boundaries.left, boundaries.right) if side is not None]
     support = math.prod(side.support for side in sides) ** (1 / len(sides))
@@ -156,7 +159,7 @@ def belief(boundaries: Boundaries, lane: Lane) -> float:
     if lane.width_m is None:
         plausible = ONE_SIDE
     else:
-        plausible = math.exp(-0.5 * ((lane.width_m - WIDTH_M) / WIDTH_SIGMA_M) ** 2)
+        plausible = math.exp(-0.5 * ((lane.width_m - recipe.width_m) / recipe.width_sigma_m) ** 2)
     centre_m = lane_centre_m(
         LOOKAHEAD_M,
         offset_m=lane.offset_m,
@@ -164,8 +167,32 @@ def belief(boundaries: Boundaries, lane: Lane) -> float:
         curvature_1pm=lane.curvature_1pm,
         curvature_rate_1pm2=lane.curvature_rate_1pm2,
     )
-    inside = math.exp(-0.5 * (max(0.0, abs(centre_m) - WIDTH_M / 2) / WIDTH_SIGMA_M) ** 2)
+    inside = math.exp(-0.5 * (max(0.0, abs(centre_m) - recipe.width_m / 2) / ASIDE_M) ** 2)
     return min(1.0, support) * fits * plausible * inside
+
+
+def clarity(features: Features, view: View, boundaries: Boundaries) -> float:
+    """0..1: how empty the lane is of what made its boundaries; noise and texture fill it, paint does not.
+
+    With the shares of line features up to ``CLEAR_TO_M`` ahead that lie on the boundaries, a, and between them or
+    on the lane side of a single one, b: a/(a + b), from ``MURKY`` (0) to ``CLEAR`` (1). Regions are clear.
+    """
+    if features.kind is not Kind.LINE or not boundaries.seen:
+        return 1.0
+    rows, columns = np.nonzero(features.response)
+    x_m, y_m = view.ground(np.column_stack([columns, rows])).T
+    ahead = (x_m > 0) & (x_m < CLEAR_TO_M)
+    to_right, to_left = np.full(len(x_m), WIDE_M / 2), np.full(len(x_m), WIDE_M / 2)
+    if boundaries.left is not None:
+        to_left = boundaries.left.at(x_m) - y_m
+    if boundaries.right is not None:
+        to_right = y_m - boundaries.right.at(x_m)
+    with np.errstate(invalid="ignore"):  # NaN beyond the ends of a boundary: neither
+        on = ahead & ((np.abs(to_left) < ON_M) | (np.abs(to_right) < ON_M))
+        between = ahead & (to_left >= ON_M) & (to_right >= ON_M) & (np.abs(y_m) < WIDE_M)
+    total = np.count_nonzero(on) + np.count_nonzero(between)
+    share = np.count_nonzero(on) / total if total else 1.0
+    return float(np.clip((share - MURKY) / (CLEAR - MURKY), 0, 1))
 
 
 def boundary_path(boundary: Boundary | None, camera: Camera) -> PixelPath:

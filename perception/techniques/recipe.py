@@ -27,6 +27,8 @@ class Written(Settings):
     source: Annotated[str, Field(min_length=1)]  # where it comes from
     description: Annotated[str, Field(min_length=1)]
     trust: Annotated[float, Field(gt=0, le=1)] = 1.0  # how far its confidence may go: from the bench
+    width_m: Annotated[float, Field(gt=0)] = 3.4  # of the lanes it is for: 2.7 to 3.75 m between lines
+    width_sigma_m: Annotated[float, Field(gt=0)] = 0.6
     stages: Annotated[tuple[str | dict[str, dict[str, Any] | None], ...], Field(min_length=1)]
 
 
@@ -55,6 +57,8 @@ class Recipe:
     source: str
     description: str
     trust: float
+    width_m: float
+    width_sigma_m: float
     stages: tuple[Stage, ...]
 
     def of(self, *kinds: str) -> tuple[Stage, ...]:
@@ -78,7 +82,7 @@ def _recipe(name: str, data: CommentedMap, path: Path) -> Recipe:
         raise InputError(located([name], "expected source, description and stages", data, path, {}))
     written = parse(data[name], Written, source=path)
     stages = tuple(_stage(name, number, data, path) for number in range(len(written.stages)))
-    recipe = Recipe(name, written.source, written.description, written.trust, stages)
+    recipe = Recipe(**{**dict(written), "name": name, "stages": stages})
     problem = _misfit(recipe)
     if problem:
         raise InputError(located([name, "stages", *problem[0]], problem[1], data, path, {}))
