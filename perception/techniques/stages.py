@@ -33,6 +33,7 @@ from perception.techniques.curves import (
     pchip,
 )
 from perception.techniques.edges import canny, canny_auto, edlines, prewitt, sobel
+from perception.techniques.ground_curve import ground_curve
 from perception.techniques.lane import exact_pair
 from perception.techniques.light import clahe, low_light, match_histogram
 from perception.techniques.lines import hough
@@ -64,6 +65,8 @@ from perception.techniques.stripes import (
     wavelet,
 )
 from perception.techniques.surface import brightness, patch_colour, texture
+from perception.techniques.tracking_kalman import Extended, Kalman, Unscented
+from perception.techniques.tracking_sampled import Bayes, Particles
 from perception.techniques.warp import BirdEyeSelf, area_resize, bird_eye
 
 Table = dict[str, Callable[..., Any]]
@@ -123,8 +126,14 @@ MODEL: Table = {
     "hyperbola": hyperbola,
     "pchip": pchip,
 }
-TRACK: Table = {}
-STATE: Table = {"exact_pair": exact_pair}
+TRACK: Table = {
+    "kalman": Kalman,
+    "extended_kalman": Extended,
+    "unscented_kalman": Unscented,
+    "particles": Particles,
+    "bayes": Bayes,
+}
+STATE: Table = {"exact_pair": exact_pair, "ground_curve": ground_curve}
 STEER: Table = {
     "pursuit": pursuit,
     "dev": dev,
