@@ -45,22 +45,24 @@ def hough_standard(
     rng: np.random.Generator,
     *,
     votes: Annotated[int, Field(ge=1)] = 15,
+    share: Annotated[float, Field(gt=0, le=1)] = 0.35,
     max_heading_rad: Annotated[float, Field(gt=0, lt=1.4)] = 0.35,
 ) -> Boundaries:
     """The nearest pair among the strongest lines of the standard Hough transform (B08).
 
-    ρ = x·cosθ + y·sinθ. Source: R [58]–[64]. It joins dashes of any gap. Cannot see: where a line begins and ends,
-    curves, and that arrows and text are none.
+    ρ = x·cosθ + y·sinθ; lines with less than ``share`` of the strongest one's votes do not count. Source: R
+    [58]–[64]. It joins dashes of any gap. Cannot see: where a line begins and ends, curves, and that arrows and
+    text are none.
     """
     ahead = view.ahead_m
     rows = np.flatnonzero((ahead > 0) & (ahead < 25.0))
     binary = np.asarray(features.response > 0, np.uint8)
-    found = cv2.HoughLines(binary, 1, np.pi / 360, votes) if len(rows) > 1 else None
+    found = cv2.HoughLinesWithAccumulator(binary, 1, np.pi / 360, votes) if len(rows) > 1 else None
     if found is None:
         return Boundaries(None, None, "no straight line found")
-    rho, theta = np.asarray(found, float).reshape(-1, 2)[:STRONGEST].T
-    upright = np.abs(np.cos(theta)) > 0.05
-    rho, theta = rho[upright], theta[upright]
+    rho, theta, strength = np.asarray(found, float).reshape(-1, 3)[:STRONGEST].T
+    good = (np.abs(np.cos(theta)) > 0.05) & (strength >= share * strength[0])
+    rho, theta = rho[good], theta[good]
     ends = [
         np.column_stack([(rho - row * np.sin(theta)) / np.cos(theta), np.full(len(rho), row)])
         for row in (float(rows[-1]), float(rows[0]))
