@@ -17,6 +17,7 @@ from perception.techniques.surface import patch
 Positive = Annotated[float, Field(gt=0)]
 
 HALF = 0.5  # a response of a region that is rather road than not
+SOLID = 0.75  # share of a road that looks like road: markings, cracks and shadows are the rest
 MIDDLE_M = 6.0  # where lines are compared
 MOST_PIECES = 400  # the hierarchy costs the square of them
 
@@ -148,7 +149,10 @@ def patch_component(
     if not len(below):
         return _kept(features, np.zeros(road.shape, bool))
     own = labels == np.bincount(below).argmax()
-    return Features(_filled(own).astype(np.float32), Kind.REGION)
+    whole = _filled(own)
+    if np.mean(features.response[whole] > HALF) < SOLID:
+        return _kept(features, np.zeros(road.shape, bool))  # noise: more hole than road
+    return Features(whole.astype(np.float32), Kind.REGION)
 
 
 def outline(features: Features, view: View, predicted: Boundaries | None) -> Features:
@@ -174,6 +178,8 @@ def outline(features: Features, view: View, predicted: Boundaries | None) -> Fea
         if last < road.shape[1] - 1:
             line[row, last] = 255
         column = (first + last) / 2
+    if view.seen is not None:  # nor is the border of what the camera shows
+        line[cv2.erode(view.seen.astype(np.uint8), np.ones((5, 5), np.uint8)) == 0] = 0
     return Features(line, Kind.LINE)
 
 

@@ -151,7 +151,7 @@ class Pipeline:
 
 
 def belief(boundaries: Boundaries, lane: Lane, recipe: Recipe) -> float:
-    """0..1: support of the boundaries × small residual × plausible width × a lane that the vehicle is in."""
+    """0..1: support of the boundaries × small residual × plausible width × a lane that holds the vehicle, now and ahead."""
     sides = [side for side in (boundaries.left, boundaries.right) if side is not None]
     support = math.prod(side.support for side in sides) ** (1 / len(sides))
     residual = max(side.residual_m for side in sides)
@@ -167,7 +167,8 @@ def belief(boundaries: Boundaries, lane: Lane, recipe: Recipe) -> float:
         curvature_1pm=lane.curvature_1pm,
         curvature_rate_1pm2=lane.curvature_rate_1pm2,
     )
-    inside = math.exp(-0.5 * (max(0.0, abs(centre_m) - recipe.width_m / 2) / ASIDE_M) ** 2)
+    farther_m = max(abs(lane.offset_m), abs(centre_m))
+    inside = math.exp(-0.5 * (max(0.0, farther_m - recipe.width_m / 2) / ASIDE_M) ** 2)
     return min(1.0, support) * fits * plausible * inside
 
 
