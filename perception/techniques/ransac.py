@@ -22,7 +22,7 @@ RIDGE = 1e-9  # two equal points would make a sample singular
 REFINED = 3  # samples: the best is often only nearly clean (Chum et al., LO-RANSAC, 2003)
 STEP_M = 0.5  # between the points of a boundary
 KNOT_M = (12.0, 22.0)  # inner knots of the B-spline: the road bends once in what can be seen
-BEND_M = 12.0  # where the straight section ends (B21)
+BENDS_M = (0.0, 6.0, 12.0, 18.0)  # where the straight section may end (B21)
 
 
 @dataclass(frozen=True)
@@ -120,11 +120,9 @@ def polynomial(degree: int) -> Basis:
     return lambda x_m: np.vander(x_m, degree + 1, increasing=True)
 
 
-def two_sections(x_m: Array) -> Array:
-    """1, x, max(0, x − x₀)²: a straight line up to ``BEND_M`` and a parabola that goes on from it smoothly
-    (B21).
-    """
-    return np.column_stack([np.ones_like(x_m), x_m, np.maximum(0.0, x_m - BEND_M) ** 2])
+def two_sections(bend_m: float) -> Basis:
+    """1, x, max(0, x − x₀)²: a straight line up to x₀ and a parabola that goes on from it smoothly (B21)."""
+    return lambda x_m: np.column_stack([np.ones_like(x_m), x_m, np.maximum(0.0, x_m - bend_m) ** 2])
 
 
 def cubic_spline(x_m: Array) -> Array:
@@ -138,19 +136,24 @@ def _pair(
     view: View,
     predicted: Boundaries | None,
     rng: np.random.Generator,
-    basis: Basis,
-    *,
+    *families: Basis,
     size: int,
     inlier_m: float,
     tries: int,
 ) -> Boundaries:
-    """One curve of the family for each side."""
+    """For each side the curve, of all ``families``, that most of the road agrees with."""
     found: list[Boundary | None] = []
     for points in by_side(road_points(features, view), predicted):
-        curve = None
-        if points is not None:
-            curve = consensus(points, basis, rng, size=size, inlier_m=inlier_m, tries=tries)
-        found.append(along(curve, basis))
+        best: Boundary | None = None
+        most = 0.0
+        for basis in families:
+            curve = None
+            if points is not None:
+                curve = consensus(points, basis, rng, size=size, inlier_m=inlier_m, tries=tries)
+            agreed = float(evenly(curve.agreed).sum()) if curve is not None else 0.0
+            if agreed > most:
+                best, most = along(curve, basis), agreed
+        found.append(best)
     return both(*found)
 
 
@@ -205,11 +208,13 @@ def straight_curve(
     rng: np.random.Generator,
     *,
     inlier_m: Positive = 0.15,
-    tries: Tries = 100,
+    tries: Tries = 40,
 ) -> Boundaries:
     """Straight near, curved far, one smooth curve in two sections: y = a + bx + c·max(0, x − x₀)² (B21).
 
-    Source: R [64], 92–93 %, where sections are fitted one after the other and intrusions on the near line spoil
-    both; here both share one consensus. Cannot see: a bend that begins before x₀ = 12 m, which it cuts.
+    Source: R [64], 92–93 %, where the sections meet in a fixed row, are fitted one after the other, and
+    intrusions on the near line spoil both; here both share one consensus, and x₀ is the best of ``BENDS_M``.
+    Cannot see: S-bends.
     """
-    return _pair(features, view, predicted, rng, two_sections, size=3, inlier_m=inlier_m, tries=tries)
+    families = [two_sections(bend_m) for bend_m in BENDS_M]
+    return _pair(features, view, predicted, rng, *families, size=3, inlier_m=inlier_m, tries=tries)
