@@ -11,6 +11,7 @@ from perception.techniques.picture import Boundaries, Features, Kind
 from perception.techniques.pipeline import Pipeline, clarity
 from perception.techniques.recipe import recipes, settings_of
 from perception.techniques.stages import KINDS
+from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import ROOT, InputError
 from trepid.messages import Frame, VehicleState
 
@@ -166,3 +167,11 @@ def test_a_pipeline_is_built_by_its_name_like_any_estimator():
     assert isinstance(build("canny_hough"), Pipeline)
     with pytest.raises(InputError, match=r"no estimator 'canny'.*canny_hough"):
         build("canny")
+
+
+def test_a_scenario_drives_with_a_pipeline():
+    """The harness knows it by its name, as it knows the estimators that are driven with."""
+    settings = load_scenario("straight").model_copy(update={"estimators": ("hough_kalman",)})
+    assert settings.problem() is None
+    what = settings.model_copy(update={"estimators": ("hough_calman",)}).problem()
+    assert what is not None and "no estimator 'hough_calman'" in what[1]
