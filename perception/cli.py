@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from perception.annotate import AnnotationWriter, annotated, as_path
-from perception.estimators import Estimator, entry_of, estimators, lane_cv_settings
+from perception.estimators import ESTIMATORS, Estimator, entry_of, estimators, lane_cv_settings
 from perception.lead_cli import estimate_leads
 from perception.self_calibration import self_calibrated
 from perception.sources import NOMINAL_FPS, VIDEO_SUFFIXES, Clip, Source, Still, sources
@@ -59,9 +59,8 @@ def estimate(
     if estimator == "list":
         _list_estimators(as_json)
         return
-    names = (*estimators(), LEAD)
-    if estimator not in names:
-        raise InputError(f"no estimator {estimator!r}; there are {', '.join(names)}")
+    if estimator not in (*ESTIMATORS, LEAD) and estimator not in estimators():
+        raise InputError(f"no estimator {estimator!r}; there are {', '.join((*estimators(), LEAD))}")
     if detector is not None and estimator != LEAD:
         raise InputError(f"--detector is for --estimator {LEAD}")
     if not inputs:

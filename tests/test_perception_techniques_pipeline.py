@@ -175,3 +175,13 @@ def test_a_scenario_drives_with_a_pipeline():
     assert settings.problem() is None
     what = settings.model_copy(update={"estimators": ("hough_calman",)}).problem()
     assert what is not None and "no estimator 'hough_calman'" in what[1]
+
+
+def test_what_is_driven_with_does_not_wait_for_the_file_of_the_pipelines(monkeypatch):
+    def broken():
+        raise InputError("pipelines.yaml:1:1: not valid YAML")
+
+    monkeypatch.setattr("perception.estimators.recipes", broken)
+    assert build("cv") is not None
+    with pytest.raises(InputError, match=r"pipelines\.yaml:1:1"):
+        build("canny_hough")

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Self, get_type_hints
 
 from pydantic import Field, ValidationError, create_model, model_validator
 
-from perception.estimators import estimators
+from perception.estimators import ESTIMATORS, estimators
 from sim_harness.plants.plant import build_plant
 from sim_harness.plants.settings import PlantSettings
 from sim_harness.roads.appearance import Section
@@ -208,10 +208,9 @@ class Scenario(Settings):
 
         Raises InputError when the file of the road is wrong.
         """
-        known = estimators()
         for number, name in enumerate(self.estimators):
-            if name not in known:
-                return ("estimators", number), f"no estimator {name!r}; there are {', '.join(known)}"
+            if name not in ESTIMATORS and name not in estimators():
+                return ("estimators", number), f"no estimator {name!r}; there are {', '.join(estimators())}"
             if name in self.estimators[:number]:
                 return ("estimators", number), f"{name!r} is named twice"
         if not self.road.endswith(ROAD_SUFFIXES) and not self._road_file().is_file():
