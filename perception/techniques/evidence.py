@@ -14,7 +14,7 @@ BINS = round(2 * ASIDE_M / BIN_M) + 1
 APART_M, ALIKE = 0.9, 1.5
 SIDE_AT_M = 6.0  # where a line is left or right of the car: the nearest road that most cameras show
 LEAST = 8  # points of a boundary
-COURSE_M, COURSE_MOST, COURSE_BIN_M = 22.0, 400, 0.3  # what the search for the course of the road looks at
+COURSE_M, COURSE_MOST, COURSE_BIN_M = 22.0, 300, 0.3  # what the search for the course of the road looks at
 HEADINGS = np.linspace(-0.2, 0.2, 17)
 BENDS = np.array([0.0, 0.003, 0.006, 0.01, 0.015, 0.021, 0.03, 0.045])
 BENDS = np.concatenate([-BENDS[:0:-1], BENDS])
@@ -97,10 +97,9 @@ def course(points: Points) -> tuple[float, float]:
         return 0.0, 0.0
     x_m, y_m = near.x_m[:: -(-len(near) // COURSE_MOST)], near.y_m[:: -(-len(near) // COURSE_MOST)]
     straight = y_m - HEADINGS[:, None, None] * x_m - BENDS[:, None] * x_m**2 / 2
-    bins = int(4 * ASIDE_M / COURSE_BIN_M)
-    place = (
-        np.clip((straight + 2 * ASIDE_M) / COURSE_BIN_M, 0, bins - 1).astype(np.int64).reshape(-1, len(x_m))
-    )
+    half_m = ASIDE_M + HEADINGS[-1] * COURSE_M + BENDS[-1] * COURSE_M**2 / 2
+    bins = int(2 * half_m / COURSE_BIN_M) + 1
+    place = ((straight + half_m) / COURSE_BIN_M).astype(np.int32).reshape(-1, len(x_m))
     roads = len(place)
     count = np.bincount((place + bins * np.arange(roads)[:, None]).ravel(), minlength=roads * bins)
     smooth = count.reshape(roads, bins).astype(float)

@@ -19,7 +19,8 @@ Tries = Annotated[int, Field(ge=1, le=2000)]
 Basis = Callable[[Array], Array]  # x, shape (n,), to the values of k basis functions, shape (n, k)
 
 RIDGE = 1e-9  # two equal points would make a sample singular
-REFINED = 3  # samples: the best is often only nearly clean (Chum et al., LO-RANSAC, 2003)
+VOTERS = 240  # points that vote on samples
+REFINED = 4  # samples: the best is often only nearly clean (Chum et al., LO-RANSAC, 2003)
 STEP_M = 0.5  # between the points of a boundary
 KNOT_M = (12.0, 22.0)  # inner knots of the B-spline: the road bends once in what can be seen
 BENDS_M = (0.0, 6.0, 12.0, 18.0)  # where the straight section may end (B21)
@@ -64,17 +65,19 @@ def consensus(
     matrices, values = whole[picks], sorted_points.y_m[picks]
     turned = matrices.transpose(0, 2, 1)
     guesses = np.linalg.solve(turned @ matrices + RIDGE * np.eye(size), (turned @ values[..., None]))[..., 0]
-    agrees = np.abs(guesses @ whole.T - sorted_points.y_m) < inlier_m
+    voters = slice(None, None, -(-len(points) // VOTERS))
+    agrees = np.abs(guesses @ whole[voters].T - sorted_points.y_m[voters]) < inlier_m
+    best_first = np.argsort(-(agrees @ weight[voters]), kind="stable")
     best = [
         _refined(
             sorted_points,
             whole,
             weight,
-            agrees[number],
+            np.abs(whole @ guesses[number] - sorted_points.y_m) < inlier_m,
             inlier_m=inlier_m,
             least=max(2 * size, least * len(points)),
         )
-        for number in np.argsort(-(agrees @ weight), kind="stable")[:REFINED]
+        for number in best_first[:REFINED]
     ]
     return max(
         (curve for curve in best if curve is not None),
