@@ -1,6 +1,7 @@
 """A pipeline of the review's techniques as an estimator (inventory P04, B01)."""
 
 import math
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -49,7 +50,7 @@ class Pipeline:
         self._features = [stage.bound() for stage in recipe.of("features")]
         self._outliers = [stage.bound() for stage in recipe.of("outliers")]
         (self._model,) = (stage.bound() for stage in recipe.of("model"))
-        self._track = next((stage.bound() for stage in recipe.of("track")), None)
+        self._track: Callable[..., Boundaries] | None = None  # made anew when time jumps
         (self._state,) = (stage.bound() for stage in recipe.of("state"))
         self._steer = next((stage.bound() for stage in recipe.of("steer")), pursuit)
         self._rng = np.random.default_rng(0)  # one seed: the same frames give the same answer
@@ -95,6 +96,7 @@ class Pipeline:
         dt_s = t_s - self._last_t_s
         if not 0 <= dt_s <= MAX_GAP_S:  # NaN: the first frame
             self._last, dt_s = None, 0.0
+            self._track = next((stage.bound() for stage in self._recipe.of("track")), None)
         speed, rate = (state.speed_mps, state.yaw_rate_radps) if state else (None, None)
         return Motion(dt_s, _finite(speed), _finite(rate))
 
@@ -151,7 +153,7 @@ class Pipeline:
 
 
 def belief(boundaries: Boundaries, lane: Lane, recipe: Recipe) -> float:
-    """0..1: support of the boundaries × small residual × plausible width × a lane that holds the vehicle, now and ahead."""
+    """0..1: support × small residual × plausible width × a lane that holds the vehicle, now and ahead."""
     sides = [side for side in (boundaries.left, boundaries.right) if side is not None]
     support = math.prod(side.support for side in sides) ** (1 / len(sides))
     residual = max(side.residual_m for side in sides)
