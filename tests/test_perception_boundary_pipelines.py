@@ -54,3 +54,13 @@ def test_a_tracked_pipeline_lives_through_dark_frames_believes_less_and_gives_up
     assert seen[10].lateral_offset_m == pytest.approx(clear.lateral_offset_m, abs=0.2)
     assert 0 < seen[40].confidence < seen[10].confidence < clear.confidence
     assert seen[10].reason and seen[-1].lateral_offset_m is None and seen[-1].reason
+
+
+@pytest.mark.parametrize("name", TRACKED)
+def test_a_jump_in_time_ends_the_memory_of_a_tracker(name):
+    pipeline, image = Pipeline(RECIPES[name], CAMERA, VEHICLE), road((0.2, 0.0, 0.0, 0.0))
+    for number in range(5):
+        pipeline.step(Frame(t_s=0.04 * number, image=image), state(0.04 * number), now_s=0.0)
+    for t_s in (30.0, 1.0):  # on, and back
+        seen = pipeline.step(Frame(t_s=t_s, image=BLACK), state(t_s), now_s=0.0)
+        assert seen.lateral_offset_m is None and seen.reason
