@@ -32,6 +32,7 @@ class SightingSettings(Settings):
     max_yaw_rate_radps: Positive
     min_lane_width_m: Positive
     max_lane_width_m: Positive
+    max_unmarked_width_m: Positive  # edges farther apart without lines are those of two lanes: which is ours?
 
 
 class Sighting(NamedTuple):
@@ -76,15 +77,18 @@ def sight(
         return Sighting(name, age, t_s, False, None, None, math.nan, None, False)
     lane = lane_of(estimate, settings)
     broken = not 0 <= estimate.confidence <= 1 or (estimate.confidence > 0 and lane is None)
+    two_lanes = _is_of_two_lanes(estimate, settings)
     usable = (
-        not (broken or frozen) and age <= settings.fresh_s and estimate.confidence >= settings.min_confidence
+        not (broken or frozen or two_lanes)
+        and age <= settings.fresh_s
+        and estimate.confidence >= settings.min_confidence
     )
     return Sighting(
         estimator=name,
         age_s=age,
         t_s=estimate.t_s,
         broken=broken,
-        confidence=None if broken else estimate.confidence,
+        confidence=None if broken else 0.0 if two_lanes else estimate.confidence,
         lane=lane if usable else None,
         lookahead_m=estimate.lookahead_m,
         width_error_m=_width_error_m(estimate.lane_width_m, settings),
@@ -128,6 +132,14 @@ def motion_of(state: VehicleState | None, *, now_s: float, settings: SightingSet
     if speed_mps is None or yaw_rate_radps is None or wheel_rad is None:
         return None
     return Motion(speed_mps, yaw_rate_radps)
+
+
+def _is_of_two_lanes(estimate: SteeringEstimate, settings: SightingSettings) -> bool:
+    """Whether only the edges of a road of more than one lane are seen; a width that cannot be may be one."""
+    width_m = estimate.lane_width_m
+    return (
+        estimate.marked is False and width_m is not None and not 0 < width_m <= settings.max_unmarked_width_m
+    )
 
 
 def _width_error_m(width_m: float | None, settings: SightingSettings) -> float | None:
