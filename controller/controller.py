@@ -7,7 +7,7 @@ Everything that comes in is judged here by age, finiteness and plausibility. Wha
 | no usable decision | comfort stop, after ``lost_s`` emergency stop | along the path while it is young enough |
 | no usable vehicle state | the same | holds the last wheel angle |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
-| no path at all | comfort stop | holds the last curvature |
+| no path at all | comfort stop, or the emergency stop asked for | holds the last curvature |
 | the supervisor says STOP | the stop that it asks for | along the path |
 
 The emergency stop for lost inputs latches until standstill, or until a driver takes over.
@@ -227,12 +227,10 @@ class Controller:
             self._healthy_s = now_s
         elif now_s - self._healthy_s > self._settings.inputs.lost_s:
             self._emergency = True
-        if self._emergency:
+        if self._emergency or (decision is not None and decision.stop is Stop.EMERGENCY):
             return Stop.EMERGENCY
-        if decision is None or speed_mps is None or lane is None:
+        if decision is None or speed_mps is None or lane is None or decision.mode is Mode.STOP:
             return Stop.COMFORT
-        if decision.mode is Mode.STOP:
-            return Stop.EMERGENCY if decision.stop is Stop.EMERGENCY else Stop.COMFORT
         return decision.stop
 
     def _drive(

@@ -269,6 +269,21 @@ def test_without_a_path_it_follows_the_remembered_one_then_holds_the_curvature_a
     assert min(held) > 0.0
 
 
+def test_an_emergency_stop_is_made_as_asked_for_also_without_a_path():
+    lost = dict(lateral_offset_m=None, heading_error_rad=None, curvature_1pm=None, path_t_s=None)
+
+    def hardest(stop: Stop) -> float:
+        one, now_s, _ = rolling()
+        asked = decision(now_s, mode=Mode.STOP, stop=stop, **lost)
+        times_s = [now_s + 0.02 * n for n in range(1, 100)]
+        return min(
+            one.step(replace(asked, decided_s=t, t_s=t), state(t, speed_mps=6.0), now_s=t).accel_mps2
+            for t in times_s
+        )
+
+    assert hardest(Stop.EMERGENCY) < 2.0 * hardest(Stop.COMFORT) < 0.0
+
+
 def test_held_curvature_needs_less_wheel_as_the_speed_falls():
     one, now_s, _ = rolling(curvature_1pm=0.03)
     fast, slow = (
