@@ -31,7 +31,7 @@ _SOFT = 8  # DAQP's mark of a soft constraint
 _SOLVED = (1, 2)  # DAQP: solved; solved with soft constraints violated
 _STEEPEST_RAD = 1.2  # roll-outs beyond it are no guess: tan ψ and 1/cos ψ take over
 _COLD_ITERATIONS = 3
-_MOST_STEPS = 200  # of the active-set method, some 2 µs each; a few are the rule, 20 are not rare at many limits
+_MOST_STEPS = 200  # of the active-set method, some 2 µs each; a few are the rule, at many limits 20
 
 
 class Soft(NamedTuple):

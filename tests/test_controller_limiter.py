@@ -115,9 +115,7 @@ def test_accelerating_in_a_bend_counts_into_the_jerk(sign):
         known = state(t, speed_mps=speed + accel * t)
         out = one.step(command(t, road_wheel_angle_rad=sign * 0.5), t, known, now_s=t)
         now = lateral(out.road_wheel_angle_rad, speed + accel * t)
-        assert (
-            0.9 * JERK * DT_S < abs(now - last) <= JERK * DT_S
-        )  # understeer gives a little of 2·v·a·κ back
+        assert 0.9 * JERK * DT_S < abs(now - last) <= JERK * DT_S  # understeer gives a little of 2·v·a·κ back
         last = now
 
 

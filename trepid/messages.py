@@ -71,7 +71,7 @@ class ImageStatistics:
     under_exposed: float  # share of pixels at or near black, 0..1
     sharpness: float  # variance of the Laplacian of grey in [0, 255]² units; small = blurred
     frozen_s: float  # how long no new image has come, only repeated ones [s]; 0 for a new one
-    spots: float  # share of the picture's tiles that hold a dark spot which stands still, 0..1: dirt on the lens
+    spots: float  # share of the tiles that hold a dark spot which stands still, 0..1: dirt on the lens
 
 
 @quick
@@ -161,7 +161,7 @@ class Decision:
     fear: float  # 0..1
     level: str  # very_low, low, medium, high, very_high
     cause: str  # what fear is about; "none" when calm
-    part: str = ""  # where that lies: "camera", "lens", "traffic", "road", "vehicle", an estimator; "" if unknown
+    part: str = ""  # where that lies: "camera", "lens", "traffic", "road", "vehicle", an estimator
     rules: tuple[str, ...]  # the rules that fired, strongest first
     rule_strengths: tuple[float, ...]
     inputs: tuple[str, ...]  # what the rules were asked about ...

@@ -100,5 +100,6 @@ class LostLane(Span):
 
 
 Fault = Annotated[
-    FrozenCamera | BlackFrames | LateFrames | LostProcess | EstimatorBias | LostLane, Field(discriminator="kind")
+    FrozenCamera | BlackFrames | LateFrames | LostProcess | EstimatorBias | LostLane,
+    Field(discriminator="kind"),
 ]
