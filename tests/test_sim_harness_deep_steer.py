@@ -20,7 +20,7 @@ def test_angles_of_5_mph_keep_the_road_at_5_mph_and_lose_it_at_20():
 def test_understeer_alone_does_not_mend_it_but_counting_in_the_delay_does():
     fast = winding_episode(SHUTTLE, 20 * MPH, seed=0)
     assert drive_by(angles(transposed=True), fast).worst_m > 1.05
-    assert drive(fast, SETTINGS).worst_m <= 0.1
+    assert drive(fast, SETTINGS).worst_m <= 0.25
 
 
 def test_the_angle_is_held_and_at_its_own_speed_transposing_changes_nothing():
