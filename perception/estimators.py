@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Protocol
 
 from perception.lane_cv import LaneCv, LaneCvSettings
-from perception.techniques.pipeline import Pipeline
-from perception.techniques.recipe import Recipe, recipes
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
@@ -67,16 +65,19 @@ ESTIMATORS = {
 
 def estimators() -> dict[str, Entry]:
     """Every estimator by name: our own, and the pipelines of config/pipelines.yaml. Raises InputError."""
-    return ESTIMATORS | {name: _pipeline(recipe) for name, recipe in recipes().items()}
+    # Imported here: their stages take 0.4 s that what is driven with need not pay.
+    from perception.techniques.pipeline import Pipeline
+    from perception.techniques.recipe import recipes
 
-
-def _pipeline(recipe: Recipe) -> Entry:
-    return Entry(
-        recipe.description,
-        partial(Pipeline, recipe),
-        source=recipe.source,
-        stages=tuple(stage.name for stage in recipe.stages),
-    )
+    return ESTIMATORS | {
+        name: Entry(
+            recipe.description,
+            partial(Pipeline, recipe),
+            source=recipe.source,
+            stages=tuple(stage.name for stage in recipe.stages),
+        )
+        for name, recipe in recipes().items()
+    }
 
 
 def entry_of(name: str) -> Entry:

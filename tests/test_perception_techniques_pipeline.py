@@ -181,7 +181,7 @@ def test_what_is_driven_with_does_not_wait_for_the_file_of_the_pipelines(monkeyp
     def broken():
         raise InputError("pipelines.yaml:1:1: not valid YAML")
 
-    monkeypatch.setattr("perception.estimators.recipes", broken)
+    monkeypatch.setattr("perception.techniques.recipe.recipes", broken)
     assert build("cv") is not None
     with pytest.raises(InputError, match=r"pipelines\.yaml:1:1"):
         build("canny_hough")

@@ -1,14 +1,16 @@
 """What a run must satisfy, and the judgement of it."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, Field
 
-from sim_harness.lockstep.metrics import Metrics
 from sim_harness.lockstep.trace import Trace
 from sim_harness.roads.light import Positive
 from sim_harness.scenarios.conditions import parse_condition
 from trepid.config import Settings
+
+if TYPE_CHECKING:  # its filters and ranks take 0.4 s to import, and the processes of a drive judge nothing
+    from sim_harness.lockstep.metrics import Metrics
 
 STANDSTILL_MPS = 0.01
 
@@ -46,7 +48,7 @@ class Expect(Settings):
         return self.model_copy(update=dropped)
 
 
-def judge(expect: Expect, metrics: Metrics, trace: Trace) -> list[str]:
+def judge(expect: Expect, metrics: "Metrics", trace: Trace) -> list[str]:
     """Why a run failed what was expected of it; empty when it passed."""
     most = {
         "departures": expect.max_departures,
