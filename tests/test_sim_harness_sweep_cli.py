@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -38,11 +39,21 @@ def sim(*arguments):
     return app([str(argument) for argument in arguments], standalone_mode=False)
 
 
-def start(*arguments):
-    """The command in a session of its own, so that a signal can reach all of it, as from a keyboard."""
-    command = [sys.executable, "-m", "trepid", "sim", "run", *map(str, arguments)]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    return subprocess.Popen(command, cwd=ROOT, text=True, start_new_session=True, **pipes)
+@pytest.fixture
+def start():
+    """Start the command in a session of its own, so that a signal can reach all of it, as from a keyboard."""
+    commands = []
+
+    def start(*arguments):
+        command = [sys.executable, "-m", "trepid", "sim", "run", *map(str, arguments)]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        commands.append(subprocess.Popen(command, cwd=ROOT, text=True, start_new_session=True, **pipes))
+        return commands[-1]
+
+    yield start
+    for command in commands:
+        with command, suppress(ProcessLookupError):  # also what a failed test left
+            os.killpg(command.pid, signal.SIGKILL)
 
 
 def wait_for_lines(path, count):
@@ -69,7 +80,7 @@ def hashes(text):
     return [(row["seed"], row["trace_sha256"]) for row in map(json.loads, text.splitlines())]
 
 
-def test_a_sweep_that_was_killed_goes_on_where_it_was(files, capsys):
+def test_a_sweep_that_was_killed_goes_on_where_it_was(files, start, capsys):
     stored = files / "out.jsonl"
     sources = (files / "second.yaml", "--seeds", 3)
     command = start(*sources, files / "endless.yaml", "--out", stored)
@@ -92,7 +103,7 @@ def test_a_sweep_that_was_killed_goes_on_where_it_was(files, capsys):
     assert [json.loads(line)["seed"] for line in out.splitlines()] == [0, 1, 2, 3, 4]
 
 
-def test_ctrl_c_ends_all_processes_and_keeps_what_is_done(files):
+def test_ctrl_c_ends_all_processes_and_keeps_what_is_done(files, start):
     stored = files / "out.jsonl"
     command = start(
         files / "second.yaml", files / "endless.yaml", "--seeds", 2, "--jobs", 2, "--out", stored, "--json"
