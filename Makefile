@@ -44,7 +44,7 @@ ifdef ARGS
 	@$(BIN)/python -m pytest $(ARGS)
 else
 	@$(BIN)/python -m pytest -n 2 -m "not processes and not proof"
-	@$(BIN)/python -m pytest -m processes
+	@$(BIN)/python -m pytest -m "processes and not proof"
 endif
 
 proof: $(TESTED)
