@@ -11,6 +11,7 @@ import platform
 import secrets
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Annotated, Any
 
 import cv2
@@ -28,6 +29,8 @@ from sim_harness.fear_bench.bench import SECTIONS as FEAR_SECTIONS
 from sim_harness.fear_bench.bench import bench_fear
 from sim_harness.follow_bench.bench import FOLLOW_SECTIONS, bench_follow
 from sim_harness.lockstep.bench import bench_lockstep
+from sim_harness.perception_bench.bench import Wish, bench_perception
+from sim_harness.perception_bench.watch import bare_canny_chain
 from sim_harness.plants.bench import bench_plants
 from sim_harness.render.ground import Ground
 from sim_harness.render.renderer import Renderer
@@ -38,7 +41,7 @@ from sim_harness.sweep.bench import bench_determinism, bench_sweep
 from sim_harness.sweep.seeds import bench_seeds
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.messages import Frame, Image, VehicleState
+from trepid.messages import Frame, VehicleState
 
 SPEED_MPS = 8.0
 FRAME_PERIOD_S = 0.04
@@ -135,13 +138,7 @@ def lap() -> Iterator[tuple[Frame, VehicleState, float]]:
         yield Frame(t_s=t_s, image=image), state, time_s
 
 
-def bare_canny_chain(image: Image) -> object:
-    """The review's canonical chain, the peer: lower half, grey, Gauss, Canny, probabilistic Hough."""
-    grey = cv2.GaussianBlur(cv2.cvtColor(image[image.shape[0] // 2 :], cv2.COLOR_BGR2GRAY), (5, 5), 0)
-    return cv2.HoughLinesP(cv2.Canny(grey, 50, 150), 1, np.pi / 180, 20, minLineLength=20, maxLineGap=10)
-
-
-def bench_perception() -> dict[str, Any]:
+def bench_estimators() -> dict[str, Any]:
     """Time per 320×240 frame of every estimator and the image statistics, one thread, beside the bare chain."""
     cv2.setNumThreads(1)
     estimators = {name: build(name) for name in ESTIMATORS}
@@ -160,7 +157,7 @@ def bench_perception() -> dict[str, Any]:
 
 
 BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
-    "perception": bench_perception,
+    "estimators": bench_estimators,
     "renderer": bench_renderer,
     "lockstep": bench_lockstep,
     "plants": bench_plants,
@@ -179,28 +176,60 @@ SEEDED: dict[str, Callable[[int], dict[str, Any]]] = {
     **{f"follow-{name}": section for name, section in FOLLOW_SECTIONS.items()},
 }
 """Benchmarks that draw lots."""
-ON_REQUEST = {"determinism", *SEEDED}  # takes minutes
+PERCEPTION = "perception"  # has options of its own
+KNOWN = (*BENCHMARKS, PERCEPTION, *SEEDED)
+ON_REQUEST = {"determinism", PERCEPTION, *SEEDED}  # takes minutes
 
 
 def bench(
     names: Annotated[
         list[str] | None,
-        typer.Argument(
-            help=f"Any of {', '.join([*BENCHMARKS, *SEEDED])}; default: all but {', '.join(sorted(ON_REQUEST))}."
-        ),
+        typer.Argument(help=f"Any of {', '.join(KNOWN)}; default: all but {', '.join(sorted(ON_REQUEST))}."),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Replay the lots of a run; default: fresh ones.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    estimators: Annotated[
+        str, typer.Option(help="perception: which, with commas between; default: all.")
+    ] = "",
+    quick: Annotated[bool, typer.Option(help="perception: a seventh of the set.")] = False,
+    repeats: Annotated[int, typer.Option(min=1, help="perception: how many times the set.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="perception: processes.")] = 1,
+    keep_frames: Annotated[
+        bool, typer.Option(help="perception: keep the frames (0.7 GB), so that they are drawn once a seed.")
+    ] = False,
+    drive: Annotated[bool, typer.Option(help="perception: also let each estimator steer alone.")] = False,
+    data: Annotated[
+        Path | None, typer.Option(help="perception: the real sets; default: TREPID_DATA, ../shared/data.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="perception: a folder for tables and figures.")] = None,
 ) -> int:
     """Measure what each part costs, beside a peer in the same run."""
     for name in names or []:
-        if name not in BENCHMARKS and name not in SEEDED:
-            raise InputError(f"no benchmark {name!r}; there are {', '.join([*BENCHMARKS, *SEEDED])}")
+        if name not in KNOWN:
+            raise InputError(f"no benchmark {name!r}; there are {', '.join(KNOWN)}")
     seed = secrets.randbits(32) if seed is None else seed
+    wish = Wish(
+        seed=seed,
+        estimators=tuple(part.strip() for part in estimators.split(",") if part.strip()),
+        quick=quick,
+        repeats=repeats,
+        jobs=jobs,
+        keep_frames=keep_frames,
+        out=out,
+        data=data,
+        drive=drive,
+    )
+    if PERCEPTION not in (names or []) and wish != Wish(seed=seed):
+        raise InputError(
+            "--estimators, --quick, --repeats, --jobs, --keep-frames, --drive, --data, --out are for perception"
+        )
     result: dict[str, Any] = machine() | {"seed": seed}
     for name in names or [name for name in BENCHMARKS if name not in ON_REQUEST]:
         typer.echo(f"bench {name} ...", err=True)
-        result[name] = SEEDED[name](seed) if name in SEEDED else BENCHMARKS[name]()
+        if name == PERCEPTION:
+            result |= bench_perception(wish)
+        else:
+            result[name] = SEEDED[name](seed) if name in SEEDED else BENCHMARKS[name]()
     if as_json:
         print(json.dumps(result))
         return 0

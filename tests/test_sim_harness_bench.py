@@ -24,5 +24,7 @@ def test_a_timed_call_gets_its_arguments() -> None:
 
 
 def test_an_unknown_benchmark_is_refused_with_the_known_names() -> None:
-    with pytest.raises(InputError, match=f"no benchmark 'speed'; there are {', '.join(BENCHMARKS)}"):
+    with pytest.raises(
+        InputError, match=f"no benchmark 'speed'; there are {', '.join(BENCHMARKS)}, perception"
+    ):
         bench(["speed"])
