@@ -9,8 +9,9 @@ import pytest
 
 from sim_harness.fear_bench import supervision
 from sim_harness.fear_bench.arms import Driver, chosen
+from sim_harness.fear_bench.drives import HARD_ROUTE_M, cases
 from sim_harness.fear_bench.fuzz import situations
-from sim_harness.fear_bench.supervision import SUPERVISED, cases, driven, drivers, summary, warnings_s
+from sim_harness.fear_bench.supervision import SUPERVISED, driven, drivers, summary, warnings_s
 from sim_harness.lockstep.trace import Trace
 
 CV = situations()["calm"]["cv"]
@@ -55,8 +56,9 @@ def test_the_summary_counts() -> None:
     rows.append(row(Driver.CV, clean=False, departures=2, warned_s=(2.5, 0.4)))
     told = summary(rows)
     assert told["cv: departures"].startswith("2 in 1")
-    assert told["departures feared 2 s ahead"] == "50.0 % of 2"
-    assert told["AUROC of fear"] == 1.0
+    assert told["mishaps feared 2 s ahead, all drivers"] == "50.0 % of 2"
+    assert told["mishaps feared 2 s ahead, fused path"] is None
+    assert told["AUROC of fear, all drivers"] == 1.0
     assert told["loss of mean speed on clean roads"] == "5.0 %"
     assert told["nuisance slow-downs on clean roads"] == "1 in 1.0 km"
 
@@ -67,13 +69,29 @@ def test_a_warning_is_counted_from_where_it_began_and_not_across_an_intervention
     after = (t_s > 5.95).astype(float)
     trace = Trace({"t_s": t_s, "decision.fear": fear, "departures": after, "interventions": after}, {})
     assert warnings_s(trace) == pytest.approx([3.0])
-    moved = Trace({**trace.columns, "interventions": (t_s > 5.5).astype(float) + after}, {})
-    assert warnings_s(moved) == [0.0]
+    early = np.where((t_s > 1.0) & (t_s < 2.0), 0.8, 0.0)
+    moved = {**trace.columns, "interventions": (t_s > 2.5).astype(float) + after, "decision.fear": early}
+    assert warnings_s(Trace(moved, {})) == [0.0]
+
+
+def test_a_departure_soon_after_an_intervention_belongs_to_the_mishap_before() -> None:
+    t_s = np.arange(0.0, 10.0, 0.1)
+    departures = (t_s > 4.95).astype(float) + (t_s > 6.95)
+    columns = {"t_s": t_s, "decision.fear": np.full(100, 0.8), "departures": departures}
+    assert len(warnings_s(Trace({**columns, "interventions": departures}, {}))) == 1
+
+
+def test_a_hard_road_is_the_same_for_every_driver_and_can_be_driven() -> None:
+    hard = [case for case in cases(3, 12) if not case.clean]
+    assert len({case.scenario.description for case in hard}) == 12
+    for case in hard:
+        case.scenario.check()
+        assert case.scenario.build_road().length_m > HARD_ROUTE_M
 
 
 def test_what_was_driven_is_not_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "kept.jsonl"
     kept = [{"case": case.key, "driver": str(d), "mine": True} for case in cases(1, 1) for d in drivers(case)]
     path.write_text("".join(json.dumps(line) + "\n" for line in kept))
-    monkeypatch.setattr(supervision, "drive", None)  # driving would raise
+    monkeypatch.setattr(supervision, "driven_row", None)  # driving would raise
     assert list(driven(1, 1, path)) == kept

@@ -1,10 +1,10 @@
-"""Drivers without a supervisor, for comparison: one estimator, the plain average, or the surest."""
+"""Drivers without fear, for comparison: one estimator, the plain average, the surest, or all that are joined."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
 from statistics import fmean
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 from supervisor.supervisor import Supervisor
 from trepid.messages import (
@@ -27,17 +27,31 @@ class Driver(StrEnum):
     CNN = "cnn"
     AVERAGE = "average"
     SUREST = "surest"
+    FUSED = "fused"  # the supervisor's own path: what fear judges, and what is left of supervision without it
+
+
+class Way(NamedTuple):
+    """The lane that is driven."""
+
+    t_s: float
+    lookahead_m: float
+    lane: dict[str, float | None]  # the fields LANE
+
+    @classmethod
+    def of(cls, told: SteeringEstimate | Decision, t_s: float) -> Self:
+        """The lane of ``told``, valid at ``t_s``."""
+        return cls(t_s, told.lookahead_m, {name: getattr(told, name) for name in LANE})
 
 
 class Watched:
     """Drives what ``driver`` says, fearless; the supervisor watches, and its fear is what the decision carries.
 
-    Where nothing is seen the last lane is driven on: a driver without a supervisor has nobody to say when to stop.
+    Where nothing is seen the last lane is driven on: a driver without fear has nobody to say when to stop.
     """
 
     def __init__(self, supervisor: Supervisor, driver: Driver, *, cruise_speed_mps: float) -> None:
         self._supervisor, self._driver, self._cruise_speed_mps = supervisor, driver, cruise_speed_mps
-        self._lane: SteeringEstimate | None = None
+        self._way: Way | None = None
 
     def step(
         self,
@@ -50,21 +64,31 @@ class Watched:
     ) -> Decision:
         """The decision of the driver, with the fear of the supervisor."""
         felt = self._supervisor.step(estimates, statistics, lead, state, now_s=now_s)
-        seen = {name: e for name, e in estimates.items() if e is not None and e.lateral_offset_m is not None}
-        self._lane = chosen(seen, self._driver) or self._lane
-        lane = self._lane
-        path: dict[str, Any] = {name: getattr(lane, name) if lane else None for name in LANE}
+        way = self._way = self._shown(felt, estimates) or self._way
+        if way is None:
+            nowhere: dict[str, Any] = dict.fromkeys(("path_t_s", *LANE))
+            halt: dict[str, Any] = dict(mode=Mode.STOP, stop=Stop.COMFORT, path_source="none")
+            return replace(felt, **halt, **nowhere, speed_factor=0.0, speed_cap_mps=0.0)
+        lane: dict[str, Any] = way.lane
         return replace(
             felt,
-            mode=Mode.KEEP if lane else Mode.STOP,
-            stop=Stop.NONE if lane else Stop.COMFORT,
-            path_t_s=lane.t_s if lane else None,
-            lookahead_m=lane.lookahead_m if lane else felt.lookahead_m,
-            path_source=str(self._driver) if lane else "none",
-            speed_factor=1.0 if lane else 0.0,
-            speed_cap_mps=self._cruise_speed_mps if lane else 0.0,
-            **path,
+            mode=Mode.KEEP,
+            stop=Stop.NONE,
+            path_t_s=way.t_s,
+            lookahead_m=way.lookahead_m,
+            path_source=str(self._driver),
+            speed_factor=1.0,
+            speed_cap_mps=self._cruise_speed_mps,
+            **lane,
         )
+
+    def _shown(self, felt: Decision, estimates: Mapping[str, SteeringEstimate | None]) -> Way | None:
+        """The way that there is to be seen now."""
+        if self._driver is Driver.FUSED:
+            return None if felt.path_t_s is None else Way.of(felt, felt.path_t_s)
+        seen = {name: e for name, e in estimates.items() if e is not None and e.lateral_offset_m is not None}
+        lane = chosen(seen, self._driver)
+        return None if lane is None else Way.of(lane, lane.t_s)
 
 
 def chosen(seen: Mapping[str, SteeringEstimate], driver: Driver) -> SteeringEstimate | None:

@@ -1,82 +1,46 @@
 """Who keeps the lane: each estimator alone, their plain average, the surest of them, or the supervised car?
 
-Hard drives are drawn by lot (a disturbance, its grade, a bend) and driven once by every driver, each on what the
-real estimators see. The drivers without a supervisor know no fear: they drive on the last lane there was, at full
-speed. In their drives the supervisor watches, so that its fear can be held against the departures that it did not
-prevent. Clean drives give what fear costs: nuisance slow-downs and speed, beside the plain average.
+Hard drives are drawn by lot (:mod:`sim_harness.fear_bench.drives`) and driven once by every driver, each on what
+the real estimators see. The drivers without fear drive on the last lane there was, at full speed. In their drives
+the supervisor watches, so that its fear can be held against the departures that it did not prevent. Clean drives
+give what fear costs: nuisance slow-downs and speed, beside the plain average.
+
+A fearless car that has left its lane is put back, and mostly leaves it again within seconds. That is one mishap:
+what fear must foretell is its beginning, the departure before which the car drove undisturbed for a while.
 
 Every drive is one line in ``runs/supervision_<seed>.jsonl``; what is there is not driven again, so a bench that was
 stopped goes on, and one with more cases adds to it.
 """
 
 import json
+import os
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sim_harness.fear_bench.arms import Driver, Watched
+from sim_harness.fear_bench.drives import Case, cases
 from sim_harness.lockstep.closed_loop import Result, build_parts, run
 from sim_harness.lockstep.fear_scores import afraid, auroc, fear_and_departure
 from sim_harness.lockstep.trace import Trace
-from sim_harness.scenarios.scenario import load_scenario
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, ROOT, load
 
-CASES = 20
-HARD = (
-    "snow",
-    "snow_covered",
-    "glare",
-    "over_exposure",
-    "dirt",
-    "occlusion",
-    "worn_markings",
-    "rain",
-    "fog",
-    "night",
-)
-CLEAN = ("straight", "s_curve", "twenty_mph", "curve_left_r15")
+CASES = 40
 SUPERVISED = "supervised"
 AHEAD_S = 2.0
+UNDISTURBED_S = 3.0  # since the start or an intervention: a departure sooner belongs to the mishap before
+LOOKING_BACK_S = 5.0
 TARGETS = "targets: supervised 0; flagged 95 %; AUROC 0.97; nuisance 1 per 10 km; speed loss 5 %"
 FEAR_BINS = np.linspace(0.0, 1.0, 101)
 Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Case:
-    """One drive to be driven by every driver."""
-
-    name: str
-    changes: Mapping[str, str]
-    seed: int
-    clean: bool
-
-    @property
-    def key(self) -> str:
-        """What tells this case from every other."""
-        return json.dumps([self.name, dict(self.changes), self.seed])
-
-
-def cases(seed: int, count: int) -> Iterator[Case]:
-    """Clean cases first, then ``count`` hard ones; more of them begin with the same."""
-    for name in CLEAN:
-        yield Case(name, {}, seed % 2**31, clean=True)
-    for number in range(count):
-        rng = np.random.default_rng([seed, number])
-        name = str(rng.choice(HARD))
-        changes = {}
-        if load_scenario(name).disturbances:
-            changes["disturbances.0.grade"] = str(rng.integers(2, 6))
-            changes["segments.1.curvature_1pm.1"] = changes["segments.2.curvature_1pm"] = str(
-                round(float(rng.choice([-1, 1]) * rng.uniform(0.01, 0.025)), 4)
-            )
-        yield Case(name, changes, int(rng.integers(2**31)), clean=False)
 
 
 def drivers(case: Case) -> list[str]:
@@ -86,7 +50,7 @@ def drivers(case: Case) -> list[str]:
 
 def drive(case: Case, driver: Driver | None) -> Result:
     """One drive; None: by the supervisor."""
-    scenario = load_scenario(case.name, case.changes)
+    scenario = case.scenario
     parts = build_parts(scenario, seed=case.seed)
     if driver is not None:
         cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps
@@ -95,11 +59,13 @@ def drive(case: Case, driver: Driver | None) -> Result:
     return run(scenario, seed=case.seed, parts=parts)
 
 
-def row_of(case: Case, driver: str, result: Result) -> Row:
-    """What is kept of a drive: scores, how early each departure was feared, and fear with and without departure."""
+def driven_row(case: Case, driver: str) -> Row:
+    """What is kept of a drive: scores, how early each mishap was feared, and fear with and without departure."""
+    result = drive(case, None if driver == SUPERVISED else Driver(driver))
     fear, left = fear_and_departure(result.trace)
     return {
         "case": case.key,
+        "road": case.scenario.description,
         "driver": driver,
         "clean": case.clean,
         "departures": result.metrics.departures,
@@ -113,50 +79,55 @@ def row_of(case: Case, driver: str, result: Result) -> Row:
 
 
 def warnings_s(trace: Trace) -> list[float]:
-    """For every departure, how long before it fear first was at least medium, looking back 5 s [s].
+    """For every mishap, how long before its departure fear first was at least medium, looking back 5 s [s].
 
     Not further back than the start, and the last intervention: before it the car was elsewhere.
     """
     t_s, warned = trace["t_s"], afraid(trace)
     found = []
     for sample in np.flatnonzero(np.diff(trace["departures"]) > 0) + 1:
-        since = (t_s >= t_s[sample] - 5.0) & (t_s < t_s[sample]) & warned
-        since &= trace["interventions"] == trace["interventions"][sample - 1]
+        since = trace["interventions"] == trace["interventions"][sample - 1]
+        if t_s[sample] - t_s[since][0] < UNDISTURBED_S:
+            continue
+        since &= (t_s >= t_s[sample] - LOOKING_BACK_S) & (t_s < t_s[sample]) & warned
         found.append(float(t_s[sample] - t_s[since][0]) if since.any() else 0.0)
     return found
 
 
 def bench_supervision(seed: int) -> Row:
-    """The table of drivers, and the figures of fear. Raises InputError when a scenario does not load."""
+    """The table of drivers, and the figures of fear."""
     path = ROOT / "runs" / f"supervision_{seed}.jsonl"
     return summary(list(driven(seed, CASES, path)))
 
 
 def driven(seed: int, count: int, path: Path) -> Iterator[Row]:
-    """Every drive, those that ``path`` holds from there; progress goes to stderr."""
+    """Every drive, those that ``path`` holds from there; on all cores, progress goes to stderr."""
     path.parent.mkdir(exist_ok=True)
-    known = (
-        {(r["case"], r["driver"]): r for r in map(json.loads, path.read_text().splitlines())}
-        if path.exists()
-        else {}
-    )
-    todo = [(case, name) for case in cases(seed, count) for name in drivers(case)]
-    left = sum((case.key, str(name)) not in known for case, name in todo)
-    began_s, done = time.monotonic(), 0
+    lines = path.read_text().splitlines() if path.exists() else []
+    known = {(r["case"], r["driver"]): r for r in map(json.loads, lines)}
+    todo = [(case, str(name)) for case in cases(seed, count) for name in drivers(case)]
+    left = [(case, name) for case, name in todo if (case.key, name) not in known]
+    began_s = time.monotonic()
+    for done, row in enumerate(_on_all_cores(left), 1):
+        known[row["case"], row["driver"]] = row
+        with path.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+        rest_s = (time.monotonic() - began_s) / done * (len(left) - done)
+        print(
+            f"{row['road']}, {row['driver']}: {row['departures']} departures; {rest_s / 60:.0f} min left",
+            file=sys.stderr,
+        )
     for case, name in todo:
-        row = known.get((case.key, str(name)))
-        if row is None:
-            result = drive(case, None if name == SUPERVISED else Driver(name))
-            row = row_of(case, str(name), result)
-            with path.open("a") as file:
-                file.write(json.dumps(row) + "\n")
-            done += 1
-            rest_s = (time.monotonic() - began_s) / done * (left - done)
-            print(
-                f"{case.name} {name}: {row['departures']} departures; {rest_s / 60:.0f} min left",
-                file=sys.stderr,
-            )
-        yield row
+        yield known[case.key, name]
+
+
+def _on_all_cores(left: list[tuple[Case, str]]) -> Iterator[Row]:
+    """The rows of what is left to drive, as they come."""
+    if not left:
+        return
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as workers:
+        for future in as_completed([workers.submit(driven_row, case, name) for case, name in left]):
+            yield future.result()
 
 
 def summary(rows: list[Row]) -> Row:
@@ -168,11 +139,19 @@ def summary(rows: list[Row]) -> Row:
         table[f"{name}: departures"] = (
             f"{left} in {len(hard)} drives, {sum(r['distance_m'] for r in hard) / 1e3:.1f} km"
         )
+    fused = [r for r in rows if r["driver"] == Driver.FUSED]
+    for whose, theirs in (("fused path", fused), ("all drivers", rows)):
+        table[f"mishaps feared 2 s ahead, {whose}"] = _foretold(theirs)
+        table[f"AUROC of fear, {whose}"] = _auroc(theirs)
+    return table | _cost(rows) | {"": TARGETS}
+
+
+def _foretold(rows: list[Row]) -> str | None:
+    """The share of mishaps with a warning of AHEAD_S; None without mishaps."""
     warned_s = [w for r in rows for w in r["warnings_s"]]
-    if warned_s:
-        early = sum(w >= AHEAD_S for w in warned_s)
-        table["departures feared 2 s ahead"] = f"{100 * early / len(warned_s):.1f} % of {len(warned_s)}"
-    return table | {"AUROC of fear": _auroc(rows)} | _cost(rows) | {"": TARGETS}
+    if not warned_s:
+        return None
+    return f"{100 * sum(w >= AHEAD_S for w in warned_s) / len(warned_s):.1f} % of {len(warned_s)}"
 
 
 def _auroc(rows: list[Row]) -> float | None:
