@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.lane_fit import WIDTH, LaneState
+from perception.lane_fit import WIDTH, Array, LaneState
 from perception.lane_points import RoadPoints
 from trepid.config import Settings
 
@@ -76,11 +77,15 @@ def boundary_support(
 
     With ρ points per metre across a band, a gate of ±g catches one by chance in a share 1 − exp(−2·g·ρ).
     """
+    chosen = np.flatnonzero(own)
+    if not len(chosen):
+        return NO_SUPPORT
     covered = np.zeros(len(visible), bool)
-    covered[points.band[own]] = True
+    covered[points.band[chosen]] = True
     coverage = int(np.count_nonzero(covered & visible)) / max(int(np.count_nonzero(visible)), 1)
     chance = 1 - math.exp(-2 * gate_m * density_per_m)
-    extent_m = float(np.ptp(points.x_m[own])) if own.any() else 0.0
+    ahead_m = points.x_m[chosen]
+    extent_m = float(ahead_m.max() - ahead_m.min())
     excess = (coverage - chance) / max(1 - chance, 0.05)
     return BoundarySupport(
         excess=excess,
@@ -137,8 +142,16 @@ def aim_sigma_m(state: LaneState, lookahead_m: float) -> float:
 
 def believed_reach_m(state: LaneState, reach_m: float, sigma_m: float) -> float:
     """How far ahead, up to ``reach_m``, the lane centre is known to ``sigma_m``; at least 5 m."""
+    ahead_m, gradient = _looks_ahead(reach_m)
+    variance = (gradient * (state.covariance[:4, :4] @ gradient)).sum(axis=0)
+    known = variance <= sigma_m**2
+    first = int(known.argmax())
+    return float(ahead_m[first]) if known[first] else min(reach_m, 5.0)
+
+
+@lru_cache(maxsize=8)
+def _looks_ahead(reach_m: float) -> tuple[Array, Array]:
+    """Distances from ``reach_m`` down to 5 m, shape (n,), and d(centre)/d(e, ψ, κ0, κ') there, shape (4, n)."""
     ahead_m = np.arange(reach_m, 5.0, -2.0)
     gradient = np.stack([-np.ones_like(ahead_m), -ahead_m, ahead_m**2 / 2, ahead_m**3 / 6])
-    variance = (gradient * (state.covariance[:4, :4] @ gradient)).sum(axis=0)
-    known = np.flatnonzero(variance <= sigma_m**2)
-    return float(ahead_m[known[0]]) if len(known) else min(reach_m, 5.0)
+    return ahead_m, gradient

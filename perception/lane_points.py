@@ -13,6 +13,7 @@ from trepid.config import Settings
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0)]
+SPAN = 7  # edges of boxes, half a line width apart, that one response is made of
 
 
 class MarkingSettings(Settings):
@@ -51,25 +52,38 @@ def marking_channel(image: NDArray[np.uint8], yellow_gain: float) -> NDArray[np.
 
 
 class MarkingFilter:
-    """Row-wise dark-bright-dark filter whose width is that of a painted line at each row's distance."""
+    """Row-wise dark-bright-dark filter whose width is that of a painted line at each row's distance.
+
+    The places that a band shows, and a margin, lie side by side from left to right, and the bands one after the
+    other from far to near, in one flat array: of near bands few places are in the picture.
+    """
 
     def __init__(self, settings: MarkingSettings, grid: LateralGrid) -> None:
         self._settings, self._grid = settings, grid
         self._step_m = settings.width_m / 2
         edges = int(np.ceil(settings.half_range_m / self._step_m))
-        self._edge_m = self._step_m * np.arange(edges, -edges - 1, -1.0)
-        columns = grid.camera.cx_px - grid.metre_px[:, None] * self._edge_m + 0.5
-        columns = np.clip(columns, 0, grid.camera.width_px)  # nothing is known beside the image
-        before = np.minimum(columns.astype(np.int64), grid.camera.width_px - 1)
+        edge_m = self._step_m * np.arange(edges, -edges - 1, -1.0)
+        width_px = grid.camera.width_px
+        columns = grid.camera.cx_px - grid.metre_px[:, None] * edge_m + 0.5
+        band, place = np.nonzero(_widened((columns > 0) & (columns < width_px), SPAN // 2 + 1))
+        columns = np.clip(columns[band, place], 0, width_px)  # nothing is known beside the image
+        before = np.minimum(columns.astype(np.int64), width_px - 1)
         self._share_after = (columns - before).astype(np.float32)
-        self._before = before + (grid.camera.width_px + 1) * np.arange(len(before))[:, None]
+        self._before = before + (width_px + 1) * band
         self._after = self._before + 1
         area = (grid.bottom_px - grid.top_px) * grid.metre_px * settings.width_m
-        self._per_pixel = (1 / area).astype(np.float32)[:, None]
+        self._per_pixel = (1 / area).astype(np.float32)[band[1:-1]]
+        middle = slice(SPAN // 2, -(SPAN // 2))
+        self._band, self._left_m = band[middle], edge_m[place[middle]]
+        in_one_band = band[SPAN - 1 :] == band[: 1 - SPAN]
+        in_one_band[1:-1] &= in_one_band[2:] & in_one_band[:-2]  # a peak has neighbours
+        in_one_band[[0, -1]] = False
+        self._across_bands = np.flatnonzero(~in_one_band)
+        self._places = max(1, int(np.count_nonzero(in_one_band)))
         self._sigma_m = np.hypot(settings.sigma_m, settings.sigma_px / grid.metre_px)
 
     def response(self, channel: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Contrast [grey levels] of a stripe of paint against its brighter neighbour, per band and place.
+        """Contrast [grey levels] of a stripe of paint against its brighter neighbour, per place.
 
         ``channel`` begins at the first row of the grid.
         With box means of one line width w at places −w, 0, +w: mean(0) − max(mean(−w), mean(+w)). The boxes are
@@ -79,36 +93,46 @@ class MarkingFilter:
         integral = cv2.integral(channel, sdepth=cv2.CV_32S)
         first = int(grid.top_px[0])
         running = (integral[grid.bottom_px - first] - integral[grid.top_px - first]).astype(np.float32)
-        sampled = running.take(self._after)
-        before = running.take(self._before)
+        sampled = running.take(
+            self._after, mode="clip"
+        )  # nothing is clipped: faster than to check the bounds
+        before = running.take(self._before, mode="clip")
         sampled -= before
         sampled *= self._share_after
         sampled += before
-        mean = sampled[:, 2:] - sampled[:, :-2]
+        mean = sampled[2:] - sampled[:-2]
         mean *= self._per_pixel
-        brighter = np.maximum(mean[:, :-4], mean[:, 4:])
-        return np.subtract(mean[:, 2:-2], brighter, out=brighter)
+        brighter = np.maximum(mean[:-4], mean[4:])
+        response = np.subtract(mean[2:-2], brighter, out=brighter)
+        response[self._across_bands] = 0
+        return response
 
     def points(self, image: NDArray[np.uint8]) -> RoadPoints:
         """Local maxima of the response that stand out of its noise, in a BGR image of the camera's size."""
+        settings = self._settings
         below = image[int(self._grid.top_px[0]) :]
-        response = self.response(marking_channel(below, self._settings.yellow_gain))
-        noise = cv2.norm(response, cv2.NORM_L1) / max(response.size, 1)
-        threshold = max(self._settings.min_contrast_grey, self._settings.noise_factor * noise)
-        response[:, 0] = response[:, -1] = 0  # a peak has neighbours
-        high = np.flatnonzero(response > threshold)
-        peak, after = response.take(high), response.take(high + 1)
-        before = response.take(high - 1)
-        highest = (peak >= after) & (peak > before)
-        peak, before, after = peak[highest], before[highest], after[highest]
-        band, place = np.divmod(high[highest], response.shape[1])
+        response = self.response(marking_channel(below, settings.yellow_gain))
+        noise = cv2.norm(response, cv2.NORM_L1) / self._places
+        high = np.flatnonzero(response > max(settings.min_contrast_grey, settings.noise_factor * noise))
+        peak, after = response.take(high), response.take(high + 1, mode="clip")
+        before = response.take(high - 1, mode="clip")
+        highest = np.flatnonzero((peak >= after) & (peak > before))
+        peak, before, after, at = peak[highest], before[highest], after[highest], high[highest]
+        band = self._band[at]
         shift = 0.5 * (after - before) / np.maximum(2 * peak - before - after, 1e-3)
-        left_m = self._edge_m[place + 3] - self._step_m * shift
-        x_m, y_m = self._grid.vehicle_from_grid(self._grid.ahead_m[band], left_m)
+        x_m, y_m = self._grid.vehicle_from_grid(
+            self._grid.ahead_m[band], self._left_m[at] - self._step_m * shift
+        )
         return RoadPoints(
             x_m=x_m,
             y_m=y_m,
             sigma_m=self._sigma_m[band],
-            weight=np.minimum(peak / self._settings.full_contrast_grey, 1.0).astype(np.float64),
+            weight=np.minimum(peak / settings.full_contrast_grey, 1.0).astype(np.float64),
             band=band,
         )
+
+
+def _widened(shown: NDArray[np.bool_], places: int) -> NDArray[np.bool_]:
+    """``shown`` and ``places`` more on both sides."""
+    kernel = np.ones((1, 2 * places + 1), np.uint8)
+    return cv2.dilate(shown.astype(np.uint8), kernel) > 0

@@ -152,8 +152,8 @@ def _assign(points: RoadPoints, mean: Array, camera: Camera, fit: FitSettings) -
     x_m, y_m = levelled(points, mean[PITCH], camera)
     _, distance, _ = lane_coordinates(x_m, y_m, mean)
     side = np.where(distance > 0, 1.0, -1.0)
-    gate = 3 * fit.gate_m + 3 * fit.gate_growth * points.x_m + points.sigma_m
-    close = np.abs(distance - side * mean[WIDTH] / 2) < gate
+    gate = 3 * (fit.gate_m + fit.gate_growth * points.x_m) + points.sigma_m
+    close = np.flatnonzero(np.abs(distance - side * (mean[WIDTH] / 2)) < gate)
     return subset(points, close), side[close]
 
 
@@ -214,15 +214,13 @@ def _with_evidence(
     accepted = (fitted.weight > 0) & (np.abs(residual) < fit.gate_m + near.sigma_m)
     density = len(points.x_m) / grid.area_m2
     seen_in = _visible(state.mean, grid)
-    supports = []
-    for sign, visible in zip((1.0, -1.0), seen_in, strict=True):
-        own = accepted & (side == sign)
-        supports.append(
-            boundary_support(near, own, visible, density_per_m=density, gate_m=fit.gate_m, settings=evidence)
-        )
-    scaled = residual[accepted] / near.sigma_m[accepted]
-    rms = float(np.sqrt(np.mean(scaled**2))) if len(scaled) else 0.0
-    return LaneFit(state=state, left=supports[0], right=supports[1], residual=rms)
+    left, right = (
+        boundary_support(near, own, visible, density_per_m=density, gate_m=fit.gate_m, settings=evidence)
+        for own, visible in zip((accepted & (side > 0), accepted & (side < 0)), seen_in, strict=True)
+    )
+    scaled = (residual / near.sigma_m)[accepted]
+    rms = math.sqrt(float(scaled @ scaled) / len(scaled)) if len(scaled) else 0.0
+    return LaneFit(state=state, left=left, right=right, residual=rms)
 
 
 def _visible(mean: Array, grid: LateralGrid) -> NDArray[np.bool_]:

@@ -262,8 +262,8 @@ def parallel_curve(
     sin, cos = np.sin(-heading_rad), np.cos(heading_rad)
     bend = curvature_1pm / np.maximum(1 - curvature_1pm * place_m, 0.2)
     run = x_m + place_m * sin
-    sin_end = np.clip(sin + bend * run, -0.98, 0.98)
-    return place_m * cos + run * (sin_end + sin) / (np.sqrt(1 - sin_end**2) + cos)
+    sin_end = np.minimum(np.maximum(sin + bend * run, -0.98), 0.98)
+    return place_m * cos + run * (sin_end + sin) / (np.sqrt(1 - sin_end * sin_end) + cos)
 
 
 def _best_edges(
