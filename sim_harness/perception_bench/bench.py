@@ -13,6 +13,7 @@ from typing import Any
 
 from perception.estimators import estimators
 from sim_harness.perception_bench.clips import VERSION, Case, harness_set, moments
+from sim_harness.perception_bench.code import code_of
 from sim_harness.perception_bench.scores import Results
 from sim_harness.perception_bench.store import Pictures, Store
 from sim_harness.perception_bench.summary import parts_of, summary
@@ -33,8 +34,8 @@ PICTURES = (
     "config/disturbances.yaml",
 )
 """What the frames of the set depend on."""
-LOOKS = (*PICTURES, "sim_harness/perception_bench/watch.py", "perception", "trepid", "config")
-"""What the answers depend on besides."""
+WATCHING = (*PICTURES, "sim_harness/perception_bench/watch.py", "sim_harness/lockstep/oracle.py")
+"""What the truth and the errors depend on besides."""
 SAY_EVERY_S = 10.0
 
 
@@ -70,11 +71,12 @@ def bench_perception(wish: Wish) -> dict[str, Any]:
 
 def watched(wish: Wish) -> Results:
     """The harness set as the estimators see it; clips on file are not watched again."""
-    folder = FOLDER / f"v{VERSION}-{wish.seed}-{fingerprint(*LOOKS)}"
+    folder = FOLDER / f"v{VERSION}-{wish.seed}-{fingerprint(*WATCHING)}"
+    store = Store(folder, {name: code_of(name) for name in wish.names})
     pictures = (
         FOLDER / f"frames-v{VERSION}-{wish.seed}-{fingerprint(*PICTURES)}" if wish.keep_frames else None
     )
-    cases, store = harness_set(wish.seed, quick=wish.quick, repeats=wish.repeats), Store(folder)
+    cases = harness_set(wish.seed, quick=wish.quick, repeats=wish.repeats)
     done: dict[Case, Watched] = {}
     missing: list[tuple[Case, tuple[str, ...]]] = []
     for case in cases:
@@ -87,8 +89,8 @@ def watched(wish: Wish) -> Results:
     progress = _Progress(len(cases), len(done))
     for case in _all(partial(_watch, folder, pictures), missing, wish.jobs):
         known = store.read(case)
-        if known is None:
-            raise InputError(f"{folder}: the clip {case.key} has gone from it")
+        if known is None or set(wish.names) - set(known.looks):
+            raise InputError(f"{folder}: code or files changed while the bench was running; start it again")
         done[case] = known
         progress.step()
     return {case: done[case] for case in cases}
@@ -103,7 +105,7 @@ def _watch(folder: Path, pictures: Path | None, wanted: tuple[Case, tuple[str, .
     clip = list(moments(case, camera, vehicle, frames=frames))
     if album and frames is None:
         album.write(case, [moment.frame.image for moment in clip])
-    Store(folder).write(case, watch(clip, names, camera, vehicle))
+    Store(folder, {name: code_of(name) for name in names}).write(case, watch(clip, names, camera, vehicle))
     return case
 
 

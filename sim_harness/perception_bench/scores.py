@@ -81,8 +81,10 @@ def confidence_figures(said: Looks) -> dict[str, float | None]:
 
 def times_ms(results: Results, name: str) -> dict[str, float]:
     """Processor time per frame: median and 99th percentile [ms], and the median over that of the bare chain."""
-    times_s = np.concatenate([watched.looks[name]["time_s"] for watched in results.values()])
-    bare_s = np.concatenate([watched.bare_chain_s for watched in results.values()])
+    times_s, bare_s = (
+        np.concatenate([watched.looks[name][field] for watched in results.values()])
+        for field in ("time_s", "bare_chain_s")
+    )
     p50, p99 = np.percentile(times_s, (50, 99)) * 1e3
     return {
         "ms_median": float(p50),

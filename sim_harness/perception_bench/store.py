@@ -1,49 +1,61 @@
 """What was watched, clip by clip on disk, so that a bench that was interrupted goes on where it was.
 
-A folder belongs to a seed and to the code: with other code or configuration nothing is taken from it.
+A folder belongs to a seed and to the code that draws; what an estimator saw is good as long as its own code is.
 """
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_harness.perception_bench.clips import Case
 from sim_harness.perception_bench.watch import Watched
 from trepid.messages import Image
 
+TRUTH = "the truth"
+
 
 class Store:
-    """Clips of a seed below a folder."""
+    """Clips of a seed below a folder, as seen by estimators with the code ``codes`` (name -> hash)."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, codes: Mapping[str, str]) -> None:
+        self._folder, self._codes = folder, codes
 
     def read(self, case: Case) -> Watched | None:
         """What is known of a clip; None: nothing."""
-        path = self._folder / f"{case.key}.npz"
-        if not path.is_file():
+        arrays = self._arrays(case)
+        if not arrays:
             return None
-        with np.load(path) as arrays:
-            looks = {
-                name.removeprefix("looks "): arrays[name] for name in arrays if name.startswith("looks ")
-            }
-            return Watched(arrays["truth"], looks, arrays["bare_chain_s"])
+        looks = {name: arrays[key] for name in self._codes if (key := self._key(name)) in arrays}
+        return Watched(arrays[TRUTH], looks)
 
-    def write(self, case: Case, watched: Watched) -> Watched:
-        """Add to what is known of a clip, and give all of it. A file is whole or not there."""
-        known = self.read(case)
-        looks = {**(known.looks if known else {}), **watched.looks}
+    def write(self, case: Case, watched: Watched) -> None:
+        """Add to what is known of a clip. A file is whole or not there."""
+        new = {self._key(name): looks for name, looks in watched.looks.items()}
+        old = {key: array for key, array in self._arrays(case).items() if key.split()[0] not in watched.looks}
+        arrays: dict[str, Any] = {**old, **new, TRUTH: watched.truth}
         self._folder.mkdir(parents=True, exist_ok=True)
-        path = self._folder / f"{case.key}.npz"
-        part = path.with_suffix(f".{os.getpid()}.part")
+        part = self._path(case).with_suffix(f".{os.getpid()}.part")
         with part.open("wb") as file:
-            named: dict[str, Any] = {f"looks {name}": array for name, array in looks.items()}
-            np.savez(file, truth=watched.truth, bare_chain_s=watched.bare_chain_s, **named)
-        part.replace(path)
-        return Watched(watched.truth, looks, watched.bare_chain_s)
+            np.savez(file, **arrays)
+        part.replace(self._path(case))
+
+    def _arrays(self, case: Case) -> dict[str, NDArray[Any]]:
+        """All that is on file of a clip, also what other code saw."""
+        if not self._path(case).is_file():
+            return {}
+        with np.load(self._path(case)) as arrays:
+            return dict(arrays)
+
+    def _path(self, case: Case) -> Path:
+        return self._folder / f"{case.key}.npz"
+
+    def _key(self, name: str) -> str:
+        return f"{name} {self._codes[name]}"
 
 
 class Pictures:

@@ -18,7 +18,6 @@ from trepid.vehicle import Vehicle
 Array = NDArray[np.float64]
 AIM_M = 8.0  # where the lane centre is compared, besides the axle
 NEAR_M, FAR_M = 4.0, 20.0  # ahead of the rear axle: where boundaries are compared
-BARE_CHAIN = "bare chain"
 LOOK = np.dtype(
     [
         ("offset_m", "f4"),  # estimate − truth; NaN: not given
@@ -32,6 +31,7 @@ LOOK = np.dtype(
         ("confidence", "f4"),
         ("lines", "i1"),
         ("time_s", "f4"),  # of the processor
+        ("bare_chain_s", "f4"),  # of the peer on the same frame, in the same run
     ]
 )
 TRUTH = np.dtype([("offset_m", "f4"), ("curvature_1pm", "f4"), ("angle_rad", "f4"), ("in_gap", "?")])
@@ -40,11 +40,10 @@ Looks = NDArray[np.void]
 
 @dataclass(frozen=True)
 class Watched:
-    """A clip: the truth, frame by frame, what each estimator made of it, and the time of the bare chain."""
+    """A clip: the truth, frame by frame, and what each estimator made of it."""
 
     truth: Looks  # (n,) of TRUTH
     looks: Mapping[str, Looks]  # (n,) of LOOK each
-    bare_chain_s: Array  # (n,)
 
 
 def watch(clip: Iterable[Moment], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> Watched:
@@ -52,7 +51,7 @@ def watch(clip: Iterable[Moment], names: Sequence[str], camera: Camera, vehicle:
     cv2.setNumThreads(1)
     runners = {name: entry_of(name).build(camera, vehicle) for name in names}
     looks: dict[str, list[tuple[float, ...]]] = {name: [] for name in names}
-    truth, bare_s = [], []
+    truth = []
     for number, moment in enumerate(clip):
         truth.append(
             (
@@ -63,14 +62,14 @@ def watch(clip: Iterable[Moment], names: Sequence[str], camera: Camera, vehicle:
             )
         )
         ground = _TrueBoundaries(moment, camera)
-        for name in _rotated(list(names), number):
-            estimate, time_s = timed_step(runners[name], moment)
-            looks[name].append(look(estimate, moment.truth, ground, time_s))
         started_s = time.thread_time()
         bare_canny_chain(moment.frame.image)
-        bare_s.append(time.thread_time() - started_s)
+        bare_s = time.thread_time() - started_s
+        for name in _rotated(list(names), number):
+            estimate, time_s = timed_step(runners[name], moment)
+            looks[name].append((*look(estimate, moment.truth, ground), time_s, bare_s))
     arrays = {name: np.array(rows, LOOK) for name, rows in looks.items()}
-    return Watched(np.array(truth, TRUTH), arrays, np.array(bare_s))
+    return Watched(np.array(truth, TRUTH), arrays)
 
 
 def bare_canny_chain(image: Image) -> object:
@@ -87,10 +86,8 @@ def timed_step(runner: Estimator, moment: Moment) -> tuple[SteeringEstimate, flo
     return estimate, time.thread_time() - started_s
 
 
-def look(
-    estimate: SteeringEstimate, truth: SteeringEstimate, ground: "_TrueBoundaries", time_s: float
-) -> tuple[float, ...]:
-    """A row of LOOK."""
+def look(estimate: SteeringEstimate, truth: SteeringEstimate, ground: "_TrueBoundaries") -> tuple[float, ...]:
+    """A row of LOOK but for the times."""
     left_m, right_m = ground.errors_m(estimate.left_boundary_px, estimate.right_boundary_px)
     width_m, true_width_m = _number(estimate.lane_width_m), _number(truth.lane_width_m)
     return (
@@ -104,7 +101,6 @@ def look(
         right_m,
         estimate.confidence,
         estimate.lanes_detected,
-        time_s,
     )
 
 
