@@ -110,19 +110,43 @@ def test_what_a_car_turns_more_than_its_wheels_say_is_taken_off_that_side_alone(
 
 @pytest.mark.parametrize("lateral_mps2", [-2.0, 1.0])
 def test_a_bend_leaves_as_much_brake_and_drive_as_its_jerk_allows(lateral_mps2):
-    """2·a·(κ·v²)/v ≤ J; with J = 0.5 m/s³ and v = 4 m/s: a ≤ 1/(κ·v²)."""
+    """2·a·(κ·v²)/v ≤ J·v/(v + L/2); with J = 0.5 m/s³, v = 4 m/s and L/2 = 0.875 m: a ≤ 8/(9.75·κ·v²)."""
     little = AT_ONCE.model_copy(update=dict(lateral_jerk_mps3=0.5))
-    most = 0.5 * 4.0 / (2.0 * abs(lateral_mps2))
+    most = 8.0 / (9.75 * abs(lateral_mps2))
     start = edge_rad(4.0, lateral_mps2)
     for asked in (1.4, -3.0):
         out = stepped(limiter(little), 0.0, wanted=start, accel=asked, speed=4.0, road_wheel_angle_rad=start)
         assert out.accel_mps2 == pytest.approx(math.copysign(most, asked), rel=1e-6)
 
 
+@pytest.mark.parametrize("lateral_mps2,most", [(-2.4, 3.2), (2.4, 3.2), (0.0, 4.0)])
+def test_brake_and_bend_together_are_no_more_than_the_hardest_brake(lateral_mps2, most):
+    """2.4² + 3.2² = 4²."""
+    start = edge_rad(10.0, lateral_mps2)
+    for asked, given_out in ((-4.0, -most), (-3.0, -3.0), (1.5, 1.5)):
+        one = limiter(ANY_JERK)
+        out = stepped(one, 0.0, wanted=start, accel=asked, speed=10.0, road_wheel_angle_rad=start)
+        assert out.accel_mps2 == pytest.approx(given_out, rel=1e-6)
+
+
+def test_a_bend_as_hard_as_the_hardest_brake_leaves_the_comfort_brake():
+    weak = ANY_JERK.model_copy(update=dict(max_decel_mps2=3.1, comfort_decel_mps2=1.5))
+    for lateral_mps2, most in ((2.9, 1.5), (2.0, math.sqrt(3.1**2 - 4.0))):
+        start = edge_rad(10.0, lateral_mps2)
+        one = limiter(weak)
+        out = stepped(one, 0.0, wanted=start, accel=-4.0, speed=10.0, road_wheel_angle_rad=start)
+        assert out.accel_mps2 == pytest.approx(-most, rel=1e-6)
+
+
 def test_in_a_bend_too_tight_for_the_speed_the_brake_is_that_of_the_limit():
-    little = AT_ONCE.model_copy(update=dict(lateral_jerk_mps3=2.0))
-    out = stepped(limiter(little), 0.0, wanted=0.3, accel=-4.0, speed=10.0, road_wheel_angle_rad=0.3)
-    assert out.accel_mps2 == pytest.approx(-2.0 * 10.0 / (2.0 * AY))
+    """However tight the bend: of the jerk, and of the grip."""
+    little = AT_ONCE.model_copy(update=dict(lateral_jerk_mps3=1.0))
+    for limits, most in (
+        (little, 1.0 * 10.0 / 10.875 * 10.0 / (2.0 * AY)),
+        (ANY_JERK, math.sqrt(16.0 - AY**2)),
+    ):
+        out = stepped(limiter(limits), 0.0, wanted=0.3, accel=-4.0, speed=10.0, road_wheel_angle_rad=0.3)
+        assert out.accel_mps2 == pytest.approx(-most)
 
 
 def test_the_wheel_is_handed_back_as_it_is_and_its_rate_grows_from_nothing():

@@ -6,7 +6,8 @@ Steering. The angle must lie in three intervals, the first being the hardest:
 2. lateral acceleration: |κ|·v² ≤ 3 m/s², at the speed that the car will have when the wheel has followed, less what
    the car turns more than its wheels say,
 3. lateral jerk: d(κ·v²)/dt = v²·κ' + 2·v·a·κ within ±5 m/s³. What changes of speed make of the angle held, measured
-   and as commanded, is taken off what is left for the wheel; no brake may make more than the whole.
+   and as commanded, is taken off what is left for the wheel; no brake may make more than the whole, nor ask of the
+   tyres, together with the bend, more than the hardest brake alone.
 
 ``narrow(outer, inner)`` is their intersection or, when they are apart, the point of ``outer`` nearest to ``inner``.
 It maps two non-empty intervals to a non-empty one inside ``outer``. The first interval contains the last angle,
@@ -29,7 +30,7 @@ ISO 11270:2014 (3 m/s², 5 m/s³); UN R157 5.3 (4 m/s², ends at standstill or w
 """
 
 from dataclasses import replace
-from math import isnan, nan
+from math import isnan, nan, sqrt
 from pathlib import Path
 from typing import NamedTuple
 
@@ -221,25 +222,32 @@ class Limiter:
         return self._turn.angle_rad(-right_1pm, speed_mps), self._turn.angle_rad(left_1pm, speed_mps)
 
     def _within_bend(self, accel_mps2: float, held_1pm: float, speed_mps: float) -> float:
-        """``accel_mps2``, but so that 2·v·|a·κ| is within the jerk limit: what a bend allows of drive and brake.
+        """``accel_mps2`` within what a bend leaves of drive and brake.
 
+        2·v·|a·κ| is within the jerk limit. A brake and κ·v² together, √(a² + (κ·v²)²), ask no more of the tyres
+        than the hardest brake alone: braked harder, a car turns in by itself. The comfort brake always passes that.
         Beyond the limit of lateral acceleration, where braking is urgent, only that limit counts as κ·v².
         """
-        speed_mps = max(speed_mps, SLOWEST_MPS)
+        speed_mps, limits = max(speed_mps, SLOWEST_MPS), self._limits
         lateral_mps2 = min(abs(held_1pm) * speed_mps**2, self._lateral_mps2)
-        longest_mps2 = self._jerk_mps3 * speed_mps / (2.0 * max(lateral_mps2, LEAST))
-        return clip(accel_mps2, (-longest_mps2, longest_mps2))
+        longest_mps2 = self._bearable_mps3(speed_mps) * speed_mps / (2.0 * max(lateral_mps2, LEAST))
+        grip_mps2 = sqrt(max(limits.max_decel_mps2**2 - lateral_mps2**2, limits.comfort_decel_mps2**2))
+        return clip(accel_mps2, (-min(longest_mps2, grip_mps2), longest_mps2))
+
+    def _bearable_mps3(self, speed_mps: float) -> float:
+        """What κ·v² may change by.
+
+        In the middle of the car, L/2 before the rear axle, yaw acceleration adds L/(2·v)·d(κ·v²)/dt to κ·v²: as
+        much less of the jerk limit is left, which counts when the car is slow.
+        """
+        return self._jerk_mps3 * speed_mps / (speed_mps + self._middle_m)
 
     def _smooth(
         self, held_1pm: float, accel_mps2: float, speed_mps: float, dt_s: float, share: float
     ) -> Interval:
-        """Angles [rad] around the last one within ``share`` of the jerk limit, less what changes of speed make.
-
-        In the middle of the car, L/2 before the rear axle, yaw acceleration adds L/(2·v)·d(κ·v²)/dt to κ·v²: as
-        much less jerk is left for the wheel, which counts when the car is slow.
-        """
+        """Angles [rad] around the last one within ``share`` of the jerk limit, less what changes of speed make."""
         floor_mps = max(speed_mps, SLOWEST_MPS)
-        budget_mps2 = share * self._jerk_mps3 * dt_s * floor_mps / (floor_mps + self._middle_m)
+        budget_mps2 = share * self._bearable_mps3(floor_mps) * dt_s
         per_mps = 2.0 * speed_mps * held_1pm
         coming_mps2 = per_mps * accel_mps2 * dt_s
         measured_mps2 = per_mps * (speed_mps - self._wheel.speed_mps)
