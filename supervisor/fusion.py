@@ -44,6 +44,7 @@ class FusionSettings(Settings):
     memory_s: Share  # how long the path is remembered when nothing is seen
     forgetting_per_s: Positive  # growth of the variance of the memory, in squared tolerances
     outlier_s: Annotated[float, Field(ge=0)]  # a lone view that contradicts the memory must last this long
+    begin_confidence: Share  # ... and be this sure, as must be one where nothing is remembered
 
 
 class Path(NamedTuple):
@@ -125,8 +126,7 @@ class Fusion:
         group = self._agreeing(views, remembered, t_s)
         self._left_out = frozenset([view.name for view in views if view not in group])
         raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m)
-        if views and not group:  # held back: as far from the road of a moment ago as from another estimator
-            assert remembered is not None
+        if remembered and not group:  # held back: as far from the road of a moment ago as from another estimator
             _, held_1pm, held_m = _disagreement([*views, remembered], lookahead_m)
             weighted_1pm, separation_m = at_least(held_1pm, weighted_1pm), at_least(held_m, separation_m)
         total = sum([view.weight for view in group])
@@ -178,17 +178,25 @@ class Fusion:
     def _agreeing(self, views: list[View], memory: View | None, t_s: float) -> list[View]:
         """The views that show one road: that of the memory, without one that of the most trusted view.
 
-        Where none agrees with the memory: those that agree with each other, at once; a single view only when
-        the memory has not been confirmed for ``outlier_s``.
+        Where none agrees with the memory: those that agree with each other, at once; a single view only when it
+        is rather right than wrong and the memory has not been confirmed for ``outlier_s``.
         """
         if not views:
             return []
         if memory is None:
-            return self._with(max(views, key=lambda view: view.weight), views)
-        first = min(views, key=lambda v: _apart_m(v, memory))
+            first, new = max(views, key=lambda view: view.weight), True
+        else:
+            first = min(views, key=lambda v: _apart_m(v, memory))
+            new = self._contradict(first, memory)
         group = self._with(first, views)
-        doubted = self._contradict(first, memory) and len(group) < 2
-        return [] if doubted and t_s - self._before.seen_s <= self._settings.outlier_s else group
+        if new and len(group) < 2 and not self._begins(first, t_s):
+            return []
+        return group
+
+    def _begins(self, view: View, t_s: float) -> bool:
+        """Whether ``view`` alone may show a road that is not the one remembered."""
+        sure = view.confidence >= self._settings.begin_confidence
+        return sure and t_s - self._before.seen_s > self._settings.outlier_s
 
     def _with(self, first: View, views: list[View]) -> list[View]:
         return [view for view in views if view is first or not self._contradict(view, first)]

@@ -114,13 +114,36 @@ def test_a_view_that_was_left_out_is_not_joined_when_the_other_errs_towards_it()
         assert len(fuse(*views, fusion=fusion, now_s=t_s).sources) == joined
 
 
+@pytest.mark.parametrize(("confidence", "begins"), [(0.3, False), (0.49, False), (0.6, True)])
+def test_a_lone_view_begins_a_road_only_when_it_is_rather_right_than_wrong(
+    confidence: float, *, begins: bool
+) -> None:
+    fused = fuse(sighting(STRAIGHT, confidence=confidence))
+    assert (fused.path is not None, bool(fused.sources)) == (begins, begins)
+    assert (
+        len(fuse(*[sighting(STRAIGHT, name, confidence=confidence) for name in ("cv", "cnn")]).sources) == 2
+    )
+
+
+def test_what_goes_on_from_the_remembered_road_may_be_unsure() -> None:
+    fusion = Fusion(SETTINGS)
+    fuse(sighting(STRAIGHT), fusion=fusion)
+    assert fuse(sighting(STRAIGHT, t_s=0.04, confidence=0.3), fusion=fusion, now_s=0.04).sources == ("cv",)
+    elsewhere = Lane(1.5, 0.0, 0.0, 0.0)
+    for frame in range(2, 24):
+        t_s = 0.04 * frame
+        seen = sighting(elsewhere, t_s=t_s, confidence=0.3)
+        assert not fuse(seen, fusion=fusion, now_s=t_s).sources
+
+
 def wobble_m(confidence: float) -> float:
     """How far the path moves from frame to frame where a lone view jumps 0.2 m to and fro."""
     fusion, places = Fusion(SETTINGS), []
     for frame in range(40):
         lane = Lane(0.1 if frame % 2 else -0.1, 0.0, 0.0, 0.0)
         t_s = 0.04 * frame
-        fused = fuse(sighting(lane, t_s=t_s, confidence=confidence), fusion=fusion, now_s=t_s)
+        seen = sighting(lane, t_s=t_s, confidence=confidence if frame else 0.9)
+        fused = fuse(seen, fusion=fusion, now_s=t_s)
         places.append(lane_of(fused).offset_m)
     return abs(places[-1] - places[-2])
 
