@@ -2,6 +2,11 @@
 
 import signal
 
+from hypothesis import settings
+
+settings.register_profile("untimed", deadline=None)  # timing decides no test, on however loaded a machine
+settings.load_profile("untimed")
+
 
 def pytest_configure() -> None:
     """Hear SIGINT also in the background of a script, whose children would ignore it as their parent does."""
