@@ -6,6 +6,8 @@ from enum import StrEnum
 from statistics import fmean
 from typing import Any, NamedTuple, Self
 
+from supervisor.inference import CALM
+from supervisor.modes import STARTING
 from supervisor.supervisor import Supervisor
 from trepid.messages import (
     Decision,
@@ -77,6 +79,7 @@ class Watched:
             path_t_s=way.t_s,
             lookahead_m=way.lookahead_m,
             path_source=str(self._driver),
+            cause=CALM if felt.cause == STARTING else felt.cause,  # this car has started, whoever allowed it
             speed_factor=1.0,
             speed_cap_mps=self._cruise_speed_mps,
             **lane,
