@@ -6,6 +6,8 @@ TESTED := $(VENV)/.ready-test
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 BIN := $(VENV)/bin
 LIMITER_TESTS := tests/test_controller_limiter_edges.py tests/test_controller_limiter_parts.py tests/test_controller_limiter.py
+# By name: to import all the others takes as long as a test.
+PROCESS_TESTS := $(shell grep -l mark.processes tests/test_*.py)
 
 .PHONY: help setup drive test proof mutation lint train acados clean
 
@@ -44,7 +46,7 @@ ifdef ARGS
 	@$(BIN)/python -m pytest $(ARGS)
 else
 	@$(BIN)/python -m pytest -n 2 -m "not processes and not proof"
-	@$(BIN)/python -m pytest -m "processes and not proof"
+	@$(BIN)/python -m pytest -m "processes and not proof" $(PROCESS_TESTS)
 endif
 
 proof: $(TESTED)

@@ -116,7 +116,6 @@ def heard(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
         yield hears
 
 
-@pytest.mark.processes
 def test_a_running_supervisor_keeps_good_rules_says_what_is_wrong_and_takes_over_what_is_mended(
     path: Path, heard: Callable[[Callable[..., bool]], bool]
 ) -> None:

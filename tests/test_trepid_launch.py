@@ -17,7 +17,6 @@ from trepid.launch import Fleet, ProcessSpec
 from trepid.topics import DIAGNOSTICS
 
 CONTROLLER = ProcessSpec("controller", "controller.node")  # the lightest of our processes
-pytestmark = pytest.mark.processes
 
 
 def alive(pid: int) -> bool:
