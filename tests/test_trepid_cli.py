@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from trepid import __version__
+from trepid.cli import main as trepid_main
 from trepid.config import CONFIG_DIR, ROOT
 
 
@@ -47,13 +48,26 @@ def test_the_version_is_printed() -> None:
         (["bench", "moon"], "no benchmark 'moon'"),
     ],
 )
-def test_bad_usage_is_told_in_one_line_with_exit_code_2(arguments: list[str], told: str) -> None:
-    done = trepid(*arguments)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert told in done.stderr
-    assert done.stderr.startswith("trepid: ")
-    assert len(done.stderr.strip().splitlines()) == 1
+def test_bad_usage_is_told_in_one_line_with_exit_code_2(
+    arguments: list[str], told: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["trepid", *arguments])
+    code = trepid_main()
+    out, err = capfd.readouterr()
+    assert_told(code, out, err, told)
+
+
+@pytest.mark.parametrize("verb", ["drive", "sim"])
+def test_a_process_of_its_own_tells_the_same(verb: str) -> None:
+    done = trepid(verb, *(["run", "moon.yaml"] if verb == "sim" else ["--scenario", "moon"]))
+    assert_told(done.returncode, done.stdout, done.stderr, "moon")
+
+
+def assert_told(code: int, out: str, err: str, told: str) -> None:
+    assert (code, out) == (2, "")
+    assert told in err
+    assert err.startswith("trepid: ")
+    assert len(err.strip().splitlines()) == 1
 
 
 def test_the_bicycle_model_answers_in_json() -> None:
