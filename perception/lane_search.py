@@ -100,15 +100,16 @@ def find_road(
     """The unmarked road whose edges enclose what looks like the road ahead, as a lane as wide as the road.
 
     With a prior ``straight`` nothing is remembered: every shape is tried, then those near the best, and
-    the simpler one wins.
+    the simpler one wins. Else the edges are where ``prior`` foresees them: a search would only add its own steps.
     """
-    wide = straight is not None
     look = finder.look(image)
     sums = finder.sums(look)
-    start = finder.search(sums, prior, wide=wide)
-    if wide:
+    start = prior.mean
+    if straight is not None:
+        steps = finder.steps(look)
+        start = finder.search(sums, steps, prior)
         sums = finder.sums(look, lane=start)
-        start = finder.search(sums, prior, wide=True, near=start)
+        start = finder.search(sums, steps, prior, near=start)
     points, side = finder.points(sums, start)
     fitted = fit_lane(points, side, prior, start, finder.grid.camera, fit)
     if straight is not None:

@@ -1,8 +1,9 @@
 """Edges of an unmarked road: the lane shape that holds the most road and the least of the rest."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
@@ -20,6 +21,7 @@ Positive = Annotated[float, Field(gt=0)]
 Bgr = NDArray[np.uint8]
 Array32 = NDArray[np.float32]
 AnyArray = NDArray[np.floating]
+COARSE = 2  # every second place and band tells the shape of a road
 
 
 class EdgeSettings(Settings):
@@ -53,19 +55,11 @@ class EdgeSettings(Settings):
 
 
 @dataclass(frozen=True)
-class RoadSums:
-    """Road likelihood summed from the left end of the grid to each place, in [nats·m]; shape (bands, places)."""
-
-    summed: Array32
-    step: Array32  # 0..1, how sharply the image changes across the place
-
-
-@dataclass(frozen=True)
 class RoadLook:
-    """An image as the road is looked for in it: colour bins per pixel and steps (as in :class:`RoadSums`)."""
+    """An image as the road is looked for in it: the part below the far end of the grid, and its colour bins."""
 
+    below: Bgr
     bins: SurfaceBins
-    step: Array32
 
 
 class RoadEdgeFinder:
@@ -89,7 +83,7 @@ class RoadEdgeFinder:
         self._step_rows = self._map_y + (
             (self.grid.top_px + self.grid.bottom_px - 1) / 2 - self._first_row - np.arange(len(rows))
         )[:, None].astype(np.float32)
-        self._patch, self._rest = self._masks()
+        self._patch, self._rest = (np.flatnonzero(mask) for mask in self._masks())
 
     def _masks(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Pixels that are road if the vehicle is on one, and pixels far enough aside to be something else."""
@@ -119,136 +113,138 @@ class RoadEdgeFinder:
         if image.shape[1::-1] != size:
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
         below = np.ascontiguousarray(image[self._first_row :])
-        return RoadLook(bins=surface_bins(below), step=self._steps(below))
+        return RoadLook(below=below, bins=surface_bins(below))
 
-    def sums(self, look: RoadLook, lane: Array | None = None) -> RoadSums:
-        """Where the road is: what looks like the patch ahead of the vehicle or like the inside of ``lane``."""
+    def sums(self, look: RoadLook, lane: Array | None = None) -> Array32:
+        """Road likelihood summed from the left end of the grid to each place [nats·m], shape (bands, places).
+
+        Road is what looks like the patch ahead of the vehicle or, better, like the inside of ``lane``.
+        """
         road, rest = (self._patch, self._rest) if lane is None else self._masks_of(lane)
         ratio = road_likelihood(look.bins, road, rest, self._settings.surface)
         integral = cv2.integral(ratio, sdepth=cv2.CV_64F)
         top, bottom = self.grid.top_px - self._first_row, self.grid.bottom_px - self._first_row
         running = (integral[bottom] - integral[top]) / ((bottom - top) * self.grid.metre_px)[:, None]
-        summed = cv2.remap(
-            running.astype(np.float32),
-            self._map_x,
-            self._map_y,
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
+        return np.asarray(
+            cv2.remap(
+                running.astype(np.float32),
+                self._map_x,
+                self._map_y,
+                cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_REPLICATE,
+            ),
+            np.float32,
         )
-        return RoadSums(summed=np.asarray(summed, np.float32), step=look.step)
 
-    def _steps(self, below: Bgr) -> Array32:
-        """Sharpness of kerbs, lines and verges: |∂/∂u| of the green channel, limited, at the places of the grid."""
-        change = cv2.convertScaleAbs(cv2.Sobel(below[:, :, 1], cv2.CV_16S, 1, 0))
+    def steps(self, look: RoadLook) -> Array32:
+        """Sharpness of kerbs, lines and verges, 0..1: |∂/∂u| of the green channel, limited, (bands, places)."""
+        change = cv2.convertScaleAbs(cv2.Sobel(look.below[:, :, 1], cv2.CV_16S, 1, 0))
         full = np.float32(self._settings.full_step_grey)
         limited = np.minimum(cv2.blur(change, (3, 1)), full) / full
         return np.asarray(
             cv2.remap(limited, self._map_x - np.float32(0.5), self._step_rows, cv2.INTER_LINEAR), np.float32
         )
 
-    def search(self, sums: RoadSums, prior: LaneState, *, wide: bool, near: Array | None = None) -> Array:
+    def search(self, sums: Array32, steps: Array32, prior: LaneState, *, near: Array | None = None) -> Array:
         """State (6,) whose edges enclose the most road likelihood under ``prior``.
 
-        ``wide`` tries every shape, coarsely or, around the state ``near``, in half steps; else those of ``prior``.
+        Every shape is tried, coarsely, or those around the state ``near`` in half steps.
         """
-        settings = self._settings
+        if near is None:
+            return self._best(self._all_shapes, sums, steps, prior)
+        settings, half_steps = self._settings, np.arange(-2, 3) / 2
+        heading = near[PSI] + half_steps * 2 * settings.heading_range_rad / (settings.heading_steps - 1)
+        bend = near[KAPPA] + half_steps * 2 * settings.curvature_range_1pm / (settings.curvature_steps - 1)
+        return self._best(self._shapes(heading, bend, self._place_m, 1), sums, steps, prior)
+
+    def _best(self, shapes: "Shapes", sums: Array32, steps: Array32, prior: LaneState) -> Array:
+        heading, bend, place_m, index = shapes
         sigma = np.sqrt(np.diag(prior.covariance))
-        if not wide:
-            heading = prior.mean[PSI] + max(sigma[PSI], 0.02) * np.array([-1.5, 0, 1.5])
-            bend = prior.mean[KAPPA] + max(sigma[KAPPA], 0.006) * np.array([-1.5, 0, 1.5])
-            index = self._index(heading, bend)
-        elif near is None:
-            heading, bend, index = self._all_shapes
-        else:
-            half_steps = np.arange(-2, 3) / 2
-            heading = near[PSI] + half_steps * 2 * settings.heading_range_rad / (settings.heading_steps - 1)
-            bend = near[KAPPA] + half_steps * 2 * settings.curvature_range_1pm / (
-                settings.curvature_steps - 1
-            )
-            index = self._index(heading, bend)
-        places = len(self._place_m)
-        inside = np.take(sums.summed, index).mean(axis=0).reshape(-1, places).T
-        sharp = settings.step_weight * np.take(sums.step, index).mean(axis=0).reshape(-1, places).T
+        places = len(place_m)
+        inside = np.take(sums, index, mode="clip").mean(axis=0).reshape(-1, places).T
+        sharp = np.take(steps, index, mode="clip").mean(axis=0).reshape(-1, places).T
+        sharp *= self._settings.step_weight
         unlikely = ((heading - prior.mean[PSI]) / max(sigma[PSI], 0.02))[:, None] ** 2
         unlikely = unlikely + ((bend - prior.mean[KAPPA]) / max(sigma[KAPPA], 0.006)) ** 2
         found = prior.mean.copy()
         at, found[E], found[WIDTH] = _best_edges(
-            inside + sharp, inside - sharp, unlikely.ravel(), self._place_m, prior, settings.prior_weight
+            inside + sharp, inside - sharp, unlikely.ravel(), place_m, prior, self._settings.prior_weight
         )
         found[PSI], found[KAPPA] = heading[at // len(bend)], bend[at % len(bend)]
         return found
 
     @cached_property
-    def _all_shapes(self) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Headings, curvatures and their index for a search without memory: the same in every frame."""
+    def _all_shapes(self) -> "Shapes":
+        """The shapes of a search without memory: the same in every frame."""
         settings = self._settings
         heading = np.linspace(-settings.heading_range_rad, settings.heading_range_rad, settings.heading_steps)
         bend = np.linspace(
             -settings.curvature_range_1pm, settings.curvature_range_1pm, settings.curvature_steps
         )
-        return heading, bend, self._index(heading, bend)
+        return self._shapes(heading, bend, self._place_m[::COARSE], COARSE)
 
-    def _index(self, heading: Array, bend: Array) -> NDArray[np.int64]:
-        """Flat index into the sums of the curves (ψ, κ, place) in every band, shape (bands, ψ·κ·place)."""
-        bands, places = len(self.grid.ahead_m), len(self._left_m)
-        ahead_m = self.grid.ahead_m.astype(np.float32)[:, None, None, None]
+    def _shapes(self, heading: Array, bend: Array, place_m: Array, every: int) -> "Shapes":
+        """The curves of every heading, bend and place, in every ``every``-th band."""
+        bands, places = np.arange(0, len(self.grid.ahead_m), every), len(self._left_m)
+        ahead_m = self.grid.ahead_m[bands].astype(np.float32)[:, None, None, None]
         y_m = parallel_curve(
             np.float32(self._camera.x_m) + ahead_m,
             heading.astype(np.float32)[:, None, None],
             bend.astype(np.float32)[:, None],
-            self._place_m.astype(np.float32),
+            place_m.astype(np.float32),
         )
         axis_m = np.float32(self._camera.y_m) + np.float32(np.tan(self._camera.yaw_rad)) * ahead_m
         column = (np.float32(self._left_m[0]) + axis_m - y_m) * np.float32(1 / self._settings.step_m)
-        index = np.clip(column + np.float32(0.5), 0, places - 1).astype(np.int64)
-        index += (places * np.arange(bands))[:, None, None, None]
-        return index.reshape(bands, -1)
+        index = np.minimum(np.maximum(column + np.float32(0.5), 0), places - 1).astype(np.intp)
+        index += (places * bands)[:, None, None, None]
+        return Shapes(heading, bend, place_m, index.reshape(len(bands), -1))
 
-    def points(self, sums: RoadSums, mean: Array) -> tuple[RoadPoints, Array]:
+    def points(self, sums: Array32, mean: Array) -> tuple[RoadPoints, Array]:
         """Edge points near the curves of ``mean``, one per band and side, and their sides (+1 left, −1 right).
 
         On the left edge road begins (going right), so the sum up to the edge is smallest there; on the right edge
         it is largest. The contrast is the mean likelihood just inside minus just outside.
         """
-        settings = self._settings
-        bands = len(self.grid.ahead_m)
+        settings, bands = self._settings, len(self.grid.ahead_m)
         reach = int(settings.window_m / settings.step_m)
         span = int(settings.compare_m / settings.step_m)
+        side = np.array([[1.0], [-1.0]])
         x_m = self._camera.x_m + self.grid.ahead_m
-        parts = []
-        for side in (1.0, -1.0):
-            y_m = parallel_curve(x_m, mean[PSI], mean[KAPPA], side * mean[WIDTH] / 2 - mean[E])
-            aside = y_m - self._camera.y_m - np.tan(self._camera.yaw_rad) * self.grid.ahead_m
-            middle = ((self._left_m[0] - aside) / settings.step_m + 0.5).astype(int)
-            visible = np.abs(aside) * self.grid.metre_px < self._camera.width_px / 2
-            index = np.clip(
-                middle[:, None] + np.arange(-reach, reach + 1), span, len(self._left_m) - 1 - span
-            )
-            rows = np.arange(bands)[:, None]
-            rising = side * (
-                sums.summed[rows, index + span]
-                - 2 * sums.summed[rows, index]
-                + sums.summed[rows, index - span]
-            )
-            best = np.argmax(rising, axis=1)
-            contrast = rising[rows[:, 0], best] / settings.compare_m
-            good = visible & (best > 0) & (best < 2 * reach) & (contrast > settings.min_contrast)
-            parts.append((rows[good, 0], index[rows[:, 0], best][good], contrast[good], side))
-        band = np.concatenate([part[0] for part in parts])
-        left_m = np.concatenate([self._left_m[part[1]] for part in parts])
-        contrast = np.concatenate([part[2] for part in parts])
-        side_of = np.concatenate([np.full(len(part[0]), part[3]) for part in parts])
+        y_m = parallel_curve(x_m, mean[PSI], mean[KAPPA], side * mean[WIDTH] / 2 - mean[E])
+        aside = y_m - self._camera.y_m - math.tan(self._camera.yaw_rad) * self.grid.ahead_m
+        middle = ((self._left_m[0] - aside) / settings.step_m + 0.5).astype(np.intp)
+        visible = np.abs(aside) * self.grid.metre_px < self._camera.width_px / 2
+        window = np.arange(-reach, reach + 1)
+        place = middle[:, :, None] + window
+        place = np.minimum(np.maximum(place, span), len(self._left_m) - 1 - span)
+        at = place + (len(self._left_m) * np.arange(bands))[:, None]
+        rising = np.take(sums, at + span) - 2 * np.take(sums, at) + np.take(sums, at - span)
+        rising *= side[:, :, None].astype(np.float32)
+        best = rising.argmax(axis=2)
+        contrast = rising.max(axis=2) / settings.compare_m
+        good = visible & (best > 0) & (best < 2 * reach) & (contrast > settings.min_contrast)
+        on_right, band = np.nonzero(good)
+        left_m = self._left_m[place[on_right, band, best[good]]]
         x, y = self.grid.vehicle_from_grid(self.grid.ahead_m[band], left_m)
         return (
             RoadPoints(
                 x_m=x,
                 y_m=y,
                 sigma_m=np.hypot(settings.sigma_m, 0.7 / self.grid.metre_px[band]),
-                weight=np.minimum(contrast / settings.full_contrast, 1.0),
+                weight=np.minimum(contrast[good] / settings.full_contrast, 1.0).astype(np.float64),
                 band=band,
             ),
-            side_of,
+            side[on_right, 0],
         )
+
+
+class Shapes(NamedTuple):
+    """Curves to be tried: headings, bends, places, and where they run through the sums."""
+
+    heading_rad: Array
+    bend_1pm: Array
+    place_m: Array
+    places: NDArray[np.intp]  # flat, into every few bands, shape (bands, ψ·κ·place)
 
 
 def parallel_curve(

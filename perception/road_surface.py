@@ -12,7 +12,7 @@ from trepid.config import Settings
 
 Positive = Annotated[float, Field(gt=0)]
 Bgr = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
+Where = NDArray[np.bool_] | NDArray[np.intp]  # a mask, or the numbers of its pixels
 
 BINS = 32
 CHROMA_BIN = np.clip((np.arange(256) - 96) // 2, 0, BINS - 1).astype(
@@ -34,21 +34,21 @@ class SurfaceSettings(Settings):
 class SurfaceBins:
     """Histogram bins of each pixel of an image."""
 
-    chroma: NDArray[np.int32]
-    light: NDArray[np.int32]
+    chroma: NDArray[np.intp]
+    light: NDArray[np.intp]
 
 
 def surface_bins(image: Bgr) -> SurfaceBins:
     """The bins of the CIELAB colour: chroma (a, b) together, lightness L apart."""
     light, a, b = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2Lab))
     return SurfaceBins(
-        chroma=cv2.LUT(a, CHROMA_BIN).astype(np.int32) * BINS + cv2.LUT(b, CHROMA_BIN).astype(np.int32),
-        light=cv2.LUT(light, LIGHT_BIN).astype(np.int32),
+        chroma=cv2.LUT(a, CHROMA_BIN).astype(np.intp) * BINS + cv2.LUT(b, CHROMA_BIN).astype(np.intp),
+        light=cv2.LUT(light, LIGHT_BIN).astype(np.intp),
     )
 
 
 def road_likelihood(
-    bins: SurfaceBins, road: Mask, rest: Mask, settings: SurfaceSettings
+    bins: SurfaceBins, road: Where, rest: Where, settings: SurfaceSettings
 ) -> NDArray[np.float32]:
     """Log-likelihood ratio road : rest of each pixel; positive where it looks like road.
 
@@ -59,23 +59,28 @@ def road_likelihood(
     """
     chroma = _log_ratio(bins.chroma, road, rest, (BINS, BINS), settings.smoothing, settings.chroma_limit)
     light = _log_ratio(bins.light, road, rest, (1, BINS), settings.smoothing, settings.light_limit)
-    return np.take(chroma, bins.chroma) + np.take(np.float32(settings.light_weight) * light, bins.light)
+    by_chroma = np.take(chroma, bins.chroma, mode="clip")
+    return by_chroma + np.take(np.float32(settings.light_weight) * light, bins.light, mode="clip")
 
 
 def _log_ratio(
-    bins: NDArray[np.int32],
-    road: Mask,
-    rest: Mask,
+    bins: NDArray[np.intp],
+    road: Where,
+    rest: Where,
     shape: tuple[int, int],
     smoothing: float,
     limit: float,
 ) -> NDArray[np.float32]:
     """log(p_road/p_rest) of each bin, within ±``limit``; ``smoothing`` pixels are spread over all bins."""
-    ratio = _density(bins[road], shape, smoothing) / _density(bins[rest], shape, smoothing)
-    return np.clip(np.log(ratio), -limit, limit).astype(np.float32).ravel()
+    ratio = _density(_of(bins, road), shape, smoothing) / _density(_of(bins, rest), shape, smoothing)
+    return np.minimum(np.maximum(np.log(ratio), -limit), limit).astype(np.float32).ravel()
 
 
-def _density(bins: NDArray[np.int32], shape: tuple[int, int], smoothing: float) -> NDArray[np.float64]:
+def _of(bins: NDArray[np.intp], where: Where) -> NDArray[np.intp]:
+    return bins.ravel()[where.ravel()]
+
+
+def _density(bins: NDArray[np.intp], shape: tuple[int, int], smoothing: float) -> NDArray[np.float64]:
     count = np.bincount(bins, minlength=shape[0] * shape[1]).astype(np.float64).reshape(shape)
     kernel = (3 if shape[1] > 1 else 1, 3 if shape[0] > 1 else 1)
     spread = cv2.GaussianBlur(count, kernel, 0, borderType=cv2.BORDER_REPLICATE) + smoothing / count.size
