@@ -40,6 +40,14 @@ def _estimate(mount: typer.Typer) -> None:
     mount.command("estimate")(perception.cli.estimate)
 
 
+def _camera(mount: typer.Typer) -> None:
+    import perception.camera_cli
+
+    mount.add_typer(
+        perception.camera_cli.app, name="camera", help="Calibrate a camera: its lens and how it is mounted."
+    )
+
+
 def _fear(mount: typer.Typer) -> None:
     import supervisor.cli
     from sim_harness.tuning.cli import tune
@@ -76,6 +84,7 @@ VERBS: dict[str, Callable[[typer.Typer], None]] = {
     "drive": _drive,
     "sim": _sim,
     "estimate": _estimate,
+    "camera": _camera,
     "fear": _fear,
     "vehicle": _vehicle,
     "train": _train,
