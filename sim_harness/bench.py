@@ -197,7 +197,9 @@ def bench(
     keep_frames: Annotated[
         bool, typer.Option(help="perception: keep the frames (0.7 GB), so that they are drawn once a seed.")
     ] = False,
-    drive: Annotated[bool, typer.Option(help="perception: also let each estimator steer alone.")] = False,
+    parts: Annotated[
+        str, typer.Option(help="perception: what to do, with commas between: set, real, drive.")
+    ] = "set,real",
     data: Annotated[
         Path | None, typer.Option(help="perception: the real sets; default: TREPID_DATA, ../shared/data.")
     ] = None,
@@ -210,18 +212,18 @@ def bench(
     seed = secrets.randbits(32) if seed is None else seed
     wish = Wish(
         seed=seed,
-        estimators=tuple(part.strip() for part in estimators.split(",") if part.strip()),
+        estimators=_listed(estimators),
         quick=quick,
         repeats=repeats,
         jobs=jobs,
         keep_frames=keep_frames,
         out=out,
         data=data,
-        drive=drive,
+        parts=_listed(parts),
     )
     if PERCEPTION not in (names or []) and wish != Wish(seed=seed):
         raise InputError(
-            "--estimators, --quick, --repeats, --jobs, --keep-frames, --drive, --data, --out are for perception"
+            "--estimators, --quick, --repeats, --jobs, --keep-frames, --parts, --data, --out are for perception"
         )
     result: dict[str, Any] = machine() | {"seed": seed}
     for name in names or [name for name in BENCHMARKS if name not in ON_REQUEST]:
@@ -237,3 +239,8 @@ def bench(
     for table in tables(result):
         console.print(table, "")
     return 0
+
+
+def _listed(text: str) -> tuple[str, ...]:
+    """Names with commas between."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())

@@ -14,6 +14,7 @@ from typing import Any
 from perception.estimators import estimators
 from sim_harness.perception_bench.clips import VERSION, Case, harness_set, moments
 from sim_harness.perception_bench.code import code_of
+from sim_harness.perception_bench.real import bench_real, data_folder
 from sim_harness.perception_bench.scores import Results
 from sim_harness.perception_bench.store import Pictures, Store
 from sim_harness.perception_bench.summary import parts_of, summary
@@ -36,6 +37,7 @@ PICTURES = (
 """What the frames of the set depend on."""
 WATCHING = (*PICTURES, "sim_harness/perception_bench/watch.py", "sim_harness/lockstep/oracle.py")
 """What the truth and the errors depend on besides."""
+PARTS = ("set", "real")
 SAY_EVERY_S = 10.0
 
 
@@ -51,7 +53,7 @@ class Wish:
     keep_frames: bool = False
     out: Path | None = None  # where tables and figures go
     data: Path | None = None  # the real sets
-    drive: bool = False
+    parts: tuple[str, ...] = ("set", "real")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -65,8 +67,17 @@ class Wish:
 
 def bench_perception(wish: Wish) -> dict[str, Any]:
     """All that was measured: per estimator what it is worth, and how that was found out."""
-    results = watched(wish)
-    return summary(results, parts_of(results, wish.names))
+    for part in wish.parts:
+        if part not in PARTS:
+            raise InputError(f"no part {part!r} of bench perception; there are {', '.join(PARTS)}")
+    found: dict[str, Any] = {}
+    if "set" in wish.parts:
+        results = watched(wish)
+        found |= summary(results, parts_of(results, wish.names))
+    if "real" in wish.parts:
+        real = bench_real(wish.names, data_folder(wish.data), FOLDER, quick=wish.quick)
+        found |= {f"real: {name}": rows for name, rows in real.items()}
+    return found
 
 
 def watched(wish: Wish) -> Results:
