@@ -14,6 +14,7 @@ from typing import Any
 from perception.estimators import estimators
 from sim_harness.perception_bench.clips import VERSION, Case, harness_set, moments
 from sim_harness.perception_bench.code import code_of
+from sim_harness.perception_bench.drive import bench_drive
 from sim_harness.perception_bench.real import bench_real, data_folder
 from sim_harness.perception_bench.scores import Results
 from sim_harness.perception_bench.store import Pictures, Store
@@ -37,7 +38,7 @@ PICTURES = (
 """What the frames of the set depend on."""
 WATCHING = (*PICTURES, "sim_harness/perception_bench/watch.py", "sim_harness/lockstep/oracle.py")
 """What the truth and the errors depend on besides."""
-PARTS = ("set", "real")
+PARTS = ("set", "real", "drive")
 SAY_EVERY_S = 10.0
 
 
@@ -77,6 +78,8 @@ def bench_perception(wish: Wish) -> dict[str, Any]:
     if "real" in wish.parts:
         real = bench_real(wish.names, data_folder(wish.data), FOLDER, quick=wish.quick)
         found |= {f"real: {name}": rows for name, rows in real.items()}
+    if "drive" in wish.parts:
+        found["drive"] = bench_drive(wish.names, wish.seed, FOLDER, quick=wish.quick)
     return found
 
 

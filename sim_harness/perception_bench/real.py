@@ -1,6 +1,5 @@
 """The real sets, none of which the project ships: found beside the repository, or left out with the reason."""
 
-import json
 import os
 import sys
 import time
@@ -12,6 +11,7 @@ from typing import Any
 import cv2
 
 from sim_harness.perception_bench.code import code_of
+from sim_harness.perception_bench.memory import Memory
 from sim_harness.perception_bench.real_frames import (
     Picture,
     donkey_drive,
@@ -98,32 +98,26 @@ def data_folder(given: Path | None) -> Path:
     return given or Path(os.environ.get("TREPID_DATA") or ROOT.parent / "shared" / "data")
 
 
-def bench_real(names: Sequence[str], data: Path, memory: Path, *, quick: bool) -> dict[str, Any]:
-    """Per set the figures of every estimator, or why it is left out; what is in ``memory`` is not done again."""
+def bench_real(names: Sequence[str], data: Path, folder: Path, *, quick: bool) -> dict[str, Any]:
+    """Per set the figures of every estimator, or why it is left out; what ``folder`` has is not done again."""
     found: dict[str, Any] = {}
     for name, real in SETS.items():
         if not (data / real.folder).is_dir():
             found[name] = {"left out": f"no folder {real.folder} in the data folder"}
             continue
-        found[name] = _scored(name, real, data / real.folder, names, memory, every=QUICK if quick else 1)
+        found[name] = _scored(name, real, data / real.folder, names, folder, every=QUICK if quick else 1)
     return found
 
 
 def _scored(
-    name: str, real: RealSet, folder: Path, names: Sequence[str], memory: Path, *, every: int
+    name: str, real: RealSet, data: Path, names: Sequence[str], folder: Path, *, every: int
 ) -> dict[str, Row]:
     keys = {one: f"{code_of(one)} {fingerprint(*CODE)} {every}" for one in names}
-    path = memory / f"real-{name.replace(' ', '_')}.json"
-    known: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    missing = [one for one in names if known.get(one, {}).get("key") != keys[one]]
-    if missing:
-        for one, row in _judged(name, real, folder, missing, every).items():
-            known[one] = {"key": keys[one], "row": row}
-        memory.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(".part")
-        part.write_text(json.dumps(known), encoding="utf-8")
-        part.replace(path)
-    return {one: known[one]["row"] for one in names}
+    memory = Memory(folder / f"real-{name.replace(' ', '_')}.json")
+    missing = [one for one in names if memory.row(one, keys[one]) is None]
+    for one, row in _judged(name, real, data, missing, every).items() if missing else ():
+        memory.put(one, keys[one], row)
+    return {one: memory.row(one, keys[one]) or {} for one in names}
 
 
 def _judged(name: str, real: RealSet, folder: Path, names: Sequence[str], every: int) -> dict[str, Row]:

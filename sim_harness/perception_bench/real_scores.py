@@ -123,10 +123,8 @@ def _border_errors_px(estimate: SteeringEstimate, road: Mask) -> list[float]:
 
 def steering(pairs: Pairs) -> Row:
     """Wheel angles against those of the driver, beside always straight."""
-    truth = np.degrees([picture.steering_rad for picture, _ in pairs])
-    mine = np.degrees(
-        [np.nan if e.road_wheel_angle_rad is None else e.road_wheel_angle_rad for _, e in pairs]
-    )
+    truth = _degrees([picture.steering_rad for picture, _ in pairs])
+    mine = _degrees([estimate.road_wheel_angle_rad for _, estimate in pairs])
     seen = ~np.isnan(mine)
     moving = seen.sum() > 2 and mine[seen].std() > 0 and truth[seen].std() > 0
     return {
@@ -136,6 +134,10 @@ def steering(pairs: Pairs) -> Row:
         "mae_of_straight_deg": float(np.abs(truth[seen]).mean()) if seen.any() else None,
         "correlation": float(np.corrcoef(mine[seen], truth[seen])[0, 1]) if moving else None,
     }
+
+
+def _degrees(angles_rad: Sequence[float | None]) -> Array:
+    return np.degrees(np.array([np.nan if angle is None else angle for angle in angles_rad], float))
 
 
 def lane_widths(pairs: Pairs) -> Row:
