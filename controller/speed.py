@@ -9,6 +9,10 @@ where v·t_r is what passes before the brakes bite: drive lag τ_a, and half of 
 b at its jerk j. The tightest such bound along the visible lane, or the cap if that is lower, is the target, and it
 falls as braking with b does: v_t' = -b·v/v_t.
 
+Where κ changes by c per metre, following it makes the lateral jerk |c|·v³, which is to be within j_y. That counts
+where the visible lane, s metres of it, changes the lateral acceleration by more than Δ, |c|·s·v² > Δ: no estimate
+is free of some c.
+
 Beyond the look-ahead nothing was seen. A bend that was tightening there is taken to tighten on for as far again,
 but must then only be possible to brake for at all, with the largest deceleration of driving on. A straight is taken
 to go on straight: what else may come is a matter of the road and not of this lane, and its speed that of the cap.
@@ -20,12 +24,14 @@ from typing import Annotated, NamedTuple, Self
 from pydantic import Field, model_validator
 
 from controller.lane import Lane
-from trepid.bounds import at_least
+from trepid.bounds import at_least, at_most
 from trepid.config import Settings
 from trepid.vehicle import Positive
 
 _LOOKS = 8  # places along the visible lane, besides the axle; as many beyond it
 _STRAIGHT_1PM = 1e-9
+_STEADY_1PM2 = 1e-9
+_BENDS_MPS2 = 1.0  # Δ: half of what is driven in bends; docs/longitudinal.md says what it keeps away
 
 
 class StopProfile(Settings):
@@ -40,6 +46,7 @@ class SpeedSettings(Settings):
     """``speed`` in ``config/controller.yaml``."""
 
     lateral_accel_mps2: Positive  # a_y in bends
+    lateral_jerk_mps3: Positive  # j_y where bends begin and end
     curve_decel_mps2: Positive  # b
     gain_1ps: Positive  # k
     max_accel_mps2: Positive
@@ -77,7 +84,7 @@ def target(
     comfort, hard = settings.curve_decel_mps2, settings.max_decel_mps2
     sight_m, rate_1pm2 = lane.lookahead_m, lane.curvature_rate_1pm2
     tightens = (lane.curvature_1pm + rate_1pm2 * sight_m) * rate_1pm2 > 0.0
-    least, decel_mps2 = cap_mps * cap_mps, 0.0
+    least, decel_mps2 = at_most(cap_mps * cap_mps, _smooth(lane, settings.lateral_jerk_mps3)), 0.0
     for n in range(2 * _LOOKS + 1 if tightens else _LOOKS + 1):
         ahead_m, brake_mps2 = sight_m * n / _LOOKS, comfort if n <= _LOOKS else hard
         react_m = speed_mps * (drive_lag_s + brake_mps2 / (2.0 * settings.brake_jerk_mps3))
@@ -90,3 +97,10 @@ def target(
     if decel_mps2 == 0.0:
         return Target(allowed_mps, None)
     return Target(allowed_mps, -decel_mps2 * min(1.0, speed_mps / allowed_mps))
+
+
+def _smooth(lane: Lane, jerk_mps3: float) -> float:
+    """v² [m²/s²] up to which the lane begins or ends its bend within ``jerk_mps3``."""
+    rate_1pm2 = at_least(abs(lane.curvature_rate_1pm2), _STEADY_1PM2)
+    change_1pm = at_least(rate_1pm2 * lane.lookahead_m, _STRAIGHT_1PM)
+    return at_least((jerk_mps3 / rate_1pm2) ** (2.0 / 3.0), _BENDS_MPS2 / change_1pm)

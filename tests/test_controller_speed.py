@@ -99,10 +99,11 @@ def test_before_a_bend_the_speed_falls_as_braking_with_the_planned_deceleration(
     sight_m = 20.0
     bend = goal(lane(curvature_1pm=1 / 15, curvature_rate_1pm2=-1 / 3000, lookahead_m=sight_m))
     assert bend == Target(pytest.approx(math.sqrt(2.0 * 15)), None)
-    bend = goal(lane(curvature_rate_1pm2=1 / 300, lookahead_m=sight_m))
+    sight_m, rate_1pm2 = 40.0, 1 / 1500
+    bend = goal(lane(curvature_rate_1pm2=rate_1pm2, lookahead_m=sight_m))
     looks = [sight_m * n / 8 for n in range(1, 9)]
     allowed = [
-        math.sqrt(2.0 / (ahead / 300) + 2.0 * SPEED.curve_decel_mps2 * max(0.0, ahead - 5.0 * REACT_S))
+        math.sqrt(2.0 / (ahead * rate_1pm2) + 2.0 * SPEED.curve_decel_mps2 * max(0.0, ahead - 5.0 * REACT_S))
         for ahead in looks
     ]
     assert bend.speed_mps == pytest.approx(min(allowed))
@@ -120,6 +121,25 @@ def test_no_bend_in_sight_raises_the_target_and_none_is_taken_above_its_budget(
     assert bend.accel_mps2 is None or -SPEED.max_decel_mps2 <= bend.accel_mps2 <= 0.0
     mirrored = goal(lane(-kappa, -rate, sight), cap_mps=cap, speed_mps=speed)
     assert mirrored == bend
+
+
+@pytest.mark.parametrize("rate_1pm2", [0.012, -0.012])
+def test_a_bend_that_begins_soon_or_ends_soon_is_driven_within_its_jerk(rate_1pm2):
+    """|c|·v³ = 1.5 m/s³ at 5 m/s."""
+    begins = goal(lane(0.0, rate_1pm2, lookahead_m=6.0))
+    ends = goal(lane(-6.0 * rate_1pm2, rate_1pm2, lookahead_m=6.0))
+    assert begins == Target(pytest.approx(5.0), None)
+    assert ends.speed_mps == pytest.approx(min(5.0, math.sqrt(2.0 / 0.072)))
+
+
+@given(st.floats(-0.02, 0.02), st.floats(0, 50), st.floats(0.1, 30))
+def test_a_rate_that_bends_no_more_than_an_estimate_s_error_slows_nothing(rate_1pm2, sight_m, cap_mps):
+    """Jerk counts from 1 m/s² of lateral acceleration on, between here and the look-ahead."""
+    target_mps = goal(lane(0.0, rate_1pm2, sight_m), cap_mps=cap_mps, speed_mps=0.0).speed_mps
+    jerk_mps3, change_mps2 = abs(rate_1pm2) * target_mps**3, abs(rate_1pm2) * sight_m * target_mps**2
+    assert jerk_mps3 <= SPEED.lateral_jerk_mps3 * (1 + 1e-6) or change_mps2 <= 1.0 + 1e-6
+    if abs(rate_1pm2) * 2.0 * sight_m * cap_mps**2 <= 1.0:
+        assert target_mps == cap_mps
 
 
 def test_a_bend_that_tightens_out_of_sight_slows_one_that_opens_does_not():
