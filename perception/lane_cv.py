@@ -255,12 +255,22 @@ class LaneCv:
         return (fit, belief) if belief >= self._settings.min_confidence else (None, 0.0)
 
     def _agrees(self, fit: LaneFit) -> bool:
-        """Whether ``fit`` continues the remembered lane."""
+        """Whether ``fit`` continues the remembered lane.
+
+        Where lines end, edges do only if both run beside the lane: at the mouth of a side road they turn away.
+        """
         if self._track is None:
             return True
-        gap = np.abs(fit.state.mean - self._track.mean)
+        change = fit.state.mean - self._track.mean
         track = self._settings.track
-        return bool(gap[E] < track.gate_offset_m and gap[PSI] < track.gate_heading_rad)
+        if fit.by_edges and self._source == LINES:
+            return bool(
+                fit.boundaries_seen == 2
+                and abs(change[E]) < track.edge_gate_offset_m
+                and abs(change[PSI]) < track.edge_gate_heading_rad
+                and -track.edge_gate_offset_m < change[WIDTH] < track.edge_gate_width_m
+            )
+        return bool(abs(change[E]) < track.gate_offset_m and abs(change[PSI]) < track.gate_heading_rad)
 
     def _prior_of(self, source: str) -> LaneState:
         prior = self._settings.prior
@@ -280,9 +290,11 @@ class LaneCv:
         covariance[WIDTH, WIDTH] = sigma_m**2
         mean = self._track.mean.copy()
         if source == LINES:
-            # The lane may be either half of the road between the edges.
+            # Which part of the road between the edges is the lane: that with the vehicle in it.
             spare_m = max(0.0, mean[WIDTH] - prior.width_m)
-            covariance[E, E] += (spare_m / 2) ** 2
+            covariance[E, E] = min(covariance[E, E] + (spare_m / 2) ** 2, prior.offset_sigma_m**2)
+            limit_m = min(spare_m, prior.width_m) / 2
+            mean[E] = math.copysign(max(0.0, abs(mean[E]) - limit_m), mean[E])
             mean[WIDTH] = min(mean[WIDTH], prior.width_m)
         else:
             mean[WIDTH] += 2 * prior.shoulder_m

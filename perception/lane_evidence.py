@@ -115,7 +115,8 @@ def confidence(
     if fit.by_edges:
         support *= settings.edge_trust
     surprise = (fit.state.mean[WIDTH] - width_m) / width_sigma_m
-    plausible = math.exp(-0.5 * max(0.0, abs(surprise) - 1) ** 2)
+    odd = max(0.0, abs(surprise) - 1)
+    plausible = 1 / (1 + odd**2) if fit.by_edges else math.exp(-0.5 * odd**2)
     narrow = max(0.0, (settings.min_width_m - fit.state.mean[WIDTH]) / settings.min_width_sigma_m)
     plausible *= math.exp(-0.5 * narrow**2)
     tight = 1 / (1 + (fit.residual / settings.residual_limit) ** 4)

@@ -24,6 +24,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 E, PSI, KAPPA, KAPPA_RATE, WIDTH, PITCH = range(6)
 IDENTITY = np.eye(6)
+MIN_POINTS_FOR_PITCH = 8  # on the boundary with fewer
 SMALL_STEP = 0.2  # standard deviations of the state: the fit has settled
 
 
@@ -91,7 +92,8 @@ def fit_lane(
 
     Gauss-Newton on r = d(p; x) − side·W/2 with Cauchy weights and the prior N(x̄, P): with the information
     N = Σ w·HᵀH/σ², x = x̄ + (P⁻¹ + N)⁻¹·Σ w·Hᵀ/σ²·(H·(x_k − x̄) − r). The points of a boundary share their errors
-    (one line of paint, one camera), so all together they count as ``points_per_boundary`` points.
+    (one line of paint, one camera), so all together they count as ``points_per_boundary`` points. How the camera
+    pitches shows only where two boundaries run together: one alone cannot tell it from a bend.
     """
     precision = inverse(prior.covariance)
     mean = start.copy()
@@ -100,8 +102,12 @@ def fit_lane(
     gate = settings.gate_m + settings.gate_growth * points.x_m + points.sigma_m
     residual = weight = shared
     information = precision
+    left = int(np.count_nonzero(side > 0))
+    both = min(left, len(side) - left) >= MIN_POINTS_FOR_PITCH
     for iteration in range(settings.iterations):
         residual, jacobian = _residuals(points, side, mean, camera)
+        if not both:
+            jacobian[PITCH] = 0
         near = np.abs(residual) < (gate if iteration else gate + settings.gate_m)
         weight = shared / (1 + np.square(residual / scale)) * near
         weighted = jacobian * weight

@@ -13,6 +13,10 @@ from trepid.config import Settings
 
 Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0)]
+DOUBLE_M = (
+    0.32  # at most, between the middles of the stripes of a double line (RMS-1: 0.24; MUTCD: 0.2 to 0.3)
+)
+ALIKE = 0.4  # least contrast of one stripe over that of the other
 SPAN = 7  # edges of boxes, half a line width apart, that one response is made of
 
 
@@ -118,11 +122,9 @@ class MarkingFilter:
         before = response.take(high - 1, mode="clip")
         highest = np.flatnonzero((peak >= after) & (peak > before))
         peak, before, after, at = peak[highest], before[highest], after[highest], high[highest]
-        band = self._band[at]
         shift = 0.5 * (after - before) / np.maximum(2 * peak - before - after, 1e-3)
-        x_m, y_m = self._grid.vehicle_from_grid(
-            self._grid.ahead_m[band], self._left_m[at] - self._step_m * shift
-        )
+        band, left_m, peak = _twins_joined(self._band[at], self._left_m[at] - self._step_m * shift, peak)
+        x_m, y_m = self._grid.vehicle_from_grid(self._grid.ahead_m[band], left_m)
         return RoadPoints(
             x_m=x_m,
             y_m=y_m,
@@ -130,6 +132,25 @@ class MarkingFilter:
             weight=np.minimum(peak / settings.full_contrast_grey, 1.0).astype(np.float64),
             band=band,
         )
+
+
+def _twins_joined(
+    band: NDArray[np.int64], left_m: Array, contrast: NDArray[np.float32]
+) -> tuple[NDArray[np.int64], Array, NDArray[np.float32]]:
+    """The points with each two stripes of a double line replaced by one between them, where the lane ends.
+
+    Stripes of one line are of one paint, about as bright: a line and the verge beside it are not joined.
+    """
+    twin = (band[1:] == band[:-1]) & (left_m[:-1] - left_m[1:] < DOUBLE_M)
+    twin &= np.minimum(contrast[1:], contrast[:-1]) > ALIKE * np.maximum(contrast[1:], contrast[:-1])
+    first = np.flatnonzero(twin)
+    if not len(first):
+        return band, left_m, contrast
+    first = first[np.concatenate([[True], np.diff(first) > 1])]  # of three in a row the first two
+    left_m[first] = (left_m[first] + left_m[first + 1]) / 2
+    alone = np.ones(len(band), bool)
+    alone[first + 1] = False
+    return band[alone], left_m[alone], contrast[alone]
 
 
 def _widened(shown: NDArray[np.bool_], places: int) -> NDArray[np.bool_]:

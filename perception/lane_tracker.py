@@ -46,6 +46,9 @@ class TrackSettings(Settings):
     coast_decay_s: Positive
     gate_offset_m: Positive
     gate_heading_rad: Positive
+    edge_gate_offset_m: Positive
+    edge_gate_heading_rad: Positive
+    edge_gate_width_m: Positive
     confirm_looks: Annotated[int, Field(ge=1)]
     rival_every: Annotated[int, Field(ge=1)]
     rival_margin: Annotated[float, Field(ge=0, le=1)]
