@@ -30,6 +30,7 @@ from sim_harness.fear_bench.bench import bench_fear
 from sim_harness.follow_bench.bench import FOLLOW_SECTIONS, bench_follow
 from sim_harness.lockstep.bench import bench_lockstep
 from sim_harness.perception_bench.bench import Wish, bench_perception
+from sim_harness.perception_bench.report import brief
 from sim_harness.perception_bench.watch import bare_canny_chain
 from sim_harness.plants.bench import bench_plants
 from sim_harness.render.ground import Ground
@@ -229,7 +230,8 @@ def bench(
     for name in names or [name for name in BENCHMARKS if name not in ON_REQUEST]:
         typer.echo(f"bench {name} ...", err=True)
         if name == PERCEPTION:
-            result |= bench_perception(wish)
+            found = bench_perception(wish)
+            result |= found if as_json else brief(found)
         else:
             result[name] = SEEDED[name](seed) if name in SEEDED else BENCHMARKS[name]()
     if as_json:

@@ -15,7 +15,9 @@ from perception.estimators import estimators
 from sim_harness.perception_bench.clips import VERSION, Case, harness_set, moments
 from sim_harness.perception_bench.code import code_of
 from sim_harness.perception_bench.drive import bench_drive
+from sim_harness.perception_bench.figures import draw
 from sim_harness.perception_bench.real import bench_real, data_folder
+from sim_harness.perception_bench.report import write
 from sim_harness.perception_bench.scores import Results
 from sim_harness.perception_bench.store import Pictures, Store
 from sim_harness.perception_bench.summary import parts_of, summary
@@ -71,15 +73,22 @@ def bench_perception(wish: Wish) -> dict[str, Any]:
     for part in wish.parts:
         if part not in PARTS:
             raise InputError(f"no part {part!r} of bench perception; there are {', '.join(PARTS)}")
+    names = wish.names
     found: dict[str, Any] = {}
+    parts: dict[str, Any] = {}
     if "set" in wish.parts:
         results = watched(wish)
-        found |= summary(results, parts_of(results, wish.names))
+        parts = parts_of(results, names)
+        found |= summary(results, parts)
     if "real" in wish.parts:
-        real = bench_real(wish.names, data_folder(wish.data), FOLDER, quick=wish.quick)
+        real = bench_real(names, data_folder(wish.data), FOLDER, quick=wish.quick)
         found |= {f"real: {name}": rows for name, rows in real.items()}
     if "drive" in wish.parts:
-        found["drive"] = bench_drive(wish.names, wish.seed, FOLDER, quick=wish.quick)
+        found["drive"] = bench_drive(names, wish.seed, FOLDER, quick=wish.quick)
+    if wish.out is not None:
+        write(wish.out, {"seed": wish.seed, "clips": f"version {VERSION}", **found}, parts)
+        if parts:
+            draw(wish.out, results, parts, found["ranking"])
     return found
 
 
