@@ -21,6 +21,8 @@ class ModeSettings(Settings):
     comfort_stop_age_s: Positive  # no frame for this long: comfort stop
     emergency_stop_age_s: Positive  # ... emergency stop
     blind_s: Positive  # moving without any path for this long: emergency stop
+    guess_s: Positive  # ... in terror, and with no estimator believed by more than ...
+    guess_confidence: Annotated[float, Field(gt=0, le=1)]
     standstill_mps: Positive
     reengage_after_s: Seconds | None  # at standstill, healthy for this long: drive again; null: never
     reengage_max_fear: Annotated[float, Field(ge=0, lt=1)]

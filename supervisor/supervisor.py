@@ -68,12 +68,13 @@ class Supervisor:
             state_s=settings.sightings.state_fresh_s,
         )
         self._terrified, self._calm, self._ready, self._drivable = Held(), Held(), Held(), Held()
-        self._road_back, self._pathless = Held(), Held()
+        self._road_back, self._pathless, self._lost = Held(), Held(), Held()
         self._patience = Patience(settings.modes.stop_after_s)
         self._last_patience = Patience(settings.modes.emergency_after_s)
         self._speed = SpeedFactor(rules, settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)
         self._driver = False  # a driver acted at the last step
+        self._has_driven = False
 
     def adopt(self, rules: FearRules) -> None:
         """Go on with other rules from the next step on; mode, timers and memory stay.
@@ -114,6 +115,7 @@ class Supervisor:
         situation = self._situation(felt.fear, cause, fault, outlook, now_s, driver=driver)
         self._mode = next_state(self._mode, situation, final_causes=self._settings.modes.final_causes)
         self._driver = driver
+        self._has_driven = self._has_driven or self._mode.mode is not Mode.STOP
         factor = self._speed.step(
             felt.fear,
             outlook.motion,
@@ -148,6 +150,7 @@ class Supervisor:
                 outlook,
                 pathless=path is None and trail.path is None,
                 cause=borne,
+                terrified=wanted is Mode.STOP and not trail.usable and not driver,
                 now_s=now_s,
             )
             and not driver,
@@ -169,18 +172,29 @@ class Supervisor:
             and not driver,
         )
 
-    def _is_blind(self, fault: Fault, outlook: Outlook, *, pathless: bool, cause: str, now_s: float) -> bool:
+    def _is_blind(
+        self, fault: Fault, outlook: Outlook, *, pathless: bool, cause: str, terrified: bool, now_s: float
+    ) -> bool:
         """Whether the car moves, as far as is known, and for too long nobody who is sure has shown where to."""
         modes, last = self._settings.modes, outlook.last_motion
         moving = last is not None and abs(last.speed_mps) >= modes.standstill_mps
         lasting = self._pathless.lasts(moving and pathless, modes.blind_s, now_s=now_s)
         frameless = fault.cause == "stale_data" and min(outlook.ages_s.values()) > modes.emergency_stop_age_s
         guessing = self._last_patience.ends(cause if moving else "", now_s=now_s)
-        return lasting or guessing or (moving and frameless)
+        believed = outlook.asked["lane_confidence"] or 0.0
+        lost = moving and terrified and believed < modes.guess_confidence
+        lost = self._lost.lasts(lost, modes.guess_s, now_s=now_s)
+        return lasting or guessing or lost or (moving and frameless)
 
-    def _path(self, outlook: Outlook, now_s: float) -> fusion.Path | None:
-        """The road's, or where it is lost the leader's; led over from one to the other."""
+    def _path(self, outlook: Outlook, fear: float, now_s: float) -> fusion.Path | None:
+        """The road's, or where it is lost the leader's; led over from one to the other.
+
+        None before the first drive while fear forbids it: who is not fit to drive does not steer, and where a
+        driver lets go of a moving car too soon the wheels stay as they were left.
+        """
         road, trail = outlook.fused.path, outlook.trail.path
+        if not self._has_driven and fear > self._settings.modes.reengage_max_fear:
+            road = trail = None
         follows = trail is not None and (self._mode.mode is Mode.FOLLOW or road is None)
         return self._hand_over.step(trail if follows else road, outlook.last_motion, now_s=now_s)
 
@@ -192,7 +206,7 @@ class Supervisor:
             pace_mps = at_most(self._observer.pace_mps(outlook.ahead), self._settings.cruise_speed_mps)
             cruise_mps = at_least(cruise_mps, pace_mps)
         cap_mps = at_most(self._observer.speed_cap_mps(outlook.ahead), cruise_mps)
-        path, fused = self._path(outlook, now_s), outlook.fused
+        path, fused = self._path(outlook, felt.fear, now_s), outlook.fused
         lane = path.lane if path else None
         lookahead_m = path.lookahead_m if path else self._settings.fusion.min_lookahead_m
         return Decision(
