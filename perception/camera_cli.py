@@ -11,10 +11,11 @@ import typer
 from perception.chessboard import Intrinsics, intrinsics
 from perception.drive_clip import steps_of
 from perception.sources import Bgr, Clip, Still, sources
-from perception.straight_drive import LEAST_SPEED_MPS, Mounting, mounting
+from perception.straight_drive import Mounting, mounting
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 
+LEAST_SPEED_MPS = 1.0
 MOST_BOARDS = 60  # of a video: more say the same again
 SAME_FORM = 0.01  # of width over height
 app = typer.Typer(no_args_is_help=True)

@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from perception.camera_height import Step
 from perception.sources import NOMINAL_FPS, Bgr, Clip, Still, sources
-from perception.straight_drive import Step
 from trepid.config import InputError
 from trepid.messages import CompressedFrame, VehicleState
 from trepid.recorded import read_recording

@@ -6,7 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from perception.straight_drive import Step, mounting
+from perception.camera_height import Step
+from perception.straight_drive import mounting
 from sim_harness.perception_bench.roads import Kind, random_section
 from sim_harness.render.renderer import Renderer
 from sim_harness.roads.road import Road, RoadSettings, Segment
