@@ -441,22 +441,25 @@ def test_the_mirror_image_of_a_drive_gives_the_mirror_image_of_every_path() -> N
     def decisions(side: float) -> list[Decision]:
         supervisor, told = build_once(), []
         for n in range(-60, 105):  # then the trail of so odd a leader is no road any more
-            t_s = FRAME_S * (n + 60)
+            t_s, turn = (
+                FRAME_S * (n + 60),
+                side if n >= 0 else 0.0,
+            )  # a driver hands over after 60 calm frames
             cv = replace(
                 ESTIMATE,
                 t_s=t_s,
-                lateral_offset_m=side * 0.3 * math.sin(n / 9),
-                heading_error_rad=side * 0.02 * math.cos(n / 9),
-                curvature_1pm=side * 0.01 * math.sin(n / 20),
-                curvature_rate_1pm2=side * 0.0002,
+                lateral_offset_m=turn * 0.3 * math.sin(n / 9),
+                heading_error_rad=turn * 0.02 * math.cos(n / 9),
+                curvature_1pm=turn * 0.01 * math.sin(n / 20),
+                curvature_rate_1pm2=turn * 0.0002,
                 confidence=0.9 if n < 60 else 0.0,
             )
             if n >= 60:
                 cv = replace(NO_LANE, t_s=t_s)
             cnn = replace(cv, confidence=0.7 * cv.confidence)
-            rate = side * 0.1 * math.sin(n / 20)
+            rate = turn * 0.1 * math.sin(n / 20)
             state = replace(STATE, t_s=t_s, yaw_rate_radps=rate, driver_override=n < 0)
-            lead = replace(LEAD, t_s=t_s, lateral_m=side * 0.5 * math.sin(n / 30))
+            lead = replace(LEAD, t_s=t_s, lateral_m=side * 0.5 * math.sin(n / 30)) if n >= 0 else None
             told.append(
                 supervisor.step({"cv": cv, "cnn": cnn}, replace(STATISTICS, t_s=t_s), lead, state, now_s=t_s)
             )
