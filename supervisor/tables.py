@@ -131,6 +131,11 @@ def _waits(modes: ModeSettings, rules: FearRules) -> list[tuple[str, str]]:
         ("no frame: comfort stop", f"{modes.comfort_stop_age_s:g} s"),
         ("no frame on the move: emergency stop", f"{modes.emergency_stop_age_s:g} s"),
         ("no path at all on the move: emergency stop", f"{modes.blind_s:g} s"),
+        (
+            f"fear is {LEVELS[-1]} on the move and no estimator is believed by {modes.guess_confidence:g}:"
+            " emergency stop",
+            f"{modes.guess_s:g} s",
+        ),
         (f"calm by more than {h.band:g} of fear: back to `KEEP`", f"{h.calm_after_s:g} s"),
         (f"road seen with {modes.road_back_confidence:g}: `FOLLOW` ends", f"{modes.road_back_s:g} s"),
         (
