@@ -10,11 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.lane_evidence import EvidenceSettings, LaneFit, believed_reach_m, confidence, looks_factor
+from perception.lane_confidence import ConfidenceSettings, confidence, grounds
+from perception.lane_evidence import NO_BELIEF, Belief, EvidenceSettings, LaneFit, belief_of, believed_reach_m
 from perception.lane_fit import KAPPA, KAPPA_RATE, PSI, WIDTH, E, FitSettings, LaneState
 from perception.lane_points import MarkingFilter, MarkingSettings, RoadPoints
 from perception.lane_search import boundary_columns, find_lane, find_road
-from perception.lane_tracker import PriorSettings, TrackSettings, predict, prior_state, straightened
+from perception.lane_tracker import (
+    PriorSettings,
+    TrackSettings,
+    held,
+    predict,
+    prior_state,
+    steady,
+    straightened,
+)
 from perception.lane_vote import VoteSettings
 from perception.lateral_grid import LateralGrid, lateral_grid
 from perception.road_edges import EdgeSettings, RoadEdgeFinder
@@ -65,6 +74,7 @@ class LaneCvSettings(Settings):
     prior: PriorSettings
     track: TrackSettings
     evidence: EvidenceSettings
+    confidence: ConfidenceSettings
     steering: SteeringSettings
     self_calibration: SelfCalibrationSettings
     edges: EdgeSettings
@@ -127,8 +137,13 @@ class LaneCv:
         self._looks = 0  # in how many frames it was seen
         self._track_t_s = 0.0  # time that the tracked lane holds at
         self._seen_t_s = 0.0  # when it was last seen
-        self._seen_confidence = 0.0
-        self._source = LINES  # what it was last seen by
+        self._grounds = NO_BELIEF  # what it was last believed for
+        self.rests_on: tuple[float, ...] | None = (
+            None  # the last confidence, as the fit of its weights needs it
+        )
+        self._source = LINES  # what tells its place and width
+        self._by_edges = False  # whether edges of the road were last seen
+        self._unmarked_m = 0.0  # driven since lines were seen
         self._weak_frames = 0  # how many in a row gave no good tracked lane
         self._rival_looks = 0  # how often in a row a better lane contradicted the track
 
@@ -143,15 +158,31 @@ class LaneCv:
         if view is None:
             return self._nothing(frame.t_s, "the camera sees no road")
         self._predict(frame.t_s, state)
-        fit, belief = self._measure(_working_image(image, view), view)
+        fit, _ = self._measure(_working_image(image, view), view)
         if fit is not None:
             self._looks = min(self._looks + 1, self._settings.evidence.sure_looks)
-            belief *= looks_factor(fit, self._looks, self._settings.evidence)
-            self._track, self._track_t_s = fit.state, frame.t_s
-            self._source = EDGES if fit.by_edges else LINES
-            self._seen_t_s, self._seen_confidence = frame.t_s, belief
-            return self._estimate(frame.t_s, fit.state, belief, fit.boundaries_seen, "", view)
-        return self._coast(frame.t_s, view)
+            self._track, self._source = self._lane_by(fit)
+            self._track_t_s = self._seen_t_s = frame.t_s
+            self._by_edges, self._grounds = fit.by_edges, self._grounds_of(fit)
+            return self._estimate(frame.t_s, self._track, fit.boundaries_seen, "", view)
+        if self._track is None:
+            return self._nothing(frame.t_s, NOTHING_SEEN)
+        self._track = steady(self._track)
+        reason = f"lane not seen for {frame.t_s - self._seen_t_s:.2f} s"
+        return self._estimate(frame.t_s, self._track, 0, reason, view)
+
+    def _lane_by(self, fit: LaneFit) -> tuple[LaneState, str]:
+        """The lane after ``fit``, and what tells its place and width.
+
+        Where lines end or pause, the edges of the road tell for a while only where it goes: how far its edges lie
+        from the lines is not known, and they may widen into a lay-by or the mouth of a side road.
+        """
+        if not fit.by_edges:
+            self._unmarked_m = 0.0
+            return fit.state, LINES
+        if self._track is None or self._source == EDGES or self._unmarked_m > self._settings.track.hold_m:
+            return fit.state, EDGES
+        return held(fit.state, self._track), LINES
 
     def _view_of(self, width_px: int, height_px: int) -> View | None:
         if (self._camera.width_px, self._camera.height_px) != (width_px, height_px):
@@ -167,10 +198,14 @@ class LaneCv:
         if dt_s < 0 or t_s - self._seen_t_s > self._settings.track.max_coast_s:
             self._track, self._looks = None, 0
             return
+        speed_mps = _finite(state.speed_mps if state else None)
+        self._unmarked_m += dt_s * (
+            self._settings.track.blind_speed_mps if speed_mps is None else abs(speed_mps)
+        )
         self._track = predict(
             self._track,
             dt_s,
-            speed_mps=_finite(state.speed_mps if state else None),
+            speed_mps=speed_mps,
             yaw_rate_radps=_finite(state.yaw_rate_radps if state else None),
             track=self._settings.track,
             prior=self._settings.prior,
@@ -264,11 +299,11 @@ class LaneCv:
         change = fit.state.mean - self._track.mean
         track = self._settings.track
         if fit.by_edges and self._source == LINES:
+            spare_m = float(change[WIDTH]) / 2 + track.edge_gate_offset_m  # the lane is a part of the road
             return bool(
                 fit.boundaries_seen == 2
-                and abs(change[E]) < track.edge_gate_offset_m
+                and abs(change[E]) < spare_m < track.edge_gate_width_m
                 and abs(change[PSI]) < track.edge_gate_heading_rad
-                and -track.edge_gate_offset_m < change[WIDTH] < track.edge_gate_width_m
             )
         return bool(abs(change[E]) < track.gate_offset_m and abs(change[PSI]) < track.gate_heading_rad)
 
@@ -298,6 +333,7 @@ class LaneCv:
             mean[WIDTH] = min(mean[WIDTH], prior.width_m)
         else:
             mean[WIDTH] += 2 * prior.shoulder_m
+            covariance[E, E] += (prior.shoulder_sigma_m / 2) ** 2
         return LaneState(mean=mean, covariance=covariance)
 
     def _find_lines(
@@ -334,8 +370,12 @@ class LaneCv:
         )
 
     def _belief(self, fit: LaneFit) -> float:
+        """A score 0..1 to choose between lanes."""
+        return self._grounds_of(fit).product
+
+    def _grounds_of(self, fit: LaneFit) -> Belief:
         prior, evidence = self._settings.prior, self._settings.evidence
-        return confidence(
+        return belief_of(
             fit,
             width_m=evidence.road_width_m if fit.by_edges else prior.width_m,
             width_sigma_m=evidence.road_width_sigma_m if fit.by_edges else prior.width_sigma_m,
@@ -343,17 +383,18 @@ class LaneCv:
             settings=evidence,
         )
 
-    def _coast(self, t_s: float, view: View) -> SteeringEstimate:
-        """The remembered lane with falling confidence, or nothing."""
-        if self._track is None:
-            return self._nothing(t_s, NOTHING_SEEN)
-        unseen_s = t_s - self._seen_t_s
-        belief = self._seen_confidence * math.exp(-unseen_s / self._settings.track.coast_decay_s)
-        return self._estimate(t_s, self._track, belief, 0, f"lane not seen for {unseen_s:.2f} s", view)
+    def _confidence(self, unseen_s: float, heading_rad: float, curvature_1pm: float) -> float:
+        """The probability that the remembered lane is right; memory is no sight, so it fades at once."""
+        self.rests_on = grounds(
+            self._grounds,
+            looks=self._looks / self._settings.evidence.sure_looks,
+            heading_rad=heading_rad,
+            curvature_1pm=curvature_1pm,
+        )
+        fade = math.exp(-unseen_s / self._settings.track.coast_decay_s)
+        return fade * confidence(self.rests_on, self._settings.confidence)
 
-    def _estimate(
-        self, t_s: float, lane: LaneState, belief: float, seen: int, reason: str, view: View
-    ) -> SteeringEstimate:
+    def _estimate(self, t_s: float, lane: LaneState, seen: int, reason: str, view: View) -> SteeringEstimate:
         steering = self._settings.steering
         e, psi, kappa, rate, width = (float(value) for value in lane.mean[[E, PSI, KAPPA, KAPPA_RATE, WIDTH]])
         commanded = pursuit_curvature(
@@ -370,17 +411,18 @@ class LaneCv:
             curvature_rate_1pm2=rate,
             lookahead_m=steering.lookahead_m,
             road_wheel_angle_rad=road_wheel_angle(commanded, wheelbase_m=self._vehicle.wheelbase_m),
-            confidence=belief,
+            confidence=self._confidence(t_s - self._seen_t_s, psi, kappa + rate * steering.lookahead_m),
             lanes_detected=seen,
             lane_width_m=width,
             latency_ms=None,
             reason=reason,
             left_boundary_px=left,
             right_boundary_px=right,
-            marked=self._source == LINES,
+            marked=not self._by_edges,
         )
 
     def _nothing(self, t_s: float, reason: str) -> SteeringEstimate:
+        self.rests_on = None
         return SteeringEstimate.nothing(
             t_s, estimator=NAME, lookahead_m=self._settings.steering.lookahead_m, reason=reason
         )

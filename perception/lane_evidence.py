@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.lane_fit import WIDTH, Array, LaneState
+from perception.lane_fit import WIDTH, Array, E, LaneState
 from perception.lane_points import RoadPoints
 from trepid.config import Settings
 
@@ -26,10 +26,10 @@ class EvidenceSettings(Settings):
     road_width_sigma_m: Positive
     min_width_m: Positive
     min_width_sigma_m: Positive
+    outside_sigma_m: Positive
     one_line_trust: Annotated[float, Field(ge=0, le=1)]
     edge_trust: Annotated[float, Field(ge=0, le=1)]
     lone_edge_trust: Annotated[float, Field(ge=0, le=1)]
-    first_look_trust: Annotated[float, Field(ge=0, le=1)]
     sure_looks: Annotated[int, Field(ge=1)]
     aim_sigma_m: Positive
     drawn_sigma_m: Positive
@@ -84,8 +84,8 @@ def boundary_support(
     covered[points.band[chosen]] = True
     coverage = int(np.count_nonzero(covered & visible)) / max(int(np.count_nonzero(visible)), 1)
     chance = 1 - math.exp(-2 * gate_m * density_per_m)
-    ahead_m = points.x_m[chosen]
-    extent_m = float(ahead_m.max() - ahead_m.min())
+    ahead_m = points.x_m[chosen]  # far to near; the outermost at each end may be there by chance
+    extent_m = float(ahead_m[1] - ahead_m[-2]) if len(chosen) > 3 else 0.0
     excess = (coverage - chance) / max(1 - chance, 0.05)
     return BoundarySupport(
         excess=excess,
@@ -94,45 +94,54 @@ def boundary_support(
     )
 
 
-def confidence(
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """Why a lane is believed: factors 0..1, each 1 when all is well, and what it stands on."""
+
+    support: float  # of the boundaries seen
+    plausible: float  # width, with the vehicle inside
+    tight: float  # residuals
+    sure: float  # of the aim point
+    trust: float  # in one line or in road edges
+    one_line: bool
+    by_edges: bool
+
+    @property
+    def product(self) -> float:
+        """A score to choose between lanes: a wrong lane seldom has all factors high."""
+        return self.support * self.plausible * self.tight * self.sure * self.trust
+
+
+NO_BELIEF = Belief(0.0, 0.0, 0.0, 0.0, 0.0, one_line=False, by_edges=False)
+
+
+def belief_of(
     fit: LaneFit,
     *,
     width_m: float,
     width_sigma_m: float,
     lookahead_m: float,
     settings: EvidenceSettings,
-) -> float:
-    """0..1: support of the boundaries × plausible width × small residuals × sure aim point.
-
-    Each factor is 1 when all is well and falls smoothly; a wrong lane seldom passes all four.
-    """
+) -> Belief:
+    """Support of the boundaries, plausible width with the vehicle inside, small residuals, sure aim point."""
     seen = [b for b in (fit.left, fit.right) if b.seen]
     if not seen:
-        return 0.0
-    support = sum(min(1.0, b.excess / settings.full_excess) for b in seen) / len(seen)
-    if len(seen) == 1:
-        support *= settings.one_line_trust
-    if fit.by_edges:
-        support *= settings.edge_trust
-    surprise = (fit.state.mean[WIDTH] - width_m) / width_sigma_m
-    odd = max(0.0, abs(surprise) - 1)
+        return NO_BELIEF
+    e_m, lane_m = abs(float(fit.state.mean[E])), float(fit.state.mean[WIDTH])
+    odd = max(0.0, abs(lane_m - width_m) / width_sigma_m - 1)
     plausible = 1 / (1 + odd**2) if fit.by_edges else math.exp(-0.5 * odd**2)
-    narrow = max(0.0, (settings.min_width_m - fit.state.mean[WIDTH]) / settings.min_width_sigma_m)
-    plausible *= math.exp(-0.5 * narrow**2)
-    tight = 1 / (1 + (fit.residual / settings.residual_limit) ** 4)
-    sure = math.exp(-0.5 * (aim_sigma_m(fit.state, lookahead_m) / settings.aim_sigma_m) ** 2)
-    return float(support * plausible * tight * sure)
-
-
-def looks_factor(fit: LaneFit, looks: int, settings: EvidenceSettings) -> float:
-    """How far ``looks`` frames in a row may be believed: two painted lines at once, anything less in time.
-
-    In a single picture a roof, a wall or the sky can have the outline of a road; it does not move like one.
-    """
-    if fit.boundaries_seen == 2 and not fit.by_edges:
-        return 1.0
-    share = min(1.0, looks / settings.sure_looks)
-    return settings.first_look_trust + (1 - settings.first_look_trust) * share
+    narrow = max(0.0, (settings.min_width_m - lane_m) / settings.min_width_sigma_m)
+    outside = max(0.0, e_m - lane_m / 2) / settings.outside_sigma_m
+    trust = settings.one_line_trust if len(seen) == 1 else 1.0
+    return Belief(
+        support=sum(min(1.0, b.excess / settings.full_excess) for b in seen) / len(seen),
+        plausible=plausible * math.exp(-0.5 * (narrow**2 + outside**2)),
+        tight=1 / (1 + (fit.residual / settings.residual_limit) ** 4),
+        sure=math.exp(-0.5 * (aim_sigma_m(fit.state, lookahead_m) / settings.aim_sigma_m) ** 2),
+        trust=trust * settings.edge_trust if fit.by_edges else trust,
+        one_line=len(seen) == 1,
+        by_edges=fit.by_edges,
+    )
 
 
 def aim_sigma_m(state: LaneState, lookahead_m: float) -> float:

@@ -49,6 +49,7 @@ class TrackSettings(Settings):
     edge_gate_offset_m: Positive
     edge_gate_heading_rad: Positive
     edge_gate_width_m: Positive
+    hold_m: Positive
     confirm_looks: Annotated[int, Field(ge=1)]
     rival_every: Annotated[int, Field(ge=1)]
     rival_margin: Annotated[float, Field(ge=0, le=1)]
@@ -113,6 +114,23 @@ def predict(
     covariance = transition @ state.covariance @ transition.T
     covariance[np.diag_indices(6)] += _process_noise(doubt, dt_s, fade, settle, yaw_rate_radps, track, prior)
     return LaneState(mean=mean, covariance=covariance)
+
+
+def held(road: LaneState, lane: LaneState) -> LaneState:
+    """The lane ``lane`` keeps its offset and width but runs as ``road`` does."""
+    own = np.array([E, WIDTH])
+    mean, covariance = road.mean.copy(), road.covariance.copy()
+    mean[own] = lane.mean[own]
+    covariance[own, :] = covariance[:, own] = 0.0
+    covariance[np.ix_(own, own)] = lane.covariance[np.ix_(own, own)]
+    return LaneState(mean=mean, covariance=covariance)
+
+
+def steady(lane: LaneState) -> LaneState:
+    """``lane`` with its bend held: the last points before it was lost tell least of all how the bend goes on."""
+    mean = lane.mean.copy()
+    mean[KAPPA_RATE] = 0.0
+    return LaneState(mean=mean, covariance=lane.covariance)
 
 
 def _process_noise(

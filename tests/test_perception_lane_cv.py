@@ -139,7 +139,7 @@ def test_a_lost_lane_is_remembered_with_falling_confidence_and_then_given_up():
     for number in range(5):
         finder.step(Frame(t_s=0.04 * number, image=road((0.2, 0.0, 0.0, 0.0))), state, now_s=0.0)
     dark = np.zeros((240, 320, 3), np.uint8)
-    coasting = [finder.step(Frame(t_s=0.2 + 0.1 * n, image=dark), state, now_s=0.0) for n in range(26)]
+    coasting = [finder.step(Frame(t_s=0.2 + 0.1 * n, image=dark), state, now_s=0.0) for n in range(32)]
     believed = [seen.confidence for seen in coasting]
     assert (np.diff(believed[:9]) < 0).all()
     assert coasting[3].lateral_offset_m == pytest.approx(0.2, abs=0.1)
