@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from perception.camera_check import CameraCheck, CameraCheckSettings
 from perception.lane_confidence import ConfidenceSettings, confidence, grounds
 from perception.lane_evidence import NO_BELIEF, Belief, EvidenceSettings, LaneFit, belief_of, believed_reach_m
 from perception.lane_fit import KAPPA, KAPPA_RATE, PSI, WIDTH, E, FitSettings, LaneState
@@ -41,6 +42,7 @@ NAME = "cv"
 MIN_SIZE_PX = 32  # below this there is no road to be seen
 MIN_BANDS = 8  # rows of road that a look needs
 ROW_STEP_PX = 10  # boundaries are reported every ten rows of the input image
+MAX_STEP_S = 0.25  # between two looks at the same lane
 MAX_ASIDE = 4  # image widths beside the middle: where the edges of a wide road leave the picture
 LINES, EDGES = "lines", "edges"
 NOTHING_SEEN = "no lane line or road edge found"
@@ -77,6 +79,7 @@ class LaneCvSettings(Settings):
     confidence: ConfidenceSettings
     steering: SteeringSettings
     self_calibration: SelfCalibrationSettings
+    camera_check: CameraCheckSettings
     edges: EdgeSettings
 
 
@@ -134,6 +137,7 @@ class LaneCv:
         self._settings, self._camera, self._vehicle = settings, camera, vehicle
         self._view = make_view(settings, camera)
         self._track: LaneState | None = None
+        self.camera_check = CameraCheck(settings.camera_check)
         self._looks = 0  # in how many frames it was seen
         self._track_t_s = 0.0  # time that the tracked lane holds at
         self._seen_t_s = 0.0  # when it was last seen
@@ -162,14 +166,27 @@ class LaneCv:
         if fit is not None:
             self._looks = min(self._looks + 1, self._settings.evidence.sure_looks)
             self._track, self._source = self._lane_by(fit)
-            self._track_t_s = self._seen_t_s = frame.t_s
             self._by_edges, self._grounds = fit.by_edges, self._grounds_of(fit)
-            return self._estimate(frame.t_s, self._track, fit.boundaries_seen, "", view)
+            self._check_camera(fit, state, frame.t_s)
+            self._track_t_s = self._seen_t_s = frame.t_s
+            return self._estimate(frame.t_s, self._track, fit.boundaries_seen, self.camera_check.reason, view)
         if self._track is None:
             return self._nothing(frame.t_s, NOTHING_SEEN)
         self._track = steady(self._track)
         reason = f"lane not seen for {frame.t_s - self._seen_t_s:.2f} s"
         return self._estimate(frame.t_s, self._track, 0, reason, view)
+
+    def _check_camera(self, fit: LaneFit, state: VehicleState | None, t_s: float) -> None:
+        dt_s = t_s - self._seen_t_s
+        if fit.by_edges or fit.boundaries_seen < 2 or not 0 < dt_s < MAX_STEP_S:
+            self.camera_check.pause()
+            return
+        self.camera_check.step(
+            fit.state,
+            speed_mps=_finite(state.speed_mps if state else None),
+            yaw_rate_radps=_finite(state.yaw_rate_radps if state else None),
+            dt_s=dt_s,
+        )
 
     def _lane_by(self, fit: LaneFit) -> tuple[LaneState, str]:
         """The lane after ``fit``, and what tells its place and width.
