@@ -243,7 +243,7 @@ class LaneCv:
         if belief >= settings.good_confidence:
             return self._keep(lines, belief)
         if self._source == LINES and belief >= settings.min_confidence:
-            return self._unless_better(lines, belief, points, image, view)
+            return self._unless_better(lines, belief, points, view)
         edges = self._find_edges(image, self._with_width_of(EDGES), view)
         edge_belief = self._belief(edges)
         if edge_belief >= settings.good_confidence and self._agrees(edges):
@@ -251,7 +251,7 @@ class LaneCv:
         if not self._agrees(edges):
             edge_belief = 0.0
         best, best_belief = (lines, belief) if belief > edge_belief else (edges, edge_belief)
-        return self._unless_better(best, best_belief, points, image, view)
+        return self._unless_better(best, best_belief, points, view)
 
     def _follow_lines(self, points: RoadPoints, view: View) -> tuple[LaneFit, float]:
         """The lines of the remembered lane: right where they must be now, else the best near there."""
@@ -271,10 +271,7 @@ class LaneCv:
     def _first_look(self, points: RoadPoints, image: Bgr, view: View) -> tuple[LaneFit | None, float]:
         """The lane without memory: two good lines, else road edges, else whatever is believed most."""
         settings = self._settings
-        prior, stages = self._prior_of(LINES), (settings.vote.cold, settings.vote.refine)
-        straight = straightened(prior, settings.prior)
-        lines = self._find_lines(points, prior, stages, view, straight=straight)
-        belief = self._belief(lines)
+        lines, belief = self._lines_anywhere(points, view)
         if belief >= settings.enough_confidence and lines.boundaries_seen == 2:
             return lines, belief
         prior = self._prior_of(EDGES)
@@ -285,20 +282,27 @@ class LaneCv:
         best, best_belief = (lines, belief) if belief >= edge_belief else (edges, edge_belief)
         return (best, best_belief) if best_belief >= settings.min_confidence else (None, 0.0)
 
-    def _unless_better(
-        self, fit: LaneFit, belief: float, points: RoadPoints, image: Bgr, view: View
-    ) -> tuple[LaneFit | None, float]:
-        """The weak tracked ``fit``, or the lane of a first look if that is clearly better for some looks.
+    def _lines_anywhere(self, points: RoadPoints, view: View) -> tuple[LaneFit, float]:
+        """The best lane between lines, whatever is remembered."""
+        settings, prior = self._settings, self._prior_of(LINES)
+        stages, straight = (settings.vote.cold, settings.vote.refine), straightened(prior, settings.prior)
+        lines = self._find_lines(points, prior, stages, view, straight=straight)
+        return lines, self._belief(lines)
 
-        A first look is dear, so it is taken at the first weak frame and then at every few.
+    def _unless_better(
+        self, fit: LaneFit, belief: float, points: RoadPoints, view: View
+    ) -> tuple[LaneFit | None, float]:
+        """The weak tracked ``fit``, or lines elsewhere if they are clearly better and either agree with what is
+        remembered or contradict it for some looks. Edges elsewhere never are: a lane is a part of the road.
+
+        To look everywhere is dear, so it is done at the first weak frame and then at every few.
         """
-        if self._weak_frames % self._settings.track.rival_every == 0:
-            rival, rival_belief = self._first_look(points, image, view)
-            if rival is not None and rival_belief > belief + self._settings.track.rival_margin:
+        track = self._settings.track
+        if self._weak_frames % track.rival_every == 0:
+            rival, rival_belief = self._lines_anywhere(points, view)
+            if rival_belief > belief + track.rival_margin:
                 self._rival_looks += 1
-                # Edges of a wide road never outvote lines: a lane is a part of the road.
-                stubborn = not rival.by_edges and self._rival_looks >= self._settings.track.confirm_looks
-                if self._agrees(rival) or stubborn:
+                if self._agrees(rival) or self._rival_looks >= track.confirm_looks:
                     self._looks = 0
                     return self._keep(rival, rival_belief)
             else:
