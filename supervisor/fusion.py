@@ -126,7 +126,9 @@ class Fusion:
         group = self._agreeing(views, remembered, t_s)
         self._left_out = frozenset([view.name for view in views if view not in group])
         raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m)
-        if remembered and not group:  # held back: as far from the road of a moment ago as from another estimator
+        if (
+            remembered and not group
+        ):  # held back: as far from the road of a moment ago as from another estimator
             _, held_1pm, held_m = _disagreement([*views, remembered], lookahead_m)
             weighted_1pm, separation_m = at_least(held_1pm, weighted_1pm), at_least(held_m, separation_m)
         total = sum([view.weight for view in group])
