@@ -144,4 +144,4 @@ def test_the_default_estimator_finds_ego_lines_on_the_real_highway(
 ) -> None:
     monkeypatch.setattr(real, "SETS", {"tusimple": SETS["tusimple"]})
     found = bench_real(["cv"], data_folder(None), tmp_path, quick=True)
-    assert found["tusimple"]["cv"]["accuracy_pct"] > 60.0
+    assert found["tusimple"]["cv"]["accuracy_pct"] > 85.0
