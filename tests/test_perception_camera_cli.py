@@ -9,7 +9,7 @@ import pytest
 import test_perception_chessboard as chessboard
 import test_perception_straight_drive as drives
 
-from sim_harness.perception_bench.roads import Kind
+from sim_harness.roads.drawn import Kind
 from trepid.__main__ import main
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load

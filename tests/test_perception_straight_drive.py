@@ -8,8 +8,8 @@ import pytest
 
 from perception.camera_height import Step
 from perception.straight_drive import mounting
-from sim_harness.perception_bench.roads import Kind, random_section
 from sim_harness.render.renderer import Renderer
+from sim_harness.roads.drawn import Kind, random_section
 from sim_harness.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load

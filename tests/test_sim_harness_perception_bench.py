@@ -13,11 +13,11 @@ from sim_harness.perception_bench.bench import Wish, bench_perception, watched
 from sim_harness.perception_bench.clips import CLEAR, GAP, GRADES, Case, Moment, harness_set, moments
 from sim_harness.perception_bench.code import code_of
 from sim_harness.perception_bench.report import COLUMNS, TERMINAL, brief, markdown, shown, write
-from sim_harness.perception_bench.roads import Kind, Shape, random_road
 from sim_harness.perception_bench.scores import figures, gap_figures, groups, one_line_figures
 from sim_harness.perception_bench.store import Pictures, Store
 from sim_harness.perception_bench.watch import LOOK, TRUTH, Watched, _TrueBoundaries, look
 from sim_harness.roads.disturbances import DisturbanceKind
+from sim_harness.roads.drawn import Kind, Shape, random_road
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import PixelPath, SteeringEstimate

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_harness.perception_bench.roads import Kind, Shape, random_section, random_segments
 from sim_harness.roads.disturbances import Disturbance, DisturbanceKind
+from sim_harness.roads.drawn import Kind, Shape, random_section, random_segments
 from sim_harness.scenarios.scenario import Appearance, Scenario, Start, Tag
 
 CLEAN_DRIVES = 28  # of some 400 m each

@@ -33,7 +33,6 @@ PICTURES = (
     "sim_harness/render",
     "sim_harness/roads",
     "sim_harness/perception_bench/clips.py",
-    "sim_harness/perception_bench/roads.py",
     "config/camera.yaml",
     "config/disturbances.yaml",
 )

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_harness.lockstep.oracle import Oracle
-from sim_harness.perception_bench.roads import SPEEDS_MPS, Kind, Shape, random_road
 from sim_harness.render.renderer import Renderer
 from sim_harness.render.view import Motion
 from sim_harness.roads.disturbances import Disturbance, DisturbanceKind
+from sim_harness.roads.drawn import SPEEDS_MPS, Kind, Shape, random_road
 from sim_harness.roads.road import Road
 from trepid.camera import Camera
 from trepid.messages import Frame, Image, SimTruth, SteeringEstimate, VehicleState

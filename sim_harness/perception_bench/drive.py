@@ -18,12 +18,12 @@ from perception.estimators import Estimator, entry_of
 from sim_harness.lockstep.referee import Place, Referee, locate
 from sim_harness.perception_bench.code import code_of
 from sim_harness.perception_bench.memory import Memory, Row
-from sim_harness.perception_bench.roads import Kind, Shape, random_section, random_segments
 from sim_harness.plants.kinematic import KinematicPlant
 from sim_harness.plants.state import PlantState
 from sim_harness.render.renderer import Renderer
 from sim_harness.render.view import Motion
 from sim_harness.roads.disturbances import Disturbance, DisturbanceKind
+from sim_harness.roads.drawn import Kind, Shape, random_section, random_segments
 from sim_harness.roads.road import Road, RoadSettings
 from sim_harness.sweep.fingerprint import fingerprint
 from trepid.camera import Camera
@@ -48,7 +48,6 @@ START_M, START_OFFSET_M = 3.0, 0.4
 MAX_OFFSET_M, RECENTRING_S = 1.0, 6.0  # autonomy as NVIDIA counts it (Bojarski et al., 2016, section 7.1)
 CODE = (
     "sim_harness/perception_bench/drive.py",
-    "sim_harness/perception_bench/roads.py",
     "sim_harness/plants",
     "sim_harness/render",
     "sim_harness/roads",

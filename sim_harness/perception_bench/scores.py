@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from perception.scores import auroc, expected_calibration_error
 from sim_harness.perception_bench.clips import CLEAR, GAP, WARM_UP_FRAMES, Case
-from sim_harness.perception_bench.roads import UNMARKED, Kind, Shape
 from sim_harness.perception_bench.watch import Looks, Watched
+from sim_harness.roads.drawn import UNMARKED, Kind, Shape
 
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.floating]

@@ -1,4 +1,4 @@
-"""The roads of the harness set: kinds of markings and surfaces, kinds of bends, drawn by lot."""
+"""Roads drawn by lot: kinds of markings and surfaces, kinds of bends. For the benches of perception and fear."""
 
 from enum import StrEnum
 
