@@ -136,9 +136,7 @@ class Supervisor:
         borne = cause if afraid and not trail.usable else ""  # behind a leader there is a way without a road
         standstill = motion is not None and abs(motion.speed_mps) < modes.standstill_mps
         surest = max([s.confidence or 0.0 for s in outlook.seen if s.lane], default=0.0)
-        startable = not (
-            afraid and cause in modes.stop_after_s
-        )  # what will stop the car does not let it start
+        startable = not (afraid and cause in modes.stop_after_s)  # else it would be stopped again
         drivable = outlook.drivable and fear <= modes.reengage_max_fear and startable
         ready = drivable and standstill and not fault.cause
         drivable = drivable and fault.cause in ("", DRIVER)
@@ -181,9 +179,8 @@ class Supervisor:
         lasting = self._pathless.lasts(moving and pathless, modes.blind_s, now_s=now_s)
         frameless = fault.cause == "stale_data" and min(outlook.ages_s.values()) > modes.emergency_stop_age_s
         guessing = self._last_patience.ends(cause if moving else "", now_s=now_s)
-        believed = outlook.asked["lane_confidence"] or 0.0
-        lost = moving and terrified and believed < modes.guess_confidence
-        lost = self._lost.lasts(lost, modes.guess_s, now_s=now_s)
+        unbelieved = (outlook.asked["lane_confidence"] or 0.0) < modes.guess_confidence
+        lost = self._lost.lasts(moving and terrified and unbelieved, modes.guess_s, now_s=now_s)
         return lasting or guessing or lost or (moving and frameless)
 
     def _path(self, outlook: Outlook, fear: float, now_s: float) -> fusion.Path | None:
