@@ -46,7 +46,7 @@ class Sighting(NamedTuple):
     lane: Lane | None  # at t_s; None: not to be used
     lookahead_m: float
     width_error_m: float | None  # beyond what lanes measure; None: unknown
-    measures_width: bool  # whether it claims to see a boundary
+    measures_width: bool  # whether it claims to see a boundary, or remembers to have seen one
     width_m: float | None = None  # of the lane; None: unknown, or impossible
     marked: bool | None = None  # seen by painted lines; False: by the edges of the road
     from_memory: bool = False  # the estimator looks for boundaries and found none in this frame: it remembers
@@ -83,6 +83,7 @@ def sight(
         and age <= settings.fresh_s
         and estimate.confidence >= settings.min_confidence
     )
+    from_memory = estimate.marked is not None and estimate.lanes_detected == 0
     return Sighting(
         estimator=name,
         age_s=age,
@@ -92,10 +93,10 @@ def sight(
         lane=lane if usable else None,
         lookahead_m=estimate.lookahead_m,
         width_error_m=_width_error_m(estimate.lane_width_m, settings),
-        measures_width=usable and estimate.lanes_detected > 0,
+        measures_width=usable and (estimate.lanes_detected > 0 or from_memory),  # who remembers has measured
         width_m=within(estimate.lane_width_m, settings.max_offset_m) if usable else None,
         marked=estimate.marked if usable else None,
-        from_memory=estimate.marked is not None and estimate.lanes_detected == 0,
+        from_memory=from_memory,
     )
 
 
