@@ -19,6 +19,7 @@ from perception.lane_search import boundary_columns, find_lane, find_road
 from perception.lane_tracker import (
     PriorSettings,
     TrackSettings,
+    at_most_sigma,
     held,
     predict,
     prior_state,
@@ -348,7 +349,8 @@ class LaneCv:
         if source == LINES:
             # Which part of the road between the edges is the lane: that with the vehicle in it.
             spare_m = max(0.0, mean[WIDTH] - prior.width_m)
-            covariance[E, E] = min(covariance[E, E] + (spare_m / 2) ** 2, prior.offset_sigma_m**2)
+            covariance[E, E] += (spare_m / 2) ** 2
+            covariance = at_most_sigma(covariance, E, prior.offset_sigma_m)
             limit_m = min(spare_m, prior.width_m) / 2
             mean[E] = math.copysign(max(0.0, abs(mean[E]) - limit_m), mean[E])
             mean[WIDTH] = min(mean[WIDTH], prior.width_m)

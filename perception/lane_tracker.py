@@ -126,6 +126,16 @@ def held(road: LaneState, lane: LaneState) -> LaneState:
     return LaneState(mean=mean, covariance=covariance)
 
 
+def at_most_sigma(covariance: Array, index: int, sigma: float) -> Array:
+    """``covariance`` with one standard deviation brought down to ``sigma`` where it is greater.
+
+    D·P·D with a diagonal D: correlations stay, so that what was positive definite stays it.
+    """
+    shrink = np.ones(len(covariance))
+    shrink[index] = min(1.0, sigma / math.sqrt(covariance[index, index]))
+    return covariance * np.outer(shrink, shrink)
+
+
 def steady(lane: LaneState) -> LaneState:
     """``lane`` with its bend held: the last points before it was lost tell least of all how the bend goes on."""
     mean = lane.mean.copy()
