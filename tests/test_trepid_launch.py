@@ -116,8 +116,9 @@ def test_a_paused_process_is_silent_until_it_goes_on(drive: tuple[Bus, Callable[
     with fleet(CONTROLLER) as running:
         assert hears()
         running.pause("controller")
-        soon()  # what was under way
-        assert not soon()
+        assert until(
+            lambda: not soon(), patience_s=20
+        )  # what was under way may still come, on a busy machine late
         running.resume("controller")
         assert hears()
         assert running.bury() == []
