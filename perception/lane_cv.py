@@ -163,7 +163,7 @@ class LaneCv:
         if view is None:
             return self._nothing(frame.t_s, "the camera sees no road")
         self._predict(frame.t_s, state)
-        fit, _ = self._measure(_working_image(image, view), view)
+        fit = self._measure(_working_image(image, view), view)
         if fit is not None:
             self._looks = min(self._looks + 1, self._settings.evidence.sure_looks)
             self._track, self._source = self._lane_by(fit)
@@ -230,8 +230,8 @@ class LaneCv:
         )
         self._track_t_s = t_s
 
-    def _measure(self, image: Bgr, view: View) -> tuple[LaneFit | None, float]:
-        """The best lane of this frame and its confidence; None when there is none to be believed.
+    def _measure(self, image: Bgr, view: View) -> LaneFit | None:
+        """The best lane of this frame; None when there is none to be believed.
 
         Painted lines come first, road edges when there are none; a remembered lane comes before a new one, which
         must be better and either agree with it or contradict it for some frames in a row.
@@ -242,15 +242,13 @@ class LaneCv:
             return self._first_look(points, image, view)
         lines, belief = self._follow_lines(points, view)
         if belief >= settings.good_confidence:
-            return self._keep(lines, belief)
+            return self._keep(lines)
         if self._source == LINES and belief >= settings.min_confidence:
             return self._unless_better(lines, belief, points, view)
         edges = self._find_edges(image, self._with_width_of(EDGES), view)
-        edge_belief = self._belief(edges)
-        if edge_belief >= settings.good_confidence and self._agrees(edges):
-            return self._keep(edges, edge_belief)
-        if not self._agrees(edges):
-            edge_belief = 0.0
+        edge_belief = self._belief(edges) if self._agrees(edges) else 0.0
+        if edge_belief >= settings.good_confidence:
+            return self._keep(edges)
         best, best_belief = (lines, belief) if belief > edge_belief else (edges, edge_belief)
         return self._unless_better(best, best_belief, points, view)
 
@@ -265,23 +263,23 @@ class LaneCv:
         lines = self._find_lines(points, prior, (self._settings.vote.tracked,), view)
         return lines, self._belief(lines)
 
-    def _keep(self, fit: LaneFit, belief: float) -> tuple[LaneFit, float]:
+    def _keep(self, fit: LaneFit) -> LaneFit:
         self._rival_looks = self._weak_frames = 0
-        return fit, belief
+        return fit
 
-    def _first_look(self, points: RoadPoints, image: Bgr, view: View) -> tuple[LaneFit | None, float]:
+    def _first_look(self, points: RoadPoints, image: Bgr, view: View) -> LaneFit | None:
         """The lane without memory: two good lines, else road edges, else whatever is believed most."""
         settings = self._settings
         lines, belief = self._lines_anywhere(points, view)
         if belief >= settings.enough_confidence and lines.boundaries_seen == 2:
-            return lines, belief
+            return lines
         prior = self._prior_of(EDGES)
         edges = self._find_edges(image, prior, view, straight=straightened(prior, settings.prior))
         edge_belief = self._belief(edges)
         if edges.boundaries_seen == 1:
             edge_belief *= settings.evidence.lone_edge_trust
         best, best_belief = (lines, belief) if belief >= edge_belief else (edges, edge_belief)
-        return (best, best_belief) if best_belief >= settings.min_confidence else (None, 0.0)
+        return best if best_belief >= settings.min_confidence else None
 
     def _lines_anywhere(self, points: RoadPoints, view: View) -> tuple[LaneFit, float]:
         """The best lane between lines, whatever is remembered."""
@@ -290,9 +288,7 @@ class LaneCv:
         lines = self._find_lines(points, prior, stages, view, straight=straight)
         return lines, self._belief(lines)
 
-    def _unless_better(
-        self, fit: LaneFit, belief: float, points: RoadPoints, view: View
-    ) -> tuple[LaneFit | None, float]:
+    def _unless_better(self, fit: LaneFit, belief: float, points: RoadPoints, view: View) -> LaneFit | None:
         """The weak tracked ``fit``, or lines elsewhere if they are clearly better and either agree with what is
         remembered or contradict it for some looks. Edges elsewhere never are: a lane is a part of the road.
 
@@ -305,11 +301,11 @@ class LaneCv:
                 self._rival_looks += 1
                 if self._agrees(rival) or self._rival_looks >= track.confirm_looks:
                     self._looks = 0
-                    return self._keep(rival, rival_belief)
+                    return self._keep(rival)
             else:
                 self._rival_looks = 0
         self._weak_frames += 1
-        return (fit, belief) if belief >= self._settings.min_confidence else (None, 0.0)
+        return fit if belief >= self._settings.min_confidence else None
 
     def _agrees(self, fit: LaneFit) -> bool:
         """Whether ``fit`` continues the remembered lane.
