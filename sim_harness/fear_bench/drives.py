@@ -48,10 +48,8 @@ def cases(seed: int, count: int) -> Iterator[Case]:
 
 def _clean(rng: np.random.Generator) -> Scenario:
     """Well marked asphalt by day: two bends, or two of hardly any curvature."""
-    kind, shape = (
-        CLEAN_KINDS[int(rng.integers(len(CLEAN_KINDS)))],
-        Shape(str(rng.choice(["straight", "bend"]))),
-    )
+    kind = CLEAN_KINDS[int(rng.integers(len(CLEAN_KINDS)))]
+    shape = Shape(str(rng.choice(["straight", "bend"])))
     return Scenario(
         name="clean",
         description=f"{kind}, {shape}",
