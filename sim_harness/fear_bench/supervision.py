@@ -17,9 +17,8 @@ import os
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,7 @@ from sim_harness.fear_bench.drives import Case, cases
 from sim_harness.lockstep.closed_loop import Result, build_parts, run
 from sim_harness.lockstep.fear_scores import afraid, auroc, fear_and_departure
 from sim_harness.lockstep.trace import Trace
+from sim_harness.sweep.crew import crew
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, ROOT, load
 
@@ -123,9 +123,7 @@ def driven(seed: int, count: int, path: Path) -> Iterator[Row]:
 
 def _on_all_cores(left: list[tuple[Case, str]]) -> Iterator[Row]:
     """The rows of what is left to drive, as they come."""
-    if not left:
-        return
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as workers:
+    with crew(os.cpu_count() or 1) as workers:
         for future in as_completed([workers.submit(driven_row, case, name) for case, name in left]):
             yield future.result()
 

@@ -8,9 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,7 @@ import numpy as np
 
 from sim_harness.follow_bench.detector import bench_lead
 from sim_harness.follow_bench.episode import drive, row
+from sim_harness.sweep.crew import crew
 
 RUNS, RENDERED_RUNS = 1000, 40
 FOLDER = Path("out/bench_follow")
@@ -48,10 +47,7 @@ def episodes(seed: int, count: int, *, rendered: bool) -> list[dict[str, Any]]:
     wanted = [seed * 10_000 + number for number in range(count)]
     left = [one for one in wanted if one not in done]
     started_s = time.monotonic()
-    with (
-        ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as workers,
-        path.open("a", encoding="utf-8") as file,
-    ):
+    with crew(os.cpu_count() or 1) as workers, path.open("a", encoding="utf-8") as file:
         for number, episode in enumerate(workers.map(partial(_driven, rendered=rendered), left), start=1):
             done[episode["seed"]] = episode
             file.write(json.dumps(episode) + "\n")

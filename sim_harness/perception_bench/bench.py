@@ -1,13 +1,11 @@
 """`trepid bench perception`: the harness set, the real sets and the wheel, for every estimator."""
 
-import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +20,8 @@ from sim_harness.perception_bench.scores import Results
 from sim_harness.perception_bench.store import Pictures, Store
 from sim_harness.perception_bench.summary import parts_of, summary
 from sim_harness.perception_bench.watch import Watched, watch
+from sim_harness.sweep.crew import crew
 from sim_harness.sweep.fingerprint import fingerprint
-from sim_harness.sweep.processes import ONE_THREAD
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.vehicle import Vehicle
@@ -136,14 +134,9 @@ def _all(call: Any, wanted: Sequence[Any], jobs: int) -> Iterator[Any]:
     if jobs == 1:
         yield from map(call, wanted)
         return
-    os.environ.update(ONE_THREAD | os.environ)
-    workers = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
-    try:
-        futures: list[Future[Any]] = [workers.submit(call, one) for one in wanted]
-        for future in as_completed(futures):
+    with crew(jobs) as workers:
+        for future in as_completed([workers.submit(call, one) for one in wanted]):
             yield future.result()
-    finally:
-        workers.shutdown(wait=False, cancel_futures=True)
 
 
 class _Progress:

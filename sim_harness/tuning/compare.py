@@ -1,39 +1,16 @@
 """Before and after: two rule files on the same cases, and what changed between them."""
 
 import difflib
-import multiprocessing
-import os
-import signal
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from rich.table import Table
 
+from sim_harness.sweep.crew import crew
 from sim_harness.sweep.plan import Plan
-from sim_harness.sweep.processes import ONE_THREAD
 from sim_harness.tuning.score import Fearless, Score, driven_by, fearless, reference, score
 from sim_harness.tuning.settings import Costs
-
-
-@contextmanager
-def crew(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Fresh processes for runs; an interrupt ends them at once."""
-    os.environ.update(ONE_THREAD | os.environ)
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_deaf)
-    try:
-        yield pool
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in list(pool._processes.values()):  # the pool has no public way to end a running task
-            process.kill()
-        raise
-    finally:
-        pool.shutdown()
 
 
 def references(rules: Path, planned: Plan, workers: int) -> list[Fearless]:
@@ -66,8 +43,3 @@ def score_table(columns: dict[str, Score]) -> Table:
         values = [getattr(of, name) for of in columns.values()]
         table.add_row(name, *("-" if v is None else f"{v:.4g}" for v in values))
     return table
-
-
-def _deaf() -> None:
-    """Who started a worker ends it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
