@@ -33,7 +33,8 @@ def test_the_canonical_chain_measures_a_straight_lane(lane):
     assert len(seen.left_boundary_px) > 5 and seen.left_boundary_px[0][1] > seen.left_boundary_px[-1][1]
 
 
-LINES = [name for name in RECIPES if not name.startswith("road_")]
+UNMARKED = ("seo_rajkumar", "gabor_vanishing_point")  # and all that begin with road_
+LINES = [name for name in RECIPES if not name.startswith("road_") and name not in UNMARKED]
 
 
 @pytest.mark.parametrize("name", LINES)

@@ -44,7 +44,7 @@ def test_frames_have_the_size_of_the_camera_and_labels_stay_in_their_ranges():
         assert sample.image.dtype == np.uint8 and sample.image.flags.c_contiguous
         assert abs(sample.lateral_offset_m) <= 1.2 and abs(sample.heading_error_rad) <= 0.3
         assert abs(sample.curvature_1pm) <= 1 / MIN_RADIUS_M + 1e-9
-        assert 2.8 <= sample.lane_width_m <= 3.8
+        assert 2.8 <= sample.lane_width_m <= 5.0
 
 
 def test_left_and_right_are_equally_common():

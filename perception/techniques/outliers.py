@@ -1,6 +1,7 @@
 """What is no boundary taken out of the features (inventory A02, B01, B06, B12, B13)."""
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 import cv2
@@ -184,7 +185,7 @@ def outline(features: Features, view: View, predicted: Boundaries | None) -> Fea
 
 
 def _kept(features: Features, where: Mask) -> Features:
-    return Features(np.where(where, features.response, features.response.dtype.type(0)), features.kind)
+    return replace(features, response=np.where(where, features.response, features.response.dtype.type(0)))
 
 
 def _pieces(features: Features, view: View) -> tuple[NDArray[np.int32], list[tuple[int, Array]]]:

@@ -142,6 +142,7 @@ class Kind(StrEnum):
 
     LINE = "line"  # edges or stripes along the boundaries
     REGION = "region"  # the surface of the road between them
+    TEXTURE = "texture"  # whatever has a direction
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,9 @@ class Features:
 
     response: NDArray[np.uint8] | NDArray[np.float32]  # (height, width); 0 = not at all
     kind: Kind
+    direction_rad: NDArray[np.float32] | None = (
+        None  # of the texture in the picture, from its columns to its rows
+    )
 
 
 @dataclass(frozen=True)

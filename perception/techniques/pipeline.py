@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -50,7 +51,7 @@ class Pipeline:
         self._features = [stage.bound() for stage in recipe.of("features")]
         self._outliers = [stage.bound() for stage in recipe.of("outliers")]
         (self._model,) = (stage.bound() for stage in recipe.of("model"))
-        self._track: Callable[..., Boundaries] | None = None  # made anew when time jumps
+        self._track: list[Callable[..., Boundaries]] = []  # made anew when time jumps
         (self._state,) = (stage.bound() for stage in recipe.of("state"))
         self._steer = next((stage.bound() for stage in recipe.of("steer")), pursuit)
         self._rng = np.random.default_rng(0)  # one seed: the same frames give the same answer
@@ -68,8 +69,8 @@ class Pipeline:
         motion = self._motion(frame.t_s, state)
         predicted = moved(self._last, motion) if self._last is not None else None
         boundaries, evidence = self._boundaries(picture, view, predicted, motion.speed_mps)
-        if self._track is not None:
-            boundaries = self._track(boundaries, motion)
+        for track in self._track:
+            boundaries = track(boundaries, motion)
         self._last, self._last_t_s = (boundaries if boundaries.seen else None), frame.t_s
         lane = self._state(boundaries, view)
         angle = self._steer(boundaries, lane, view, self._vehicle.wheelbase_m, motion.dt_s)
@@ -96,7 +97,7 @@ class Pipeline:
         dt_s = t_s - self._last_t_s
         if not 0 <= dt_s <= MAX_GAP_S:  # NaN: the first frame
             self._last, dt_s = None, 0.0
-            self._track = next((stage.bound() for stage in self._recipe.of("track")), None)
+            self._track = [stage.bound() for stage in self._recipe.of("track")]
         speed, rate = (state.speed_mps, state.yaw_rate_radps) if state else (None, None)
         return Motion(dt_s, _finite(speed), _finite(rate))
 
@@ -116,7 +117,7 @@ class Pipeline:
         features = _all_of([call(picture, view) for call in self._features])
         if mask is not None:
             response = np.where(mask, features.response, features.response.dtype.type(0))
-            features = Features(response, features.kind)
+            features = replace(features, response=response)
         for call in self._outliers:
             features = call(features, view, predicted)
         boundaries: Boundaries = self._model(features, view, predicted, self._rng)

@@ -17,7 +17,7 @@ from trepid.config import CONFIG_DIR, InputError, Settings, located, parse, read
 
 PIPELINES = CONFIG_DIR / "pipelines.yaml"
 ORDER = {name: number for number, name in enumerate(KINDS)} | {"prepare": 0, "warp": 0, "region": 0}
-ONCE = ("model", "track", "state", "steer")
+ONCE = ("model", "state", "steer")
 NEEDED = ("features", "model", "state")
 
 

@@ -17,7 +17,8 @@ remember something is a class: its settings are those of its constructor, and it
 
 ``predicted`` are the boundaries of the last frame moved to where the vehicle is now; None when there are none.
 ``view`` of ``state`` and ``steer`` is that of the whole working image. ``prepare``, ``warp`` and ``region`` may
-come in any order before the features; ``track`` and ``steer`` may be left out.
+come in any order before the features; ``track`` and ``steer`` may be left out; of several trackers, each is given
+the boundaries of the one before.
 """
 
 from collections.abc import Callable
@@ -37,6 +38,7 @@ from perception.techniques.ground_curve import ground_curve
 from perception.techniques.lane import exact_pair
 from perception.techniques.light import clahe, low_light, match_histogram
 from perception.techniques.lines import hough
+from perception.techniques.orientation import dominant_edges, gabor
 from perception.techniques.outliers import (
     along_road,
     as_wide_as_paint,
@@ -103,6 +105,7 @@ FEATURES: Table = {
     "brightness": brightness,
     "patch_colour": patch_colour,
     "texture": texture,
+    "gabor": gabor,
 }
 OUTLIERS: Table = {
     "near_prediction": near_prediction,
@@ -125,6 +128,7 @@ MODEL: Table = {
     "histogram_cubic": histogram_cubic,
     "hyperbola": hyperbola,
     "pchip": pchip,
+    "dominant_edges": dominant_edges,
 }
 TRACK: Table = {
     "kalman": Kalman,
