@@ -7,7 +7,7 @@ boundaries are parallel curves, so they share all of x but the sign of W/2.
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -25,6 +25,7 @@ Positive = Annotated[float, Field(gt=0)]
 E, PSI, KAPPA, KAPPA_RATE, WIDTH, PITCH = range(6)
 IDENTITY = np.eye(6)
 MIN_POINTS_FOR_PITCH = 8  # on the boundary with fewer
+MOST_DOUBT_M = 2.0  # beyond half a lane, points say nothing
 SMALL_STEP = 0.2  # standard deviations of the state: the fit has settled
 
 
@@ -36,6 +37,7 @@ class FitSettings(Settings):
     robust_scale_m: Positive
     gate_growth: Annotated[float, Field(ge=0)]
     points_per_boundary: Positive
+    bend_doubt: Annotated[float, Field(ge=0)]
     straight_log_odds: float
 
 
@@ -97,6 +99,7 @@ def fit_lane(
     """
     precision = inverse(prior.covariance)
     mean = start.copy()
+    points = _doubted(points, start, settings)
     shared = _shared_weight(points, side, settings)
     scale = _robust_scale(points, settings)
     gate = settings.gate_m + settings.gate_growth * points.x_m + points.sigma_m
@@ -163,6 +166,18 @@ def _bounded(mean: Array) -> Array:
     mean[KAPPA] = min(max(mean[KAPPA], -0.12), 0.12)
     mean[KAPPA_RATE] = min(max(mean[KAPPA_RATE], -0.02), 0.02)
     return mean
+
+
+def _doubted(points: RoadPoints, start: Array, settings: FitSettings) -> RoadPoints:
+    """``points`` with what one clothoid may miss of a road that bends as ``start`` does, far ahead.
+
+    A bend of curvature κ that is driven at v = √(a/κ) begins and ends at κ' = j/v³ = j·(κ/a)^{3/2}. If that happens
+    halfway to the station s, the clothoid from here is κ'·(s/2)³/6 off there: σ = ``bend_doubt``·κ^{3/2}·s³.
+    """
+    reach = points.x_m
+    kappa = np.maximum(abs(start[KAPPA]), np.abs(start[KAPPA] + start[KAPPA_RATE] * reach))
+    missed_m = settings.bend_doubt * kappa * np.sqrt(kappa) * reach**3
+    return replace(points, sigma_m=np.hypot(points.sigma_m, np.minimum(missed_m, MOST_DOUBT_M)))
 
 
 def _shared_weight(points: RoadPoints, side: Array, settings: FitSettings) -> Array:
