@@ -73,6 +73,7 @@ class Problem(NamedTuple):
 
 
 HEAD = len(Problem._fields)
+TINY = 1e-300  # a maximum alone passes over NaN; with this share of the sum it does not
 
 
 def stage(h: float) -> ca.Function:
@@ -124,8 +125,9 @@ def preview(grid: Grid) -> ca.Function:
 def quadratic(grid: Grid) -> ca.Function:
     """(shift, scale, Problem, last plan w (N,)) packed -> all of the QP for Δw about that plan, shifted and scaled.
 
-    - the plan w (N,) that it is about, and its states x (N, 4) at the ends of the stages,
-    - R (3·N, N) and r (3·N,): the cost is ½·|r + R·Δw|² + ½·h·ρ²·|Δw|² + Δw·g, with g (N,) the third,
+    - the plan w (N,) that it is about, its states x (N, 4) at the ends of the stages, and the largest |p| of them,
+      NaN where one of them is,
+    - R (3·N, N) and g (N,): the cost is ½·|R·Δw|² + ½·h·ρ²·|Δw|² + Δw·g, but for a constant,
     - A (2·N - 1, N): what Δw does to c at the end of every stage, and to e at that of every stage but the last,
     - the highest and lowest Δw and A·Δw (3·N - 1,) each.
 
@@ -156,9 +158,13 @@ def quadratic(grid: Grid) -> ca.Function:
     command = command_bounds(grid)(head)
     high = ca.vertcat(now.rate_high - w, command - states[3, :].T, now.most_offset_m - states[0, :-1].T)
     low = ca.vertcat(now.rate_low - w, -command - states[3, :].T, -now.most_offset_m - states[0, :-1].T)
-    cost = [ca.densify(ca.vertcat(*cost_rows).T), ca.vertcat(*errors), h * regular * (w - rates.T)]
+    headings = states[1, :]
+    largest = ca.mmax(ca.fabs(headings)) + TINY * ca.sum2(headings)
+    cost_slope = ca.vertcat(*cost_rows)
+    gradient = cost_slope.T @ ca.vertcat(*errors) + h * regular * (w - rates.T)
+    cost = [ca.densify(cost_slope.T), gradient]
     return ca.Function(
-        "quadratic", [packed], [w, states, *cost, ca.densify(rows.T), high, low], {"cse": True}
+        "quadratic", [packed], [w, states, largest, *cost, ca.densify(rows.T), high, low], {"cse": True}
     )
 
 

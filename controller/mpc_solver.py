@@ -50,15 +50,15 @@ class Solver:
         self.states = np.zeros((stages, 4))  # (e, p, a, c) that the last QP was about
         self._grid, self._soft = grid, soft
         self._packed = np.zeros(2 + HEAD + stages)
-        self._about = np.zeros(stages)
-        self._slopes, self._errors = np.zeros((3 * stages, stages)), np.zeros(3 * stages)  # R, r
+        self._about, self._steepest = np.zeros(stages), np.zeros(1)
+        self._slopes = np.zeros((3 * stages, stages))  # R
         self._gradient = np.zeros(stages)  # g
         self._rows = np.zeros((2 * stages - 1, stages))  # A
         self._high, self._low = np.zeros(3 * stages - 1), np.zeros(3 * stages - 1)
         self._buffer, self._linearise = quadratic(grid).buffer()
         self._buffer.set_arg(0, self._packed.data)
-        cost = (self._slopes, self._errors, self._gradient)
-        for i, output in enumerate((self._about, self.states, *cost, self._rows, self._high, self._low)):
+        plan, cost = (self._about, self.states, self._steepest), (self._slopes, self._gradient)
+        for i, output in enumerate((*plan, *cost, self._rows, self._high, self._low)):
             self._buffer.set_res(i, output.data)
         self._first_plan = first_plan(grid)
         self._regular = grid.h * grid.weights()[3] * np.eye(stages)
@@ -93,21 +93,18 @@ class Solver:
     def _about_plan(self, plan: Array, now: Problem, shift: float = 0.0, scale: float = 1.0) -> bool:
         """Linearise about ``plan``; whether its headings stay where the model means something."""
         packed = self._packed
-        packed[0], packed[1], packed[2 : 2 + HEAD], packed[2 + HEAD :] = shift, scale, now, plan
+        packed[: 2 + HEAD], packed[2 + HEAD :] = (shift, scale, *now), plan
         self._linearise()
-        headings = self.states[:, 1]
         # Written so that NaN is refused, too.
-        return bool(max(headings.max(), -headings.min()) <= now.length_m * _STEEPEST_RAD)
+        return self._steepest.item() <= now.length_m * _STEEPEST_RAD
 
     def _improved(self) -> Array | None:
         """The plan that it was linearised about, plus Δw; None unless the QP is solved, whatever DAQP says."""
-        again = (
-            self._slopes.copy()
-        )  # with two arrays BLAS takes its general product, which is the quicker one
-        hessian = self._slopes.T @ again
+        # With two arrays BLAS takes its general product, which is the quicker one.
+        hessian = self._slopes.T @ self._slopes.copy()
         hessian += self._regular
-        step, _, status, _ = self._solved(hessian, self._errors @ self._slopes + self._gradient)
-        if status not in _SOLVED or not math.isfinite(float(step @ step)):
+        step, _, status, _ = self._solved(hessian, self._gradient)
+        if status not in _SOLVED or not math.isfinite(sum(step.tolist())):
             return None
         return self._about + step
 
