@@ -14,7 +14,10 @@ import numpy as np
 
 from sim_harness.render.ground import Ground
 from sim_harness.render.renderer import Renderer
+from sim_harness.render.view import Motion
 from sim_harness.roads.appearance import Marking, Paint, Section, Stroke, Surface, Verge
+from sim_harness.roads.disturbances import MAX_GRADE, Disturbance, DisturbanceKind, disturbed
+from sim_harness.roads.drawn import UNMARKED, Kind, random_section
 from sim_harness.roads.light import Light
 from sim_harness.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
@@ -30,10 +33,16 @@ ARC_RAD = (0.3, 1.2)  # turn of an arc, without its clothoids
 MAX_RATE_1PM2 = 1 / 60  # … and longer where this asks for it: 2.8 m/s³ at 5.5 m/s
 ROAD_M = 110.0
 SECTION_M = (30.0, 70.0)
+WIDTH_M, UNMARKED_WIDTH_M = (2.8, 3.8), (3.4, 5.0)  # of a lane; of a carriageway without lines
 CAMERAS_PER_ROAD = 4
 PITCH_JITTER_RAD, HEIGHT_JITTER_M = 0.012, 0.04
 MAX_OFFSET_M, MAX_HEADING_ERROR_RAD = 1.2, 0.3
 LEAD_SHARE, GLARE_SHARE, BLIND_SHARE = 0.12, 0.08, 0.04
+DRAWN_SHARE = (
+    0.5  # of the roads: of one of the kinds that the benches draw; the others change every SECTION_M
+)
+DISTURBED_SHARE, SNOWED_UP_SHARE = 0.4, 0.06  # of the roads
+DISTURBANCES = tuple(kind for kind in DisturbanceKind if kind is not DisturbanceKind.TUNNEL_EXIT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,11 +67,15 @@ def samples(seeds: Iterable[int], camera: Camera, *, frames_per_road: int = 300)
 def road_samples(seed: int, camera: Camera, *, frames: int) -> Iterator[LaneSample]:
     """``frames`` frames of the one road that belongs to ``seed``."""
     rng = np.random.default_rng((seed, 10))
-    road = random_road(rng)
+    road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
+    disturbances = _random_disturbances(rng) if rng.random() < DISTURBED_SHARE else []
+    road = Road(disturbed(road.settings, disturbances))
     ground = Ground(road, seed=seed)
     cameras = [_jittered(camera, rng) for _ in range(CAMERAS_PER_ROAD)]
-    plain = [Renderer(road, c, seed=seed, ground=ground) for c in cameras]
-    mirrored = [Renderer(road, _mirrored(c), seed=seed, ground=ground) for c in cameras]
+    plain, mirrored = (
+        [Renderer(road, c, seed=seed, ground=ground, disturbances=disturbances) for c in eyes]
+        for eyes in (cameras, [_mirrored(c) for c in cameras])
+    )
     for index, station_m in enumerate(np.sort(rng.uniform(0, road.length_m, frames)).tolist()):
         mirror = bool(rng.random() < 0.5)
         renderer = (mirrored if mirror else plain)[int(rng.integers(CAMERAS_PER_ROAD))]
@@ -83,7 +96,9 @@ def _sample(
         y_m,
         road.heading_at(station_m) + heading_error,
         t_s=float(index),
+        station_m=station_m,
         lead=_random_lead(road, station_m, rng),
+        motion=Motion(float(rng.uniform(0, 12)), float(rng.normal(0, 0.2))),
         light=light,
     )
     curvature, ahead = road.curvature_at(station_m), road.curvature_at(station_m + AHEAD_M)
@@ -103,7 +118,7 @@ def random_road(rng: np.random.Generator) -> Road:
     """An open road of random curves, markings, surfaces, verges and shadows."""
     segments = _random_segments(rng)
     length_m = math.fsum(segment.length_m for segment in segments)
-    lane_width_m = float(rng.uniform(2.8, 3.8))
+    lane_width_m = float(rng.uniform(*WIDTH_M))
     starts = [0.0]
     while starts[-1] < length_m - SECTION_M[1]:
         starts.append(starts[-1] + float(rng.uniform(*SECTION_M)))
@@ -117,6 +132,31 @@ def random_road(rng: np.random.Generator) -> Road:
             sections=tuple(_random_section(rng, start, lane_width_m) for start in starts),
         )
     )
+
+
+def drawn_road(rng: np.random.Generator) -> Road:
+    """An open road of random curves and of one of the kinds of :mod:`sim_harness.roads.drawn`; some snowed up."""
+    kind = tuple(Kind)[int(rng.integers(len(Kind)))]
+    section = random_section(kind, rng)
+    if rng.random() < SNOWED_UP_SHARE:
+        snow = {"verge": Verge.SNOW, "snow_cover": float(rng.uniform(0.3, 0.9))}
+        section = section.model_copy(update=snow | {"snow_left_m": 0.3, "snow_right_m": 0.3})
+    return Road(
+        RoadSettings(
+            name=kind,
+            closed=False,
+            lane_width_m=float(rng.uniform(*(UNMARKED_WIDTH_M if kind in UNMARKED else WIDTH_M))),
+            sun_azimuth_rad=float(rng.uniform(-1.5, 1.5)),
+            segments=tuple(_random_segments(rng)),
+            sections=(section,),
+        )
+    )
+
+
+def _random_disturbances(rng: np.random.Generator) -> list[Disturbance]:
+    """One or two over the whole road, of any grade."""
+    chosen = rng.choice(len(DISTURBANCES), int(rng.integers(1, 3)), replace=False)
+    return [Disturbance(kind=DISTURBANCES[i], grade=float(rng.uniform(0.5, MAX_GRADE))) for i in chosen]
 
 
 def _random_segments(rng: np.random.Generator) -> list[Segment]:
