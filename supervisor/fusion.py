@@ -13,6 +13,7 @@ counts for little beside a sure view and steadies unsure ones.
 
 import itertools
 import math
+from collections import deque
 from collections.abc import Mapping
 from statistics import NormalDist
 from typing import Annotated, NamedTuple
@@ -45,6 +46,7 @@ class FusionSettings(Settings):
     forgetting_per_s: Positive  # growth of the variance of the memory, in squared tolerances
     outlier_s: Annotated[float, Field(ge=0)]  # a lone view that contradicts the memory must last this long
     begin_confidence: Share  # ... and be this sure, as must be one where nothing is remembered
+    lasting_s: Share  # a contradiction counts as far as it has lasted this long
 
 
 class Path(NamedTuple):
@@ -63,7 +65,7 @@ class Fused(NamedTuple):
     sources: tuple[str, ...]  # estimators that were joined
     trust: tuple[float, ...]  # their shares; sums to 1; empty when nothing was fused
     disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two estimates; None with fewer than two
-    weighted_disagreement_mps2: float  # the same, times the share of the less sure; 0 with fewer than two
+    weighted_disagreement_mps2: float  # lasting, times the share of the less sure; 0 with fewer than two
     weighted_separation_m: float  # likewise, how far apart they place the car across the lane
 
 
@@ -86,6 +88,14 @@ class Memory(NamedTuple):
     seen_s: float  # when it was last seen by an estimator
 
 
+class Apart(NamedTuple):
+    """How far two views contradicted each other, times the share of the less sure."""
+
+    t_s: float
+    command_1pm: float
+    offset_m: float
+
+
 class Fusion:
     """Fuses estimates; remembers the last path and moves it with the vehicle."""
 
@@ -93,6 +103,7 @@ class Fusion:
         self._settings = settings
         self._memory = self._before = Memory(None, math.inf, -math.inf)
         self._left_out: frozenset[str] = frozenset()  # at the last frame, because they contradicted the rest
+        self._apart: deque[Apart] = deque()  # over the last ``lasting_s``, of frames that were seen twice
 
     @property
     def offset_m(self) -> float | None:
@@ -126,6 +137,8 @@ class Fusion:
         group = self._agreeing(views, remembered, t_s)
         self._left_out = frozenset([view.name for view in views if view not in group])
         raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m)
+        if raw_1pm is not None:
+            weighted_1pm, separation_m = self._lasting(Apart(t_s, weighted_1pm, separation_m))
         if (
             remembered and not group
         ):  # held back: as far from the road of a moment ago as from another estimator
@@ -145,6 +158,19 @@ class Fusion:
             weighted_disagreement_mps2=weighted_1pm * speed2,
             weighted_separation_m=separation_m,
         )
+
+    def _lasting(self, now: Apart) -> tuple[float, float]:
+        """The least of ``lasting_s``: one estimator that errs for a frame or two is no other road.
+
+        Frames that one of them did not see say nothing here, so they calm nobody.
+        """
+        past = self._apart
+        while past and past[-1].t_s >= now.t_s:  # of one frame the last decision counts, or time went back
+            past.pop()
+        while past and past[0].t_s < now.t_s - self._settings.lasting_s:
+            past.popleft()
+        past.append(now)
+        return min([apart.command_1pm for apart in past]), min([apart.offset_m for apart in past])
 
     def _view(
         self, sighting: Sighting, motion: Motion, t_s: float, lookahead_m: float, *, trust: float

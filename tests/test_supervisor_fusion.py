@@ -267,3 +267,34 @@ def test_the_mirror_image_of_the_estimates_gives_the_mirror_image_of_the_path(
     assert there.sources == here.sources
     assert there.disagreement_mps2 == here.disagreement_mps2
     assert math.isfinite(lane_of(here).offset_m)
+
+
+def seen_apart(fusion: Fusion, t_s: float, apart_m: float | None) -> float:
+    """Separation at ``t_s`` of two equally sure views ``apart_m`` apart; None: only one of them sees the lane."""
+    views = [sighting(STRAIGHT, t_s=t_s)]
+    if apart_m is not None:
+        views.append(sighting(Lane(apart_m, 0.0, 0.0, 0.0), "cnn", t_s=t_s))
+    return fuse(*views, fusion=fusion, now_s=t_s).weighted_separation_m
+
+
+def test_an_estimator_that_errs_for_a_few_frames_is_no_other_road_but_one_that_stays_is() -> None:
+    fusion, lasting = Fusion(SETTINGS), round(SETTINGS.lasting_s / 0.04)
+    before = [seen_apart(fusion, 0.04 * i, 0.05) for i in range(20)]
+    during = [seen_apart(fusion, 0.04 * i, 0.4) for i in range(20, 40)]
+    assert max(before) == pytest.approx(0.05)
+    assert during[: lasting - 1] == pytest.approx([0.05] * (lasting - 1))
+    assert during[lasting + 1 :] == pytest.approx([0.4] * (20 - lasting - 1))
+
+
+def test_two_roads_from_the_first_frame_on_count_at_once_and_again_after_a_silence() -> None:
+    fusion = Fusion(SETTINGS)
+    assert seen_apart(fusion, 0.0, 0.05) == pytest.approx(0.05)
+    assert seen_apart(fusion, 1.0, 0.4) == pytest.approx(0.4)
+
+
+@given(st.sets(st.integers(1, 19)))
+def test_frames_that_only_one_has_seen_calm_no_contradiction(missed: set[int]) -> None:
+    fusion = Fusion(SETTINGS)
+    for i in range(20):
+        apart_m = seen_apart(fusion, 0.04 * i, None if i in missed else 0.4)
+        assert apart_m == pytest.approx(0.0 if i in missed else 0.4)
