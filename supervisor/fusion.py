@@ -46,7 +46,7 @@ class FusionSettings(Settings):
     forgetting_per_s: Positive  # growth of the variance of the memory, in squared tolerances
     outlier_s: Annotated[float, Field(ge=0)]  # a lone view that contradicts the memory must last this long
     begin_confidence: Share  # ... and be this sure, as must be one where nothing is remembered
-    lasting_s: Share  # a contradiction counts as far as it has lasted this long
+    lasting_s: Share  # a separation counts as far as it has lasted this long
 
 
 class Path(NamedTuple):
@@ -65,8 +65,10 @@ class Fused(NamedTuple):
     sources: tuple[str, ...]  # estimators that were joined
     trust: tuple[float, ...]  # their shares; sums to 1; empty when nothing was fused
     disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two estimates; None with fewer than two
-    weighted_disagreement_mps2: float  # lasting, times the share of the less sure; 0 with fewer than two
-    weighted_separation_m: float  # likewise, how far apart they place the car across the lane
+    weighted_disagreement_mps2: float  # the same, times the share of the less sure; 0 with fewer than two
+    weighted_separation_m: (
+        float  # likewise, how far apart they place the car across the lane, as far as it lasts
+    )
 
 
 class View(NamedTuple):
@@ -89,10 +91,9 @@ class Memory(NamedTuple):
 
 
 class Apart(NamedTuple):
-    """How far two views contradicted each other, times the share of the less sure."""
+    """How far apart two views placed the car across the lane, times the share of the less sure."""
 
     t_s: float
-    command_1pm: float
     offset_m: float
 
 
@@ -103,7 +104,7 @@ class Fusion:
         self._settings = settings
         self._memory = self._before = Memory(None, math.inf, -math.inf)
         self._left_out: frozenset[str] = frozenset()  # at the last frame, because they contradicted the rest
-        self._apart: deque[Apart] = deque()  # over the last ``lasting_s``, of frames that were seen twice
+        self._apart: deque[Apart] = deque()  # of the last ``lasting_s``, of frames that two have seen
 
     @property
     def offset_m(self) -> float | None:
@@ -138,7 +139,7 @@ class Fusion:
         self._left_out = frozenset([view.name for view in views if view not in group])
         raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m)
         if raw_1pm is not None:
-            weighted_1pm, separation_m = self._lasting(Apart(t_s, weighted_1pm, separation_m))
+            separation_m = self._lasting_m(Apart(t_s, separation_m))
         if (
             remembered and not group
         ):  # held back: as far from the road of a moment ago as from another estimator
@@ -159,10 +160,11 @@ class Fusion:
             weighted_separation_m=separation_m,
         )
 
-    def _lasting(self, now: Apart) -> tuple[float, float]:
-        """The least of ``lasting_s``: one estimator that errs for a frame or two is no other road.
+    def _lasting_m(self, now: Apart) -> float:
+        """The least separation of ``lasting_s``: one estimator that errs for a frame or two is no other road.
 
-        Frames that one of them did not see say nothing here, so they calm nobody.
+        Frames that one of them did not see say nothing here, so they calm nobody. What lies ahead may not wait:
+        the disagreement about the command counts at once.
         """
         past = self._apart
         while past and past[-1].t_s >= now.t_s:  # of one frame the last decision counts, or time went back
@@ -170,7 +172,7 @@ class Fusion:
         while past and past[0].t_s < now.t_s - self._settings.lasting_s:
             past.popleft()
         past.append(now)
-        return min([apart.command_1pm for apart in past]), min([apart.offset_m for apart in past])
+        return min([apart.offset_m for apart in past])
 
     def _view(
         self, sighting: Sighting, motion: Motion, t_s: float, lookahead_m: float, *, trust: float
