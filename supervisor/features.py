@@ -114,7 +114,9 @@ def features(
     found["disagreement"], found["separation"] = _contradiction(sightings, fused, speed_mps)
     found["single_source"] = single_source_s
     found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)
-    found["crossing"] = _crossing_s(fused, motion, early["lane_width"], half_width_m)
+    # Who should tell the width and does not may have seen the narrowest lane: no room at all.
+    untold = True in [s.measures_width and s.width_m is None for s in sightings]
+    found["crossing"] = _crossing_s(fused, motion, 0.0 if untold else early["lane_width"], half_width_m)
     return found
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from supervisor.inference import FearRules
@@ -385,6 +385,7 @@ OPTIONAL = {f.name for message in MESSAGES.values() for f in fields(message) if 
 
 
 @settings(max_examples=150, deadline=None)
+@example(("cv", "lane_width_m"), math.nan, 1.0, 0.5, 0.0, 2.0, 3.0)  # the narrower lane was the broken one
 @given(
     st.sampled_from(FIELDS),
     st.sampled_from([math.nan, math.inf, -math.inf, None, 1e300]),
