@@ -76,12 +76,21 @@ def test_the_derivatives_of_the_residuals_are_those_of_differences(mean, pitch):
 @settings(max_examples=25, deadline=None)
 @given(mean=lanes)
 def test_the_fit_finds_the_lane_that_made_the_points_from_a_rough_start(mean):
+    """To a decimetre and 2.3 degrees at R = 14 m, where far points are doubted and the prior calls it straighter."""
     points, side = boundary_points(mean)
     start = mean + np.array([0.1, 0.02, 0.004, 0.0, 0.1, 0.0])
     fitted = fit_lane(points, side, cold(), start, CAMERA, SETTINGS.fit)
-    assert fitted.state.mean[E] == pytest.approx(mean[E], abs=0.06)
-    assert fitted.state.mean[PSI] == pytest.approx(mean[PSI], abs=0.03)
+    assert fitted.state.mean[E] == pytest.approx(mean[E], abs=0.10)
+    assert fitted.state.mean[PSI] == pytest.approx(mean[PSI], abs=0.04)
     assert fitted.state.mean[WIDTH] == pytest.approx(mean[WIDTH], abs=0.06)
+
+
+def test_points_that_are_not_doubted_give_the_lane_to_two_centimetres():
+    mean = np.array([0.4, 0.1, 0.06, 0.0, 3.4, 0.0])
+    points, side = boundary_points(mean)
+    trusting = SETTINGS.fit.model_copy(update={"bend_doubt": 0.0})
+    fitted = fit_lane(points, side, cold(), mean, CAMERA, trusting)
+    assert fitted.state.mean[:3] == pytest.approx(mean[:3], abs=0.02)
 
 
 def test_a_third_of_outliers_moves_the_fit_by_centimetres_only():
