@@ -76,7 +76,7 @@ def test_the_derivatives_of_the_residuals_are_those_of_differences(mean, pitch):
 @settings(max_examples=25, deadline=None)
 @given(mean=lanes)
 def test_the_fit_finds_the_lane_that_made_the_points_from_a_rough_start(mean):
-    """To a decimetre and 2.3 degrees at R = 14 m, where far points are doubted and the prior calls it straighter."""
+    """To a decimetre and 2.3 degrees at R = 14 m, where far points are doubted and the prior pulls it straight."""
     points, side = boundary_points(mean)
     start = mean + np.array([0.1, 0.02, 0.004, 0.0, 0.1, 0.0])
     fitted = fit_lane(points, side, cold(), start, CAMERA, SETTINGS.fit)
