@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_harness.roads.disturbances import Disturbance, DisturbanceKind
-from sim_harness.roads.drawn import Kind, Shape, random_section, random_segments
+from sim_harness.roads.drawn import SNOW_COVER, Kind, Shape, random_section, random_segments, snow_on
 from sim_harness.scenarios.scenario import Appearance, Scenario, Start, Tag
 
 CLEAN_DRIVES = 28  # of some 400 m each
@@ -70,9 +70,8 @@ def _hard(rng: np.random.Generator) -> Scenario:
     look = _look(kind, rng)
     snowed_up = bool(rng.random() < SNOWED_UP)
     if snowed_up:
-        cover = {"verge": "snow", "snow_cover": round(float(rng.uniform(0.3, 0.9)), 2)}
-        edges = {"snow_left_m": 0.3, "snow_right_m": 0.3}
-        look = Appearance.model_validate({**look.model_dump(), **cover, **edges})
+        snow = snow_on(round(float(rng.uniform(*SNOW_COVER)), 2))
+        look = Appearance.model_validate({**look.model_dump(), **snow})
     weights = np.array([3.0 if name.value in OFTEN else 1.0 for name in DisturbanceKind])
     disturbance = Disturbance(
         kind=tuple(DisturbanceKind)[int(rng.choice(len(weights), p=weights / weights.sum()))],

@@ -10,6 +10,7 @@ from sim_harness.roads.road import Road, RoadSettings, Segment
 NONE = Marking(stroke=Stroke.NONE)
 LEAD_IN_M, LEAD_OUT_M = 25.0, 90.0
 STRAIGHT_RADII_M, BEND_RADII_M, TIGHT_RADII_M = (300.0, 1500.0), (40.0, 120.0), (12.0, 30.0)
+SNOW_COVER = (0.3, 0.9)  # of roads that are snowed up
 VERGE_SHARES = (0.5, 0.2, 0.15, 0.15)
 MAX_RATE_1PM2 = 1 / 120  # of curvature along an entry: R = 12 m after 10 m
 ARC_RAD = (0.7, 1.3)  # turn of an arc, without its clothoids
@@ -138,6 +139,11 @@ def random_section(kind: Kind, rng: np.random.Generator) -> Section:
         case _:
             look = _unmarked(kind, rng)
     return Section.model_validate(_ordinary(rng) | look | {"name": kind.value, "start_m": 0.0})
+
+
+def snow_on(cover: float) -> dict[str, object]:
+    """What trodden snow, over this share of the carriageway and over its edges, changes of a look."""
+    return {"verge": Verge.SNOW, "snow_cover": cover, "snow_left_m": 0.3, "snow_right_m": 0.3}
 
 
 class _Lines:

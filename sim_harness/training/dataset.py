@@ -5,7 +5,7 @@ The labels are the road's own geometry at the pose that was drawn, never measure
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeVar
@@ -17,7 +17,7 @@ from sim_harness.render.renderer import Renderer
 from sim_harness.render.view import Motion
 from sim_harness.roads.appearance import Marking, Paint, Section, Stroke, Surface, Verge
 from sim_harness.roads.disturbances import MAX_GRADE, Disturbance, DisturbanceKind, disturbed
-from sim_harness.roads.drawn import UNMARKED, Kind, random_section
+from sim_harness.roads.drawn import SNOW_COVER, UNMARKED, Kind, random_section, snow_on
 from sim_harness.roads.light import Light
 from sim_harness.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
@@ -38,9 +38,7 @@ CAMERAS_PER_ROAD = 4
 PITCH_JITTER_RAD, HEIGHT_JITTER_M = 0.012, 0.04
 MAX_OFFSET_M, MAX_HEADING_ERROR_RAD = 1.2, 0.3
 LEAD_SHARE, GLARE_SHARE, BLIND_SHARE = 0.12, 0.08, 0.04
-DRAWN_SHARE = (
-    0.5  # of the roads: of one of the kinds that the benches draw; the others change every SECTION_M
-)
+DRAWN_SHARE = 0.5  # of the roads: of one kind of the benches; the others change every SECTION_M
 DISTURBED_SHARE, SNOWED_UP_SHARE = 0.4, 0.06  # of the roads
 DISTURBANCES = tuple(kind for kind in DisturbanceKind if kind is not DisturbanceKind.TUNNEL_EXIT)
 
@@ -68,7 +66,8 @@ def road_samples(seed: int, camera: Camera, *, frames: int) -> Iterator[LaneSamp
     """``frames`` frames of the one road that belongs to ``seed``."""
     rng = np.random.default_rng((seed, 10))
     road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
-    disturbances = _random_disturbances(rng) if rng.random() < DISTURBED_SHARE else []
+    disturbed_now = rng.random() < DISTURBED_SHARE
+    disturbances = random_disturbances(rng, DISTURBANCES, MAX_GRADE) if disturbed_now else []
     road = Road(disturbed(road.settings, disturbances))
     ground = Ground(road, seed=seed)
     cameras = [_jittered(camera, rng) for _ in range(CAMERAS_PER_ROAD)]
@@ -139,8 +138,7 @@ def drawn_road(rng: np.random.Generator) -> Road:
     kind = tuple(Kind)[int(rng.integers(len(Kind)))]
     section = random_section(kind, rng)
     if rng.random() < SNOWED_UP_SHARE:
-        snow = {"verge": Verge.SNOW, "snow_cover": float(rng.uniform(0.3, 0.9))}
-        section = section.model_copy(update=snow | {"snow_left_m": 0.3, "snow_right_m": 0.3})
+        section = section.model_copy(update=snow_on(float(rng.uniform(*SNOW_COVER))))
     return Road(
         RoadSettings(
             name=kind,
@@ -153,10 +151,12 @@ def drawn_road(rng: np.random.Generator) -> Road:
     )
 
 
-def _random_disturbances(rng: np.random.Generator) -> list[Disturbance]:
-    """One or two over the whole road, of any grade."""
-    chosen = rng.choice(len(DISTURBANCES), int(rng.integers(1, 3)), replace=False)
-    return [Disturbance(kind=DISTURBANCES[i], grade=float(rng.uniform(0.5, MAX_GRADE))) for i in chosen]
+def random_disturbances(
+    rng: np.random.Generator, kinds: Sequence[DisturbanceKind], most_grade: float
+) -> list[Disturbance]:
+    """One or two of ``kinds`` over the whole road, of any grade up to ``most_grade``."""
+    chosen = rng.choice(len(kinds), int(rng.integers(1, 3)), replace=False)
+    return [Disturbance(kind=kinds[i], grade=float(rng.uniform(0.5, most_grade))) for i in chosen]
 
 
 def _random_segments(rng: np.random.Generator) -> list[Segment]:

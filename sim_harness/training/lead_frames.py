@@ -16,11 +16,11 @@ from sim_harness.render.ground import Ground
 from sim_harness.render.lead import Body, Pose, outline
 from sim_harness.render.renderer import Renderer
 from sim_harness.render.view import Motion
-from sim_harness.roads.disturbances import Disturbance, DisturbanceKind
+from sim_harness.roads.disturbances import DisturbanceKind
 from sim_harness.roads.light import Light
 from sim_harness.roads.road import Road
 from sim_harness.scenarios.traffic import BODIES
-from sim_harness.training.dataset import random_road
+from sim_harness.training.dataset import random_disturbances, random_road
 from trepid.camera import Camera
 from trepid.messages import Image
 
@@ -30,6 +30,7 @@ NEAREST_M, FARTHEST_M = 2.2, 60.0
 PITCH_DOUBT_RAD = 0.004  # of the calibration, and of the body's pitching: 0.23 deg
 DISTURBED_SHARE, EMPTY_SHARE, CLUTTER_SHARE = 0.45, 0.2, 0.3
 CAMERAS_PER_ROAD = 3
+MOST_GRADE = 3.5
 KINDS = tuple(
     kind for kind in DisturbanceKind if kind not in (DisturbanceKind.OCCLUSION, DisturbanceKind.TUNNEL_EXIT)
 )
@@ -47,7 +48,7 @@ def lead_samples(seed: int, camera: Camera, *, frames: int) -> list[LeadSample]:
     """``frames`` frames of the road ``seed``, taken by cameras like ``camera``."""
     rng = np.random.default_rng((seed, 20))
     road = random_road(rng)
-    disturbances = _random_disturbances(rng) if rng.random() < DISTURBED_SHARE else []
+    disturbances = random_disturbances(rng, KINDS, MOST_GRADE) if rng.random() < DISTURBED_SHARE else []
     ground = None if disturbances else Ground(road, seed=seed)
     samples = []
     for _ in range(CAMERAS_PER_ROAD):
@@ -169,11 +170,6 @@ def _random_pose(road: Road, station_m: float, rng: np.random.Generator) -> Pose
     turned = float(rng.normal(0, 0.08)) if rng.random() < 0.85 else float(rng.uniform(-1.0, 1.0))
     against = math.pi if lane == 1.0 and rng.random() < 0.6 else 0.0
     return x_m, y_m, road.heading_at(station_m + ahead_m) + turned + against
-
-
-def _random_disturbances(rng: np.random.Generator) -> list[Disturbance]:
-    chosen = rng.choice(len(KINDS), int(rng.integers(1, 3)), replace=False)
-    return [Disturbance(kind=KINDS[i], grade=float(rng.uniform(0.5, 3.5))) for i in chosen]
 
 
 def _random_light(rng: np.random.Generator) -> Light:
