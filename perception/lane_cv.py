@@ -21,6 +21,8 @@ from perception.lane_tracker import (
     TrackSettings,
     at_most_sigma,
     held,
+    looks_straight,
+    on_straight,
     predict,
     prior_state,
     steady,
@@ -143,6 +145,8 @@ class LaneCv:
         self._track_t_s = 0.0  # time that the tracked lane holds at
         self._seen_t_s = 0.0  # when it was last seen
         self._grounds = NO_BELIEF  # what it was last believed for
+        self._worth = 0.0  # the confidence when it was last seen
+        self._straight = False  # whether the road did not bend where it was last seen
         self.rests_on: tuple[float, ...] | None = (
             None  # the last confidence, as the fit of its weights needs it
         )
@@ -170,12 +174,26 @@ class LaneCv:
             self._by_edges, self._grounds = fit.by_edges, self._grounds_of(fit)
             self._check_camera(fit, state, frame.t_s)
             self._track_t_s = self._seen_t_s = frame.t_s
-            return self._estimate(frame.t_s, self._track, fit.boundaries_seen, self.camera_check.reason, view)
-        if self._track is None:
+            odds = (self._settings.edge_fit if fit.by_edges else self._settings.fit).straight_log_odds
+            self._straight = looks_straight(self._track, self._settings.prior, log_odds=odds)
+            lane, seen, reason = (
+                self._straightened(self._track),
+                fit.boundaries_seen,
+                self.camera_check.reason,
+            )
+        elif self._track is None:
             return self._nothing(frame.t_s, NOTHING_SEEN)
-        self._track = steady(self._track)
-        reason = f"lane not seen for {frame.t_s - self._seen_t_s:.2f} s"
-        return self._estimate(frame.t_s, self._track, 0, reason, view)
+        else:
+            lane = self._track = steady(self._straightened(self._track))
+            seen, reason = 0, f"lane not seen for {frame.t_s - self._seen_t_s:.2f} s"
+        estimate = self._estimate(frame.t_s, lane, seen, reason, view)
+        if fit is not None:
+            self._worth = estimate.confidence
+        return estimate
+
+    def _straightened(self, lane: LaneState) -> LaneState:
+        """``lane`` without the bend that noise makes of a straight road; unseen, such a road goes straight on."""
+        return on_straight(lane, self._settings.prior) if self._straight else lane
 
     def _check_camera(self, fit: LaneFit, state: VehicleState | None, t_s: float) -> None:
         dt_s = t_s - self._seen_t_s
@@ -209,11 +227,15 @@ class LaneCv:
         return self._view
 
     def _predict(self, t_s: float, state: VehicleState | None) -> None:
-        """Move the remembered lane to ``t_s``; forget it when time jumps or it has not been seen for long."""
+        """Move the remembered lane to ``t_s``; forget it when time jumps or it has not been seen for long.
+
+        What was hardly believed when it was last seen is forgotten sooner.
+        """
         if self._track is None:
             return
         dt_s = t_s - self._track_t_s
-        if dt_s < 0 or t_s - self._seen_t_s > self._settings.track.max_coast_s:
+        worth = min(1.0, self._worth / self._settings.good_confidence)
+        if dt_s < 0 or t_s - self._seen_t_s > max(worth * self._settings.track.max_coast_s, MAX_STEP_S):
             self._track, self._looks = None, 0
             return
         speed_mps = _finite(state.speed_mps if state else None)

@@ -65,11 +65,32 @@ def find_lane(
             guess.offset_m, guess.heading_rad, guess.curvature_1pm, guess.width_m,
         )  # fmt: skip
     near, side = _assign(points, start, grid.camera, fit)
-    fitted = fit_lane(near, side, prior, start, grid.camera, fit)
-    if straight is not None:
-        plain = fit_lane(near, side, straight, start * STRAIGHT, grid.camera, fit)
-        fitted = _simpler(plain, straight, fitted, prior, near, side, fit)
+    fitted = _fitted(near, side, prior, straight, start, grid.camera, fit)
+    lane = _with_evidence(fitted, points, near, side, grid, fit, evidence)
+    if lane.boundaries_seen != 1:
+        return lane
+    # What lies about where the other line would be is no line, and says nothing of the width.
+    own = np.flatnonzero(side == (1.0 if lane.left.seen else -1.0))
+    near, side = subset(near, own), side[own]
+    fitted = _fitted(near, side, prior, straight, fitted.state.mean, grid.camera, fit)
     return _with_evidence(fitted, points, near, side, grid, fit, evidence)
+
+
+def _fitted(
+    points: RoadPoints,
+    side: Array,
+    prior: LaneState,
+    straight: LaneState | None,
+    start: Array,
+    camera: Camera,
+    fit: FitSettings,
+) -> Fitted:
+    """The lane fitted with ``prior``, or with the prior ``straight`` where that is the simpler explanation."""
+    bent = fit_lane(points, side, prior, start, camera, fit)
+    if straight is None:
+        return bent
+    plain = fit_lane(points, side, straight, start * STRAIGHT, camera, fit)
+    return _simpler(plain, straight, bent, prior, points, side, fit)
 
 
 def _voted(
@@ -111,10 +132,7 @@ def find_road(
         sums = finder.sums(look, lane=start)
         start = finder.search(sums, steps, prior, near=start)
     points, side = finder.points(sums, start)
-    fitted = fit_lane(points, side, prior, start, finder.grid.camera, fit)
-    if straight is not None:
-        plain = fit_lane(points, side, straight, start * STRAIGHT, finder.grid.camera, fit)
-        fitted = _simpler(plain, straight, fitted, prior, points, side, fit)
+    fitted = _fitted(points, side, prior, straight, start, finder.grid.camera, fit)
     found = _with_evidence(fitted, points, points, side, finder.grid, fit, evidence)
     return replace(found, by_edges=True)
 

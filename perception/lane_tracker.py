@@ -80,6 +80,41 @@ def straightened(state: LaneState, settings: PriorSettings) -> LaneState:
     return LaneState(mean=state.mean, covariance=np.diag(sigma**2))
 
 
+def looks_straight(state: LaneState, settings: PriorSettings, *, log_odds: float) -> bool:
+    """Whether a road that does not bend explains ``state`` better than one that may.
+
+    Of both is foreseen m = (κ0, κ') ~ N(0, S), and seen with the covariance P of ``state``: the log density of m
+    under N(0, P + S) of the straight road, and ``log_odds`` more, against the other's (MacKay 2003, chapter 28).
+    """
+    straight = settings.straight_curvature_sigma_1pm, settings.straight_curvature_rate_sigma_1pm2
+    bent = settings.curvature_sigma_1pm, settings.curvature_rate_sigma_1pm2
+    return _bend_log_density(state, straight) + log_odds > _bend_log_density(state, bent)
+
+
+def _bend_log_density(state: LaneState, sigma: tuple[float, float]) -> float:
+    """log N((κ0, κ'); 0, P + S) but for a constant, with the standard deviations ``sigma`` of S."""
+    bend, rate = float(state.mean[KAPPA]), float(state.mean[KAPPA_RATE])
+    p = state.covariance
+    of_bend, of_rate = p[KAPPA, KAPPA] + sigma[0] ** 2, p[KAPPA_RATE, KAPPA_RATE] + sigma[1] ** 2
+    shared = p[KAPPA, KAPPA_RATE]
+    determinant = of_bend * of_rate - shared**2
+    misfit = (bend**2 * of_rate - 2 * bend * rate * shared + rate**2 * of_bend) / determinant
+    return -0.5 * float(misfit + math.log(determinant))
+
+
+def on_straight(state: LaneState, settings: PriorSettings) -> LaneState:
+    """``state`` where the road is known not to bend: a Kalman update with (κ0, κ') seen as 0 ± the straight sigmas.
+
+    What the bend was taken for goes to the heading and the offset that it was traded for.
+    """
+    own = [KAPPA, KAPPA_RATE]
+    sigma = np.array([settings.straight_curvature_sigma_1pm, settings.straight_curvature_rate_sigma_1pm2])
+    shared = state.covariance[:, own]
+    gain = np.linalg.solve(state.covariance[np.ix_(own, own)] + np.diag(sigma**2), shared.T).T
+    covariance = state.covariance - gain @ shared.T
+    return LaneState(mean=state.mean - gain @ state.mean[own], covariance=(covariance + covariance.T) / 2)
+
+
 def predict(
     state: LaneState,
     dt_s: float,

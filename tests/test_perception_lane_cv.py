@@ -119,6 +119,22 @@ def test_one_line_and_the_remembered_width_keep_the_lane():
     assert seen.marked is True
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_specks_beside_one_line_say_nothing_of_the_width(side):
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+    specks = np.random.default_rng(3).uniform([4.0, 1.7], [9.0, 2.2], (12, 2)) * (1, side)
+    for number in range(10):
+        image = road(
+            (0.0, 0.0, 0.0, 0.0), **{"left" if side > 0 else "right": None}, verge_m=3.0, seed=number
+        )
+        for u, v in CAMERA.pixel_from_road(specks):
+            cv2.line(image, (round(u) - 1, round(v)), (round(u) + 1, round(v)), WHITE)
+        seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
+    assert seen.lanes_detected == 1
+    assert seen.lane_width_m == pytest.approx(SETTINGS.prior.width_m, abs=0.02)
+    assert seen.lateral_offset_m == pytest.approx(0.0, abs=0.05)
+
+
 @pytest.mark.parametrize("lane", [(0.0, 0.0, 0.0, 0.0), (0.3, -0.04, 0.0, 0.0), (-0.2, 0.02, 0.03, 0.0)])
 def test_an_unmarked_road_is_kept_by_its_edges(lane):
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
@@ -145,6 +161,20 @@ def test_a_lost_lane_is_remembered_with_falling_confidence_and_then_given_up():
     assert coasting[3].lateral_offset_m == pytest.approx(0.2, abs=0.1)
     assert coasting[3].lanes_detected == 0 and "not seen" in coasting[3].reason
     assert_no_lane(coasting[-1])
+
+
+@pytest.mark.parametrize(("offset_m", "remembered_s"), [(0.2, SETTINGS.track.max_coast_s), (2.4, 0.25)])
+def test_a_lane_that_was_hardly_believed_is_forgotten_sooner(offset_m, remembered_s):
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+    image = road((offset_m, 0.0, 0.0, 0.0), verge_m=4.0)  # of a lane beside the car little is believed
+    seen = finder.step(Frame(t_s=0.0, image=image), None, now_s=0.0)
+    assert seen.lateral_offset_m == pytest.approx(offset_m, abs=0.1)
+    assert (seen.confidence > SETTINGS.good_confidence) == (offset_m < 1.0)
+    dark = np.zeros((240, 320, 3), np.uint8)
+    coasting = [finder.step(Frame(t_s=0.04 * n, image=dark), None, now_s=0.0) for n in range(1, 80)]
+    unseen = [seen.lateral_offset_m is None for seen in coasting]
+    assert 0.04 * unseen.index(True) == pytest.approx(remembered_s, abs=0.05)
+    assert all(unseen[unseen.index(True) :])
 
 
 def test_the_same_frames_give_the_same_estimates_bit_for_bit():
