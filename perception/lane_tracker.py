@@ -10,6 +10,7 @@ from perception.lane_fit import KAPPA, KAPPA_RATE, PITCH, PSI, WIDTH, Array, E, 
 from trepid.config import Settings
 
 Positive = Annotated[float, Field(gt=0)]
+BEND = slice(KAPPA, KAPPA_RATE + 1)
 
 
 class PriorSettings(Settings):
@@ -93,13 +94,17 @@ def looks_straight(state: LaneState, settings: PriorSettings, *, log_odds: float
 
 def _bend_log_density(state: LaneState, sigma: tuple[float, float]) -> float:
     """log N((κ0, κ'); 0, P + S) but for a constant, with the standard deviations ``sigma`` of S."""
-    bend, rate = float(state.mean[KAPPA]), float(state.mean[KAPPA_RATE])
-    p = state.covariance
-    of_bend, of_rate = p[KAPPA, KAPPA] + sigma[0] ** 2, p[KAPPA_RATE, KAPPA_RATE] + sigma[1] ** 2
-    shared = p[KAPPA, KAPPA_RATE]
+    bend, rate = state.mean[BEND].tolist()
+    of_bend, shared, of_rate = _bend_spread(state, sigma)
     determinant = of_bend * of_rate - shared**2
     misfit = (bend**2 * of_rate - 2 * bend * rate * shared + rate**2 * of_bend) / determinant
-    return -0.5 * float(misfit + math.log(determinant))
+    return float(-0.5 * (misfit + math.log(determinant)))
+
+
+def _bend_spread(state: LaneState, sigma: tuple[float, float]) -> tuple[float, float, float]:
+    """The three numbers of P + S, of (κ0, κ')."""
+    (of_bend, shared), (_, of_rate) = state.covariance[BEND, BEND].tolist()
+    return of_bend + sigma[0] ** 2, shared, of_rate + sigma[1] ** 2
 
 
 def on_straight(state: LaneState, settings: PriorSettings) -> LaneState:
@@ -107,12 +112,13 @@ def on_straight(state: LaneState, settings: PriorSettings) -> LaneState:
 
     What the bend was taken for goes to the heading and the offset that it was traded for.
     """
-    own = [KAPPA, KAPPA_RATE]
-    sigma = np.array([settings.straight_curvature_sigma_1pm, settings.straight_curvature_rate_sigma_1pm2])
-    shared = state.covariance[:, own]
-    gain = np.linalg.solve(state.covariance[np.ix_(own, own)] + np.diag(sigma**2), shared.T).T
-    covariance = state.covariance - gain @ shared.T
-    return LaneState(mean=state.mean - gain @ state.mean[own], covariance=(covariance + covariance.T) / 2)
+    sigma = settings.straight_curvature_sigma_1pm, settings.straight_curvature_rate_sigma_1pm2
+    of_bend, shared, of_rate = _bend_spread(state, sigma)
+    inverse = np.array([[of_rate, -shared], [-shared, of_bend]]) / (of_bend * of_rate - shared**2)
+    by_bend = state.covariance[:, BEND]
+    gain = by_bend @ inverse
+    covariance = state.covariance - gain @ by_bend.T
+    return LaneState(mean=state.mean - gain @ state.mean[BEND], covariance=(covariance + covariance.T) / 2)
 
 
 def predict(
