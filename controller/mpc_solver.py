@@ -53,10 +53,8 @@ class Solver:
         self._packed = np.zeros(2 + HEAD + stages)
         self._pack_head = struct.Struct(f"{2 + HEAD}d").pack_into
         self._about, self._steepest = np.zeros(stages), np.zeros(1)
-        self._slopes, self._twin = (
-            np.zeros((3 * stages, stages)),
-            np.zeros((3 * stages, stages)),
-        )  # R, R again
+        self._slopes = np.zeros((3 * stages, stages))  # R
+        self._twin = np.zeros_like(self._slopes)  # R again
         self._hessian = np.zeros((stages, stages))
         self._gradient = np.zeros(stages)  # g
         self._rows = np.zeros((2 * stages - 1, stages))  # A

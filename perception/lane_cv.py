@@ -176,11 +176,8 @@ class LaneCv:
             self._track_t_s = self._seen_t_s = frame.t_s
             odds = (self._settings.edge_fit if fit.by_edges else self._settings.fit).straight_log_odds
             self._straight = looks_straight(self._track, self._settings.prior, log_odds=odds)
-            lane, seen, reason = (
-                self._straightened(self._track),
-                fit.boundaries_seen,
-                self.camera_check.reason,
-            )
+            lane = self._straightened(self._track)
+            seen, reason = fit.boundaries_seen, self.camera_check.reason
         elif self._track is None:
             return self._nothing(frame.t_s, NOTHING_SEEN)
         else:

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from perception.lane_fit import KAPPA, KAPPA_RATE, PITCH, PSI, WIDTH, Array, E, LaneState
+from perception.lane_fit import KAPPA, KAPPA_RATE, PITCH, PSI, WIDTH, Array, E, LaneState, solved
 from trepid.config import Settings
 
 Positive = Annotated[float, Field(gt=0)]
@@ -29,6 +29,16 @@ class PriorSettings(Settings):
     road_width_m: Positive
     road_width_sigma_m: Positive
     pitch_sigma_rad: Positive
+
+    @property
+    def bend_sigma(self) -> tuple[float, float]:
+        """Of (κ0, κ') on any road."""
+        return self.curvature_sigma_1pm, self.curvature_rate_sigma_1pm2
+
+    @property
+    def straight_bend_sigma(self) -> tuple[float, float]:
+        """Of (κ0, κ') on a road that does not bend."""
+        return self.straight_curvature_sigma_1pm, self.straight_curvature_rate_sigma_1pm2
 
 
 class TrackSettings(Settings):
@@ -64,8 +74,7 @@ def prior_state(settings: PriorSettings, *, width_m: float, width_sigma_m: float
         [
             settings.offset_sigma_m,
             settings.heading_sigma_rad,
-            settings.curvature_sigma_1pm,
-            settings.curvature_rate_sigma_1pm2,
+            *settings.bend_sigma,
             width_sigma_m,
             settings.pitch_sigma_rad,
         ]
@@ -76,8 +85,7 @@ def prior_state(settings: PriorSettings, *, width_m: float, width_sigma_m: float
 def straightened(state: LaneState, settings: PriorSettings) -> LaneState:
     """The prior ``state`` for a road that does not bend."""
     sigma = np.sqrt(np.diag(state.covariance))
-    sigma[KAPPA] = settings.straight_curvature_sigma_1pm
-    sigma[KAPPA_RATE] = settings.straight_curvature_rate_sigma_1pm2
+    sigma[BEND] = settings.straight_bend_sigma
     return LaneState(mean=state.mean, covariance=np.diag(sigma**2))
 
 
@@ -87,24 +95,18 @@ def looks_straight(state: LaneState, settings: PriorSettings, *, log_odds: float
     Of both is foreseen m = (κ0, κ') ~ N(0, S), and seen with the covariance P of ``state``: the log density of m
     under N(0, P + S) of the straight road, and ``log_odds`` more, against the other's (MacKay 2003, chapter 28).
     """
-    straight = settings.straight_curvature_sigma_1pm, settings.straight_curvature_rate_sigma_1pm2
-    bent = settings.curvature_sigma_1pm, settings.curvature_rate_sigma_1pm2
+    straight, bent = settings.straight_bend_sigma, settings.bend_sigma
     return _bend_log_density(state, straight) + log_odds > _bend_log_density(state, bent)
 
 
 def _bend_log_density(state: LaneState, sigma: tuple[float, float]) -> float:
     """log N((κ0, κ'); 0, P + S) but for a constant, with the standard deviations ``sigma`` of S."""
     bend, rate = state.mean[BEND].tolist()
-    of_bend, shared, of_rate = _bend_spread(state, sigma)
+    (of_bend, shared), (_, of_rate) = state.covariance[BEND, BEND].tolist()
+    of_bend, of_rate = of_bend + sigma[0] ** 2, of_rate + sigma[1] ** 2
     determinant = of_bend * of_rate - shared**2
     misfit = (bend**2 * of_rate - 2 * bend * rate * shared + rate**2 * of_bend) / determinant
     return float(-0.5 * (misfit + math.log(determinant)))
-
-
-def _bend_spread(state: LaneState, sigma: tuple[float, float]) -> tuple[float, float, float]:
-    """The three numbers of P + S, of (κ0, κ')."""
-    (of_bend, shared), (_, of_rate) = state.covariance[BEND, BEND].tolist()
-    return of_bend + sigma[0] ** 2, shared, of_rate + sigma[1] ** 2
 
 
 def on_straight(state: LaneState, settings: PriorSettings) -> LaneState:
@@ -112,11 +114,8 @@ def on_straight(state: LaneState, settings: PriorSettings) -> LaneState:
 
     What the bend was taken for goes to the heading and the offset that it was traded for.
     """
-    sigma = settings.straight_curvature_sigma_1pm, settings.straight_curvature_rate_sigma_1pm2
-    of_bend, shared, of_rate = _bend_spread(state, sigma)
-    inverse = np.array([[of_rate, -shared], [-shared, of_bend]]) / (of_bend * of_rate - shared**2)
     by_bend = state.covariance[:, BEND]
-    gain = by_bend @ inverse
+    gain = solved(by_bend[BEND] + np.diag(np.square(settings.straight_bend_sigma)), by_bend.T).T
     covariance = state.covariance - gain @ by_bend.T
     return LaneState(mean=state.mean - gain @ state.mean[BEND], covariance=(covariance + covariance.T) / 2)
 
