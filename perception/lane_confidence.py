@@ -23,13 +23,15 @@ class ConfidenceSettings(Settings):
     askew: float
     bend: float
     bent_edges: float
+    apart: float
 
 
 def grounds(belief: Belief, *, looks: float, heading_rad: float, curvature_1pm: float) -> tuple[float, ...]:
     """What the confidence rests on, in the order of the weights: 1, logarithms of factors, and what makes it hard.
 
     ``looks``: share 0..1 of the frames in a row after which a lane is no chance find: a picture can have the
-    outline of a road, but does not move like one. Who keeps a lane is seldom much askew in it.
+    outline of a road, but does not move like one. Who keeps a lane is seldom much askew in it. Edges between
+    much the same on both sides are of snow that was driven on, of shadows or of dirt.
     """
     bend = min(abs(curvature_1pm) / BENT_1PM, 2.0)
     return (
@@ -44,6 +46,7 @@ def grounds(belief: Belief, *, looks: float, heading_rad: float, curvature_1pm: 
         min((heading_rad / ASKEW_RAD) ** 2, 4.0),
         bend,
         bend * belief.by_edges,
+        belief.apart,
     )
 
 

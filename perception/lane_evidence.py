@@ -57,6 +57,7 @@ class LaneFit:
     right: BoundarySupport
     residual: float  # rms distance of the accepted points in their standard deviations
     by_edges: bool = False  # road edges instead of painted lines
+    apart: float = 0.0  # how unlike what lies beside the edges the road between them is [nats]
 
     @property
     def boundaries_seen(self) -> int:
@@ -105,6 +106,7 @@ class Belief:
     trust: float  # in one line or in road edges
     one_line: bool
     by_edges: bool
+    apart: float = 0.0  # of road edges: how unlike what lies beside them the road is [nats]
 
     @property
     def product(self) -> float:
@@ -141,6 +143,7 @@ def belief_of(
         trust=trust * settings.edge_trust if fit.by_edges else trust,
         one_line=len(seen) == 1,
         by_edges=fit.by_edges,
+        apart=fit.apart,
     )
 
 

@@ -134,7 +134,7 @@ def find_road(
     points, side = finder.points(sums, start)
     fitted = _fitted(points, side, prior, straight, start, finder.grid.camera, fit)
     found = _with_evidence(fitted, points, points, side, finder.grid, fit, evidence)
-    return replace(found, by_edges=True)
+    return replace(found, by_edges=True, apart=finder.apart(sums, found.state.mean))
 
 
 def _simpler(

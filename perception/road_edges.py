@@ -48,6 +48,7 @@ class EdgeSettings(Settings):
     window_m: Positive
     margin_m: Positive
     compare_m: Positive
+    beside_m: Positive
     full_contrast: Positive
     min_contrast: Positive
     sigma_m: Positive
@@ -236,6 +237,26 @@ class RoadEdgeFinder:
             ),
             side[on_right, 0],
         )
+
+    def apart(self, sums: Array32, lane: Array) -> float:
+        """How unlike what lies beside its edges the road ``lane`` is: mean likelihood within − beside them [nats].
+
+        On snow that was driven on, both are of road and of snow. 0 where nothing is seen beside the road.
+        """
+        settings, bands = self._settings, np.arange(len(self.grid.ahead_m))
+        half_m, wide_m = lane[WIDTH] / 2, settings.beside_m
+        places = np.array([half_m + wide_m, half_m, -half_m, -half_m - wide_m])[:, None]
+        x_m = self._camera.x_m + self.grid.ahead_m
+        y_m = parallel_curve(x_m, lane[PSI], lane[KAPPA], places - lane[E])
+        aside = y_m - self._camera.y_m - math.tan(self._camera.yaw_rad) * self.grid.ahead_m
+        place = ((self._left_m[0] - aside) / settings.step_m + 0.5).astype(np.intp)
+        place = np.minimum(np.maximum(place, 0), len(self._left_m) - 1)
+        seen = np.abs(aside) * self.grid.metre_px < self._camera.width_px / 2
+        left, road, right = np.diff(sums[bands, place], axis=0)
+        both = seen[:-1] & seen[1:]
+        beside = np.concatenate([left[both[0]], right[both[2]]]) / wide_m
+        within = road[both[1]] / lane[WIDTH]
+        return float(within.mean() - beside.mean()) if len(beside) and len(within) else 0.0
 
 
 class Shapes(NamedTuple):

@@ -41,6 +41,12 @@ def test_one_line_edges_a_first_look_and_a_lane_askew_are_believed_less():
     assert max(doubtful) < believed(SURE)
 
 
+def test_the_more_alike_both_sides_of_the_edges_are_the_less_they_are_believed():
+    edges = replace(SURE, by_edges=True)
+    chances = [believed(replace(edges, apart=nats)) for nats in (4.0, 2.0, 0.0, -1.0)]
+    assert (np.diff(chances) < 0).all()
+
+
 def test_left_and_right_are_alike():
     assert believed(SURE, heading_rad=0.1, curvature_1pm=0.03) == believed(
         SURE, heading_rad=-0.1, curvature_1pm=-0.03

@@ -39,6 +39,7 @@ class Case:
     grade: int  # 0 for clear and gap
     kind: Kind
     shape: Shape
+    snow_cover: float = 0.0  # the share of the road under trodden snow
 
     @property
     def key(self) -> str:
@@ -111,7 +112,7 @@ def moments(
         start_m = float(rng.uniform(8, 15))
         gap_m, speed_mps = (start_m + BEFORE_GAP_M, start_m + BEFORE_GAP_M + GAP_M), GAP_SPEED_MPS
         count = math.ceil((BEFORE_GAP_M + GAP_M + AFTER_GAP_M) / (speed_mps * PERIOD_S))
-    road = random_road(case.kind, case.shape, rng, gap_m=gap_m)
+    road = random_road(case.kind, case.shape, rng, gap_m=gap_m, snow_cover=case.snow_cover)
     if gap_m is None:
         bend_m = sum(segment.length_m for segment in road.settings.segments[:3])
         start_m = float(rng.uniform(8.0, min(bend_m, 120.0)))

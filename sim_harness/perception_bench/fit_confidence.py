@@ -1,10 +1,12 @@
 """Weights of the confidence of `cv`: `python -m sim_harness.perception_bench.fit_confidence --seed 1 --seed 2`.
 
 Prints the section ``confidence`` of config/perception.yaml. What is right is known on the clips of the harness set;
-pictures on their side or upside down, in which every lane is wrong, teach it doubt where nothing of the set would.
+pictures on their side or upside down, in which every lane is wrong, teach it doubt where nothing of the set would,
+and so do some of the clips once more under trodden snow, whose patches have edges of their own.
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -16,6 +18,7 @@ from perception.lane_confidence import ConfidenceSettings
 from perception.lane_cv import LaneCv
 from sim_harness.perception_bench.clips import GAP, Case, Moment, harness_set, moments
 from sim_harness.perception_bench.scores import TOLERANCE_RAD
+from sim_harness.roads.drawn import SNOW_COVER
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, Image, SteeringEstimate
@@ -24,8 +27,19 @@ from trepid.vehicle import Vehicle
 Array = NDArray[np.float64]
 TURNS: tuple[Callable[[Image], Image], ...] = (np.flipud, np.rot90, lambda image: np.rot90(image, 3))
 TURNED_EVERY, TURNED_FRAMES = 10, 14  # clips of which, and how many of their first frames
+SNOWED_UP_EVERY = 3  # cases of which are looked at once more
 RIDGE = 1.0  # standard deviation of a weight before anything is seen: about 1
 STEPS = 30
+
+
+def cases(seed: int) -> list[Case]:
+    """The harness set but for its gaps, and every third of it once more under trodden snow."""
+    shown = [case for case in harness_set(seed) if case.condition != GAP]
+    rng = np.random.default_rng((seed, 62))
+    snowed_up = [
+        replace(case, snow_cover=float(rng.uniform(*SNOW_COVER))) for case in shown[::SNOWED_UP_EVERY]
+    ]
+    return shown + snowed_up
 
 
 def samples(clips: Iterable[Iterable[Moment]], camera: Camera, vehicle: Vehicle) -> tuple[Array, Array]:
@@ -78,8 +92,8 @@ def fitted(rests_on: Array, right: Array) -> Array:
 def main(seed: Annotated[list[int], typer.Option(help="Of the harness sets.")]) -> None:
     """Draw the sets, look at them, fit, print."""
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    cases: list[Case] = [case for one in seed for case in harness_set(one) if case.condition != GAP]
-    rests_on, right = samples((moments(case, camera, vehicle) for case in cases), camera, vehicle)
+    clips = (moments(case, camera, vehicle) for one in seed for case in cases(one))
+    rests_on, right = samples(clips, camera, vehicle)
     print(f"# {len(right)} looks, {100 * right.mean():.1f} % right")
     for name, weight in zip(ConfidenceSettings.model_fields, fitted(rests_on, right), strict=True):
         print(f"  {name}: {weight:.2f}")

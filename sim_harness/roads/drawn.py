@@ -53,10 +53,19 @@ RADII_M = {
 
 
 def random_road(
-    kind: Kind, shape: Shape, rng: np.random.Generator, *, gap_m: tuple[float, float] | None = None
+    kind: Kind,
+    shape: Shape,
+    rng: np.random.Generator,
+    *,
+    gap_m: tuple[float, float] | None = None,
+    snow_cover: float = 0.0,
 ) -> Road:
-    """A road of this kind and shape; ``gap_m``: both lines of the lane are missing between these stations."""
+    """A road of this kind and shape; ``gap_m``: both lines of the lane are missing between these stations;
+    ``snow_cover``: the share of the carriageway under trodden snow.
+    """
     section = random_section(kind, rng)
+    if snow_cover > 0:
+        section = section.model_copy(update=snow_on(snow_cover))
     if gap_m is not None:
         gaps = {
             side: getattr(section, side).model_copy(update={"gaps_m": (gap_m,)}) for side in ("left", "right")
