@@ -33,7 +33,7 @@ from sim_harness.sweep.crew import crew
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, ROOT, load
 
-CASES = 40
+CASES = 60
 SUPERVISED = "supervised"
 AHEAD_S = 2.0
 UNDISTURBED_S = 3.0  # since the start or an intervention: a departure sooner belongs to the mishap before
