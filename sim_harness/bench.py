@@ -162,7 +162,6 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "renderer": bench_renderer,
     "lockstep": bench_lockstep,
     "plants": bench_plants,
-    "seeds": bench_seeds,
     "sweep": bench_sweep,
     "determinism": bench_determinism,
 }
@@ -175,6 +174,7 @@ SEEDED: dict[str, Callable[[int], dict[str, Any]]] = {
     **{f"fear-{name}": section for name, section in FEAR_SECTIONS.items()},
     "follow": bench_follow,
     **{f"follow-{name}": section for name, section in FOLLOW_SECTIONS.items()},
+    "seeds": bench_seeds,
 }
 """Benchmarks that draw lots."""
 PERCEPTION = "perception"  # has options of its own

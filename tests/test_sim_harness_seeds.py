@@ -3,7 +3,7 @@
 import pytest
 
 from sim_harness.scenarios.scenario import Scenario
-from sim_harness.sweep.seeds import SCORED, bench_seeds, score, scored_scenarios
+from sim_harness.sweep.seeds import SCORED, compared, score, scored_scenarios
 
 SHORT = Scenario(
     name="short", description="a test", tags=("nominal",), road="straight", duration_s=0.3, sight="truth",
@@ -29,12 +29,19 @@ def test_no_runs_have_no_score():
         score([])
 
 
-def test_the_same_seeds_score_the_same_and_fresh_ones_are_told():
-    same = bench_seeds([SHORT], known=(3, 4), fresh=(3, 4), jobs=1)
+def test_the_same_seeds_score_the_same():
+    same = compared([SHORT], (3, 4), (3, 4))
     assert (same["pass_rate_difference_points"], same["mean_error_difference_percent"]) == (0.0, 0.0)
-    drawn = bench_seeds([SHORT], known=(3,), jobs=1)
-    assert drawn["fresh_seeds"] != [3]
-    assert (drawn["known_runs"], drawn["fresh_runs"]) == (1, 1)
+    assert (same["known_runs"], same["fresh_runs"]) == (2, 2)
+
+
+def test_what_is_kept_is_not_run_again_and_counts_for_its_seeds(tmp_path):
+    out = tmp_path / "seeds.jsonl"
+    first = compared([SHORT], (3,), (4,), out=out)
+    lines = out.read_text()
+    assert lines.count("\n") == 2
+    assert compared([SHORT], (3,), (4,), out=out) == first
+    assert out.read_text() == lines
 
 
 def test_ordinary_driving_is_scored():

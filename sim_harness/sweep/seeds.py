@@ -7,15 +7,20 @@ differ by no more than 2 %.
 import math
 import os
 from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sim_harness.scenarios.sampling import fresh_seed
 from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios
+from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.plan import by_seeds, plan
-from sim_harness.sweep.sweep import workforce
+from sim_harness.sweep.progress import SweepProgress
+from sim_harness.sweep.store import Store
+from sim_harness.sweep.sweep import sweep, workforce
+from trepid.config import ROOT
 
 SCORED = {Tag.NOMINAL, Tag.CURVE, Tag.UNMARKED}
 KNOWN_SEEDS = (0, 1, 2, 3)
@@ -59,27 +64,37 @@ def scored_scenarios() -> list[Scenario]:
     return [scenario for scenario in list_scenarios() if SCORED & set(scenario.tags)]
 
 
-def bench_seeds(
-    scenarios: Sequence[Scenario] | None = None,
-    known: Sequence[int] = KNOWN_SEEDS,
-    fresh: Sequence[int] | None = None,
-    *,
-    jobs: int | None = None,
+def bench_seeds(seed: int) -> dict[str, Any]:
+    """Scores of the shipped scenarios with the known seeds, and with as many that are drawn by ``seed``.
+
+    Rows are kept in ``runs/seeds_<seed>.jsonl``: a bench that was stopped goes on from there.
+    """
+    fresh = np.random.default_rng(seed).integers(2**32, size=len(KNOWN_SEEDS)).tolist()
+    return compared(scored_scenarios(), KNOWN_SEEDS, fresh, out=ROOT / "runs" / f"seeds_{seed}.jsonl")
+
+
+def compared(
+    scenarios: Sequence[Scenario], known: Sequence[int], fresh: Sequence[int], *, out: Path | None = None
 ) -> dict[str, Any]:
-    """Scores with ``known`` and with ``fresh`` seeds, as many drawn now if not given, and their difference.
+    """Scores with ``known`` and with ``fresh`` seeds, and their difference; rows are kept in ``out``.
 
     Of the pass rates the difference is in points, with its standard error, below which it says nothing; of the
     errors in percent of what the known seeds gave.
     """
-    scenarios = scored_scenarios() if scenarios is None else scenarios
-    fresh = [fresh_seed() for _ in known] if fresh is None else fresh
-    jobs = jobs or os.cpu_count() or 1
-    work = workforce(jobs=jobs)
-    scores = [
-        score(outcome.row for _, outcome in work(plan(by_seeds(scenarios, seeds))))
-        for seeds in (known, fresh)
-    ]
-    of_known, of_fresh = scores
+    planned = plan(by_seeds(scenarios, [*known, *fresh]))
+    work = workforce(jobs=os.cpu_count() or 1)
+    with ExitStack() as stack:
+        store = stack.enter_context(Store(out, planned, code=fingerprint(), resume=True)) if out else None
+        left = [
+            case.scenario.duration_s for key, case in planned.items() if not store or key not in store.done
+        ]
+        progress = stack.enter_context(SweepProgress(len(left), sum(left)))
+        rows = []
+        for key, outcome in sweep(planned, work, store):
+            rows.append(outcome.row)
+            if outcome.code:  # run now, not stored before
+                progress.step(planned[key].scenario.duration_s)
+    of_known, of_fresh = (score(row for row in rows if row["seed"] in seeds) for seeds in (known, fresh))
     more = of_fresh.mean_max_lateral_error_m / of_known.mean_max_lateral_error_m - 1.0
     return {
         "scenarios": len(scenarios),
