@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -12,21 +13,32 @@ from sim_harness.sweep.processes import ONE_THREAD
 
 @contextmanager
 def crew(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Fresh processes for runs; an interrupt ends them at once."""
+    """Fresh processes for runs; an interrupt ends them at once, and so does the death of who started them."""
     os.environ.update(ONE_THREAD | os.environ)
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_deaf)
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_enlisted)
     try:
         yield pool
     except BaseException:
+        processes = list(
+            pool._processes.values()
+        )  # the pool forgets them when it shuts down, and cannot end a task
         pool.shutdown(wait=False, cancel_futures=True)
-        for process in list(pool._processes.values()):  # the pool has no public way to end a running task
+        for process in processes:
             process.kill()
         raise
     finally:
         pool.shutdown()
 
 
-def _deaf() -> None:
-    """Who started a worker ends it."""
+def _enlisted() -> None:
+    """Who started a worker ends it; when that one is killed nothing closes the pipes, so it is watched."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
+
+
+def _leave_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
