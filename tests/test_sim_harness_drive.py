@@ -6,12 +6,12 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
 
 import pytest
+from process_rig import alive, until
 
 from trepid.config import ROOT
 
@@ -98,18 +98,8 @@ def driving(speed_mps: float, *arguments: str) -> LiveDrive:
     pytest.skip("this machine stalls processes for so long that the car rightly stops for good")
 
 
-def running(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
 def all_gone(pids: list[int], *, patience_s: float) -> bool:
-    deadline_s = time.monotonic() + patience_s
-    while any(map(running, pids)) and time.monotonic() < deadline_s:
-        time.sleep(0.02)
-    return not any(map(running, pids))
+    return until(lambda: not any(map(alive, pids)), patience_s=patience_s)
 
 
 def test_a_short_drive_keeps_the_lane_with_every_process_alive() -> None:

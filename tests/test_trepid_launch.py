@@ -4,11 +4,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
+from process_rig import alive, until
 
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
@@ -17,24 +16,6 @@ from trepid.launch import Fleet, ProcessSpec
 from trepid.topics import DIAGNOSTICS
 
 CONTROLLER = ProcessSpec("controller", "controller.node")  # the lightest of our processes
-
-
-def alive(pid: int) -> bool:
-    """True while a process runs; a zombie does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
-def until(condition: Callable[[], object], *, patience_s: float) -> bool:
-    """Whether the condition came true in time."""
-    deadline_s = time.monotonic() + patience_s
-    while time.monotonic() < deadline_s:
-        if condition():
-            return True
-        time.sleep(0.02)
-    return False
 
 
 @pytest.fixture
