@@ -210,11 +210,7 @@ class RoadEdgeFinder:
         reach = int(settings.window_m / settings.step_m)
         span = int(settings.compare_m / settings.step_m)
         side = np.array([[1.0], [-1.0]])
-        x_m = self._camera.x_m + self.grid.ahead_m
-        y_m = parallel_curve(x_m, mean[PSI], mean[KAPPA], side * mean[WIDTH] / 2 - mean[E])
-        aside = y_m - self._camera.y_m - math.tan(self._camera.yaw_rad) * self.grid.ahead_m
-        middle = ((self._left_m[0] - aside) / settings.step_m + 0.5).astype(np.intp)
-        visible = np.abs(aside) * self.grid.metre_px < self._camera.width_px / 2
+        middle, visible = self._runs(mean, side * mean[WIDTH] / 2)
         window = np.arange(-reach, reach + 1)
         place = middle[:, :, None] + window
         place = np.minimum(np.maximum(place, span), len(self._left_m) - 1 - span)
@@ -243,20 +239,26 @@ class RoadEdgeFinder:
 
         On snow that was driven on, both are of road and of snow. 0 where nothing is seen beside the road.
         """
-        settings, bands = self._settings, np.arange(len(self.grid.ahead_m))
-        half_m, wide_m = lane[WIDTH] / 2, settings.beside_m
+        bands = np.arange(len(self.grid.ahead_m))
+        half_m, wide_m = lane[WIDTH] / 2, self._settings.beside_m
         places = np.array([half_m + wide_m, half_m, -half_m, -half_m - wide_m])[:, None]
-        x_m = self._camera.x_m + self.grid.ahead_m
-        y_m = parallel_curve(x_m, lane[PSI], lane[KAPPA], places - lane[E])
-        aside = y_m - self._camera.y_m - math.tan(self._camera.yaw_rad) * self.grid.ahead_m
-        place = ((self._left_m[0] - aside) / settings.step_m + 0.5).astype(np.intp)
+        place, seen = self._runs(lane, places)
         place = np.minimum(np.maximum(place, 0), len(self._left_m) - 1)
-        seen = np.abs(aside) * self.grid.metre_px < self._camera.width_px / 2
         left, road, right = np.diff(sums[bands, place], axis=0)
         both = seen[:-1] & seen[1:]
         beside = np.concatenate([left[both[0]], right[both[2]]]) / wide_m
         within = road[both[1]] / lane[WIDTH]
         return float(within.mean() - beside.mean()) if len(beside) and len(within) else 0.0
+
+    def _runs(self, lane: Array, left_m: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Where the curves ``left_m``, shape (n, 1), to the left of the middle of ``lane`` run: the place in each
+        band, which may lie beyond the grid, and whether that is in the picture, both (n, bands).
+        """
+        x_m = self._camera.x_m + self.grid.ahead_m
+        y_m = parallel_curve(x_m, lane[PSI], lane[KAPPA], left_m - lane[E])
+        aside = y_m - self._camera.y_m - math.tan(self._camera.yaw_rad) * self.grid.ahead_m
+        place = ((self._left_m[0] - aside) / self._settings.step_m + 0.5).astype(np.intp)
+        return place, np.abs(aside) * self.grid.metre_px < self._camera.width_px / 2
 
 
 class Shapes(NamedTuple):

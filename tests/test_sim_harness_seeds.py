@@ -29,8 +29,8 @@ def test_no_runs_have_no_score():
         score([])
 
 
-def test_the_same_seeds_score_the_same():
-    same = compared([SHORT], (3, 4), (3, 4))
+def test_the_same_seeds_score_the_same(tmp_path):
+    same = compared([SHORT], (3, 4), (3, 4), out=tmp_path / "seeds.jsonl")
     assert (same["pass_rate_difference_points"], same["mean_error_difference_percent"]) == (0.0, 0.0)
     assert (same["known_runs"], same["fresh_runs"]) == (2, 2)
 

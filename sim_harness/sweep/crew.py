@@ -20,9 +20,8 @@ def crew(workers: int) -> Iterator[ProcessPoolExecutor]:
     try:
         yield pool
     except BaseException:
-        processes = list(
-            pool._processes.values()
-        )  # the pool forgets them when it shuts down, and cannot end a task
+        # The pool has no public way to end a task, and forgets its processes when it shuts down.
+        processes = list(pool._processes.values())
         pool.shutdown(wait=False, cancel_futures=True)
         for process in processes:
             process.kill()

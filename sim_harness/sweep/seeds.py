@@ -7,7 +7,6 @@ differ by no more than 2 %.
 import math
 import os
 from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,9 +16,8 @@ import numpy as np
 from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.plan import by_seeds, plan
-from sim_harness.sweep.progress import SweepProgress
 from sim_harness.sweep.store import Store
-from sim_harness.sweep.sweep import sweep, workforce
+from sim_harness.sweep.sweep import watched, workforce
 from trepid.config import ROOT
 
 SCORED = {Tag.NOMINAL, Tag.CURVE, Tag.UNMARKED}
@@ -74,7 +72,7 @@ def bench_seeds(seed: int) -> dict[str, Any]:
 
 
 def compared(
-    scenarios: Sequence[Scenario], known: Sequence[int], fresh: Sequence[int], *, out: Path | None = None
+    scenarios: Sequence[Scenario], known: Sequence[int], fresh: Sequence[int], *, out: Path
 ) -> dict[str, Any]:
     """Scores with ``known`` and with ``fresh`` seeds, and their difference; rows are kept in ``out``.
 
@@ -83,17 +81,8 @@ def compared(
     """
     planned = plan(by_seeds(scenarios, [*known, *fresh]))
     work = workforce(jobs=os.cpu_count() or 1)
-    with ExitStack() as stack:
-        store = stack.enter_context(Store(out, planned, code=fingerprint(), resume=True)) if out else None
-        left = [
-            case.scenario.duration_s for key, case in planned.items() if not store or key not in store.done
-        ]
-        progress = stack.enter_context(SweepProgress(len(left), sum(left)))
-        rows = []
-        for key, outcome in sweep(planned, work, store):
-            rows.append(outcome.row)
-            if outcome.code:  # run now, not stored before
-                progress.step(planned[key].scenario.duration_s)
+    with Store(out, planned, code=fingerprint(), resume=True) as store:
+        rows = [outcome.row for _, outcome in watched(planned, work, store)]
     of_known, of_fresh = (score(row for row in rows if row["seed"] in seeds) for seeds in (known, fresh))
     more = of_fresh.mean_max_lateral_error_m / of_known.mean_max_lateral_error_m - 1.0
     return {

@@ -10,9 +10,8 @@ from sim_harness.report.page import Page
 from sim_harness.scenarios.sampling import Case
 from sim_harness.sweep.outcome import Outcome, Row, is_complete
 from sim_harness.sweep.plan import Plan
-from sim_harness.sweep.progress import SweepProgress
 from sim_harness.sweep.store import Store
-from sim_harness.sweep.sweep import ClusterLost, InPlanOrder, Workforce, sweep
+from sim_harness.sweep.sweep import ClusterLost, InPlanOrder, Workforce, watched
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 
@@ -63,16 +62,13 @@ class Show:
 
     def _run(self) -> None:
         done = self._store.done if self._store else {}
-        left = [case.scenario.duration_s for key, case in self._plan.items() if key not in done]
-        with SweepProgress(len(left), sum(left)) as progress:
-            for key, outcome in sweep(self._plan, self._work, self._store):
-                self._done += 1
-                self._failed += outcome.row["status"] == "failed"
-                self._hand_on(self._ordered.add(key, outcome))
-                if key not in done:
-                    line = f"[{self._done}/{len(self._plan)}] {one_line(outcome.row)}"
-                    print(line, file=sys.stderr if self._as_json else sys.stdout, flush=True)
-                    progress.step(self._plan[key].scenario.duration_s)
+        for key, outcome in watched(self._plan, self._work, self._store):
+            self._done += 1
+            self._failed += outcome.row["status"] == "failed"
+            self._hand_on(self._ordered.add(key, outcome))
+            if key not in done:
+                line = f"[{self._done}/{len(self._plan)}] {one_line(outcome.row)}"
+                print(line, file=sys.stderr if self._as_json else sys.stdout, flush=True)
 
     def _hand_on(self, outcomes: Iterable[tuple[str, Outcome]]) -> None:
         """Give outcomes, in the order of the plan, to who wants them all."""

@@ -11,6 +11,7 @@ from sim_harness.lockstep.recording import recording
 from sim_harness.sweep.outcome import Outcome, perform
 from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.processes import in_this_process, on_processes
+from sim_harness.sweep.progress import SweepProgress
 from sim_harness.sweep.store import Store
 from trepid.config import InputError
 
@@ -51,6 +52,17 @@ def sweep(plan: Plan, work: Workforce, store: Store | None = None) -> Iterator[t
             if store:
                 store.add(key, outcome.row)
             yield key, outcome
+
+
+def watched(plan: Plan, work: Workforce, store: Store | None = None) -> Iterator[tuple[str, Outcome]]:
+    """``sweep``, which tells on standard error how far it is with what the store does not have."""
+    done = store.done if store else {}
+    left_s = [case.scenario.duration_s for key, case in plan.items() if key not in done]
+    with SweepProgress(len(left_s), sum(left_s)) as progress:
+        for key, outcome in sweep(plan, work, store):
+            yield key, outcome
+            if key not in done:
+                progress.step(plan[key].scenario.duration_s)
 
 
 def saving(
