@@ -29,7 +29,8 @@ class FollowSettings(Settings):
     max_lateral_m: Positive  # farther to the side it drives on another road
     time_gap_s: Annotated[float, Field(ge=1.5)]
     standstill_gap_m: Positive
-    decel_mps2: Positive  # comfortable braking behind a slower lead
+    decel_mps2: Positive  # comfortable braking behind a slower lead, and of a comfort stop
+    touch_m: Positive  # nearer than that is a collision
     hold_s: Positive  # a lead that is no longer seen is taken to be there for so long
     max_follow_s: Positive  # nobody is followed for longer without a sight of the road
     least_ahead_m: Positive  # of trail, to drive on it
@@ -231,6 +232,18 @@ class Follower:
         free_m = max(0.0, ahead.distance_m - self._settings.standstill_gap_m)
         braking_mps = math.sqrt(ahead.speed_mps**2 + 2 * self._settings.decel_mps2 * free_m)
         return min(free_m / self._settings.time_gap_s, braking_mps)
+
+    def is_near(self, lead: Lead, motion: Motion | None) -> bool:
+        """Whether a comfort stop would end too near to ``lead``, should that stop as gently.
+
+        Two who brake alike come nearer to each other by (v² - v_lead²)/(2·a).
+        """
+        ahead = self._held if lead.distance_m is None else lead
+        sure = (ahead.confidence or 0.0) >= self._settings.min_confidence
+        if ahead.distance_m is None or motion is None or not sure:
+            return False
+        nearer_m = (motion.speed_mps**2 - ahead.speed_mps**2) / (2 * self._settings.decel_mps2)
+        return nearer_m > max(0.0, ahead.distance_m - self._settings.touch_m)
 
 
 class Gate(NamedTuple):

@@ -21,6 +21,7 @@ class ModeSettings(Settings):
     comfort_stop_age_s: Positive  # no frame for this long: comfort stop
     emergency_stop_age_s: Positive  # ... emergency stop
     blind_s: Positive  # moving without any path for this long: emergency stop
+    near_s: Seconds  # a vehicle ahead too near for the comfort stop going on, for this long: emergency stop
     guess_s: Positive  # ... in terror, and with no estimator believed by more than ...
     guess_confidence: Annotated[float, Field(gt=0, le=1)]
     standstill_mps: Positive
@@ -39,6 +40,7 @@ class Situation(NamedTuple):
     fault: str  # the cause of an immediate stop: a lost process, stale data, the driver; "" for none
     lost: bool  # a process is lost
     blind: bool  # moving, and nothing has shown where to for too long, or frames have stopped coming
+    near: bool  # what is ahead is too near for the brake of a comfort stop
     terrified: bool  # fear has asked for STOP for long enough
     lasting: bool  # one cause has frightened for longer than it may
     afraid: bool  # fear asks for CAUTION or more
@@ -124,10 +126,14 @@ def _entered(mode: Mode, now: Situation, final_causes: frozenset[str]) -> ModeSt
 
 
 def _tightened(state: ModeState, now: Situation) -> ModeState:
-    """The stop with what has come on top of it: blindness makes it an emergency, a lost process final.
+    """The stop with what has come on top of it: a vehicle near ahead makes it an emergency, blindness a final one,
+    a lost process makes it final.
 
     Processes that come and go before the first drive are only starting.
     """
-    if now.blind and state.stop is not Stop.EMERGENCY:
+    if now.blind and not (state.final and state.stop is Stop.EMERGENCY):
         return ModeState(Mode.STOP, Stop.EMERGENCY, now.fault or now.cause, final=True)
-    return state._replace(final=state.final or (now.lost and state.cause != STARTING))
+    return state._replace(
+        stop=Stop.EMERGENCY if now.near else state.stop,
+        final=state.final or (now.lost and state.cause != STARTING),
+    )

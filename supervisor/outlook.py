@@ -28,6 +28,7 @@ class Outlook(NamedTuple):
     trust: dict[str, float]  # of the rules in every estimator, 0..1
     fused: Fused
     trail: Following  # of the vehicle ahead
+    near: bool  # it is too near for a comfort stop
     asked: Features  # what the fear rules may ask about
 
     @property
@@ -120,7 +121,10 @@ class Observer:
         )
         road = fused.path if fused.sources else None
         trail = self._follower.step(ahead, road, moving, now_s=now_s)
-        return Outlook(seen, ahead, motion, moving, state_age_s, statistics_age_s, trust, fused, trail, asked)
+        near = self._follower.is_near(ahead, moving)
+        return Outlook(
+            seen, ahead, motion, moving, state_age_s, statistics_age_s, trust, fused, trail, near, asked
+        )
 
 
 def unknown_features(names: tuple[str, ...]) -> list[str]:

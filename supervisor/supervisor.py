@@ -68,7 +68,7 @@ class Supervisor:
             state_s=settings.sightings.state_fresh_s,
         )
         self._terrified, self._calm, self._ready, self._drivable = Held(), Held(), Held(), Held()
-        self._road_back, self._pathless, self._lost = Held(), Held(), Held()
+        self._road_back, self._pathless, self._lost, self._near = Held(), Held(), Held(), Held()
         self._patience = Patience(settings.modes.stop_after_s)
         self._last_patience = Patience(settings.modes.emergency_after_s)
         self._speed = SpeedFactor(rules, settings.cruise_speed_mps)
@@ -152,6 +152,7 @@ class Supervisor:
                 now_s=now_s,
             )
             and not driver,
+            near=self._near.lasts(outlook.near and not driver, modes.near_s, now_s=now_s),
             terrified=self._terrified.lasts(wanted is Mode.STOP, hysteresis.stop_after_s, now_s=now_s),
             lasting=self._patience.ends(borne, now_s=now_s),
             afraid=afraid,

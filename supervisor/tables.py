@@ -131,6 +131,7 @@ def _waits(modes: ModeSettings, rules: FearRules) -> list[tuple[str, str]]:
         ("no frame: comfort stop", f"{modes.comfort_stop_age_s:g} s"),
         ("no frame on the move: emergency stop", f"{modes.emergency_stop_age_s:g} s"),
         ("no path at all on the move: emergency stop", f"{modes.blind_s:g} s"),
+        ("too near a vehicle ahead for the comfort stop going on: emergency stop", f"{modes.near_s:g} s"),
         (
             f"fear is {LEVELS[-1]} on the move and no estimator is believed by {modes.guess_confidence:g}:"
             " emergency stop",

@@ -19,6 +19,7 @@ VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 FRONT_M = VEHICLE.wheelbase_m + VEHICLE.front_overhang_m
 STEP_S = 0.04
 STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
+TENTHS = st.integers(0, 120).map(lambda n: n / 10)
 
 
 def judged(message: LeadVehicle | None, *, speed_mps: float = 8.0, now_s: float = 0.0) -> Lead:
@@ -222,3 +223,24 @@ def test_the_mirrored_lead_gives_the_mirrored_path() -> None:
     assert left is not None
     assert right is not None
     assert left.lane == pytest.approx(tuple(-value for value in right.lane), abs=1e-9)
+
+
+@given(TENTHS, TENTHS, st.floats(0, 40))
+def test_near_is_where_two_who_brake_gently_would_end_nearer_than_a_touch(
+    own_mps: float, lead_mps: float, gap_m: float
+) -> None:
+    follow = SETTINGS.follow
+    end_m = gap_m + (lead_mps**2 - own_mps**2) / (2 * follow.decel_mps2)
+    if abs(end_m - follow.touch_m) < 1e-6:
+        return
+    ahead = Lead(confidence=0.9, distance_m=gap_m, speed_mps=lead_mps)
+    near = Follower(follow, VEHICLE).is_near(ahead, Motion(own_mps, 0.0))
+    assert near == (end_m < follow.touch_m and own_mps > lead_mps)
+
+
+def test_nobody_ahead_or_a_doubtful_vehicle_is_not_near() -> None:
+    follower, fast = Follower(SETTINGS.follow, VEHICLE), Motion(8.0, 0.0)
+    assert not follower.is_near(judged(None), fast)
+    assert not follower.is_near(Lead(confidence=0.4, distance_m=2.0), fast)
+    assert not follower.is_near(Lead(confidence=0.9, distance_m=2.0), None)
+    assert follower.is_near(Lead(confidence=0.9, distance_m=2.0), fast)

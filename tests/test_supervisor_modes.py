@@ -12,6 +12,7 @@ FINE = Situation(
     fault="",
     lost=False,
     blind=False,
+    near=False,
     terrified=False,
     lasting=False,
     afraid=False,
@@ -78,10 +79,11 @@ def test_a_stop_is_left_only_at_standstill_and_never_grows_softer(situations: li
             assert now.standstill
             assert now.ready
             assert not before.final
-        if before.stop is Stop.EMERGENCY or before.final:
-            assert (state.mode, state.stop, state.final) == (Mode.STOP, before.stop, True) or (
-                now.blind and state.stop is Stop.EMERGENCY
-            )
+        if before.final:
+            assert state.final
+            assert state.mode is Mode.STOP
+        if before.stop is Stop.EMERGENCY and state.mode is Mode.STOP:
+            assert state.stop is Stop.EMERGENCY
         assert (state.mode is Mode.STOP) == (state.stop is not Stop.NONE)
 
 
@@ -104,6 +106,16 @@ def test_processes_may_come_and_go_before_the_first_drive() -> None:
 def test_going_blind_while_moving_is_an_emergency_and_final() -> None:
     stopped = after(KEEPING, FINE._replace(path=False, blind=True))
     assert (stopped.mode, stopped.stop, stopped.final) == (Mode.STOP, Stop.EMERGENCY, True)
+
+
+def test_a_stop_brakes_hard_for_a_vehicle_too_near_for_a_comfort_stop_and_is_not_final() -> None:
+    stopping = after(KEEPING, FINE._replace(path=False))
+    assert stopping.stop is Stop.COMFORT
+    tightened = after(stopping, FINE._replace(near=True))
+    assert (tightened.mode, tightened.stop, tightened.final) == (Mode.STOP, Stop.EMERGENCY, False)
+    assert after(KEEPING, FINE._replace(near=True)) == KEEPING, (
+        "who drives on brakes harder than a comfort stop"
+    )
 
 
 def test_a_frozen_camera_ends_the_run_because_it_looks_healthy_at_standstill() -> None:

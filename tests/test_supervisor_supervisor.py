@@ -366,6 +366,21 @@ def test_a_lead_that_is_lost_while_following_stops_the_car() -> None:
     assert drive.last(0.6, lead=None, **blind).mode is Mode.STOP
 
 
+def test_a_comfort_stop_grows_hard_for_a_vehicle_that_comes_into_sight_too_near_for_it() -> None:
+    drive = Drive.under_way()
+    blind: dict[str, Any] = {"cv": NO_LANE, "cnn": NO_LANE}
+    assert drive.last(0.6, **blind).stop is Stop.COMFORT
+    near = replace(LEAD, distance_m=15.0, speed_mps=3.0)
+    assert drive.frame(lead=near, **blind).stop is Stop.COMFORT, "one frame may be a ghost"
+    assert drive.last(0.16, lead=near, **blind).stop is Stop.EMERGENCY
+
+
+def test_a_vehicle_too_near_for_a_comfort_stop_is_left_to_a_driver_who_drives() -> None:
+    near = replace(LEAD, distance_m=6.0, speed_mps=3.0)
+    driven = Drive.under_way().last(0.2, lead=near, state=replace(STATE, driver_override=True))
+    assert driven.stop is Stop.COMFORT
+
+
 def test_behind_a_lead_the_time_gap_is_kept_on_a_clean_road() -> None:
     drive = Drive.under_way()
     near = drive.frame(lead=replace(LEAD, distance_m=11.0, speed_mps=8.0))

@@ -46,7 +46,7 @@ def case(seed: int, *, rendered: bool) -> tuple[Kind, Scenario]:
             road="straight",
             segments=random_segments(rng),
             start={"speed_mps": speed_mps},
-            speed_mps=CRUISE_MPS,
+            speed_mps=speed_mps if kind is Kind.CUT_IN else CRUISE_MPS,
             sight=Sight.CAMERA if rendered else Sight.TRUTH,
             lead_sensor=LeadSensor.CAMERA if rendered else LeadSensor.MODELLED,
             traffic=traffic,
@@ -83,9 +83,11 @@ def _traffic(
     others: list[dict[str, Any]] = []
     if kind is Kind.CUT_IN:
         cutting = {"kind": "change_lane", "at_s": doing_s, "to_lane": 0, "over_s": over_s}
+        # Ahead of us and drawing away, we no faster than the leader: a cut-in beside us no brake can avoid.
         others = [
-            {"gap_m": gap_m / 2 - 4.0, "lane": 1, "speed_mps": speed_mps + 0.5, "phases": [cutting]},
+            {"gap_m": gap_m / 2 - 2.5, "lane": 1, "speed_mps": speed_mps + 0.5, "phases": [cutting]},
         ]
+        leader["gap_m"] = gap_m + 3.0
     return ({**leader, "phases": phases}, *others)
 
 
