@@ -10,6 +10,7 @@ from supervisor.fusion import Path
 from supervisor.hand_over import LEAD
 from supervisor.lane import STANDING, Lane, Motion
 from supervisor.sightings import SightingSettings, age_s, within
+from supervisor.timers import Held
 from supervisor.trail import Trail, TrailSettings, fit, max_curvature_rate_1pm2
 from trepid.config import Settings
 from trepid.messages import LeadVehicle
@@ -19,6 +20,7 @@ Positive = Annotated[float, Field(gt=0)]
 STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
 LED_BACK_S = 2.0  # the trail is driven for a while after the road is back (modes.road_back_s)
 SAME_LEAD_M, AT_ONCE_S = 1.0, 0.15  # from one sighting to the next; else it is another vehicle
+ASTRAY_S = 0.2  # who is off the trail for so long has left the road; less is an error of the detector
 
 
 class FollowSettings(Settings):
@@ -115,7 +117,12 @@ class Follower:
         self._seen_s = -math.inf  # when there was a lead on the trail
         self._speed_mps = 0.0  # the greater of ours and the lead's
         self._led_s = -math.inf  # when the road was not seen
-        self._lead_m = math.inf  # how far ahead it was at the last step
+        self._lead_m, self._lead_s = (
+            math.inf,
+            -math.inf,
+        )  # where the leader was last seen, on the trail or off it
+        self._astray = Held()  # it is off it
+        self._left = False  # it has left the road
         self._points = self._trail.seen()
         self._ahead_m = -math.inf  # how far the trail reaches
 
@@ -158,13 +165,17 @@ class Follower:
             return
         ahead_m = self._front_m + lead.distance_m
         where = self._lane_gate(ahead_m) if seen else self._trail_gate(ahead_m)
-        same = abs(ahead_m - self._lead_m) < SAME_LEAD_M and now_s - self._seen_s < AT_ONCE_S
-        self._lead_m = ahead_m
-        if abs(lead.lateral_m - where.y_m) <= where.within_m:
+        ours = abs(ahead_m - self._lead_m) < SAME_LEAD_M and now_s - self._lead_s < AT_ONCE_S
+        gone = self._left and ours and not seen
+        astray = gone or abs(lead.lateral_m - where.y_m) > where.within_m
+        if not astray:
             self._trail.add(ahead_m, lead.lateral_m)
-            self._seen_s = now_s
-        elif same:  # the leader goes astray, and has for a while
+            self._seen_s, self._left = now_s, False
+        if ours or not astray:  # who is neither comes in from aside, and is not followed yet
+            self._lead_m, self._lead_s = ahead_m, now_s
+        if self._astray.lasts(ours and astray, ASTRAY_S, now_s=now_s) and not self._left:
             self._trail.forget_beyond(ahead_m - self._lag_m)
+            self._left = True
         self._points = self._trail.seen()
 
     @property

@@ -187,6 +187,34 @@ def test_a_vehicle_that_cuts_in_is_followed_once_it_drives_where_the_road_is() -
     assert follow(follower, [(FRONT_M + 8.0, 0.05)] * 10, speed_mps=5.0, first=150).usable
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_vehicle_that_comes_in_from_aside_does_not_bend_the_trail(side: float) -> None:
+    follower = follower_on_a_straight()
+    comes_in = [(FRONT_M + 8.0, side * (3.0 - place)) for _, place in leaving(1.0)][:70]
+    for n, place in enumerate(comes_in, start=100):
+        answer = follow(follower, [place], speed_mps=2.0, lead_mps=2.0, first=n)
+        assert answer.path is not None
+        assert max(abs(answer.path.lane.y_m(x_m)) for x_m in (0.0, 4.0, 8.0)) < 0.1
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_leader_that_has_left_the_road_is_not_taken_back_until_the_road_is_seen(side: float) -> None:
+    follower = follower_on_a_straight(speed_mps=3.0)
+    gone = [(FRONT_M + 12.0, side * 0.05 * n) for n in range(60)] + [(FRONT_M + 12.0, side * 1.0)] * 40
+    assert not follow(follower, gone, speed_mps=3.0, first=100).usable
+    there = (FRONT_M + 12.0, side * 0.3)
+    assert follow(follower, [there] * 5, speed_mps=3.0, first=200, road=STRAIGHT).usable
+
+
+def test_one_wild_sighting_costs_nothing_of_the_trail() -> None:
+    follower, calm = follower_on_a_straight(), follower_on_a_straight()
+    straight = (FRONT_M + 12.0, 0.0)
+    wild = follow(follower, [(FRONT_M + 12.0, 2.0), straight], speed_mps=5.0, first=100)
+    assert wild.usable
+    assert wild.path is not None
+    assert wild.path.lookahead_m == follow(calm, [straight] * 2, speed_mps=5.0, first=100).path.lookahead_m  # type: ignore[union-attr]
+
+
 def test_a_leader_that_stops_is_stopped_behind_on_its_trail() -> None:
     follower = follower_on_a_straight()
     answer = follow(follower, [(FRONT_M + 3.5, 0.0)] * 100, speed_mps=0.0, first=100)

@@ -13,7 +13,9 @@ from trepid.messages import Mode
 
 HAND_OVER_S = 0.2  # after a change of path in which the wheel may not jump
 MOVING_MPS = 0.5
-AHEAD_OF_AXLE_M = 1.0  # our axle must have come so near to a point of the path to be compared with it
+JOINED_S = (
+    1.5  # the car is led over to another path for so long: follow.hand_over_s in config/supervisor.yaml
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +26,10 @@ class Episode:
     kind: str
     collisions: int
     departures: int
-    path_error_m: float | None  # greatest distance of our axle from the leader's path while it was followed
+    path_error_m: (
+        float | None
+    )  # greatest distance of our axle from the leader's path while it was followed, ...
+    joined_error_m: float | None  # ... and that once the car was led over to it
     road_error_m: float  # greatest distance from the middle of the lane
     hand_over_step_deg: (
         float | None
@@ -41,7 +46,9 @@ class Watcher:
 
     leaders: list[list[tuple[float, float]]] = field(default_factory=list)
     own: list[tuple[float, float]] = field(default_factory=list)
-    on_trail: list[bool] = field(default_factory=list)
+    on_trail_s: list[float] = field(
+        default_factory=list
+    )  # for how long the trail has been driven; NaN: it is not
     wheel_rad: list[float] = field(default_factory=list)
     source: list[str] = field(default_factory=list)
     t_s: list[float] = field(default_factory=list)
@@ -61,10 +68,12 @@ class Watcher:
         if now.now_s < 0 or decision is None or now.command is None:
             return
         speed_mps = truth.speed_mps or 0.0
-        on_trail = decision.path_source == LEAD and speed_mps > MOVING_MPS
+        led = decision.path_source == LEAD and speed_mps > MOVING_MPS
+        before_s = self.on_trail_s[-1] if self.on_trail_s else math.nan
         self.t_s.append(now.now_s)
         self.own.append((truth.x_m, truth.y_m))
-        self.on_trail.append(on_trail)
+        since_s = 0.0 if math.isnan(before_s) else before_s + now.now_s - self.t_s[-2]
+        self.on_trail_s.append(since_s if led else math.nan)
         self.wheel_rad.append(now.command.road_wheel_angle_rad)
         self.source.append(decision.path_source)
         self.road_m.append(truth.lateral_offset_m)
@@ -86,7 +95,8 @@ def drive(seed: int, *, rendered: bool) -> Episode:
         kind=str(kind),
         collisions=result.metrics.collisions,
         departures=result.metrics.departures,
-        path_error_m=_path_error_m(watcher, kind),
+        path_error_m=_path_error_m(watcher, kind, after_s=0.0),
+        joined_error_m=_path_error_m(watcher, kind, after_s=JOINED_S),
         road_error_m=float(np.abs(watcher.road_m).max()),
         hand_over_step_deg=max(steps_deg, default=None),
         hand_over_turn_deg=max(turns_deg, default=None),
@@ -96,14 +106,16 @@ def drive(seed: int, *, rendered: bool) -> Episode:
     )
 
 
-def _path_error_m(watcher: Watcher, kind: Kind) -> float | None:
-    """Greatest distance from the nearest path that a vehicle ahead drove; None when nobody was followed.
+def _path_error_m(watcher: Watcher, kind: Kind, *, after_s: float) -> float | None:
+    """Greatest distance from the nearest path of a vehicle ahead, from ``after_s`` on the trail on.
+
+    None when nobody was followed for so long.
 
     Of a leader that leaves the road only its way on the road counts: it must not be followed farther.
     """
     if kind is Kind.LEAVES_ROAD:
         return None
-    own = np.array(watcher.own)[np.array(watcher.on_trail, bool)][::4]
+    own = np.array(watcher.own)[np.array(watcher.on_trail_s) >= after_s][::4]
     if not len(own):
         return None
     nearest = [distances_m(own, np.array(path)[::5]) for path in watcher.leaders]
