@@ -107,6 +107,7 @@ def test_a_summary_counts_what_misses_the_target() -> None:
         collisions=0,
         departures=0,
         path_error_m=0.1,
+        joined_error_m=0.05,
         road_error_m=0.1,
         hand_over_step_deg=0.2,
         hand_over_turn_deg=0.3,

@@ -12,15 +12,8 @@ Every drive is one line in ``runs/supervision_<seed>.jsonl``; what is there is n
 stopped goes on, and one with more cases adds to it.
 """
 
-import json
-import os
-import sys
-import time
-from collections.abc import Iterator
-from concurrent.futures import as_completed
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +22,8 @@ from sim_harness.fear_bench.drives import Case, cases
 from sim_harness.lockstep.closed_loop import Result, build_parts, run
 from sim_harness.lockstep.fear_scores import afraid, auroc, fear_and_departure
 from sim_harness.lockstep.trace import Trace
-from sim_harness.sweep.crew import crew
+from sim_harness.sweep.kept import kept_rows
+from sim_harness.sweep.outcome import Row
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, ROOT, load
 
@@ -40,7 +34,6 @@ UNDISTURBED_S = 3.0  # since the start or an intervention: a departure sooner be
 LOOKING_BACK_S = 5.0
 TARGETS = "targets: supervised 0; flagged 95 %; AUROC 0.97; nuisance 1 per 10 km; speed loss 5 %"
 FEAR_BINS = np.linspace(0.0, 1.0, 101)
-Row = dict[str, Any]
 
 
 def drivers(case: Case) -> list[str]:
@@ -64,7 +57,6 @@ def driven_row(case: Case, driver: str) -> Row:
     result = drive(case, None if driver == SUPERVISED else Driver(driver))
     fear, left = fear_and_departure(result.trace)
     return {
-        "case": case.key,
         "road": case.scenario.description,
         "driver": driver,
         "clean": case.clean,
@@ -96,36 +88,17 @@ def warnings_s(trace: Trace) -> list[float]:
 
 def bench_supervision(seed: int) -> Row:
     """The table of drivers, and the figures of fear."""
-    path = ROOT / "runs" / f"supervision_{seed}.jsonl"
-    return summary(list(driven(seed, CASES, path)))
+    return summary(driven(seed, CASES, ROOT / "runs" / f"supervision_{seed}.jsonl"))
 
 
-def driven(seed: int, count: int, path: Path) -> Iterator[Row]:
-    """Every drive, those that ``path`` holds from there; on all cores, progress goes to stderr."""
-    path.parent.mkdir(exist_ok=True)
-    lines = path.read_text().splitlines() if path.exists() else []
-    known = {(r["case"], r["driver"]): r for r in map(json.loads, lines)}
-    todo = [(case, str(name)) for case in cases(seed, count) for name in drivers(case)]
-    left = [(case, name) for case, name in todo if (case.key, name) not in known]
-    began_s = time.monotonic()
-    for done, row in enumerate(_on_all_cores(left), 1):
-        known[row["case"], row["driver"]] = row
-        with path.open("a") as file:
-            file.write(json.dumps(row) + "\n")
-        rest_s = (time.monotonic() - began_s) / done * (len(left) - done)
-        print(
-            f"{row['road']}, {row['driver']}: {row['departures']} departures; {rest_s / 60:.0f} min left",
-            file=sys.stderr,
-        )
-    for case, name in todo:
-        yield known[case.key, name]
+def driven(seed: int, count: int, path: Path) -> list[Row]:
+    """Every drive, those that ``path`` holds from there."""
+    tasks = {f"{case.key} {name}": (case, str(name)) for case in cases(seed, count) for name in drivers(case)}
+    return kept_rows(path, _driven_row, tasks)
 
 
-def _on_all_cores(left: list[tuple[Case, str]]) -> Iterator[Row]:
-    """The rows of what is left to drive, as they come."""
-    with crew(os.cpu_count() or 1) as workers:
-        for future in as_completed([workers.submit(driven_row, case, name) for case, name in left]):
-            yield future.result()
+def _driven_row(task: tuple[Case, str]) -> Row:
+    return driven_row(*task)
 
 
 def summary(rows: list[Row]) -> Row:

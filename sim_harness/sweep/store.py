@@ -7,7 +7,7 @@ only complete when they are closed, is made from them at the end.
 import fcntl
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +21,7 @@ CASE, CODE = (
     "case",
     "code",
 )  # what a stored line has besides the row: the key, and the fingerprint of who ran it
+SWEPT = frozenset({CASE, CODE, "trace_sha256"})
 RUNS = "runs"  # name of the files in a folder
 
 
@@ -80,10 +81,10 @@ class Store:
         self.close()
 
 
-def read_lines(path: Path) -> dict[str, Row]:
+def read_lines(path: Path, needed: Set[str] = SWEPT) -> dict[str, Row]:
     """The stored rows by case, the last of each, without a line that was half written when its writer died.
 
-    Cuts that half line off. Raises InputError where a whole line is no stored row.
+    Cuts that half line off. Raises InputError where a whole line is no row with all that is ``needed``.
     """
     data = path.read_bytes()
     whole = data.rfind(b"\n") + 1
@@ -92,7 +93,7 @@ def read_lines(path: Path) -> dict[str, Row]:
     rows = {}
     for number, line in enumerate(data[:whole].splitlines(), start=1):
         row = _parsed(line)
-        if row is None:
+        if row is None or not row.keys() >= needed:
             raise InputError(f"{path}:{number}: not a result of a sweep")
         rows[row[CASE]] = row
     return rows
@@ -103,7 +104,7 @@ def _parsed(line: bytes) -> Row | None:
         row: Any = json.loads(line)
     except ValueError:
         return None
-    return row if isinstance(row, dict) and row.keys() >= {CASE, CODE, "trace_sha256"} else None
+    return row if isinstance(row, dict) else None
 
 
 def _row(stored: Mapping[str, Any]) -> Row:
