@@ -8,6 +8,8 @@ import sys
 import pytest
 from process_rig import alive, until
 
+from sim_harness.sweep.crew import crew
+
 PATIENCE_S = 60.0
 SCRIPT = """
 import os, sys, time
@@ -41,3 +43,10 @@ def test_workers_end_with_who_started_them(tmp_path, ending):
     finally:
         if starter.poll() is None:
             os.killpg(starter.pid, signal.SIGKILL)
+
+
+def test_workers_calculate_on_one_thread_and_who_started_them_as_before(monkeypatch):
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    with crew(1) as workers:
+        assert workers.submit(os.getenv, "OMP_NUM_THREADS").result() == "1"
+    assert "OMP_NUM_THREADS" not in os.environ

@@ -14,7 +14,8 @@ from sim_harness.sweep.processes import ONE_THREAD
 @contextmanager
 def crew(workers: int) -> Iterator[ProcessPoolExecutor]:
     """Fresh processes for runs; an interrupt ends them at once, and so does the death of who started them."""
-    os.environ.update(ONE_THREAD | os.environ)
+    before = dict(os.environ)
+    os.environ.update(ONE_THREAD | before)
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_enlisted)
     try:
@@ -28,6 +29,8 @@ def crew(workers: int) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown()
+        for name in ONE_THREAD.keys() - before:  # of the workers only
+            del os.environ[name]
 
 
 def _enlisted() -> None:

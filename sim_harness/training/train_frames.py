@@ -4,10 +4,8 @@ import math
 import os
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import cv2
@@ -17,6 +15,7 @@ from perception.canonical import CanonicalView, Lane
 from perception.scores import Labelled
 from sim_harness.render.renderer import Renderer
 from sim_harness.roads.road import load_road
+from sim_harness.sweep.crew import crew
 from sim_harness.training.dataset import LaneSample, road_samples
 from trepid.camera import Camera
 
@@ -68,8 +67,7 @@ def random_frames(
     roads = range(first, first + math.ceil(count / shot.frames_per_road))
     images = np.empty((count, shot.canonical.height_px, shot.canonical.width_px, 3), np.uint8)
     labels, done, started_s = [], 0, time.monotonic()
-    # Spawned, not forked: a fork while OpenCV's or ONNX Runtime's threads hold a lock waits for ever.
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as workers:
+    with crew(os.cpu_count() or 1) as workers:
         for number, path in enumerate(workers.map(partial(_road, shot, folder), roads), start=1):
             with np.load(path) as part:
                 taken = min(shot.frames_per_road, count - done)

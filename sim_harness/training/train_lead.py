@@ -7,11 +7,9 @@ import os
 import sys
 import time
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +19,7 @@ import typer
 
 from perception.lead_detection import Platt, Record, peaks, session
 from perception.lead_scores import Match, calibrate, match, scores
+from sim_harness.sweep.crew import crew
 from sim_harness.training.lead_frames import lead_samples
 from sim_harness.training.train import SHIPPED, VERSIONS
 from trepid.camera import Camera
@@ -83,8 +82,7 @@ def _rendered(split: str, count: int, seed: int, folder: Path, *, resume: bool) 
     folder.mkdir(parents=True, exist_ok=True)
     first = seed * ROADS_PER_SEED + FIRST_ROAD[split]
     paths, started_s = [], time.monotonic()
-    # Spawned, not forked: a fork while OpenCV's threads hold a lock waits for ever.
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as workers:
+    with crew(os.cpu_count() or 1) as workers:
         road = partial(_road, folder, resume=resume)
         for number, path in enumerate(workers.map(road, range(first, first + count)), start=1):
             paths.append(path)
