@@ -90,9 +90,7 @@ class Following(NamedTuple):
     """What the leader is good for."""
 
     usable: bool  # one may drive behind it
-    path: (
-        Path | None
-    )  # its trail from here, be it only to stop on; None also where the road has long been seen
+    path: Path | None  # its trail from here, if only to stop on; None also where the road has long been seen
 
 
 NO_LEADER = Following(usable=False, path=None)
@@ -117,10 +115,8 @@ class Follower:
         self._seen_s = -math.inf  # when there was a lead on the trail
         self._speed_mps = 0.0  # the greater of ours and the lead's
         self._led_s = -math.inf  # when the road was not seen
-        self._lead_m, self._lead_s = (
-            math.inf,
-            -math.inf,
-        )  # where the leader was last seen, on the trail or off it
+        self._lead_m = math.inf  # how far ahead the leader was last seen, on the trail or off it, ...
+        self._lead_s = -math.inf  # ... and when
         self._astray = Held()  # it is off it
         self._left = False  # it has left the road
         self._points = self._trail.seen()

@@ -52,8 +52,9 @@ def drive(case: Case, driver: Driver | None) -> Result:
     return run(scenario, seed=case.seed, parts=parts)
 
 
-def driven_row(case: Case, driver: str) -> Row:
+def driven_row(task: tuple[Case, str]) -> Row:
     """What is kept of a drive: scores, how early each mishap was feared, and fear with and without departure."""
+    case, driver = task
     result = drive(case, None if driver == SUPERVISED else Driver(driver))
     fear, left = fear_and_departure(result.trace)
     return {
@@ -94,11 +95,7 @@ def bench_supervision(seed: int) -> Row:
 def driven(seed: int, count: int, path: Path) -> list[Row]:
     """Every drive, those that ``path`` holds from there."""
     tasks = {f"{case.key} {name}": (case, str(name)) for case in cases(seed, count) for name in drivers(case)}
-    return kept_rows(path, _driven_row, tasks)
-
-
-def _driven_row(task: tuple[Case, str]) -> Row:
-    return driven_row(*task)
+    return kept_rows(path, driven_row, tasks)
 
 
 def summary(rows: list[Row]) -> Row:
