@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sim_harness import bench as benchmarks
 from sim_harness.perception_bench import bench, drive
@@ -15,7 +17,7 @@ from sim_harness.perception_bench.code import code_of
 from sim_harness.perception_bench.report import COLUMNS, TERMINAL, brief, markdown, shown, write
 from sim_harness.perception_bench.scores import figures, gap_figures, groups, one_line_figures
 from sim_harness.perception_bench.store import Pictures, Store
-from sim_harness.perception_bench.watch import LOOK, TRUTH, Watched, _TrueBoundaries, look
+from sim_harness.perception_bench.watch import LOOK, TRUTH, Watched, _TrueRoad, aim, look
 from sim_harness.roads.disturbances import DisturbanceKind
 from sim_harness.roads.drawn import Kind, Shape, random_road
 from trepid.camera import Camera
@@ -101,25 +103,63 @@ def test_the_truth_itself_has_no_error(clip: list[Moment]) -> None:
     moment = clip[5]
     paths = {"left_boundary_px": true_path(moment, 0.5), "right_boundary_px": true_path(moment, -0.5)}
     row = np.array(
-        [(*look(replace(moment.truth, **paths), moment.truth, _TrueBoundaries(moment, CAMERA)), 0.0, 0.0)],
+        [(*look(replace(moment.truth, **paths), moment.truth, _TrueRoad(moment, CAMERA)), 0.0, 0.0)],
         LOOK,
     )[0]
-    for field in ("offset_m", "aim_m", "heading_rad", "curvature_1pm", "width_share", "angle_rad"):
+    for field in ("offset_m", "heading_rad", "curvature_1pm", "width_share", "angle_rad"):
         assert row[field] == pytest.approx(0.0, abs=1e-6)
+    assert row["aim_m"] == pytest.approx(0.0, abs=1e-3)
     assert max(row["left_m"], row["right_m"]) < 0.01
+
+
+def test_ahead_the_road_itself_is_the_truth_also_where_a_bend_begins_in_between() -> None:
+    """Five metres straight on, then the entry of a bend: no clothoid from the axle is the road."""
+    beginning = []
+    for moment in moments(replace(CASE, seed=31337, kind=Kind.DASHED), CAMERA, VEHICLE):
+        here = moment.road.local_coordinates(moment.x_m, moment.y_m)[0]
+        if abs(moment.road.curvature_at(here + 3.0)) < 1e-3 < abs(moment.road.curvature_at(here + 8.0)):
+            beginning.append((moment, here))
+    assert beginning, "the clip drives up to a bend"
+    for moment, here in beginning:
+        true_x_m, true_y_m = moment.road.position(here + 8.0, 0.0)
+        road = _TrueRoad(moment, CAMERA)
+        place = complex(true_x_m - moment.x_m, true_y_m - moment.y_m) * np.exp(-1j * moment.yaw_rad)
+        assert road.beside_m(place) == pytest.approx(0.0, abs=1e-6)
+        left = 1j * np.exp(1j * (moment.road.heading_at(here + 8.0) - moment.yaw_rad))
+        assert road.beside_m(place + 0.2 * left) == pytest.approx(0.2, abs=1e-3)
+        arc_1pm = 2 * place.imag / abs(place) ** 2
+        needed_rad = np.arctan(VEHICLE.wheelbase_m * arc_1pm)
+        assert moment.truth.road_wheel_angle_rad == pytest.approx(needed_rad, abs=1e-6)
+
+
+@given(st.floats(-0.06, 0.06), st.floats(-0.3, 0.3), st.floats(-1.0, 1.0))
+def test_the_aim_on_a_circle_is_where_the_circle_is(
+    kappa: float, heading_rad: float, offset_m: float
+) -> None:
+    estimate = replace(
+        SteeringEstimate.nothing(0.0, estimator="x", lookahead_m=8.0, reason=""),
+        lateral_offset_m=offset_m,
+        heading_error_rad=heading_rad,
+        curvature_1pm=kappa,
+        curvature_rate_1pm2=0.0,
+    )
+    turn = 8.0 * kappa
+    arc = 8.0 if abs(turn) < 1e-9 else (np.exp(1j * turn) - 1) / (1j * kappa)
+    expected = (arc - 1j * offset_m) * np.exp(-1j * heading_rad)
+    assert aim(estimate) == pytest.approx(expected, abs=1e-3)
 
 
 def test_a_boundary_aside_is_as_far_off_as_it_is(clip: list[Moment]) -> None:
     moment = clip[5]
     width_m = moment.truth.lane_width_m or 0.0
-    errors = _TrueBoundaries(moment, CAMERA).errors_m(true_path(moment, 0.5 - 0.3 / width_m), ())
+    errors = _TrueRoad(moment, CAMERA).boundary_errors_m(true_path(moment, 0.5 - 0.3 / width_m), ())
     assert errors[0] == pytest.approx(0.3, abs=0.01)
     assert np.isnan(errors[1])
 
 
 def test_nothing_given_is_nan_never_zero(clip: list[Moment]) -> None:
     nothing = SteeringEstimate.nothing(0.0, estimator="x", lookahead_m=8.0, reason="dark")
-    row = look(nothing, clip[0].truth, _TrueBoundaries(clip[0], CAMERA))
+    row = look(nothing, clip[0].truth, _TrueRoad(clip[0], CAMERA))
     assert np.isnan(row[:8]).all()
 
 

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from perception.steering import road_wheel_angle
 from sim_harness.lockstep.oracle import Oracle
 from sim_harness.render.renderer import Renderer
 from sim_harness.render.view import Motion
@@ -18,6 +19,7 @@ from trepid.vehicle import Vehicle
 
 VERSION = 1  # of the set: the same seed draws the same frames
 PERIOD_S = 0.04
+AIM_M = 8.0  # along the lane: where its centre is compared, besides the axle, and what is steered for
 WARM_UP_FRAMES, SCORED_FRAMES = 10, 22  # a tracker may first look for 0.4 s
 CLEAR, GAP = "clear", "gap"
 GRADES: tuple[int, ...] = (1, 2, 3, 4, 5)
@@ -200,9 +202,27 @@ def _moment(
         yaw_rate_radps=rate,
         driver_override=False,
     )
-    truth = oracle.step(_truth(course.road, station_m, offset_m, heading, t_s))
+    pose = x_m, y_m, yaw_rad
+    truth = replace(
+        oracle.step(_truth(course.road, station_m, offset_m, heading, t_s)),
+        road_wheel_angle_rad=_needed_angle_rad(course.road, station_m, pose, vehicle),
+    )
     in_gap = gap_m is not None and gap_m[0] <= station_m <= gap_m[1]
-    return Moment(Frame(t_s=t_s, image=image), state, truth, x_m, y_m, yaw_rad, course.road, in_gap)
+    return Moment(Frame(t_s=t_s, image=image), state, truth, *pose, course.road, in_gap)
+
+
+def _needed_angle_rad(
+    road: Road, station_m: float, pose: tuple[float, float, float], vehicle: Vehicle
+) -> float:
+    """Of the road wheels, to drive on an arc through the lane centre AIM_M ahead: κ = 2·y/(x² + y²).
+
+    Of the road itself: the oracle's clothoid is up to 0.4 m beside it there where a bend begins in between.
+    """
+    x_m, y_m, yaw_rad = pose
+    aim_x_m, aim_y_m = road.position(station_m + AIM_M, 0.0)
+    dx_m, dy_m = aim_x_m - x_m, aim_y_m - y_m
+    left_m = dy_m * math.cos(yaw_rad) - dx_m * math.sin(yaw_rad)
+    return road_wheel_angle(2 * left_m / (dx_m**2 + dy_m**2), wheelbase_m=vehicle.wheelbase_m)
 
 
 def _truth(road: Road, station_m: float, offset_m: float, heading_rad: float, t_s: float) -> SimTruth:
