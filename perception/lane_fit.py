@@ -249,6 +249,21 @@ class LaneCurve:
     right_y_m: Array
 
 
+def centre_line(
+    station_m: Array, turned_rad: Array, *, offset_m: float, heading_rad: float
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """The lane centre at stations ``station_m``, where it has turned by ``turned_rad``, and its direction there.
+
+    Both (n,), as x + iy: −i·e·exp(−iψ) + ∫exp(iφ) ds with φ = turned − ψ, by the trapezoidal rule.
+    """
+    along = np.exp(1j * (turned_rad - heading_rad))
+    centre = np.zeros(len(station_m), np.complex128)
+    np.cumsum((along[1:] + along[:-1]) * (np.diff(station_m) / 2), out=centre[1:])
+    start = -1j * offset_m * cmath.exp(-1j * heading_rad)
+    centre += start - np.interp(0.0, station_m, centre)
+    return centre, along
+
+
 def lane_curve(mean: Array, station_m: Array) -> LaneCurve:
     """Boundaries of the lane at stations ``station_m``, which begin at or below 0: the clothoid ± W/2 along n.
 
@@ -260,11 +275,7 @@ def lane_curve(mean: Array, station_m: Array) -> LaneCurve:
     keep = np.abs(turned) < 1.3
     if not keep.all():
         station_m, turned = station_m[keep], turned[keep]
-    along = np.exp(1j * (turned - heading))  # (cos φ, sin φ) as a complex number
-    centre = np.zeros(len(station_m), np.complex128)
-    np.cumsum((along[1:] + along[:-1]) * (np.diff(station_m) / 2), out=centre[1:])
-    start = -1j * offset * cmath.exp(-1j * heading)
-    centre += start - np.interp(0.0, station_m, centre)
+    centre, along = centre_line(station_m, turned, offset_m=offset, heading_rad=heading)
     aside = 1j * width / 2 * along
     left, right = centre + aside, centre - aside
     return LaneCurve(

@@ -1,15 +1,19 @@
 """The bench of drivers: lots are replayed, drives are not driven twice, figures are counted right."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sim_harness.fear_bench import supervision
 from sim_harness.fear_bench.arms import Driver, chosen
 from sim_harness.fear_bench.drives import HARD_ROUTE_M, cases
 from sim_harness.fear_bench.fuzz import situations
-from sim_harness.fear_bench.supervision import SUPERVISED, summary, warnings_s
+from sim_harness.fear_bench.supervision import SUPERVISED, driven, drivers, summary, warnings_s
 from sim_harness.lockstep.trace import Trace
+from sim_harness.sweep.fingerprint import fingerprint
 
 CV = situations()["calm"]["cv"]
 SEEN = {"cv": CV, "cnn": replace(CV, estimator="cnn", lateral_offset_m=0.5, confidence=0.95)}
@@ -84,3 +88,15 @@ def test_a_hard_road_is_the_same_for_every_driver_and_can_be_driven() -> None:
     for case in hard:
         case.scenario.check()
         assert case.scenario.build_road().length_m > HARD_ROUTE_M
+
+
+def test_what_was_driven_is_not_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "kept.jsonl"
+    kept = [
+        {"case": f"{case.key} {driver}", "code": fingerprint(), "driver": str(driver), "mine": True}
+        for case in cases(1, 1)
+        for driver in drivers(case)
+    ]
+    path.write_text("".join(json.dumps(line) + "\n" for line in kept))
+    monkeypatch.setattr(supervision, "driven_row", None)  # driving would raise
+    assert driven(1, 1, path) == kept

@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 from sim_harness.follow_bench.cases import Kind, case
 from sim_harness.lockstep.closed_loop import Instant, run
 from supervisor.hand_over import LEAD
+from supervisor.supervisor import SupervisorSettings
+from trepid.config import CONFIG_DIR, load
 from trepid.messages import Mode
 
 HAND_OVER_S = 0.2  # after a change of path in which the wheel may not jump
 MOVING_MPS = 0.5
-JOINED_S = (
-    1.5  # the car is led over to another path for so long: follow.hand_over_s in config/supervisor.yaml
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +45,7 @@ class Watcher:
 
     leaders: list[list[tuple[float, float]]] = field(default_factory=list)
     own: list[tuple[float, float]] = field(default_factory=list)
-    on_trail_s: list[float] = field(
-        default_factory=list
-    )  # for how long the trail has been driven; NaN: it is not
+    on_trail_s: list[float] = field(default_factory=list)  # since when the trail is driven; NaN: it is not
     wheel_rad: list[float] = field(default_factory=list)
     source: list[str] = field(default_factory=list)
     t_s: list[float] = field(default_factory=list)
@@ -87,6 +84,7 @@ class Watcher:
 def drive(seed: int, *, rendered: bool) -> Episode:
     """Drive and score the case of ``seed``."""
     kind, scenario = case(seed, rendered=rendered)
+    led_over_s = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).follow.hand_over_s
     watcher = Watcher()
     result = run(scenario, seed=seed, witness=watcher)
     steps_deg, turns_deg = hand_overs(watcher)
@@ -96,7 +94,7 @@ def drive(seed: int, *, rendered: bool) -> Episode:
         collisions=result.metrics.collisions,
         departures=result.metrics.departures,
         path_error_m=_path_error_m(watcher, kind, after_s=0.0),
-        joined_error_m=_path_error_m(watcher, kind, after_s=JOINED_S),
+        joined_error_m=_path_error_m(watcher, kind, after_s=led_over_s),
         road_error_m=float(np.abs(watcher.road_m).max()),
         hand_over_step_deg=max(steps_deg, default=None),
         hand_over_turn_deg=max(turns_deg, default=None),

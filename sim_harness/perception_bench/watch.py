@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.estimators import Estimator, entry_of
+from perception.lane_fit import centre_line
 from sim_harness.perception_bench.clips import AIM_M, Moment
 from trepid.camera import Camera
 from trepid.messages import Frame, Image, PixelPath, SteeringEstimate
@@ -105,16 +106,18 @@ def look(estimate: SteeringEstimate, truth: SteeringEstimate, road: "_TrueRoad")
 def aim(estimate: SteeringEstimate) -> complex:
     """The lane centre AIM_M along the lane as x + iy in the vehicle frame; NaN where there is none.
 
-    The clothoid itself, −i·e·exp(−iψ) + ∫exp(iφ) ds with φ = −ψ + κ0·s + κ'·s²/2, by the trapezoidal rule: the
-    parabola that estimators steer by is 0.3 m off there in a bend of R = 13 m.
+    Of the clothoid itself: the parabola that estimators steer by is 0.3 m off there in a bend of R = 13 m.
     """
     rate = _number(estimate.curvature_rate_1pm2)
     curvature = _number(estimate.curvature_1pm) - rate * estimate.lookahead_m
-    heading = -_number(estimate.heading_error_rad)
     station_m = np.linspace(0.0, AIM_M, 33)
-    along = np.exp(1j * (heading + curvature * station_m + rate / 2 * station_m**2))
-    start = -1j * _number(estimate.lateral_offset_m) * np.exp(1j * heading)
-    return complex(start + np.trapezoid(along, station_m))
+    centre, _ = centre_line(
+        station_m,
+        station_m * (curvature + rate / 2 * station_m),
+        offset_m=_number(estimate.lateral_offset_m),
+        heading_rad=_number(estimate.heading_error_rad),
+    )
+    return complex(centre[-1])
 
 
 def _curvature_ahead(estimate: SteeringEstimate) -> float:
@@ -132,9 +135,7 @@ class _TrueRoad:
         """How far to the left of the lane centre a place x + iy of the vehicle frame is; NaN where it is none."""
         if not np.isfinite(place):
             return np.nan
-        moment = self._moment
-        world = complex(moment.x_m, moment.y_m) + place * np.exp(1j * moment.yaw_rad)
-        return float(moment.road.nearest_coordinates([(world.real, world.imag)])[0, 1])
+        return float(self._on_road(np.array([[place.real, place.imag]]), steps=4)[0, 1])
 
     def boundary_errors_m(self, left: PixelPath, right: PixelPath) -> tuple[float, float]:
         """Root mean square distance of each boundary from the true one; NaN where none was given."""
@@ -147,11 +148,15 @@ class _TrueRoad:
         ahead = (ground[:, 0] >= NEAR_M) & (ground[:, 0] <= FAR_M)  # NaN is not ahead
         if not ahead.any():
             return np.nan
-        moment, road = self._moment, self._moment.road
+        station_m, offset_m = self._on_road(ground[ahead], steps=2).T
+        return float(np.sqrt(np.mean((offset_m - share * self._moment.road.widths_at(station_m)) ** 2)))
+
+    def _on_road(self, places_m: Array, *, steps: int) -> Array:
+        """(station, offset) of places (x, y) of the vehicle frame, shape (n, 2)."""
+        moment = self._moment
         cos, sin = np.cos(moment.yaw_rad), np.sin(moment.yaw_rad)
-        world = ground[ahead] @ np.array([[cos, sin], [-sin, cos]]) + [moment.x_m, moment.y_m]
-        station_m, offset_m = road.nearest_coordinates(world, steps=2).T
-        return float(np.sqrt(np.mean((offset_m - share * road.widths_at(station_m)) ** 2)))
+        world = places_m @ np.array([[cos, sin], [-sin, cos]]) + [moment.x_m, moment.y_m]
+        return moment.road.nearest_coordinates(world, steps=steps)
 
 
 def _rotated(names: list[str], by: int) -> list[str]:
