@@ -168,6 +168,8 @@ class LaneCv:
             return self._nothing(frame.t_s, "the camera sees no road")
         self._predict(frame.t_s, state)
         fit = self._measure(_working_image(image, view), view)
+        if fit is not None and self._memory_is_surer(fit, frame.t_s):
+            fit = None
         if fit is not None:
             self._looks = min(self._looks + 1, self._settings.evidence.sure_looks)
             self._track, self._source = self._lane_by(fit)
@@ -187,6 +189,13 @@ class LaneCv:
         if fit is not None:
             self._worth = estimate.confidence
         return estimate
+
+    def _memory_is_surer(self, fit: LaneFit, t_s: float) -> bool:
+        """Whether ``fit`` is of edges that are believed less than lines of a moment ago: a pause, not their end."""
+        if not fit.by_edges or self._track is None or self._source != LINES or self._by_edges:
+            return False
+        rests_on = self._rests_on(self._grounds_of(fit), fit.state)
+        return confidence(rests_on, self._settings.confidence) < self._remembered(self._track, t_s)
 
     def _straightened(self, lane: LaneState) -> LaneState:
         """``lane`` without the bend that noise makes of a straight road; unseen, such a road goes straight on."""
@@ -421,15 +430,20 @@ class LaneCv:
             settings=evidence,
         )
 
-    def _confidence(self, unseen_s: float, heading_rad: float, curvature_1pm: float) -> float:
-        """The probability that the remembered lane is right; memory is no sight, so it fades at once."""
-        self.rests_on = grounds(
-            self._grounds,
+    def _rests_on(self, belief: Belief, lane: LaneState) -> tuple[float, ...]:
+        """What the confidence in ``lane`` rests on."""
+        psi, kappa, rate = (float(value) for value in lane.mean[[PSI, KAPPA, KAPPA_RATE]])
+        return grounds(
+            belief,
             looks=self._looks / self._settings.evidence.sure_looks,
-            heading_rad=heading_rad,
-            curvature_1pm=curvature_1pm,
+            heading_rad=psi,
+            curvature_1pm=kappa + rate * self._settings.steering.lookahead_m,
         )
-        fade = math.exp(-unseen_s / self._settings.track.coast_decay_s)
+
+    def _remembered(self, lane: LaneState, t_s: float) -> float:
+        """The probability that the remembered lane is right; memory is no sight, so it fades at once."""
+        self.rests_on = self._rests_on(self._grounds, lane)
+        fade = math.exp(-(t_s - self._seen_t_s) / self._settings.track.coast_decay_s)
         return fade * confidence(self.rests_on, self._settings.confidence)
 
     def _estimate(self, t_s: float, lane: LaneState, seen: int, reason: str, view: View) -> SteeringEstimate:
@@ -449,7 +463,7 @@ class LaneCv:
             curvature_rate_1pm2=rate,
             lookahead_m=steering.lookahead_m,
             road_wheel_angle_rad=road_wheel_angle(commanded, wheelbase_m=self._vehicle.wheelbase_m),
-            confidence=self._confidence(t_s - self._seen_t_s, psi, kappa + rate * steering.lookahead_m),
+            confidence=self._remembered(lane, t_s),
             lanes_detected=seen,
             lane_width_m=width,
             latency_ms=None,

@@ -163,6 +163,30 @@ def test_a_lost_lane_is_remembered_with_falling_confidence_and_then_given_up():
     assert_no_lane(coasting[-1])
 
 
+def test_in_a_pause_of_the_lines_patches_beside_the_lane_are_not_believed_before_the_memory_of_the_lines():
+    def believed(patches: bool) -> list[float]:
+        finder, said = LaneCv(SETTINGS, CAMERA, VEHICLE), []
+        for number in range(32):
+            line = WHITE if number < 8 else None
+            image = road((0.0, 0.0, 0.0, 0.0), left=line, right=line, verge_m=4.0, seed=number)
+            for side in (1, -1) if patches and line is None else ():
+                ribbon(
+                    image,
+                    CAMERA,
+                    (0.0, 0.0, 0.0, 0.0),
+                    side * 2.5,
+                    0.8,
+                    (75, 75, 75),
+                    lambda s: int(s) % 3 == 0,
+                )
+            said.append(finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0).confidence)
+        return said
+
+    with_patches, without = believed(patches=True), believed(patches=False)
+    assert min(np.subtract(with_patches, without)) > -0.05
+    assert without[-1] < 0.2
+
+
 @pytest.mark.parametrize(("offset_m", "remembered_s"), [(0.2, SETTINGS.track.max_coast_s), (2.4, 0.25)])
 def test_a_lane_that_was_hardly_believed_is_forgotten_sooner(offset_m, remembered_s):
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
