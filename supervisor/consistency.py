@@ -4,6 +4,10 @@ A road does not jump. What an estimator without a memory shows from frame to fra
 visible, without any truth: for a network on pictures unlike those it learned from it grows before its confidence
 falls (compare Michelmore et al., Evaluating uncertainty quantification in end-to-end autonomous driving control,
 2018; ensembles and dropout measure the same at several times the price).
+
+Two means of the same jumps: jitter, of the last half second, tells that something has gone wrong now; unrest, of
+the last metres of road, whether this road is one that the estimator knows. Only way wears unrest off: a standing
+car sees the same picture again and again, which shows nothing new.
 """
 
 import math
@@ -13,8 +17,30 @@ from supervisor.lane import STANDING, Lane, Motion
 from supervisor.sightings import Sighting
 
 MEMORY_S = 0.5  # over which jumps are averaged: twelve frames
+UNREST_M = 5.0  # ... or of the way: on roads that it knows less than half of what it is on others, within 5 m
+KNOWN_M = 0.05  # what the network jumps on roads it knows ...
+KNOWN_SHARE = 0.2  # ... and its weight before the first jump
 AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle
 LONGEST_S = 0.3  # two sightings further apart are not compared; as fresh_s, the age of a usable estimate
+
+
+class Steadiness(NamedTuple):
+    """Root mean square jump of a lane at AHEAD_M."""
+
+    jitter_m: float  # over the last MEMORY_S; 0 without a lane now, or without two lanes to compare
+    unrest_m: float  # over the last UNREST_M of way, begun with KNOWN_M
+
+
+class _Mean(NamedTuple):
+    """Running mean of squared jumps by way, as their weighted sum and the sum of their weights."""
+
+    sum_m2: float = KNOWN_SHARE * KNOWN_M**2
+    weights: float = KNOWN_SHARE
+
+    def after(self, jump_m: float, way_m: float) -> "_Mean":
+        """With one more jump, which counts for the way that was driven for it."""
+        kept = math.exp(-abs(way_m) / UNREST_M)
+        return _Mean(kept * self.sum_m2 + (1 - kept) * jump_m**2, kept * self.weights + (1 - kept))
 
 
 class _Track(NamedTuple):
@@ -22,32 +48,37 @@ class _Track(NamedTuple):
 
     t_s: float
     lane: Lane
-    square_m2: float  # running mean of squared jumps
+    square_m2: float  # running mean of squared jumps by time
+    way: _Mean  # likewise by way
 
 
 class Consistency:
-    """Root mean square jump of each estimator's lane at AHEAD_M over the last MEMORY_S."""
+    """How steady the lane of each estimator has been."""
 
     def __init__(self) -> None:
         self._tracks: dict[str, _Track] = {}
 
-    def step(self, seen: list[Sighting], motion: Motion | None) -> dict[str, float]:
-        """The jitter [m] of every estimator; 0 for one that has not yet shown two lanes to compare."""
+    def step(self, seen: list[Sighting], motion: Motion | None) -> dict[str, Steadiness]:
+        """The steadiness of every estimator."""
         moving = motion or STANDING
-        return {s.estimator: self._jitter_m(s, moving) for s in seen}
+        return {s.estimator: self._steadiness(s, moving) for s in seen}
 
-    def _jitter_m(self, s: Sighting, motion: Motion) -> float:
+    def _steadiness(self, s: Sighting, motion: Motion) -> Steadiness:
         track = self._tracks.get(s.estimator)
         if s.lane is not None and (track is None or s.t_s != track.t_s):
             track = self._tracks[s.estimator] = _updated(track, s.lane, s.t_s, motion)
-        return math.sqrt(track.square_m2) if track and s.lane is not None else 0.0
+        if track is None:
+            return Steadiness(0.0, KNOWN_M)
+        unrest_m = math.sqrt(track.way.sum_m2 / track.way.weights)
+        return Steadiness(math.sqrt(track.square_m2) if s.lane is not None else 0.0, unrest_m)
 
 
 def _updated(track: _Track | None, lane: Lane, t_s: float, motion: Motion) -> _Track:
-    """The running mean forgets by exp(-dt / MEMORY_S); it begins anew after a gap."""
+    """The means with the jump to ``lane``; after a gap nothing has jumped, and the mean by time begins anew."""
     dt_s = math.inf if track is None else t_s - track.t_s
     if track is None or not 0 < dt_s <= LONGEST_S:
-        return _Track(t_s, lane, 0.0)
+        return _Track(t_s, lane, 0.0, track.way if track else _Mean())
     jump_m = lane.y_m(AHEAD_M) - track.lane.after(motion, dt_s).y_m(AHEAD_M)
     kept = math.exp(-dt_s / MEMORY_S)
-    return _Track(t_s, lane, kept * track.square_m2 + (1 - kept) * jump_m**2)
+    by_way = track.way.after(jump_m, motion.speed_mps * dt_s)
+    return _Track(t_s, lane, kept * track.square_m2 + (1 - kept) * jump_m**2, by_way)

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Mapping
 from operator import attrgetter
 
+from supervisor.consistency import Steadiness
 from supervisor.follow import Lead
 from supervisor.fusion import Fused
 from supervisor.lane import Motion
@@ -30,8 +31,8 @@ IMAGE_FEATURES = {
 }
 """Name of the feature -> field of the image statistics."""
 _STATISTICS, _LOST_STATISTICS = attrgetter(*IMAGE_FEATURES.values()), (None,) * len(IMAGE_FEATURES)
-CONFIDENCE, JITTER = "_confidence", "_jitter"
-ESTIMATOR_SUFFIXES = (CONFIDENCE, JITTER)
+CONFIDENCE, JITTER, UNREST = "_confidence", "_jitter", "_unrest"
+ESTIMATOR_SUFFIXES = (CONFIDENCE, JITTER, UNREST)
 EARLY_FEATURES = frozenset(
     {
         *("frame_age", "estimator_age", "state_age", "speed", "saturated"),
@@ -45,7 +46,7 @@ FEATURES = EARLY_FEATURES | {
     *("lane_confidence", "second_confidence", "sight", "disagreement", "separation", "single_source"),
     *("lateral_demand", "lateral_error", "crossing"),
 }
-"""Besides these there are ``<estimator>_confidence`` and ``<estimator>_jitter`` for every estimator."""
+"""Besides these there are those of every estimator: its name and one of ESTIMATOR_SUFFIXES."""
 
 Features = dict[str, float | None]
 
@@ -57,21 +58,23 @@ def early_features(
     motion: Motion | None,
     *,
     state_age_s: float,
-    jitter_m: Mapping[str, float],
+    steadiness: Mapping[str, Steadiness],
     saturated_s: float,
     expected: Iterable[str] = (),
 ) -> Features:
     """EARLY_FEATURES and those of every estimator. ``statistics`` must be fresh or None, ``motion`` None when lost.
 
     ``expected`` names features of further estimators that the rules speak of: one that does not run has no
-    confidence and no jitter.
+    confidence and does not jump.
     """
     speed_mps = None if motion is None else abs(motion.speed_mps)
     ages = [s.age_s for s in sightings]
     found: Features = dict.fromkeys(expected, 0.0)
     for s in sightings:
         found[s.estimator + CONFIDENCE] = s.confidence
-        found[s.estimator + JITTER] = None if s.broken else jitter_m.get(s.estimator, 0.0)
+        steady = steadiness[s.estimator]
+        found[s.estimator + JITTER] = None if s.broken else steady.jitter_m
+        found[s.estimator + UNREST] = None if s.broken else steady.unrest_m
     found["frame_age"] = min(ages) if ages else None
     found["estimator_age"] = max(ages) if ages else None
     found["state_age"] = math.inf if motion is None else state_age_s  # no finite number is feared as missing

@@ -103,7 +103,7 @@ class Observer:
             ahead,
             motion,
             state_age_s=state_age_s,
-            jitter_m=self._consistency.step(seen, moving),
+            steadiness=self._consistency.step(seen, moving),
             saturated_s=self._saturated.step(state is not None and state.saturated is True, now_s=now_s),
             expected=self._expected,
         )

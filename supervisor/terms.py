@@ -13,6 +13,8 @@ WHY = {
     "cnn_confidence": "the network says itself that it has not learned this",
     "cv_jitter": "a road does not jump: what jumps is the estimate (tracker between two lines, false edges)",
     "cnn_jitter": f"its uncertainty and shift: {_UNLIKE}",
+    "cnn_unrest": "on roads that it knows the network is steady; on trodden snow it wanders, sure of itself, and a "
+    "short jitter is calm again and again",
     "single_source": "for moments one estimator will do; the longer, the likelier an error that nobody sees",
     "disagreement": "in lateral acceleration, so that the same angle counts more at speed; foretells 90 % of hard "
     "disengagements (Fridman, Arguing Machines)",
