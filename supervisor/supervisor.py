@@ -69,6 +69,7 @@ class Supervisor:
         )
         self._terrified, self._calm, self._ready, self._drivable = Held(), Held(), Held(), Held()
         self._road_back, self._pathless, self._lost, self._near = Held(), Held(), Held(), Held()
+        self._bearable = Held()
         self._patience = Patience(settings.modes.stop_after_s)
         self._last_patience = Patience(settings.modes.emergency_after_s)
         self._speed = SpeedFactor(rules, settings.cruise_speed_mps)
@@ -187,11 +188,13 @@ class Supervisor:
     def _path(self, outlook: Outlook, fear: float, now_s: float) -> fusion.Path | None:
         """The road's, or where it is lost the leader's; led over from one to the other.
 
-        None before the first drive while fear forbids it: who is not fit to drive does not steer, and where a
-        driver lets go of a moving car too soon the wheels stay as they were left.
+        None before the first drive while fear forbids it, or has done so of late: who is not fit to drive does not
+        steer, and where a driver lets go of a moving car too soon the wheels stay as they were left.
         """
         road, trail = outlook.fused.path, outlook.trail.path
-        if not self._has_driven and fear > self._settings.modes.reengage_max_fear:
+        modes = self._settings.modes
+        bearable = self._bearable.lasts(fear <= modes.reengage_max_fear, modes.steer_after_s, now_s=now_s)
+        if not self._has_driven and not bearable:
             road = trail = None
         follows = trail is not None and (self._mode.mode is Mode.FOLLOW or road is None)
         return self._hand_over.step(trail if follows else road, outlook.last_motion, now_s=now_s)

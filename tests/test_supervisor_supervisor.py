@@ -489,7 +489,34 @@ def test_the_mirror_image_of_a_drive_gives_the_mirror_image_of_every_path() -> N
             assert (one is None) == (other is None)
             assert one is None or one == pytest.approx(-other, abs=1e-9)
         sources.add(left.path_source)
-    assert sources == {"cv+cnn", "memory", "lead"}
+    assert sources == {"none", "cv+cnn", "memory", "lead"}
+
+
+def test_moments_of_calm_steer_nobody_before_the_first_drive() -> None:
+    drive, calm_s = Drive(speed_mps=8.0), SETTINGS.modes.steer_after_s
+    for _ in range(5):
+        assert drive.last(0.7 * calm_s).path_source == "none"
+        assert drive.last(2 * FRAME_S, cv=NO_LANE, cnn=NO_LANE).fear > SETTINGS.modes.reengage_max_fear
+    drive.last(calm_s)
+    assert drive.last(2 * FRAME_S).path_source == "cv+cnn"
+
+
+def test_a_network_that_wanders_over_a_doubtful_road_stops_the_car_and_keeps_it_there() -> None:
+    drive = Drive.under_way()
+    edges = replace(ESTIMATE, confidence=0.7, marked=False)
+    for n in range(40):
+        wandering = replace(ESTIMATE, lateral_offset_m=0.2 if n % 2 else -0.1, confidence=0.98)
+        decision = drive.frame(cv=edges, cnn=wandering)
+    assert (decision.mode, decision.cause) == (Mode.STOP, "odd_road")
+    drive.speed_mps = 0.0
+    assert drive.last(20.0, cv=edges).mode is Mode.STOP
+
+
+def test_a_network_that_wanders_beside_sure_lines_does_not_stop_the_car() -> None:
+    drive = Drive.under_way()
+    for n in range(40):
+        decision = drive.frame(cnn=replace(ESTIMATE, lateral_offset_m=0.2 if n % 2 else -0.1))
+        assert decision.mode is not Mode.STOP
 
 
 def test_the_same_messages_give_the_same_decisions() -> None:
