@@ -74,6 +74,12 @@ def test_samples_within_three_seconds_of_a_departure_are_followed_by_it():
     assert (len(fear), followed.sum()) == (190, 30)  # but what did happen is known
 
 
+def test_fear_of_a_vehicle_that_stands_is_neither_right_nor_wrong():
+    stands = np.where(T_S < 14.95, 10.0, 0.0)
+    fear, followed = fear_and_departure(trace(departures=counted(10.0), speed_mps=stands))
+    assert (len(fear), followed.sum()) == (150, 30)
+
+
 def test_fear_that_comes_only_before_departures_is_perfect_and_constant_fear_says_nothing():
     left = dict(departures=counted(10.0))
     assert fear_auroc(trace(**left, decision__fear=during((7.0, 10.0), value=0.8))) == 1.0

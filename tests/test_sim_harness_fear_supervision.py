@@ -55,11 +55,13 @@ def row(
 def test_the_summary_counts() -> None:
     rows = [row(d, clean=c) for d in (SUPERVISED, Driver.AVERAGE) for c in (True, False)]
     rows.append(row(Driver.CV, clean=False, departures=2, warned_s=(2.5, 0.4)))
-    told = summary(rows)
+    # The supervised car stopped for its fear: that is no false alarm.
+    heeded = {**row(SUPERVISED, clean=False), "fear_else": [0] * 99 + [1000]}
+    told = summary([*rows, heeded])
     assert told["cv: departures"].startswith("2 in 1")
     assert told["mishaps feared 2 s ahead, all drivers"] == "50.0 % of 2"
     assert told["mishaps feared 2 s ahead, fused path"] is None
-    assert told["AUROC of fear, all drivers"] == 1.0
+    assert told["AUROC of fear, all fearless drivers"] == 1.0
     assert told["loss of mean speed on clean roads"] == "5.0 %"
     assert told["nuisance slow-downs on clean roads"] == "1 in 1.0 km"
 

@@ -97,7 +97,7 @@ def test_a_weight_in_the_shipped_file_can_be_set_and_is_understood(tmp_path: Pat
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("inputs.cv_confidence.corner.1", r"sets is \*confidence, written elsewhere"),
+        ("inputs.cnn_confidence.corner.1", r"sets is \*confidence, written elsewhere"),
         ("inputs.nope.corner.1", "nothing is called 'nope' here; known: frame_age"),
         ("inputs.speed.corner.0", "the inner corners of speed are 1 to 5"),
         ("inputs.speed.corner.x", "the inner corners of speed are 1 to 5"),
@@ -161,7 +161,8 @@ def test_fear_that_foretells_departures_costs_less() -> None:
     calm = {name: spec.calmest for name, spec in rules.inputs.items()}
     t_s = tuple(0.04 * i for i in range(500))
     rows = tuple(tuple({**calm, "disagreement": 4.0 if 10 < t < 12 else 0.0}.values()) for t in t_s)
-    drive = Fearless(8.0, t_s, tuple(int(t > 12.1) for t in t_s), tuple(calm), rows)
+    departures = tuple(int(t > 12.1) for t in t_s)
+    drive = Fearless(8.0, t_s, departures, (8.0,) * len(t_s), tuple(calm), rows)
     fear = drive.felt(rules)["decision.fear"]
     assert fear[260] > 0.5 > fear[100]
 

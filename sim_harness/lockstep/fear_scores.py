@@ -63,7 +63,8 @@ def fear_lead_time_s(trace: Trace) -> float | None:
 def fear_and_departure(trace: Trace) -> tuple[Column, Flags]:
     """Fear of each driven sample, and whether a departure followed within 3 s; only where both are known.
 
-    What follows the last 3 s of a run is unknown, unless a departure was in time.
+    What follows the last 3 s of a run is unknown, unless a departure was in time. A vehicle that stands is not
+    driven: it leaves no lane, whatever is feared.
     """
     t_s, fear = trace["t_s"], felt_fear(trace)
     departures_s = np.append(t_s[1:][np.diff(trace["departures"]) > 0], np.inf)
@@ -72,6 +73,7 @@ def fear_and_departure(trace: Trace) -> tuple[Column, Flags]:
     )
     followed = until_s <= HORIZON_S + 1e-9
     known = np.isfinite(fear) & (followed | (t_s <= t_s[-1] - HORIZON_S + 1e-9))
+    known &= trace["speed_mps"] > STANDING_MPS
     return fear[known], followed[known]
 
 

@@ -39,13 +39,19 @@ class Fearless:
     mean_speed_mps: float
     t_s: tuple[float, ...]  # of each decision
     departures: tuple[int, ...]  # by then
+    speeds_mps: tuple[float | None, ...]
     inputs: tuple[str, ...]
     values: tuple[tuple[float | None, ...], ...]  # of the inputs, a row for each decision
 
     def felt(self, rules: FearRules) -> Trace:
         """What fear ``rules`` would have had."""
         fear = [rules.evaluate(dict(zip(self.inputs, row, strict=True))).fear for row in self.values]
-        columns = {"t_s": self.t_s, "departures": self.departures, "decision.fear": fear}
+        columns = {
+            "t_s": self.t_s,
+            "departures": self.departures,
+            "speed_mps": self.speeds_mps,
+            "decision.fear": fear,
+        }
         return Trace({name: np.array(column, dtype=np.float64) for name, column in columns.items()}, {})
 
 
@@ -75,19 +81,20 @@ def fearless(rules: Path, folder: Path) -> Path:
 
 def reference(case: Case) -> Fearless:
     """Drive ``case``, whose rules have no consequences. Raises what the run raises."""
-    seen: list[tuple[float, int, Decision]] = []
+    seen: list[tuple[float, int, float | None, Decision]] = []
 
     def witness(now: Instant) -> None:
-        if now.decision is not None and now.now_s >= 0 and (not seen or seen[-1][2] is not now.decision):
-            seen.append((now.now_s, now.truth.departures, now.decision))
+        if now.decision is not None and now.now_s >= 0 and (not seen or seen[-1][-1] is not now.decision):
+            seen.append((now.now_s, now.truth.departures, now.state.speed_mps, now.decision))
 
     result, _ = perform(case, witness=witness)
     return Fearless(
         mean_speed_mps=result.metrics.mean_speed_mps,
-        t_s=tuple(t_s for t_s, _, _ in seen),
-        departures=tuple(departures for _, departures, _ in seen),
-        inputs=seen[0][2].inputs if seen else (),
-        values=tuple(decision.input_values for _, _, decision in seen),
+        t_s=tuple(t_s for t_s, _, _, _ in seen),
+        departures=tuple(departures for _, departures, _, _ in seen),
+        speeds_mps=tuple(speed_mps for _, _, speed_mps, _ in seen),
+        inputs=seen[0][-1].inputs if seen else (),
+        values=tuple(decision.input_values for *_, decision in seen),
     )
 
 
