@@ -17,7 +17,8 @@ from supervisor.lane import STANDING, Lane, Motion
 from supervisor.sightings import Sighting
 
 MEMORY_S = 0.5  # over which jumps are averaged: twelve frames
-UNREST_M = 5.0  # ... or of the way: on roads that it knows less than half of what it is on others, within 5 m
+UNREST_M = 10.0  # ... or of the way: as long as a comfort stop, so that who stops for it stands with it
+STEP_M = 0.3  # of way between the looks that are compared for it: whoever creeps sees nearly the same picture again
 KNOWN_M = 0.05  # what the network jumps on roads it knows ...
 KNOWN_SHARE = 0.2  # ... and its weight before the first jump
 AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle
@@ -31,16 +32,28 @@ class Steadiness(NamedTuple):
     unrest_m: float  # over the last UNREST_M of way, begun with KNOWN_M
 
 
-class _Mean(NamedTuple):
+class _Unrest(NamedTuple):
     """Running mean of squared jumps by way, as their weighted sum and the sum of their weights."""
 
+    before: Lane  # the look to compare the next one with, moved by odometry
+    way_m: float = 0.0  # driven since that look
     sum_m2: float = KNOWN_SHARE * KNOWN_M**2
     weights: float = KNOWN_SHARE
 
-    def after(self, jump_m: float, way_m: float) -> "_Mean":
-        """With one more jump, which counts for the way that was driven for it."""
-        kept = math.exp(-abs(way_m) / UNREST_M)
-        return _Mean(kept * self.sum_m2 + (1 - kept) * jump_m**2, kept * self.weights + (1 - kept))
+    @property
+    def rms_m(self) -> float:
+        """The root of the mean."""
+        return math.sqrt(self.sum_m2 / self.weights)
+
+    def after(self, lane: Lane, motion: Motion, dt_s: float) -> "_Unrest":
+        """With a look ``dt_s`` later; it counts for the way that was driven for it, once that is STEP_M."""
+        before, way_m = self.before.after(motion, dt_s), self.way_m + abs(motion.speed_mps) * dt_s
+        if way_m < STEP_M:
+            return self._replace(before=before, way_m=way_m)
+        jump_m, kept = lane.y_m(AHEAD_M) - before.y_m(AHEAD_M), math.exp(-way_m / UNREST_M)
+        return _Unrest(
+            lane, 0.0, kept * self.sum_m2 + (1 - kept) * jump_m**2, kept * self.weights + (1 - kept)
+        )
 
 
 class _Track(NamedTuple):
@@ -49,7 +62,7 @@ class _Track(NamedTuple):
     t_s: float
     lane: Lane
     square_m2: float  # running mean of squared jumps by time
-    way: _Mean  # likewise by way
+    unrest: _Unrest
 
 
 class Consistency:
@@ -69,16 +82,17 @@ class Consistency:
             track = self._tracks[s.estimator] = _updated(track, s.lane, s.t_s, motion)
         if track is None:
             return Steadiness(0.0, KNOWN_M)
-        unrest_m = math.sqrt(track.way.sum_m2 / track.way.weights)
-        return Steadiness(math.sqrt(track.square_m2) if s.lane is not None else 0.0, unrest_m)
+        return Steadiness(math.sqrt(track.square_m2) if s.lane is not None else 0.0, track.unrest.rms_m)
 
 
 def _updated(track: _Track | None, lane: Lane, t_s: float, motion: Motion) -> _Track:
     """The means with the jump to ``lane``; after a gap nothing has jumped, and the mean by time begins anew."""
-    dt_s = math.inf if track is None else t_s - track.t_s
-    if track is None or not 0 < dt_s <= LONGEST_S:
-        return _Track(t_s, lane, 0.0, track.way if track else _Mean())
+    if track is None:
+        return _Track(t_s, lane, 0.0, _Unrest(lane))
+    dt_s = t_s - track.t_s
+    if not 0 < dt_s <= LONGEST_S:
+        return _Track(t_s, lane, 0.0, track.unrest._replace(before=lane, way_m=0.0))
     jump_m = lane.y_m(AHEAD_M) - track.lane.after(motion, dt_s).y_m(AHEAD_M)
     kept = math.exp(-dt_s / MEMORY_S)
-    by_way = track.way.after(jump_m, motion.speed_mps * dt_s)
-    return _Track(t_s, lane, kept * track.square_m2 + (1 - kept) * jump_m**2, by_way)
+    square_m2 = kept * track.square_m2 + (1 - kept) * jump_m**2
+    return _Track(t_s, lane, square_m2, track.unrest.after(lane, motion, dt_s))
