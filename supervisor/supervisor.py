@@ -69,7 +69,7 @@ class Supervisor:
         )
         self._terrified, self._calm, self._ready, self._drivable = Held(), Held(), Held(), Held()
         self._road_back, self._pathless, self._lost, self._near = Held(), Held(), Held(), Held()
-        self._bearable = Held()
+        self._unafraid = Held()
         self._patience = Patience(settings.modes.stop_after_s)
         self._last_patience = Patience(settings.modes.emergency_after_s)
         self._speed = SpeedFactor(rules, settings.cruise_speed_mps)
@@ -137,7 +137,9 @@ class Supervisor:
         borne = cause if afraid and not trail.usable else ""  # behind a leader there is a way without a road
         standstill = motion is not None and abs(motion.speed_mps) < modes.standstill_mps
         surest = max([s.confidence or 0.0 for s in outlook.seen if s.lane], default=0.0)
-        startable = not (afraid and cause in modes.stop_after_s)  # else it would be stopped again
+        # Who would be stopped again does not start; who was stopped for such a doubt starts when it is gone.
+        doubted = not {cause, self._mode.cause}.isdisjoint(modes.stop_after_s)
+        startable = not (afraid and doubted)
         drivable = outlook.drivable and fear <= modes.reengage_max_fear and startable
         ready = drivable and standstill and not fault.cause
         drivable = drivable and fault.cause in ("", DRIVER)
@@ -188,13 +190,14 @@ class Supervisor:
     def _path(self, outlook: Outlook, fear: float, now_s: float) -> fusion.Path | None:
         """The road's, or where it is lost the leader's; led over from one to the other.
 
-        None before the first drive while fear forbids it, or has done so of late: who is not fit to drive does not
-        steer, and where a driver lets go of a moving car too soon the wheels stay as they were left.
+        None before the first drive while it is afraid, or has been of late: where a driver lets go of a moving car
+        too soon the wheels stay as they were left.
         """
         road, trail = outlook.fused.path, outlook.trail.path
-        modes = self._settings.modes
-        bearable = self._bearable.lasts(fear <= modes.reengage_max_fear, modes.steer_after_s, now_s=now_s)
-        if not self._has_driven and not bearable:
+        unafraid = self._rules.mode(fear) is Mode.KEEP
+        if not self._unafraid.lasts(unafraid, self._settings.modes.steer_after_s, now_s=now_s) and (
+            not self._has_driven
+        ):
             road = trail = None
         follows = trail is not None and (self._mode.mode is Mode.FOLLOW or road is None)
         return self._hand_over.step(trail if follows else road, outlook.last_motion, now_s=now_s)

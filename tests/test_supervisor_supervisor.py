@@ -496,7 +496,7 @@ def test_moments_of_calm_steer_nobody_before_the_first_drive() -> None:
     drive, calm_s = Drive(speed_mps=8.0), SETTINGS.modes.steer_after_s
     for _ in range(5):
         assert drive.last(0.7 * calm_s).path_source == "none"
-        assert drive.last(2 * FRAME_S, cv=NO_LANE, cnn=NO_LANE).fear > SETTINGS.modes.reengage_max_fear
+        assert drive.last(2 * FRAME_S, cv=NO_LANE, cnn=NO_LANE).fear >= 0.5
     drive.last(calm_s)
     assert drive.last(2 * FRAME_S).path_source == "cv+cnn"
 
@@ -510,6 +510,14 @@ def test_a_network_that_wanders_over_a_doubtful_road_stops_the_car_and_keeps_it_
     assert (decision.mode, decision.cause) == (Mode.STOP, "odd_road")
     drive.speed_mps = 0.0
     assert drive.last(20.0, cv=edges).mode is Mode.STOP
+
+
+def test_who_was_stopped_for_doubts_about_the_road_does_not_start_while_one_of_two_sees_it() -> None:
+    drive, weak = Drive.under_way(), replace(ESTIMATE, confidence=0.5, marked=False)
+    assert drive.last(0.6, cv=weak, cnn=NO_LANE).mode is Mode.STOP
+    drive.speed_mps = 0.0
+    assert drive.last(10.0, cv=NO_LANE).mode is Mode.STOP
+    assert drive.last(3.0).mode is not Mode.STOP
 
 
 def test_a_network_that_wanders_beside_sure_lines_does_not_stop_the_car() -> None:
