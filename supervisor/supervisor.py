@@ -194,10 +194,9 @@ class Supervisor:
         too soon the wheels stay as they were left.
         """
         road, trail = outlook.fused.path, outlook.trail.path
-        unafraid = self._rules.mode(fear) is Mode.KEEP
-        if not self._unafraid.lasts(unafraid, self._settings.modes.steer_after_s, now_s=now_s) and (
-            not self._has_driven
-        ):
+        wait_s = self._settings.modes.steer_after_s
+        calm = self._unafraid.lasts(self._rules.mode(fear) is Mode.KEEP, wait_s, now_s=now_s)
+        if not (self._has_driven or calm):
             road = trail = None
         follows = trail is not None and (self._mode.mode is Mode.FOLLOW or road is None)
         return self._hand_over.step(trail if follows else road, outlook.last_motion, now_s=now_s)
