@@ -194,8 +194,8 @@ class LaneCv:
         """Whether ``fit`` is of edges that are believed less than lines of a moment ago: a pause, not their end."""
         if not fit.by_edges or self._track is None or self._source != LINES or self._by_edges:
             return False
-        rests_on = self._rests_on(self._grounds_of(fit), fit.state)
-        return confidence(rests_on, self._settings.confidence) < self._remembered(self._track, t_s)
+        remembered = self._fade(t_s) * self._believed(self._rests_on(self._grounds, self._track))
+        return self._believed(self._rests_on(self._grounds_of(fit), fit.state)) < remembered
 
     def _straightened(self, lane: LaneState) -> LaneState:
         """``lane`` without the bend that noise makes of a straight road; unseen, such a road goes straight on."""
@@ -440,11 +440,13 @@ class LaneCv:
             curvature_1pm=kappa + rate * self._settings.steering.lookahead_m,
         )
 
-    def _remembered(self, lane: LaneState, t_s: float) -> float:
-        """The probability that the remembered lane is right; memory is no sight, so it fades at once."""
-        self.rests_on = self._rests_on(self._grounds, lane)
-        fade = math.exp(-(t_s - self._seen_t_s) / self._settings.track.coast_decay_s)
-        return fade * confidence(self.rests_on, self._settings.confidence)
+    def _believed(self, rests_on: tuple[float, ...]) -> float:
+        """The probability that a lane is right when it is seen."""
+        return confidence(rests_on, self._settings.confidence)
+
+    def _fade(self, t_s: float) -> float:
+        """What is left of it unseen: memory is no sight, so it fades at once."""
+        return math.exp(-(t_s - self._seen_t_s) / self._settings.track.coast_decay_s)
 
     def _estimate(self, t_s: float, lane: LaneState, seen: int, reason: str, view: View) -> SteeringEstimate:
         steering = self._settings.steering
@@ -454,6 +456,7 @@ class LaneCv:
         )
         reach_m = believed_reach_m(lane, self._settings.drawn_reach_m, self._settings.evidence.drawn_sigma_m)
         left, right = boundary_paths(lane, view.camera, reach_m=reach_m)
+        self.rests_on = self._rests_on(self._grounds, lane)
         return SteeringEstimate(
             t_s=t_s,
             estimator=NAME,
@@ -463,7 +466,7 @@ class LaneCv:
             curvature_rate_1pm2=rate,
             lookahead_m=steering.lookahead_m,
             road_wheel_angle_rad=road_wheel_angle(commanded, wheelbase_m=self._vehicle.wheelbase_m),
-            confidence=self._remembered(lane, t_s),
+            confidence=self._fade(t_s) * self._believed(self.rests_on),
             lanes_detected=seen,
             lane_width_m=width,
             latency_ms=None,

@@ -5,9 +5,9 @@ visible, without any truth: for a network on pictures unlike those it learned fr
 falls (compare Michelmore et al., Evaluating uncertainty quantification in end-to-end autonomous driving control,
 2018; ensembles and dropout measure the same at several times the price).
 
-Two means of the same jumps: jitter, of the last half second, tells that something has gone wrong now; unrest, of
-the last metres of road, whether this road is one that the estimator knows. Only way wears unrest off: a standing
-car sees the same picture again and again, which shows nothing new.
+Jitter, of the jumps from frame to frame over the last half second, tells that something has gone wrong now; unrest,
+of those between looks STEP_M apart over the last UNREST_M of road, whether this road is one that the estimator
+knows. Only way wears unrest off: a standing car sees the same picture again and again, which shows nothing new.
 """
 
 import math

@@ -1,5 +1,7 @@
 """Jitter and unrest: what jumps shows its error; what moves as the car does shows none."""
 
+from collections.abc import Sequence
+
 import pytest
 
 from supervisor.consistency import AHEAD_M, KNOWN_M, Consistency, Steadiness
@@ -13,22 +15,22 @@ def sighting(lane: Lane | None, t_s: float) -> Sighting:
     return Sighting("cnn", 0.0, t_s, False, 0.9, lane, 8.0, None, False)
 
 
-def steadiness(lanes: list[Lane | None], *, repeats: int = 1, motion: Motion = MOTION) -> Steadiness:
+def steadiness(lanes: Sequence[Lane | None], *, repeats: int = 1) -> Steadiness:
     consistency = Consistency()
     for number, lane in enumerate(lanes):
         for _ in range(repeats):
-            found = consistency.step([sighting(lane, 0.04 * number)], motion)
+            found = consistency.step([sighting(lane, 0.04 * number)], MOTION)
     return found["cnn"]
 
 
-def jitter_m(lanes: list[Lane | None], *, repeats: int = 1) -> float:
+def jitter_m(lanes: Sequence[Lane | None], *, repeats: int = 1) -> float:
     return steadiness(lanes, repeats=repeats).jitter_m
 
 
-def jumping(frames: int, motion: Motion = MOTION) -> list[Lane | None]:
+def jumping(frames: int) -> list[Lane]:
     lane, lanes = Lane(0.0, 0.0, 0.0, 0.0), []
     for number in range(frames):
-        lane = lane.after(motion, 0.04)
+        lane = lane.after(MOTION, 0.04)
         lanes.append(lane._replace(offset_m=lane.offset_m + (0.15 if number % 2 else -0.15)))
     return lanes
 
@@ -59,10 +61,10 @@ def test_who_jumps_all_the_way_has_an_unrest_of_the_size_of_its_jumps(repeats: i
     assert steadiness(jumping(120), repeats=repeats).unrest_m == pytest.approx(0.3, rel=0.05)
 
 
-def test_half_a_second_of_steadiness_ends_the_jitter_but_not_the_unrest() -> None:
+def test_two_seconds_of_steadiness_end_the_jitter_but_not_the_unrest() -> None:
     lanes = jumping(60)
     for _ in range(50):
-        lanes.append(lanes[-1].after(MOTION, 0.04) if lanes[-1] else None)
+        lanes.append(lanes[-1].after(MOTION, 0.04))
     calmed = steadiness(lanes)
     assert calmed.jitter_m < 0.05
     assert calmed.unrest_m > 0.05
