@@ -7,6 +7,7 @@ Everything that comes in is judged here by age, finiteness and plausibility. Wha
 | no usable decision | comfort stop, after ``lost_s`` emergency stop | along the path while it is young enough |
 | no usable vehicle state | the same | holds the last wheel angle |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
+| no path, but one younger than ``stop_memory_s`` | comfort stop, or the emergency stop asked for | likewise |
 | no path at all | comfort stop, or the emergency stop asked for | holds the last curvature |
 | the supervisor says STOP | the stop that it asks for | along the path |
 
@@ -45,7 +46,8 @@ class InputLimits(Settings):
 
     stale_s: Positive  # older decisions and states do not count
     lost_s: Positive  # nothing usable for this long: emergency stop
-    path_memory_s: Positive  # older paths do not count
+    path_memory_s: Positive  # older paths are not driven on
+    stop_memory_s: Positive  # nor, while stopping, steered along
     early_s: Positive  # a stamp may lie this far in the future
     max_speed_mps: Positive
     max_offset_m: Positive
@@ -90,7 +92,7 @@ class Controller:
         self._predictor = Predictor(
             vehicle,
             command_delay_s=settings.lateral.command_delay_s,
-            memory_s=settings.inputs.path_memory_s + settings.inputs.stale_s,
+            memory_s=settings.inputs.stop_memory_s + settings.inputs.stale_s,
             timing_share=settings.lateral.timing_share,
         )
         self._law = build_law(settings.lateral, vehicle)
@@ -126,7 +128,7 @@ class Controller:
         if driver:  # nothing of ours can be lost while someone else drives
             self._healthy_s, self._emergency = now_s, False
             self._law.release()
-        lane = acting.lane if acting is not None else None
+        lane = acting.lane if acting is not None and self._drivable(now_s) else None
         stop = self._stop(decision, lane, speed_mps, now_s)
         cut = state is not None and state.saturated is True
         goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver, cut=cut)
@@ -189,9 +191,13 @@ class Controller:
         """False also for None and NaN, and for a stamp from the future."""
         return t_s is not None and -self._settings.inputs.early_s <= now_s - t_s <= max_age_s
 
+    def _drivable(self, now_s: float) -> bool:
+        """Whether the newest path is young enough to drive on."""
+        return self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
+
     def _acting(self, now_s: float) -> Acting | None:
         """Car and newest path, moved to the moment at which a command given now acts; None: none or too old."""
-        if self._path is None or not self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s):
+        if self._path is None or not self._fresh(self._path_t_s, now_s, self._settings.inputs.stop_memory_s):
             return None
         lane, valid_s = self._path = self._predictor.at_last_state(self._path[0], valid_s=self._path[1])
         return self._predictor.when_steering_acts(lane, valid_s=valid_s, now_s=now_s)

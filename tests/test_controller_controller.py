@@ -25,6 +25,9 @@ def controller(car=SHUTTLE):
     return Controller(car, SETTINGS)
 
 
+LOST = {"lateral_offset_m": None, "heading_error_rad": None, "curvature_1pm": None, "path_t_s": None}
+
+
 def rolling(seconds=2.0, **changes):
     """A controller that has kept the lane for a while, and the time after that."""
     one = controller()
@@ -254,27 +257,48 @@ def test_a_short_silence_is_forgiven():
 def test_without_a_path_it_follows_the_remembered_one_then_holds_the_curvature_and_brakes():
     curvature = 0.03
     one, now_s, _ = rolling(curvature_1pm=curvature)
-    lost = dict(lateral_offset_m=None, heading_error_rad=None, curvature_1pm=None, path_t_s=None)
     asked = [
         one.step(
-            decision(now_s + 0.02 * n, **lost),
+            decision(now_s + 0.02 * n, **LOST),
             state(now_s + 0.02 * n, speed_mps=4.0, road_wheel_angle_rad=0.0542, yaw_rate_radps=4 * curvature),
             now_s=now_s + 0.02 * n,
         )
-        for n in range(100)
+        for n in range(200)
     ]
     assert asked[0].accel_mps2 > 0.0 > asked[30].accel_mps2
-    held = [c.road_wheel_angle_rad for c in asked[30:]]
+    held = [c.road_wheel_angle_rad for c in asked[130:]]
     assert max(held) - min(held) <= 3e-4  # learning moves it a little
     assert min(held) > 0.0
 
 
-def test_an_emergency_stop_is_made_as_asked_for_also_without_a_path():
-    lost = dict(lateral_offset_m=None, heading_error_rad=None, curvature_1pm=None, path_t_s=None)
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_car_that_loses_its_path_while_it_corrects_stops_along_the_remembered_lane(side):
+    one, now_s, _ = rolling(lateral_offset_m=0.0)
+    offset_m, heading_rad, speed_mps, wheel_rad = side * 0.4, 0.0, 4.0, 0.0
+    for n in range(400):
+        t = now_s + 0.02 * n
+        seen = dict(lateral_offset_m=offset_m, heading_error_rad=heading_rad)
+        told = decision(t, **(seen if n < 25 else LOST))
+        rate_radps = speed_mps * math.tan(wheel_rad) / SHUTTLE.wheelbase_m
+        moving = state(t, speed_mps=speed_mps, road_wheel_angle_rad=wheel_rad, yaw_rate_radps=rate_radps)
+        asked = one.step(told, moving, now_s=t)
+        wheel_rad += 0.02 / 0.1 * (asked.road_wheel_angle_rad - wheel_rad)
+        offset_m, heading_rad = (
+            offset_m + 0.02 * speed_mps * math.sin(heading_rad),
+            heading_rad + 0.02 * rate_radps,
+        )
+        speed_mps = max(speed_mps + 0.02 * asked.accel_mps2, 0.0)
+        if n == 24:
+            assert side * heading_rad < -0.02  # it was turning towards the middle
+    assert speed_mps == 0.0
+    assert abs(heading_rad) < 0.03
+    assert abs(offset_m) < 0.2
 
+
+def test_an_emergency_stop_is_made_as_asked_for_also_without_a_path():
     def hardest(stop: Stop) -> float:
         one, now_s, _ = rolling()
-        asked = decision(now_s, mode=Mode.STOP, stop=stop, **lost)
+        asked = decision(now_s, mode=Mode.STOP, stop=stop, **LOST)
         times_s = [now_s + 0.02 * n for n in range(1, 100)]
         return min(
             one.step(replace(asked, decided_s=t, t_s=t), state(t, speed_mps=6.0), now_s=t).accel_mps2
@@ -288,7 +312,7 @@ def test_held_curvature_needs_less_wheel_as_the_speed_falls():
     one, now_s, _ = rolling(curvature_1pm=0.03)
     fast, slow = (
         one.step(None, state(t, speed_mps=v), now_s=t).road_wheel_angle_rad
-        for t, v in ((now_s + 1.0, 10.0), (now_s + 1.02, 0.0))
+        for t, v in ((now_s + 3.0, 10.0), (now_s + 3.02, 0.0))
     )
     understeer = SHUTTLE.understeer_gradient_rad_per_mps2 * 100.0
     assert fast - slow == pytest.approx((slow and math.tan(slow) / 1.75) * understeer)
