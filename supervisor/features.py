@@ -13,7 +13,7 @@ from supervisor.consistency import Steadiness
 from supervisor.follow import Lead
 from supervisor.fusion import Fused
 from supervisor.lane import Motion
-from supervisor.sightings import Sighting
+from supervisor.sightings import Sighting, surest_teller
 from trepid.bounds import at_least
 from trepid.messages import ImageStatistics
 
@@ -37,7 +37,7 @@ EARLY_FEATURES = frozenset(
     {
         *("frame_age", "estimator_age", "state_age", "speed", "saturated"),
         *IMAGE_FEATURES,
-        *("lane_width", "lane_width_error", "unmarked"),
+        *("lane_width", "lane_width_error", "unmarked", "edge_doubt"),
         *("lead_confidence", "lead_distance", "time_gap"),
     }
 )
@@ -59,6 +59,7 @@ def early_features(
     *,
     state_age_s: float,
     steadiness: Mapping[str, Steadiness],
+    edge_doubt: float,
     saturated_s: float,
     expected: Iterable[str] = (),
 ) -> Features:
@@ -83,6 +84,7 @@ def early_features(
     found["lane_width"] = _narrowest_m(sightings)
     found["lane_width_error"] = _lane_width_error(sightings)
     found["unmarked"] = _unmarked(sightings)
+    found["edge_doubt"] = edge_doubt
     found["lead_confidence"] = lead.confidence
     found["lead_distance"] = _lead_distance(lead)
     found["time_gap"] = _time_gap(lead, speed_mps)
@@ -146,9 +148,8 @@ def _narrowest_m(sightings: list[Sighting]) -> float:
 
 def _unmarked(sightings: list[Sighting]) -> float:
     """1 where the surest estimator that can tell sees the road by its edges, not by lines; 0 where none can."""
-    telling = [s for s in sightings if s.marked is not None]
-    surest = max(telling, key=lambda s: s.confidence or 0.0, default=None)
-    return 1.0 if surest is not None and not surest.marked else 0.0
+    teller = surest_teller(sightings)
+    return 1.0 if teller is not None and not teller.marked else 0.0
 
 
 def _path(fused: Fused, speed_mps: float | None) -> tuple[float | None, float]:

@@ -27,7 +27,6 @@ class ModeSettings(Settings):
     standstill_mps: Positive
     reengage_after_s: Seconds | None  # at standstill, healthy for this long: drive again; null: never
     reengage_max_fear: Annotated[float, Field(ge=0, lt=1)]
-    steer_after_s: Seconds  # before the first drive: unafraid for this long, and the path is given
     road_back_s: Seconds  # FOLLOW ends when the road has been seen this long ...
     road_back_confidence: Annotated[float, Field(gt=0, le=1)]  # ... with this confidence
     final_causes: frozenset[str]  # a stop for one of these is final

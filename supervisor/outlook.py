@@ -12,6 +12,7 @@ from supervisor.inference import FearRules
 from supervisor.lane import Motion
 from supervisor.sightings import Sighting, SightingSettings, age_s, is_frozen, motion_of, sight
 from supervisor.timers import Stopwatch
+from supervisor.weak_edges import WeakEdges
 from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.vehicle import Vehicle
 
@@ -43,7 +44,7 @@ class Outlook(NamedTuple):
 
 
 class Observer:
-    """Makes an outlook of the messages. Remembers the path, the lead's trail and how steadily each one saw."""
+    """Makes an outlook of the messages. Remembers the path, the trail, and how well was seen."""
 
     def __init__(
         self,
@@ -57,7 +58,7 @@ class Observer:
         self._limits = sightings
         self._half_width_m = vehicle.track_m / 2
         self._fusion, self._follower = Fusion(fusion), Follower(follow, vehicle)
-        self._consistency = Consistency()
+        self._consistency, self._weak_edges = Consistency(), WeakEdges()
         self._saturated, self._single = Stopwatch(), Stopwatch()
         self._last_motion: Motion | None = None
 
@@ -104,6 +105,7 @@ class Observer:
             motion,
             state_age_s=state_age_s,
             steadiness=self._consistency.step(seen, moving),
+            edge_doubt=self._weak_edges.step(seen, moving, now_s=now_s),
             saturated_s=self._saturated.step(state is not None and state.saturated is True, now_s=now_s),
             expected=self._expected,
         )

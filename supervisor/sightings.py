@@ -100,6 +100,12 @@ def sight(
     )
 
 
+def surest_teller(seen: list[Sighting]) -> Sighting | None:
+    """The surest of those that can tell a road with lines from one with edges only."""
+    tellers = [s for s in seen if s.marked is not None]
+    return max(tellers, key=lambda s: s.confidence or 0.0, default=None)
+
+
 def lane_of(estimate: SteeringEstimate, settings: SightingSettings) -> Lane | None:
     """The lane at the rear axle; None unless every number is there, finite and possible."""
     offset_m = within(estimate.lateral_offset_m, settings.max_offset_m)

@@ -69,7 +69,6 @@ class Supervisor:
         )
         self._terrified, self._calm, self._ready, self._drivable = Held(), Held(), Held(), Held()
         self._road_back, self._pathless, self._lost, self._near = Held(), Held(), Held(), Held()
-        self._unafraid = Held()
         self._patience = Patience(settings.modes.stop_after_s)
         self._last_patience = Patience(settings.modes.emergency_after_s)
         self._speed = SpeedFactor(rules, settings.cruise_speed_mps)
@@ -183,20 +182,23 @@ class Supervisor:
         lasting = self._pathless.lasts(moving and pathless, modes.blind_s, now_s=now_s)
         frameless = fault.cause == "stale_data" and min(outlook.ages_s.values()) > modes.emergency_stop_age_s
         guessing = self._last_patience.ends(cause if moving else "", now_s=now_s)
-        unbelieved = (outlook.asked["lane_confidence"] or 0.0) < modes.guess_confidence
-        lost = self._lost.lasts(moving and terrified and unbelieved, modes.guess_s, now_s=now_s)
+        terrified = terrified and self._is_unbelieved(outlook)
+        lost = self._lost.lasts(moving and terrified, modes.guess_s, now_s=now_s)
         return lasting or guessing or lost or (moving and frameless)
 
-    def _path(self, outlook: Outlook, fear: float, now_s: float) -> fusion.Path | None:
+    def _is_unbelieved(self, outlook: Outlook) -> bool:
+        """Whether every estimator is rather wrong than right."""
+        return (outlook.asked["lane_confidence"] or 0.0) < self._settings.modes.guess_confidence
+
+    def _path(self, outlook: Outlook, now_s: float) -> fusion.Path | None:
         """The road's, or where it is lost the leader's; led over from one to the other.
 
-        None before the first drive while it is afraid, or has been of late: where a driver lets go of a moving car
-        too soon the wheels stay as they were left.
+        None before the first drive where nobody is sure of it, or only one of several: where a driver lets go of a
+        moving car too soon, such a view does not turn the wheels.
         """
         road, trail = outlook.fused.path, outlook.trail.path
-        wait_s = self._settings.modes.steer_after_s
-        calm = self._unafraid.lasts(self._rules.mode(fear) is Mode.KEEP, wait_s, now_s=now_s)
-        if not (self._has_driven or calm):
+        lone = len(outlook.fused.sources) < at_most(len(outlook.seen), 2)
+        if not self._has_driven and (lone or self._is_unbelieved(outlook)):
             road = trail = None
         follows = trail is not None and (self._mode.mode is Mode.FOLLOW or road is None)
         return self._hand_over.step(trail if follows else road, outlook.last_motion, now_s=now_s)
@@ -209,7 +211,7 @@ class Supervisor:
             pace_mps = at_most(self._observer.pace_mps(outlook.ahead), self._settings.cruise_speed_mps)
             cruise_mps = at_least(cruise_mps, pace_mps)
         cap_mps = at_most(self._observer.speed_cap_mps(outlook.ahead), cruise_mps)
-        path, fused = self._path(outlook, felt.fear, now_s), outlook.fused
+        path, fused = self._path(outlook, now_s), outlook.fused
         lane = path.lane if path else None
         lookahead_m = path.lookahead_m if path else self._settings.fusion.min_lookahead_m
         return Decision(

@@ -139,7 +139,6 @@ def _waits(modes: ModeSettings, rules: FearRules) -> list[tuple[str, str]]:
         ),
         (f"calm by more than {h.band:g} of fear: back to `KEEP`", f"{h.calm_after_s:g} s"),
         (f"road seen with {modes.road_back_confidence:g}: `FOLLOW` ends", f"{modes.road_back_s:g} s"),
-        ("unafraid before the first drive: the path is given", f"{modes.steer_after_s:g} s"),
         (
             "healthy at standstill: drive",
             "never" if modes.reengage_after_s is None else f"{modes.reengage_after_s:g} s",

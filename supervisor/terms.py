@@ -23,6 +23,7 @@ WHY = {
     "lane_width": "the room for errors on a bridge, beside road works, on a narrow road; a bridge as such is not "
     "recognised",
     "unmarked": "unstructured roads have ragged edges, no norm and no centre line (inventory F03)",
+    "edge_doubt": "trodden snow shows edges of its own by patches; a road without lines shows its edges all along",
     "brightness": "nothing is seen in the dark (inventory F08: average pixels)",
     "contrast": "fog, a fogged lens, a wall: nothing to hold on to",
     "over_exposed": "white pixels carry no road: low sun, tunnel exit (inventory F03)",

@@ -489,16 +489,15 @@ def test_the_mirror_image_of_a_drive_gives_the_mirror_image_of_every_path() -> N
             assert (one is None) == (other is None)
             assert one is None or one == pytest.approx(-other, abs=1e-9)
         sources.add(left.path_source)
-    assert sources == {"none", "cv+cnn", "memory", "lead"}
+    assert sources == {"cv+cnn", "memory", "lead"}
 
 
-def test_moments_of_calm_steer_nobody_before_the_first_drive() -> None:
-    drive, calm_s = Drive(speed_mps=8.0), SETTINGS.modes.steer_after_s
-    for _ in range(5):
-        assert drive.last(0.7 * calm_s).path_source == "none"
-        assert drive.last(2 * FRAME_S, cv=NO_LANE, cnn=NO_LANE).fear >= 0.5
-    drive.last(calm_s)
-    assert drive.last(2 * FRAME_S).path_source == "cv+cnn"
+def test_a_lone_view_steers_nobody_before_the_first_drive() -> None:
+    drive = Drive(speed_mps=8.0)
+    assert drive.last(0.5).path_source == "cv+cnn"
+    assert drive.last(2.0, cv=NO_LANE).path_source == "none"
+    assert drive.last(2.0, cnn=NO_LANE).path_source == "none"
+    assert drive.last(0.5).path_source == "cv+cnn"
 
 
 def test_a_network_that_wanders_over_a_doubtful_road_stops_the_car_and_keeps_it_there() -> None:
@@ -510,6 +509,30 @@ def test_a_network_that_wanders_over_a_doubtful_road_stops_the_car_and_keeps_it_
     assert (decision.mode, decision.cause) == (Mode.STOP, "odd_road")
     drive.speed_mps = 0.0
     assert drive.last(20.0, cv=edges).mode is Mode.STOP
+
+
+WEAK_EDGES = replace(ESTIMATE, confidence=0.6, marked=False)
+
+
+def test_edges_that_are_not_sure_stop_the_car_though_the_network_agrees() -> None:
+    drive = Drive.under_way()
+    decision = drive.last(1.5, cv=WEAK_EDGES)
+    assert (decision.mode, decision.stop, decision.cause) == (Mode.STOP, Stop.COMFORT, "weak_edges")
+    assert Drive.under_way().last(1.5, cv=replace(WEAK_EDGES, confidence=0.95)).mode is not Mode.STOP
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_where_edges_have_been_doubted_the_network_leads(side: int) -> None:
+    def led(edges: SteeringEstimate) -> float:
+        drive = Drive.under_way()
+        drive.last(2.5, cv=edges)
+        for n in range(40):
+            decision = drive.frame(cv=replace(edges, lateral_offset_m=side * 0.02 * n))
+        assert decision.lateral_offset_m is not None
+        return side * decision.lateral_offset_m
+
+    assert led(WEAK_EDGES) < 0.2
+    assert led(replace(WEAK_EDGES, confidence=0.97)) > 0.5
 
 
 def test_who_was_stopped_for_doubts_about_the_road_does_not_start_while_one_of_two_sees_it() -> None:
