@@ -235,6 +235,7 @@ def subset(points: RoadPoints, chosen: NDArray[np.intp]) -> RoadPoints:
         sigma_m=points.sigma_m[chosen],
         weight=points.weight[chosen],
         band=points.band[chosen],
+        half_m=points.half_m[chosen],
     )
 
 

@@ -42,6 +42,7 @@ class RoadPoints:
     sigma_m: Array  # lateral standard deviation of one point
     weight: Array  # 0..1, how much the point looks like a boundary
     band: NDArray[np.int64]  # band of the grid it comes from
+    half_m: Array  # from the middle of a double line to the stripes that it was found by; 0 for one stripe
 
 
 def marking_channel(image: NDArray[np.uint8], yellow_gain: float) -> NDArray[np.uint8]:
@@ -123,7 +124,9 @@ class MarkingFilter:
         highest = np.flatnonzero((peak >= after) & (peak > before))
         peak, before, after, at = peak[highest], before[highest], after[highest], high[highest]
         shift = 0.5 * (after - before) / np.maximum(2 * peak - before - after, 1e-3)
-        band, left_m, peak = _twins_joined(self._band[at], self._left_m[at] - self._step_m * shift, peak)
+        band, left_m, half_m, peak = _twins_joined(
+            self._band[at], self._left_m[at] - self._step_m * shift, peak
+        )
         x_m, y_m = self._grid.vehicle_from_grid(self._grid.ahead_m[band], left_m)
         return RoadPoints(
             x_m=x_m,
@@ -131,26 +134,29 @@ class MarkingFilter:
             sigma_m=self._sigma_m[band],
             weight=np.minimum(peak / settings.full_contrast_grey, 1.0).astype(np.float64),
             band=band,
+            half_m=half_m,
         )
 
 
 def _twins_joined(
     band: NDArray[np.int64], left_m: Array, contrast: NDArray[np.float32]
-) -> tuple[NDArray[np.int64], Array, NDArray[np.float32]]:
+) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.float32]]:
     """The points with each two stripes of a double line replaced by one between them, where the lane ends.
 
-    Stripes of one line are of one paint, about as bright: a line and the verge beside it are not joined.
+    Stripes of one line are of one paint, about as bright: a line and the verge beside it are not joined. Told are
+    band, place, distance to the two stripes (0 for one that is left) and contrast.
     """
     twin = (band[1:] == band[:-1]) & (left_m[:-1] - left_m[1:] < DOUBLE_M)
     twin &= np.minimum(contrast[1:], contrast[:-1]) > ALIKE * np.maximum(contrast[1:], contrast[:-1])
-    first = np.flatnonzero(twin)
+    first, half_m = np.flatnonzero(twin), np.zeros(len(band))
     if not len(first):
-        return band, left_m, contrast
+        return band, left_m, half_m, contrast
     first = first[np.concatenate([[True], np.diff(first) > 1])]  # of three in a row the first two
-    left_m[first] = (left_m[first] + left_m[first + 1]) / 2
+    half_m[first] = (left_m[first] - left_m[first + 1]) / 2
+    left_m[first] -= half_m[first]
     alone = np.ones(len(band), bool)
     alone[first + 1] = False
-    return band[alone], left_m[alone], contrast[alone]
+    return band[alone], left_m[alone], half_m[alone], contrast[alone]
 
 
 def _widened(shown: NDArray[np.bool_], places: int) -> NDArray[np.bool_]:

@@ -35,6 +35,7 @@ from trepid.camera import Camera
 
 STRAIGHT = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])  # keeps all of a state but its bend
 EVIDENCE_REACH_M = 30.0  # farther rows are too few to speak for a boundary or against it
+LEAST_DOUBLE = 0.2  # of the points of a double line lie between two stripes
 STATIONS_M = np.concatenate([np.arange(-1.0, 20.0, 0.5), np.arange(20.0, 81.0, 2.0)])
 
 
@@ -66,6 +67,10 @@ def find_lane(
         )  # fmt: skip
     near, side = _assign(points, start, grid.camera, fit)
     fitted = _fitted(near, side, prior, straight, start, grid.camera, fit)
+    on_middles = _on_middles(near, side, fitted.residual_m)
+    if on_middles is not near:
+        near = on_middles
+        fitted = _fitted(near, side, prior, straight, fitted.state.mean, grid.camera, fit)
     lane = _with_evidence(fitted, points, near, side, grid, fit, evidence)
     if lane.boundaries_seen != 1:
         return lane
@@ -74,6 +79,25 @@ def find_lane(
     near, side = subset(near, own), side[own]
     fitted = _fitted(near, side, prior, straight, fitted.state.mean, grid.camera, fit)
     return _with_evidence(fitted, points, near, side, grid, fit, evidence)
+
+
+def _on_middles(points: RoadPoints, side: Array, residual_m: Array) -> RoadPoints:
+    """``points`` with those of one stripe of a double line moved to its middle, where the lane ends.
+
+    Where the other stripe is worn away, one alone is found; how far it lies from the middle is known from where
+    there are both.
+    """
+    double = points.half_m > 0
+    if not double.any():
+        return points
+    shift_m = np.zeros(len(side))
+    for own in (side > 0, side < 0):
+        both = own & double
+        if np.count_nonzero(both) > LEAST_DOUBLE * np.count_nonzero(own):
+            half_m = float(np.median(points.half_m[both]))
+            alone = own & ~double & (np.abs(np.abs(residual_m) - half_m) < half_m / 2)
+            shift_m[alone] = np.copysign(half_m, residual_m[alone])
+    return replace(points, y_m=points.y_m - shift_m) if shift_m.any() else points
 
 
 def _fitted(

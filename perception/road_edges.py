@@ -230,6 +230,7 @@ class RoadEdgeFinder:
                 sigma_m=np.hypot(settings.sigma_m, 0.7 / self.grid.metre_px[band]),
                 weight=np.minimum(contrast[good] / settings.full_contrast, 1.0).astype(np.float64),
                 band=band,
+                half_m=np.zeros(len(band)),
             ),
             side[on_right, 0],
         )

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,7 +40,12 @@ def boundary_points(mean: np.ndarray) -> tuple[RoadPoints, np.ndarray]:
     y = np.concatenate([curve.left_y_m[12:], curve.right_y_m[12:]])
     side = np.repeat([1.0, -1.0], len(x) // 2)
     points = RoadPoints(
-        x_m=x, y_m=y, sigma_m=np.full(len(x), 0.02), weight=np.ones(len(x)), band=np.arange(len(x))
+        x_m=x,
+        y_m=y,
+        sigma_m=np.full(len(x), 0.02),
+        weight=np.ones(len(x)),
+        band=np.arange(len(x)),
+        half_m=np.zeros(len(x)),
     )
     return points, side
 
@@ -98,10 +104,7 @@ def test_a_third_of_outliers_moves_the_fit_by_centimetres_only():
     points, side = boundary_points(mean)
     y = points.y_m.copy()
     y[::3] += np.random.default_rng(3).uniform(-1.0, 1.0, len(y[::3]))
-    spoiled = RoadPoints(
-        x_m=points.x_m, y_m=y, sigma_m=points.sigma_m, weight=points.weight, band=points.band
-    )
-    fitted = fit_lane(spoiled, side, cold(), mean, CAMERA, SETTINGS.fit)
+    fitted = fit_lane(replace(points, y_m=y), side, cold(), mean, CAMERA, SETTINGS.fit)
     assert fitted.state.mean[E] == pytest.approx(0.2, abs=0.05)
     assert fitted.state.mean[PSI] == pytest.approx(0.03, abs=0.02)
 
@@ -110,13 +113,7 @@ def test_a_camera_that_pitches_is_told_from_a_lane_that_widens():
     mean = np.array([0.0, 0.0, 0.0, 0.0, 3.5, 0.0])
     points, side = boundary_points(mean)
     grown = 1 + 0.01 * (points.x_m - CAMERA.x_m) / CAMERA.height_m  # looks 0.01 rad further down than it says
-    seen = RoadPoints(
-        x_m=CAMERA.x_m + (points.x_m - CAMERA.x_m) * grown,
-        y_m=points.y_m * grown,
-        sigma_m=points.sigma_m,
-        weight=points.weight,
-        band=points.band,
-    )
+    seen = replace(points, x_m=CAMERA.x_m + (points.x_m - CAMERA.x_m) * grown, y_m=points.y_m * grown)
     fitted = fit_lane(seen, side, cold(), mean, CAMERA, SETTINGS.fit)
     assert fitted.state.mean[PITCH] == pytest.approx(0.01, abs=0.002)
     assert fitted.state.mean[WIDTH] == pytest.approx(3.5, abs=0.05)

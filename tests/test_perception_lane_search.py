@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from perception.estimators import lane_cv_settings
+from perception.lane_evidence import LaneFit
+from perception.lane_fit import WIDTH, E
+from perception.lane_points import MarkingFilter
+from perception.lane_search import find_lane
+from perception.lane_tracker import prior_state
+from perception.lateral_grid import lateral_grid
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+GRID = lateral_grid(CAMERA, reach_m=45.0, band_m=0.1, max_band_px=3)
+SETTINGS = lane_cv_settings()
+STRIPE_M, WORN_EVERY = 0.12, 4  # from the middle of a double line; bands in a row
+
+
+def lane_beside_a_double_line(*, worn: bool) -> LaneFit:
+    """The lane found between a line 1.7 m to the right and a double one 1.7 m to the left.
+
+    Where it is worn, both stripes are there in every third piece of it, and one or the other in between.
+    """
+    image = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
+    columns = np.arange(CAMERA.width_px)
+    for band, (top, bottom, metre_px) in enumerate(
+        zip(GRID.top_px, GRID.bottom_px, GRID.metre_px, strict=True)
+    ):
+        left = [1.7 + STRIPE_M, 1.7 - STRIPE_M]
+        if worn and (piece := band // WORN_EVERY % 3) < 2:
+            left.pop(piece)
+        for line in (-1.7, *left):
+            image[top:bottom, np.abs((CAMERA.cx_px - columns) / metre_px - line) < 0.06] = 200
+    prior = SETTINGS.prior
+    return find_lane(
+        MarkingFilter(SETTINGS.markings, GRID).points(image),
+        prior_state(prior, width_m=prior.width_m, width_sigma_m=prior.width_sigma_m),
+        (SETTINGS.vote.cold, SETTINGS.vote.refine),
+        GRID,
+        fit=SETTINGS.fit,
+        evidence=SETTINGS.evidence,
+        prior_weight=SETTINGS.vote.prior_weight,
+        min_support=SETTINGS.vote.min_support,
+    )
+
+
+@pytest.mark.parametrize("worn", [False, True])
+def test_a_lane_ends_in_the_middle_of_a_double_line_also_where_one_stripe_is_worn_away(worn):
+    lane = lane_beside_a_double_line(worn=worn)
+    assert lane.boundaries_seen == 2
+    assert lane.state.mean[WIDTH] == pytest.approx(3.4, abs=0.03)
+    assert lane.state.mean[E] == pytest.approx(0.0, abs=0.03)
+
+
+def test_a_double_line_with_worn_stripes_fits_nearly_as_tightly_as_a_whole_one():
+    worn, whole = lane_beside_a_double_line(worn=True), lane_beside_a_double_line(worn=False)
+    assert worn.residual < whole.residual + 1.0  # standard deviations; 2.6 if taken as they are
