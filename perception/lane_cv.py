@@ -195,7 +195,11 @@ class LaneCv:
         if not fit.by_edges or self._track is None or self._source != LINES or self._by_edges:
             return False
         remembered = self._fade(t_s) * self._believed(self._rests_on(self._grounds, self._track))
-        return self._believed(self._rests_on(self._grounds_of(fit), fit.state)) < remembered
+        return self._probable(fit) < remembered
+
+    def _probable(self, fit: LaneFit) -> float:
+        """The probability that ``fit`` is right."""
+        return self._believed(self._rests_on(self._grounds_of(fit), fit.state))
 
     def _straightened(self, lane: LaneState) -> LaneState:
         """``lane`` without the bend that noise makes of a straight road; unseen, such a road goes straight on."""
@@ -277,7 +281,7 @@ class LaneCv:
         edge_belief = self._belief(edges) if self._agrees(edges) else 0.0
         if edge_belief >= settings.good_confidence:
             return self._keep(edges)
-        best, best_belief = (lines, belief) if belief > edge_belief else (edges, edge_belief)
+        best, best_belief = self._lines_or_edges(lines, belief, edges, edge_belief)
         return self._unless_better(best, best_belief, points, view)
 
     def _follow_lines(self, points: RoadPoints, view: View) -> tuple[LaneFit, float]:
@@ -290,6 +294,14 @@ class LaneCv:
                 return lines, belief
         lines = self._find_lines(points, prior, (self._settings.vote.tracked,), view)
         return lines, self._belief(lines)
+
+    def _lines_or_edges(
+        self, lines: LaneFit, belief: float, edges: LaneFit, edge_belief: float
+    ) -> tuple[LaneFit, float]:
+        """Whichever is believed more; edges that are hardly likely to be a lane's give way to any lines."""
+        if belief >= self._settings.min_confidence > self._probable(edges):
+            return lines, belief
+        return (lines, belief) if belief >= edge_belief else (edges, edge_belief)
 
     def _keep(self, fit: LaneFit) -> LaneFit:
         self._rival_looks = self._weak_frames = 0
@@ -306,7 +318,7 @@ class LaneCv:
         edge_belief = self._belief(edges)
         if edges.boundaries_seen == 1:
             edge_belief *= settings.evidence.lone_edge_trust
-        best, best_belief = (lines, belief) if belief >= edge_belief else (edges, edge_belief)
+        best, best_belief = self._lines_or_edges(lines, belief, edges, edge_belief)
         return best if best_belief >= settings.min_confidence else None
 
     def _lines_anywhere(self, points: RoadPoints, view: View) -> tuple[LaneFit, float]:

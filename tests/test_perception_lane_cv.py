@@ -1,5 +1,6 @@
 import os
 from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,9 @@ from perception.lane_cv import LaneCv, LaneCvSettings
 from perception.lane_fit import lane_curve
 from perception.lane_state import ImageLine, straight_lane
 from perception.self_calibration import self_calibrated, vanishing_point
+from sim_harness.perception_bench.clips import Case, moments
+from sim_harness.roads.disturbances import DisturbanceKind
+from sim_harness.roads.drawn import Kind, Shape
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
@@ -185,6 +189,15 @@ def test_in_a_pause_of_the_lines_patches_beside_the_lane_are_not_believed_before
     with_patches, without = believed(patches=True), believed(patches=False)
     assert min(np.subtract(with_patches, without)) > -0.05
     assert without[-1] < 0.2
+
+
+def test_edges_of_a_road_of_two_lanes_give_way_to_lines_of_the_lane_that_are_little_believed():
+    case = Case(90817, 2, DisturbanceKind.BRIDGE_SHADOWS, 3, Kind.WHITE, Shape.BEND)
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+    for moment in islice(moments(case, CAMERA, VEHICLE), 4):
+        seen = finder.step(moment.frame, moment.state, now_s=moment.frame.t_s)
+    assert seen.lateral_offset_m == pytest.approx(moment.truth.lateral_offset_m, abs=0.2)
+    assert seen.lane_width_m == pytest.approx(moment.truth.lane_width_m, abs=0.4)
 
 
 @pytest.mark.parametrize(("offset_m", "remembered_s"), [(0.2, SETTINGS.track.max_coast_s), (2.4, 0.25)])
