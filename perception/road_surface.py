@@ -15,10 +15,23 @@ Bgr = NDArray[np.uint8]
 Where = NDArray[np.bool_] | NDArray[np.intp]  # a mask, or the numbers of its pixels
 
 BINS = 32
-CHROMA_BIN = np.clip((np.arange(256) - 96) // 2, 0, BINS - 1).astype(
-    np.uint8
-)  # a, b in 96..160 around neutral 128
+LIT_L = 50.0  # L* of sunlit ground, at which chroma is compared
+DARKEST_L, BRIGHTEST_L = 10.0, 70.0  # darker is noise; brighter is snow or paint, not ground in more light
 LIGHT_BIN = (np.arange(256) // 8).astype(np.uint8)
+
+
+def _chroma_bins() -> NDArray[np.intp]:
+    """The bin of each a or b (0..255, neutral: 128) at each lightness (0..255), flat: its bin at L* = ``LIT_L``.
+
+    L* + 16, a* and b* go with the cube roots of X, Y and Z, so in less light all three shrink by one factor. As
+    they are, grass in the shade of a building would be as grey as a road.
+    """
+    light = np.clip(np.arange(256) * (100 / 255), DARKEST_L, BRIGHTEST_L)
+    lit = (np.arange(256) - 128) * ((LIT_L + 16) / (light[:, None] + 16))
+    return np.clip(lit // 2 + BINS // 2, 0, BINS - 1).astype(np.intp).ravel()
+
+
+CHROMA_BIN = _chroma_bins()
 
 
 class SurfaceSettings(Settings):
@@ -39,10 +52,11 @@ class SurfaceBins:
 
 
 def surface_bins(image: Bgr) -> SurfaceBins:
-    """The bins of the CIELAB colour: chroma (a, b) together, lightness L apart."""
+    """The bins of the CIELAB colour: chroma (a, b), as it were in full light, together, lightness L apart."""
     light, a, b = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2Lab))
+    shade = light.astype(np.intp) * 256
     return SurfaceBins(
-        chroma=cv2.LUT(a, CHROMA_BIN).astype(np.intp) * BINS + cv2.LUT(b, CHROMA_BIN).astype(np.intp),
+        chroma=CHROMA_BIN[shade + a] * BINS + CHROMA_BIN[shade + b],
         light=cv2.LUT(light, LIGHT_BIN).astype(np.intp),
     )
 
