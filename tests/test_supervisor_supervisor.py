@@ -516,9 +516,9 @@ WEAK_EDGES = replace(ESTIMATE, confidence=0.6, marked=False)
 
 def test_edges_that_are_not_sure_stop_the_car_though_the_network_agrees() -> None:
     drive = Drive.under_way()
-    decision = drive.last(1.5, cv=WEAK_EDGES)
+    decision = drive.last(2.5, cv=WEAK_EDGES)
     assert (decision.mode, decision.stop, decision.cause) == (Mode.STOP, Stop.COMFORT, "weak_edges")
-    assert Drive.under_way().last(1.5, cv=replace(WEAK_EDGES, confidence=0.95)).mode is not Mode.STOP
+    assert Drive.under_way().last(2.5, cv=replace(WEAK_EDGES, confidence=0.95)).mode is not Mode.STOP
 
 
 @pytest.mark.parametrize("side", [1, -1])
