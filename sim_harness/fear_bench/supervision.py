@@ -27,7 +27,7 @@ from sim_harness.sweep.outcome import Row
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, ROOT, load
 
-CASES = 100
+CASES = 80
 SUPERVISED = "supervised"
 AHEAD_S = 2.0
 UNDISTURBED_S = 3.0  # since the start or an intervention: a departure sooner belongs to the mishap before
