@@ -23,7 +23,7 @@ class ModeSettings(Settings):
     blind_s: Positive  # moving without any path for this long: emergency stop
     near_s: Seconds  # a vehicle ahead too near for the comfort stop going on, for this long: emergency stop
     guess_s: Positive  # ... in terror, and with no estimator believed by more than ...
-    guess_confidence: Annotated[float, Field(gt=0, le=1)]
+    guess_confidence: Annotated[float, Field(gt=0, le=1)]  # ... nor is one steered by before the first drive
     standstill_mps: Positive
     reengage_after_s: Seconds | None  # at standstill, healthy for this long: drive again; null: never
     reengage_max_fear: Annotated[float, Field(ge=0, lt=1)]
