@@ -9,7 +9,7 @@ def alive(pid: int) -> bool:
     """True while a process runs; a zombie does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
+    except (FileNotFoundError, ProcessLookupError):  # it may also end between opening and reading
         return False
 
 
