@@ -1,7 +1,7 @@
 """The classical lane finder: marking filter or road surface, vote, fit and track (inventory P04)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated
 
@@ -48,6 +48,7 @@ ROW_STEP_PX = 10  # boundaries are reported every ten rows of the input image
 MAX_STEP_S = 0.25  # between two looks at the same lane
 MAX_ASIDE = 4  # image widths beside the middle: where the edges of a wide road leave the picture
 LINES, EDGES = "lines", "edges"
+SIDES = (0, 1, -1)  # where a road has another lane than ours: nowhere, on our left, on our right
 NOTHING_SEEN = "no lane line or road edge found"
 
 
@@ -72,6 +73,7 @@ class LaneCvSettings(Settings):
     min_confidence: Annotated[float, Field(ge=0, le=1)]
     enough_confidence: Annotated[float, Field(ge=0, le=1)]
     good_confidence: Annotated[float, Field(ge=0, le=1)]
+    sure_confidence: Annotated[float, Field(ge=0, le=1)]
     markings: MarkingSettings
     fit: FitSettings
     edge_fit: FitSettings
@@ -152,6 +154,7 @@ class LaneCv:
         )
         self._source = LINES  # what tells its place and width
         self._by_edges = False  # whether edges of the road were last seen
+        self._other_lane = 0  # of SIDES
         self._unmarked_m = 0.0  # driven since lines were seen
         self._weak_frames = 0  # how many in a row gave no good tracked lane
         self._rival_looks = 0  # how often in a row a better lane contradicted the track
@@ -172,7 +175,10 @@ class LaneCv:
             fit = None
         if fit is not None:
             self._looks = min(self._looks + 1, self._settings.evidence.sure_looks)
-            self._track, self._source = self._lane_by(fit)
+            if not fit.by_edges:
+                self._unmarked_m = 0.0
+            self._source = EDGES if fit.by_edges and not self._lines_tell_place else LINES
+            self._track = fit.state
             self._by_edges, self._grounds = fit.by_edges, self._grounds_of(fit)
             self._check_camera(fit, state, frame.t_s)
             self._track_t_s = self._seen_t_s = frame.t_s
@@ -217,18 +223,18 @@ class LaneCv:
             dt_s=dt_s,
         )
 
-    def _lane_by(self, fit: LaneFit) -> tuple[LaneState, str]:
-        """The lane after ``fit``, and what tells its place and width.
+    @property
+    def _lines_tell_place(self) -> bool:
+        """Whether lines, seen or of a moment ago, tell the place and the width of the remembered lane.
 
-        Where lines end or pause, the edges of the road tell for a while only where it goes: how far its edges lie
+        Where they end or pause, the edges of the road tell for a while only where it goes: how far its edges lie
         from the lines is not known, and they may widen into a lay-by or the mouth of a side road.
         """
-        if not fit.by_edges:
-            self._unmarked_m = 0.0
-            return fit.state, LINES
-        if self._track is None or self._source == EDGES or self._unmarked_m > self._settings.track.hold_m:
-            return fit.state, EDGES
-        return held(fit.state, self._track), LINES
+        return (
+            self._track is not None
+            and self._source == LINES
+            and self._unmarked_m <= self._settings.track.hold_m
+        )
 
     def _view_of(self, width_px: int, height_px: int) -> View | None:
         if (self._camera.width_px, self._camera.height_px) != (width_px, height_px):
@@ -246,7 +252,7 @@ class LaneCv:
         dt_s = t_s - self._track_t_s
         worth = min(1.0, self._worth / self._settings.good_confidence)
         if dt_s < 0 or t_s - self._seen_t_s > max(worth * self._settings.track.max_coast_s, MAX_STEP_S):
-            self._track, self._looks = None, 0
+            self._track, self._looks, self._other_lane = None, 0, 0
             return
         speed_mps = _finite(state.speed_mps if state else None)
         self._unmarked_m += dt_s * (
@@ -277,8 +283,7 @@ class LaneCv:
             return self._keep(lines)
         if self._source == LINES and belief >= settings.min_confidence:
             return self._unless_better(lines, belief, points, view)
-        edges = self._find_edges(image, self._with_width_of(EDGES), view)
-        edge_belief = self._belief(edges) if self._agrees(edges) else 0.0
+        edges, edge_belief = self._follow_edges(image, view)
         if edge_belief >= settings.good_confidence:
             return self._keep(edges)
         best, best_belief = self._lines_or_edges(lines, belief, edges, edge_belief)
@@ -295,12 +300,39 @@ class LaneCv:
         lines = self._find_lines(points, prior, (self._settings.vote.tracked,), view)
         return lines, self._belief(lines)
 
+    def _follow_edges(self, image: Bgr, view: View) -> tuple[LaneFit, float]:
+        """The edges of the remembered road, or those beside the lane that lines told of; and their belief.
+
+        That road is the lane alone or, for as long as lines tell the place of the lane, has another one on its left
+        or right: what was found last comes first.
+        """
+        road = self._with_width_of(EDGES)
+        if self._track is None or self._source == EDGES:
+            edges = self._find_edges(image, road, view)
+            return edges, self._belief(edges) if self._agrees(edges) else 0.0
+        held_place = self._lines_tell_place
+        for side in sorted(SIDES, key=lambda side: side != self._other_lane) if held_place else (0,):
+            edges = self._find_edges(image, _with_lane_beside(road, self._track, side), view)
+            if self._lies_between(edges, side):
+                self._other_lane = side
+                if held_place:
+                    edges = replace(edges, state=held(edges.state, self._track))
+                return edges, self._belief(edges)
+        return edges, 0.0
+
     def _lines_or_edges(
         self, lines: LaneFit, belief: float, edges: LaneFit, edge_belief: float
     ) -> tuple[LaneFit, float]:
-        """Whichever is believed more; edges that are hardly likely to be a lane's give way to any lines."""
+        """Whichever is believed more; edges that are hardly likely to be a lane's give way to any lines.
+
+        Those of two lanes do to lines that are surely a lane's, however weak: on worn roads they are.
+        """
         if belief >= self._settings.min_confidence > self._probable(edges):
             return lines, belief
+        if not self._lines_tell_place and self._of_two_lanes(edges):
+            surely = self._probable(lines)
+            if surely >= max(self._settings.sure_confidence, self._probable(edges)):
+                return lines, surely
         return (lines, belief) if belief >= edge_belief else (edges, edge_belief)
 
     def _keep(self, fit: LaneFit) -> LaneFit:
@@ -318,8 +350,30 @@ class LaneCv:
         edge_belief = self._belief(edges)
         if edges.boundaries_seen == 1:
             edge_belief *= settings.evidence.lone_edge_trust
+        if edge_belief >= settings.min_confidence and self._of_two_lanes(edges):
+            within = self._find_lines(points, self._lane_within(edges), (settings.vote.tracked,), view)
+            if self._probable(within) > self._probable(lines):
+                lines, belief = within, self._belief(within)
         best, best_belief = self._lines_or_edges(lines, belief, edges, edge_belief)
         return best if best_belief >= settings.min_confidence else None
+
+    def _of_two_lanes(self, edges: LaneFit) -> bool:
+        """Whether the road between ``edges`` is too wide to be one lane."""
+        evidence = self._settings.evidence
+        wide_m = evidence.road_width_m + evidence.road_width_sigma_m
+        return edges.boundaries_seen == 2 and float(edges.state.mean[WIDTH]) > wide_m
+
+    def _lane_within(self, edges: LaneFit) -> LaneState:
+        """The half of the road between ``edges`` that has the vehicle in it, as far as they foresee its lines."""
+        prior = self._settings.prior
+        mean, covariance = edges.state.mean.copy(), edges.state.covariance.copy()
+        road_m = float(mean[WIDTH])
+        mean[WIDTH] = road_m / 2 - prior.shoulder_m
+        mean[E] -= math.copysign(road_m / 4, mean[E])
+        for own, sigma_m in ((WIDTH, prior.width_sigma_m), (E, prior.offset_sigma_m)):
+            covariance[own, :] = covariance[:, own] = 0.0
+            covariance[own, own] = sigma_m**2
+        return LaneState(mean=mean, covariance=covariance)
 
     def _lines_anywhere(self, points: RoadPoints, view: View) -> tuple[LaneFit, float]:
         """The best lane between lines, whatever is remembered."""
@@ -348,22 +402,25 @@ class LaneCv:
         return fit if belief >= self._settings.min_confidence else None
 
     def _agrees(self, fit: LaneFit) -> bool:
-        """Whether ``fit`` continues the remembered lane.
-
-        Where lines end, edges do only if both run beside the lane: at the mouth of a side road they turn away.
-        """
+        """Whether ``fit`` continues the remembered lane."""
         if self._track is None:
             return True
-        change = fit.state.mean - self._track.mean
-        track = self._settings.track
-        if fit.by_edges and self._source == LINES:
-            spare_m = float(change[WIDTH]) / 2 + track.edge_gate_offset_m  # the lane is a part of the road
-            return bool(
-                fit.boundaries_seen == 2
-                and abs(change[E]) < spare_m < track.edge_gate_width_m
-                and abs(change[PSI]) < track.edge_gate_heading_rad
-            )
+        change, track = fit.state.mean - self._track.mean, self._settings.track
         return bool(abs(change[E]) < track.gate_offset_m and abs(change[PSI]) < track.gate_heading_rad)
+
+    def _lies_between(self, edges: LaneFit, other_lane: int) -> bool:
+        """Whether both ``edges`` run beside the remembered lane, and beyond the lane on the side ``other_lane``.
+
+        How wide that is, is only guessed. At the mouth of a side road edges turn away.
+        """
+        assert self._track is not None
+        change, track = edges.state.mean - self._track.mean, self._settings.track
+        if edges.boundaries_seen < 2 or abs(change[PSI]) >= track.edge_gate_heading_rad:
+            return False
+        beyond_m = {side: float(change[WIDTH] / 2 - side * change[E]) for side in (1, -1)}
+        if other_lane and abs(beyond_m.pop(other_lane) - self._track.mean[WIDTH]) >= track.edge_gate_width_m:
+            return False
+        return all(-track.edge_gate_offset_m < far_m < track.edge_gate_width_m for far_m in beyond_m.values())
 
     def _prior_of(self, source: str) -> LaneState:
         prior = self._settings.prior
@@ -493,6 +550,14 @@ class LaneCv:
         return SteeringEstimate.nothing(
             t_s, estimator=NAME, lookahead_m=self._settings.steering.lookahead_m, reason=reason
         )
+
+
+def _with_lane_beside(road: LaneState, lane: LaneState, side: int) -> LaneState:
+    """The road ``road`` of one lane with another as wide as ``lane`` on its ``side``."""
+    mean, width_m = road.mean.copy(), float(lane.mean[WIDTH])
+    mean[E] -= side * width_m / 2
+    mean[WIDTH] += abs(side) * width_m
+    return LaneState(mean=mean, covariance=road.covariance)
 
 
 def as_bgr(image: NDArray[np.uint8]) -> Bgr:

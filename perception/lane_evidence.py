@@ -1,7 +1,7 @@
 """How far a fitted lane can be believed."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated
 
@@ -22,6 +22,7 @@ class EvidenceSettings(Settings):
     min_excess: Annotated[float, Field(ge=0, le=1)]
     full_excess: Positive
     min_extent_m: Positive
+    min_foreseen_extent_m: Positive
     road_width_m: Positive
     road_width_sigma_m: Positive
     min_width_m: Positive
@@ -43,6 +44,11 @@ class BoundarySupport:
     excess: float  # share of the visible rows with a point on the boundary, above chance; 1 = in every row
     extent_m: float  # length of road between the first and the last of them
     seen: bool
+
+    def foreseen(self, settings: EvidenceSettings) -> "BoundarySupport":
+        """The same support where a boundary is foreseen, which needs less of it to be seen."""
+        long = self.extent_m > settings.min_foreseen_extent_m
+        return replace(self, seen=self.excess > settings.min_excess and long)
 
 
 NO_SUPPORT = BoundarySupport(excess=0.0, extent_m=0.0, seen=False)

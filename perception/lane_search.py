@@ -53,8 +53,8 @@ def find_lane(
 ) -> LaneFit:
     """The lane that ``points`` support best, searched in ``stages`` around ``prior`` and fitted with it.
 
-    Without stages it is fitted right from ``prior``. With a prior ``straight`` for a road that does not bend, the
-    simpler of the two explanations wins.
+    Without stages it is fitted right from ``prior``, which foresees both lines. With a prior ``straight`` for a
+    road that does not bend, the simpler of the two explanations wins.
     """
     start = prior.mean
     if stages:
@@ -71,14 +71,15 @@ def find_lane(
     if on_middles is not near:
         near = on_middles
         fitted = _fitted(near, side, prior, straight, fitted.state.mean, grid.camera, fit)
-    lane = _with_evidence(fitted, points, near, side, grid, fit, evidence)
+    foreseen = not stages
+    lane = _with_evidence(fitted, points, near, side, grid, fit, evidence, foreseen=foreseen)
     if lane.boundaries_seen != 1:
         return lane
     # What lies about where the other line would be is no line, and says nothing of the width.
     own = np.flatnonzero(side == (1.0 if lane.left.seen else -1.0))
     near, side = subset(near, own), side[own]
     fitted = _fitted(near, side, prior, straight, fitted.state.mean, grid.camera, fit)
-    return _with_evidence(fitted, points, near, side, grid, fit, evidence)
+    return _with_evidence(fitted, points, near, side, grid, fit, evidence, foreseen=foreseen)
 
 
 def _on_middles(points: RoadPoints, side: Array, residual_m: Array) -> RoadPoints:
@@ -251,8 +252,10 @@ def _with_evidence(
     grid: LateralGrid,
     fit: FitSettings,
     evidence: EvidenceSettings,
+    *,
+    foreseen: bool = False,
 ) -> LaneFit:
-    """The fitted state with the support of each boundary."""
+    """The fitted state with the support of each boundary; one that is seen foresees the other beside it."""
     state, residual = fitted.state, fitted.residual_m
     accepted = (fitted.weight > 0) & (np.abs(residual) < fit.gate_m + near.sigma_m)
     density = len(points.x_m) / grid.area_m2
@@ -261,6 +264,8 @@ def _with_evidence(
         boundary_support(near, own, visible, density_per_m=density, gate_m=fit.gate_m, settings=evidence)
         for own, visible in zip((accepted & (side > 0), accepted & (side < 0)), seen_in, strict=True)
     )
+    if foreseen or left.seen != right.seen:
+        left, right = left.foreseen(evidence), right.foreseen(evidence)
     scaled = (residual / near.sigma_m)[accepted]
     rms = math.sqrt(float(scaled @ scaled) / len(scaled)) if len(scaled) else 0.0
     return LaneFit(state=state, left=left, right=right, residual=rms)

@@ -47,13 +47,28 @@ def ribbon(image, camera, lane, place_m, width_m, colour, drawn=lambda station_m
             cv2.fillPoly(image, [np.round(corners * 16).astype(np.int32)], colour, cv2.LINE_AA, 4)
 
 
-def road(lane, width_m=3.4, *, left=WHITE, right=WHITE, dashed=False, camera=CAMERA, verge_m=0.6, seed=0):
-    """A picture of a road: asphalt in grass, lines of the given colours (None: no line), sensor noise."""
+def road(
+    lane,
+    width_m=3.4,
+    *,
+    left=WHITE,
+    right=WHITE,
+    dashed=False,
+    camera=CAMERA,
+    verge_m=0.6,
+    other_lane=0,
+    seed=0,
+):
+    """A picture of a road: asphalt in grass, lines of the given colours (None: no line), sensor noise.
+
+    With ``other_lane`` the road has another lane on the left (1) or right (-1).
+    """
     image = np.full((camera.height_px, camera.width_px, 3), GRASS, np.uint8)
     image[: round(camera.horizon_row_px)] = SKY
     half_m = width_m / 2 + verge_m
     for side in (1, -1):
-        ribbon(image, camera, lane, side * half_m / 2, half_m, ASPHALT)
+        to_edge_m = half_m + width_m * (side == other_lane)
+        ribbon(image, camera, lane, side * to_edge_m / 2, to_edge_m, ASPHALT)
     if left:
         ribbon(
             image, camera, lane, width_m / 2, 0.12, left, (lambda s: s % 9 < 3) if dashed else lambda s: True
@@ -191,10 +206,39 @@ def test_in_a_pause_of_the_lines_patches_beside_the_lane_are_not_believed_before
     assert without[-1] < 0.2
 
 
-def test_edges_of_a_road_of_two_lanes_give_way_to_lines_of_the_lane_that_are_little_believed():
-    case = Case(90817, 2, DisturbanceKind.BRIDGE_SHADOWS, 3, Kind.WHITE, Shape.BEND)
+@pytest.mark.parametrize("other_lane", [1, -1, 0])
+def test_where_the_lines_pause_the_edges_of_a_road_of_one_lane_or_two_tell_how_it_goes_on(other_lane):
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
-    for moment in islice(moments(case, CAMERA, VEHICLE), 4):
+    for number in range(28):
+        line, turned_rad = (WHITE, 0.0) if number < 8 else (None, 0.003 * (number - 8))
+        image = road(
+            (0.1, turned_rad, 0.0, 0.0),
+            left=line,
+            right=line,
+            verge_m=0.3,
+            other_lane=other_lane,
+            seed=number,
+        )
+        seen = finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0)
+    assert seen.heading_error_rad == pytest.approx(turned_rad, abs=0.01)
+    assert seen.lateral_offset_m == pytest.approx(0.1, abs=0.1)
+    assert seen.lane_width_m == pytest.approx(3.4, abs=0.1)
+    assert seen.lanes_detected == 2 and seen.marked is False
+    assert seen.confidence > SETTINGS.good_confidence
+
+
+@pytest.mark.parametrize(
+    ("case", "frames"),
+    [
+        (Case(90817, 2, DisturbanceKind.BRIDGE_SHADOWS, 3, Kind.WHITE, Shape.BEND), 4),
+        (Case(61001, 1, DisturbanceKind.BUILDING_SHADOWS, 4, Kind.WORN, Shape.BEND), 4),
+        (Case(555, 2, DisturbanceKind.RAIN, 2, Kind.WORN, Shape.BEND), 20),
+    ],
+    ids=lambda case: getattr(case, "key", None),
+)
+def test_edges_of_a_road_of_two_lanes_give_way_to_lines_of_the_lane_that_are_little_believed(case, frames):
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+    for moment in islice(moments(case, CAMERA, VEHICLE), frames):
         seen = finder.step(moment.frame, moment.state, now_s=moment.frame.t_s)
     assert seen.lateral_offset_m == pytest.approx(moment.truth.lateral_offset_m, abs=0.2)
     assert seen.lane_width_m == pytest.approx(moment.truth.lane_width_m, abs=0.4)
