@@ -350,8 +350,9 @@ class LaneCv:
         edge_belief = self._belief(edges)
         if edges.boundaries_seen == 1:
             edge_belief *= settings.evidence.lone_edge_trust
-        if edge_belief >= settings.min_confidence and self._of_two_lanes(edges):
-            within = self._find_lines(points, self._lane_within(edges), (settings.vote.tracked,), view)
+        foreseen = self._lane_within(edges) if edge_belief >= settings.min_confidence else None
+        if foreseen is not None:
+            within = self._find_lines(points, foreseen, (settings.vote.tracked,), view)
             if self._probable(within) > self._probable(lines):
                 lines, belief = within, self._belief(within)
         best, best_belief = self._lines_or_edges(lines, belief, edges, edge_belief)
@@ -363,13 +364,18 @@ class LaneCv:
         wide_m = evidence.road_width_m + evidence.road_width_sigma_m
         return edges.boundaries_seen == 2 and float(edges.state.mean[WIDTH]) > wide_m
 
-    def _lane_within(self, edges: LaneFit) -> LaneState:
-        """The half of the road between ``edges`` that has the vehicle in it, as far as they foresee its lines."""
+    def _lane_within(self, edges: LaneFit) -> LaneState | None:
+        """The half of a road of two lanes that has the vehicle in it, as far as its edges foresee the lines.
+
+        None for any other road, and where the vehicle is in the middle of it: then it is in neither half.
+        """
         prior = self._settings.prior
         mean, covariance = edges.state.mean.copy(), edges.state.covariance.copy()
         road_m = float(mean[WIDTH])
         mean[WIDTH] = road_m / 2 - prior.shoulder_m
         mean[E] -= math.copysign(road_m / 4, mean[E])
+        if not self._of_two_lanes(edges) or abs(mean[E]) > prior.offset_sigma_m:
+            return None
         for own, sigma_m in ((WIDTH, prior.width_sigma_m), (E, prior.offset_sigma_m)):
             covariance[own, :] = covariance[:, own] = 0.0
             covariance[own, own] = sigma_m**2

@@ -12,6 +12,7 @@ from perception.lane_fit import lane_curve
 from perception.lane_state import ImageLine, straight_lane
 from perception.self_calibration import self_calibrated, vanishing_point
 from sim_harness.perception_bench.clips import Case, moments
+from sim_harness.perception_bench.real_frames import udacity_drive
 from sim_harness.roads.disturbances import DisturbanceKind
 from sim_harness.roads.drawn import Kind, Shape
 from trepid.camera import Camera
@@ -361,3 +362,11 @@ def test_straight_highway_lanes_have_two_lines_heading_and_width(name, known):
     assert seen.lanes_detected == 2
     assert abs(np.degrees(seen.heading_error_rad)) < 2
     assert seen.lane_width_m == pytest.approx(3.7, rel=0.15)
+
+
+@needs_data
+def test_in_the_middle_of_a_wide_bridge_the_car_is_in_neither_half_of_it_beside_the_line_at_its_rail():
+    drive = udacity_drive(DATA / "udacity_sim_track")
+    picture = next(islice(drive, 320, None))
+    seen = look(picture.image, picture.camera)
+    assert seen.confidence < SETTINGS.good_confidence or abs(seen.lateral_offset_m) < 0.5
