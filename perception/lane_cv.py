@@ -14,8 +14,9 @@ from perception.camera_check import CameraCheck, CameraCheckSettings
 from perception.lane_confidence import ConfidenceSettings, confidence, grounds
 from perception.lane_evidence import NO_BELIEF, Belief, EvidenceSettings, LaneFit, belief_of, believed_reach_m
 from perception.lane_fit import KAPPA, KAPPA_RATE, PSI, WIDTH, E, FitSettings, LaneState
+from perception.lane_paths import boundary_paths
 from perception.lane_points import MarkingFilter, MarkingSettings, RoadPoints
-from perception.lane_search import boundary_columns, find_lane, find_road
+from perception.lane_search import find_lane, find_road
 from perception.lane_tracker import (
     PriorSettings,
     TrackSettings,
@@ -35,7 +36,7 @@ from perception.self_calibration import SelfCalibrationSettings
 from perception.steering import SteeringSettings, pursuit_curvature, road_wheel_angle
 from trepid.camera import Camera
 from trepid.config import Settings
-from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
+from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.vehicle import Vehicle
 
 Positive = Annotated[float, Field(gt=0)]
@@ -44,9 +45,7 @@ Bgr = NDArray[np.uint8]
 NAME = "cv"
 MIN_SIZE_PX = 32  # below this there is no road to be seen
 MIN_BANDS = 8  # rows of road that a look needs
-ROW_STEP_PX = 10  # boundaries are reported every ten rows of the input image
 MAX_STEP_S = 0.25  # between two looks at the same lane
-MAX_ASIDE = 4  # image widths beside the middle: where the edges of a wide road leave the picture
 LINES, EDGES = "lines", "edges"
 SIDES = (0, 1, -1)  # where a road has another lane than ours: nowhere, on our left, on our right
 NOTHING_SEEN = "no lane line or road edge found"
@@ -573,45 +572,6 @@ def as_bgr(image: NDArray[np.uint8]) -> Bgr:
     if image.shape[2] == 4:
         return cv2.cvtColor(image, cv2.COLOR_BGRA2BGR).astype(np.uint8, copy=False)
     return image
-
-
-def boundary_paths(lane: LaneState, camera: Camera, *, reach_m: float) -> tuple[PixelPath, PixelPath]:
-    """Both boundaries as pixels of the input image, one every ten rows from the bottom up."""
-    last = camera.height_px // ROW_STEP_PX * ROW_STEP_PX  # the lower border of the image
-    rows = np.arange(last, -1, -ROW_STEP_PX, dtype=float)
-    if not any(camera.distortion):
-        left, right = boundary_columns(lane.mean, camera, rows, reach_m=reach_m)
-        return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)
-    fine = np.arange(1.2 * camera.height_px, -1.0, -2.0)
-    columns = boundary_columns(lane.mean, camera, fine, reach_m=reach_m)
-    left, right = (_distorted_columns(column, fine, rows, camera) for column in columns)
-    return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)
-
-
-def _distorted_columns(
-    columns: NDArray[np.float64], at_rows: NDArray[np.float64], rows: NDArray[np.float64], camera: Camera
-) -> NDArray[np.float64]:
-    """Columns at image rows ``rows`` of a line given in the undistorted image."""
-    seen = np.abs(columns - camera.cx_px) < camera.width_px  # NaN is not seen
-    if np.count_nonzero(seen) < 2:
-        return np.full(len(rows), np.nan)
-    rays = np.column_stack(
-        [
-            (columns[seen] - camera.cx_px) / camera.fx_px,
-            (at_rows[seen] - camera.cy_px) / camera.fy_px,
-            np.ones(np.count_nonzero(seen)),
-        ]
-    )
-    pixels, _ = cv2.projectPoints(
-        rays, np.zeros(3), np.zeros(3), camera.intrinsics, np.array(camera.distortion)
-    )
-    u, v = pixels[:, 0, 0], pixels[:, 0, 1]
-    return np.interp(-rows, -v, u, left=np.nan, right=np.nan)
-
-
-def _path(columns: NDArray[np.float64], rows: NDArray[np.float64], width_px: int) -> PixelPath:
-    near = np.abs(columns - width_px / 2) < MAX_ASIDE * width_px  # NaN is not near
-    return tuple(zip(columns[near].tolist(), rows[near].tolist(), strict=True))
 
 
 def _working_image(image: Bgr, view: View) -> Bgr:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,6 @@ from perception.lane_fit import (
     LaneState,
     fit_lane,
     lane_coordinates,
-    lane_curve,
     levelled,
     log_evidence,
     subset,
@@ -36,7 +34,6 @@ from trepid.camera import Camera
 STRAIGHT = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])  # keeps all of a state but its bend
 EVIDENCE_REACH_M = 30.0  # farther rows are too few to speak for a boundary or against it
 LEAST_DOUBLE = 0.2  # of the points of a double line lie between two stripes
-STATIONS_M = np.concatenate([np.arange(-1.0, 20.0, 0.5), np.arange(20.0, 81.0, 2.0)])
 
 
 def find_lane(
@@ -199,49 +196,6 @@ def _assign(points: RoadPoints, mean: Array, camera: Camera, fit: FitSettings) -
     gate = 3 * (fit.gate_m + fit.gate_growth * points.x_m) + points.sigma_m
     close = np.flatnonzero(np.abs(distance - side * (mean[WIDTH] / 2)) < gate)
     return subset(points, close), side[close]
-
-
-def boundary_columns(mean: Array, camera: Camera, rows_px: Array, *, reach_m: float) -> tuple[Array, Array]:
-    """Columns of the left and the right boundary at image rows ``rows_px``; NaN where they are not seen."""
-    curve = lane_curve(mean, STATIONS_M[reach_m + 1e-9 >= STATIONS_M])
-    matrix = pitched(camera, float(mean[PITCH]))
-    road = np.ones((3, 2, len(curve.station_m)))
-    road[0, 0], road[1, 0], road[0, 1], road[1, 1] = (
-        curve.left_x_m, curve.left_y_m, curve.right_x_m, curve.right_y_m,
-    )  # fmt: skip
-    u, v, depth = (matrix @ road.reshape(3, -1)).reshape(road.shape)
-    depth = np.where(depth > 0.3, depth, np.nan)
-    u, v = u / depth, v / depth
-    return _columns(u[0], v[0], rows_px), _columns(u[1], v[1], rows_px)
-
-
-def pitched(camera: Camera, pitch_rad: float) -> Array:
-    """Homography to pixels from the road, shape (3, 3), if the camera looks ``pitch_rad`` further down.
-
-    H = K·[r1 r2 t], and the turn about the right axis of the camera multiplies [r1 r2 t] by
-    ((1, 0, 0), (0, cos, −sin), (0, sin, cos)) from the left: ahead' = cos·ahead + sin·down.
-    """
-    cos, sin = math.cos(pitch_rad), math.sin(pitch_rad)
-    intrinsics, rays = _rays_from_road(camera)
-    right, down, ahead = rays
-    return intrinsics @ np.array([right, cos * down - sin * ahead, sin * down + cos * ahead])
-
-
-@lru_cache(maxsize=8)
-def _rays_from_road(camera: Camera) -> tuple[Array, Array]:
-    """K and [r1 r2 t] of a camera, shapes (3, 3)."""
-    rays = np.linalg.solve(camera.intrinsics, camera.pixel_from_road_matrix)
-    return camera.intrinsics, np.asarray(rays, np.float64)
-
-
-def _columns(u: Array, v: Array, rows_px: Array) -> Array:
-    """Columns at ``rows_px`` of a line of pixels, near to far, NaN behind the camera; only where it rises."""
-    highest = np.fmin.accumulate(v)
-    rising = ~np.isnan(v)
-    rising[1:] &= ~(v[1:] >= highest[:-1])  # the first one seen has only NaN before it
-    if np.count_nonzero(rising) < 2:
-        return np.full(len(rows_px), np.nan)
-    return np.interp(-rows_px, -v[rising], u[rising], left=np.nan, right=np.nan)
 
 
 def _with_evidence(
