@@ -5,9 +5,9 @@ READY := $(VENV)/.ready
 TESTED := $(VENV)/.ready-test
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 BIN := $(VENV)/bin
-LIMITER_TESTS := tests/test_controller_limiter_edges.py tests/test_controller_limiter_parts.py tests/test_controller_limiter.py
+LIMITER_TESTS := tests/controller/limiter/test_edges.py tests/controller/limiter/test_parts.py tests/controller/limiter/test_limiter.py
 # By name: to import all the others takes as long as a test.
-PROCESS_TESTS := $(shell grep -l mark.processes tests/test_*.py)
+PROCESS_TESTS := $(shell grep -rl mark.processes tests --include=test_*.py)
 
 .PHONY: help setup drive test proof mutation lint train acados clean
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.bicycle import GRAVITY_MPS2, kinematic_angle, understeer_angle
+from controller.model.bicycle import GRAVITY_MPS2, kinematic_angle, understeer_angle
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
 from trepid.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from controller.identification import Parameter
+    from controller.identify.identification import Parameter
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -80,9 +80,9 @@ def identify(
 
     Exit code 1, and why, when the log lacks what tells them.
     """
-    from controller.drive_log import read_log  # scipy and MCAP take a second; `steer` needs neither
-    from controller.identification import identify_understeer
-    from controller.steering_response import identify_response
+    from controller.identify.drive_log import read_log  # scipy and MCAP take a second; `steer` needs neither
+    from controller.identify.identification import identify_understeer
+    from controller.identify.steering_response import identify_response
 
     car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
     renamed = dict(_renaming(text) for text in column or [])
@@ -120,7 +120,7 @@ def margins(
 ) -> None:
     """Bandwidth of the LQI steering loop over speed, and how wrong it may be before it is unstable."""
     from controller.controller import ControllerSettings
-    from controller.lateral_lqi import Lqi
+    from controller.laws.lqi import Lqi
 
     car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
     lateral = load(CONFIG_DIR / "controller.yaml", ControllerSettings).lateral

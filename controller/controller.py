@@ -23,18 +23,19 @@ from typing import Annotated
 
 from pydantic import Field
 
-from controller.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
-from controller.lane import Lane
-from controller.lateral import LateralSettings, build_law
-from controller.law import Acting
+from controller.laws.lateral import LateralSettings, build_law
+from controller.laws.law import Acting
+from controller.learner.steering_learner import LearningSettings, SteeringLearner
+from controller.model.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
+from controller.model.lane import Lane
 from controller.prediction import Predictor
-from controller.speed import SpeedSettings, target
-from controller.speed_control import SpeedControl
-from controller.steering_learner import LearningSettings, SteeringLearner
+from controller.speed.control import SpeedControl
+from controller.speed.limits import SpeedSettings, target
 from trepid.bounds import at_least, at_most, within
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
-from trepid.vehicle import Positive, Vehicle
+from trepid.types import Positive
+from trepid.vehicle import Vehicle
 
 _MAX_DRIVE_LAG = 0.25  # of k·τ_a: damping 1 of the speed loop
 _MAX_OVERSTEER = 0.95  # of the critical speed, up to which the bicycle model is trusted

@@ -1,7 +1,7 @@
 """Controller process: a command at every decision and at least 50 times a second."""
 
 from controller.controller import build
-from trepid.process import Process, Ticker, process
+from trepid.processes.process import Process, Ticker, process
 from trepid.topics import COMMAND, DECISION, VEHICLE_STATE
 
 RATE_HZ = 50.0

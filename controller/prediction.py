@@ -6,7 +6,7 @@ rate, from there to now + dead time by the commands that are already on their wa
 
     δ' = (δ_cmd(t - T_d) - δ)/τ, |δ'| ≤ rate limit
 
-and the tyres (:mod:`controller.tyres`). Their drift, which nothing measures, follows from the measured yaw rate.
+and the tyres (`controller.model.tyres`). Their drift, which nothing measures, follows from the measured yaw rate.
 
 What remains for feedback is a plant without dead time (Smith predictor; Åström & Hägglund, Advanced PID Control
 (2006), section 8.4).
@@ -15,10 +15,10 @@ What remains for feedback is a plant without dead time (Smith predictor; Åströ
 import math
 from collections import deque
 
-from controller.lane import Clothoid, Lane, lane_after
-from controller.law import Acting
-from controller.steering_timing import SteeringTiming
-from controller.tyres import Turning, Tyres
+from controller.laws.law import Acting
+from controller.learner.steering_timing import SteeringTiming
+from controller.model.lane import Clothoid, Lane, lane_after
+from controller.model.tyres import Turning, Tyres
 from trepid.bounds import at_least, at_most, within
 from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle

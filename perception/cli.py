@@ -12,24 +12,22 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import cv2
-import numpy as np
 import typer
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from perception.annotate import AnnotationWriter, annotated, as_path
+from perception.camera.self_calibration import self_calibrated
 from perception.estimators import ESTIMATORS, Estimator, entry_of, estimators, lane_cv_settings
-from perception.lead_cli import estimate_leads
-from perception.self_calibration import self_calibrated
-from perception.sources import NOMINAL_FPS, VIDEO_SUFFIXES, Clip, Source, Still, sources
+from perception.images.annotate import AnnotationWriter, annotated, as_path
+from perception.images.sources import NOMINAL_FPS, VIDEO_SUFFIXES, Clip, Source, Still, sources
+from perception.lead.cli import estimate_leads
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, SteeringEstimate
+from trepid.types import Image
 from trepid.vehicle import Vehicle
 
-Bgr = NDArray[np.uint8]
-Seen = tuple[Path, int, Bgr, SteeringEstimate]
+Seen = tuple[Path, int, Image, SteeringEstimate]
 
 CALIBRATION_FRAMES = 9
 LEAD = "lead"
@@ -124,7 +122,7 @@ def _source_seen(source: Source, name: str, known: Camera | None, vehicle: Vehic
         yield source.path, number, image, replace(result, latency_ms=latency_ms)
 
 
-def _camera_for(source: Source, image: Bgr, known: Camera | None) -> Camera:
+def _camera_for(source: Source, image: Image, known: Camera | None) -> Camera:
     """The given camera at the size of the image, or an assumed one with the horizon of the image or clip."""
     if known is not None:
         return known.resized(image.shape[1], image.shape[0])

@@ -6,7 +6,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Protocol
 
-from perception.lane_cv import LaneCv, LaneCvSettings
+from perception.lane.lane_cv import LaneCv, LaneCvSettings
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
@@ -43,7 +43,7 @@ def _lane_cv(camera: Camera, vehicle: Vehicle) -> Estimator:
 
 def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
     # Imported here: ONNX Runtime costs 0.2 s and 40 MB that the other estimators need not pay.
-    from perception.steer_net import SteerNet, SteerNetSettings
+    from perception.net.steer_net import SteerNet, SteerNetSettings
 
     return SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import cv2
 
+from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import build
-from perception.image_statistics import ImageStatistician
-from trepid.process import Process, process
+from trepid.processes.process import Process, process
 from trepid.topics import CAMERA_IMAGE, IMAGE_STATISTICS, VEHICLE_STATE, estimate_topic
 
 

@@ -11,16 +11,16 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-import sim_harness.roads.cli
+import sim_harness.report.road_cli
 from sim_harness.footage.cli import resimulate_verb
 from sim_harness.report.disturbance_sheet import disturbances_verb
 from sim_harness.report.lead_sheet import leads_verb
 from sim_harness.report.page import Page
-from sim_harness.scenarios.limits_cli import limits_verb
 from sim_harness.scenarios.sampling import Method, fresh_seed
 from sim_harness.scenarios.scenario import Tag, list_scenarios
 from sim_harness.scenarios.schema import schema_verb
 from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.limits_cli import limits_verb
 from sim_harness.sweep.plan import Plan, by_sampling, by_seeds, plan, select
 from sim_harness.sweep.show import Report, Show
 from sim_harness.sweep.store import Store
@@ -33,7 +33,9 @@ app.command("resimulate")(resimulate_verb)
 app.command("limits")(limits_verb)
 app.command("disturbances")(disturbances_verb)
 app.command("leads")(leads_verb)
-app.add_typer(sim_harness.roads.cli.app, name="road", help="Show roads; read and write OpenDRIVE files.")
+app.add_typer(
+    sim_harness.report.road_cli.app, name="road", help="Show roads; read and write OpenDRIVE files."
+)
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
 Tags = Annotated[
     list[Tag] | None, typer.Option("--tag", help="Only scenarios with this tag; again for another one.")

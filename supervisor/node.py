@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from supervisor.reload import Announcement, RuleWatch, taken_over
+from supervisor.rules.reload import Announcement, RuleWatch, taken_over
 from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
 from trepid.messages import Health, SteeringEstimate
-from trepid.process import Process, process
+from trepid.processes.process import Process, process
 from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 
 IDLE_PERIOD_S = 0.05  # decide at least this often, whatever is missing

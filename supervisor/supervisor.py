@@ -8,20 +8,20 @@ from typing import Annotated
 
 from pydantic import Field
 
-from supervisor import fusion
-from supervisor.analyser import AnalyserSettings, Finding, analyse, explained
-from supervisor.features import FEATURES
-from supervisor.follow import FollowSettings
-from supervisor.fusion import FusionSettings
-from supervisor.hand_over import HandOver
-from supervisor.inference import CALM, FearResult, FearRules
-from supervisor.modes import ModeSettings, ModeState, Situation, next_state
-from supervisor.outlook import Observer, Outlook, unknown_features
-from supervisor.sightings import SightingSettings
-from supervisor.speed import SpeedFactor
-from supervisor.timers import Held, Patience
-from supervisor.verify import load_verified
-from supervisor.watchdog import DRIVER, Fault, Watchdog
+from supervisor.inputs.timers import Held, Patience
+from supervisor.inputs.validated import SightingSettings
+from supervisor.inputs.watchdog import DRIVER, Fault, Watchdog
+from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explained
+from supervisor.modes.modes import ModeSettings, ModeState, Situation, next_state
+from supervisor.modes.speed import SpeedFactor
+from supervisor.path import fusion
+from supervisor.path.follow import FollowSettings
+from supervisor.path.fusion import FusionSettings
+from supervisor.path.hand_over import HandOver
+from supervisor.rules.inference import CALM, FearResult, FearRules
+from supervisor.rules.verify import load_verified
+from supervisor.situation.features import FEATURES
+from supervisor.situation.world_state import Observer, Outlook, unknown_features
 from trepid.bounds import at_least, at_most
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import (

@@ -41,19 +41,19 @@ def _estimate(mount: typer.Typer) -> None:
 
 
 def _camera(mount: typer.Typer) -> None:
-    import perception.camera_cli
+    import perception.camera.cli
 
     mount.add_typer(
-        perception.camera_cli.app, name="camera", help="Calibrate a camera: its lens and how it is mounted."
+        perception.camera.cli.app, name="camera", help="Calibrate a camera: its lens and how it is mounted."
     )
 
 
 def _fear(mount: typer.Typer) -> None:
-    import supervisor.cli
+    import cockpit.rulebook.cli
     from sim_harness.tuning.cli import tune
 
-    supervisor.cli.app.command("tune")(tune)  # by the harness, which the supervisor does not know
-    mount.add_typer(supervisor.cli.app, name="fear", help="Check, show and explain fuzzy rule files.")
+    cockpit.rulebook.cli.app.command("tune")(tune)  # by the harness, which the supervisor does not know
+    mount.add_typer(cockpit.rulebook.cli.app, name="fear", help="Check, show and explain fuzzy rule files.")
 
 
 def _vehicle(mount: typer.Typer) -> None:
@@ -63,19 +63,19 @@ def _vehicle(mount: typer.Typer) -> None:
 
 
 def _train(mount: typer.Typer) -> None:
-    from sim_harness.training.train import train
+    from learning.lane.train import train
 
     mount.command("train")(train)
 
 
 def _train_lead(mount: typer.Typer) -> None:
-    from sim_harness.training.train_lead import train_lead
+    from learning.lead.train import train_lead
 
     mount.command("train-lead")(train_lead)
 
 
 def _bench(mount: typer.Typer) -> None:
-    from sim_harness.bench import bench
+    from sim_harness.bench.cli import bench
 
     mount.command("bench")(bench)
 

@@ -12,12 +12,9 @@ previous value.
 from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
 from trepid.frozen import quick
+from trepid.types import Image
 
-Image = NDArray[np.uint8]
 """Camera image, shape (height, width, 3), 8-bit BGR."""
 
 PixelPath = tuple[tuple[float, float], ...]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from trepid.config import ROOT, InputError
 
-PACKAGES = ("trepid", "perception", "supervisor", "controller", "sim_harness")
+PACKAGES = ("trepid", "perception", "supervisor", "controller", "sim_harness", "cockpit", "learning")
 
 
 def check_packages() -> None:

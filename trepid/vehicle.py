@@ -6,9 +6,8 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from trepid.config import Settings, wrong_at
+from trepid.types import NonNegative, Positive
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
 GRADIENT = "understeer_gradient_rad_per_mps2"
 REAR_SLIP = "rear_slip_gradient_rad_per_mps2"
 

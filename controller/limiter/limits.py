@@ -6,11 +6,9 @@ from typing import Annotated
 from pydantic import Field
 
 from trepid.config import Settings
-from trepid.vehicle import Positive
+from trepid.types import Positive, PositiveShare
 
 Deceleration = Annotated[float, Field(gt=0, le=4.0)]  # UN R157 5.3
-
-Share = Annotated[float, Field(gt=0, le=1)]
 
 
 class OverrideLimits(Settings):
@@ -41,9 +39,9 @@ class Limits(Settings):
 
     lateral_accel_mps2: Positive
     lateral_jerk_mps3: Positive
-    lateral_accel_share: Share  # of the limit, that a demand may take
-    lateral_jerk_share: Share
-    yaw_share: Share  # of the limit of lateral acceleration that a yaw rate may take off it
+    lateral_accel_share: PositiveShare  # of the limit, that a demand may take
+    lateral_jerk_share: PositiveShare
+    yaw_share: PositiveShare  # of the limit of lateral acceleration that a yaw rate may take off it
     max_accel_mps2: Positive
     max_decel_mps2: Deceleration
     comfort_decel_mps2: Deceleration

@@ -8,16 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.steering import lane_centre_m
-from perception.techniques.picture import (
-    Array,
+from perception.techniques.image.picture import (
     Boundaries,
     Boundary,
     Features,
-    Image,
     Kind,
     Lane,
-    Mask,
     Motion,
     Region,
     View,
@@ -25,9 +21,11 @@ from perception.techniques.picture import (
     moved,
 )
 from perception.techniques.recipe import Recipe
-from perception.techniques.steer import pursuit
+from perception.techniques.steering.steer import pursuit
 from trepid.camera import Camera
 from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
+from trepid.steering import lane_centre_m
+from trepid.types import Array, Image, Mask
 from trepid.vehicle import Vehicle
 
 WORKING_WIDTH_PX = 320  # as the default estimator, so that times compare

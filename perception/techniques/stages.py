@@ -24,22 +24,18 @@ the boundaries of the one before.
 from collections.abc import Callable
 from typing import Any
 
-from perception.techniques.bezier import ransac_bezier
-from perception.techniques.colour import adaptive_grey, binary, channel, grey
-from perception.techniques.curves import (
+from perception.techniques.boundaries.bezier import ransac_bezier
+from perception.techniques.boundaries.curves import (
     histogram_cubic,
     hough_standard,
     hyperbola,
     near_line_far_parabola,
     pchip,
 )
-from perception.techniques.edges import canny, canny_auto, edlines, prewitt, sobel
-from perception.techniques.ground_curve import ground_curve
-from perception.techniques.lane import exact_pair
-from perception.techniques.light import clahe, low_light, match_histogram
-from perception.techniques.lines import hough
-from perception.techniques.orientation import dominant_edges, gabor
-from perception.techniques.outliers import (
+from perception.techniques.boundaries.ground_curve import ground_curve
+from perception.techniques.boundaries.lines import hough
+from perception.techniques.boundaries.orientation import dominant_edges, gabor
+from perception.techniques.boundaries.outliers import (
     along_road,
     as_wide_as_paint,
     clusters,
@@ -48,17 +44,19 @@ from perception.techniques.outliers import (
     outline,
     patch_component,
 )
-from perception.techniques.ransac import ransac_bspline, ransac_line, ransac_parabola, straight_curve
-from perception.techniques.region import roi_fixed, roi_speed, roi_tracked
-from perception.techniques.shadow import without_shadows
-from perception.techniques.smoothing import gaussian, gaussian_auto, high_pass, median, median_auto
-from perception.techniques.steer import pursuit
-from perception.techniques.steering_rules_abdelrahman import Abdelrahman
-from perception.techniques.steering_rules_dev import dev
-from perception.techniques.steering_rules_sujatha import Sujatha
-from perception.techniques.steering_rules_tu import Tu
-from perception.techniques.steering_rules_umamaheswari import Umamaheswari
-from perception.techniques.stripes import (
+from perception.techniques.boundaries.ransac import (
+    ransac_bspline,
+    ransac_line,
+    ransac_parabola,
+    straight_curve,
+)
+from perception.techniques.image.colour import adaptive_grey, binary, channel, grey
+from perception.techniques.image.edges import canny, canny_auto, edlines, prewitt, sobel
+from perception.techniques.image.light import clahe, low_light, match_histogram
+from perception.techniques.image.region import roi_fixed, roi_speed, roi_tracked
+from perception.techniques.image.shadow import without_shadows
+from perception.techniques.image.smoothing import gaussian, gaussian_auto, high_pass, median, median_auto
+from perception.techniques.image.stripes import (
     dark_bright_dark,
     mser_blue,
     oriented,
@@ -66,10 +64,17 @@ from perception.techniques.stripes import (
     top_hat,
     wavelet,
 )
-from perception.techniques.surface import brightness, patch_colour, texture
-from perception.techniques.tracking_kalman import Extended, Kalman, Unscented
-from perception.techniques.tracking_sampled import Bayes, Particles
-from perception.techniques.warp import BirdEyeSelf, area_resize, bird_eye
+from perception.techniques.image.surface import brightness, patch_colour, texture
+from perception.techniques.image.warp import BirdEyeSelf, area_resize, bird_eye
+from perception.techniques.steering.abdelrahman import Abdelrahman
+from perception.techniques.steering.dev import dev
+from perception.techniques.steering.lane import exact_pair
+from perception.techniques.steering.steer import pursuit
+from perception.techniques.steering.sujatha import Sujatha
+from perception.techniques.steering.tu import Tu
+from perception.techniques.steering.umamaheswari import Umamaheswari
+from perception.techniques.tracking.kalman import Extended, Kalman, Unscented
+from perception.techniques.tracking.sampled import Bayes, Particles
 
 Table = dict[str, Callable[..., Any]]
 

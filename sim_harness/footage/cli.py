@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 import typer
 
+from perception.camera.self_calibration import self_calibrated
 from perception.estimators import entry_of, lane_cv_settings
-from perception.self_calibration import self_calibrated
-from perception.sources import Clip, sources
+from perception.images.sources import Clip, sources
 from sim_harness.footage.clip import Drive, load_drive
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.footage.resimulation import Resimulation, resimulate

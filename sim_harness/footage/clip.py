@@ -10,15 +10,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from perception.sources import NOMINAL_FPS, Clip, Still, sources
+from perception.images.sources import NOMINAL_FPS, Clip, Still, sources
 from sim_harness.footage.visual_yaw import yaw_changes_rad
 from trepid.camera import Camera
 from trepid.config import InputError
-from trepid.messages import Image
+from trepid.types import Array, Image
 
-Array = NDArray[np.float64]
 MPS_PER_MPH = 0.44704
 UDACITY_COLUMNS = 7  # center, left, right, steering, throttle, brake, speed [mph]; no header
 LEAST_TRACKED = 0.5  # share of the frames in which the turn must be seen

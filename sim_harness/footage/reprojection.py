@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from trepid.camera import Camera, Matrix
-from trepid.messages import Image
+from trepid.types import Image
 
 NO_SHIFT_M, NO_SHIFT_RAD = 1e-9, 1e-12
 

@@ -15,23 +15,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import controller.controller
 import controller.limiter
 import supervisor.supervisor
+from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import entry_of
-from perception.image_statistics import ImageStatistician
 from sim_harness.footage.clip import Drive
 from sim_harness.footage.reprojection import Reprojection, Shift
-from sim_harness.plants.plant import Plant, build_plant
-from sim_harness.plants.settings import PlantSettings
-from sim_harness.plants.state import PlantState
+from sim_harness.world.plants.plant import Plant, build_plant
+from sim_harness.world.plants.settings import PlantSettings
+from sim_harness.world.plants.state import PlantState
 from trepid.config import InputError
-from trepid.messages import Command, Decision, Frame, Image, Mode, SteeringEstimate, VehicleState
+from trepid.messages import Command, Decision, Frame, Mode, SteeringEstimate, VehicleState
+from trepid.types import Array, Image
 from trepid.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 PERIOD_S = 0.01  # of the vehicle; as in lock-step
 CONTROL_TICKS = 2
 CAMERA_TICKS = 4  # 25 frames/s

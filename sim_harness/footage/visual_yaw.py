@@ -19,12 +19,10 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from trepid.camera import Camera
-from trepid.messages import Image
+from trepid.types import Array, Image
 
-Array = NDArray[np.float64]
 CORNERS = 300
 LEAST_CORNERS = 8
 QUALITY, APART_PX = 0.01, 7

@@ -3,12 +3,12 @@
 import cv2
 
 from sim_harness.lockstep.camera import SimulatedCamera
-from sim_harness.render.renderer import Renderer
 from sim_harness.scenarios.scenario import Scenario
+from sim_harness.world.render.renderer import Renderer
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import CompressedFrame, Health
-from trepid.process import Process, Ticker, process
+from trepid.processes.process import Process, Ticker, process
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, SIM_TRUTH
 
 JPEG_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]

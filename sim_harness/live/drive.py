@@ -14,22 +14,22 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from sim_harness.judging.conditions.expect import judge
+from sim_harness.judging.metrics import measure
+from sim_harness.judging.trace import Trace
 from sim_harness.live.drive_log import DriveLog
-from sim_harness.lockstep.events import with_events, with_manoeuvres
-from sim_harness.lockstep.metrics import measure
-from sim_harness.lockstep.trace import Trace
-from sim_harness.scenarios.expect import judge
+from sim_harness.scenarios.events import with_events, with_manoeuvres
 from sim_harness.scenarios.faults import EstimatorBias, LostLane, LostProcess
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
 from trepid.config import InputError, Settings
-from trepid.launch import Fleet, ProcessSpec
-from trepid.recording import BusRecorder
+from trepid.processes.launch import Fleet, ProcessSpec
+from trepid.recording.writer import BusRecorder
+from trepid.types import Positive
 
 Show = Callable[[DriveLog, Fleet, float], None]
 """Shows the drive so far: log, processes, elapsed time [s]."""
-Positive = Annotated[float, Field(gt=0)]
 
 
 class DriveSettings(Settings):
@@ -75,7 +75,7 @@ def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
 def _lead_processes(scenario: Scenario) -> tuple[ProcessSpec, ...]:
     if scenario.leads_by is not LeadSensor.CAMERA:
         return ()  # the vehicle process tells of it
-    return (ProcessSpec("lead", "perception.lead_node", {"estimators": scenario.estimators}),)
+    return (ProcessSpec("lead", "perception.lead.node", {"estimators": scenario.estimators}),)
 
 
 def drive(

@@ -18,7 +18,7 @@ from sim_harness.live.drive_log import DriveLog
 from sim_harness.live.drive_status import driving_line, status
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import CONFIG_DIR, load, parse_overrides
-from trepid.launch import Fleet
+from trepid.processes.launch import Fleet
 
 PLAIN_PERIOD_S = 2.0  # between lines when standard error is no terminal
 

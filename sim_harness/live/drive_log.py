@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sim_harness.lockstep.trace import Recorder, Trace
+from sim_harness.judging.trace import Recorder, Trace
 from trepid.bus import Bus
 from trepid.clock import Clock
 from trepid.messages import Command, Decision, Diagnostic, SimTruth, SteeringEstimate, VehicleState
-from trepid.process import READY
+from trepid.processes.process import READY
 from trepid.topics import COMMAND, DECISION, DIAGNOSTICS, SIM_TRUTH, VEHICLE_STATE, estimate_topic
 
 

@@ -5,7 +5,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sim_harness.live.drive_log import DriveLog
-from trepid.launch import Fleet
+from trepid.processes.launch import Fleet
 
 FEAR_COLOURS = {
     "very_low": "green",

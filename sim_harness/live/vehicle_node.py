@@ -4,7 +4,7 @@ from controller.limiter import build as build_limiter
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.config import CONFIG_DIR, load
-from trepid.process import Process, Ticker, process
+from trepid.processes.process import Process, Ticker, process
 from trepid.topics import COMMAND, LEAD_VEHICLE, SIM_TRUTH, VEHICLE_STATE
 from trepid.vehicle import Vehicle
 

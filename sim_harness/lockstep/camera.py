@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_harness.render.lead import Body, Pose
-from sim_harness.render.renderer import Renderer
-from sim_harness.render.view import STILL, Motion
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LateFrames
 from sim_harness.scenarios.scenario import Scenario
-from trepid.messages import Frame, Image, SimTruth
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.vehicles import Body, Pose
+from sim_harness.world.render.scene.view import STILL, Motion
+from trepid.messages import Frame, SimTruth
+from trepid.types import Image
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,23 +17,23 @@ import cv2
 import controller.controller
 import controller.limiter
 import perception.estimators
-import perception.lead
+import perception.lead.finder
 import supervisor.supervisor
 from controller.controller import Controller
+from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import Estimator
-from perception.image_statistics import ImageStatistician
-from perception.lead import LeadFinder
+from perception.lead.finder import LeadFinder
+from sim_harness.judging.conditions.expect import judge
+from sim_harness.judging.metrics import Metrics, measure, measure_further
+from sim_harness.judging.trace import Recorder, Trace
 from sim_harness.lockstep.camera import Shot, SimulatedCamera
-from sim_harness.lockstep.events import with_events, with_manoeuvres
 from sim_harness.lockstep.lead_model import LeadModel, build_lead_model
-from sim_harness.lockstep.metrics import Metrics, measure, measure_further
 from sim_harness.lockstep.oracle import Oracle, clear_view
-from sim_harness.lockstep.trace import Recorder, Trace
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
-from sim_harness.render.renderer import Renderer
-from sim_harness.scenarios.expect import judge
+from sim_harness.scenarios.events import with_events, with_manoeuvres
 from sim_harness.scenarios.faults import EstimatorBias, LostLane, LostProcess
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
+from sim_harness.world.render.renderer import Renderer
 from supervisor.supervisor import Supervisor
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -163,7 +163,7 @@ def build_parts(scenario: Scenario, *, seed: int) -> Parts:
 def _lead_sensor(scenario: Scenario, *, seed: int) -> LeadFinder | LeadModel | None:
     match scenario.leads_by:
         case LeadSensor.CAMERA:
-            return perception.lead.build()
+            return perception.lead.finder.build()
         case LeadSensor.MODELLED:
             return build_lead_model(seed=seed)
         case LeadSensor.TRUTH:

@@ -15,9 +15,7 @@ from pydantic import Field, model_validator
 
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.messages import LeadVehicle
-
-Positive = Annotated[float, Field(gt=0)]
-Share = Annotated[float, Field(ge=0, le=1)]
+from trepid.types import Positive, Share
 
 
 class LeadModelSettings(Settings):

@@ -6,9 +6,9 @@ picture to have statistics of: the supervisor is told those of one that gives no
 nothing about perception, and disturbances of the picture do nothing in it.
 """
 
-from perception.steering import pursuit_curvature, road_wheel_angle
-from sim_harness.roads.road import Road
+from sim_harness.world.roads.road import Road
 from trepid.messages import ImageStatistics, SimTruth, SteeringEstimate
+from trepid.steering import pursuit_curvature, road_wheel_angle
 from trepid.vehicle import Vehicle
 
 MIN_LOOKAHEAD_M = 8.0

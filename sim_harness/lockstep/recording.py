@@ -15,7 +15,7 @@ import cv2
 from sim_harness.lockstep.closed_loop import Instant, Witness
 from sim_harness.scenarios.scenario import Scenario
 from trepid.messages import CompressedFrame, Frame
-from trepid.recording import Recording
+from trepid.recording.writer import Recording
 from trepid.topics import (
     CAMERA_COMPRESSED,
     COMMAND,

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sim_harness.plants.state import PlantState
-from sim_harness.roads.road import Road
+from sim_harness.world.plants.state import PlantState
+from sim_harness.world.roads.road import Road
 from trepid.vehicle import Vehicle
 
 SEPARATED_M = 0.5  # a contact is over when the gap has grown to this

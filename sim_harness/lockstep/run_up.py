@@ -10,10 +10,10 @@ driver lets go of a steering that stands straight.
 import math
 from dataclasses import dataclass, replace
 
-from sim_harness.plants.plant import Plant
-from sim_harness.plants.state import PlantState
-from sim_harness.roads.road import Road
 from sim_harness.scenarios.scenario import Start
+from sim_harness.world.plants.plant import Plant
+from sim_harness.world.plants.state import PlantState
+from sim_harness.world.roads.road import Road
 from trepid.messages import Command
 
 DRIFT_S = 1.5

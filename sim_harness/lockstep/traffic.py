@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from sim_harness.lockstep.contact import Box
 from sim_harness.lockstep.referee import foot_point
-from sim_harness.roads.lanes import Lane
-from sim_harness.roads.road import Road
 from sim_harness.scenarios.traffic import ChangeLane, ChangeSpeed, Phase, TrafficVehicle, TurnOff
+from sim_harness.world.roads.lanes import Lane
+from sim_harness.world.roads.road import Road
 
 INTO_LANE_M = 0.3
 """How far a vehicle reaches over the edge of our lane before it is one in our lane: UN R157, 5.2.5.2 (cut-in)."""

@@ -7,26 +7,23 @@ the actuator, as in a real vehicle.
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from controller.limiter import Limiter
 from sim_harness.lockstep.contact import Box, separation_m
 from sim_harness.lockstep.referee import Place, Referee, locate
 from sim_harness.lockstep.run_up import driven, first_state, rail
 from sim_harness.lockstep.traffic import Traffic
-from sim_harness.plants.plant import build_plant
-from sim_harness.plants.state import PlantState
-from sim_harness.roads.road import Road
 from sim_harness.scenarios.scenario import Scenario
+from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.state import PlantState
+from sim_harness.world.roads.road import Road
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.messages import Command, LeadVehicle, SimTruth, VehicleState
+from trepid.types import NonNegative, Positive
 from trepid.vehicle import Vehicle
 
-NonNegative = Annotated[float, Field(ge=0)]
-Positive = Annotated[float, Field(gt=0)]
 _TICK_SLACK = 1e-6  # of a period, so that rounding of now_s does not lose a tick
 
 

@@ -10,15 +10,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from sim_harness.render.ground import Ground
-from sim_harness.render.lead import Body
-from sim_harness.render.renderer import Renderer
-from sim_harness.render.view import Bytes, Motion
-from sim_harness.roads.disturbance_table import load_table
-from sim_harness.roads.disturbances import Disturbance, DisturbanceKind, disturbed
-from sim_harness.roads.road import Road, load_road
+from sim_harness.world.render.ground.ground import Ground
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.vehicles import Body
+from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.road_file import load_road
+from sim_harness.world.roads.disturbance_table import load_table
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturbed
+from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.types import Image
 
 GRADES = range(6)
 STATION_M = 55.0
@@ -58,7 +60,7 @@ def disturbances_verb(
     return 0
 
 
-def _write(path: Path, image: Bytes) -> None:
+def _write(path: Path, image: Image) -> None:
     try:
         quality = [cv2.IMWRITE_JPEG_QUALITY, 82] if path.suffix in (".jpg", ".jpeg") else []
         written = cv2.imwrite(str(path), image, quality)
@@ -68,7 +70,7 @@ def _write(path: Path, image: Bytes) -> None:
         raise InputError(f"{path}: cannot be written as an image")
 
 
-def sheet(road: Road, *, seed: int) -> Bytes:
+def sheet(road: Road, *, seed: int) -> Image:
     """The contact sheet, BGR."""
     heading = road.heading_at(STATION_M)
     lit = Road(road.settings.model_copy(update={"sun_azimuth_rad": heading + SUN_LEFT_RAD}))
@@ -78,13 +80,13 @@ def sheet(road: Road, *, seed: int) -> Bytes:
     return np.vstack([head, *rows])
 
 
-def _row(road: Road, ground: Ground, kind: DisturbanceKind, seed: int) -> Bytes:
+def _row(road: Road, ground: Ground, kind: DisturbanceKind, seed: int) -> Image:
     return np.hstack(
         [_label(kind.replace("_", " ")), *(_tile(road, ground, kind, grade, seed) for grade in GRADES)]
     )
 
 
-def _tile(road: Road, ground: Ground, kind: DisturbanceKind, grade: int, seed: int) -> Bytes:
+def _tile(road: Road, ground: Ground, kind: DisturbanceKind, grade: int, seed: int) -> Image:
     station_m = STATIONS_M.get(kind, STATION_M)
     to_m = station_m + MOUTH_M if kind == DisturbanceKind.TUNNEL_EXIT else None
     disturbance = Disturbance(kind=kind, grade=grade, to_m=to_m)
@@ -104,7 +106,7 @@ def _tile(road: Road, ground: Ground, kind: DisturbanceKind, grade: int, seed: i
     return np.asarray(framed, np.uint8)
 
 
-def _label(text: str, width_px: int = LABEL_PX) -> Bytes:
+def _label(text: str, width_px: int = LABEL_PX) -> Image:
     width_px += 0 if width_px == LABEL_PX else 2
     image = np.full((TILE_PX[1] + 2, width_px, 3), 255, np.uint8)
     cv2.putText(image, text, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (40, 40, 40), 1, cv2.LINE_AA)

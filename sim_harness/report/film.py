@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from perception.annotate import annotated
 from perception.estimators import Estimator
+from perception.images.annotate import annotated
 from sim_harness.lockstep.closed_loop import Parts, Result, Witness, build_parts, run
 from sim_harness.scenarios.scenario import Scenario
 from trepid.messages import Frame, SteeringEstimate, VehicleState

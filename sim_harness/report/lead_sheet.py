@@ -7,17 +7,19 @@ import cv2
 import numpy as np
 import typer
 
-from perception.lead import LeadFinder, lead_settings, make_detector
-from perception.lead_cli import SeenLead, drawn
-from sim_harness.render.lead import Body
-from sim_harness.render.renderer import Renderer
-from sim_harness.render.view import Bytes, Motion
-from sim_harness.roads.disturbances import Disturbance, DisturbanceKind
-from sim_harness.roads.road import Road, load_road
+from perception.lead.cli import SeenLead, drawn
+from perception.lead.finder import LeadFinder, lead_settings, make_detector
 from sim_harness.scenarios.traffic import BODIES, Shape
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.vehicles import Body
+from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.road_file import load_road
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
+from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame
+from trepid.types import Image
 from trepid.vehicle import Vehicle
 
 STATION_M = 55.0
@@ -46,7 +48,7 @@ def leads_verb(
     return 0
 
 
-def lead_sheet(road: Road, *, seed: int) -> Bytes:
+def lead_sheet(road: Road, *, seed: int) -> Image:
     """The picture, shape (rows, columns, 3)."""
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     rows = []
@@ -58,7 +60,7 @@ def lead_sheet(road: Road, *, seed: int) -> Bytes:
     return np.asarray(np.vstack(rows), np.uint8)
 
 
-def _tile(renderer: Renderer, vehicle: Vehicle, gap_m: float, body: Body) -> Bytes:
+def _tile(renderer: Renderer, vehicle: Vehicle, gap_m: float, body: Body) -> Image:
     """A vehicle ``gap_m`` ahead, a car that comes towards us behind it, and what is found of them."""
     road, camera = renderer.road, renderer.camera
     nose_m = STATION_M + vehicle.wheelbase_m + vehicle.front_overhang_m

@@ -6,15 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.annotate import annotated
 from perception.estimators import build
-from sim_harness.lockstep.trace import Column, Trace
-from sim_harness.render.renderer import Renderer
-from sim_harness.roads.road import Road
+from perception.images.annotate import annotated
+from sim_harness.judging.trace import Trace
 from sim_harness.scenarios.scenario import Scenario
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Frame, Image, SteeringEstimate, VehicleState
+from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.types import Column, Image
 
 WIDTH_PX, VIEW_PX, MAP_PX, PLOT_PX = 1600, 400, 520, 130
 INK, PAPER, FAINT = (40, 40, 40), (250, 250, 250), (215, 215, 215)

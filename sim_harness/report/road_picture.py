@@ -3,11 +3,12 @@
 import cv2
 import numpy as np
 
-from sim_harness.render.ground import Ground
-from sim_harness.render.renderer import Renderer
-from sim_harness.render.strip_grid import LEVELS_M, Bytes
-from sim_harness.roads.road import Road
+from sim_harness.world.render.ground.ground import Ground
+from sim_harness.world.render.ground.strip_grid import LEVELS_M
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
+from trepid.types import Image
 
 VIEW_M = (-9.0, 9.0)  # of the road's width, from above
 LENGTH_M = 24.0  # seen from above, from the camera's station on
@@ -19,7 +20,7 @@ LABEL_PX = 17
 INK, PAPER = (255, 255, 255), (40, 40, 40)
 
 
-def draw_road(road: Road, camera: Camera, stations_m: list[float], *, seed: int = 0) -> Bytes:
+def draw_road(road: Road, camera: Camera, stations_m: list[float], *, seed: int = 0) -> Image:
     """A sheet of frames in the lane centre at ``stations_m``, each above its plan view."""
     ground = Ground(road, seed=seed)
     renderer = Renderer(road, camera, seed=seed, ground=ground)
@@ -49,7 +50,7 @@ def stations_along(road: Road, count: int) -> list[float]:
     return [places[round(i)] for i in np.linspace(0, len(places) - 1, count)]
 
 
-def _cell(renderer: Renderer, ground: Ground, station_m: float, width_px: int) -> Bytes:
+def _cell(renderer: Renderer, ground: Ground, station_m: float, width_px: int) -> Image:
     """A frame above the plan view that begins at its station."""
     road = renderer.road
     x_m, y_m = road.position(station_m, 0.0)
@@ -62,7 +63,7 @@ def _cell(renderer: Renderer, ground: Ground, station_m: float, width_px: int) -
     return np.asarray(cell, np.uint8)
 
 
-def plan_view(ground: Ground, station_m: float, width_px: int) -> Bytes:
+def plan_view(ground: Ground, station_m: float, width_px: int) -> Image:
     """The ground from above, LENGTH_M from ``station_m`` on, driving to the right."""
     road, pixel_m = ground.road, LENGTH_M / width_px
     height_px = round((VIEW_M[1] - VIEW_M[0]) / pixel_m)
@@ -80,7 +81,7 @@ def plan_view(ground: Ground, station_m: float, width_px: int) -> Bytes:
     return np.asarray(cv2.cvtColor(drawn, cv2.COLOR_BGRA2BGR), np.uint8)
 
 
-def stack(sheets: list[Bytes]) -> Bytes:
+def stack(sheets: list[Image]) -> Image:
     """Sheets below each other, padded to the widest."""
     width = max(sheet.shape[1] for sheet in sheets)
     padded = [

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_harness.judging.conditions.signals import COUNTERS, EVENT_COLUMNS
+from sim_harness.judging.fear_scores import afraid
+from sim_harness.judging.margins import default_vehicle, time_gap_s
+from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import Result
-from sim_harness.lockstep.fear_scores import afraid
-from sim_harness.lockstep.margins import default_vehicle, time_gap_s
-from sim_harness.lockstep.trace import Column, Trace
 from sim_harness.report.film import Film, picture
 from sim_harness.scenarios.scenario import Scenario
-from sim_harness.scenarios.signals import COUNTERS, EVENT_COLUMNS
+from trepid.types import Column
 
 EVEN_SAMPLES, STRETCHES = 120, 30  # samples that are kept: evenly spaced, and the extremes of every stretch
 EDGE_POINTS = 240

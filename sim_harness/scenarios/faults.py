@@ -5,9 +5,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from sim_harness.roads.light import NonNegative, Positive, Share
 from trepid.config import Settings
 from trepid.messages import SteeringEstimate
+from trepid.types import NonNegative, Positive, Share
 
 
 class Span(Settings):

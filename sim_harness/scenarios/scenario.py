@@ -14,19 +14,20 @@ from typing import Annotated, Any, Self, get_type_hints
 from pydantic import Field, ValidationError, create_model, model_validator
 
 from perception.estimators import ESTIMATORS, estimators
-from sim_harness.plants.plant import build_plant
-from sim_harness.plants.settings import PlantSettings
-from sim_harness.roads.appearance import Section
-from sim_harness.roads.disturbances import Disturbance, disturbed
-from sim_harness.roads.features import Junction, RoadMark
-from sim_harness.roads.light import NonNegative, Positive
-from sim_harness.roads.road import ROAD_SUFFIXES, Road, RoadSettings, Segment, load_road_settings
-from sim_harness.scenarios.conditions import parse_condition
-from sim_harness.scenarios.expect import Expect
+from sim_harness.judging.conditions.conditions import parse_condition
+from sim_harness.judging.conditions.expect import Expect
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera
 from sim_harness.scenarios.traffic import TrafficVehicle
 from sim_harness.scenarios.vary import Variation, check_vary
+from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.settings import PlantSettings
+from sim_harness.world.road_file import ROAD_SUFFIXES, load_road_settings
+from sim_harness.world.roads.appearance import Section
+from sim_harness.world.roads.disturbances import Disturbance, disturbed
+from sim_harness.world.roads.features import Junction, RoadMark
+from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.config import CONFIG_DIR, InputError, Settings, load, located, parse, read
+from trepid.types import NonNegative, Positive
 from trepid.vehicle import Vehicle
 
 SCENARIO_DIR = CONFIG_DIR / "scenarios"

@@ -10,9 +10,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from sim_harness.render.lead import Body
-from sim_harness.roads.light import NonNegative, Positive
+from sim_harness.world.render.scene.vehicles import Body
 from trepid.config import Settings
+from trepid.types import NonNegative, Positive
 
 
 class Shape(StrEnum):

@@ -17,9 +17,8 @@ from distributed import Client, KilledWorker, as_completed
 from distributed.comm.addressing import parse_address, parse_host_port
 
 from sim_harness.sweep.fingerprint import fingerprint
-from sim_harness.sweep.outcome import Outcome, crashed, execute
+from sim_harness.sweep.outcome import ClusterLost, Outcome, crashed, execute
 from sim_harness.sweep.plan import Plan
-from sim_harness.sweep.sweep import ClusterLost
 from trepid.config import InputError
 
 CONNECT_S = 10.0

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from sim_harness.judging.metrics import FurtherMetrics, Metrics
 from sim_harness.lockstep.closed_loop import Result, Witness, run
-from sim_harness.lockstep.metrics import FurtherMetrics, Metrics
 from sim_harness.report.film import run_filmed
 from sim_harness.report.summary import Detail, summarise
 from sim_harness.scenarios.sampling import Case
@@ -16,6 +16,10 @@ from sim_harness.sweep.fingerprint import fingerprint
 Row = dict[str, Any]
 
 _MALLOC_TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc only
+
+
+class ClusterLost(Exception):
+    """The cluster is gone; what had finished has been given out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

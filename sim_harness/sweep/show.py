@@ -8,10 +8,10 @@ from pathlib import Path
 
 from sim_harness.report.page import Page
 from sim_harness.scenarios.sampling import Case
-from sim_harness.sweep.outcome import Outcome, Row, is_complete
+from sim_harness.sweep.outcome import ClusterLost, Outcome, Row, is_complete
 from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.store import Store
-from sim_harness.sweep.sweep import ClusterLost, InPlanOrder, Workforce, watched
+from sim_harness.sweep.sweep import InPlanOrder, Workforce, watched
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 

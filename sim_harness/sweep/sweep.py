@@ -19,10 +19,6 @@ Workforce = Callable[[Plan], Iterator[tuple[str, Outcome]]]
 """Runs cases and gives their outcomes by key as they finish; closing the iterator ends it at once."""
 
 
-class ClusterLost(Exception):
-    """The cluster is gone; what had finished has been given out."""
-
-
 def workforce(*, jobs: int = 1, cluster: str | None = None, detailed: bool = False) -> Workforce:
     """Who runs the cases: a cluster, ``jobs`` processes, or this process. Raises InputError without Dask."""
     if cluster is not None:

@@ -106,8 +106,8 @@ def tune(
 
 def check_start(file: Path, parameters: dict[str, Span]) -> None:
     """Raise InputError unless ``file`` may drive and its numbers lie where they may go."""
-    from supervisor.inference import FearRules
-    from supervisor.verify import verify
+    from supervisor.rules.inference import FearRules
+    from supervisor.rules.verify import verify
 
     problems = verify(FearRules.load(file)).problems
     if problems:

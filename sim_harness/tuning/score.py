@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
+from sim_harness.judging.fear_scores import fear_auroc
+from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import Instant
-from sim_harness.lockstep.fear_scores import fear_auroc
-from sim_harness.lockstep.trace import Trace
 from sim_harness.scenarios.sampling import Case
 from sim_harness.sweep.outcome import is_complete, perform
 from sim_harness.sweep.plan import Plan, plan
 from sim_harness.sweep.processes import in_this_process
 from sim_harness.tuning.settings import Costs
-from supervisor.inference import FearRules
+from supervisor.rules.inference import FearRules
 from trepid.messages import Decision, Mode
 
 

@@ -6,8 +6,8 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from trepid.config import InputError, Settings
+from trepid.types import NonNegative
 
-NonNegative = Annotated[float, Field(ge=0)]
 DIGITS = 3  # of a parameter's span: finer differences mean nothing
 
 

@@ -34,8 +34,8 @@ from sim_harness.sweep.processes import ONE_THREAD
 from sim_harness.tuning.numbers import NumberedText
 from sim_harness.tuning.score import Fearless, RunCrashed, record, score
 from sim_harness.tuning.settings import Costs, Span
-from supervisor.inference import FearRules
-from supervisor.verify import verify
+from supervisor.rules.inference import FearRules
+from supervisor.rules.verify import verify
 from trepid.config import InputError
 
 POLL_S = 0.2

@@ -1,0 +1,1 @@
+"""Tools for people: explain a drive, show and check a rule file."""

@@ -1,0 +1,80 @@
+"""Where a drive slowed down: falls of a speed, cut from the jitter by a zigzag."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from trepid.types import Column
+
+CLEAR = 0.05  # of the cruise speed: smaller swings are jitter
+DEEP = 0.2  # of the cruise speed: a fall within a longer one that is a matter of its own
+NEAR_S = 5.0  # a slow-down further away is not the one that was meant
+
+
+@dataclass(frozen=True, slots=True)
+class SlowDown:
+    """A fall of a speed, as indices into it."""
+
+    before: int  # the last sample at the height from which it fell
+    lowest: int
+    back: int | None  # the first sample that is back at that height; None: it never was
+
+
+def slow_downs(speed_mps: Column, clear_mps: float) -> list[SlowDown]:
+    """Every fall of ``speed_mps`` by ``clear_mps`` or more that no rise of as much interrupts."""
+    return [
+        SlowDown(peak, trough, _back(speed_mps, peak, trough, clear_mps))
+        for peak, trough in _falls(speed_mps, clear_mps)
+    ]
+
+
+def telling(found: list[SlowDown], speed_mps: Column, deep_mps: float) -> list[SlowDown]:
+    """Those that are worth a story: the outermost, and of those within others the ones of ``deep_mps`` or more."""
+    kept: list[SlowDown] = []
+    end = -1
+    for slow in found:
+        outermost = slow.before >= end
+        if outermost:
+            end = len(speed_mps) if slow.back is None else slow.back
+        if outermost or speed_mps[slow.before] - speed_mps[slow.lowest] >= deep_mps:
+            kept.append(slow)
+    return kept
+
+
+def nearest(found: list[SlowDown], t_s: Column, at_s: float) -> SlowDown | None:
+    """The slow-down that ``at_s`` asks for: the last to begin before it that still lasts, else the nearest."""
+    during = [s for s in found if t_s[s.before] <= at_s + 1e-9 and (s.back is None or at_s <= t_s[s.back])]
+    if during:
+        return during[-1]
+    close = [s for s in found if _distance_s(s, t_s, at_s) <= NEAR_S]
+    return min(close, key=lambda s: _distance_s(s, t_s, at_s), default=None)
+
+
+def _distance_s(slow: SlowDown, t_s: Column, at_s: float) -> float:
+    end = t_s[-1] if slow.back is None else t_s[slow.back]
+    return float(max(t_s[slow.before] - at_s, at_s - end, 0.0))
+
+
+def _falls(speed_mps: Column, clear_mps: float) -> Iterator[tuple[int, int]]:
+    """Peak and trough of each fall. A peak is its last sample, a trough its first."""
+    peak, trough, falling = 0, 0, False
+    for i, speed in enumerate(speed_mps.tolist()):
+        if falling:
+            if speed < speed_mps[trough]:
+                trough = i
+            elif speed >= speed_mps[trough] + clear_mps:
+                yield peak, trough
+                peak, falling = i, False
+        elif speed >= speed_mps[peak]:
+            peak = i
+        elif speed <= speed_mps[peak] - clear_mps:
+            trough, falling = i, True
+    if falling:
+        yield peak, trough
+
+
+def _back(speed_mps: Column, peak: int, trough: int, clear_mps: float) -> int | None:
+    """When it is as high again, but for a clear difference."""
+    high = np.flatnonzero(speed_mps[trough:] >= speed_mps[peak] - clear_mps)
+    return trough + int(high[0]) if len(high) else None

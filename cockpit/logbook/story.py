@@ -1,0 +1,311 @@
+"""Why did it slow down? From a recording: what fell, for what cause, by which rules, told what, until when.
+
+A slow-down is a clear fall of the speed that the supervisor allows. Where only the car's own speed fell, the
+controller slowed it below what was allowed, as it does for bends, and that is the answer.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from cockpit.logbook.recall import Recall
+from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, slow_downs, telling
+from supervisor.rules.inference import FearRules
+from trepid.messages import Decision, Stop
+
+BEFORE_S = 10.0  # how far back the timeline goes
+AROUND_S = 0.5  # of the asked moment
+STEADY_S = 0.2  # what lasts shorter is left out of the timeline, unless it stops the car
+MOST_MOMENTS = 14
+_CAR_CLEAR = 0.1  # of the cruise speed: the car's own speed is measured, and jitters more
+_NOTHING = 1e-9
+
+Story = dict[str, Any]
+"""What ``trepid fear explain RECORDING --at T --json`` prints; docs/fear_explain.md lists the fields."""
+
+
+def story(drive: Recall, at_s: float) -> Story:
+    """Why the car slowed down around ``at_s``. Raises ValueError when that is outside the recording."""
+    first_s, last_s = float(drive.t_s[0]), float(drive.t_s[-1])
+    if not first_s - 1e-3 <= at_s <= last_s + 1e-3:
+        raise ValueError(f"the recording runs from {first_s:.1f} to {last_s:.1f} s")
+    by_supervisor = _asked_for(drive)
+    by_car = slow_downs(np.nan_to_num(drive.speed_mps), _CAR_CLEAR * drive.cruise_mps)
+    told: Story = {
+        "file": str(drive.recorded.path),
+        "at_s": at_s,
+        "from_s": round(first_s, 3),
+        "to_s": round(last_s, 3),
+        "complete": drive.recorded.complete,
+        "rules_from": drive.rules_from,
+        "slowed_by": None,
+    }
+    slow = nearest(by_supervisor, drive.t_s, at_s)
+    if slow is not None:
+        return told | {"slowed_by": "supervisor"} | _by_supervisor(drive, slow, at_s)
+    slow = nearest(by_car, drive.t_s, at_s)
+    if slow is not None:
+        return told | {"slowed_by": "controller"} | _by_controller(drive, slow)
+    others = [round(float(drive.t_s[s.before]), 2) for s in (*by_supervisor, *by_car)]
+    return told | {"others_s": sorted(others, key=lambda other_s: abs(other_s - at_s))[:3]}
+
+
+def overview(drive: Recall) -> list[Story]:
+    """Every slow-down that the supervisor asked for: its course, mode, cause and fear."""
+    found = _asked_for(drive)
+    worst = [drive.decisions[_worst(drive, slow)] for slow in found]
+    return [
+        {
+            **_course(drive, slow),
+            "mode": decision.mode.value,
+            "cause": decision.cause,
+            "fear": decision.fear,
+            "limited_by": _limit(drive, decision),
+        }
+        for slow, decision in zip(found, worst, strict=True)
+    ]
+
+
+def _asked_for(drive: Recall) -> list[SlowDown]:
+    """The slow-downs of the speed that the supervisor allowed."""
+    found = slow_downs(drive.cap_mps, CLEAR * drive.cruise_mps)
+    return telling(found, drive.cap_mps, DEEP * drive.cruise_mps)
+
+
+def _by_supervisor(drive: Recall, slow: SlowDown, at_s: float) -> Story:
+    index = _moment(drive, slow, at_s)
+    decision = drive.decisions[index]
+    return {
+        "slow_down": _course(drive, slow),
+        "moment_s": _at(drive, index),
+        "mode": decision.mode.value,
+        "stop": decision.stop.value,
+        "fear": decision.fear,
+        "level": decision.level,
+        "cause": decision.cause,
+        "limited_by": _limit(drive, decision),
+        "rules": _rules(drive, decision),
+        "inputs": _inputs(drive, decision),
+        "repeats": drive.repeats(index),
+        "estimates": _estimates(drive, index),
+        "timeline": _timeline(drive, slow),
+        "end": _end(drive, slow, index),
+    }
+
+
+def _by_controller(drive: Recall, slow: SlowDown) -> Story:
+    """The supervisor allowed more than the car drove: what the path and the command were where it braked most."""
+    span = range(slow.before, slow.lowest + 1)
+    index = min(span, key=lambda i: float(np.nan_to_num(drive.accel_mps2[i])))
+    decision, state = drive.decisions[index], drive.state_at(index)
+    bend_1pm = max((abs(drive.decisions[i].curvature_1pm or 0.0) for i in span), default=0.0)
+    return {
+        "slow_down": _course(drive, slow),
+        "moment_s": _at(drive, index),
+        "mode": decision.mode.value,
+        "fear": decision.fear,
+        "cause": decision.cause,
+        "speed_cap_mps": decision.speed_cap_mps,
+        "commanded_accel_mps2": _known(drive.accel_mps2[index]),
+        "driver_override": bool(state and state.driver_override),
+        "sharpest_curvature_1pm": bend_1pm,
+        "estimates": _estimates(drive, index),
+        "timeline": _timeline(drive, slow),
+    }
+
+
+def _moment(drive: Recall, slow: SlowDown, at_s: float) -> int:
+    """The decision that explains: the most fearful one of the fall, or of the second around a later ``at_s``."""
+    if at_s <= drive.t_s[slow.lowest] or (slow.back is not None and at_s > drive.t_s[slow.back]):
+        return _worst(drive, slow)
+    last = len(drive.decisions) - 1 if slow.back is None else slow.back
+    around = range(drive.index_at(at_s - AROUND_S), min(drive.index_at(at_s + AROUND_S), last) + 1)
+    return _most_fearful(drive, around)
+
+
+def _worst(drive: Recall, slow: SlowDown) -> int:
+    """The most fearful decision while the speed fell."""
+    return _most_fearful(drive, range(slow.before + 1, slow.lowest + 1))
+
+
+def _most_fearful(drive: Recall, indices: range) -> int:
+    """Of equals the first."""
+    return max(indices, key=lambda i: (drive.decisions[i].fear, -i))
+
+
+def _course(drive: Recall, slow: SlowDown) -> Story:
+    until = len(drive.t_s) - 1 if slow.back is None else slow.back
+    speeds = drive.speed_mps[slow.before : until + 1]
+    lowest = None if np.isnan(speeds).all() else float(np.nanmin(speeds))
+    full = np.flatnonzero(drive.cap_mps[: slow.before + 1] >= (1.0 - CLEAR) * drive.cruise_mps)
+    return {
+        "cruise_mps": drive.cruise_mps,
+        "full_speed_until_s": _at(drive, int(full[-1])) if len(full) else None,
+        "from_s": _at(drive, slow.before + 1),
+        "lowest_s": _at(drive, slow.lowest),
+        "until_s": None if slow.back is None else _at(drive, slow.back),
+        "cap_before_mps": float(drive.cap_mps[slow.before]),
+        "cap_lowest_mps": float(drive.cap_mps[slow.lowest]),
+        "speed_before_mps": _known(drive.speed_mps[slow.before]),
+        "speed_lowest_mps": lowest,
+    }
+
+
+def _limit(drive: Recall, decision: Decision) -> str:
+    """What set the cap: a stop, the gap to the vehicle ahead, or fear."""
+    if decision.stop is not Stop.NONE:
+        return "stop"
+    by_fear_mps = drive.cruise_mps * decision.speed_factor
+    return "lead" if decision.speed_cap_mps < by_fear_mps * (1.0 - CLEAR) - _NOTHING else "fear"
+
+
+def _rules(drive: Recall, decision: Decision) -> list[Story]:
+    """The rules that fired, those first that add most to fear: strength times where their level stands."""
+    by = drive.rules_of(decision)
+    at = {rule.text: by.file.fear.all[rule.harm].at for rule in by.rules}
+    fired = [
+        {"text": text, "strength": strength, "adds": strength * at.get(text, 1.0)}
+        for text, strength in zip(decision.rules, decision.rule_strengths, strict=True)
+    ]
+    return sorted(fired, key=lambda rule: -rule["adds"])
+
+
+def _inputs(drive: Recall, decision: Decision) -> list[Story]:
+    """What those rules speak of: value, unit, and the sets that it is in. All else was calm."""
+    values = dict(zip(decision.inputs, decision.input_values, strict=True))
+    if not values:
+        return []  # a recording of a version that did not write them
+    by = drive.rules_of(decision)
+    speak = {rule.text: rule.inputs for rule in by.rules if rule.harm > 0}
+    named = [name for text in decision.rules for name in _ordered(by, speak.get(text, frozenset()))]
+    named += [name for name, value in values.items() if value is None or not math.isfinite(value)]
+    degrees = by.memberships(values)
+    return [
+        {
+            "name": name,
+            "value": _known(values.get(name)),
+            "unit": by.inputs[name].unit,
+            "meaning": by.inputs[name].meaning,
+            "sets": {level: degree for level, degree in degrees[name].items() if degree > 0},
+        }
+        for name in dict.fromkeys(named)
+        if name in by.inputs
+    ]
+
+
+def _ordered(rules: FearRules, names: frozenset[str]) -> list[str]:
+    return [name for name in rules.inputs if name in names]
+
+
+def _estimates(drive: Recall, index: int) -> list[Story]:
+    """What each estimator said, and how far it was believed."""
+    decision = drive.decisions[index]
+    trust = dict(zip(decision.sources, decision.trust, strict=True))
+    now_s = decision.decided_s
+    return [
+        {
+            "estimator": name,
+            "age_s": now_s - estimate.t_s,
+            "lateral_offset_m": estimate.lateral_offset_m,
+            "heading_error_rad": estimate.heading_error_rad,
+            "curvature_1pm": estimate.curvature_1pm,
+            "confidence": estimate.confidence,
+            "reason": estimate.reason,
+            "trust": trust.get(name, 0.0),
+        }
+        for name, estimate in drive.estimates_at(index).items()
+    ]
+
+
+def _timeline(drive: Recall, slow: SlowDown) -> list[Story]:
+    """What changed from 10 s before the fall until its end: mode, stop, cause and source of the path."""
+    first = drive.index_at(float(drive.t_s[slow.before]) - BEFORE_S)
+    last = len(drive.decisions) - 1 if slow.back is None else slow.back
+    stretches = [(i, j) for i, j in _stretches(drive, first, last) if _lasts(drive, i, j, first, last)]
+    moments = [
+        {
+            "t_s": _at(drive, i),
+            "mode": drive.decisions[i].mode.value,
+            "stop": drive.decisions[i].stop.value,
+            "cause": drive.decisions[i].cause,
+            "path_source": drive.decisions[i].path_source,
+            "fear": max(d.fear for d in drive.decisions[i : j + 1]),
+            "cap_mps": float(drive.cap_mps[j]),
+        }
+        for i, j in stretches
+    ]
+    distinct = [m for m, before in zip(moments, [None, *moments], strict=False) if not _alike(m, before)]
+    return distinct[:MOST_MOMENTS]
+
+
+def _stretches(drive: Recall, first: int, last: int) -> Iterator[tuple[int, int]]:
+    """First and last index of stretches in which nothing of that changes."""
+    start = first
+    for i in range(first + 1, last + 2):
+        if i > last or _shown(drive.decisions[i]) != _shown(drive.decisions[start]):
+            yield start, i - 1
+            start = i
+
+
+def _lasts(drive: Recall, i: int, j: int, first: int, last: int) -> bool:
+    steady = drive.t_s[min(j + 1, last)] - drive.t_s[i] >= STEADY_S
+    return bool(steady or i == first or j == last or drive.decisions[i].stop is not Stop.NONE)
+
+
+def _shown(decision: Decision) -> tuple[str, str, str, str]:
+    return decision.mode.value, decision.stop.value, decision.cause, decision.path_source
+
+
+def _alike(moment: Story, before: Story | None) -> bool:
+    keys = ("mode", "stop", "cause", "path_source")
+    return before is not None and all(moment[key] == before[key] for key in keys)
+
+
+def _end(drive: Recall, slow: SlowDown, worst: int) -> Story:
+    """What let it drive faster again: when fear allowed it, and the inputs then beside what they had been."""
+    allowed = drive.cap_mps[slow.before] / drive.cruise_mps if drive.cruise_mps else 0.0
+    last = len(drive.decisions) - 1 if slow.back is None else slow.back
+    relief = None
+    for i in range(last, worst, -1):
+        decision = drive.decisions[i]
+        if (
+            decision.stop is not Stop.NONE
+            or drive.rules_of(decision).speed_factor(decision.fear) < allowed - CLEAR
+        ):
+            break
+        relief = i
+    if relief is None:
+        return {"relief_s": None, "back_s": None, "cause": None, "changes": []}
+    decision = drive.decisions[relief]
+    return {
+        "relief_s": _at(drive, relief),
+        "back_s": None if slow.back is None else _at(drive, slow.back),
+        "cause": decision.cause,
+        "changes": _changes(drive, drive.decisions[worst], decision),
+    }
+
+
+def _changes(drive: Recall, worst: Decision, relief: Decision) -> list[Story]:
+    """The inputs of the rules that frightened, then and now."""
+    now = dict(zip(relief.inputs, relief.input_values, strict=True))
+    return [
+        {
+            "name": item["name"],
+            "unit": item["unit"],
+            "was": item["value"],
+            "is": _known(now.get(item["name"])),
+        }
+        for item in _inputs(drive, worst)
+        if item["value"] != _known(now.get(item["name"]))
+    ]
+
+
+def _at(drive: Recall, index: int) -> float:
+    return round(float(drive.t_s[index]), 3)
+
+
+def _known(value: float | None) -> float | None:
+    """``value`` unless it is not known or no number: JSON has no word for that but null."""
+    return float(value) if value is not None and math.isfinite(value) else None

@@ -1,0 +1,165 @@
+"""A story in words, for the terminal."""
+
+from collections.abc import Iterator
+
+from cockpit.logbook.story import Story
+from trepid.recording.reader import Recorded
+
+SHOWN_RULES, SHOWN_CHANGES = 6, 5
+SLOWED = 0.9  # of the cruise speed: less is worth a word
+BEYOND = 1e5  # stands for "there is none" in features; nobody measured that
+
+
+def told(story: Story) -> str:
+    """The story as lines of text: the answer first."""
+    return "\n".join(_lines(story))
+
+
+def listed(recorded: Recorded, found: list[Story]) -> str:
+    """Every slow-down, a line each."""
+    lines = [] if recorded.complete else ["(the recording is cut short)"]
+    for slow in found:
+        until = "the end" if slow["until_s"] is None else f"{slow['until_s']:.2f} s"
+        lines.append(
+            f"{slow['from_s']:8.2f} s to {until}: {slow['cap_before_mps']:.1f} -> {slow['cap_lowest_mps']:.1f} m/s,"
+            f" {slow['mode']}, {slow['cause']}, fear {slow['fear']:.2f}"
+        )
+    lines.append(f"{len(found)} slow-downs by the supervisor" + ("; --at T explains one" if found else ""))
+    return "\n".join(lines)
+
+
+def _lines(story: Story) -> Iterator[str]:
+    if not story["complete"]:
+        yield f"(the recording is cut short: it is read up to {story['to_s']:.1f} s)"
+    match story["slowed_by"]:
+        case "supervisor":
+            yield from _by_supervisor(story)
+        case "controller":
+            yield from _by_controller(story)
+        case _:
+            others = ", ".join(f"{other_s:.1f} s" for other_s in story["others_s"])
+            yield f"It did not slow down near {story['at_s']:.1f} s" + (
+                f"; it did at {others}." if others else "."
+            )
+
+
+def _by_supervisor(story: Story) -> Iterator[str]:
+    yield _course(story)
+    yield _reason(story)
+    yield f"\nRules that spoke at {story['moment_s']:.2f} s, by what they add to fear ({story['rules_from']}):"
+    frightening = [rule for rule in story["rules"] if rule["adds"] > 0]
+    for rule in frightening[:SHOWN_RULES]:
+        yield f"  {rule['adds']:.2f}  {rule['text']}  (strength {rule['strength']:.2f})"
+    if len(frightening) > SHOWN_RULES:
+        yield f"        and {len(frightening) - SHOWN_RULES} more"
+    if not story["repeats"]:
+        yield "  These rules do not give the recorded fear again: they were other ones then."
+    if story["inputs"]:
+        yield "\nWhat they were told:"
+        yield from (_input(item) for item in story["inputs"])
+    yield from _estimates(story)
+    yield from _timeline(story)
+    yield ""
+    yield _end(story)
+
+
+def _course(story: Story) -> str:
+    course = story["slow_down"]
+    already = ""
+    if course["cap_before_mps"] < SLOWED * course["cruise_mps"]:
+        since_s = course["full_speed_until_s"]
+        known = "never before" if since_s is None else f"last at {since_s:.2f} s"
+        already = f" (full speed, {course['cruise_mps']:.1f} m/s, was allowed {known})"
+    text = (
+        f"At {course['from_s']:.2f} s the supervisor began to allow less: from {course['cap_before_mps']:.1f}"
+        f" to {course['cap_lowest_mps']:.1f} m/s by {course['lowest_s']:.2f} s{already}"
+    )
+    before, lowest = course["speed_before_mps"], course["speed_lowest_mps"]
+    return text + (f"; the car went from {before:.1f} to {lowest:.1f} m/s." if before is not None else ".")
+
+
+def _reason(story: Story) -> str:
+    fear = f"fear {story['fear']:.2f} ({story['level']}) of {story['cause']}"
+    match story["limited_by"]:
+        case "stop":
+            return f"Why: a {story['stop']} stop for {story['cause']}; fear {story['fear']:.2f} ({story['level']})."
+        case "lead":
+            return f"Why: to keep the time gap to the vehicle ahead; mode {story['mode']}, {fear}."
+        case _:
+            return f"Why: {fear}; mode {story['mode']}."
+
+
+def _input(item: Story) -> str:
+    sets = ", ".join(f"{level} {degree:.2f}" for level, degree in item["sets"].items())
+    value = _value(item["value"], item["unit"])
+    return f"  {item['name']} = {value}: {sets}.  {item['meaning']}"
+
+
+def _estimates(story: Story) -> Iterator[str]:
+    if not story["estimates"]:
+        return
+    yield "\nWhat the estimators said:"
+    for said in story["estimates"]:
+        if said["lateral_offset_m"] is None:
+            what = "no lane"
+        else:
+            what = (
+                f"{said['lateral_offset_m']:+.2f} m, {said['heading_error_rad']:+.3f} rad,"
+                f" {said['curvature_1pm']:+.4f} 1/m"
+            )
+        reason = f" ({said['reason']})" if said["reason"] else ""
+        yield (
+            f"  {said['estimator']}: {what}, confidence {said['confidence']:.2f}{reason};"
+            f" {1e3 * said['age_s']:.0f} ms old, trusted {said['trust']:.2f}"
+        )
+
+
+def _timeline(story: Story) -> Iterator[str]:
+    yield "\nWhat happened before and after:"
+    for moment in story["timeline"]:
+        stop = f" ({moment['stop']})" if moment["stop"] != "none" else ""
+        cause = "nothing feared" if moment["cause"] == "none" else moment["cause"]
+        yield (
+            f"  {moment['t_s']:7.2f} s  {moment['mode']}{stop}, {cause}, fear up to {moment['fear']:.2f},"
+            f" path of {moment['path_source']}, then up to {moment['cap_mps']:.1f} m/s"
+        )
+
+
+def _end(story: Story) -> str:
+    end = story["end"]
+    if end["relief_s"] is None:
+        return "It had not ended when the recording ends."
+    text = f"Fear let go at {end['relief_s']:.2f} s"
+    changes = [
+        f"{c['name']} {_value(c['was'], c['unit'])} -> {_value(c['is'], c['unit'])}"
+        for c in end["changes"][:SHOWN_CHANGES]
+    ]
+    text += f": {'; '.join(changes)}." if changes else "."
+    back = f"Full speed was allowed again at {end['back_s']:.2f} s." if end["back_s"] else ""
+    return f"{text} {back or 'Full speed was not allowed again before the recording ends.'}"
+
+
+def _by_controller(story: Story) -> Iterator[str]:
+    course, bend_1pm = story["slow_down"], story["sharpest_curvature_1pm"]
+    yield (
+        f"The car slowed from {course['speed_before_mps']:.1f} to {course['speed_lowest_mps']:.1f} m/s between"
+        f" {course['from_s']:.2f} and {course['lowest_s']:.2f} s, but the supervisor did not ask for it:"
+        f" it allowed {story['speed_cap_mps']:.1f} m/s, at fear {story['fear']:.2f}."
+    )
+    if story["driver_override"]:
+        yield "Why: the driver acted."
+    elif bend_1pm > 0.0:
+        accel = story["commanded_accel_mps2"]
+        told_accel = "" if accel is None else f" and commanded {accel:+.1f} m/s² at {story['moment_s']:.2f} s"
+        radius = f"a bend of {1 / bend_1pm:.0f} m radius" if bend_1pm > 1e-3 else "a path that is straight"
+        yield f"Why: the controller; it saw {radius} ahead{told_accel}."
+    yield from _estimates(story)
+    yield from _timeline(story)
+
+
+def _value(value: float | None, unit: str) -> str:
+    if value is None:
+        return "missing"
+    if abs(value) > BEYOND:
+        return "none"
+    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"

@@ -1,0 +1,1 @@
+"""Rule files for people: show, draw, check, convert, document."""

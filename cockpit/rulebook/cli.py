@@ -1,0 +1,178 @@
+"""``trepid fear``: check, show and explain rule files."""
+
+import difflib
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from cockpit.logbook.explain_drive import explain_drive, is_recording
+from cockpit.pictures.plot import save
+from cockpit.rulebook.figure import sets_figure, surface_figure
+from cockpit.rulebook.files_cli import export, import_, schema
+from cockpit.rulebook.show import show_rules, show_surface
+from supervisor.rules.coverage import calmest
+from supervisor.rules.inference import FearRules
+from supervisor.rules.verify import place, verify
+from trepid.config import InputError
+
+app = typer.Typer(no_args_is_help=True)
+app.command()(schema)
+app.command()(export)
+app.command("import")(import_)
+
+RuleFileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Rule file, e.g. config/fear.yaml.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON only.")]
+
+
+@app.command()
+def check(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Rule files.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Check that the rules speak everywhere, are monotone, and reach 0 and 1. Exit 1 if not."""
+    passed = [_check(file, as_json=as_json) for file in files]
+    if not all(passed):
+        raise typer.Exit(1)
+
+
+def _check(file: Path, *, as_json: bool) -> bool:
+    """Tell what :func:`verify` finds in one file; whether it may drive."""
+    rules = FearRules.load(file)
+    verdict = verify(rules)
+    if as_json:
+        found = {"problems": verdict.problems, "notes": verdict.notes, "lipschitz": verdict.slopes}
+        size = {"method": rules.file.method, "inputs": len(rules.inputs), "rules": len(rules.rules)}
+        typer.echo(json.dumps({"file": str(file), **size, **found}))
+        return not verdict.problems
+    for problem in verdict.problems:
+        typer.echo(f"{file}:{place(file, problem, rules)}: {problem}", err=True)
+    for note in verdict.notes:
+        typer.echo(f"{file}:{place(file, note, rules)}: note: {note}", err=True)
+    if not verdict.problems:
+        extent = f"{len(rules.inputs)} inputs, {len(rules.rules)} rules"
+        typer.echo(f"{file}: {extent}: speaks everywhere, monotone, reaches 0 and 1")
+        typer.echo("fear changes by at most")
+        for name, slope in verdict.slopes.items():
+            typer.echo(f"  {slope:8.3g} per {rules.inputs[name].unit} of {name}")
+    return not verdict.problems
+
+
+@app.command()
+def show(
+    file: RuleFileArgument,
+    values: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME=VALUE...", help="Inputs of a surface that are not calm."),
+    ] = None,
+    surface: Annotated[
+        tuple[str, str] | None, typer.Option(metavar="X Y", help="Show fear over these two inputs instead.")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="F.png", help="Draw it instead.")] = None,
+) -> None:
+    """Show the inputs with their sets, the rules, and what each level of fear does; or fear over two inputs."""
+    rules = FearRules.load(file)
+    point = {**calmest(rules), **_values(values or [], rules)}
+    axes = _axes(surface, rules) if surface else None
+    if picture is not None:
+        save(surface_figure(rules, *axes, point) if axes else sets_figure(rules), picture)
+        return
+    console = Console(width=None if Console().is_terminal else 120)
+    if axes:
+        show_surface(rules, *axes, point, console)
+    else:
+        show_rules(rules, console)
+
+
+@app.command()
+def explain(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A rule file, or the recording of a drive.")],
+    values: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME=VALUE...", help="Inputs; nan: a missing value.")
+    ] = None,
+    calm: Annotated[
+        bool, typer.Option("--calm", help="Inputs that are not given are calm, instead of missing.")
+    ] = False,
+    at: Annotated[
+        float | None, typer.Option(metavar="T", help="Recording: why did it slow down at T seconds?")
+    ] = None,
+    rules_file: Annotated[
+        Path | None, typer.Option("--rules", metavar="F.yaml", help="Recording: by these rules, not its own.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="F.png", help="Recording: draw what was seen at that moment.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Explain how afraid the rules are of these values, or why a recorded drive slowed down.
+
+    Inputs that are not given are missing. Of a recording without --at, every slow-down is listed.
+    """
+    if is_recording(file):
+        if values or calm:
+            raise InputError(f"{file}: a recording has its own values; ask --at which second")
+        if not explain_drive(file, at, rules=rules_file, picture=picture, as_json=as_json):
+            raise typer.Exit(1)
+        return
+    if at is not None or picture is not None or rules_file is not None:
+        raise InputError(f"{file}: --at, --rules and --picture are for recordings, and this is no MCAP file")
+    rules = FearRules.load(file)
+    given = _values(values or [], rules)
+    point = {name: given.get(name, spec.calmest if calm else None) for name, spec in rules.inputs.items()}
+    explained = explanation(rules, point)
+    if as_json:
+        typer.echo(json.dumps(explained))
+        return
+    summary = f"{explained['mode']}, speed x {explained['speed_factor']:.2f}, because of {explained['cause']}"
+    typer.echo(f"fear {explained['fear']:.3f} ({explained['level']}): {summary}")
+    for fired in explained["rules"]:
+        typer.echo(f"  {fired['strength']:.2f}  {fired['text']}")
+
+
+def explanation(rules: FearRules, values: dict[str, float | None]) -> dict[str, Any]:
+    """What ``trepid fear explain --json`` prints. The mode is that of the level, without hysteresis."""
+    felt = rules.evaluate(values)
+    return {
+        "fear": felt.fear,
+        "level": felt.level,
+        "memberships": rules.memberships(values),
+        "rules": [{"text": fired.text, "strength": fired.strength} for fired in felt.rules],
+        "cause": felt.cause,
+        "speed_factor": rules.speed_factor(felt.fear),
+        "mode": rules.mode(felt.fear).value,
+        "trust": {name: trust.trust for name, trust in rules.trust(values).items()},
+    }
+
+
+def _values(texts: list[str], rules: FearRules) -> dict[str, float | None]:
+    """name=value texts as numbers. Raises InputError for a name that the file does not know."""
+    values: dict[str, float | None] = {}
+    for text in texts:
+        name, equals, number = text.partition("=")
+        if not equals:
+            raise InputError(f"{text!r}: expected NAME=VALUE")
+        _check_name(name, rules, text)
+        try:
+            value = float(number)
+        except ValueError as error:
+            raise InputError(f"{text}: expected a number or nan, got {number!r}") from error
+        values[name] = value if math.isfinite(value) else None
+    return values
+
+
+def _check_name(name: str, rules: FearRules, place: str) -> None:
+    if name not in rules.inputs:
+        close = difflib.get_close_matches(name, rules.names, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(rules.names)}"
+        raise InputError(f"{place}: unknown input {name!r}; {hint}")
+
+
+def _axes(names: tuple[str, str], rules: FearRules) -> tuple[str, str]:
+    for name in names:
+        _check_name(name, rules, f"--surface {' '.join(names)}")
+    if names[0] == names[1]:
+        raise InputError(f"--surface {' '.join(names)}: two different inputs are needed")
+    return names

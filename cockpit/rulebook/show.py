@@ -1,0 +1,72 @@
+"""A rule file in the terminal: the sets of its inputs, its rules, what fear does, and fear over two inputs."""
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from cockpit.rulebook.figure import shown_range, surface
+from supervisor.rules.inference import FearRules
+from supervisor.rules.membership import Trapezoid
+from supervisor.rules.rule_file import LEVELS, Input
+
+PLOT_COLUMNS = 44
+SURFACE_ROWS, SURFACE_COLUMNS = 17, 49  # odd, so that the middle is shown
+BARS, SHADES = " ▁▂▃▄▅▆▇█", "·░▒▓█"
+
+
+def show_rules(rules: FearRules, console: Console) -> None:
+    """Everything that the file says."""
+    for name, spec in rules.inputs.items():
+        low, high = spec.range
+        about = f"[{spec.unit}] {low:g} … {high:g}, {risk(spec)}: {spec.meaning}"
+        console.print(f"[bold]{name}[/bold] {escape(about)}", highlight=False, soft_wrap=True)
+        console.print(_set_table(spec))
+    console.print("[bold]rules[/bold]")
+    for rule in rules.rules:
+        console.print(f"  {escape(rule.text)}", soft_wrap=True)
+    console.print(_action_table(rules))
+
+
+def show_surface(
+    rules: FearRules, x_name: str, y_name: str, others: dict[str, float | None], console: Console
+) -> None:
+    """Fear over two inputs as shades, one for each level."""
+    x, y, fear = surface(rules, x_name, y_name, others, (SURFACE_COLUMNS, SURFACE_ROWS))
+    told = "  ".join(f"{shade} {level}" for shade, level in zip(SHADES, LEVELS, strict=True))
+    y_unit, x_unit = rules.inputs[y_name].unit, rules.inputs[x_name].unit
+    lines = [f"fear: {told}", "", f"{y_name} [{y_unit}], {risk(rules.inputs[y_name])}"]
+    for row in reversed(range(len(y))):
+        label = f"{y[row]:.3g}" if row % 4 == 0 else ""
+        shades = "".join(SHADES[rules.level_index(float(value))] for value in fear[row])
+        lines.append(f"{label:>8} │{shades}")
+    lines.append(f"{'':>8} └{'─' * len(x)}")
+    marks = "".join(f"{x[column]:<12.3g}" for column in range(0, len(x), 12))
+    lines += [f"{'':>10}{marks}", f"{'':>10}{x_name} [{x_unit}], {risk(rules.inputs[x_name])}"]
+    console.print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)
+
+
+def risk(spec: Input) -> str:
+    """Which way an input gets worse, in words."""
+    return "more is worse" if spec.risk == "rising" else "less is worse"
+
+
+def _set_table(spec: Input) -> Table:
+    table = Table(box=None, show_header=False, padding=(0, 1))
+    for level in LEVELS:
+        points = " ".join(f"{x:g}" for x in getattr(spec.sets, level))
+        table.add_row(f"  {level}", _curve(spec.sets.trapezoid(level), *shown_range(spec)), points)
+    return table
+
+
+def _curve(points: tuple[float, float, float, float], low: float, high: float) -> str:
+    """A set as a row of bars."""
+    shape = Trapezoid(*points)
+    places = [low + (high - low) * i / (PLOT_COLUMNS - 1) for i in range(PLOT_COLUMNS)]
+    return "".join(BARS[round(8 * shape.membership(x))] for x in places)
+
+
+def _action_table(rules: FearRules) -> Table:
+    table = Table("fear", "at", "speed factor", "mode", box=None)
+    for level, action in zip(LEVELS, rules.file.fear.all, strict=True):
+        table.add_row(level, f"{action.at:g}", f"{action.speed_factor:g}", action.mode.value)
+    return table

@@ -1,0 +1,1 @@
+"""Identification of vehicle parameters from a log."""

@@ -1,0 +1,208 @@
+"""Logs of a drive, as the columns that identification needs.
+
+Read are recordings (.mcap, as ``trepid drive --record`` writes them), traces (.npz of ``trepid sim run --trace``)
+and tables (.csv, one row of names first). Times in seconds, left positive, like everywhere; a value that is missing
+is NaN, and an empty cell of a table.
+
+Columns of a table (the first of each line that is there counts):
+
+    t_s
+    speed_mps | speed_kmh
+    road_wheel_angle_rad | road_wheel_angle_deg | steering_wheel_angle_rad | steering_wheel_angle_deg
+    yaw_rate_radps | yaw_rate_dps
+    command_rad | command_deg      optional; at the road wheel or the steering wheel, as the angle is
+    driver_override                optional; 1 while the driver steers and the command counts for nothing
+"""
+
+import csv
+import math
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+
+from trepid.clock import seconds
+from trepid.config import InputError
+from trepid.messages import VehicleState
+from trepid.topics import COMMAND, VEHICLE_STATE
+from trepid.types import Column
+from trepid.wire import WireError, from_cdr
+
+RAD = math.pi / 180.0
+# Our quantity: the names it may have in a table, and their factors to SI.
+TABLE: dict[str, dict[str, float]] = {
+    "t_s": {"t_s": 1.0},
+    "speed": {"speed_mps": 1.0, "speed_kmh": 1 / 3.6},
+    "angle": {
+        "road_wheel_angle_rad": 1.0,
+        "road_wheel_angle_deg": RAD,
+        "steering_wheel_angle_rad": 1.0,
+        "steering_wheel_angle_deg": RAD,
+    },
+    "yaw_rate": {"yaw_rate_radps": 1.0, "yaw_rate_dps": RAD},
+    "command": {"command_rad": 1.0, "command_deg": RAD},
+    "driver_override": {"driver_override": 1.0},
+}
+OPTIONAL = ("command", "driver_override")
+NAMES = [name for names in TABLE.values() for name in names]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveLog:
+    """What was measured and commanded; columns of equal length for each of the two clocks, in order of time."""
+
+    t_s: Column
+    speed_mps: Column
+    angle_rad: Column  # of the road wheels, or of the steering wheel
+    yaw_rate_radps: Column
+    driver_override: Column  # 1: the command counts for nothing
+    at_steering_wheel: bool  # where angle and command are measured
+    command_t_s: Column  # when each command was given; empty: the log has none
+    command_rad: Column
+
+
+def read_log(path: Path, renamed: Mapping[str, str] | None = None) -> DriveLog:
+    """The log in ``path``; ``renamed`` says which column of a table is meant by a name: ours -> theirs.
+
+    A minus before their name reverses the sign. Raises InputError.
+    """
+    readers = {".mcap": _from_recording, ".npz": _from_trace}
+    if path.suffix == ".csv":
+        return _from_table(path, renamed or {})
+    if path.suffix not in readers:
+        raise InputError(f"{path}: expected a recording (.mcap), a trace (.npz) or a table (.csv)")
+    if renamed:
+        raise InputError(f"--column: {path} is no table; its columns have the names they need")
+    try:
+        return readers[path.suffix](path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def log_of(
+    path: Path,
+    measured: Sequence[Column],
+    command: tuple[Column, Column],
+    *,
+    at_steering_wheel: bool = False,
+) -> DriveLog:
+    """A log from time, speed, angle, yaw rate and override, and the times and angles of commands.
+
+    Rows that lack a number are left out. Raises InputError when fewer than two are left or when time runs back.
+    """
+    table = np.column_stack(measured)
+    table = table[np.isfinite(table).all(axis=1)]
+    orders = np.column_stack(command)
+    orders = orders[np.isfinite(orders).all(axis=1)]
+    if len(table) < 2:
+        raise InputError(f"{path}: no two rows with time, speed, wheel angle and yaw rate")
+    back = np.flatnonzero(np.diff(table[:, 0]) <= 0.0)
+    if len(back):
+        raise InputError(f"{path}: time does not go on after t_s = {table[back[0], 0]:.3f}")
+    return DriveLog(
+        t_s=table[:, 0],
+        speed_mps=table[:, 1],
+        angle_rad=table[:, 2],
+        yaw_rate_radps=table[:, 3],
+        driver_override=table[:, 4],
+        at_steering_wheel=at_steering_wheel,
+        command_t_s=orders[:, 0],
+        command_rad=orders[:, 1],
+    )
+
+
+def _from_recording(path: Path) -> DriveLog:
+    """States at the time of their measurement, commands at the time at which they were heard on the bus."""
+    states, orders = [], []
+    topics = [f"/{VEHICLE_STATE.key}", f"/{COMMAND.key}"]
+    try:
+        with path.open("rb") as file:
+            for _, channel, message in make_reader(file).iter_messages(topics=topics):
+                if channel.topic == topics[0]:
+                    states.append(_row(from_cdr(message.data, VEHICLE_STATE.type)))
+                else:
+                    command = from_cdr(message.data, COMMAND.type)
+                    orders.append((seconds(message.log_time), command.road_wheel_angle_rad))
+    except (McapError, WireError, struct.error) as error:
+        raise InputError(f"{path}: is no recording: {type(error).__name__} {error}".rstrip()) from error
+    # Late ones take their place; a simulator that waits sends several of one instant: the first counts.
+    first = {row[0]: row for row in reversed(states)}
+    table = np.array([first[t_s] for t_s in sorted(first)], dtype=np.float64).reshape(-1, 5)
+    given = np.array(orders, dtype=np.float64).reshape(-1, 2)
+    return log_of(path, list(table.T), (given[:, 0], given[:, 1]))
+
+
+def _row(state: VehicleState) -> tuple[float, ...]:
+    values = (state.t_s, state.speed_mps, state.road_wheel_angle_rad, state.yaw_rate_radps)
+    return (*(math.nan if value is None else value for value in values), float(state.driver_override))
+
+
+def _from_trace(path: Path) -> DriveLog:
+    """A trace of a lock-step run; its commands stand in the row of the tick in which they were given."""
+    names = ("t_s", "speed_mps", "road_wheel_angle_rad", "yaw_rate_radps", "command.road_wheel_angle_rad")
+    try:
+        with np.load(path, allow_pickle=False) as saved:
+            columns = [saved[name].astype(np.float64) for name in names]
+    except (KeyError, ValueError, EOFError, BadZipFile) as error:
+        raise InputError(f"{path}: is no saved trace: {error}") from error
+    t_s, *_, command_rad = columns
+    return log_of(path, [*columns[:4], np.zeros_like(t_s)], (t_s, command_rad))
+
+
+def _from_table(path: Path, renamed: Mapping[str, str]) -> DriveLog:
+    strange = [name for name in renamed if name not in NAMES]
+    if strange:
+        raise InputError(f"--column {strange[0]}: no such name; known: {', '.join(NAMES)}")
+    header, rows = _cells(path)
+    found: dict[str, Column] = {}
+    at_steering_wheel = False
+    for quantity, names in TABLE.items():
+        name = next((name for name in names if name in renamed), None)
+        name = name or next((name for name in names if name in header), None)
+        if name is not None:
+            found[quantity] = names[name] * _column(path, header, rows, renamed.get(name, name))
+            at_steering_wheel |= name.startswith("steering_wheel")
+        elif quantity not in OPTIONAL:
+            raise InputError(f"{path}:1: no column {' or '.join(names)}; name it by --column")
+    missing = np.full(len(rows), math.nan)
+    override = np.nan_to_num(found.get("driver_override", missing), nan=0.0)
+    return log_of(
+        path,
+        [found["t_s"], found["speed"], found["angle"], found["yaw_rate"], override],
+        (found["t_s"], found.get("command", missing)),
+        at_steering_wheel=at_steering_wheel,
+    )
+
+
+def _cells(path: Path) -> tuple[list[str], list[list[str]]]:
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            header, *rows = csv.reader(file)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    except ValueError as error:
+        raise InputError(f"{path}: is empty") from error
+    return [name.strip() for name in header], rows
+
+
+def _column(path: Path, header: list[str], rows: list[list[str]], name: str) -> Column:
+    """Numbers of the column ``name``; a minus before it reverses their sign."""
+    sign = -1.0 if name.startswith("-") and name not in header else 1.0
+    name = name if sign > 0 else name[1:]
+    if name not in header:
+        raise InputError(f"{path}:1: no column {name!r}; there are {', '.join(header)}")
+    at = header.index(name)
+    numbers: list[Any] = []
+    for line, row in enumerate(rows, start=2):
+        cell = row[at].strip() if at < len(row) else ""
+        try:
+            numbers.append(float(cell) if cell else math.nan)
+        except ValueError as error:
+            raise InputError(f"{path}:{line}: {name}: expected a number, got {cell!r}") from error
+    return sign * np.array(numbers, dtype=np.float64)

@@ -1,0 +1,1 @@
+"""Lateral control laws: lane to path curvature."""

@@ -1,0 +1,1 @@
+"""Models of the car: bicycle with understeer, tyres."""

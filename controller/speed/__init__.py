@@ -1,0 +1,1 @@
+"""Longitudinal control: speed limits of the lane, acceleration demand."""

@@ -1,0 +1,1 @@
+"""Labelled frames to network weights. Needs torch (extra `[train]`)."""

@@ -1,0 +1,291 @@
+"""Labelled frames of random roads in random light, to train and to test lane estimators.
+
+One seed is one road with its own curves, looks and sky, so that seed ranges can be shared out between processes.
+The labels are the road's own geometry at the pose that was drawn, never measured in the image.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeVar
+
+import numpy as np
+
+from sim_harness.world.render.ground.ground import Ground
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.roads.appearance import Marking, Paint, Section, Stroke, Surface, Verge
+from sim_harness.world.roads.disturbances import MAX_GRADE, Disturbance, DisturbanceKind, disturbed
+from sim_harness.world.roads.drawn import SNOW_COVER, UNMARKED, Kind, random_section, snow_on
+from sim_harness.world.roads.light import Light
+from sim_harness.world.roads.road import Road, RoadSettings, Segment
+from trepid.camera import Camera
+from trepid.types import Image
+
+E = TypeVar("E", bound=StrEnum)
+
+AHEAD_M = 10.0  # over which the curvature rate is taken
+MIN_RADIUS_M, MAX_RADIUS_M = 12.0, 120.0
+MAX_HEADING_RAD = 1.4  # of the road to its first metre, so that it never crosses itself
+ENTRY_M = (5.0, 12.0)  # shortest clothoids …
+ARC_RAD = (0.3, 1.2)  # turn of an arc, without its clothoids
+MAX_RATE_1PM2 = 1 / 60  # … and longer where this asks for it: 2.8 m/s³ at 5.5 m/s
+ROAD_M = 110.0
+SECTION_M = (30.0, 70.0)
+WIDTH_M, UNMARKED_WIDTH_M = (2.8, 3.8), (3.4, 5.0)  # of a lane; of a carriageway without lines
+CAMERAS_PER_ROAD = 4
+PITCH_JITTER_RAD, HEIGHT_JITTER_M = 0.012, 0.04
+MAX_OFFSET_M, MAX_HEADING_ERROR_RAD = 1.2, 0.3
+LEAD_SHARE, GLARE_SHARE, BLIND_SHARE = 0.12, 0.08, 0.04
+DRAWN_SHARE = 0.5  # of the roads: of one kind of the benches; the others change every SECTION_M
+DISTURBED_SHARE, SNOWED_UP_SHARE = 0.4, 0.06  # of the roads
+DISTURBANCES = tuple(kind for kind in DisturbanceKind if kind is not DisturbanceKind.TUNNEL_EXIT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaneSample:
+    """A frame and the truth about it, in the terms of SteeringEstimate with the look-ahead at the rear axle."""
+
+    image: Image
+    lateral_offset_m: float
+    heading_error_rad: float
+    curvature_1pm: float  # at the rear axle
+    curvature_rate_1pm2: float  # mean over the AHEAD_M metres of lane ahead
+    lane_width_m: float
+    visible: bool  # False: the light hides the lane; no estimator should claim to see it
+
+
+def samples(seeds: Iterable[int], camera: Camera, *, frames_per_road: int = 300) -> Iterator[LaneSample]:
+    """``frames_per_road`` frames of the road of each seed, in the order along the road: shuffle before training."""
+    for seed in seeds:
+        yield from road_samples(seed, camera, frames=frames_per_road)
+
+
+def road_samples(seed: int, camera: Camera, *, frames: int) -> Iterator[LaneSample]:
+    """``frames`` frames of the one road that belongs to ``seed``."""
+    rng = np.random.default_rng((seed, 10))
+    road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
+    disturbed_now = rng.random() < DISTURBED_SHARE
+    disturbances = random_disturbances(rng, DISTURBANCES, MAX_GRADE) if disturbed_now else []
+    road = Road(disturbed(road.settings, disturbances))
+    ground = Ground(road, seed=seed)
+    cameras = [_jittered(camera, rng) for _ in range(CAMERAS_PER_ROAD)]
+    plain, mirrored = (
+        [Renderer(road, c, seed=seed, ground=ground, disturbances=disturbances) for c in eyes]
+        for eyes in (cameras, [_mirrored(c) for c in cameras])
+    )
+    for index, station_m in enumerate(np.sort(rng.uniform(0, road.length_m, frames)).tolist()):
+        mirror = bool(rng.random() < 0.5)
+        renderer = (mirrored if mirror else plain)[int(rng.integers(CAMERAS_PER_ROAD))]
+        yield _sample(renderer, station_m, rng, index=index, mirror=mirror)
+
+
+def _sample(
+    renderer: Renderer, station_m: float, rng: np.random.Generator, *, index: int, mirror: bool
+) -> LaneSample:
+    """A frame at a random pose near ``station_m``; mirrored, it shows the road's mirror image."""
+    road = renderer.road
+    offset_m = _near_zero(rng, 0.25, MAX_OFFSET_M)
+    heading_error = _near_zero(rng, 0.05, MAX_HEADING_ERROR_RAD)
+    light, visible = _random_light(rng)
+    x_m, y_m = road.position(station_m, offset_m)
+    image = renderer.render(
+        x_m,
+        y_m,
+        road.heading_at(station_m) + heading_error,
+        t_s=float(index),
+        station_m=station_m,
+        lead=_random_lead(road, station_m, rng),
+        motion=Motion(float(rng.uniform(0, 12)), float(rng.normal(0, 0.2))),
+        light=light,
+    )
+    curvature, ahead = road.curvature_at(station_m), road.curvature_at(station_m + AHEAD_M)
+    sign = -1.0 if mirror else 1.0
+    return LaneSample(
+        image=np.ascontiguousarray(image[:, ::-1]) if mirror else image,
+        lateral_offset_m=sign * offset_m,
+        heading_error_rad=sign * heading_error,
+        curvature_1pm=sign * curvature,
+        curvature_rate_1pm2=sign * (ahead - curvature) / AHEAD_M,
+        lane_width_m=road.width_at(station_m),
+        visible=visible,
+    )
+
+
+def random_road(rng: np.random.Generator) -> Road:
+    """An open road of random curves, markings, surfaces, verges and shadows."""
+    segments = _random_segments(rng)
+    length_m = math.fsum(segment.length_m for segment in segments)
+    lane_width_m = float(rng.uniform(*WIDTH_M))
+    starts = [0.0]
+    while starts[-1] < length_m - SECTION_M[1]:
+        starts.append(starts[-1] + float(rng.uniform(*SECTION_M)))
+    return Road(
+        RoadSettings(
+            name="random",
+            closed=False,
+            lane_width_m=lane_width_m,
+            sun_azimuth_rad=float(rng.uniform(-1.5, 1.5)),
+            segments=tuple(segments),
+            sections=tuple(_random_section(rng, start, lane_width_m) for start in starts),
+        )
+    )
+
+
+def drawn_road(rng: np.random.Generator) -> Road:
+    """An open road of random curves and of one of the kinds of `sim_harness.world.roads.drawn`; some snowed up."""
+    kind = tuple(Kind)[int(rng.integers(len(Kind)))]
+    section = random_section(kind, rng)
+    if rng.random() < SNOWED_UP_SHARE:
+        section = section.model_copy(update=snow_on(float(rng.uniform(*SNOW_COVER))))
+    return Road(
+        RoadSettings(
+            name=kind,
+            closed=False,
+            lane_width_m=float(rng.uniform(*(UNMARKED_WIDTH_M if kind in UNMARKED else WIDTH_M))),
+            sun_azimuth_rad=float(rng.uniform(-1.5, 1.5)),
+            segments=tuple(_random_segments(rng)),
+            sections=(section,),
+        )
+    )
+
+
+def random_disturbances(
+    rng: np.random.Generator, kinds: Sequence[DisturbanceKind], most_grade: float
+) -> list[Disturbance]:
+    """One or two of ``kinds`` over the whole road, of any grade up to ``most_grade``."""
+    chosen = rng.choice(len(kinds), int(rng.integers(1, 3)), replace=False)
+    return [Disturbance(kind=kinds[i], grade=float(rng.uniform(0.5, most_grade))) for i in chosen]
+
+
+def _random_segments(rng: np.random.Generator) -> list[Segment]:
+    """Straights and bends joined by clothoids, at least ROAD_M long."""
+    segments: list[Segment] = []
+    curvature = heading = length_m = 0.0
+    while length_m < ROAD_M:
+        target = _random_curvature(rng)
+        entry_m = float(rng.uniform(*ENTRY_M)) + abs(target - curvature) / MAX_RATE_1PM2
+        arc_m = min(float(rng.uniform(3, 35)), float(rng.uniform(*ARC_RAD)) / max(abs(target), 1e-3))
+        after = heading + entry_m * (curvature + target) / 2 + arc_m * target
+        unwinding = (
+            target * (ENTRY_M[1] + abs(target) / MAX_RATE_1PM2) / 2
+        )  # until the road is straight again
+        if abs(after + unwinding) > MAX_HEADING_RAD:
+            continue  # turns too far: draw again; a straight always fits
+        segments.append(Segment(length_m=entry_m, curvature_1pm=(curvature, target)))
+        segments.append(Segment(length_m=arc_m, curvature_1pm=target))
+        curvature, heading, length_m = target, after, length_m + entry_m + arc_m
+    return segments
+
+
+def _random_curvature(rng: np.random.Generator) -> float:
+    """Zero, or ±1/R with R over its whole range, small ones more often: they fill little of a road."""
+    if rng.random() < 0.2:
+        return 0.0
+    radius_m = MIN_RADIUS_M * (MAX_RADIUS_M / MIN_RADIUS_M) ** (rng.random() ** 2)
+    return float(rng.choice([-1, 1])) / radius_m
+
+
+def _random_section(rng: np.random.Generator, start_m: float, lane_width_m: float) -> Section:
+    """One lane without markings, one lane with some, or two lanes."""
+    kind = str(rng.choice(["unmarked", "one_lane", "two_lanes"], p=[0.3, 0.25, 0.45]))
+    surface = _pick(rng, Surface, (0.75, 0.15, 0.10) if kind == "unmarked" else (0.85, 0.15, 0.0))
+    wear = float(rng.choice([0.0, rng.uniform(0, 0.4), rng.uniform(0.4, 0.75)], p=[0.4, 0.35, 0.25]))
+    none = Marking(stroke=Stroke.NONE)
+    left = right = far_left = none
+    paved_left_m = paved_right_m = 0.0
+    if kind != "unmarked":
+        paved_left_m, paved_right_m = (float(v) for v in rng.uniform(0.05, 0.9, 2))
+        left, right = _random_marking(rng, wear), _random_marking(rng, wear, solid=0.85)
+    if kind == "one_lane" and rng.random() < 0.35:  # one side only: the other is the edge of the carriageway
+        if rng.random() < 0.5:
+            left, paved_left_m = none, 0.0
+        else:
+            right, paved_right_m = none, 0.0
+    if kind == "two_lanes":
+        paved_left_m += lane_width_m
+        far_left = _random_marking(rng, wear, solid=0.85) if rng.random() < 0.8 else none
+    return Section(
+        name=kind,
+        start_m=start_m,
+        left=left,
+        right=right,
+        far_left=far_left,
+        paved_left_m=paved_left_m,
+        paved_right_m=paved_right_m,
+        edge_roughness_m=float(rng.uniform(0.0, 0.06)),
+        surface=surface,
+        surface_grey=float(rng.uniform(0.5, 0.68) if surface == Surface.CONCRETE else rng.uniform(0.22, 0.6)),
+        patchiness=float(rng.uniform(0, 1)),
+        verge=_pick(rng, Verge, (0.5, 0.2, 0.2, 0.1)),
+        shadows=float(rng.uniform(0.3, 1.0)) if rng.random() < 0.25 else 0.0,
+    )
+
+
+def _random_marking(rng: np.random.Generator, wear: float, *, solid: float = 0.4) -> Marking:
+    dash_m, gap_m = ((3.0, 6.0), (3.0, 3.0), (3.0, 9.0), (6.0, 6.0), (2.0, 4.0))[int(rng.integers(5))]
+    return Marking(
+        stroke=Stroke.SOLID if rng.random() < solid else Stroke.DASHED,
+        paint=Paint.YELLOW if rng.random() < 0.3 else Paint.WHITE,
+        width_m=float(rng.uniform(0.08, 0.2)),
+        dash_m=dash_m,
+        gap_m=gap_m,
+        wear=wear,
+    )
+
+
+def _random_light(rng: np.random.Generator) -> tuple[Light, bool]:
+    """Light, and whether the lane can be seen in it."""
+    if rng.random() < BLIND_SHARE:
+        return _blinding_light(rng), False
+    light = Light(
+        gain=math.exp(np.clip(rng.normal(0, 0.2), -0.7, 0.35)),
+        gamma=math.exp(rng.normal(0, 0.2)),
+        glare=float(rng.uniform(0.2, 0.9)) if rng.random() < GLARE_SHARE else 0.0,
+        haze=float(rng.uniform(0, 0.5)) if rng.random() < 0.3 else 0.0,
+        noise=float(rng.uniform(0.5, 8)),
+        blur_px=float(rng.uniform(0, 1.2)) if rng.random() < 0.4 else 0.0,
+    )
+    return light, True
+
+
+def _blinding_light(rng: np.random.Generator) -> Light:
+    """Darkness, over-exposure or fog in which no lane is left."""
+    noise = float(rng.uniform(2, 10))
+    return (
+        Light(gain=float(rng.uniform(0.005, 0.03)), noise=noise),
+        Light(gain=float(rng.uniform(8, 20)), gamma=0.5, glare=1.0, noise=noise),
+        Light(haze=float(rng.uniform(0.98, 1.0)), noise=noise),
+    )[int(rng.integers(3))]
+
+
+def _random_lead(road: Road, station_m: float, rng: np.random.Generator) -> tuple[float, float, float] | None:
+    if rng.random() >= LEAD_SHARE:
+        return None
+    ahead_m = station_m + float(rng.uniform(8, 45))
+    x_m, y_m = road.position(ahead_m, float(rng.normal(0, 0.3)))
+    return x_m, y_m, road.heading_at(ahead_m) + float(rng.normal(0, 0.03))
+
+
+def _near_zero(rng: np.random.Generator, sigma: float, limit: float) -> float:
+    """Mostly near zero, sometimes anywhere within the limit."""
+    if rng.random() < 0.6:
+        return float(np.clip(rng.normal(0, sigma), -limit, limit))
+    return float(rng.uniform(-limit, limit))
+
+
+def _jittered(camera: Camera, rng: np.random.Generator) -> Camera:
+    pitch_down_rad = camera.pitch_down_rad + float(rng.normal(0, PITCH_JITTER_RAD))
+    height_m = camera.height_m + float(rng.normal(0, HEIGHT_JITTER_M))
+    return camera.model_copy(update={"pitch_down_rad": pitch_down_rad, "height_m": height_m})
+
+
+def _mirrored(camera: Camera) -> Camera:
+    """The camera whose image, flipped left to right, is what ``camera`` sees of the mirrored world."""
+    cx_px = camera.width_px - 1 - camera.cx_px
+    return camera.model_copy(update={"cx_px": cx_px, "y_m": -camera.y_m, "yaw_rad": -camera.yaw_rad})
+
+
+def _pick(rng: np.random.Generator, choices: type[E], shares: tuple[float, ...]) -> E:
+    return list(choices)[int(rng.choice(len(shares), p=shares))]

@@ -1,0 +1,225 @@
+"""Training images made harder, and images that show no road at all. Pure: randomness comes in as a Generator."""
+
+from typing import Annotated
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from perception.net.canonical import Lane
+from trepid.camera import Camera
+from trepid.config import Settings
+from trepid.types import Floats, Image, NonNegative, Share
+
+UNIFORM_SIGMA = 73.9  # standard deviation of uniform bytes: √((256² − 1)/12)
+
+
+class Augmentation(Settings):
+    """Section ``augmentation`` of ``config/train.yaml``."""
+
+    flip: Share
+    height: NonNegative
+    shift_px: NonNegative
+    roll_rad: NonNegative
+    gain: Annotated[float, Field(ge=1)]
+    gamma: Annotated[float, Field(ge=1)]
+    colour: NonNegative
+    offset_grey: NonNegative
+    shadows: Share
+    blur: Share
+    blur_px: NonNegative
+    noise: Share
+    noise_grey: NonNegative
+    erase: Share
+    erase_size: Share
+    border: Share
+    border_size: Share
+
+
+class Augmenter:
+    """Makes training images harder and keeps their lanes true."""
+
+    def __init__(self, settings: Augmentation, canonical: Camera, *, lookahead_m: float) -> None:
+        """``canonical``: the camera of all images; ``lookahead_m``: where the fourth number of a lane holds."""
+        self._settings = settings
+        self._camera = canonical
+        self._lookahead_m = lookahead_m
+
+    def __call__(self, image: Image, lane: Floats, rng: np.random.Generator) -> tuple[Image, Floats]:
+        """A harder image and its lane, (4,). A mirrored image has the mirrored lane, −lane."""
+        settings = self._settings
+        if rng.random() < settings.flip:
+            image, lane = _pixels(cv2.flip(image, 1)), -lane
+        raised = float(np.exp(settings.height * rng.normal()))
+        image = self._moved(image, raised, rng)
+        lane = self.lane_from(lane, raised)
+        if rng.random() < settings.shadows:
+            image = _shade(image, rng)
+        image = _relight(image, settings, rng)
+        if rng.random() < settings.erase:
+            image = _erase(image, settings.erase_size, rng)
+        if rng.random() < settings.blur:
+            image = _pixels(cv2.GaussianBlur(image, (0, 0), 0.3 + settings.blur_px * rng.random()))
+        if rng.random() < settings.noise:
+            image = _add_noise(image, settings.noise_grey * rng.random(), rng)
+        if rng.random() < settings.border:
+            image = _narrow(image, settings.border_size, rng)
+        return image, lane
+
+    def lane_from(self, lane: Floats, raised: float) -> Floats:
+        """The lane that the network shall believe to see from ``raised`` times the canonical height.
+
+        The opposite of :meth:`perception.net.canonical.CanonicalView.lane` for a camera at that height.
+        """
+        ahead_m, left_m = (1 - raised) * self._camera.x_m, (1 - raised) * self._camera.y_m
+        seen = Lane.from_row(lane, self._lookahead_m).seen_from(ahead_m, left_m).scaled(1 / raised)
+        return np.array(seen.row(self._lookahead_m), np.float32)
+
+    def pixel_from_pixel(self, raised: float) -> NDArray[np.float64]:
+        """Homography of the ground from the canonical height to ``raised`` times it: K·R·diag(1, 1, k)·Rᵀ·K⁻¹."""
+        project = self._camera.intrinsics @ self._camera.optical_from_vehicle
+        return project @ np.diag([1, 1, raised]) @ np.linalg.inv(project)
+
+    def _moved(self, image: Image, raised: float, rng: np.random.Generator) -> Image:
+        """From another height; then rolled and shifted along the columns as by a rolling and pitching body."""
+        height, width = image.shape[:2]
+        roll_deg = float(np.rad2deg(self._settings.roll_rad * rng.normal()))
+        turn = np.eye(3)
+        turn[:2] = cv2.getRotationMatrix2D((width / 2, height / 2), roll_deg, 1.0)
+        turn[1, 2] += self._settings.shift_px * rng.normal()
+        matrix = turn @ self.pixel_from_pixel(raised)
+        return _pixels(cv2.warpPerspective(image, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE))
+
+
+def _relight(image: Image, settings: Augmentation, rng: np.random.Generator) -> Image:
+    """Other exposure, gamma, colour balance and black level."""
+    gain = settings.gain ** rng.uniform(-1, 1) * (1 + settings.colour * rng.uniform(-1, 1, (1, 3)))
+    gamma = settings.gamma ** rng.uniform(-1, 1)
+    black = settings.offset_grey * rng.uniform(-1, 1)
+    grey = np.arange(256)[:, None] / 255
+    table = 255 * gain * grey**gamma + black
+    return _pixels(cv2.LUT(image, np.clip(table, 0, 255).astype(np.uint8).reshape(256, 1, 3)))
+
+
+def _shade(image: Image, rng: np.random.Generator) -> Image:
+    """One to three soft shadows or bright patches, each a random quadrilateral."""
+    height, width = image.shape[:2]
+    mask = np.full((height, width), 1.0, np.float32)
+    for _ in range(rng.integers(1, 4)):
+        corners = rng.uniform((-0.2 * width, -0.2 * height), (1.2 * width, 1.2 * height), (4, 2))
+        cv2.fillPoly(
+            mask, [cv2.convexHull(corners.astype(np.int32))], float(rng.choice((0.4, 0.55, 0.7, 1.4)))
+        )
+    soft = cv2.GaussianBlur(mask, (0, 0), float(rng.uniform(0.5, 3)))
+    return _pixels(cv2.multiply(image, cv2.merge([soft] * 3), dtype=cv2.CV_8U))
+
+
+def _erase(image: Image, size: float, rng: np.random.Generator) -> Image:
+    """One or two blocks of one colour: something stands before the road (Zhong et al., Random Erasing, 2020)."""
+    image = image.copy()
+    height, width = image.shape[:2]
+    for _ in range(rng.integers(1, 3)):
+        h, w = (rng.uniform(0.1, 1, 2) * size * (height, width)).astype(int) + 1
+        top, left = rng.integers(0, height - h), rng.integers(0, width - w)
+        image[top : top + h, left : left + w] = rng.integers(0, 256, 3)
+    return image
+
+
+def _narrow(image: Image, size: float, rng: np.random.Generator) -> Image:
+    """Black borders: what a camera with a narrower field of view leaves of the canonical image."""
+    height, width = image.shape[:2]
+    left, right = (rng.uniform(0, size, 2) * width).astype(int)
+    bottom = int(rng.uniform(0, size) * height)
+    narrow = np.zeros_like(image)
+    narrow[: height - bottom, left : width - right] = image[: height - bottom, left : width - right]
+    return narrow
+
+
+def _add_noise(image: Image, sigma_grey: float, rng: np.random.Generator) -> Image:
+    """Uniform white noise: ten times cheaper to draw than normal noise, and a sensor's is as white."""
+    noise = rng.integers(0, 256, image.shape, np.uint8)
+    gain = sigma_grey / UNIFORM_SIGMA
+    return _pixels(cv2.addWeighted(image, 1, noise, gain, -127.5 * gain))
+
+
+def nonsense(road: Image, rng: np.random.Generator) -> Image:
+    """An image of the size of ``road`` without a road: plain, shaded, noise, clouds, shapes, or a road torn up."""
+    kinds = (_plain, _gradient, _noise, _clouds, _shapes, _upside_down, _shuffled, _sky_only, _flat_road)
+    image = kinds[rng.integers(len(kinds))](road, rng)
+    if rng.random() < 0.5:
+        image = _add_noise(image, 12 * rng.random(), rng)
+    return image
+
+
+def _plain(road: Image, rng: np.random.Generator) -> Image:
+    grey = (0, 255, int(rng.integers(0, 256)))[rng.integers(3)]
+    colour = rng.integers(0, 256, 3) if rng.random() < 0.5 else np.full(3, grey)
+    return np.broadcast_to(colour.astype(np.uint8), road.shape).copy()
+
+
+def _gradient(road: Image, rng: np.random.Generator) -> Image:
+    corners = rng.integers(0, 256, (2, 2, 3)).astype(np.uint8)
+    return _stretched(corners, road)
+
+
+def _noise(road: Image, rng: np.random.Generator) -> Image:
+    centre, spread = rng.uniform(0, 255), rng.uniform(5, 120)
+    noise = rng.normal(centre, spread, (*road.shape[:2], rng.choice((1, 3))))
+    return np.broadcast_to(np.clip(noise, 0, 255), road.shape).astype(np.uint8)
+
+
+def _clouds(road: Image, rng: np.random.Generator) -> Image:
+    rows, columns = rng.integers(3, 24), rng.integers(3, 60)
+    return _stretched(rng.integers(0, 256, (rows, columns, 3)).astype(np.uint8), road)
+
+
+def _shapes(road: Image, rng: np.random.Generator) -> Image:
+    """Discs, lines and triangles in random colours."""
+    image = _gradient(road, rng)
+    height, width = road.shape[:2]
+    for _ in range(rng.integers(3, 25)):
+        points = rng.uniform((0, 0), (width, height), (3, 2)).astype(np.int32)
+        colour = [int(value) for value in rng.integers(0, 256, 3)]
+        kind = rng.integers(3)
+        if kind == 0:
+            cv2.circle(image, points[0].tolist(), int(rng.integers(2, 25)), colour, -1)
+        elif kind == 1:
+            cv2.line(image, points[0].tolist(), points[1].tolist(), colour, int(rng.integers(1, 6)))
+        else:
+            cv2.fillPoly(image, [points], colour)
+    return image
+
+
+def _upside_down(road: Image, rng: np.random.Generator) -> Image:
+    return np.ascontiguousarray(road[::-1])
+
+
+def _shuffled(road: Image, rng: np.random.Generator) -> Image:
+    """The road cut into strips and tiles that are put together in another order."""
+    columns = np.array_split(np.arange(road.shape[1]), rng.integers(6, 20))
+    rows = np.array_split(np.arange(road.shape[0]), rng.integers(3, 8))
+    rng.shuffle(columns)
+    rng.shuffle(rows)
+    return road[np.concatenate(rows)[:, None], np.concatenate(columns)]
+
+
+def _sky_only(road: Image, rng: np.random.Generator) -> Image:
+    """The topmost rows over the whole picture: a camera that looks up."""
+    return _stretched(np.ascontiguousarray(road[: max(2, road.shape[0] // 12)]), road)
+
+
+def _flat_road(road: Image, rng: np.random.Generator) -> Image:
+    """A patch of the ground over the whole picture: a camera that looks down, or something right before it."""
+    height, width = road.shape[:2]
+    top, left = rng.integers(height // 2, height - 6), rng.integers(0, width - 12)
+    return _stretched(np.ascontiguousarray(road[top : top + 6, left : left + 12]), road)
+
+
+def _stretched(image: Image, like: Image) -> Image:
+    return _pixels(cv2.resize(image, (like.shape[1], like.shape[0]), interpolation=cv2.INTER_CUBIC))
+
+
+def _pixels(image: cv2.typing.MatLike) -> Image:
+    """``image``, whose type OpenCV does not tell, as what it is."""
+    return np.asarray(image, np.uint8)

@@ -1,0 +1,236 @@
+"""Fits the lane network to labelled frames. Needs torch (extra ``[train]``); works on arrays only."""
+
+import copy
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from learning.lane.augment import Augmentation, Augmenter, nonsense
+from learning.lane.network import Exported, SteerNetwork, loss
+from learning.lane.scores import Labelled
+from perception.net.steer_net import Network
+from trepid.camera import Camera
+from trepid.config import InputError, Settings
+from trepid.types import Positive, Share
+
+Count = Annotated[int, Field(ge=1)]
+Batch = tuple[Tensor, Tensor, Tensor]
+EVALUATION_BATCH = 256
+GRADIENT_NORM = 5.0
+
+
+class Crop(Settings):
+    """Rows of the default camera that the network sees, and the size that it sees them at."""
+
+    top_px: Annotated[int, Field(ge=0)]
+    bottom_px: Count
+    width_px: Count
+    height_px: Count
+
+
+class Recipe(Settings):
+    """``config/train.yaml``."""
+
+    seed: Annotated[int, Field(ge=0)]
+    frames: Count
+    validation_frames: Count
+    test_frames: Count
+    frames_per_road: Count
+    epochs: Count
+    batch: Count
+    learning_rate: Positive
+    weight_decay: Annotated[float, Field(ge=0)]
+    warm_up: Share
+    beta: Share
+    nonsense_share: Share
+    patience: Count
+    bfloat16: bool
+    lane_lookahead_m: Positive
+    command_lookahead_m: Positive
+    tolerance_deg: Positive
+    crop: Crop
+    augmentation: Augmentation
+
+
+@dataclass(slots=True)
+class Progress:
+    """Where the training stands; everything that a checkpoint must hold besides weights and optimiser."""
+
+    epoch: int = 0
+    best_epoch: int = 0
+    best_loss: float = math.inf
+    best_weights: dict[str, Tensor] | None = None
+    elapsed_s: float = 0.0
+
+
+def train(
+    recipe: Recipe,
+    data: Labelled,
+    validation: Labelled,
+    *,
+    canonical: Camera,
+    checkpoint: Path,
+    resume: bool,
+    report: Callable[[str], None],
+) -> tuple[SteerNetwork, Progress]:
+    """The network of the epoch with the least validation loss; ``canonical`` is the camera of all images.
+
+    AdamW (Loshchilov and Hutter, ICLR 2019) with a cosine to zero. Every epoch draws its order and augmentation
+    from (seed, epoch) alone and ends with a checkpoint, so a resumed training equals one in one go.
+    Raises InputError when the checkpoint is of another recipe.
+    """
+    torch.manual_seed(recipe.seed)
+    torch.set_num_threads(
+        max(1, (os.cpu_count() or 1) - 1)
+    )  # one core augments; more threads only wait in circles
+    network = build(recipe, data)
+    optimiser = torch.optim.AdamW(
+        network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay
+    )
+    progress = _restore(checkpoint, recipe, network, optimiser) if resume else Progress()
+    while progress.epoch < recipe.epochs and progress.epoch - progress.best_epoch < recipe.patience:
+        started_s = time.monotonic()
+        train_loss = _epoch(recipe, canonical, network, optimiser, data, progress.epoch)
+        validation_loss = _evaluate(recipe, network, validation)
+        progress.epoch += 1
+        progress.elapsed_s += time.monotonic() - started_s
+        if validation_loss < progress.best_loss:
+            progress.best_loss, progress.best_epoch = validation_loss, progress.epoch
+            progress.best_weights = copy.deepcopy(network.state_dict())
+        _save(checkpoint, recipe, network, optimiser, progress)
+        report(_status(recipe, progress, train_loss, validation_loss))
+    if progress.best_weights is not None:
+        network.load_state_dict(progress.best_weights)
+    return network.eval(), progress
+
+
+def build(recipe: Recipe, data: Labelled) -> SteerNetwork:
+    """An untrained network whose outputs are in units of the spread of the lanes in ``data``."""
+    spread = np.sqrt(np.mean(data.lanes[data.visible].astype(float) ** 2, axis=0))
+    return SteerNetwork(torch.from_numpy(spread), recipe.lane_lookahead_m, recipe.command_lookahead_m)
+
+
+def largest_difference(network: SteerNetwork, exported: Network, images: np.ndarray) -> float:
+    """Largest |torch − ONNX Runtime| over all outputs for ``images``: offset in m, angles in rad, and so on."""
+    with torch.no_grad():
+        wanted = Exported(network).eval()(torch.from_numpy(images))
+    return max(float(np.abs(w.numpy() - f).max()) for w, f in zip(wanted, exported(images), strict=True))
+
+
+def _epoch(
+    recipe: Recipe,
+    canonical: Camera,
+    network: SteerNetwork,
+    optimiser: torch.optim.Optimizer,
+    data: Labelled,
+    epoch: int,
+) -> float:
+    """One pass over ``data``; the mean loss."""
+    network.train()
+    steps = math.ceil(len(data) / recipe.batch)
+    losses = []
+    for step, (images, lanes, visible) in enumerate(_ahead(_batches(recipe, canonical, data, epoch))):
+        for group in optimiser.param_groups:
+            group["lr"] = _learning_rate(recipe, (epoch + step / steps) / recipe.epochs)
+        optimiser.zero_grad()
+        value = loss(network, _raw(recipe, network, images), lanes, visible, beta=recipe.beta)
+        value.backward()
+        torch.nn.utils.clip_grad_norm_(network.parameters(), GRADIENT_NORM)
+        optimiser.step()
+        losses.append(value.item())
+    return float(np.mean(losses))
+
+
+def _evaluate(recipe: Recipe, network: SteerNetwork, data: Labelled) -> float:
+    """Mean loss over ``data`` as it is, as plain NLL."""
+    network.eval()
+    parts = [slice(i, i + EVALUATION_BATCH) for i in range(0, len(data), EVALUATION_BATCH)]
+    with torch.no_grad():
+        raw = torch.cat([_raw(recipe, network, torch.from_numpy(data.images[part])) for part in parts])
+        visible = torch.from_numpy(data.visible.astype(np.float32))
+        return float(loss(network, raw, torch.from_numpy(data.lanes), visible, beta=0.0))
+
+
+def _raw(recipe: Recipe, network: SteerNetwork, images: Tensor) -> Tensor:
+    with torch.autocast("cpu", torch.bfloat16, enabled=recipe.bfloat16):
+        return network(images).float()
+
+
+def _learning_rate(recipe: Recipe, done: float) -> float:
+    """Linear rise over the warm-up, then half a cosine down to zero; ``done`` is the share of all steps."""
+    if done < recipe.warm_up:
+        return recipe.learning_rate * done / recipe.warm_up
+    return recipe.learning_rate * (1 + math.cos(math.pi * (done - recipe.warm_up) / (1 - recipe.warm_up))) / 2
+
+
+def _batches(recipe: Recipe, canonical: Camera, data: Labelled, epoch: int) -> Iterator[Batch]:
+    """All frames in random order, augmented, with images without a road among them."""
+    rng = np.random.default_rng((recipe.seed, epoch))
+    augmenter = Augmenter(recipe.augmentation, canonical, lookahead_m=recipe.lane_lookahead_m)
+    order = rng.permutation(len(data))
+    extra = round(recipe.batch * recipe.nonsense_share)
+    for start in range(0, len(order), recipe.batch):
+        chosen = order[start : start + recipe.batch]
+        pairs = [augmenter(data.images[i], data.lanes[i], rng) for i in chosen]
+        blank = np.zeros(data.lanes.shape[1], np.float32)
+        for i in rng.choice(chosen, extra):
+            pairs.append(augmenter(nonsense(data.images[i], rng), blank, rng))
+        images, lanes = (np.stack(column) for column in zip(*pairs, strict=True))
+        visible = np.concatenate([data.visible[chosen], np.zeros(extra, bool)]).astype(np.float32)
+        yield torch.from_numpy(images), torch.from_numpy(lanes), torch.from_numpy(visible)
+
+
+def _ahead(batches: Iterator[Batch]) -> Iterator[Batch]:
+    """The same batches, each prepared while the one before is used."""
+    with ThreadPoolExecutor(max_workers=1) as thread:
+        pending = thread.submit(next, batches, None)
+        while (batch := pending.result()) is not None:
+            pending = thread.submit(next, batches, None)
+            yield batch
+
+
+def _save(
+    path: Path, recipe: Recipe, network: SteerNetwork, optimiser: torch.optim.Optimizer, progress: Progress
+) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_suffix(".new")
+    torch.save(
+        dict(
+            recipe=recipe.model_dump_json(),
+            network=network.state_dict(),
+            optimiser=optimiser.state_dict(),
+            progress={name: getattr(progress, name) for name in Progress.__slots__},
+        ),
+        fresh,
+    )
+    fresh.replace(path)
+
+
+def _restore(path: Path, recipe: Recipe, network: SteerNetwork, optimiser: torch.optim.Optimizer) -> Progress:
+    if not path.is_file():
+        return Progress()  # it was interrupted before its first epoch ended
+    saved: dict[str, Any] = torch.load(path, weights_only=True)
+    if saved["recipe"] != recipe.model_dump_json():
+        raise InputError(f"{path}: was made by another recipe; train without --resume")
+    network.load_state_dict(saved["network"])
+    optimiser.load_state_dict(saved["optimiser"])
+    return Progress(**saved["progress"])
+
+
+def _status(recipe: Recipe, progress: Progress, train_loss: float, validation_loss: float) -> str:
+    left_s = (recipe.epochs - progress.epoch) * progress.elapsed_s / progress.epoch
+    best = " best" if progress.best_epoch == progress.epoch else ""
+    return (
+        f"epoch {progress.epoch}/{recipe.epochs}  loss {train_loss:.3f}"
+        f"  validation {validation_loss:.3f}{best}  at most {left_s / 60:.1f} min left"
+    )

@@ -1,0 +1,149 @@
+"""How good a lane network is, on labelled frames: errors, calibration of its confidence, nonsense it falls for."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from learning.lane.augment import nonsense
+from perception.net.steer_net import Calibration, Network
+from trepid.types import Array, Image
+
+Flags = NDArray[np.bool_]
+PREDICT_BATCH = 64
+MIN_SLOPE = 1e-3  # a larger σ never makes an estimate more trustworthy
+ECE_BINS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Labelled:
+    """Canonical images with the lane in them."""
+
+    images: Image  # (n, height, width, 3)
+    lanes: NDArray[np.float32]  # (n, 4): offset [m], heading [rad], curvature at the axle and ahead [1/m]
+    visible: Flags  # (n,): whether there is a road to be seen
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    def part(self, chosen: Flags) -> "Labelled":
+        """The frames where ``chosen``, shape (n,), is true."""
+        return Labelled(self.images[chosen], self.lanes[chosen], self.visible[chosen])
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What the lane is used for: pure pursuit by a vehicle."""
+
+    wheelbase_m: float
+    command_row: Array  # r with κ_cmd = r·lane
+
+    def road_wheel_angle(self, lanes: NDArray[np.floating]) -> Array:
+        """δ = atan(L·κ_cmd) [rad], shape (n,)."""
+        return np.arctan(self.wheelbase_m * (lanes.astype(float) @ self.command_row))
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """Outputs of the network for n frames."""
+
+    lanes: NDArray[np.float32]  # (n, 4)
+    sigma_rad: Array  # (n,): standard deviation of the road-wheel angle
+    visible: Array  # (n,): probability of a road
+
+
+def predict(network: Network, images: Image, task: Task) -> Prediction:
+    """The network's outputs for all ``images``."""
+    parts = [network(images[i : i + PREDICT_BATCH]) for i in range(0, len(images), PREDICT_BATCH)]
+    lanes, sigmas, visibles = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Prediction(lanes, task.wheelbase_m * sigmas.astype(float), visibles.astype(float))
+
+
+def calibrate(sigma_rad: Array, error_rad: Array, *, tolerance_rad: float) -> Calibration:
+    """Logistic regression of "|error| < tolerance" on ln(tolerance/σ), with Platt's softened targets.
+
+    Platt, Probabilistic Outputs for Support Vector Machines (1999), section 2.2.
+    """
+    good = np.abs(error_rad) < tolerance_rad
+    target = np.where(good, (good.sum() + 1) / (good.sum() + 2), 1 / ((~good).sum() + 2))
+    features = np.column_stack([np.ones_like(sigma_rad), np.log(tolerance_rad / sigma_rad)])
+
+    def cross_entropy(weights: Array) -> tuple[float, Array]:
+        logit = features @ weights
+        probability = 1 / (1 + np.exp(-np.clip(logit, -50, 50)))
+        value = np.logaddexp(0, logit) - target * logit
+        return float(value.mean()), features.T @ (probability - target) / len(target)
+
+    fit = minimize(
+        cross_entropy, [0.0, 1.0], jac=True, method="L-BFGS-B", bounds=[(None, None), (MIN_SLOPE, None)]
+    )
+    return Calibration(tolerance_rad=tolerance_rad, bias=float(fit.x[0]), slope=float(fit.x[1]))
+
+
+def expected_calibration_error(probability: Array, happened: Flags) -> float:
+    """Mean |share that happened − mean probability| over ten bins of equally many (Naeini et al., AAAI 2015)."""
+    order = np.argsort(probability, kind="stable")
+    gaps = [
+        len(bin_) * abs(happened[bin_].mean() - probability[bin_].mean())
+        for bin_ in np.array_split(order, ECE_BINS)
+        if len(bin_)
+    ]
+    return float(sum(gaps) / len(probability))
+
+
+def auroc(score: Array, positive: Flags) -> float:
+    """Probability that a positive scores higher than a negative, ties half; 1 when one class is empty."""
+    if positive.all() or not positive.any():
+        return 1.0
+    _, rank, count = np.unique(score, return_inverse=True, return_counts=True)
+    mean_rank = (np.cumsum(count) - (count - 1) / 2)[rank]
+    positives = int(positive.sum())
+    pairs = positives * (len(score) - positives)
+    return float((mean_rank[positive].sum() - positives * (positives + 1) / 2) / pairs)
+
+
+def scores(network: Network, data: Labelled, task: Task, calibration: Calibration) -> dict[str, float]:
+    """Errors on the frames with a visible road: mean absolute unless the name says otherwise."""
+    data = data.part(data.visible)
+    found = predict(network, data.images, task)
+    error = np.abs(found.lanes - data.lanes).mean(axis=0)
+    wanted_deg, found_deg = (np.rad2deg(task.road_wheel_angle(lanes)) for lanes in (data.lanes, found.lanes))
+    angle_deg = np.abs(found_deg - wanted_deg)
+    good = angle_deg < np.rad2deg(calibration.tolerance_rad)
+    confidence = found.visible * np.array([calibration.probability(sigma) for sigma in found.sigma_rad])
+    named = {
+        "frames": len(data),
+        "offset_m": error[0],
+        "heading_deg": np.rad2deg(error[1]),
+        "curvature_1pm": error[2],
+        "curvature_ahead_1pm": error[3],
+        "road_wheel_angle_deg": angle_deg.mean(),
+        "road_wheel_angle_p95_deg": np.quantile(angle_deg, 0.95),
+        "road_wheel_angle_slope": (found_deg * wanted_deg).sum() / max((wanted_deg**2).sum(), 1e-9),
+        "within_tolerance": good.mean(),
+        "mean_confidence": confidence.mean(),
+        "calibration_error": expected_calibration_error(confidence, good),
+        "auroc_of_confidence": auroc(confidence, good),
+        "seen": (found.visible > 0.5).mean(),
+    }
+    return {name: round(float(value), 5) for name, value in named.items()}
+
+
+def nonsense_seen(network: Network, data: Labelled, *, seed: int) -> dict[str, float]:
+    """Share of images without a road, and of frames blinded by light, in which the network sees a road."""
+    rng = np.random.default_rng((seed, 2))
+    images = np.stack([nonsense(image, rng) for image in data.images[data.visible]])
+    blind = data.images[~data.visible]
+    return {
+        "frames": float(len(images)),
+        "seen": round(float(np.mean(_visible(network, images) > 0.5)), 5),
+        "blind_frames": float(len(blind)),
+        "blind_seen": round(float(np.mean(_visible(network, blind) > 0.5)), 5) if len(blind) else 0.0,
+    }
+
+
+def _visible(network: Network, images: Image) -> NDArray[np.float32]:
+    return np.concatenate(
+        [network(images[i : i + PREDICT_BATCH])[2] for i in range(0, len(images), PREDICT_BATCH)]
+    )

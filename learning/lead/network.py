@@ -1,0 +1,129 @@
+"""The small network behind the lead detector, its loss and its ONNX export. Needs torch (extra ``[train]``)."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from perception.lead.view import (
+    CELL_COLUMNS,
+    CELLS_LEFT_M,
+    COLUMNS,
+    DISTANCES_M,
+    RATIO,
+    ROWS,
+    STRIPS,
+)
+
+OUTPUTS = ("logit", "ahead", "left", "log_width")
+"""Per cell: whether the end of a vehicle is here; ln(its distance over the strip's) in units of ln RATIO; metres
+to the left of the cell; ln(width over USUAL_WIDTH_M)."""
+USUAL_WIDTH_M = 1.8
+FLOOR_GREY = 8.0  # added to the contrast of a strip [grey levels]: a black one stays black
+NEAR_STEPS, NEAR_LEFT_M = 0.75, 0.4  # cells this close to the end of a vehicle answer for it …
+CLOSE_STEPS, CLOSE_LEFT_M = 2.5, 1.2  # … these may or may not: they are not asked
+MIN_VISIBLE, HIDDEN = 0.6, 0.15  # less than the first: not asked; less than the last: none
+POSITIVE_WEIGHT, BOX_WEIGHT = 4.0, 2.0
+FOCUS = 2.0  # Lin et al., Focal Loss for Dense Object Detection (ICCV 2017)
+
+
+class LeadNetwork(nn.Module):
+    """Four convolutions over strips (n, ROWS, COLUMNS, 3): 26 million multiply-adds for the 25 strips of a frame.
+
+    The rows are folded away, the columns halved: each cell sees 3.2 m of one strip.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.Conv2d(3, 16, 4, stride=2, padding=1, bias=False),  # (ROWS / 2, CELL_COLUMNS)
+            nn.BatchNorm2d(16),
+            nn.ReLU(),
+            nn.Conv2d(16, 16, 3, stride=(2, 1), padding=1, bias=False),  # (ROWS / 4, CELL_COLUMNS)
+            nn.BatchNorm2d(16),
+            nn.ReLU(),
+            nn.Conv2d(16, 32, (ROWS // 4, 5), padding=(0, 2), bias=False),
+            nn.BatchNorm2d(32),
+            nn.ReLU(),
+            nn.Conv2d(32, 32, 1),
+            nn.ReLU(),
+            nn.Conv2d(32, len(OUTPUTS), (1, 3), padding=(0, 1)),
+        )
+        nn.init.constant_(self.layers[-1].bias[:1], -4.0)  # vehicles are rare
+
+    def forward(self, strips: Tensor) -> Tensor:
+        """Raw outputs, shape (n, OUTPUTS, CELL_COLUMNS), of uint8 strips."""
+        pixels = strips.permute(0, 3, 1, 2).to(torch.float32)
+        mean = pixels.mean(dim=(1, 2, 3), keepdim=True)
+        spread = ((pixels - mean) ** 2).mean(dim=(1, 2, 3), keepdim=True).sqrt()
+        return self.layers((pixels - mean) / (spread + FLOOR_GREY))[:, :, 0]
+
+
+class Targets(nn.Module):
+    """What the cells of a frame should say of its vehicles."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.register_buffer("log_m", torch.from_numpy(np.log(DISTANCES_M)).float()[:, None, None])
+        self.register_buffer("left_m", torch.from_numpy(CELLS_LEFT_M).float()[None, :, None])
+
+    def forward(self, vehicles: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Of vehicles (n, m, LABEL): wanted outputs (n, STRIPS, OUTPUTS, CELL_COLUMNS), positive, asked cells."""
+        ahead, left, width, visible = vehicles[:, None, None].unbind(-1)
+        there = torch.isfinite(ahead) & (ahead > 0) & (visible > HIDDEN)
+        steps = (ahead.clamp(min=0.1).log() - self.log_m[None]) / float(np.log(RATIO))
+        aside = left - self.left_m[None]
+        off = (steps / CLOSE_STEPS).abs().maximum((aside / CLOSE_LEFT_M).abs())
+        off = torch.where(there, off, torch.inf)
+        near = there & (visible >= MIN_VISIBLE) & (steps.abs() <= NEAR_STEPS) & (aside.abs() <= NEAR_LEFT_M)
+        positive = near.any(-1)
+        asked = positive | (off > 1.0).all(-1)
+        nearest = off.argmin(-1, keepdim=True)
+
+        def of_nearest(values: Tensor) -> Tensor:
+            return values.expand_as(off).gather(-1, nearest)[..., 0]
+
+        box = [of_nearest(steps), of_nearest(aside), of_nearest((width / USUAL_WIDTH_M).log())]
+        wanted = torch.stack([positive.float(), *box], dim=2)
+        return torch.nan_to_num(wanted), positive, asked
+
+
+def loss(raw: Tensor, wanted: Tensor, positive: Tensor, asked: Tensor) -> Tensor:
+    """Focal cross-entropy over the asked cells plus the absolute error of place and width of positive ones."""
+    logit = raw[:, :, 0]
+    entropy = nn.functional.binary_cross_entropy_with_logits(logit, wanted[:, :, 0], reduction="none")
+    wrong = (wanted[:, :, 0] - torch.sigmoid(logit)).abs() ** FOCUS
+    weight = torch.where(positive, POSITIVE_WEIGHT, 1.0) * asked
+    count = positive.sum().clamp(min=1)
+    box = ((raw[:, :, 1:] - wanted[:, :, 1:]).abs() * positive[:, :, None]).sum() / count
+    return (entropy * wrong * weight).sum() / count + BOX_WEIGHT * box
+
+
+class Exported(nn.Module):
+    """The network with probabilities instead of logits: (n, OUTPUTS, CELL_COLUMNS)."""
+
+    def __init__(self, network: LeadNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, strips: Tensor) -> Tensor:
+        raw = self.network(strips)
+        return torch.cat([torch.sigmoid(raw[:, :1]), raw[:, 1:]], dim=1)
+
+
+def export(network: LeadNetwork, path: Path) -> None:
+    """Write the network for the strips of one frame as one ONNX file."""
+    strips = torch.zeros((STRIPS, ROWS, COLUMNS, 3), dtype=torch.uint8)
+    torch.onnx.export(
+        Exported(network).eval(),
+        (strips,),
+        str(path),
+        input_names=["strips"],
+        output_names=["cells"],
+        opset_version=17,
+        dynamo=False,
+    )
+
+
+__all__ = ["CELL_COLUMNS", "OUTPUTS", "Exported", "LeadNetwork", "Targets", "export", "loss"]

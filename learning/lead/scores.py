@@ -1,0 +1,90 @@
+"""How good a lead detector is: matches of what it found with what is there, and the calibration of its sureness."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from perception.lead.detection import Platt
+
+SAME_RATIO, SAME_ASIDE_M, SAME_ASIDE_PER_M = 1.25, 0.8, 0.02
+"""An answer is right when its distance is within this ratio of the true one and its place so near aside."""
+MIN_VISIBLE = 0.6
+BESIDE_M = 7.5  # the strips end half a metre farther out
+Found = tuple[float, float, float, float]
+"""Ahead of and left of the camera, width [m], probability."""
+
+
+class Match(NamedTuple):
+    """A vehicle, or an answer, and its counterpart, if any."""
+
+    true: NDArray[np.float32] | None  # its label: ahead, left, width [m], visible share
+    found: Found | None
+    asked: bool  # False: hardly visible or out of range, neither right nor wrong
+
+
+def match(truth: NDArray[np.float32], found: Sequence[Found], *, reach_m: float) -> list[Match]:
+    """Pairs of true vehicles (m, LABEL) and answers, the surest first; the rest stands alone."""
+    free = [row for row in truth if np.isfinite(row[0]) and row[0] > 0]
+    pairs = []
+    for answer in sorted(found, key=lambda f: -f[3]):
+        close = [(abs(math.log(answer[0] / row[0])), i) for i, row in enumerate(free) if _same(row, answer)]
+        if close:
+            row = free.pop(min(close)[1])
+            pairs.append(Match(row, answer, _asked(row, reach_m)))
+        else:
+            pairs.append(Match(None, answer, asked=answer[0] <= reach_m))
+    return pairs + [Match(row, None, _asked(row, reach_m)) for row in free]
+
+
+def _same(row: NDArray[np.float32], answer: Found) -> bool:
+    aside_m = SAME_ASIDE_M + SAME_ASIDE_PER_M * float(row[0])
+    return abs(math.log(answer[0] / row[0])) < math.log(SAME_RATIO) and abs(answer[1] - row[1]) < aside_m
+
+
+def _asked(row: NDArray[np.float32], reach_m: float) -> bool:
+    return bool(row[3] >= MIN_VISIBLE and row[0] <= reach_m and abs(row[1]) <= BESIDE_M)
+
+
+def calibrate(matches: Iterable[Match]) -> Platt:
+    """Platt's bias and slope that make the answers' probabilities most likely."""
+    asked = [m for m in matches if m.found is not None and m.asked]
+    p = np.clip([m.found[3] for m in asked if m.found], 1e-6, 1 - 1e-6)
+    right = np.array([m.true is not None for m in asked])
+    logit = np.log(p / (1 - p))
+
+    def cost(x: NDArray[np.float64]) -> float:
+        z = x[0] + x[1] * logit
+        return float(np.mean(np.logaddexp(0, np.where(right, -z, z))))
+
+    bias, slope = minimize(cost, (0.0, 1.0), method="Nelder-Mead").x.tolist()
+    return Platt(bias=round(bias, 4), slope=round(slope, 4))
+
+
+def scores(matches: Sequence[Match], *, min_probability: float) -> dict[str, float]:
+    """Recall, precision and errors of the answers of at least ``min_probability``."""
+    sure = [m for m in matches if m.found is None or m.found[3] >= min_probability or m.true is not None]
+    hit = [m for m in sure if m.true is not None and m.found is not None and m.found[3] >= min_probability]
+    asked_hits = [m for m in hit if m.asked]
+    there = sum(m.true is not None and m.asked for m in sure)
+    false = sum(m.true is None and m.asked for m in sure)
+    result = {
+        "vehicles": float(there),
+        "recall": len(asked_hits) / max(there, 1),
+        "precision": len(hit) / max(len(hit) + false, 1),
+    }
+    if not asked_hits:
+        return result
+    true = np.array([m.true[:3] for m in asked_hits if m.true is not None], np.float64)
+    found = np.array([m.found[:3] for m in asked_hits if m.found is not None], np.float64)
+    ratio, aside_m = np.log(found[:, 0] / true[:, 0]), found[:, 1] - true[:, 1]
+    return result | {
+        "distance_error_percent": 100 * float(np.median(np.abs(ratio))),
+        "distance_error_p95_percent": 100 * float(np.percentile(np.abs(ratio), 95)),
+        "distance_bias_percent": 100 * float(np.mean(ratio)),
+        "lateral_error_m": float(np.median(np.abs(aside_m))),
+        "lateral_error_p95_m": float(np.percentile(np.abs(aside_m), 95)),
+    }

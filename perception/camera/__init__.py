@@ -1,0 +1,1 @@
+"""Calibration of the camera, its mounting, and image statistics."""

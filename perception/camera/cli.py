@@ -1,0 +1,189 @@
+"""``trepid camera``: what a camera file needs, measured."""
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from perception.camera.chessboard import Intrinsics, intrinsics
+from perception.camera.drive_clip import steps_of
+from perception.camera.straight_drive import Mounting, mounting
+from perception.images.sources import Clip, Still, sources
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.types import Image
+
+LEAST_SPEED_MPS = 1.0
+MOST_BOARDS = 60  # of a video: more say the same again
+SAME_FORM = 0.01  # of width over height
+app = typer.Typer(no_args_is_help=True)
+
+
+@app.callback()
+def camera() -> None:
+    """Calibrate a camera."""
+
+
+@app.command()
+def calibrate(
+    boards: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[BOARD…]", help="Images, folders or videos of a chessboard: the lens."),
+    ] = None,
+    corners: Annotated[str, typer.Option(help="Inner corners of the board, columns x rows.")] = "9x6",
+    straight: Annotated[
+        Path | None,
+        typer.Option(help="Video, folder or recording (.mcap) of driving straight in a lane: the mounting."),
+    ] = None,
+    lane_width: Annotated[
+        float | None,
+        typer.Option(help="Of that lane, between the middles of its lines [m]: tells the height."),
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Of that drive [m/s]: tells the height; a recording has its own.")
+    ] = None,
+    camera: Annotated[Path, typer.Option(help="What is not measured comes from this file.")] = CONFIG_DIR
+    / "camera.yaml",
+    out: Annotated[Path | None, typer.Option(help="Write the camera file here; default: print it.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite it.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
+) -> None:
+    """Measure a camera: lens and focal length from a chessboard, pitch, yaw and height from driving straight."""
+    if not boards and straight is None:
+        raise InputError("name pictures of a chessboard, or --straight with a clip of driving straight")
+    if out is not None and out.exists() and not force:
+        raise InputError(f"{out}: is there already; --force overwrites it")
+    for name, value, least in (("--lane-width", lane_width, 0.1), ("--speed", speed, LEAST_SPEED_MPS)):
+        if value is not None and not (math.isfinite(value) and value >= least):
+            raise InputError(f"{name}: must be a number of at least {least:g}, got {value}")
+    measured = load(camera, Camera)
+    notes: dict[str, str] = {}
+    report: dict[str, Any] = {}
+    if boards:
+        lens = intrinsics(_pictures(boards), _corners(corners))
+        measured = _with_lens(measured, lens)
+        notes["intrinsics"], report["intrinsics"] = _lens_note(lens), _lens_report(lens)
+    if straight is not None:
+        steps = steps_of(straight, speed_mps=speed)
+        seen = mounting(steps, _same_lens(measured, steps[0].image, straight), lane_width_m=lane_width)
+        measured = measured.model_copy(
+            update={name: getattr(seen, name) for name in ("pitch_down_rad", "yaw_rad", "height_m")}
+        )
+        notes["extrinsics"], report["extrinsics"] = _mounting_note(seen), _mounting_report(seen)
+    text = camera_yaml(measured, notes)
+    if out is not None:
+        _write(out, text)
+    if as_json:
+        print(json.dumps({"camera": measured.model_dump(mode="json"), **report}))
+    elif out is None:
+        print(text, end="")
+    else:
+        print("\n".join([f"{out} written", *notes.values()]))
+
+
+def _corners(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)x(\d+)", text.strip())
+    if found is None or not all(3 <= int(count) <= 50 for count in found.groups()):
+        raise InputError(f"--corners {text}: expected columns x rows of inner corners, such as 9x6")
+    return int(found[1]), int(found[2])
+
+
+def _pictures(paths: list[Path]) -> dict[str, Image]:
+    """Every picture by its name: of a video up to MOST_BOARDS frames spread over it."""
+    pictures: dict[str, Image] = {}
+    for path in paths:
+        for source in sources(path):
+            if isinstance(source, Still):
+                pictures[str(source.path)] = source.read()
+            elif isinstance(source, Clip):
+                pictures |= {
+                    f"{source.path} {n}": image for n, image in enumerate(source.sample(MOST_BOARDS))
+                }
+    return pictures
+
+
+def _same_lens(camera: Camera, image: Image, path: Path) -> Camera:
+    """The camera at the size of the clip. Raises InputError where that has another form: it is another lens."""
+    height_px, width_px = image.shape[:2]
+    if abs(width_px / height_px / (camera.width_px / camera.height_px) - 1) > SAME_FORM:
+        raise InputError(
+            f"{path}: {width_px} x {height_px} px, but the camera is known for {camera.width_px} x"
+            f" {camera.height_px}: give its file with --camera, or pictures of a chessboard"
+        )
+    return camera.resized(width_px, height_px)
+
+
+def _with_lens(camera: Camera, lens: Intrinsics) -> Camera:
+    return camera.model_copy(
+        update={
+            "width_px": lens.size_px[0],
+            "height_px": lens.size_px[1],
+            "fx_px": round(float(lens.matrix[0, 0]), 2),
+            "fy_px": round(float(lens.matrix[1, 1]), 2),
+            "cx_px": round(float(lens.matrix[0, 2]), 2),
+            "cy_px": round(float(lens.matrix[1, 2]), 2),
+            "distortion": tuple(round(value, 5) for value in lens.distortion),
+        }
+    )
+
+
+def _lens_note(lens: Intrinsics) -> str:
+    left_out = f", {len(lens.left_out)} left out" if lens.left_out else ""
+    return (
+        f"intrinsics: {len(lens.boards)} pictures of a chessboard{left_out}, rms {lens.reprojection_px:.2f} px,"
+        f" focal length within {100 * lens.focal_doubt:.1f} %"
+    )
+
+
+def _lens_report(lens: Intrinsics) -> dict[str, Any]:
+    return {
+        "boards": list(lens.boards),
+        "left_out": dict(lens.left_out),
+        "reprojection_px": lens.reprojection_px,
+        "focal_doubt": lens.focal_doubt,
+        "cover": lens.cover,
+    }
+
+
+def _mounting_note(seen: Mounting) -> str:
+    doubt = "" if seen.height_doubt is None else f" within {100 * seen.height_doubt:.1f} %"
+    return (
+        f"mounting: {seen.frames} frames of driving straight, heading within {math.degrees(seen.sway_rad):.1f}°;"
+        f" height from {seen.height_from}{doubt}"
+    )
+
+
+def _mounting_report(seen: Mounting) -> dict[str, Any]:
+    return {
+        "frames": seen.frames,
+        "sway_rad": seen.sway_rad,
+        "height_from": seen.height_from,
+        "height_doubt": seen.height_doubt,
+    }
+
+
+def camera_yaml(camera: Camera, notes: dict[str, str]) -> str:
+    """The text of a camera file; ``notes`` say where its numbers come from."""
+    distortion = ", ".join(f"{value:g}" for value in camera.distortion)
+    units = {"x_m": "ahead of the rear axle", "y_m": "+ = left", "yaw_rad": "+ = turned left"}
+    lines = ["# Written by trepid camera calibrate.", *(f"# {note}" for note in notes.values())]
+    for name, value in camera.model_dump().items():
+        shown = (
+            f"[{distortion}]"
+            if name == "distortion"
+            else f"{round(value, 5):g}"
+            if isinstance(value, float)
+            else value
+        )
+        lines.append(f"{name}: {shown}" + (f"  # {units[name]}" if name in units else ""))
+    return "\n".join(lines) + "\n"
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error

@@ -1,0 +1,100 @@
+"""Pairs of frames spread over a clip of driving, and how far the car went between the two: for calibration."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from perception.camera.height import Step
+from perception.images.sources import NOMINAL_FPS, Clip, Still, sources
+from trepid.config import InputError
+from trepid.messages import CompressedFrame, VehicleState
+from trepid.recording.reader import read_recording
+from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE
+from trepid.types import Image
+
+MOST_STEPS = 40
+MOST_FRAMES = 20_000  # of a folder or video: a quarter of an hour
+STALE_S = 0.5  # older, a speed says nothing about a frame
+SLOW_MPS = 1.0  # slower, the car turns on the spot and the way between two frames is noise
+
+
+def steps_of(path: Path, *, speed_mps: float | None = None) -> list[Step]:
+    """Up to 40 frames of a video, a folder of images (25 a second) or a recording (.mcap), each with the next one.
+
+    The way between them comes from ``speed_mps``, or from the recording. Raises InputError.
+    """
+    if path.suffix.lower() == ".mcap":
+        return _recorded(path, speed_mps)
+    found = sources(path)
+    first = found[0]
+    count, fps = (first.frames, first.fps) if isinstance(first, Clip) else (len(found), NOMINAL_FPS)
+    count = min(count, MOST_FRAMES)
+    wanted = _spread(count)
+    images = _frames(found, {number for at in wanted for number in (at, at + 1)}, count)
+    way_m = None if speed_mps is None else speed_mps / fps
+    if len({image.shape for image in images.values()}) > 1:
+        raise InputError(f"{path}: frames of different sizes")
+    return [Step(images[at], images.get(at + 1), way_m) for at in wanted if at in images]
+
+
+def _spread(count: int) -> list[int]:
+    """Numbers of up to MOST_STEPS frames with a following one, evenly over ``count``."""
+    return sorted(set(np.linspace(0, max(count - 2, 0), min(MOST_STEPS, count)).astype(int).tolist()))
+
+
+def _frames(found: list[Clip | Still], wanted: set[int], count: int) -> dict[int, Image]:
+    """The frames with the numbers ``wanted``."""
+    first = found[0]
+    if isinstance(first, Clip):
+        return {number: image for number, image in enumerate(first.read()) if number in wanted}
+    stills = [one for one in found if isinstance(one, Still)]
+    return {number: stills[number].read() for number in sorted(wanted) if number < count}
+
+
+def _recorded(path: Path, speed_mps: float | None) -> list[Step]:
+    """Frames of a recording, where it drove; speeds are those of the vehicle unless one is given."""
+    recorded = read_recording(path, CAMERA_COMPRESSED.key, VEHICLE_STATE.key)
+    frames = [frame for _, frame in recorded.of(CAMERA_COMPRESSED)]
+    if len(frames) < 2:
+        raise InputError(f"{path}: {len(frames)} camera frames in this recording, at least 2 expected")
+    speeds = _Speeds([state for _, state in recorded.of(VEHICLE_STATE)], speed_mps)
+    steps = list(_driven(frames, speeds))
+    if not steps:
+        raise InputError(f"{path}: the car never drives {SLOW_MPS} m/s in this recording")
+    return [steps[at] for at in sorted({*np.linspace(0, len(steps) - 1, MOST_STEPS).astype(int).tolist()})]
+
+
+class _Speeds:
+    """How fast the car was."""
+
+    def __init__(self, states: list[VehicleState], speed_mps: float | None) -> None:
+        self._given = speed_mps
+        known = [(state.t_s, state.speed_mps) for state in states if state.speed_mps is not None]
+        self._t_s, self._mps = np.array(known, float).reshape(-1, 2).T
+
+    def at(self, t_s: float) -> float | None:
+        """The speed [m/s]; None where nothing was reported."""
+        if self._given is not None:
+            return self._given
+        if not len(self._t_s) or np.abs(self._t_s - t_s).min() > STALE_S:
+            return None
+        return float(np.interp(t_s, self._t_s, self._mps))
+
+
+def _driven(frames: list[CompressedFrame], speeds: _Speeds) -> Iterator[Step]:
+    for frame, following in pairwise(frames):
+        speed_mps, dt_s = speeds.at(frame.t_s), following.t_s - frame.t_s
+        if (speed_mps is not None and speed_mps < SLOW_MPS) or not 0 < dt_s < STALE_S:
+            continue
+        way_m = None if speed_mps is None else speed_mps * dt_s
+        yield Step(_image(frame), _image(following), way_m)
+
+
+def _image(frame: CompressedFrame) -> Image:
+    image = cv2.imdecode(np.frombuffer(frame.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"the frame of {frame.t_s:.3f} s cannot be decoded")
+    return np.asarray(image, np.uint8)

@@ -1,0 +1,183 @@
+"""Pictures that show what an estimator saw: boundaries, lane, lane centre and the numbers."""
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trepid.config import InputError
+from trepid.messages import PixelPath, SteeringEstimate
+from trepid.types import Image
+
+Colour = tuple[int, int, int]
+
+LEFT: Colour = (255, 170, 60)
+RIGHT: Colour = (60, 170, 255)
+SURE: Colour = (110, 200, 70)
+DOUBTFUL: Colour = (50, 190, 240)
+AFRAID: Colour = (70, 70, 230)
+WHITE: Colour = (245, 245, 245)
+PANEL: Colour = (32, 26, 22)
+MIN_WIDTH_PX = 640  # smaller images are enlarged, so that the text can be read
+SINGLE_IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".bmp"})
+
+
+def annotated(image: Image, estimate: SteeringEstimate) -> Image:
+    """A copy of ``image``, at least 640 px wide, with the lane of ``estimate`` drawn into it."""
+    canvas, scale = enlarged(image)
+    left, right = (
+        np.array(path, float).reshape(-1, 2) * scale
+        for path in (estimate.left_boundary_px, estimate.right_boundary_px)
+    )
+    unit = max(1, round(canvas.shape[1] / 480))
+    colour = _confidence_colour(estimate.confidence)
+    canvas = _lane(canvas, left, right, colour)
+    for line, line_colour in ((left, LEFT), (right, RIGHT)):
+        _polyline(canvas, line, line_colour, 2 * unit)
+    _centre(canvas, left, right, 2 * unit)
+    return _panel(canvas, estimate, colour)
+
+
+def enlarged(image: Image) -> tuple[Image, float]:
+    """A copy of ``image``, at least 640 px wide, and by how much it is larger."""
+    scale = max(1.0, MIN_WIDTH_PX / image.shape[1])
+    size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
+    return cv2.resize(image, size, interpolation=cv2.INTER_CUBIC).astype(np.uint8, copy=False), scale
+
+
+def _confidence_colour(confidence: float) -> Colour:
+    if confidence >= 0.6:
+        return SURE
+    return DOUBTFUL if confidence >= 0.25 else AFRAID
+
+
+def _common_rows(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows (x_left, x_right, y), from the bottom up, where both boundaries are known."""
+    at_right = {y: x for x, y in right.tolist()}
+    return np.array([(x, at_right[y], y) for x, y in left.tolist() if y in at_right]).reshape(-1, 3)
+
+
+def _lane(canvas: Image, left: NDArray[np.float64], right: NDArray[np.float64], colour: Colour) -> Image:
+    rows = _common_rows(left, right)
+    if len(rows) < 2:
+        return canvas
+    outline = np.concatenate([rows[:, [0, 2]], rows[::-1][:, [1, 2]]])
+    tinted = canvas.copy()
+    cv2.fillPoly(tinted, [np.round(outline * 16).astype(np.int32)], colour, cv2.LINE_AA, 4)
+    return cv2.addWeighted(tinted, 0.28, canvas, 0.72, 0).astype(np.uint8, copy=False)
+
+
+def _polyline(canvas: Image, line: NDArray[np.float64], colour: Colour, thickness: int) -> None:
+    if len(line) < 2:
+        return
+    points = [np.round(line * 16).astype(np.int32)]
+    cv2.polylines(canvas, points, False, PANEL, thickness + 2, cv2.LINE_AA, 4)
+    cv2.polylines(canvas, points, False, colour, thickness, cv2.LINE_AA, 4)
+
+
+def _centre(canvas: Image, left: NDArray[np.float64], right: NDArray[np.float64], thickness: int) -> None:
+    """The lane centre as dots: the middle of a row is the middle on a flat road."""
+    for x_left, x_right, y in _common_rows(left, right).tolist():
+        at = (round((x_left + x_right) / 2), round(y))
+        radius = max(1, round(abs(x_right - x_left) / 120))
+        cv2.circle(canvas, at, min(radius, 2 * thickness), WHITE, -1, cv2.LINE_AA)
+
+
+def _panel(canvas: Image, estimate: SteeringEstimate, colour: Colour) -> Image:
+    """A dark strip on top with the numbers and a bar for the confidence."""
+    width = canvas.shape[1]
+    unit = width / 640
+    height = round(46 * unit)
+    strip = canvas[:height]
+    strip[:] = cv2.addWeighted(strip, 0.25, np.full_like(strip, PANEL), 0.75, 0)
+    for number, (name, value) in enumerate(_numbers(estimate)):
+        x = round((12 + 103 * number) * unit)
+        text(canvas, name, (x, round(16 * unit)), 0.36 * unit, (190, 190, 190))
+        text(canvas, value, (x, round(36 * unit)), 0.52 * unit, WHITE)
+    x, bar = round(530 * unit), round(98 * unit)
+    text(canvas, "confidence", (x, round(16 * unit)), 0.36 * unit, (190, 190, 190))
+    top, bottom = round(24 * unit), round(36 * unit)
+    cv2.rectangle(canvas, (x, top), (x + bar, bottom), (80, 80, 80), -1)
+    cv2.rectangle(canvas, (x, top), (x + round(bar * estimate.confidence), bottom), colour, -1)
+    text(canvas, f"{estimate.confidence:.2f}", (x + round(34 * unit), round(34.5 * unit)), 0.36 * unit, WHITE)
+    if estimate.reason:
+        text(canvas, estimate.reason, (round(12 * unit), round(62 * unit)), 0.45 * unit, colour)
+    return canvas
+
+
+def _numbers(estimate: SteeringEstimate) -> list[tuple[str, str]]:
+    heading, wheel = estimate.heading_error_rad, estimate.road_wheel_angle_rad
+    return [
+        ("offset", _number(estimate.lateral_offset_m, "{:+.2f} m")),
+        ("heading", _number(None if heading is None else math.degrees(heading), "{:+.1f} deg")),
+        ("curvature", _number(estimate.curvature_1pm, "{:+.4f} 1/m")),
+        ("wheel angle", _number(None if wheel is None else math.degrees(wheel), "{:+.1f} deg")),
+        ("lane width", _number(estimate.lane_width_m, "{:.2f} m")),
+    ]
+
+
+def _number(value: float | None, pattern: str) -> str:
+    return "-" if value is None else pattern.format(value)
+
+
+def text(canvas: Image, words: str, at: tuple[int, int], size: float, colour: Colour) -> None:
+    """Write ``words`` with a dark edge, so that they can be read on anything."""
+    thickness = max(1, round(size * 1.6))
+    cv2.putText(canvas, words, at, cv2.FONT_HERSHEY_SIMPLEX, size, PANEL, thickness + 2, cv2.LINE_AA)
+    cv2.putText(canvas, words, at, cv2.FONT_HERSHEY_SIMPLEX, size, colour, thickness, cv2.LINE_AA)
+
+
+class AnnotationWriter:
+    """Writes annotated frames to one image file, one video, or a folder (one picture a still, one video a clip)."""
+
+    def __init__(self, out: Path, *, fps: float) -> None:
+        self._out, self._fps = out, fps
+        self._video: cv2.VideoWriter | None = None
+        self._size = (0, 0)
+        self._name = ""
+        self._written = 0
+
+    def write(self, image: Image, source: Path, *, is_clip: bool) -> None:
+        """Add one annotated frame of ``source``. Raises InputError when it cannot be written."""
+        suffix = self._out.suffix.lower()
+        if suffix == ".mp4":
+            self._write_video(image, self._out)
+        elif suffix in SINGLE_IMAGE_SUFFIXES and not is_clip:
+            if self._written:
+                raise InputError(f"{self._out}: holds one image only; name a folder or an .mp4 file")
+            self._write_image(image, self._out)
+        elif suffix:
+            raise InputError(f"{self._out}: name an image, an .mp4 file or a folder for the annotated frames")
+        elif is_clip:
+            self._write_video(image, self._out / f"{source.stem}.mp4")
+        else:
+            self._write_image(image, self._out / f"{source.stem}.png")
+        self._written += 1
+
+    def close(self) -> None:
+        """Finish the video, if any."""
+        if self._video is not None:
+            self._video.release()
+            self._video = None
+
+    def _write_image(self, image: Image, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not cv2.imwrite(str(path), image):
+            raise InputError(f"{path}: cannot be written")
+
+    def _write_video(self, image: Image, path: Path) -> None:
+        if self._video is None or self._name != str(path):
+            self.close()
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._name, self._size = str(path), (image.shape[1] // 2 * 2, image.shape[0] // 2 * 2)
+            self._video = cv2.VideoWriter(self._name, cv2.VideoWriter.fourcc(*"mp4v"), self._fps, self._size)
+            if not self._video.isOpened():
+                raise InputError(f"{path}: cannot be written")
+        self._video.write(cv2.resize(image, self._size, interpolation=cv2.INTER_AREA))
+
+
+def as_path(points: PixelPath) -> list[list[float]]:
+    """The boundary as JSON lists, to a tenth of a pixel."""
+    return [[round(x, 1), round(y, 1)] for x, y in points]

@@ -1,0 +1,136 @@
+"""What a user may hand to ``trepid estimate``: images, folders of images, videos. Frames come out, in order."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from trepid.config import InputError
+from trepid.types import Image
+
+IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"})
+VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
+INDEXED_SUFFIXES = frozenset({".mp4", ".m4v", ".mov", ".avi"})
+NOMINAL_FPS = 25.0  # for videos that do not say
+
+
+@dataclass(frozen=True, slots=True)
+class Still:
+    """One image, to be judged by itself."""
+
+    path: Path
+
+    def read(self) -> Image:
+        """The decoded image. Raises InputError."""
+        return read_image(self.path)
+
+
+@dataclass(frozen=True, slots=True)
+class Clip:
+    """A video, to be tracked from frame to frame."""
+
+    path: Path
+    frames: int
+    fps: float
+
+    def read(self) -> Iterator[Image]:
+        """Its frames. Raises InputError when it ends before its container says."""
+        capture = cv2.VideoCapture(str(self.path))
+        decoded = 0
+        try:
+            while (read := capture.read())[0]:
+                decoded += 1
+                yield read[1].astype(np.uint8, copy=False)
+        finally:
+            capture.release()
+        if decoded < self.frames - self._unsure_frames:
+            raise InputError(
+                f"{self.path}: video is truncated: {decoded} of {self.frames} frames can be read"
+            )
+
+    @property
+    def _unsure_frames(self) -> int:
+        """How far the announced number of frames may be off: only an index counts, a duration estimates."""
+        return 1 if self.path.suffix.lower() in INDEXED_SUFFIXES else 2 + self.frames // 50
+
+    def sample(self, count: int) -> list[Image]:
+        """Up to ``count`` frames spread over the clip, for calibration. Raises InputError when none is read."""
+        wanted = set(np.linspace(0, self.frames - 1, count).astype(int).tolist())
+        images: list[Image] = []
+        capture = cv2.VideoCapture(str(self.path))
+        try:
+            for number in range(max(wanted) + 1):
+                if not capture.grab():
+                    break
+                if number in wanted:
+                    good, image = capture.retrieve()
+                    if good:
+                        images.append(image.astype(np.uint8, copy=False))
+        finally:
+            capture.release()
+        if not images:
+            raise InputError(f"{self.path}: no frame of this video can be read")
+        return images
+
+
+Source = Still | Clip
+
+
+def sources(path: Path) -> list[Source]:
+    """What ``path`` holds: an image, a video, or a folder's images in order of name. Raises InputError."""
+    if path.is_dir():
+        return _folder(path)
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    suffix = path.suffix.lower()
+    if suffix in VIDEO_SUFFIXES:
+        return [_clip(path)]
+    if suffix in IMAGE_SUFFIXES:
+        return [Still(path)]
+    known = " ".join(sorted(IMAGE_SUFFIXES | VIDEO_SUFFIXES))
+    raise InputError(f"{path}: not a kind of file that can be estimated; known: {known}")
+
+
+def _folder(path: Path) -> list[Source]:
+    images = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file())
+    if not images:
+        raise InputError(f"{path}: there is no image in this folder")
+    return [Still(image) for image in images]
+
+
+def _clip(path: Path) -> Clip:
+    capture = cv2.VideoCapture(str(path))
+    try:
+        frames = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
+        fps = float(capture.get(cv2.CAP_PROP_FPS)) if frames else 0.0
+    finally:
+        capture.release()
+    if frames <= 0:
+        raise InputError(f"{path}: not a video that can be read; it may be truncated")
+    return Clip(path=path, frames=frames, fps=fps if 0 < fps < 1000 else NOMINAL_FPS)
+
+
+def read_image(path: Path) -> Image:
+    """The image in ``path``, shape (height, width, 3). Raises InputError when it is none or is truncated."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if not _is_complete(data):
+        raise InputError(f"{path}: image file is truncated")
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
+    if image is None:
+        raise InputError(f"{path}: not an image")
+    return image.astype(np.uint8, copy=False)
+
+
+def _is_complete(data: bytes) -> bool:
+    """False for a JPEG or PNG without its end mark: decoders fill the missing rest with grey."""
+    tail = data.rstrip(b"\x00\r\n")
+    if data.startswith(b"\xff\xd8\xff"):
+        return b"\xff\xd9" in tail[-64 * 1024 :]
+    if data.startswith(b"\x89PNG\r\n\x1a\n"):
+        return b"IEND" in data[-64 * 1024 :]
+    return True

@@ -1,0 +1,1 @@
+"""The computer-vision lane estimator `cv`: points, search, fit, memory, road edges, evidence, confidence."""

@@ -1,0 +1,96 @@
+"""Where the boundaries of a lane run in the input image."""
+
+import math
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from perception.lane.fit import PITCH, LaneState, lane_curve
+from trepid.camera import Camera
+from trepid.messages import PixelPath
+from trepid.types import Array
+
+ROW_STEP_PX = 10  # boundaries are reported every ten rows of the input image
+MAX_ASIDE = 4  # image widths beside the middle: where the edges of a wide road leave the picture
+STATIONS_M = np.concatenate([np.arange(-1.0, 20.0, 0.5), np.arange(20.0, 81.0, 2.0)])
+
+
+def boundary_paths(lane: LaneState, camera: Camera, *, reach_m: float) -> tuple[PixelPath, PixelPath]:
+    """Both boundaries as pixels of the input image, one every ten rows from the bottom up."""
+    last = camera.height_px // ROW_STEP_PX * ROW_STEP_PX  # the lower border of the image
+    rows = np.arange(last, -1, -ROW_STEP_PX, dtype=float)
+    if not any(camera.distortion):
+        left, right = boundary_columns(lane.mean, camera, rows, reach_m=reach_m)
+        return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)
+    fine = np.arange(1.2 * camera.height_px, -1.0, -2.0)
+    columns = boundary_columns(lane.mean, camera, fine, reach_m=reach_m)
+    left, right = (_distorted_columns(column, fine, rows, camera) for column in columns)
+    return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)
+
+
+def _distorted_columns(columns: Array, at_rows: Array, rows: Array, camera: Camera) -> Array:
+    """Columns at image rows ``rows`` of a line given in the undistorted image."""
+    seen = np.abs(columns - camera.cx_px) < camera.width_px  # NaN is not seen
+    if np.count_nonzero(seen) < 2:
+        return np.full(len(rows), np.nan)
+    rays = np.column_stack(
+        [
+            (columns[seen] - camera.cx_px) / camera.fx_px,
+            (at_rows[seen] - camera.cy_px) / camera.fy_px,
+            np.ones(np.count_nonzero(seen)),
+        ]
+    )
+    pixels, _ = cv2.projectPoints(
+        rays, np.zeros(3), np.zeros(3), camera.intrinsics, np.array(camera.distortion)
+    )
+    u, v = pixels[:, 0, 0], pixels[:, 0, 1]
+    return np.interp(-rows, -v, u, left=np.nan, right=np.nan)
+
+
+def _path(columns: Array, rows: Array, width_px: int) -> PixelPath:
+    near = np.abs(columns - width_px / 2) < MAX_ASIDE * width_px  # NaN is not near
+    return tuple(zip(columns[near].tolist(), rows[near].tolist(), strict=True))
+
+
+def boundary_columns(mean: Array, camera: Camera, rows_px: Array, *, reach_m: float) -> tuple[Array, Array]:
+    """Columns of the left and the right boundary at image rows ``rows_px``; NaN where they are not seen."""
+    curve = lane_curve(mean, STATIONS_M[reach_m + 1e-9 >= STATIONS_M])
+    matrix = _pitched(camera, float(mean[PITCH]))
+    road = np.ones((3, 2, len(curve.station_m)))
+    road[0, 0], road[1, 0], road[0, 1], road[1, 1] = (
+        curve.left_x_m, curve.left_y_m, curve.right_x_m, curve.right_y_m,
+    )  # fmt: skip
+    u, v, depth = (matrix @ road.reshape(3, -1)).reshape(road.shape)
+    depth = np.where(depth > 0.3, depth, np.nan)
+    u, v = u / depth, v / depth
+    return _columns(u[0], v[0], rows_px), _columns(u[1], v[1], rows_px)
+
+
+def _pitched(camera: Camera, pitch_rad: float) -> Array:
+    """Homography to pixels from the road, shape (3, 3), if the camera looks ``pitch_rad`` further down.
+
+    H = K·[r1 r2 t], and the turn about the right axis of the camera multiplies [r1 r2 t] by
+    ((1, 0, 0), (0, cos, −sin), (0, sin, cos)) from the left: ahead' = cos·ahead + sin·down.
+    """
+    cos, sin = math.cos(pitch_rad), math.sin(pitch_rad)
+    intrinsics, rays = _rays_from_road(camera)
+    right, down, ahead = rays
+    return intrinsics @ np.array([right, cos * down - sin * ahead, sin * down + cos * ahead])
+
+
+@lru_cache(maxsize=8)
+def _rays_from_road(camera: Camera) -> tuple[Array, Array]:
+    """K and [r1 r2 t] of a camera, shapes (3, 3)."""
+    rays = np.linalg.solve(camera.intrinsics, camera.pixel_from_road_matrix)
+    return camera.intrinsics, np.asarray(rays, np.float64)
+
+
+def _columns(u: Array, v: Array, rows_px: Array) -> Array:
+    """Columns at ``rows_px`` of a line of pixels, near to far, NaN behind the camera; only where it rises."""
+    highest = np.fmin.accumulate(v)
+    rising = ~np.isnan(v)
+    rising[1:] &= ~(v[1:] >= highest[:-1])  # the first one seen has only NaN before it
+    if np.count_nonzero(rising) < 2:
+        return np.full(len(rows_px), np.nan)
+    return np.interp(-rows_px, -v[rising], u[rising], left=np.nan, right=np.nan)

@@ -1,0 +1,121 @@
+"""Finding the lane among scattered points: every point votes for its lateral place under many lane shapes."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from perception.lane.points import RoadPoints
+from trepid.config import Settings
+from trepid.types import Array, Positive
+
+
+class VoteSettings(Settings):
+    """One stage of ``vote`` in ``config/perception.yaml``: which lane shapes are tried."""
+
+    heading_range_rad: Annotated[float, Field(ge=0)]
+    heading_steps: Annotated[int, Field(ge=1)]
+    curvature_range_1pm: Annotated[float, Field(ge=0)]
+    curvature_steps: Annotated[int, Field(ge=1)]
+    bin_m: Positive
+    reach_m: Positive
+
+
+@dataclass(frozen=True)
+class LaneGuess:
+    """What is known of the lane before or after a vote, with standard deviations."""
+
+    offset_m: float
+    heading_rad: float
+    curvature_1pm: float
+    width_m: float
+    offset_sigma_m: float
+    heading_sigma_rad: float
+    curvature_sigma_1pm: float
+    width_sigma_m: float
+    support: float = 1.0  # score of the winner: 1 = about one point in every row
+
+
+def vote_lane(
+    points: RoadPoints, guess: LaneGuess, settings: VoteSettings, *, bands: int, prior_weight: float
+) -> LaneGuess:
+    """The lane shape (ψ, κ) and the pair of lateral places (e, W) with most points on both lines.
+
+    A Hough transform in road coordinates: for each (ψ, κ) the points are binned by their exact distance to the
+    circle through the rear axle; the score of a pair of bins is the sum of both, plus the smaller one (two half
+    lines beat one long one), minus what is unlikely under ``guess``. Deterministic: nothing is drawn by lot.
+    """
+    near = points.x_m < settings.reach_m
+    x_m, y_m, weight = points.x_m[near], points.y_m[near], points.weight[near]
+    heading = guess.heading_rad + _steps(settings.heading_range_rad, settings.heading_steps)
+    curvature = guess.curvature_1pm + _steps(settings.curvature_range_1pm, settings.curvature_steps)
+    half_m = guess.width_m / 2 + 2 * guess.width_sigma_m + abs(guess.offset_m) + 2 * guess.offset_sigma_m
+    counts = _histograms(x_m, y_m, weight / max(bands, 1), heading, curvature, half_m, settings.bin_m)
+    unlikely = ((heading - guess.heading_rad) / guess.heading_sigma_rad)[:, None] ** 2
+    unlikely = unlikely + ((curvature - guess.curvature_1pm) / guess.curvature_sigma_1pm) ** 2
+    score, shape, left_m, width_m = _best_pair(
+        counts, prior_weight * unlikely.ravel(), guess, half_m, settings.bin_m, prior_weight
+    )
+    at_heading, at_curvature = divmod(shape, len(curvature))
+    return LaneGuess(
+        offset_m=width_m / 2 - left_m,
+        heading_rad=float(heading[at_heading]),
+        curvature_1pm=float(curvature[at_curvature]),
+        width_m=width_m,
+        offset_sigma_m=guess.offset_sigma_m,
+        heading_sigma_rad=guess.heading_sigma_rad,
+        curvature_sigma_1pm=guess.curvature_sigma_1pm,
+        width_sigma_m=guess.width_sigma_m,
+        support=score,
+    )
+
+
+def _steps(half_range: float, count: int) -> Array:
+    return np.linspace(-half_range, half_range, count) if count > 1 else np.zeros(1)
+
+
+def _histograms(
+    x_m: Array, y_m: Array, weight: Array, heading: Array, curvature: Array, half_m: float, bin_m: float
+) -> Array:
+    """Weight per bin of signed distance to the circle (ψ, κ) through the origin; shape (bins, ψ·κ)."""
+    bins = int(np.ceil(2 * half_m / bin_m))
+    across = y_m * np.cos(heading)[:, None] + x_m * np.sin(heading)[:, None]
+    kappa = curvature[None, :, None]
+    square = x_m * x_m + y_m * y_m
+    root = np.sqrt(np.maximum(1 - 2 * kappa * across[:, None, :] + kappa**2 * square, 0.04))
+    distance = (2 * across[:, None, :] - kappa * square) / (1 + root)
+    place = ((distance + half_m) * (1 / bin_m)).astype(np.int64)
+    np.minimum(np.maximum(place, -1, out=place), bins, out=place)
+    shapes = len(heading) * len(curvature)
+    index = (place.reshape(shapes, -1) + 1) * shapes + np.arange(shapes)[:, None]
+    counted = np.bincount(index.ravel(), weights=np.tile(weight, shapes), minlength=shapes * (bins + 2))
+    counted = counted.reshape(bins + 2, shapes)
+    counted[0] = counted[-1] = 0
+    return np.asarray(counted[1:-1] + 0.5 * (counted[:-2] + counted[2:]), np.float64)
+
+
+def _best_pair(
+    counts: Array, shape_cost: Array, guess: LaneGuess, half_m: float, bin_m: float, prior_weight: float
+) -> tuple[float, int, float, float]:
+    """The best score, its lane shape, the place of its left line and the width of its lane [m]."""
+    bins = len(counts)
+    low = max(1, math.floor((guess.width_m - 2 * guess.width_sigma_m) / bin_m))
+    high = min(bins - 1, max(low, math.ceil((guess.width_m + 2 * guess.width_sigma_m) / bin_m)))
+    place_m = (np.arange(bins) + 0.5) * bin_m - half_m
+    best, found = -math.inf, (0, 0.0, 0.0)
+    for width in range(low, high + 1):
+        width_m = width * bin_m
+        aside = np.abs(place_m[width:] - width_m / 2 + guess.offset_m) / guess.offset_sigma_m
+        unlikely = aside**2 + 4 * np.maximum(aside - 0.4 * width_m / guess.offset_sigma_m, 0) ** 2
+        unlikely += ((width_m - guess.width_m) / guess.width_sigma_m) ** 2
+        unlikely[aside >= 3] = math.inf
+        on_left, on_right = counts[width:], counts[:-width]
+        score = on_left + on_right + np.minimum(on_left, on_right) - shape_cost
+        score -= (prior_weight * unlikely)[:, None]
+        at = int(score.argmax())
+        if score.flat[at] > best:
+            left, shape = divmod(at, len(shape_cost))
+            best, found = float(score.flat[at]), (shape, float(place_m[width + left]), width_m)
+    return best, *found

@@ -1,0 +1,1 @@
+"""The vehicle ahead: detection, tracking and the choice of the leader."""

@@ -1,0 +1,225 @@
+"""The vehicle ahead as the camera sees it: detection, tracks, and the choice of the one that is ahead of us."""
+
+import math
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from perception.lead.boxes import BoxDetector, BoxSettings
+from perception.lead.detection import Detection, Detector, StripDetector
+from perception.lead.tracker import Track, Tracker, TrackSettings
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, ROOT, Settings, load
+from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.steering import lane_centre_m
+from trepid.types import OpenShare, Positive
+from trepid.vehicle import Vehicle
+
+MAX_STEP_S = 0.5  # longer between two frames: what was known of the vehicles is forgotten
+SLOW_MPS = 1.0  # below, the yaw rate says less of our arc than the wheels
+
+
+class ChoiceSettings(Settings):
+    """Section ``choice`` of ``config/lead.yaml``."""
+
+    min_confidence: OpenShare
+    into_lane_m: Positive
+    keep_m: Positive
+    lane_width_m: Positive
+    max_lane_age_s: Positive
+    min_lane_confidence: OpenShare
+    lane_reach_m: Positive
+    max_speed_sigma_mps: Positive
+
+
+class LeadSettings(Settings):
+    """``config/lead.yaml``."""
+
+    detector: Path | None
+    weights: Path
+    boxes: BoxSettings
+    track: TrackSettings
+    choice: ChoiceSettings
+
+
+@cache  # a folder of stills builds a detector for each
+def lead_settings() -> LeadSettings:
+    """``config/lead.yaml``. Raises InputError."""
+    return load(CONFIG_DIR / "lead.yaml", LeadSettings)
+
+
+class LeadFinder:
+    """Node: frames in, the vehicle ahead out."""
+
+    def __init__(self, detector: Detector, settings: LeadSettings, camera: Camera, vehicle: Vehicle) -> None:
+        self._detect, self._settings, self._vehicle = detector, settings, vehicle
+        self._shape = (camera.height_px, camera.width_px, 3)
+        self._eye_m, self._nose_m = camera.x_m, vehicle.wheelbase_m + vehicle.front_overhang_m
+        self._restart()
+
+    def _restart(self) -> None:
+        self._tracker = Tracker(self._settings.track, eye_m=self._eye_m)
+        self._detections: list[Detection] = []
+        self._ahead: Track | None = None
+        self._t_s: float | None = None
+
+    @property
+    def detections(self) -> list[Detection]:
+        """What was found in the last frame."""
+        return self._detections
+
+    def step(
+        self,
+        frame: Frame,
+        state: VehicleState | None,
+        lanes: Iterable[SteeringEstimate | None],
+        *,
+        now_s: float,
+    ) -> LeadVehicle:
+        """The vehicle ahead in ``frame``; confidence 0 when there is none, or none can be seen.
+
+        ``state`` takes our own motion out; without it a vehicle has a place but no speed. The surest of ``lanes``,
+        the newest estimates, says which of the vehicles drive where we shall; without one our own arc does.
+        """
+        gap_s = math.inf if self._t_s is None else frame.t_s - self._t_s
+        if not 0 <= gap_s <= MAX_STEP_S:
+            self._restart()
+            gap_s = 0.0
+        self._t_s = frame.t_s
+        good = frame.image.dtype == np.uint8 and frame.image.shape == self._shape
+        self._detections = self._detect(frame.image) if good else []
+        motion = _motion(state)
+        speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
+        self._tracker.step(self._detections, speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps, dt_s=gap_s)
+        lane = usable_lane(self._settings.choice, lanes, t_s=frame.t_s)
+        arc_1pm = self._arc_1pm(state)
+        self._ahead = self._choose(Corridor(self._settings.choice, lane, arc_1pm, motion, t_s=frame.t_s))
+        return self._message(frame.t_s, self._ahead, moves=motion is not None)
+
+    def _choose(self, corridor: "Corridor") -> Track | None:
+        """The nearest vehicle in our lane. The one ahead stays it, also where it is a little farther out."""
+        choice, odometry = self._settings.choice, self._tracker.odometry
+        nearest, nearest_m = None, math.inf
+        for track in self._tracker.tracks:
+            ahead_m, left_m = odometry.to_vehicle(track.state[:2])
+            margin_m = choice.keep_m if track is self._ahead else 0.0
+            confident = track.confidence >= choice.min_confidence
+            if (
+                confident
+                and ahead_m < nearest_m
+                and corridor.reaches_in_m(ahead_m, left_m, track.width_m) > -margin_m
+            ):
+                nearest, nearest_m = track, ahead_m
+        return nearest
+
+    def _message(self, t_s: float, track: Track | None, *, moves: bool) -> LeadVehicle:
+        if track is None:
+            return LeadVehicle(t_s=t_s, distance_m=None, lateral_m=None, speed_mps=None, confidence=0.0)
+        odometry = self._tracker.odometry
+        ahead_m, left_m = odometry.to_vehicle(track.state[:2]).tolist()
+        along_mps = float((odometry.turn.T @ track.state[2:])[0])
+        known = moves and track.speed_sigma_mps <= self._settings.choice.max_speed_sigma_mps
+        return LeadVehicle(
+            t_s=t_s,
+            distance_m=max(ahead_m - self._nose_m, 0.0),
+            lateral_m=left_m,
+            speed_mps=along_mps if known else None,
+            confidence=track.confidence,
+        )
+
+    def _arc_1pm(self, state: VehicleState | None) -> float:
+        """Curvature that we drive: r/v, at a crawl tan δ/L (ISO 15622 calls it the predicted path); 0 unknown."""
+        if state is None:
+            return 0.0
+        if state.speed_mps is not None and state.yaw_rate_radps is not None and state.speed_mps > SLOW_MPS:
+            return state.yaw_rate_radps / state.speed_mps
+        return math.tan(state.road_wheel_angle_rad or 0.0) / self._vehicle.wheelbase_m
+
+
+def usable_lane(
+    settings: ChoiceSettings, lanes: Iterable[SteeringEstimate | None], *, t_s: float
+) -> SteeringEstimate | None:
+    """The surest of the fresh ``lanes`` that is sure enough; None without one."""
+    fresh = [
+        lane
+        for lane in lanes
+        if lane is not None
+        and abs(t_s - lane.t_s) <= settings.max_lane_age_s
+        and lane.confidence >= settings.min_lane_confidence
+        and None not in _clothoid_fields(lane)
+    ]
+    return max(fresh, key=lambda lane: lane.confidence, default=None)
+
+
+def _clothoid_fields(lane: SteeringEstimate) -> tuple[float | None, ...]:
+    return lane.lateral_offset_m, lane.heading_error_rad, lane.curvature_1pm, lane.curvature_rate_1pm2
+
+
+def _motion(state: VehicleState | None) -> tuple[float, float] | None:
+    """Speed and yaw rate; None unless both are known."""
+    if state is None or state.speed_mps is None or state.yaw_rate_radps is None:
+        return None
+    return state.speed_mps, state.yaw_rate_radps
+
+
+class Corridor:
+    """Where we shall drive: the lane if it is seen, else our own arc."""
+
+    def __init__(
+        self,
+        settings: ChoiceSettings,
+        lane: SteeringEstimate | None,
+        arc_1pm: float,
+        motion: tuple[float, float] | None,
+        *,
+        t_s: float,
+    ) -> None:
+        """``lane`` is usable and may be older than ``t_s``: since then we have gone on with ``motion``."""
+        self._settings = settings
+        self._width_m = settings.lane_width_m
+        self._clothoid = (0.0, 0.0, arc_1pm, 0.0)
+        self._gone_m = self._turned_rad = 0.0
+        if lane is None:
+            return
+        offset_m, heading_rad, curvature_1pm, rate_1pm2 = (value or 0.0 for value in _clothoid_fields(lane))
+        self._width_m = lane.lane_width_m or settings.lane_width_m
+        self._clothoid = (offset_m, heading_rad, curvature_1pm - rate_1pm2 * lane.lookahead_m, rate_1pm2)
+        speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
+        self._gone_m, self._turned_rad = speed_mps * (t_s - lane.t_s), yaw_rate_radps * (t_s - lane.t_s)
+
+    def centre_m(self, ahead_m: float) -> float:
+        """Its middle at ``ahead_m``, + left; beyond ``lane_reach_m`` it goes on along its tangent."""
+        offset_m, heading_rad, curvature_1pm, rate_1pm2 = self._clothoid
+        along_m = ahead_m + self._gone_m
+        near_m = min(along_m, self._settings.lane_reach_m)
+        slope = -heading_rad + curvature_1pm * near_m + rate_1pm2 * near_m**2 / 2
+        y_m = lane_centre_m(
+            near_m,
+            offset_m=offset_m,
+            heading_rad=heading_rad,
+            curvature_1pm=curvature_1pm,
+            curvature_rate_1pm2=rate_1pm2,
+        )
+        return y_m + slope * (along_m - near_m) - self._turned_rad * ahead_m
+
+    def reaches_in_m(self, ahead_m: float, left_m: float, width_m: float) -> float:
+        """How much farther a vehicle reaches into it than it must to be in our lane."""
+        beside_m = abs(left_m - self.centre_m(ahead_m)) - width_m / 2
+        return self._width_m / 2 - self._settings.into_lane_m - beside_m
+
+
+def make_detector(settings: LeadSettings, camera: Camera) -> Detector:
+    """The detector that ``settings`` name. Raises InputError."""
+    if settings.detector is None:
+        return StripDetector(ROOT / settings.weights, camera)
+    return BoxDetector(settings.detector, settings.boxes, camera)
+
+
+def build(
+    *, camera: Path = CONFIG_DIR / "camera.yaml", vehicle: Path = CONFIG_DIR / "vehicle.yaml"
+) -> LeadFinder:
+    """The lead detector for the camera and vehicle files. Raises InputError."""
+    eye, settings = load(camera, Camera), lead_settings()
+    return LeadFinder(make_detector(settings, eye), settings, eye, load(vehicle, Vehicle))

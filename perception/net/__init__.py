@@ -1,0 +1,1 @@
+"""The lane network at run time: ONNX Runtime, no torch."""

@@ -1,0 +1,167 @@
+"""The CNN estimator: a PilotNet-sized network that reads the lane from one frame, run by ONNX Runtime.
+
+Bojarski et al., End to End Learning for Self-Driving Cars (2016) give its shape. It does not learn the steering
+angle itself but the lane state, so that vehicle, look-ahead and camera can change without training; and, after
+Kendall and Gal, What Uncertainties Do We Need (NIPS 2017), how far off it expects to be. That becomes the
+confidence: the probability, calibrated on roads it was not trained on, that the road-wheel angle is less than
+``tolerance_rad`` wrong.
+"""
+
+import hashlib
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+from pydantic import Field
+
+from perception.net.canonical import CanonicalView, Lane
+from trepid.camera import Camera
+from trepid.config import ROOT, InputError, Settings, load
+from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.steering import pursuit_curvature, road_wheel_angle
+from trepid.types import Image, Share
+from trepid.vehicle import Vehicle
+
+NAME = "cnn"
+Outputs = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+
+
+class SteerNetSettings(Settings):
+    """``config/steer_net.yaml``."""
+
+    weights: str
+    lookahead_m: Annotated[float, Field(gt=0)]
+    min_visible: Share
+    min_confidence: Share
+
+
+class Calibration(Settings):
+    """P(|road-wheel angle error| < tolerance) = 1/(1 + exp(−(bias + slope·ln(tolerance/σ)))): Platt scaling."""
+
+    tolerance_rad: Annotated[float, Field(gt=0)]
+    bias: float
+    slope: Annotated[float, Field(gt=0)]
+
+    def probability(self, sigma_rad: float) -> float:
+        """Probability that an estimate with the predicted standard deviation ``sigma_rad`` is good enough."""
+        logit = self.bias + self.slope * math.log(self.tolerance_rad / sigma_rad)
+        return 1 / (1 + math.exp(-max(min(logit, 50.0), -50.0)))
+
+
+class Record(Settings):
+    """``steer_net.json``: what the weights beside it are, how they came about and how good they are."""
+
+    sha256: str  # of the ONNX file
+    parameters: int
+    camera: Camera  # the canonical camera
+    lane_lookahead_m: Annotated[float, Field(gt=0)]  # the fourth output is the curvature here
+    calibration: Calibration
+    command: str
+    date: str
+    versions: dict[str, str]
+    recipe: dict[str, object]
+    training: dict[str, float]
+    scores: dict[str, dict[str, float]]  # name of the test set -> metric -> value
+
+
+class Network:
+    """The ONNX graph: images of the canonical camera in, lane, its uncertainty and visibility out."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError when the file is missing or no network."""
+        if not path.is_file():
+            raise InputError(f"{path}: no weights of the CNN estimator; `trepid train` makes them")
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+        options.use_deterministic_compute = True
+        try:
+            self._session = onnxruntime.InferenceSession(
+                path.read_bytes(), options, providers=["CPUExecutionProvider"]
+            )
+        except onnxruntime.capi.onnxruntime_pybind11_state.InvalidProtobuf as error:
+            raise InputError(f"{path}: not an ONNX network") from error
+
+    def __call__(self, images: Image) -> Outputs:
+        """Of images (n, height, width, 3): lane (n, 4), σ of κ_cmd [1/m] (n,), probability of a road (n,).
+
+        The lane is offset [m], heading [rad], curvature at the rear axle and curvature at ``lane_lookahead_m``.
+        """
+        lane, command_sigma, visible = self._session.run(None, {"image": images})
+        return lane, command_sigma, visible
+
+
+def load_record(weights: Path) -> Record:
+    """The record beside ``weights``. Raises InputError when it is missing or belongs to other weights."""
+    path = weights.with_suffix(".json")
+    record = load(path, Record)  # JSON is YAML
+    if weights.is_file() and hashlib.sha256(weights.read_bytes()).hexdigest() != record.sha256:
+        raise InputError(f"{path}: describes other weights than {weights.name} (sha256 differs)")
+    return record
+
+
+class SteerNet:
+    """Estimator ``cnn``. It finds no lines, so it reports no boundaries, no lane width and 0 lanes detected."""
+
+    def __init__(self, settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> None:
+        """Raises InputError when the weights are missing or do not agree with their record."""
+        weights = ROOT / settings.weights
+        self._settings = settings
+        self._vehicle = vehicle
+        self._network = Network(weights)
+        self._record = load_record(weights)
+        self._view = CanonicalView(camera, self._record.camera)
+        self._shape = (camera.height_px, camera.width_px, 3)
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The lane in ``frame``, or why there is none. Each frame stands alone: nothing is remembered."""
+        image = frame.image
+        if image.dtype != np.uint8 or image.shape != self._shape:
+            return self._nothing(frame, f"image is {image.dtype} {image.shape}, not uint8 {self._shape}")
+        lanes, sigmas, visibles = self._network(self._view.image(image)[None])
+        sigma, visible = float(sigmas[0]), float(visibles[0])
+        if not (np.isfinite(lanes).all() and math.isfinite(sigma) and math.isfinite(visible)):
+            return self._nothing(frame, "the network's output is not finite")
+        if visible < self._settings.min_visible:
+            return self._nothing(frame, "the network sees no road")
+        confidence = visible * self._probability(sigma)
+        if confidence < self._settings.min_confidence:
+            return self._nothing(frame, "the network sees a road but does not trust its lane")
+        lane = Lane.from_row(lanes[0], self._record.lane_lookahead_m)
+        return self._seen(frame, self._view.lane(lane), confidence)
+
+    def _probability(self, command_sigma_1pm: float) -> float:
+        """Probability that δ = atan(L·κ_cmd) is good enough; σ_δ ≈ L·σ_κ, at its largest straight ahead."""
+        sigma_rad = self._vehicle.wheelbase_m * command_sigma_1pm / self._view.scale
+        return self._record.calibration.probability(sigma_rad)
+
+    def _seen(self, frame: Frame, lane: Lane, confidence: float) -> SteeringEstimate:
+        ahead_m = self._settings.lookahead_m
+        return replace(
+            self._nothing(frame, ""),
+            lateral_offset_m=lane.offset_m,
+            heading_error_rad=lane.heading_rad,
+            curvature_1pm=lane.curvature_1pm + lane.curvature_rate_1pm2 * ahead_m,
+            curvature_rate_1pm2=lane.curvature_rate_1pm2,
+            road_wheel_angle_rad=self._road_wheel_angle(lane),
+            confidence=confidence,
+        )
+
+    def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:
+        return SteeringEstimate.nothing(
+            frame.t_s, estimator=NAME, lookahead_m=self._settings.lookahead_m, reason=reason
+        )
+
+    def _road_wheel_angle(self, lane: Lane) -> float:
+        command_1pm = pursuit_curvature(
+            self._settings.lookahead_m,
+            offset_m=lane.offset_m,
+            heading_rad=lane.heading_rad,
+            curvature_1pm=lane.curvature_1pm,
+            curvature_rate_1pm2=lane.curvature_rate_1pm2,
+        )
+        return road_wheel_angle(command_1pm, wheelbase_m=self._vehicle.wheelbase_m)

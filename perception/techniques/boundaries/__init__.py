@@ -1,0 +1,1 @@
+"""Stages that turn features into lane boundaries: lines, curves, consensus, Bezier, outliers."""

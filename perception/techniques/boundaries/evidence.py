@@ -1,0 +1,168 @@
+"""From features to points on the road, and to those that may be the left and the right boundary."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.techniques.image.picture import Boundaries, Boundary, Features, View
+from trepid.types import Array, Mask
+
+REACH_M = 35.0  # ahead of the rear axle: beyond it, a pixel of a 320 × 240 picture is longer than a dash
+ASIDE_M = 7.0  # to either side: own lane and the next
+SLICE_M, MOST = 0.5, 60  # road points are thinned out to so many in each slice of the road
+BIN_M = 0.15  # of the histogram across the road: as wide as a line
+BINS = round(2 * ASIDE_M / BIN_M) + 1
+APART_M, ALIKE = 0.9, 1.5
+SIDE_AT_M = 6.0  # where a line is left or right of the car: the nearest road that most cameras show
+LEAST = 8  # points of a boundary
+COURSE_M, COURSE_MOST, COURSE_BIN_M = 22.0, 300, 0.3  # what the search for the course of the road looks at
+HEADINGS = np.linspace(-0.2, 0.2, 17)
+BENDS = np.array([0.0, 0.003, 0.006, 0.01, 0.015, 0.021, 0.03, 0.045])
+BENDS = np.concatenate([-BENDS[:0:-1], BENDS])
+# Of two roads that explain as much, the plainer one.
+PLAIN = (1 - 0.3 * np.abs(HEADINGS)[:, None] - 2.0 * np.abs(BENDS)).ravel()
+CELL_M = 1.0  # support is counted in pieces of this length
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points on the road, each array of shape (n,)."""
+
+    x_m: Array
+    y_m: Array
+
+    def where(self, kept: Mask) -> "Points":
+        """Those that ``kept`` is true for."""
+        return Points(self.x_m[kept], self.y_m[kept])
+
+    def __len__(self) -> int:
+        return len(self.x_m)
+
+
+def road_points(features: Features, view: View) -> Points:
+    """Where the response is above a third of its greatest, on the road, near to far.
+
+    Rows near the car show far less road a pixel than rows far ahead, so their points would outvote the others: of
+    each ``SLICE_M`` of road at most ``MOST`` points are kept, evenly. Regions must be outlined before.
+    """
+    top = float(features.response.max(initial=0))
+    rows, columns = np.nonzero(features.response > top / 3 if top > 0 else np.zeros((1, 1), bool))
+    road = view.ground(np.column_stack([columns, rows]).astype(float)) if len(rows) else np.empty((0, 2))
+    inside = (road[:, 0] > 0) & (road[:, 0] < REACH_M) & (np.abs(road[:, 1]) < ASIDE_M)  # NaN is outside
+    road = road[inside]
+    road = road[np.argsort(road[:, 0], kind="stable")]
+    cell = np.floor(road[:, 0] / SLICE_M).astype(int)
+    count = np.bincount(cell, minlength=1)
+    rank = np.arange(len(cell)) - (np.cumsum(count) - count)[cell]
+    share = np.minimum(1.0, MOST / np.maximum(count[cell], 1))
+    kept = np.floor((rank + 1) * share) > np.floor(rank * share)
+    return Points(road[kept, 0], road[kept, 1])
+
+
+def by_side(
+    points: Points,
+    predicted: Boundaries | None,
+    *,
+    gate_m: float = 0.8,
+    spread: float = 0.05,
+) -> tuple[Points | None, Points | None]:
+    """The points that may belong to the left and to the right boundary; None: nothing there to begin with.
+
+    Within ``gate_m`` + ``spread``·x of the predicted boundary. Where there is none, of the course of the road by
+    :func:`course`, set to the nearest peak of the histogram across it on that side.
+    """
+    before = (predicted.left, predicted.right) if predicted is not None else (None, None)
+    heading, bend = (0.0, 0.0) if None not in before else course(points)
+    straight = Points(points.x_m, points.y_m - heading * points.x_m - bend * points.x_m**2 / 2)
+    ahead = heading * SIDE_AT_M + bend * SIDE_AT_M**2 / 2
+    peaks = histogram_peaks(straight)
+    places = (
+        min((peak for peak in peaks if peak + ahead > 0), default=None),
+        max((peak for peak in peaks if peak + ahead <= 0), default=None),
+    )
+    gate = gate_m + spread * points.x_m
+    left, right = (
+        _about(points, straight, side, place, gate) for side, place in zip(before, places, strict=True)
+    )
+    return left, right
+
+
+def course(points: Points) -> tuple[float, float]:
+    """Heading ψ [rad] and bend κ [1/m] of the road for which y − ψx − κx²/2 gathers in the sharpest peaks.
+
+    The histogram across the road (B29) sees only straight roads straight ahead: this is the same one for every
+    road of a grid, and Σ count² tells how sharp it is. Boundaries are parallel, so both vote for one road.
+    """
+    near = points.where(points.x_m < COURSE_M)
+    if len(near) < 8:
+        return 0.0, 0.0
+    x_m, y_m = near.x_m[:: -(-len(near) // COURSE_MOST)], near.y_m[:: -(-len(near) // COURSE_MOST)]
+    straight = y_m - HEADINGS[:, None, None] * x_m - BENDS[:, None] * x_m**2 / 2
+    half_m = ASIDE_M + HEADINGS[-1] * COURSE_M + BENDS[-1] * COURSE_M**2 / 2
+    bins = int(2 * half_m / COURSE_BIN_M) + 1
+    place = ((straight + half_m) / COURSE_BIN_M).astype(np.int32).reshape(-1, len(x_m))
+    roads = len(place)
+    count = np.bincount((place + bins * np.arange(roads)[:, None]).ravel(), minlength=roads * bins)
+    smooth = count.reshape(roads, bins).astype(float)
+    smooth[:, 1:] += 0.5 * count.reshape(roads, bins)[:, :-1]
+    smooth[:, :-1] += 0.5 * count.reshape(roads, bins)[:, 1:]
+    sharpness = (smooth**2).sum(axis=1) * PLAIN
+    heading, bend = np.unravel_index(int(np.argmax(sharpness)), (len(HEADINGS), len(BENDS)))
+    return float(HEADINGS[heading]), float(BENDS[bend])
+
+
+def histogram_peaks(points: Points, *, least: float = 0.25) -> list[float]:
+    """Places y [m] of the peaks of the histogram across the road, those above ``least`` of the highest (B29).
+
+    Each metre ahead counts once a bin, so that one long arrow is no more than one dash of its length. Of peaks
+    closer than lines are painted, ``APART_M``, those much lower are clutter of the highest.
+    """
+    near = points.where(points.x_m < COURSE_M)
+    if not len(near):
+        return []
+    column = np.clip((near.y_m + ASIDE_M) / BIN_M, 0, BINS - 1).astype(int)
+    cells = np.unique(column * 1000 + np.floor(near.x_m / CELL_M).astype(int)) // 1000
+    count = np.bincount(cells, minlength=BINS).astype(float)
+    count[[0, -1]] = 0.0  # what lies outside
+    smooth = np.convolve(count, [0.5, 1.0, 0.5], mode="same")
+    before, after = np.r_[0.0, smooth[:-1]], np.r_[smooth[1:], 0.0]
+    top = (smooth > before) & (smooth >= after) & (smooth >= max(2.0, least * smooth.max()))
+    peaks = [((i + 0.5) * BIN_M - ASIDE_M, smooth[i]) for i in np.flatnonzero(top)]
+    return [
+        float(place)
+        for place, height in peaks
+        if not any(abs(other - place) < APART_M and more > ALIKE * height for other, more in peaks)
+    ]
+
+
+def _about(
+    points: Points, straight: Points, predicted: Boundary | None, place_m: float | None, gate_m: Array
+) -> Points | None:
+    if predicted is not None:
+        a, b = np.polynomial.polynomial.polyfit(predicted.x_m[-4:], predicted.y_m[-4:], 1)
+        centre = np.interp(points.x_m, predicted.x_m, predicted.y_m)
+        centre = np.where(points.x_m > predicted.x_m[-1], a + b * points.x_m, centre)
+        chosen = points.where(np.abs(points.y_m - centre) < gate_m)
+    elif place_m is not None:
+        chosen = points.where(np.abs(straight.y_m - place_m) < gate_m)
+    else:
+        return None
+    return chosen if len(chosen) >= LEAST else None
+
+
+def evenly(points: Points) -> Array:
+    """Weights with which every piece of road counts alike, n^−½ for the n points of its ``SLICE_M``."""
+    cell = np.floor(points.x_m / SLICE_M).astype(int)
+    return 1 / np.sqrt(np.bincount(cell)[cell])
+
+
+def support(x_m: Array, near_m: float, far_m: float) -> float:
+    """Share of the metres from ``near_m`` to ``far_m`` that hold a point."""
+    cells = max(1.0, (far_m - near_m) / CELL_M)
+    return min(1.0, len(np.unique(np.floor(x_m / CELL_M))) / cells)
+
+
+def both(left: Boundary | None, right: Boundary | None) -> Boundaries:
+    """The pair with the reason for what is missing."""
+    missing = [name for name, side in (("left", left), ("right", right)) if side is None]
+    return Boundaries(left, right, f"no {' and no '.join(missing)} line" if missing else "")

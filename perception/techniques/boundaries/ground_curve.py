@@ -1,0 +1,88 @@
+"""The state of a lane that may bend, from two parallel curves on the road (inventory S18 with curvature)."""
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from perception.techniques.image.picture import Boundaries, Boundary, Lane, View
+from trepid.types import Array
+
+LINE_M = 0.15  # scatter that halves the weight of a boundary: as wide as a line
+
+
+def ground_curve(
+    boundaries: Boundaries,
+    view: View,
+    *,
+    degree: Annotated[int, Field(ge=1, le=3)] = 2,
+    width_m: Annotated[float, Field(gt=0)] = 3.4,
+) -> Lane | None:
+    """The lane whose two sides, ±W/2 along the normal of one polynomial, fit both boundaries best.
+
+    Source: derived, as S18. :func:`parallel_sides` for the pipelines. Cannot see: lanes that widen.
+    """
+    return parallel_sides(boundaries, degree=degree, width_m=width_m)
+
+
+def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 3.4) -> Lane | None:
+    """The lane of one polynomial and one width that both boundaries fit; None without a boundary.
+
+    y(x) = c₀ + c₁x + c₂x² (+ c₃x³) ± W/2·√(1 + y'²): least squares, linear once the root is known, so three times.
+    At the rear axle ψ = −atan(c₁), e = −c₀·cosψ, κ = 2c₂·cos³ψ, κ' = 6c₃·cos⁴ψ. With one boundary W is ``width_m``
+    and not known.
+    """
+    sides = [(boundaries.left, 1.0), (boundaries.right, -1.0)]
+    seen = [(boundary, sign) for boundary, sign in sides if boundary is not None]
+    if not seen:
+        return None
+    x_m = np.concatenate([boundary.x_m for boundary, _ in seen])
+    y_m = np.concatenate([boundary.y_m for boundary, _ in seen])
+    side = np.concatenate([np.full(len(boundary.x_m), sign) for boundary, sign in seen])
+    weight = np.concatenate([_weights(boundary) for boundary, _ in seen])
+    degree = min(degree, min(len(boundary.x_m) for boundary, _ in seen) - 1)
+    powers = np.vander(x_m, degree + 1, increasing=True)
+    found_m, root = width_m, np.ones_like(x_m)
+    for _ in range(3):
+        aside = side * root / 2
+        if len(seen) == 2:
+            solution = _solved(np.column_stack([powers, aside]), y_m, weight)
+            c, found_m = solution[:-1], float(solution[-1])
+        else:
+            c = _solved(powers, y_m - aside * width_m, weight)
+        root = np.sqrt(1 + np.polynomial.polynomial.polyval(x_m, np.polynomial.polynomial.polyder(c)) ** 2)
+    c = np.pad(c, (0, 4 - len(c)))
+    psi = -math.atan(c[1])
+    cos = math.cos(psi)
+    width = found_m if len(seen) == 2 else None
+    return Lane(float(-c[0] * cos), psi, float(2 * c[2] * cos**3), float(6 * c[3] * cos**4), width)
+
+
+def _weights(boundary: Boundary) -> Array:
+    """Each boundary counts by its support and its scatter, whatever its number of points."""
+    trust = max(boundary.support, 0.05) / (1 + (boundary.residual_m / LINE_M) ** 2)
+    return np.full(len(boundary.x_m), trust / len(boundary.x_m))
+
+
+def _solved(matrix: Array, values: Array, weight: Array) -> Array:
+    root = np.sqrt(weight)
+    return np.asarray(np.linalg.lstsq(matrix * root[:, None], values * root, rcond=None)[0], float)
+
+
+def drawn(
+    lane: Lane, width_m: float, *, near_m: float, far_m: float, residual_m: float, support: float
+) -> Boundaries:
+    """Both boundaries of a lane as curves on the road: the inverse of :func:`ground_curve`."""
+    x_m = np.linspace(near_m, far_m, max(3, round((far_m - near_m) / 0.5)))
+    cos = math.cos(lane.heading_rad)
+    c = [
+        -lane.offset_m / cos,
+        -math.tan(lane.heading_rad),
+        lane.curvature_1pm / 2 / cos**3,
+        lane.curvature_rate_1pm2 / 6 / cos**4,
+    ]
+    centre = np.polynomial.polynomial.polyval(x_m, c)
+    root = np.sqrt(1 + np.polynomial.polynomial.polyval(x_m, np.polynomial.polynomial.polyder(c)) ** 2)
+    left, right = (Boundary(x_m, centre + sign * width_m / 2 * root, residual_m, support) for sign in (1, -1))
+    return Boundaries(left, right)

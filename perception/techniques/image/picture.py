@@ -1,0 +1,232 @@
+"""What the stages of a pipeline hand to each other: only data, and the geometry of one plane picture.
+
+Every picture (the camera image, a part of it, the road from above) is a plane image of a flat road, so one
+homography says all of its geometry. Boundaries live on the road, in the vehicle frame (x forward, y left): no stage
+needs to know in which picture another one has seen them.
+"""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trepid.camera import Camera
+from trepid.types import Array, Mask
+
+AT_HORIZON = 1e-9
+
+
+@dataclass(frozen=True)
+class View:
+    """A picture as the plane projection of the flat road."""
+
+    camera: (
+        Camera  # that took it: mounting above the road; its size and focal length may not be the picture's
+    )
+    width_px: int
+    height_px: int
+    pixel_from_ground: Array  # homography from road points (x, y, 1) [m], shape (3, 3)
+    from_above: bool = False  # a bird's-eye view: rows go forward, columns to the left
+    seen: Mask | None = None  # which pixels the camera shows; None: all
+
+    @cached_property
+    def ground_from_pixel(self) -> Array:
+        """The inverse homography, shape (3, 3)."""
+        return np.asarray(np.linalg.inv(self.pixel_from_ground), np.float64)
+
+    @cached_property
+    def horizon_px(self) -> float:
+        """Row of the horizon of the flat road straight ahead of the picture's middle; −inf from above."""
+        a, b, c = self.ground_from_pixel[2]
+        return -np.inf if self.from_above else float(-(a * (self.width_px - 1) / 2 + c) / b)
+
+    def ground(self, pixel: ArrayLike) -> Array:
+        """Road points (x, y) [m], shape (n, 2), of pixels, shape (n, 2); NaN at and above the horizon."""
+        points = np.atleast_2d(np.asarray(pixel, float))
+        x, y, depth = self.ground_from_pixel @ np.column_stack([points, np.ones(len(points))]).T
+        sign = self.ground_from_pixel[2] @ [(self.width_px - 1) / 2, 1e6, 1.0]  # far below: surely road
+        depth = np.where(depth * np.sign(sign) > AT_HORIZON, depth, np.nan)
+        return np.column_stack([x / depth, y / depth])
+
+    def pixels(self, ground_m: ArrayLike) -> Array:
+        """Pixels, shape (n, 2), of road points (x, y) [m], shape (n, 2); NaN for points behind the camera."""
+        points = np.atleast_2d(np.asarray(ground_m, float))
+        u, v, depth = self.pixel_from_ground @ np.column_stack([points, np.ones(len(points))]).T
+        depth = np.where(depth > 1e-6, depth, np.nan)
+        return np.column_stack([u / depth, v / depth])
+
+    @cached_property
+    def pixel_m(self) -> Array:
+        """Metres across the road that one pixel covers, for every row, in its middle; NaN above the horizon."""
+        rows, middle = np.arange(self.height_px, dtype=float), (self.width_px - 1) / 2
+        left = self.ground(np.column_stack([np.full_like(rows, middle - 0.5), rows]))
+        right = self.ground(np.column_stack([np.full_like(rows, middle + 0.5), rows]))
+        return np.hypot(*(left - right).T)
+
+    @cached_property
+    def ahead_m(self) -> Array:
+        """Distance x ahead of the rear axle of every row, in its middle; NaN above the horizon."""
+        rows = np.arange(self.height_px, dtype=float)
+        return self.ground(np.column_stack([np.full_like(rows, (self.width_px - 1) / 2), rows]))[:, 0]
+
+    def cropped(self, box: "Box") -> "View":
+        """The view of the part of the picture inside ``box``."""
+        shift = np.array([[1.0, 0, -box.left_px], [0, 1, -box.top_px], [0, 0, 1]])
+        return replace(
+            self,
+            width_px=box.right_px - box.left_px,
+            height_px=box.bottom_px - box.top_px,
+            pixel_from_ground=shift @ self.pixel_from_ground,
+            seen=None if self.seen is None else self.seen[box.rows, box.columns],
+        )
+
+    def resized(self, width_px: int, height_px: int) -> "View":
+        """The view of the area-averaged picture: pixel u of it is centred on s·(u + ½) − ½."""
+        sx, sy = width_px / self.width_px, height_px / self.height_px
+        scale = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
+        seen = self.seen
+        if seen is not None:
+            seen = (
+                cv2.resize(seen.astype(np.uint8), (width_px, height_px), interpolation=cv2.INTER_NEAREST) > 0
+            )
+        return replace(
+            self,
+            width_px=width_px,
+            height_px=height_px,
+            pixel_from_ground=scale @ self.pixel_from_ground,
+            seen=seen,
+        )
+
+
+def camera_view(camera: Camera) -> View:
+    """The view of a whole, undistorted camera image."""
+    return View(camera, camera.width_px, camera.height_px, camera.pixel_from_road_matrix)
+
+
+@dataclass(frozen=True)
+class Box:
+    """Rows ``top_px`` to ``bottom_px`` and columns ``left_px`` to ``right_px``, the last ones not included."""
+
+    top_px: int
+    bottom_px: int
+    left_px: int
+    right_px: int
+
+    @property
+    def rows(self) -> slice:
+        """Its rows."""
+        return slice(self.top_px, self.bottom_px)
+
+    @property
+    def columns(self) -> slice:
+        """Its columns."""
+        return slice(self.left_px, self.right_px)
+
+
+@dataclass(frozen=True)
+class Region:
+    """The part of a picture that is looked at: a box, and which of its pixels count (None: all)."""
+
+    box: Box
+    mask: Mask | None = None
+
+
+class Kind(StrEnum):
+    """What a response is high on."""
+
+    LINE = "line"  # edges or stripes along the boundaries
+    REGION = "region"  # the surface of the road between them
+    TEXTURE = "texture"  # whatever has a direction
+
+
+@dataclass(frozen=True)
+class Features:
+    """How much each pixel of a picture looks like a boundary or like road."""
+
+    response: NDArray[np.uint8] | NDArray[np.float32]  # (height, width); 0 = not at all
+    kind: Kind
+    direction_rad: NDArray[np.float32] | None = (
+        None  # of the texture in the picture, from its columns to its rows
+    )
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """One side of the lane on the road: points in the vehicle frame from near to far, and what it rests on."""
+
+    x_m: Array
+    y_m: Array
+    residual_m: float  # root mean square distance of its evidence across it
+    support: float  # 0..1, share of its length where there is evidence
+
+    def at(self, x_m: ArrayLike) -> Array:
+        """y [m] at ``x_m``; NaN outside of what it covers."""
+        return np.interp(np.asarray(x_m, float), self.x_m, self.y_m, left=np.nan, right=np.nan)
+
+    def polynomial(self, degree: int) -> Array:
+        """Least-squares coefficients c with y = c₀ + c₁x + …, shape (degree + 1,)."""
+        degree = min(degree, len(self.x_m) - 1)
+        return np.asarray(np.polynomial.polynomial.polyfit(self.x_m, self.y_m, degree), np.float64)
+
+
+@dataclass(frozen=True)
+class Boundaries:
+    """The two sides of the lane; None: not seen."""
+
+    left: Boundary | None
+    right: Boundary | None
+    reason: str = ""  # why one or both are missing
+
+    @property
+    def seen(self) -> int:
+        """How many there are: 0, 1 or 2."""
+        return (self.left is not None) + (self.right is not None)
+
+
+@dataclass(frozen=True)
+class Lane:
+    """The lane at the rear axle: the centre is y(x) = −e − ψx + κx²/2 + κ'x³/6; signs as in trepid.messages."""
+
+    offset_m: float
+    heading_rad: float
+    curvature_1pm: float
+    curvature_rate_1pm2: float
+    width_m: float | None  # None: only one side was seen
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the vehicle has moved since the last frame; None: it does not say."""
+
+    dt_s: float
+    speed_mps: float | None
+    yaw_rate_radps: float | None
+
+    @property
+    def moved_m(self) -> float:
+        """Distance travelled; 0 when the speed is not known."""
+        return (self.speed_mps or 0.0) * self.dt_s
+
+    @property
+    def turned_rad(self) -> float:
+        """Angle turned to the left; 0 when the yaw rate is not known."""
+        return (self.yaw_rate_radps or 0.0) * self.dt_s
+
+
+def moved(boundaries: Boundaries, motion: Motion) -> Boundaries:
+    """The same boundaries on the road, seen from where ``motion`` has brought the vehicle."""
+    return replace(boundaries, left=_moved(boundaries.left, motion), right=_moved(boundaries.right, motion))
+
+
+def _moved(boundary: Boundary | None, motion: Motion) -> Boundary | None:
+    """Points p become R(−φ)·(p − t), with the chord t of an arc of length s that turns by φ."""
+    if boundary is None:
+        return None
+    half = motion.turned_rad / 2
+    x = boundary.x_m - motion.moved_m * np.cos(half)
+    y = boundary.y_m - motion.moved_m * np.sin(half)
+    cos, sin = np.cos(2 * half), np.sin(2 * half)
+    return replace(boundary, x_m=cos * x + sin * y, y_m=cos * y - sin * x)

@@ -1,0 +1,114 @@
+"""Which part of the picture is looked at (inventory A01–A03)."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from perception.techniques.image.picture import Boundaries, Boundary, Box, Region, View
+from trepid.types import Mask, Positive
+
+MIN_PX = 16  # a smaller part holds nothing to be seen
+
+
+def roi_fixed(
+    view: View, predicted: Boundaries | None, speed_mps: float | None, *, reach_m: Positive = 40.0
+) -> Region:
+    """The lower part of the picture, down from the row that shows the road ``reach_m`` ahead (A01).
+
+    y ≥ y(reach). The printed rule wants the intersection of the boundaries inside too; it follows from the lines
+    and lies on the horizon, a few rows above. Source: R II.A, [7]. Cannot see: hills, where the road goes on
+    above the row.
+    """
+    return Region(_rows(view, reach_m))
+
+
+def roi_tracked(
+    view: View,
+    predicted: Boundaries | None,
+    speed_mps: float | None,
+    *,
+    reach_m: Positive = 40.0,
+    half_width_m: Positive = 0.5,
+    growth: Annotated[float, Field(ge=0)] = 0.02,
+) -> Region:
+    """Bands around the two boundaries of the last frame, or everything below ``reach_m`` without them (A02).
+
+    |y − y_b(x)| < ``half_width_m`` + ``growth``·x on the road, the growth for what a heading error of about a
+    degree makes of it. Source: R II.A. Cannot see: a boundary that jumps, such as a new lane, until it is lost.
+    """
+    box = _rows(view, reach_m)
+    if predicted is None or predicted.seen < 2:  # the missing side may be anywhere
+        return Region(box)
+    sides = [side for side in (predicted.left, predicted.right) if side is not None]
+    return _around(sides, view, box, half_width_m, growth)
+
+
+def roi_speed(
+    view: View,
+    predicted: Boundaries | None,
+    speed_mps: float | None,
+    *,
+    seconds: Positive = 2.5,
+    min_reach_m: Positive = 15.0,
+    max_reach_m: Positive = 60.0,
+    half_width_m: Positive = 0.5,
+    growth: Annotated[float, Field(ge=0)] = 0.02,
+) -> Region:
+    """As far as is driven in ``seconds``, in bands around the line equations when there are some (A03, DROI).
+
+    reach = v·t, within limits; the farthest one when the speed is not known. Source: R Tab. 2 [76]. Cannot see:
+    what comes later than that, so a bend is met late at low speed.
+    """
+    known_m = max_reach_m if speed_mps is None else speed_mps * seconds
+    reach_m = min(max(known_m, min_reach_m), max_reach_m)
+    return roi_tracked(view, predicted, None, reach_m=reach_m, half_width_m=half_width_m, growth=growth)
+
+
+def near(view: View, sides: list[Boundary], *, half_width_m: float, growth: float) -> Mask:
+    """Pixels within ``half_width_m`` + ``growth``·x of one of ``sides``, which go on straight beyond their ends."""
+    rows = np.arange(view.height_px, dtype=float)
+    columns = np.arange(view.width_px, dtype=float)
+    mask = np.zeros((view.height_px, view.width_px), bool)
+    reach_px = (half_width_m + growth * np.maximum(view.ahead_m, 0)) / view.pixel_m
+    for side in sides:
+        pixels = view.pixels(_extended(side))
+        seen = np.isfinite(pixels).all(axis=1)
+        if not seen.any():
+            continue
+        order = np.argsort(pixels[seen, 1])
+        middle = np.interp(rows, pixels[seen][order, 1], pixels[seen][order, 0])
+        with np.errstate(invalid="ignore"):  # rows above the horizon are NaN: not near
+            mask |= np.abs(columns - middle[:, None]) < reach_px[:, None]
+    return mask
+
+
+def _extended(side: Boundary, *, near_m: float = 0.5, far_m: float = 100.0) -> np.ndarray:
+    """Points (x, y) of the boundary, with its tangents at both ends drawn on."""
+    x, y = side.x_m, side.y_m
+    step = max(1, len(x) // 4)
+    first = (y[step] - y[0]) / max(x[step] - x[0], 1e-6)
+    last = (y[-1] - y[-1 - step]) / max(x[-1] - x[-1 - step], 1e-6)
+    before = np.linspace(min(near_m, x[0] - 0.1), x[0] - 0.05, 10)
+    beyond = np.linspace(x[-1] + 0.1, max(far_m, x[-1] + 1.0), 10)
+    return np.column_stack(
+        [
+            np.concatenate([before, x, beyond]),
+            np.concatenate([y[0] + first * (before - x[0]), y, y[-1] + last * (beyond - x[-1])]),
+        ]
+    )
+
+
+def _around(sides: list[Boundary], view: View, box: Box, half_width_m: float, growth: float) -> Region:
+    mask = near(view, sides, half_width_m=half_width_m, growth=growth)
+    mask[: box.top_px] = False
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if len(rows) < MIN_PX or len(columns) < MIN_PX:
+        return Region(box)  # the prediction has left the picture
+    return Region(Box(int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1), mask)
+
+
+def _rows(view: View, reach_m: float) -> Box:
+    rows = np.flatnonzero(view.ahead_m <= reach_m)
+    top = int(rows[0]) if len(rows) else view.height_px
+    return Box(max(min(top, view.height_px - MIN_PX), 0), view.height_px, 0, view.width_px)

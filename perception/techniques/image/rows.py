@@ -1,0 +1,71 @@
+"""Filters along image rows, as wide as a length on the road is there: no warp of the picture is needed."""
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.techniques.image.picture import View
+from trepid.types import Floats, Image, Mask
+
+MAX_HAT_PX = 41  # wider paint than that is nearer than any camera sees
+
+
+def width_px(view: View, width_m: float) -> NDArray[np.float64]:
+    """``width_m`` on the road in columns, for every row; 0 above the horizon."""
+    return np.nan_to_num(width_m / view.pixel_m, nan=0.0)
+
+
+def row_means(image: Image, edges_m: tuple[float, ...], view: View) -> list[Floats]:
+    """Means of the boxes between neighbours of ``edges_m``, which lie that far to the left of every pixel.
+
+    Exact between pixels; edges beside the picture are put on its border. 0 above the horizon.
+    """
+    road = np.flatnonzero(np.isfinite(view.pixel_m))
+    first = int(road[0]) if len(road) else image.shape[0]
+    running = np.zeros((image.shape[0] - first, image.shape[1] + 1), np.float32)
+    np.cumsum(image[first:], axis=1, dtype=np.float32, out=running[:, 1:])
+    columns = np.arange(image.shape[1], dtype=np.float32) + np.float32(0.5)
+    metre_px = width_px(view, 1.0).astype(np.float32)[first:, None]
+    sums = [_between(running, columns - metre_px * np.float32(edge)) for edge in edges_m]
+    means = []
+    for (left_m, before), (right_m, after) in pairwise(zip(edges_m, sums, strict=True)):
+        mean = np.zeros(image.shape, np.float32)
+        np.divide(after - before, np.maximum(metre_px * np.float32(left_m - right_m), 1e-3), out=mean[first:])
+        means.append(mean)
+    return means
+
+
+def _between(running: Floats, place: Floats) -> Floats:
+    """The running sums at places between columns, by linear interpolation."""
+    last = running.shape[1] - 1
+    place = np.clip(place, 0, last)
+    index = np.minimum(place.astype(np.int32), last - 1)
+    place -= index
+    index += running.shape[1] * np.arange(len(running), dtype=np.int32)[:, None]
+    low, high = running.take(index), running.take(index + 1)
+    return np.asarray(low + place * (high - low), np.float32)
+
+
+def row_top_hat(image: Image, view: View, width_m: float) -> Image:
+    """Image minus its opening along the row by ``width_m``: bright stripes narrower than that remain.
+
+    Rows are filtered in groups of the same odd kernel, so that the width follows the distance.
+    """
+    sizes = 2 * np.ceil(width_px(view, width_m) / 2).astype(int) + 1
+    sizes = np.minimum(sizes, min(MAX_HAT_PX, image.shape[1] // 2 * 2 - 1))
+    hat = np.zeros_like(image)
+    for size in np.unique(sizes[sizes > 1]):
+        rows = np.flatnonzero(sizes == size)
+        part = slice(int(rows[0]), int(rows[-1]) + 1)  # nearer rows are wider: a group is a run
+        kernel = np.ones((1, int(size) + 2), np.uint8)
+        hat[part] = cv2.morphologyEx(image[part], cv2.MORPH_TOPHAT, kernel)
+    return hat
+
+
+def row_peaks(response: Floats) -> Mask:
+    """Where a response is greatest among its neighbours in the row."""
+    left = np.pad(response[:, :-1], ((0, 0), (1, 0)), constant_values=np.inf)
+    right = np.pad(response[:, 1:], ((0, 0), (0, 1)), constant_values=np.inf)
+    return np.asarray((response >= right) & (response > left))

@@ -1,0 +1,95 @@
+"""How much each pixel looks like the road ahead of the vehicle (inventory B13, B15, B16)."""
+
+from typing import Annotated
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from perception.lane.surface import SurfaceSettings, road_likelihood, surface_bins
+from perception.techniques.image.colour import grey
+from perception.techniques.image.picture import Features, Kind, View
+from trepid.types import Floats, Image, Mask, Positive
+
+PATCH_M = 6.0  # length of the patch, from the nearest road that is seen
+PATCH_HALF_M = 0.8  # a vehicle on the road has road before its wheels
+REST_HALF_M = 3.0  # beyond this much may be something else
+LEAST_GREY = 3.0  # sensor noise: no road is more even
+REST_PX = 100
+
+
+def patch(view: View, *, half_width_m: float = PATCH_HALF_M, length_m: float = PATCH_M) -> Mask:
+    """The road surely there: ``length_m`` from the nearest row, ``half_width_m`` to both sides of the vehicle."""
+    ahead = view.ahead_m[view.ahead_m > 0]
+    mask = np.zeros((view.height_px, view.width_px), np.uint8)
+    if not len(ahead):
+        return mask > 0
+    near, far = float(ahead.min()), float(ahead.min()) + length_m
+    corners = [(near, half_width_m), (far, half_width_m), (far, -half_width_m), (near, -half_width_m)]
+    cv2.fillConvexPoly(mask, np.round(view.pixels(corners)).astype(np.int32), 1)
+    return mask > 0
+
+
+def brightness(image: Image, view: View, *, spread: Positive = 3.0) -> Features:
+    """Road where the grey level is within ``spread`` deviations of that of the patch ahead (B13, B15).
+
+    |I − median| < k·max(1.48·MAD, 3), both of the patch, so the threshold follows the illumination; response 1 or
+    0. Source: R 1.2, [74]. Cannot see: an edge of the same brightness; shadow on the road is no road.
+    """
+    plain = cv2.GaussianBlur(grey(image, view), (0, 0), 1.5)
+    inside = patch(view)
+    if not inside.any():
+        return Features(np.zeros(plain.shape, np.float32), Kind.REGION)
+    middle = float(np.median(plain[inside]))
+    deviation = max(1.48 * float(np.median(np.abs(plain[inside] - middle))), LEAST_GREY)
+    alike = np.abs(plain - np.float32(middle)) < spread * deviation
+    return _region(np.asarray(alike, np.float32), view)
+
+
+def patch_colour(
+    image: Image,
+    view: View,
+    *,
+    chroma_limit: Positive = 2.5,
+    light_limit: Positive = 1.5,
+    light_weight: Annotated[float, Field(ge=0, le=1)] = 0.6,
+    smoothing: Positive = 20.0,
+) -> Features:
+    """Probability of road by the colour of the patch ahead against that of the sides of the picture (B16).
+
+    1/(1 + exp(−Λ)) of the log-likelihood ratio Λ of smoothed CIELAB histograms (:mod:`perception.lane.surface`).
+    Source: R 1.3, "colour in every method". Cannot see: a verge of the colour of the road.
+    """
+    inside = patch(view)
+    outside = np.isfinite(view.pixel_m)[:, None] & ~patch(view, half_width_m=REST_HALF_M, length_m=60.0)
+    if image.ndim == 2 or not inside.any() or np.count_nonzero(outside) < REST_PX:
+        return Features(np.zeros(image.shape[:2], np.float32), Kind.REGION)
+    settings = SurfaceSettings(
+        chroma_limit=chroma_limit, light_limit=light_limit, light_weight=light_weight, smoothing=smoothing
+    )
+    smooth = np.asarray(cv2.GaussianBlur(image, (0, 0), 1.2), np.uint8)
+    ratio = road_likelihood(surface_bins(smooth), inside, outside, settings)
+    return _region(np.asarray(1 / (1 + np.exp(-ratio)), np.float32), view)
+
+
+def texture(image: Image, view: View, *, window_px: Annotated[int, Field(ge=3, le=31)] = 9) -> Features:
+    """Road where the local contrast is that of the patch ahead: 1 on it, less with every deviation more (B13).
+
+    Local contrast t = ln(1 + √(mean of the squared Laplacian in a square)); response exp(−½·((t − t₀)/σ)²) for
+    rougher places, 1 for smoother ones. Source: R 1.2. Cannot see: verges as smooth as the road, such as snow; and
+    paint is rough to it.
+    """
+    curvature = cv2.Laplacian(grey(image, view), cv2.CV_32F)
+    rough = np.log1p(np.sqrt(cv2.boxFilter(curvature * curvature, -1, (window_px, window_px))))
+    inside = patch(view)
+    if not inside.any():
+        return Features(np.zeros(rough.shape, np.float32), Kind.REGION)
+    middle = float(np.median(rough[inside]))
+    deviation = max(1.48 * float(np.median(np.abs(rough[inside] - middle))), 0.15)
+    beyond = np.maximum(rough - middle, 0) / (2 * deviation)
+    return _region(np.asarray(np.exp(-0.5 * beyond**2), np.float32), view)
+
+
+def _region(response: Floats, view: View) -> Features:
+    response[~np.isfinite(view.pixel_m)] = 0  # sky
+    return Features(response, Kind.REGION)

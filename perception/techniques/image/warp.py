@@ -1,0 +1,162 @@
+"""Other pictures of the same road: smaller, or from above (inventory A05, A23, A24)."""
+
+import math
+from dataclasses import replace
+from typing import Annotated
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from perception.techniques.image.colour import grey
+from perception.techniques.image.picture import View
+from trepid.types import Array, Image, Positive
+
+EDGE_PX = 3  # as far as filters of the picture feel its border
+MIN_SEGMENT_PX = 12.0  # shorter ones have no direction
+SLANTED = 0.15  # sine of the least slope to the rows: the others are horizontal things
+MIN_SEGMENTS = 4
+FIT_ROUNDS = 8
+
+
+def area_resize(
+    image: Image, view: View, *, scale: Annotated[float, Field(gt=0, le=1)] = 0.5
+) -> tuple[Image, View]:
+    """The picture made smaller by averaging areas, so that its mean grey stays (A05, A21).
+
+    Source: R [13]; D 4.1. Cannot keep: lines that become thinner than a pixel lose contrast (A09).
+    """
+    size = (max(16, round(view.width_px * scale)), max(16, round(view.height_px * scale)))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), view.resized(*size)
+
+
+def bird_eye(
+    image: Image,
+    view: View,
+    *,
+    reach_m: Positive = 30.0,
+    half_width_m: Positive = 8.0,
+    pixel_m: Positive = 0.08,
+) -> tuple[Image, View]:
+    """The road from above, by inverse perspective mapping with the known camera (A23).
+
+    x' ~ H·x with H from K, pitch and height: parallel lines are parallel and equally wide everywhere. What the
+    camera does not see is filled from its border and gives no features. Source: R II.A.2 [31]–[41].
+    Cannot see: hills and pitching, which bend the lines apart or together; vehicles become long smears.
+    """
+    above = view_from_above(view, reach_m=reach_m, half_width_m=half_width_m, pixel_m=pixel_m)
+    source_from_above = view.pixel_from_ground @ above.ground_from_pixel
+    size = (above.width_px, above.height_px)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    warped = cv2.warpPerspective(image, source_from_above, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    whole = np.zeros((view.height_px, view.width_px), np.uint8)
+    whole[EDGE_PX:-EDGE_PX, EDGE_PX:-EDGE_PX] = 1
+    seen = cv2.warpPerspective(whole, source_from_above, size, flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP)
+    return np.asarray(warped, np.uint8), replace(above, seen=seen > 0)
+
+
+def view_from_above(view: View, *, reach_m: float, half_width_m: float, pixel_m: float) -> View:
+    """From the nearest road that ``view`` shows, in its middle, to ``reach_m``; the top row is the farthest."""
+    nearest_m = float(np.nanmin(np.where(view.ahead_m > 0, view.ahead_m, np.nan)))
+    reach_m = max(reach_m, nearest_m + 16 * pixel_m)
+    corner_x, corner_y = (
+        reach_m - pixel_m / 2,
+        half_width_m - pixel_m / 2,
+    )  # road below the middle of pixel (0, 0)
+    matrix = np.array(
+        [[0, -1 / pixel_m, corner_y / pixel_m], [-1 / pixel_m, 0, corner_x / pixel_m], [0, 0, 1.0]]
+    )
+    return View(
+        view.camera,
+        round(2 * half_width_m / pixel_m),
+        round((reach_m - nearest_m) / pixel_m),
+        matrix,
+        from_above=True,
+    )
+
+
+class BirdEyeSelf:
+    """The road from above with the pitch that the picture itself tells (A24)."""
+
+    def __init__(
+        self,
+        *,
+        reach_m: Positive = 30.0,
+        half_width_m: Positive = 8.0,
+        pixel_m: Positive = 0.08,
+        memory: Annotated[float, Field(ge=0, lt=1)] = 0.8,
+        most_rad: Annotated[float, Field(gt=0, lt=0.3)] = 0.06,
+    ) -> None:
+        """``memory``: share of the old pitch; ``most_rad``: how far it may be from that of the camera file."""
+        self._size = {"reach_m": reach_m, "half_width_m": half_width_m, "pixel_m": pixel_m}
+        self._memory, self._most_rad = memory, most_rad
+        self._change_rad: float | None = None
+
+    def step(self, image: Image, view: View) -> tuple[Image, View]:
+        """As :func:`bird_eye`, after :func:`pitched` by the smoothed change of pitch.
+
+        Source: R [39]. Cannot see: which lines belong to the road; on a picture with few of them the pitch stays.
+        """
+        seen = pitch_change_rad(image, view)
+        if seen is not None and abs(seen) <= self._most_rad:
+            old = seen if self._change_rad is None else self._change_rad
+            self._change_rad = self._memory * old + (1 - self._memory) * seen
+        return bird_eye(image, pitched(view, self._change_rad or 0.0), **self._size)
+
+
+def pitched(view: View, change_rad: float) -> View:
+    """The view with the camera turned down by ``change_rad`` more."""
+    camera = view.camera.model_copy(update=dict(pitch_down_rad=view.camera.pitch_down_rad + change_rad))
+    picture_from_image = view.pixel_from_ground @ np.linalg.inv(view.camera.pixel_from_road_matrix)
+    return replace(view, camera=camera, pixel_from_ground=picture_from_image @ camera.pixel_from_road_matrix)
+
+
+def pitch_change_rad(image: Image, view: View) -> float | None:
+    """How much farther down the camera looks than its file says [rad]; None when the picture does not tell.
+
+    The lines of the road meet at the horizon, v = cy − f·tan(pitch), so Δ = pitch(v seen) − pitch(v assumed).
+    """
+    ends = road_segments_px(grey(image, view), view)
+    point = meeting_point(ends, np.array([(view.width_px - 1) / 2, view.horizon_px]))
+    if point is None:
+        return None
+    image_from_picture = view.camera.pixel_from_road_matrix @ view.ground_from_pixel
+    _, v, w = image_from_picture @ [*point, 1.0]
+    camera = view.camera
+    return math.atan((camera.cy_px - v / w) / camera.fy_px) - camera.pitch_down_rad
+
+
+def road_segments_px(grey_image: Image, view: View) -> Array:
+    """Ends, shape (n, 2, 2), of the slanted line segments below the horizon.
+
+    Grompone von Gioi et al., LSD: a Line Segment Detector, IPOL 2012.
+    """
+    found = cv2.createLineSegmentDetector().detect(grey_image)[0]
+    if found is None:
+        return np.empty((0, 2, 2))
+    ends = np.asarray(found, float).reshape(-1, 2, 2)
+    along = ends[:, 1] - ends[:, 0]
+    length = np.hypot(along[:, 0], along[:, 1])
+    slanted = (np.abs(along[:, 1]) > SLANTED * length) & (length > MIN_SEGMENT_PX)
+    return ends[slanted & (ends[:, :, 1].max(axis=1) > view.horizon_px + MIN_SEGMENT_PX)]
+
+
+def meeting_point(ends: Array, start: Array, *, scale_px: float = 3.0) -> Array | None:
+    """The point (x, y) that most of the lines through ``ends`` pass, near ``start``; None with too few of them.
+
+    Least squares of the distances n·(p − a), each weighted by the length of its segment and by Cauchy's
+    1/(1 + (r/s)²), with s falling from 8 to 1 times ``scale_px``.
+    """
+    along = ends[:, 1] - ends[:, 0]
+    length = np.hypot(along[:, 0], along[:, 1])
+    normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(length, 1e-9)[:, None]
+    offset = np.einsum("ij,ij->i", normal, ends[:, 0])
+    point = np.asarray(start, float)
+    for scale in scale_px * np.geomspace(8, 1, FIT_ROUNDS):
+        weight = length / (1 + ((normal @ point - offset) / scale) ** 2)
+        matrix = (normal * weight[:, None]).T @ normal
+        if np.linalg.cond(matrix) > 1e3:
+            return None  # all in one direction: they meet nowhere
+        point = np.linalg.solve(matrix, (normal * weight[:, None]).T @ offset)
+    agreed = np.abs(normal @ point - offset) < scale_px
+    return point if np.count_nonzero(agreed) >= MIN_SEGMENTS else None

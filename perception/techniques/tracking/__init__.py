@@ -1,0 +1,1 @@
+"""Stages that track boundaries from frame to frame: Kalman filters, particles, a grid."""

@@ -1,0 +1,134 @@
+"""What all trackers believe of a lane: how it moves past the vehicle, and how its boundaries look (T01–T06, B26).
+
+State x = (e, ψ, κ, W): offset, heading, curvature at the rear axle and width, as in
+perception.techniques.image.picture.Lane. The two boundaries share all of it: that is the structure of the road, and
+why one line or an old one is enough.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.techniques.boundaries.ground_curve import drawn, parallel_sides
+from perception.techniques.image.picture import Boundaries, Lane, Motion
+from trepid.types import Array
+
+E, PSI, KAPPA, WIDTH = range(4)
+LOOKS_M = np.array([5.0, 8.0, 12.0, 17.0, 23.0])  # where boundaries are compared with the state
+FIRST = np.array([0.0, 0.0, 0.0, 3.4])  # what a lane is before it is seen …
+FIRST_SIGMA = np.array([1.0, 0.15, 0.02, 0.5])  # … and how surely
+# σ a √m of (e, ψ, κ, W): slip, pitch and yaw of the car, joins of arcs, varying width
+NOISE = np.array([0.015, 0.003, 0.0012, 0.01])
+STILL_M = 0.05  # a standing or a blind vehicle drifts as much in a frame
+MEASURED = np.array([0.08, 0.015, 0.004, 0.12])  # σ of (e, ψ, κ, W) that ground_curve finds in a clear frame
+LINE_M, LINE_PER_M = 0.06, 0.008  # σ of a boundary's place: a constant, and a share of the distance (pitch)
+FORGET_M, FORGET_S = 40.0, 4.0  # unseen for so long, the lane is given up
+NEAR_M, FAR_M = 3.0, 25.0
+
+
+def moved_state(state: Array, motion: Motion) -> Array:
+    """The state after ``motion``: e' = v·sinψ, ψ' = r − v·κ, with the mean heading of the step; shape (…, 4).
+
+    Dickmanns and Mysliwetz, Recursive 3-D Road and Relative Ego-State Recognition (1992). An unknown yaw rate
+    means that the vehicle follows the road.
+    """
+    after = state.copy()
+    bend = state[..., KAPPA] * motion.moved_m
+    turn = motion.turned_rad - bend if motion.yaw_rate_radps is not None else np.zeros_like(bend)
+    after[..., E] += motion.moved_m * np.sin(state[..., PSI] + turn / 2)
+    after[..., PSI] += turn
+    return after
+
+
+def transition(motion: Motion) -> Array:
+    """∂(moved state)/∂(state) for small angles, shape (4, 4)."""
+    matrix = np.eye(4)
+    matrix[E, PSI] = motion.moved_m
+    if motion.yaw_rate_radps is not None:
+        matrix[E, KAPPA] = -(motion.moved_m**2) / 2
+        matrix[PSI, KAPPA] = -motion.moved_m
+    return matrix
+
+
+def process_noise(motion: Motion) -> Array:
+    """Covariance added on the way, shape (4, 4)."""
+    return np.diag(NOISE**2 * (abs(motion.moved_m) + STILL_M))
+
+
+@dataclass(frozen=True)
+class Look:
+    """Places of boundaries: y [m] at x [m], the side (+1 left, −1 right) and σ [m]; arrays of shape (n,)."""
+
+    x_m: Array
+    y_m: Array
+    side: Array
+    sigma_m: Array
+
+    def __len__(self) -> int:
+        return len(self.x_m)
+
+
+def look(boundaries: Boundaries) -> Look:
+    """The boundaries at ``LOOKS_M``, as far as they reach; what errs along one is of one piece, so n count as
+    two.
+    """
+    parts = []
+    for boundary, side in ((boundaries.left, 1.0), (boundaries.right, -1.0)):
+        if boundary is not None:
+            inside = LOOKS_M[(boundary.x_m[0] <= LOOKS_M) & (boundary.x_m[-1] >= LOOKS_M)]
+            sigma = np.hypot(np.hypot(LINE_M, boundary.residual_m), LINE_PER_M * inside)
+            sigma *= math.sqrt(max(1.0, len(inside) / 2))
+            parts.append(np.stack([inside, boundary.at(inside), np.full(len(inside), side), sigma]))
+    x_m, y_m, side_of, sigma_m = np.concatenate(parts, axis=1) if parts else np.empty((4, 0))
+    return Look(x_m, y_m, side_of, sigma_m)
+
+
+def expected(state: Array, seen: Look) -> Array:
+    """y of the boundaries at ``seen``: −e/cosψ − x·tanψ + κx²/2cos³ψ ± W/2·√(1+y'²); shape (…, n) of (…, 4)."""
+    e, psi, kappa, width = (state[..., i, None] for i in range(4))
+    cos = np.cos(psi)
+    slope = -np.tan(psi) + kappa * seen.x_m / cos**3
+    centre = -e / cos - seen.x_m * np.tan(psi) + kappa * seen.x_m**2 / 2 / cos**3
+    return np.asarray(centre + seen.side * width / 2 * np.sqrt(1 + slope**2), float)
+
+
+def expected_slope(state: Array, seen: Look, *, step: float = 1e-5) -> Array:
+    """∂(expected)/∂(state) by central differences, shape (n, 4)."""
+    nudge = step * np.eye(4)
+    return (expected(state + nudge, seen) - expected(state - nudge, seen)).T / (2 * step)
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Mean and covariance of the state, shapes (4,) and (4, 4), and how long the lane has not been seen."""
+
+    mean: Array
+    covariance: Array
+    unseen_s: float = 0.0
+    unseen_m: float = 0.0
+
+    def boundaries(self, reason: str) -> Boundaries:
+        """The lane drawn from the mean; its support fades with what was driven and waited unseen."""
+        e, psi, kappa, width_m = self.mean.tolist()
+        lane = Lane(e, psi, kappa, 0.0, width_m)
+        support = math.exp(-self.unseen_s / FORGET_S - self.unseen_m / FORGET_M)
+        residual_m = math.sqrt(max(float(self.covariance[E, E]), 0.0))
+        both = drawn(lane, width_m, near_m=NEAR_M, far_m=FAR_M, residual_m=residual_m, support=support)
+        return Boundaries(both.left, both.right, reason)
+
+
+def first(boundaries: Boundaries) -> Belief | None:
+    """What one frame says: its curve where it was measured, ``FIRST`` where not; None without boundaries."""
+    lane = parallel_sides(boundaries)
+    if lane is None:
+        return None
+    sigma = np.where([True, True, True, lane.width_m is not None], 2 * MEASURED, FIRST_SIGMA)
+    width_m = lane.width_m if lane.width_m is not None else FIRST[WIDTH]
+    mean = np.array([lane.offset_m, lane.heading_rad, lane.curvature_1pm, width_m])
+    return Belief(mean, np.diag(sigma**2))
+
+
+def forgotten(belief: Belief) -> bool:
+    """Whether the lane has been out of sight for too long to be believed."""
+    return belief.unseen_s > FORGET_S or belief.unseen_m > FORGET_M

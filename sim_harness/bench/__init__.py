@@ -1,0 +1,1 @@
+"""`trepid bench`: benchmarks, each beside a peer in the same run."""

@@ -1,0 +1,119 @@
+"""The failure of the Deep Steer paper, and what mends it: one winding road at 5 to 20 mph.
+
+Its network maps a picture to the steering angle that a driver held there at 5 mph, five times a second and until
+the next picture. It followed its road at 5 mph and lost it "in high road curvature areas" at speeds near 20 mph
+(section 5.2). Two things are missing. The car needs more angle at speed (understeer; section 6 leaves that to the
+future), and what a picture asks for comes too late: picture, network, half of the hold and the actuator take a
+metre at 5 mph, but four at 20 mph, of the five that the driver looked ahead.
+
+Every steering sees the same exact lane, so nothing here is a failure to see.
+"""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from controller.controller import ControllerSettings
+from controller.model.bicycle import angle_from_curvature, transposed_angle
+from sim_harness.bench.control.episode import FRAME_EVERY, LATENCY_S, Episode, drive, drive_by, road_of
+from sim_harness.world.roads.road import Road
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Command, Decision, VehicleState
+from trepid.steering import pursuit_curvature
+from trepid.vehicle import Vehicle
+
+MPH = 0.44704
+SPEEDS_MPH = (5, 10, 15, 20)
+LEARNED_AT_MPS = 5 * MPH
+DRIVER_AHEAD_M = 5.0  # 2.2 s at 5 mph
+PAPER_EVERY, PAPER_LATENCY_S = 20, 0.2  # ticks: 5 Hz; one picture long, as the network keeps up with no more
+RADIUS_M = 40.0  # 2 m/s² at 20 mph
+
+
+class AnglesOfFiveMph:
+    """The angle that a driver would hold at 5 mph for the newest picture, whatever the speed."""
+
+    def __init__(self, vehicle: Vehicle, *, transposed: bool) -> None:
+        """``transposed``: to the speed that is driven, by the understeer gradient (the paper's section 6)."""
+        self._vehicle, self._transposed = vehicle, transposed
+
+    def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
+        """Holds the angle until the next decision."""
+        angle_rad = self._angle(decision) if decision is not None else 0.0
+        if self._transposed and state is not None and state.speed_mps is not None:
+            angle_rad = (
+                transposed_angle(
+                    angle_rad,
+                    from_speed_mps=LEARNED_AT_MPS,
+                    to_speed_mps=state.speed_mps,
+                    vehicle=self._vehicle,
+                )
+                or 0.0
+            )
+        return Command(
+            t_s=now_s,
+            road_wheel_angle_rad=angle_rad,
+            road_wheel_rate_radps=0.0,
+            speed_mps=0.0,
+            accel_mps2=0.0,
+            jerk_mps3=0.0,
+        )
+
+    def _angle(self, seen: Decision) -> float:
+        rate_1pm2 = seen.curvature_rate_1pm2 or 0.0
+        curvature_1pm = pursuit_curvature(
+            DRIVER_AHEAD_M,
+            offset_m=seen.lateral_offset_m or 0.0,
+            heading_rad=seen.heading_error_rad or 0.0,
+            curvature_1pm=(seen.curvature_1pm or 0.0) - rate_1pm2 * seen.lookahead_m,
+            curvature_rate_1pm2=rate_1pm2,
+        )
+        return angle_from_curvature(curvature_1pm, speed_mps=LEARNED_AT_MPS, vehicle=self._vehicle)
+
+
+def winding_road() -> Road:
+    """Left and right bends of ``RADIUS_M`` with short entries, as on a country lane."""
+    k = 1.0 / RADIUS_M
+    pieces: list[tuple[float, float | tuple[float, float]]] = [(20.0, 0.0)]
+    for bend in (k, -k, k):
+        pieces += [(12.0, (0.0, bend)), (25.0, bend), (12.0, (bend, 0.0))]
+    return road_of([*pieces, (20.0, 0.0)])
+
+
+def bench_deep_steer(seed: int) -> dict[str, Any]:
+    """Largest distance from the centre [m] by speed; "lost": a wheel left the lane."""
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    settings = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
+    rows: dict[str, dict[str, str]] = {}
+    for mph in SPEEDS_MPH:
+        paper = winding_episode(vehicle, mph * MPH, seed)
+        ours = replace(paper, frame_every=FRAME_EVERY, latency_s=LATENCY_S)
+        tracks = {
+            "angles of 5 mph, 5 Hz": drive_by(AnglesOfFiveMph(vehicle, transposed=False), paper),
+            "angles of 5 mph, 25 Hz": drive_by(AnglesOfFiveMph(vehicle, transposed=False), ours),
+            "transposed by understeer, 5 Hz": drive_by(AnglesOfFiveMph(vehicle, transposed=True), paper),
+            "Trepid's controller, 5 Hz": drive(paper, settings),
+            "Trepid's controller, 25 Hz": drive(ours, settings),
+        }
+        for name, track in tracks.items():
+            rows.setdefault(name, {})[f"{mph} mph"] = _verdict(track.worst_m, paper.road, vehicle)
+    return rows
+
+
+def winding_episode(vehicle: Vehicle, speed_mps: float, seed: int) -> Episode:
+    """The winding road at ``speed_mps`` on the pictures of the paper."""
+    road = winding_road()
+    return Episode(
+        road=road,
+        speed_mps=speed_mps,
+        duration_s=math.floor((road.length_m - 2.0) / speed_mps),
+        believed=vehicle,
+        frame_every=PAPER_EVERY,
+        latency_s=PAPER_LATENCY_S,
+        seed=seed,
+    )
+
+
+def _verdict(worst_m: float, road: Road, vehicle: Vehicle) -> str:
+    room_m = 0.5 * (road.width_at(0.0) - vehicle.track_m)
+    return f"{worst_m:.3f}" if worst_m <= room_m else f"lost ({worst_m:.2f})"

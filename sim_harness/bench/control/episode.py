@@ -1,0 +1,205 @@
+"""One closed loop on a known lane: true state, the controller, a plant that differs from what is believed.
+
+Nothing is rendered and nobody decides: a frame brings the lane as it is, late and with noise if asked for, as the
+decision to keep it. There is no limiter, so that what is seen is what the law does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.controller import Controller, ControllerSettings
+from sim_harness.world.plants.plant import Plant, build_plant
+from sim_harness.world.plants.settings import PlantSettings
+from sim_harness.world.plants.state import PlantState
+from sim_harness.world.roads.road import Road, RoadSettings, Segment
+from trepid.bounds import at_least
+from trepid.messages import Command, Decision, Mode, Stop, VehicleState
+from trepid.vehicle import Vehicle
+
+TICK_S = 0.01  # of the vehicle, as in config/simulator.yaml
+CONTROL_EVERY, FRAME_EVERY = 2, 4  # ticks: 50 Hz, 25 Hz
+LATENCY_S = 0.04  # from the frame to its decision
+SIGHT_M, SIGHT_S = 8.0, 1.0  # how far a clothoid that touches the road is trusted, at least, and in time
+TANGENT_M = 0.01  # over which the rate of the curvature at the axle is taken
+LOST_M = 5.0  # beyond this offset the lane counts as lost, and the episode ends
+
+
+@dataclass(frozen=True, kw_only=True)
+class Episode:
+    """What is driven, by a car that is ``believed`` to be one thing and is another: ``plant``."""
+
+    road: Road
+    speed_mps: float
+    duration_s: float
+    believed: Vehicle
+    plant: PlantSettings = field(default_factory=PlantSettings)
+    frame_every: int = FRAME_EVERY  # ticks
+    latency_s: float = LATENCY_S
+    offset_noise_m: float = 0.0  # standard deviation of every frame's offset
+    sight_s: float | None = (
+        None  # the clothoid seen is true at the axle and so far ahead; None: and touches it
+    )
+    start_m: float = 0.0  # offset at the start
+    seed: int = 0
+
+
+class Steering(Protocol):
+    """What steers: the controller, or something to compare it with."""
+
+    def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
+        """The command for ``now_s``."""
+        ...
+
+
+class Track(NamedTuple):
+    """What happened, by tick."""
+
+    t_s: NDArray[np.float64]
+    offset_m: NDArray[np.float64]
+    heading_rad: NDArray[np.float64]
+    lateral_mps2: NDArray[np.float64]
+    wheel_rad: NDArray[np.float64]
+    command_rad: NDArray[np.float64]
+
+    @property
+    def worst_m(self) -> float:
+        """Largest distance from the centre of the lane."""
+        return float(np.abs(self.offset_m).max())
+
+
+def road_of(segments: Sequence[tuple[float, float | tuple[float, float]]]) -> Road:
+    """Open road of (length [m], curvature [1/m]) pieces."""
+    pieces = tuple(Segment(length_m=length, curvature_1pm=curvature) for length, curvature in segments)
+    line = {"stroke": "solid"}
+    section = {"name": "all", "start_m": 0.0, "left": line, "right": line}
+    return Road(
+        RoadSettings.model_validate(
+            dict(name="bench", closed=False, lane_width_m=3.5, segments=pieces, sections=(section,))
+        )
+    )
+
+
+def s_clothoid(speed_mps: float, *, lateral_mps2: float = 2.0, jerk_mps3: float = 1.0) -> Road:
+    """Left and right for 2 s each at ``lateral_mps2``, every bend entered and left at ``jerk_mps3``."""
+    bend, entry = lateral_mps2 / speed_mps**2, speed_mps * lateral_mps2 / jerk_mps3
+    pieces: list[tuple[float, float | tuple[float, float]]] = [(speed_mps, 0.0)]
+    for k in (bend, -bend):
+        pieces += [(entry, (0.0, k)), (2.0 * speed_mps, k), (entry, (k, 0.0))]
+    return road_of([*pieces, (speed_mps, 0.0)])
+
+
+S_DURATION_S = 13.0  # as long as the S takes
+
+
+def drive(episode: Episode, settings: ControllerSettings) -> Track:
+    """Drive ``episode`` at its speed with the laws of ``settings``. Ends early where the lane is lost."""
+    return drive_by(Controller(episode.believed, _at_any_speed(settings, episode.speed_mps)), episode)
+
+
+def drive_by(steering: Steering, episode: Episode) -> Track:
+    """Drive ``episode`` at its speed by ``steering``. Ends early where the lane is lost."""
+    plant = build_plant(episode.plant, episode.believed)
+    sight = _Sight(episode)
+    road, car = episode.road, plant.initial(y_m=episode.start_m, speed_mps=episode.speed_mps)
+    station_m, command, rows = 0.0, None, []
+    for tick in range(round(episode.duration_s / TICK_S)):
+        now_s = tick * TICK_S
+        station_m, offset_m = road.local_coordinates(car.x_m, car.y_m, near_station_m=station_m)
+        heading_rad = car.yaw_rad - road.heading_at(station_m)
+        measured = _measured(plant, car, now_s)
+        if tick % episode.frame_every == 0:
+            sight.look(now_s, station_m, offset_m, heading_rad)
+        if tick % CONTROL_EVERY == 0 or command is None:
+            command = steering.step(sight.decided(now_s), measured, now_s=now_s)
+        angle_rad = command.road_wheel_angle_rad
+        lateral_mps2 = plant.lateral_accel_mps2(car)
+        rows.append((now_s, offset_m, heading_rad, lateral_mps2, car.road_wheel_angle_rad, angle_rad))
+        if abs(offset_m) > LOST_M:
+            break
+        car = plant.step(car, _at_constant_speed(command), TICK_S)
+    return Track(*np.array(rows).T)
+
+
+def _at_any_speed(settings: ControllerSettings, speed_mps: float) -> ControllerSettings:
+    """``settings`` whose speed planning leaves the episode's speed alone."""
+    return settings.model_copy(
+        update=dict(speed=settings.speed.model_copy(update=dict(lateral_accel_mps2=1e3)))
+    )
+
+
+def _at_constant_speed(command: Command) -> Command:
+    return Command(
+        t_s=command.t_s,
+        road_wheel_angle_rad=command.road_wheel_angle_rad,
+        road_wheel_rate_radps=0.0,
+        speed_mps=command.speed_mps,
+        accel_mps2=0.0,
+        jerk_mps3=0.0,
+    )
+
+
+def _measured(plant: Plant, car: PlantState, now_s: float) -> VehicleState:
+    return VehicleState(
+        t_s=now_s,
+        speed_mps=car.speed_mps,
+        road_wheel_angle_rad=car.road_wheel_angle_rad,
+        yaw_rate_radps=plant.yaw_rate_radps(car),
+        driver_override=False,
+    )
+
+
+class _Sight:
+    """The lane as it is, late."""
+
+    def __init__(self, episode: Episode) -> None:
+        self._road, self._speed_mps = episode.road, episode.speed_mps
+        self._ahead_m = self._rate_over_m = (episode.sight_s or 0.0) * episode.speed_mps
+        if episode.sight_s is None:
+            self._ahead_m, self._rate_over_m = at_least(SIGHT_S * episode.speed_mps, SIGHT_M), TANGENT_M
+        self._latency_s = episode.latency_s
+        self._noise_m = episode.offset_noise_m
+        self._generator = np.random.default_rng(episode.seed)
+        self._underway: list[Decision] = []
+
+    def look(self, now_s: float, station_m: float, offset_m: float, heading_rad: float) -> None:
+        """A frame. The curvature at the axle is that of the road; the clothoid knows nothing of bends to come."""
+        here, there = (self._road.curvature_at(s) for s in (station_m, station_m + self._rate_over_m))
+        rate_1pm2 = (there - here) / self._rate_over_m
+        noise_m = self._noise_m * float(self._generator.standard_normal())
+        self._underway.append(
+            Decision(
+                t_s=now_s,
+                decided_s=now_s + self._latency_s,
+                mode=Mode.KEEP,
+                stop=Stop.NONE,
+                fear=0.0,
+                level="very_low",
+                cause="none",
+                rules=(),
+                rule_strengths=(),
+                inputs=(),
+                input_values=(),
+                path_t_s=now_s,
+                lateral_offset_m=offset_m + noise_m,
+                heading_error_rad=heading_rad,
+                curvature_1pm=here + rate_1pm2 * self._ahead_m,
+                curvature_rate_1pm2=rate_1pm2,
+                lookahead_m=self._ahead_m,
+                path_source="truth",
+                sources=("truth",),
+                trust=(1.0,),
+                disagreement_mps2=None,
+                speed_factor=1.0,
+                speed_cap_mps=self._speed_mps,
+            )
+        )
+
+    def decided(self, now_s: float) -> Decision | None:
+        """The newest decision that is there by ``now_s``; the very first is there at once."""
+        while len(self._underway) > 1 and self._underway[1].decided_s <= now_s + 1e-9:
+            self._underway.pop(0)
+        return self._underway[0]

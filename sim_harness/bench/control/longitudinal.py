@@ -1,0 +1,113 @@
+"""Speed: how exactly stops end where their closed form says, and how the car follows one that brakes.
+
+Stops are driven by the speed control alone on a plant whose drive differs from what is believed; the distance is
+compared with :func:`stop_m_and_s` plus the way of the drive's lag. Following is driven by the whole chain.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from controller.controller import ControllerSettings
+from controller.speed.control import SpeedControl
+from controller.speed.limits import StopProfile
+from sim_harness.lockstep.closed_loop import run
+from sim_harness.scenarios.scenario import load_scenario
+from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.settings import PlantSettings
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Command, Stop
+from trepid.vehicle import Vehicle
+
+SPEEDS_MPS = (2.0, 5.0, 8.94, 20.0, 30.0)
+TICK_S, CONTROL_EVERY = 0.01, 2
+PLANTS = {
+    "as believed": PlantSettings(),
+    "drive lag 0.3 s for 0.15 s": PlantSettings(vehicle={"accel_lag_s": 0.3}),
+}
+FOLLOWING = ("leader_brakes", "stop_and_go", "lead_slow", "standing_car")
+
+
+def stop_m_and_s(profile: StopProfile, speed_mps: float) -> tuple[float, float]:
+    """Distance and time of a stop from a steady speed, without drive lag: jerk up to b, b, √(2·j·v) down to f, f.
+
+    A slow car never gets to b: the two ramps meet at the deceleration √(j·v).
+    """
+    b, j, f = profile.decel_mps2, profile.jerk_mps3, profile.final_decel_mps2
+    peak = min(b, math.sqrt(j * speed_mps))
+    if peak <= f:
+        rise_s = min(f / j, math.sqrt(2.0 * speed_mps / j))
+        left_mps = speed_mps - j * rise_s**2 / 2.0
+        return speed_mps * rise_s - j * rise_s**3 / 6.0 + left_mps**2 / (2.0 * f), rise_s + left_mps / f
+    rise_s, fall_s = peak / j, (peak - f) / j
+    ramp_mps, end_mps = peak**2 / (2.0 * j), f**2 / (2.0 * j)  # lost on a ramp; left when f is reached
+    flat_s = (speed_mps - 2.0 * ramp_mps) / peak
+    metres = (
+        speed_mps * rise_s
+        - j * rise_s**3 / 6.0
+        + speed_mps / 2.0 * flat_s
+        + ramp_mps * fall_s
+        - peak * fall_s**2 / 2.0
+        + j * fall_s**3 / 6.0
+        + end_mps**2 / (2.0 * f)
+    )
+    return metres, rise_s + flat_s + fall_s + end_mps / f
+
+
+def bench_longitudinal(seed: int) -> dict[str, Any]:
+    """Errors of stops [m] by speed, the last deceleration and largest jerk; gaps and comfort behind a leader."""
+    settings = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    rows: dict[str, Any] = {}
+    for how, profile in ((Stop.COMFORT, settings.speed.comfort), (Stop.EMERGENCY, settings.speed.emergency)):
+        for name, plant in PLANTS.items():
+            row, lurches = {}, []
+            for speed_mps in SPEEDS_MPS:
+                metres, lurch_mps2 = braked(settings, vehicle, plant, how, speed_mps)
+                meant = stop_m_and_s(profile, speed_mps)[0] + speed_mps * vehicle.accel_lag_s
+                row[f"{speed_mps:g} m/s"] = f"{metres - meant:+.2f} of {meant:.1f} m"
+                lurches.append(lurch_mps2)
+            rows[f"{how.value} stop, {name}"] = row | {"last deceleration": f"{max(lurches):.2f} m/s²"}
+    return rows | {f"behind {name}": _follow(name, seed) for name in FOLLOWING}
+
+
+def braked(
+    settings: ControllerSettings, vehicle: Vehicle, real: PlantSettings, how: Stop, speed_mps: float
+) -> tuple[float, float]:
+    """Distance [m], and the deceleration [m/s²] in the last moment before standstill."""
+    plant = build_plant(real, vehicle)
+    control = SpeedControl(settings.speed, drive_lag_s=vehicle.accel_lag_s)
+    control.release()
+    car, tick, demand_mps2, last_mps2 = plant.initial(speed_mps=speed_mps), 0, 0.0, 0.0
+    while car.speed_mps > 0.0:
+        if tick % CONTROL_EVERY == 0:
+            demand_mps2 = control.stop(how, speed_mps=car.speed_mps, dt_s=CONTROL_EVERY * TICK_S)
+        last_mps2 = -car.accel_mps2
+        car, tick = plant.step(car, _braking(demand_mps2), TICK_S), tick + 1
+    return car.x_m, last_mps2
+
+
+def _braking(accel_mps2: float) -> Command:
+    return Command(
+        t_s=None,
+        road_wheel_angle_rad=0.0,
+        road_wheel_rate_radps=0.0,
+        speed_mps=0.0,
+        accel_mps2=accel_mps2,
+        jerk_mps3=0.0,
+    )
+
+
+def _follow(name: str, seed: int) -> dict[str, float]:
+    """Smallest gap [m] and time gap [s], and the root mean squares of acceleration and jerk."""
+    result = run(load_scenario(name, {"sight": "truth"}), seed=seed)
+    accel_mps2, row = result.trace["longitudinal_accel_mps2"], result.row()
+    jerk_mps3 = np.diff(accel_mps2) / TICK_S
+    return {
+        "smallest gap [m]": round(float(np.nanmin(result.trace["lead_gap_m"])), 2),
+        "smallest time gap [s]": round(row["min_time_gap_s"], 2),
+        "hardest braking [m/s²]": round(row["max_decel_mps2"], 2),
+        "rms acceleration [m/s²]": round(float(np.sqrt(np.mean(accel_mps2**2))), 2),
+        "rms jerk [m/s³]": round(float(np.sqrt(np.mean(jerk_mps3**2))), 2),
+    }

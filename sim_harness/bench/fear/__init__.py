@@ -1,0 +1,1 @@
+"""Benchmarks of the supervisor: inference, causes, fuzzed messages, supervised drives."""

@@ -1,0 +1,105 @@
+"""Drivers without fear, for comparison: one estimator, the plain average, the surest, or all that are joined."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from enum import StrEnum
+from statistics import fmean
+from typing import Any, NamedTuple, Self
+
+from supervisor.modes.modes import STARTING
+from supervisor.rules.inference import CALM
+from supervisor.supervisor import Supervisor
+from trepid.messages import (
+    Decision,
+    ImageStatistics,
+    LeadVehicle,
+    Mode,
+    SteeringEstimate,
+    Stop,
+    VehicleState,
+)
+
+LANE = ("lateral_offset_m", "heading_error_rad", "curvature_1pm", "curvature_rate_1pm2")
+
+
+class Driver(StrEnum):
+    """Which lane is driven."""
+
+    CV = "cv"
+    CNN = "cnn"
+    AVERAGE = "average"
+    SUREST = "surest"
+    FUSED = "fused"  # the supervisor's own path: what fear judges, and what is left of supervision without it
+
+
+class Way(NamedTuple):
+    """The lane that is driven."""
+
+    t_s: float
+    lookahead_m: float
+    lane: dict[str, float | None]  # the fields LANE
+
+    @classmethod
+    def of(cls, told: SteeringEstimate | Decision, t_s: float) -> Self:
+        """The lane of ``told``, valid at ``t_s``."""
+        return cls(t_s, told.lookahead_m, {name: getattr(told, name) for name in LANE})
+
+
+class Watched:
+    """Drives what ``driver`` says, fearless; the supervisor watches, and its fear is what the decision carries.
+
+    Where nothing is seen the last lane is driven on: a driver without fear has nobody to say when to stop.
+    """
+
+    def __init__(self, supervisor: Supervisor, driver: Driver, *, cruise_speed_mps: float) -> None:
+        self._supervisor, self._driver, self._cruise_speed_mps = supervisor, driver, cruise_speed_mps
+        self._way: Way | None = None
+
+    def step(
+        self,
+        estimates: Mapping[str, SteeringEstimate | None],
+        statistics: ImageStatistics | None,
+        lead: LeadVehicle | None,
+        state: VehicleState | None,
+        *,
+        now_s: float,
+    ) -> Decision:
+        """The decision of the driver, with the fear of the supervisor."""
+        felt = self._supervisor.step(estimates, statistics, lead, state, now_s=now_s)
+        way = self._way = self._shown(felt, estimates) or self._way
+        if way is None:
+            nowhere: dict[str, Any] = dict.fromkeys(("path_t_s", *LANE))
+            halt: dict[str, Any] = dict(mode=Mode.STOP, stop=Stop.COMFORT, path_source="none")
+            return replace(felt, **halt, **nowhere, speed_factor=0.0, speed_cap_mps=0.0)
+        lane: dict[str, Any] = way.lane
+        return replace(
+            felt,
+            mode=Mode.KEEP,
+            stop=Stop.NONE,
+            path_t_s=way.t_s,
+            lookahead_m=way.lookahead_m,
+            path_source=str(self._driver),
+            cause=CALM if felt.cause == STARTING else felt.cause,  # this car has started, whoever allowed it
+            speed_factor=1.0,
+            speed_cap_mps=self._cruise_speed_mps,
+            **lane,
+        )
+
+    def _shown(self, felt: Decision, estimates: Mapping[str, SteeringEstimate | None]) -> Way | None:
+        """The way that there is to be seen now."""
+        if self._driver is Driver.FUSED:
+            return None if felt.path_t_s is None else Way.of(felt, felt.path_t_s)
+        seen = {name: e for name, e in estimates.items() if e is not None and e.lateral_offset_m is not None}
+        lane = chosen(seen, self._driver)
+        return None if lane is None else Way.of(lane, lane.t_s)
+
+
+def chosen(seen: Mapping[str, SteeringEstimate], driver: Driver) -> SteeringEstimate | None:
+    """The lane that ``driver`` drives, of estimates that have one."""
+    if driver is Driver.SUREST:
+        return max(seen.values(), key=lambda e: e.confidence, default=None)
+    if driver is Driver.AVERAGE and seen:
+        newest = max(seen.values(), key=lambda e: e.t_s)
+        mean: dict[str, Any] = {name: fmean(getattr(e, name) for e in seen.values()) for name in LANE}
+        return replace(newest, **mean)
+    return seen.get(driver)

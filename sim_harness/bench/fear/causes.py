@@ -1,0 +1,291 @@
+"""Is the cause named right, and soon? Faults injected into rendered drives, seen by the real estimators.
+
+A trial is a drive along a marked road that suddenly goes wrong in one way. What counts is the cause that the
+supervisor would publish at the first or second frame after that, so the fear rules must speak, too. How hard the
+fault is, where it strikes and what it looks like are drawn by lot. Times are processor times.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+
+import perception.estimators
+from perception.camera.image_statistics import ImageStatistician
+from sim_harness.scenarios.scenario import load_scenario
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.vehicles import Body, Pose
+from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
+from supervisor.modes.analyser import analyse, explained
+from supervisor.rules.inference import CALM, FearRules
+from supervisor.situation.world_state import Observer
+from supervisor.supervisor import SupervisorSettings
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Frame, ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.types import Image
+from trepid.vehicle import Vehicle
+
+TRIALS = 40  # of each fault
+WARM_UP, WITHIN = 10, 2  # frames
+PERIOD_S, LATENCY_S, SPEED_MPS = 0.04, 0.03, 8.0
+ESTIMATORS = ("cv", "cnn")
+UNMARKED = {
+    **{f"appearance.{line}.stroke": "none" for line in ("left", "right", "far_left")},
+    **{f"appearance.paved_{side}_m": "0" for side in ("left", "right")},
+}
+FRONT_M = 2.2  # the front bumper before the rear axle
+TARGET = 0.97
+Rng = np.random.Generator
+
+
+@dataclass(kw_only=True)
+class Moment:
+    """What goes out at one frame; a fault changes it."""
+
+    image: Image
+    past: list[Image]  # that went out before it
+    frame: bool = True  # the camera delivers
+    silent: str = ""  # an estimator that does not answer
+    lead_m: float | None = None
+    bias_m: Mapping[str, float] | None = None  # per estimator, of the lateral offset
+
+
+class Scene:
+    """Renderers of one straight road, as it is and as faults make it."""
+
+    def __init__(self, rng: Rng) -> None:
+        self._camera = load(CONFIG_DIR / "camera.yaml", Camera)
+        self._seed = int(rng.integers(2**31))
+        self._renderers: dict[str, Renderer] = {}
+        self.station_m = float(rng.uniform(20, 300))
+        self._aside_m = float(rng.uniform(-0.15, 0.15))
+
+    def image(self, number: int, kind: str = "", **options: Any) -> Image:
+        """Frame ``number`` of the drive; ``kind`` names a disturbance, "unmarked", or nothing."""
+        grade = options.pop("grade", 0.0)
+        if kind not in self._renderers:
+            self._renderers[kind] = self._renderer(kind, grade)
+        renderer = self._renderers[kind]
+        yaw_rad = options.pop("yaw_rad", 0.0)
+        station_m = self.station_m + SPEED_MPS * PERIOD_S * number
+        x_m, y_m = renderer.road.position(station_m, self._aside_m)
+        return renderer.render(
+            x_m,
+            y_m,
+            renderer.road.heading_at(station_m) + yaw_rad,
+            station_m=station_m,
+            t_s=PERIOD_S * number,
+            motion=Motion(SPEED_MPS, 0.0),
+            vehicles=[self._vehicle(renderer, station_m, ahead_m) for ahead_m in options.pop("ahead_m", ())],
+        )
+
+    def _renderer(self, kind: str, grade: float) -> Renderer:
+        changes = UNMARKED if kind == "unmarked" else {}
+        road = load_scenario("straight", changes).build_road()
+        spoiled = [Disturbance(kind=DisturbanceKind(kind), grade=grade)] if grade else []
+        return Renderer(road, self._camera, seed=self._seed, disturbances=spoiled)
+
+    @staticmethod
+    def _vehicle(renderer: Renderer, station_m: float, ahead_m: float) -> tuple[Pose, Body]:
+        body = Body(width_m=2.5, height_m=3.6, waist_m=3.0)  # a lorry
+        x_m, y_m = renderer.road.position(station_m + ahead_m - body.rear_m, 0.0)
+        return (x_m, y_m, renderer.road.heading_at(station_m)), body
+
+
+Fault = Callable[[Moment, Scene, int, Rng], Moment]
+
+
+def _dark(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+    light = rng.choice([0.0, 0.03, 0.08])
+    return replace(now, image=_noisy(now.image * light, rng))
+
+
+def _over_exposed(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+    return replace(now, image=_noisy(now.image * rng.uniform(3.0, 8.0), rng))
+
+
+def _frozen(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+    return replace(now, image=now.past[-1])
+
+
+def _looped(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+    return replace(now, image=now.past[-2])
+
+
+def _blurred(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+    return replace(now, image=cv2.GaussianBlur(now.image, (0, 0), rng.uniform(8, 14)).astype(np.uint8))
+
+
+def _dirty(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+    return replace(now, image=scene.image(number, "dirt", grade=4.0))
+
+
+def _occluded(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+    lead_m = rng.uniform(6.5, 8.0)
+    return replace(now, image=scene.image(number, ahead_m=(lead_m + FRONT_M,)), lead_m=lead_m)
+
+
+def _unmarked(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+    return replace(now, image=scene.image(number, "unmarked"))
+
+
+def _no_road(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+    return replace(now, image=scene.image(number, yaw_rad=1.6))
+
+
+def _lost(estimator: str) -> Fault:
+    return lambda now, scene, number, rng: replace(now, silent=estimator)
+
+
+def _stale(now: Moment, scene: Scene, number: int, rng: Rng) -> Moment:
+    return replace(now, frame=False)
+
+
+def _lying(estimator: str) -> Fault:
+    return lambda now, scene, number, rng: replace(now, bias_m={estimator: rng.uniform(0.6, 1.0)})
+
+
+FAULTS: dict[str, tuple[str, Fault]] = {
+    "no light": ("dark", _dark),
+    "far too much light": ("over_exposed", _over_exposed),
+    "one image again and again": ("frozen_camera", _frozen),
+    "two images by turns": ("frozen_camera", _looped),
+    "out of focus": ("blurred", _blurred),
+    "mud on the lens": ("dirty_lens", _dirty),
+    "a lorry close ahead": ("occluded", _occluded),
+    "the lines end": ("unmarked", _unmarked),
+    "facing the field": ("no_road", _no_road),
+    "cv silent": ("lost_estimator", _lost("cv")),
+    "cnn silent": ("lost_estimator", _lost("cnn")),
+    "no frames": ("stale_data", _stale),
+    "cv lies": ("disagreement", _lying("cv")),
+    "cnn lies": ("disagreement", _lying("cnn")),
+}
+"""Name -> the right cause, and what goes wrong."""
+
+
+class Watcher:
+    """Estimators, image statistics and the supervisor up to the point where the cause is named."""
+
+    def __init__(self) -> None:
+        settings = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
+        vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+        self._rules = FearRules.load(CONFIG_DIR / "fear.yaml")
+        self._settings = settings.analyser
+        self._observer = Observer(self._rules, settings.sightings, settings.fusion, settings.follow, vehicle)
+        self._estimators = {name: perception.estimators.build(name) for name in ESTIMATORS}
+        self._statistician = ImageStatistician()
+        self._seen: dict[str, SteeringEstimate | None] = dict.fromkeys(ESTIMATORS)
+        self._statistics: ImageStatistics | None = None
+        self.spent_us: list[float] = []  # for the analysis alone ...
+        self.looked_us: list[float] = []  # ... and for the image statistics
+
+    def step(self, moment: Moment, *, t_s: float) -> str:
+        """The cause at the arrival of the frame taken at ``t_s``."""
+        state = VehicleState(
+            t_s=t_s + LATENCY_S - 0.01,
+            speed_mps=SPEED_MPS,
+            road_wheel_angle_rad=0.0,
+            yaw_rate_radps=0.0,
+            driver_override=False,
+        )
+        if moment.frame:
+            self._look(moment, state, t_s)
+        lead = LeadVehicle(
+            t_s=t_s,
+            distance_m=moment.lead_m,
+            lateral_m=None if moment.lead_m is None else 0.0,
+            speed_mps=None if moment.lead_m is None else SPEED_MPS,
+            confidence=0.0 if moment.lead_m is None else 1.0,
+        )
+        outlook = self._observer.step(self._seen, self._statistics, lead, state, now_s=t_s + LATENCY_S)
+        felt = self._rules.evaluate(outlook.asked)
+        started_s = time.thread_time()
+        finding = analyse(outlook.asked, self._settings, ages_s=outlook.ages_s)
+        self.spent_us.append(1e6 * (time.thread_time() - started_s))
+        return CALM if felt.cause == CALM else explained(felt.cause, finding)
+
+    def _look(self, moment: Moment, state: VehicleState, t_s: float) -> None:
+        frame = Frame(t_s=t_s, image=moment.image)
+        started_s = time.thread_time()
+        self._statistics = self._statistician.step(frame, now_s=t_s)
+        self.looked_us.append(1e6 * (time.thread_time() - started_s))
+        for name, estimator in self._estimators.items():
+            if name == moment.silent:
+                continue
+            estimate = estimator.step(frame, state, now_s=t_s)
+            bias_m = (moment.bias_m or {}).get(name, 0.0)
+            if estimate.lateral_offset_m is not None and bias_m:
+                estimate = replace(estimate, lateral_offset_m=estimate.lateral_offset_m + bias_m)
+            self._seen[name] = estimate
+
+
+def trial(fault: Fault | None, rng: Rng, watcher: Watcher) -> list[str]:
+    """The causes of the frames after the fault strikes, without one of as many frames of an undisturbed drive."""
+    scene = Scene(rng)
+    past: list[Image] = []
+    causes: list[str] = []
+    seed = int(rng.integers(2**31))
+    for number in range(WARM_UP + WITHIN):
+        moment = Moment(image=scene.image(number), past=past)
+        if fault is not None and number >= WARM_UP:
+            moment = fault(moment, scene, number, np.random.default_rng(seed))  # it does not change its mind
+        cause = watcher.step(moment, t_s=PERIOD_S * number)
+        past.append(moment.image)
+        if number >= WARM_UP:
+            causes.append(cause)
+    return causes
+
+
+def bench_causes(seed: int) -> dict[str, Any]:
+    """Share of trials with the right cause within two frames for every fault, causes without a fault, and times."""
+    cv2.setNumThreads(1)
+    rows: dict[str, Any] = {}
+    spent_us: list[float] = []
+    looked_us: list[float] = []
+    right = 0
+    for name, (cause, fault) in FAULTS.items():
+        found: list[list[str]] = []
+        for rng in _lots(seed, name):
+            watcher = Watcher()
+            found.append(trial(fault, rng, watcher))
+            spent_us += watcher.spent_us[3:]
+            looked_us += watcher.looked_us[3:]
+        hits = sum(cause in causes for causes in found)
+        right += hits
+        rows[f"{name}: {cause}"] = _row(hits, [causes[-1] for causes in found if cause not in causes])
+    calm = [trial(None, rng, Watcher()) for rng in _lots(seed, "none")]
+    rows["nothing: none"] = _row(
+        sum(set(causes) == {CALM} for causes in calm), [c for causes in calm for c in causes if c != CALM]
+    )
+    share = right / (TRIALS * len(FAULTS))
+    return rows | {
+        "right causes": f"{100 * share:.1f} %, target {100 * TARGET:.0f} %",
+        "analyser": _times(spent_us),
+        "image statistics": _times(looked_us) + ", target 300 us",
+    }
+
+
+def _lots(seed: int, name: str) -> Iterator[Rng]:
+    for number in range(TRIALS):
+        yield np.random.default_rng([seed, number, *name.encode()])
+
+
+def _row(hits: int, others: list[str]) -> str:
+    wrong = ", ".join(f"{cause} {others.count(cause)}" for cause in sorted(set(others)))
+    return f"{hits} of {TRIALS}" + (f"; else {wrong}" if wrong else "")
+
+
+def _times(times_us: list[float]) -> str:
+    median, p99 = np.percentile(times_us, [50, 99])
+    return f"{median:.1f} us median, {p99:.1f} us p99"
+
+
+def _noisy(light: Any, rng: Rng) -> Image:
+    """Sensor noise of one grey level on top, so that no two pictures are the same."""
+    return np.asarray(np.clip(light + rng.normal(0, 1.0, light.shape), 0, 255), np.uint8)

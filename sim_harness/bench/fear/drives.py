@@ -1,0 +1,107 @@
+"""The drives of ``trepid bench fear-supervision``, drawn by lot: clean marked roads, and hard ones."""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_harness.scenarios.scenario import Appearance, Scenario, Start, Tag
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
+from sim_harness.world.roads.drawn import SNOW_COVER, Kind, Shape, random_section, random_segments, snow_on
+
+CLEAN_DRIVES = 28  # of some 400 m each
+CLEAN_KINDS = (Kind.WHITE, Kind.YELLOW, Kind.DOUBLE, Kind.DASHED, Kind.MULTI_LANE)
+CLEAN_SPEED_MPS = 8.0
+HARD_RADII_M, HARD_ROUTE_M = (35.0, 100.0), 170.0
+HARD_SPEEDS_MPS = (5.0, 9.0)
+GRADES = (3, 4, 5)
+SNOWED_UP = 0.2  # of the hard roads: trodden snow hides lines and edges
+OFTEN = ("snow", "fog", "rain", "night", "glare", "over_exposure", "dirt", "occlusion")
+"""Disturbances that are drawn three times as often: they hide the road, the others spoil its picture."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One drive to be driven by every driver."""
+
+    scenario: Scenario
+    seed: int
+    clean: bool
+
+    @property
+    def key(self) -> str:
+        """What tells this case from every other."""
+        told = f"{self.seed} {self.scenario.model_dump_json()}"
+        return hashlib.sha256(told.encode()).hexdigest()[:16]
+
+
+def cases(seed: int, count: int) -> Iterator[Case]:
+    """Clean cases first, then ``count`` hard ones; more of them begin with the same."""
+    for number in range(CLEAN_DRIVES):
+        rng = np.random.default_rng([seed, 70, number])
+        yield Case(_clean(rng), int(rng.integers(2**31)), clean=True)
+    for number in range(count):
+        rng = np.random.default_rng([seed, 71, number])
+        yield Case(_hard(rng), int(rng.integers(2**31)), clean=False)
+
+
+def _clean(rng: np.random.Generator) -> Scenario:
+    """Well marked asphalt by day: two bends, or two of hardly any curvature."""
+    kind = CLEAN_KINDS[int(rng.integers(len(CLEAN_KINDS)))]
+    shape = Shape(str(rng.choice(["straight", "bend"])))
+    return Scenario(
+        name="clean",
+        description=f"{kind}, {shape}",
+        tags=(Tag.NOMINAL,),
+        road="straight",
+        segments=(*random_segments(shape, rng), *random_segments(shape, rng)),
+        lane_width_m=round(float(rng.uniform(2.9, 3.75)), 2),
+        appearance=_look(kind, rng),
+        start=Start(speed_mps=CLEAN_SPEED_MPS),
+        speed_mps=CLEAN_SPEED_MPS,
+        duration_s=90.0,
+    )
+
+
+def _hard(rng: np.random.Generator) -> Scenario:
+    """Any kind of road, snowed up at times, under a strong disturbance, that bends for good after 40 m."""
+    kind = tuple(Kind)[int(rng.integers(len(Kind)))]
+    look = _look(kind, rng)
+    snowed_up = bool(rng.random() < SNOWED_UP)
+    if snowed_up:
+        snow = snow_on(round(float(rng.uniform(*SNOW_COVER)), 2))
+        look = Appearance.model_validate({**look.model_dump(), **snow})
+    weights = np.array([3.0 if name.value in OFTEN else 1.0 for name in DisturbanceKind])
+    disturbance = Disturbance(
+        kind=tuple(DisturbanceKind)[int(rng.choice(len(weights), p=weights / weights.sum()))],
+        grade=int(rng.choice(GRADES)),
+        from_m=float(rng.choice([0.0, 40.0])),
+    )
+    curvature_1pm = round(float(rng.choice([-1, 1])) / float(rng.uniform(*HARD_RADII_M)), 4)
+    speed_mps = round(float(rng.uniform(*HARD_SPEEDS_MPS)), 1)
+    return Scenario.model_validate(
+        {
+            "name": "hard",
+            "description": f"{kind}{' in snow' if snowed_up else ''}, {disturbance.kind} {disturbance.grade:g},"
+            f" R = {1 / curvature_1pm:.0f} m, {speed_mps} m/s",
+            "tags": ["weather"],
+            "road": "straight",
+            "segments": [
+                {"length_m": 40},
+                {"length_m": 25, "curvature_1pm": [0, curvature_1pm]},
+                {"length_m": 120, "curvature_1pm": curvature_1pm},
+            ],
+            "appearance": look,
+            "disturbances": [disturbance],
+            "start": {"speed_mps": speed_mps},
+            "speed_mps": speed_mps,
+            "duration_s": 40.0,
+            "distance_m": HARD_ROUTE_M,
+        }
+    )
+
+
+def _look(kind: Kind, rng: np.random.Generator) -> Appearance:
+    section = random_section(kind, rng)
+    return Appearance.model_validate(section.model_dump(exclude={"name", "start_m"}))

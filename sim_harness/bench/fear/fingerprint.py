@@ -1,0 +1,47 @@
+"""Do all processes find the same, to the last bit? ``python -m sim_harness.bench.fear.fingerprint SEED``."""
+
+import hashlib
+import json
+import os
+import random
+import struct
+import subprocess
+import sys
+
+from supervisor.rules.coverage import Point
+from supervisor.rules.inference import FearRules
+from trepid.config import CONFIG_DIR, ROOT
+
+
+def random_point(rules: FearRules, rng: random.Random, share: float = 1.0) -> Point:
+    """Every input uniform over ``share`` of its range from the calm end."""
+    return {
+        name: spec.calmest + share * rng.random() * (spec.worst - spec.calmest)
+        for name, spec in rules.inputs.items()
+    }
+
+
+def differing_processes(seed: int, *, processes: int = 3) -> int:
+    """How many of some processes, each with its own hash seed, do not find the same bits as this one."""
+    command = [sys.executable, "-m", "sim_harness.bench.fear.fingerprint", str(seed)]
+    own = fingerprint(seed)
+    differ = 0
+    for n in range(processes):
+        env = {**os.environ, "PYTHONHASHSEED": str(n)}
+        done = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, check=True, text=True)
+        differ += done.stdout.strip() != own
+    return differ
+
+
+def fingerprint(seed: int, *, count: int = 2000) -> str:
+    """Hash of all that the shipped rules find at points drawn by ``seed``, to the last bit."""
+    rules, rng, digest = FearRules.load(CONFIG_DIR / "fear.yaml"), random.Random(seed), hashlib.sha256()
+    for _ in range(count):
+        felt = rules.evaluate(random_point(rules, rng, rng.random()))
+        digest.update(struct.pack(f"<{1 + len(felt.strengths)}d", felt.fear, *felt.strengths))
+        digest.update(json.dumps([felt.cause, felt.texts]).encode())
+    return digest.hexdigest()
+
+
+if __name__ == "__main__":
+    print(fingerprint(int(sys.argv[1])))

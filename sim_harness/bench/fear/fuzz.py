@@ -1,0 +1,152 @@
+"""Broken numbers in messages: fear never falls below what the whole messages give, and nothing is raised.
+
+Several situations, calm and frightening ones, since where fear is 0 nothing could lower it. In each, every number
+of every message is once NaN, infinite and far beyond what can be; then messages are broken at random, several
+numbers at once.
+"""
+
+import math
+import random
+import typing
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from typing import Any
+
+from supervisor.rules.inference import FearRules
+from supervisor.situation.world_state import Observer
+from supervisor.supervisor import SupervisorSettings
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.vehicle import Vehicle
+
+MESSAGES = 10_000
+WARM_UP = 3  # frames, so that there is something to remember
+PERIOD_S, AGE_S = 0.04, 0.03
+BROKEN = (math.nan, math.inf, -math.inf, 1e30, -1e30)
+NOT_FEARED = {"latency_ms", "road_wheel_angle_rad"}  # of an estimate: for displays; the lane itself is driven
+Told = dict[str, Any]
+
+
+def situations() -> dict[str, Told]:
+    """Messages of a calm drive and of frightening ones, as if taken at t = 0."""
+    estimate = SteeringEstimate(
+        t_s=0.0,
+        estimator="cv",
+        lateral_offset_m=0.1,
+        heading_error_rad=0.01,
+        curvature_1pm=0.002,
+        curvature_rate_1pm2=0.0001,
+        lookahead_m=8.0,
+        road_wheel_angle_rad=0.0,
+        confidence=0.9,
+        lanes_detected=2,
+        lane_width_m=3.4,
+        latency_ms=None,
+        reason="",
+        left_boundary_px=(),
+        right_boundary_px=(),
+        marked=True,
+    )
+    calm: Told = {
+        "cv": estimate,
+        "cnn": replace(estimate, estimator="cnn", lanes_detected=0, lane_width_m=None, marked=None),
+        "statistics": ImageStatistics(
+            t_s=0.0,
+            brightness=0.45,
+            contrast=0.15,
+            over_exposed=0.01,
+            under_exposed=0.01,
+            sharpness=200.0,
+            frozen_s=0.0,
+            spots=0.0,
+        ),
+        "lead": LeadVehicle(t_s=0.0, distance_m=30.0, lateral_m=0.2, speed_mps=8.0, confidence=0.9),
+        "state": VehicleState(
+            t_s=0.0, speed_mps=8.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+        ),
+    }
+    unsure = {name: replace(calm[name], confidence=0.45) for name in ("cv", "cnn")}
+    return {
+        "calm": calm,
+        "unsure": calm | unsure,
+        "dim": calm | {"statistics": replace(calm["statistics"], brightness=0.09, under_exposed=0.5)},
+        "apart": calm | {"cnn": replace(calm["cnn"], lateral_offset_m=0.6)},
+        "off centre": calm | {n: replace(calm[n], lateral_offset_m=0.65) for n in ("cv", "cnn")},
+        "narrow": calm | {"cv": replace(calm["cv"], lane_width_m=2.3)},
+        "close behind": calm | {"lead": replace(calm["lead"], distance_m=5.0)},
+        "fast": calm | {"state": replace(calm["state"], speed_mps=20.0)},
+    }
+
+
+class Afraid:
+    """Fear of a situation whose last messages are broken."""
+
+    def __init__(self) -> None:
+        self._rules = FearRules.load(CONFIG_DIR / "fear.yaml")
+        self._settings = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
+        self._vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+
+    def fear(self, whole: Told, broken: Told) -> float:
+        """Fear at the last of a few frames, of which only that is ``broken``."""
+        s = self._settings
+        observer = Observer(self._rules, s.sightings, s.fusion, s.follow, self._vehicle)
+        for number in range(WARM_UP + 1):
+            told = broken if number == WARM_UP else whole
+            t_s = PERIOD_S * number
+            # Stamps are counted from t = 0 of the situation; a broken one stays broken.
+            now = {name: replace(message, t_s=message.t_s + t_s) for name, message in told.items()}
+            outlook = observer.step(
+                {name: now[name] for name in ("cv", "cnn")},
+                now["statistics"],
+                now["lead"],
+                now["state"],
+                now_s=t_s + AGE_S,
+            )
+        return self._rules.evaluate(outlook.asked).fear
+
+
+def numbers(message: Any) -> list[str]:
+    """Names of the fields of ``message`` that are floats, or may be."""
+    hints = typing.get_type_hints(type(message))
+    named = [f.name for f in fields(message) if hints[f.name] in (float, float | None)]
+    return [name for name in named if not (isinstance(message, SteeringEstimate) and name in NOT_FEARED)]
+
+
+def one_by_one(whole: Told) -> Iterator[Told]:
+    """Every number of every message broken in every way, one at a time."""
+    for sender, message in whole.items():
+        for name in numbers(message):
+            if getattr(message, name) is not None:
+                for value in BROKEN:
+                    yield whole | {sender: replace(message, **{name: value})}
+
+
+def at_random(whole: Told, rng: random.Random) -> Told:
+    """One to five numbers broken, anywhere."""
+    broken = dict(whole)
+    for _ in range(rng.randint(1, 5)):
+        sender = rng.choice(list(broken))
+        name = rng.choice([n for n in numbers(broken[sender]) if getattr(broken[sender], n) is not None])
+        broken[sender] = replace(broken[sender], **{name: rng.choice(BROKEN)})
+    return broken
+
+
+def lowered(clean: float, fear: float) -> bool:
+    """Whether ``fear`` is less than ``clean``, or no number."""
+    return not fear >= clean - 1e-12
+
+
+def bench_fuzz(seed: int) -> dict[str, Any]:
+    """How many messages were broken, and how many of them calmed the supervisor; an exception ends it."""
+    afraid, rng = Afraid(), random.Random(seed)
+    whole = situations()
+    clean = {name: afraid.fear(told, told) for name, told in whole.items()}
+    singles = [(name, broken) for name, told in whole.items() for broken in one_by_one(told)]
+    several = [
+        (name, at_random(whole[name], rng)) for name in (rng.choice(list(whole)) for _ in range(MESSAGES))
+    ]
+    rows: dict[str, Any] = {f"clean fear, {name}": round(fear, 3) for name, fear in clean.items()}
+    for what, cases in (("one number broken", singles), ("several broken", several)):
+        calmed = sum(lowered(clean[name], afraid.fear(whole[name], broken)) for name, broken in cases)
+        rows[what] = f"{len(cases)} cases, {calmed} below the clean value, target 0; no exception"
+    return rows

@@ -1,0 +1,150 @@
+"""Who keeps the lane: each estimator alone, their plain average, the surest of them, or the supervised car?
+
+Hard drives are drawn by lot (:mod:`sim_harness.bench.fear.drives`) and driven once by every driver, each on what
+the real estimators see. The drivers without fear drive on the last lane there was, at full speed. In their drives
+the supervisor watches, so that its fear can be held against the departures that it did not prevent. Clean drives
+give what fear costs: nuisance slow-downs and speed, beside the plain average.
+
+A fearless car that has left its lane is put back, and mostly leaves it again within seconds. That is one mishap:
+what fear must foretell is its beginning, the departure before which the car drove undisturbed for a while.
+
+Every drive is one line in ``runs/supervision_<seed>.jsonl``; what is there is not driven again, so a bench that was
+stopped goes on, and one with more cases adds to it.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from sim_harness.bench.fear.arms import Driver, Watched
+from sim_harness.bench.fear.drives import Case, cases
+from sim_harness.judging.fear_scores import afraid, auroc, fear_and_departure
+from sim_harness.judging.trace import Trace
+from sim_harness.lockstep.closed_loop import Result, build_parts, run
+from sim_harness.sweep.kept import kept_rows
+from sim_harness.sweep.outcome import Row
+from supervisor.supervisor import SupervisorSettings
+from trepid.config import CONFIG_DIR, ROOT, load
+
+CASES = 80
+SUPERVISED = "supervised"
+AHEAD_S = 2.0
+UNDISTURBED_S = 3.0  # since the start or an intervention: a departure sooner belongs to the mishap before
+LOOKING_BACK_S = 5.0
+TARGETS = "targets: supervised 0; flagged 95 %; AUROC 0.97; nuisance 1 per 10 km; speed loss 5 %"
+FEAR_BINS = np.linspace(0.0, 1.0, 101)
+
+
+def drivers(case: Case) -> list[str]:
+    """Who drives it: everybody, but on clean roads only those who are compared there."""
+    return [*([Driver.AVERAGE] if case.clean else Driver), SUPERVISED]
+
+
+def drive(case: Case, driver: Driver | None) -> Result:
+    """One drive; None: by the supervisor."""
+    scenario = case.scenario
+    parts = build_parts(scenario, seed=case.seed)
+    if driver is not None:
+        cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps
+        watched = Watched(parts.supervisor, driver, cruise_speed_mps=scenario.speed_mps or cruise_mps)
+        parts = replace(parts, supervisor=watched)  # type: ignore[arg-type]
+    return run(scenario, seed=case.seed, parts=parts)
+
+
+def driven_row(task: tuple[Case, str]) -> Row:
+    """What is kept of a drive: scores, how early each mishap was feared, and fear with and without departure."""
+    case, driver = task
+    result = drive(case, None if driver == SUPERVISED else Driver(driver))
+    fear, left = fear_and_departure(result.trace)
+    return {
+        "road": case.scenario.description,
+        "driver": driver,
+        "clean": case.clean,
+        "departures": result.metrics.departures,
+        "distance_m": result.metrics.distance_m,
+        "mean_speed_mps": result.metrics.mean_speed_mps,
+        "nuisance_per_km": result.row()["nuisance_slowdowns_per_km"],
+        "warnings_s": warnings_s(result.trace),
+        "fear_before": np.histogram(fear[left], FEAR_BINS)[0].tolist(),
+        "fear_else": np.histogram(fear[~left], FEAR_BINS)[0].tolist(),
+    }
+
+
+def warnings_s(trace: Trace) -> list[float]:
+    """For every mishap, how long before its departure fear first was at least medium, looking back 5 s [s].
+
+    Not further back than the start, and the last intervention: before it the car was elsewhere.
+    """
+    t_s, warned = trace["t_s"], afraid(trace)
+    found = []
+    for sample in np.flatnonzero(np.diff(trace["departures"]) > 0) + 1:
+        since = trace["interventions"] == trace["interventions"][sample - 1]
+        if t_s[sample] - t_s[since][0] < UNDISTURBED_S:
+            continue
+        since &= (t_s >= t_s[sample] - LOOKING_BACK_S) & (t_s < t_s[sample]) & warned
+        found.append(float(t_s[sample] - t_s[since][0]) if since.any() else 0.0)
+    return found
+
+
+def bench_supervision(seed: int) -> Row:
+    """The table of drivers, and the figures of fear."""
+    return summary(driven(seed, CASES, ROOT / "runs" / f"supervision_{seed}.jsonl"))
+
+
+def driven(seed: int, count: int, path: Path) -> list[Row]:
+    """Every drive, those that ``path`` holds from there."""
+    tasks = {f"{case.key} {name}": (case, str(name)) for case in cases(seed, count) for name in drivers(case)}
+    return kept_rows(path, driven_row, tasks)
+
+
+def summary(rows: list[Row]) -> Row:
+    """Departures of every driver on the hard drives, and the figures of fear."""
+    table: Row = {}
+    for name in [*Driver, SUPERVISED]:
+        hard = [r for r in rows if r["driver"] == name and not r["clean"]]
+        left = sum(r["departures"] for r in hard)
+        table[f"{name}: departures"] = (
+            f"{left} in {len(hard)} drives, {sum(r['distance_m'] for r in hard) / 1e3:.1f} km"
+        )
+    fused = [r for r in rows if r["driver"] == Driver.FUSED]
+    fearless = [r for r in rows if r["driver"] != SUPERVISED]  # fear that is heeded foretells nothing
+    table["mishaps feared 2 s ahead, fused path"] = _foretold(fused)
+    table["mishaps feared 2 s ahead, all drivers"] = _foretold(rows)
+    table["AUROC of fear, fused path"] = _auroc(fused)
+    table["AUROC of fear, all fearless drivers"] = _auroc(fearless)
+    return table | _cost(rows) | {"": TARGETS}
+
+
+def _foretold(rows: list[Row]) -> str | None:
+    """The share of mishaps with a warning of AHEAD_S; None without mishaps."""
+    warned_s = [w for r in rows for w in r["warnings_s"]]
+    if not warned_s:
+        return None
+    return f"{100 * sum(w >= AHEAD_S for w in warned_s) / len(warned_s):.1f} % of {len(warned_s)}"
+
+
+def _auroc(rows: list[Row]) -> float | None:
+    """Of the pooled histograms of fear: each bin is one score."""
+    before, others = (np.sum([r[name] for r in rows], axis=0) for name in ("fear_before", "fear_else"))
+    if not before.sum() or not others.sum():
+        return None
+    scores = np.repeat(np.tile(np.arange(len(before)), 2), np.concatenate([before, others])).astype(float)
+    found = auroc(scores, np.arange(len(scores)) < before.sum())
+    return None if found is None else round(found, 4)
+
+
+def _cost(rows: list[Row]) -> Row:
+    """Nuisance slow-downs and loss of speed on clean roads."""
+    clean = {
+        str(name): [r for r in rows if r["driver"] == name and r["clean"]]
+        for name in (SUPERVISED, Driver.AVERAGE)
+    }
+    ours, fearless = clean[SUPERVISED], clean[Driver.AVERAGE]
+    km = sum(r["distance_m"] for r in ours) / 1e3
+    nuisances = sum((r["nuisance_per_km"] or 0.0) * r["distance_m"] / 1e3 for r in ours)
+    speeds = [a["mean_speed_mps"] / b["mean_speed_mps"] for a, b in zip(ours, fearless, strict=True)]
+    return {
+        "nuisance slow-downs on clean roads": f"{nuisances:.0f} in {km:.1f} km",
+        "loss of mean speed on clean roads": f"{100 * (1 - float(np.mean(speeds))):.1f} %",
+    }

@@ -1,0 +1,160 @@
+"""`trepid bench perception`: the harness set, the real sets and the wheel, for every estimator."""
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import as_completed
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from perception.estimators import estimators
+from sim_harness.bench.perception.clips import VERSION, Case, harness_set, moments
+from sim_harness.bench.perception.drive import bench_drive
+from sim_harness.bench.perception.figures import draw
+from sim_harness.bench.perception.real.bench import bench_real, data_folder
+from sim_harness.bench.perception.report import write
+from sim_harness.bench.perception.scores import Results
+from sim_harness.bench.perception.store import Pictures, Store
+from sim_harness.bench.perception.summary import parts_of, summary
+from sim_harness.bench.perception.watch import Watched, watch
+from sim_harness.sweep.code import code_of
+from sim_harness.sweep.crew import crew
+from sim_harness.sweep.fingerprint import fingerprint
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.vehicle import Vehicle
+
+FOLDER = Path("out/bench_perception")
+PICTURES = (
+    "sim_harness/world/render",
+    "sim_harness/world/roads",
+    "sim_harness/bench/perception/clips.py",
+    "config/camera.yaml",
+    "config/disturbances.yaml",
+)
+"""What the frames of the set depend on."""
+WATCHING = (*PICTURES, "sim_harness/bench/perception/watch.py", "sim_harness/lockstep/oracle.py")
+"""What the truth and the errors depend on besides."""
+PARTS = ("set", "real", "drive")
+SAY_EVERY_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What is asked of the bench."""
+
+    seed: int
+    estimators: tuple[str, ...] = ()  # none: all
+    quick: bool = False
+    repeats: int = 1
+    jobs: int = 1
+    keep_frames: bool = False
+    out: Path | None = None  # where tables and figures go
+    data: Path | None = None  # the real sets
+    parts: tuple[str, ...] = ("set", "real")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The estimators. Raises InputError that tells the others."""
+        known = estimators()
+        for name in self.estimators:
+            if name not in known:
+                raise InputError(f"no estimator {name!r}; there are {', '.join(known)}")
+        return self.estimators or tuple(known)
+
+
+def bench_perception(wish: Wish) -> dict[str, Any]:
+    """All that was measured: per estimator what it is worth, and how that was found out."""
+    for part in wish.parts:
+        if part not in PARTS:
+            raise InputError(f"no part {part!r} of bench perception; there are {', '.join(PARTS)}")
+    names = wish.names
+    found: dict[str, Any] = {}
+    parts: dict[str, Any] = {}
+    if "set" in wish.parts:
+        results = watched(wish)
+        parts = parts_of(results, names)
+        found |= summary(results, parts)
+    if "real" in wish.parts:
+        real = bench_real(names, data_folder(wish.data), FOLDER, quick=wish.quick)
+        found |= {f"real: {name}": rows for name, rows in real.items()}
+    if "drive" in wish.parts:
+        found["drive"] = bench_drive(names, wish.seed, FOLDER, quick=wish.quick)
+    if wish.out is not None:
+        write(wish.out, {"seed": wish.seed, "clips": f"version {VERSION}", **found}, parts)
+        if parts:
+            draw(wish.out, results, parts, found["ranking"])
+    return found
+
+
+def watched(wish: Wish) -> Results:
+    """The harness set as the estimators see it; clips on file are not watched again."""
+    folder = FOLDER / f"v{VERSION}-{wish.seed}-{fingerprint(*WATCHING)}"
+    store = Store(folder, {name: code_of(name) for name in wish.names})
+    pictures = (
+        FOLDER / f"frames-v{VERSION}-{wish.seed}-{fingerprint(*PICTURES)}" if wish.keep_frames else None
+    )
+    cases = harness_set(wish.seed, quick=wish.quick, repeats=wish.repeats)
+    done: dict[Case, Watched] = {}
+    missing: list[tuple[Case, tuple[str, ...]]] = []
+    for case in cases:
+        known = store.read(case)
+        names = tuple(name for name in wish.names if known is None or name not in known.looks)
+        if known is not None and not names:
+            done[case] = known
+        else:
+            missing.append((case, names))
+    progress = _Progress(len(cases), len(done))
+    for case in _all(partial(_watch, folder, pictures), missing, wish.jobs):
+        known = store.read(case)
+        if known is None or set(wish.names) - set(known.looks):
+            raise InputError(f"{folder}: code or files changed while the bench was running; start it again")
+        done[case] = known
+        progress.step()
+    return {case: done[case] for case in cases}
+
+
+def _watch(folder: Path, pictures: Path | None, wanted: tuple[Case, tuple[str, ...]]) -> Case:
+    """Watch one clip and put it on file."""
+    case, names = wanted
+    camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    album = Pictures(pictures) if pictures else None
+    frames = album.read(case, camera.height_px) if album else None
+    clip = list(moments(case, camera, vehicle, frames=frames))
+    if album and frames is None:
+        album.write(case, [moment.frame.image for moment in clip])
+    Store(folder, {name: code_of(name) for name in names}).write(case, watch(clip, names, camera, vehicle))
+    return case
+
+
+def _all(call: Any, wanted: Sequence[Any], jobs: int) -> Iterator[Any]:
+    """``call`` of each, here or on processes; an interrupt leaves at once, what is done is on file."""
+    if jobs == 1:
+        yield from map(call, wanted)
+        return
+    with crew(jobs) as workers:
+        for future in as_completed([workers.submit(call, one) for one in wanted]):
+            yield future.result()
+
+
+class _Progress:
+    """Tells on standard error how far it is."""
+
+    def __init__(self, total: int, known: int) -> None:
+        self._total, self._done, self._new = total, known, 0
+        self._started_s = self._said_s = time.monotonic()
+        print(f"perception: {total} clips, {known} of them on file", file=sys.stderr, flush=True)
+
+    def step(self) -> None:
+        """Another clip is done."""
+        self._done, self._new, now_s = self._done + 1, self._new + 1, time.monotonic()
+        if now_s - self._said_s >= SAY_EVERY_S:
+            self._said_s = now_s
+            left_s = (now_s - self._started_s) / self._new * (self._total - self._done)
+            print(
+                f"perception: {self._done}/{self._total} clips, {left_s / 60:.1f} min left",
+                file=sys.stderr,
+                flush=True,
+            )

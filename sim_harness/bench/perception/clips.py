@@ -1,0 +1,237 @@
+"""The harness set: short rendered clips, each with its road, light and weather, all by one seed."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim_harness.lockstep.oracle import Oracle
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
+from sim_harness.world.roads.drawn import SPEEDS_MPS, Kind, Shape, random_road
+from sim_harness.world.roads.road import Road
+from trepid.camera import Camera
+from trepid.messages import Frame, SimTruth, SteeringEstimate, VehicleState
+from trepid.steering import road_wheel_angle
+from trepid.types import Image
+from trepid.vehicle import Vehicle
+
+VERSION = 1  # of the set: the same seed draws the same frames
+PERIOD_S = 0.04
+AIM_M = 8.0  # along the lane: where its centre is compared, besides the axle, and what is steered for
+WARM_UP_FRAMES, SCORED_FRAMES = 10, 22  # a tracker may first look for 0.4 s
+CLEAR, GAP = "clear", "gap"
+GRADES: tuple[int, ...] = (1, 2, 3, 4, 5)
+CLIPS_PER_GRADE, GAP_CLIPS = 2, 4
+QUICK_GRADES: tuple[int, ...] = (3,)
+GAP_M, BEFORE_GAP_M, AFTER_GAP_M = 30.0, 12.0, 2.0
+GAP_SPEED_MPS = 10.0
+WEAVE_M, WEAVE_LENGTH_M = (0.05, 0.35), (35.0, 60.0)  # how a driver wanders
+MOUTH_M = 4.0  # ahead of the start of a clip: where its tunnel ends
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One clip of the set, to be drawn."""
+
+    seed: int
+    number: int  # of the clip with this condition and grade
+    condition: str  # "clear", "gap" or a kind of disturbance
+    grade: int  # 0 for clear and gap
+    kind: Kind
+    shape: Shape
+    snow_cover: float = 0.0  # the share of the road under trodden snow
+
+    @property
+    def key(self) -> str:
+        """Names the clip within the set of one seed."""
+        return f"{self.condition}-{self.grade}-{self.number}-{self.kind}-{self.shape}".replace(" ", "_")
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A frame, what the vehicle reports, and the lane that there is."""
+
+    frame: Frame
+    state: VehicleState
+    truth: SteeringEstimate
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    road: Road
+    in_gap: bool  # no paint to the left or the right of the vehicle
+
+
+def harness_set(seed: int, *, quick: bool = False, repeats: int = 1) -> list[Case]:
+    """The clips of a seed: every kind of road and shape when it is clear, every grade of every disturbance, gaps.
+
+    Roads are dealt to the disturbances like cards: each comes once before any comes again.
+    """
+    pairs = [(kind, shape) for kind in Kind for shape in Shape]
+    rng = np.random.default_rng((seed, 60))
+    if quick:
+        chosen = [pairs[3 * i + i % 3] for i in range(len(Kind))]
+        clear = [Case(seed, 0, CLEAR, 0, *pair) for pair in chosen]
+        grades, count, gaps = QUICK_GRADES, 1, 1
+    else:
+        clear = [Case(seed, n, CLEAR, 0, *pair) for n in range(repeats) for pair in pairs]
+        grades, count, gaps = GRADES, CLIPS_PER_GRADE * repeats, GAP_CLIPS * repeats
+    deck = _dealt(pairs, rng)
+    disturbed = [
+        Case(seed, n, kind.value, grade, *next(deck))
+        for kind in DisturbanceKind
+        for grade in grades
+        for n in range(count)
+    ]
+    gap_kinds = (Kind.YELLOW, Kind.WHITE, Kind.CONCRETE, Kind.DOUBLE)
+    broken = [Case(seed, n, GAP, 0, gap_kinds[n % 4], Shape.STRAIGHT) for n in range(gaps)]
+    return [*clear, *disturbed, *broken]
+
+
+def _dealt(pairs: list[tuple[Kind, Shape]], rng: np.random.Generator) -> Iterator[tuple[Kind, Shape]]:
+    while True:
+        for index in rng.permutation(len(pairs)).tolist():
+            yield pairs[index]
+
+
+def moments(
+    case: Case, camera: Camera, vehicle: Vehicle, *, frames: Sequence[Image] | None = None
+) -> Iterator[Moment]:
+    """The frames of a clip with the truth about each; ``frames``: drawn before, not now."""
+    lots = [
+        case.seed,
+        61,
+        case.number,
+        case.grade,
+        *case.condition.encode(),
+        *case.kind.encode(),
+        *case.shape.encode(),
+    ]
+    rng = np.random.default_rng(lots)
+    speed_mps, gap_m, count = SPEEDS_MPS[case.shape], None, WARM_UP_FRAMES + SCORED_FRAMES
+    if case.condition == GAP:
+        start_m = float(rng.uniform(8, 15))
+        gap_m, speed_mps = (start_m + BEFORE_GAP_M, start_m + BEFORE_GAP_M + GAP_M), GAP_SPEED_MPS
+        count = math.ceil((BEFORE_GAP_M + GAP_M + AFTER_GAP_M) / (speed_mps * PERIOD_S))
+    road = random_road(case.kind, case.shape, rng, gap_m=gap_m, snow_cover=case.snow_cover)
+    if gap_m is None:
+        bend_m = sum(segment.length_m for segment in road.settings.segments[:3])
+        start_m = float(rng.uniform(8.0, min(bend_m, 120.0)))
+    course = _Course(road, speed_mps, start_m, rng)
+    disturbances = _disturbances(case, start_m)
+    if case.condition == DisturbanceKind.LOW_SUN:
+        azimuth = road.heading_at(start_m) + float(rng.normal(0, 0.3))
+        road = Road(road.settings.model_copy(update={"sun_azimuth_rad": azimuth}))
+    if frames is None:
+        renderer = Renderer(road, camera, seed=int(rng.integers(2**31)), disturbances=disturbances)
+        drawn = (course.picture(renderer, number * PERIOD_S) for number in range(count))
+    oracle = Oracle("truth", road, vehicle)
+    for number, image in enumerate(drawn if frames is None else frames):
+        yield _moment(course, image, oracle, number * PERIOD_S, gap_m, vehicle)
+
+
+def _disturbances(case: Case, start_m: float) -> tuple[Disturbance, ...]:
+    if case.condition in (CLEAR, GAP):
+        return ()
+    kind = DisturbanceKind(case.condition)
+    if kind is DisturbanceKind.TUNNEL_EXIT:
+        return (Disturbance(kind=kind, grade=case.grade, from_m=0.0, to_m=start_m + MOUTH_M),)
+    return (Disturbance(kind=kind, grade=case.grade),)
+
+
+class _Course:
+    """A vehicle that wanders about the middle of its lane: e(s) = a·sin(2π·s/λ + φ)."""
+
+    def __init__(self, road: Road, speed_mps: float, start_m: float, rng: np.random.Generator) -> None:
+        self.road, self.speed_mps, self.start_m = road, speed_mps, start_m
+        self._swing_m = float(rng.uniform(*WEAVE_M))
+        self._rate = 2 * math.pi / float(rng.uniform(*WEAVE_LENGTH_M))
+        self._phase = float(rng.uniform(0, 2 * math.pi))
+
+    def station_m(self, t_s: float) -> float:
+        """Along the lane centre."""
+        return self.start_m + self.speed_mps * t_s
+
+    def offset_m(self, t_s: float) -> float:
+        """To the left of the lane centre."""
+        return self._swing_m * math.sin(self._rate * self.station_m(t_s) + self._phase)
+
+    def heading_error_rad(self, t_s: float) -> float:
+        """tan ψ = e'(s)/(1 − κ·e)."""
+        station_m = self.station_m(t_s)
+        slope = self._swing_m * self._rate * math.cos(self._rate * station_m + self._phase)
+        return math.atan2(slope, 1 - self.road.curvature_at(station_m) * self.offset_m(t_s))
+
+    def yaw_rad(self, t_s: float) -> float:
+        """In the plane."""
+        return self.road.heading_at(self.station_m(t_s)) + self.heading_error_rad(t_s)
+
+    def speed_along_mps(self, t_s: float) -> float:
+        """Of the rear axle over ground."""
+        stretch = 1 - self.road.curvature_at(self.station_m(t_s)) * self.offset_m(t_s)
+        return self.speed_mps * stretch / math.cos(self.heading_error_rad(t_s))
+
+    def yaw_rate_radps(self, t_s: float) -> float:
+        """By central differences."""
+        return (self.yaw_rad(t_s + 1e-3) - self.yaw_rad(t_s - 1e-3)) / 2e-3
+
+    def picture(self, renderer: Renderer, t_s: float) -> Image:
+        """What its camera sees."""
+        station_m = self.station_m(t_s)
+        motion = Motion(self.speed_along_mps(t_s), self.yaw_rate_radps(t_s))
+        x_m, y_m = self.road.position(station_m, self.offset_m(t_s))
+        return renderer.render(x_m, y_m, self.yaw_rad(t_s), t_s=t_s, station_m=station_m, motion=motion)
+
+
+def _moment(
+    course: _Course,
+    image: Image,
+    oracle: Oracle,
+    t_s: float,
+    gap_m: tuple[float, float] | None,
+    vehicle: Vehicle,
+) -> Moment:
+    station_m, offset_m, heading = course.station_m(t_s), course.offset_m(t_s), course.heading_error_rad(t_s)
+    x_m, y_m = course.road.position(station_m, offset_m)
+    yaw_rad, speed_mps, rate = course.yaw_rad(t_s), course.speed_along_mps(t_s), course.yaw_rate_radps(t_s)
+    state = VehicleState(
+        t_s=t_s,
+        speed_mps=speed_mps,
+        road_wheel_angle_rad=math.atan(vehicle.wheelbase_m * rate / speed_mps),
+        yaw_rate_radps=rate,
+        driver_override=False,
+    )
+    pose = x_m, y_m, yaw_rad
+    truth = replace(
+        oracle.step(_truth(course.road, station_m, offset_m, heading, t_s)),
+        road_wheel_angle_rad=_needed_angle_rad(course.road, station_m, pose, vehicle),
+    )
+    in_gap = gap_m is not None and gap_m[0] <= station_m <= gap_m[1]
+    return Moment(Frame(t_s=t_s, image=image), state, truth, *pose, course.road, in_gap)
+
+
+def _needed_angle_rad(
+    road: Road, station_m: float, pose: tuple[float, float, float], vehicle: Vehicle
+) -> float:
+    """Of the road wheels, to drive on an arc through the lane centre AIM_M ahead: κ = 2·y/(x² + y²).
+
+    Of the road itself: the oracle's clothoid is up to 0.4 m beside it there where a bend begins in between.
+    """
+    x_m, y_m, yaw_rad = pose
+    aim_x_m, aim_y_m = road.position(station_m + AIM_M, 0.0)
+    dx_m, dy_m = aim_x_m - x_m, aim_y_m - y_m
+    left_m = dy_m * math.cos(yaw_rad) - dx_m * math.sin(yaw_rad)
+    return road_wheel_angle(2 * left_m / (dx_m**2 + dy_m**2), wheelbase_m=vehicle.wheelbase_m)
+
+
+def _truth(road: Road, station_m: float, offset_m: float, heading_rad: float, t_s: float) -> SimTruth:
+    """What the oracle needs to know; its look-ahead is 8 m at up to 8 m/s, so that is the speed it is told."""
+    return SimTruth(
+        t_s=t_s, x_m=0.0, y_m=0.0, yaw_rad=0.0, station_m=station_m, lateral_offset_m=offset_m,
+        heading_error_rad=heading_rad, curvature_1pm=road.curvature_at(station_m),
+        lane_width_m=road.width_at(station_m), lateral_accel_mps2=0.0, longitudinal_accel_mps2=0.0, departures=0,
+        interventions=0, collisions=0, section="", lead_gap_m=None, lead_x_m=None, lead_y_m=None,
+        lead_yaw_rad=None, finished=False, speed_mps=8.0,
+    )  # fmt: skip

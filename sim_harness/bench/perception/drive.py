@@ -1,0 +1,179 @@
+"""Each estimator at the wheel, alone: its road-wheel angle goes straight to the car, as the review's rules do it.
+
+No supervisor, no controller: where there is no estimate the wheels stay as they are. When a wheel leaves the lane
+or the car is more than a metre off, it is put back on the lane centre.
+"""
+
+import math
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from perception.estimators import Estimator, entry_of
+from sim_harness.lockstep.referee import Place, Referee, locate
+from sim_harness.sweep.code import code_of
+from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.memory import Memory, Row
+from sim_harness.world.plants.kinematic import KinematicPlant
+from sim_harness.world.plants.state import PlantState
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
+from sim_harness.world.roads.drawn import Kind, Shape, random_section, random_segments
+from sim_harness.world.roads.road import Road, RoadSettings
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Command, Frame, VehicleState
+from trepid.vehicle import Vehicle
+
+COURSES: tuple[tuple[Kind, DisturbanceKind | None, int], ...] = (
+    (Kind.WHITE, None, 0),
+    (Kind.YELLOW, DisturbanceKind.TREE_SHADOWS, 3),
+    (Kind.DASHED, DisturbanceKind.RAIN, 2),
+    (Kind.WORN, None, 0),
+    (Kind.WHITE, DisturbanceKind.NIGHT, 2),
+    (Kind.ASPHALT, None, 0),
+    (Kind.GRAVEL, None, 0),
+    (Kind.MULTI_LANE, DisturbanceKind.GLARE, 2),
+)
+QUICK_COURSES = 3
+DURATION_S, SPEED_MPS = 30.0, 6.0
+STEP_S, STEPS_PER_FRAME = 0.02, 2
+START_M, START_OFFSET_M = 3.0, 0.4
+MAX_OFFSET_M, RECENTRING_S = 1.0, 6.0  # autonomy as NVIDIA counts it (Bojarski et al., 2016, section 7.1)
+CODE = (
+    "sim_harness/bench/perception/drive.py",
+    "sim_harness/world/plants",
+    "sim_harness/world/render",
+    "sim_harness/world/roads",
+    "config/camera.yaml",
+    "config/disturbances.yaml",
+)
+
+
+def bench_drive(names: Sequence[str], seed: int, folder: Path, *, quick: bool) -> dict[str, Row]:
+    """Over all courses: autonomy, interventions, root mean square offset and how long nothing was seen."""
+    cv2.setNumThreads(1)
+    courses = range(QUICK_COURSES if quick else len(COURSES))
+    memories = {number: Memory(folder / f"drive-{seed}-{number}.json") for number in courses}
+    keys = {name: f"{code_of(name)} {fingerprint(*CODE)}" for name in names}
+    for number, memory in memories.items():
+        missing = [name for name in names if memory.row(name, keys[name]) is None]
+        started_s, world = time.monotonic(), _World(seed, number) if missing else None
+        for done, name in enumerate(missing, start=1):
+            memory.put(name, keys[name], _driven(name, world))
+            left_s = (time.monotonic() - started_s) / done * (len(missing) - done)
+            told = (
+                f"perception: course {number + 1}/{len(memories)}, {name}, {left_s / 60:.1f} min left of it"
+            )
+            print(told, file=sys.stderr, flush=True)
+    return {name: _total([memories[n].row(name, keys[name]) or {} for n in courses]) for name in names}
+
+
+class _World:
+    """A course, drawn by lot."""
+
+    def __init__(self, seed: int, number: int) -> None:
+        kind, disturbance, grade = COURSES[number]
+        rng = np.random.default_rng((seed, 62, number))
+        shapes = [Shape.BEND, Shape.TIGHT, Shape.STRAIGHT]
+        segments = tuple(segment for shape in shapes for segment in random_segments(shape, rng)[:-1])
+        self.road = Road(
+            RoadSettings(
+                name=f"{kind}",
+                closed=False,
+                lane_width_m=float(rng.uniform(3.2, 3.6)),
+                segments=segments,
+                sections=(random_section(kind, rng),),
+            )
+        )
+        self.camera = load(CONFIG_DIR / "camera.yaml", Camera)
+        self.disturbances = () if disturbance is None else (Disturbance(kind=disturbance, grade=grade),)
+        self.renderer = Renderer(self.road, self.camera, seed=seed, disturbances=self.disturbances)
+
+
+def _driven(name: str, world: _World | None) -> Row:
+    """One course with one estimator."""
+    assert world is not None
+    real = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    car = real.model_copy(update={"understeer_gradient_rad_per_mps2": 0.0})  # estimates know of none
+    plant, referee = KinematicPlant(car), Referee(world.road, car, max_offset_m=MAX_OFFSET_M)
+    estimator = entry_of(name).build(world.camera, real)
+    state = _placed(plant, world.road, START_M, START_OFFSET_M)
+    place = locate(world.road, state, START_M)
+    angle_rad, blind, offsets = 0.0, 0, []
+    for step in range(round(DURATION_S / STEP_S)):
+        if step % STEPS_PER_FRAME == 0:
+            seen = _look(estimator, world, plant, state, place, step * STEP_S)
+            blind += seen is None
+            angle_rad = angle_rad if seen is None else seen
+        state = plant.step(state, _command(angle_rad, step * STEP_S), STEP_S)
+        place = locate(world.road, state, place.station_m)
+        if referee.must_recentre(state, place):
+            state = _placed(plant, world.road, place.station_m, 0.0)
+            place, angle_rad = locate(world.road, state, place.station_m), state.road_wheel_angle_rad
+        offsets.append(place.offset_m)
+    return {
+        "interventions": referee.interventions,
+        "square_m2": float(np.mean(np.square(offsets))),
+        "blind": blind / (DURATION_S / STEP_S / STEPS_PER_FRAME),
+    }
+
+
+def _placed(plant: KinematicPlant, road: Road, station_m: float, offset_m: float) -> PlantState:
+    """Along the lane at the usual speed."""
+    x_m, y_m = road.position(station_m, offset_m)
+    curvature = road.curvature_at(station_m)
+    return plant.initial(x_m, y_m, road.heading_at(station_m), SPEED_MPS, curvature)
+
+
+def _look(
+    estimator: Estimator, world: _World, plant: KinematicPlant, state: PlantState, place: Place, t_s: float
+) -> float | None:
+    """The road-wheel angle that the estimator asks for."""
+    rate = plant.yaw_rate_radps(state)
+    image = world.renderer.render(
+        state.x_m,
+        state.y_m,
+        state.yaw_rad,
+        t_s=t_s,
+        station_m=place.station_m,
+        motion=Motion(state.speed_mps, rate),
+    )
+    told = VehicleState(
+        t_s=t_s,
+        speed_mps=state.speed_mps,
+        road_wheel_angle_rad=state.road_wheel_angle_rad,
+        yaw_rate_radps=rate,
+        driver_override=False,
+    )
+    return estimator.step(Frame(t_s=t_s, image=image), told, now_s=t_s).road_wheel_angle_rad
+
+
+def _command(angle_rad: float, t_s: float) -> Command:
+    return Command(
+        t_s=t_s,
+        road_wheel_angle_rad=angle_rad,
+        road_wheel_rate_radps=0.0,
+        speed_mps=SPEED_MPS,
+        accel_mps2=0.0,
+        jerk_mps3=0.0,
+    )
+
+
+def _total(rows: Sequence[Row]) -> dict[str, Any]:
+    interventions = sum(row["interventions"] for row in rows)
+    autonomy = [max(0.0, 100 * (1 - RECENTRING_S * row["interventions"] / DURATION_S)) for row in rows]
+    return {
+        "autonomy_pct": float(np.mean(autonomy)),
+        "interventions": interventions,
+        "courses_without": sum(row["interventions"] == 0 for row in rows),
+        "courses": len(rows),
+        "offset_m_rms": math.sqrt(float(np.mean([row["square_m2"] for row in rows]))),
+        "blind_pct": 100 * float(np.mean([row["blind"] for row in rows])),
+    }

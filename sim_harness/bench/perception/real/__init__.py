@@ -1,0 +1,1 @@
+"""Benchmarks of the estimators on labelled real images."""

@@ -1,0 +1,127 @@
+"""Frames of the real sets: stills to be judged by themselves, and stretches of drives to be tracked."""
+
+import csv
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from perception.camera.self_calibration import self_calibrated
+from perception.estimators import entry_of, lane_cv_settings
+from perception.images.sources import Clip, read_image, sources
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.types import Image
+from trepid.vehicle import Vehicle
+
+MPS_PER_MPH = 0.44704
+FULL_LOCK_RAD = np.radians(25.0)  # of both steering logs, as the MANIFESTs have it
+HALF_WORLD = 0.467  # lengths of config/cameras/udacity_sim_half.yaml over those of the simulator
+STRETCHES, LENGTH = 12, 40  # of a long drive: this many frames in a row, spread over it
+CALIBRATION_FRAMES = 9
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A frame of a set; consecutive ones of the same ``drive`` are tracked, a still has a drive of its own."""
+
+    drive: str
+    t_s: float
+    image: Image
+    camera: Camera
+    label: Path | None = None
+    steering_rad: float | None = None  # what the driver did, + = left
+    speed_mps: float | None = None
+
+
+Seen = tuple[Picture, dict[str, SteeringEstimate]]
+
+
+def estimates(pictures: Iterator[Picture], names: Sequence[str]) -> Iterator[Seen]:
+    """Every picture with what each estimator makes of it; fresh estimators for every drive."""
+    vehicle, drive = load(CONFIG_DIR / "vehicle.yaml", Vehicle), None
+    for picture in pictures:
+        if picture.drive != drive:
+            drive = picture.drive
+            runners = {name: entry_of(name).build(picture.camera, vehicle) for name in names}
+        frame, state = Frame(t_s=picture.t_s, image=picture.image), None
+        if picture.speed_mps is not None:
+            state = VehicleState(
+                t_s=picture.t_s,
+                speed_mps=picture.speed_mps,
+                road_wheel_angle_rad=None,
+                yaw_rate_radps=None,
+                driver_override=False,
+            )
+        yield picture, {name: runner.step(frame, state, now_s=frame.t_s) for name, runner in runners.items()}
+
+
+def stills(folder: Path, pattern: str, labels: Path, suffix: str, *, every: int = 1) -> Iterator[Picture]:
+    """Images of a folder with their labels, by cameras that nobody described."""
+    for path in sorted(folder.glob(pattern))[::every]:
+        yield still(path, label=labels / f"{path.stem}{suffix}")
+
+
+def still(path: Path, *, label: Path | None = None, camera: Camera | None = None) -> Picture:
+    """An image; without ``camera`` a typical one with the horizon of the image, as `trepid estimate` does it."""
+    image = read_image(path)
+    known = camera or self_calibrated([image], lane_cv_settings().self_calibration)
+    return Picture(str(path), 0.0, image, known.resized(image.shape[1], image.shape[0]), label=label)
+
+
+def video(path: Path, *, every: int = 1) -> Iterator[Picture]:
+    """The frames of a video by a camera that nobody described."""
+    clip = sources(path)[0]
+    if not isinstance(clip, Clip):
+        raise InputError(f"{path}: not a video")
+    camera = self_calibrated(clip.sample(CALIBRATION_FRAMES), lane_cv_settings().self_calibration)
+    for number, image in enumerate(clip.read()):
+        if number < clip.frames // every:
+            yield Picture(str(path), number / clip.fps, image, camera)
+
+
+def udacity_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
+    """Stretches of the simulator drive with the steering of its log, in a world of half its size."""
+    camera = load(CONFIG_DIR / "cameras" / "udacity_sim_half.yaml", Camera)
+    with (folder / "driving_log.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.reader(file) if row]
+    for drive, number in _stretched(len(rows), every):
+        row = rows[number]
+        yield Picture(
+            f"udacity {drive}",
+            number / 10,  # about ten frames a second
+            read_image(folder / "IMG" / Path(row[0]).name),
+            camera,
+            steering_rad=-float(row[3]) * FULL_LOCK_RAD,
+            speed_mps=HALF_WORLD * MPS_PER_MPH * float(row[6]),
+        )
+
+
+def donkey_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
+    """Stretches of the donkeycar drive with the joystick's angle, by a camera that nobody described."""
+    catalogs = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("catalog_?.catalog"))]
+    rows = [json.loads(line) for catalog in catalogs for line in catalog.splitlines()]
+    rows.sort(key=lambda row: row["_index"])
+    images = folder / "images"
+    chosen = [rows[int(n)] for n in np.linspace(0, len(rows) - 1, CALIBRATION_FRAMES)]
+    sample = [read_image(images / row["cam/image_array"]) for row in chosen]
+    camera = self_calibrated(sample, lane_cv_settings().self_calibration)
+    for drive, number in _stretched(len(rows), every):
+        row = rows[number]
+        yield Picture(
+            f"donkey {drive}",
+            row["_timestamp_ms"] / 1000,
+            read_image(images / row["cam/image_array"]),
+            camera,
+            steering_rad=-float(row["user/angle"]) * FULL_LOCK_RAD,
+        )
+
+
+def _stretched(count: int, every: int) -> Iterator[tuple[int, int]]:
+    """Number of the stretch and of the frame."""
+    starts = np.linspace(0, count - LENGTH, STRETCHES).astype(int).tolist()[::every]
+    for drive, start in enumerate(starts):
+        yield from ((drive, number) for number in range(start, start + LENGTH))

@@ -1,0 +1,168 @@
+"""Every estimator on every frame of a clip, taking turns, and how far each is from the truth."""
+
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.estimators import Estimator, entry_of
+from perception.lane.fit import centre_line
+from sim_harness.bench.perception.clips import AIM_M, Moment
+from trepid.camera import Camera
+from trepid.messages import Frame, PixelPath, SteeringEstimate
+from trepid.types import Array, Image
+from trepid.vehicle import Vehicle
+
+NEAR_M, FAR_M = 4.0, 20.0  # ahead of the rear axle: where boundaries are compared
+LOOK = np.dtype(
+    [
+        ("offset_m", "f4"),  # estimate − truth; NaN: not given
+        ("aim_m", "f4"),  # how far beside the lane centre that is which is taken for it AIM_M ahead
+        ("heading_rad", "f4"),
+        ("curvature_1pm", "f4"),  # AIM_M ahead
+        ("width_share", "f4"),  # of the true width
+        ("angle_rad", "f4"),  # of the road wheels
+        ("left_m", "f4"),  # root mean square over the boundary, NEAR_M to FAR_M ahead
+        ("right_m", "f4"),
+        ("confidence", "f4"),
+        ("lines", "i1"),
+        ("time_s", "f4"),  # of the processor
+        ("bare_chain_s", "f4"),  # of the peer on the same frame, in the same run
+    ]
+)
+TRUTH = np.dtype([("offset_m", "f4"), ("curvature_1pm", "f4"), ("angle_rad", "f4"), ("in_gap", "?")])
+Looks = NDArray[np.void]
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A clip: the truth, frame by frame, and what each estimator made of it."""
+
+    truth: Looks  # (n,) of TRUTH
+    looks: Mapping[str, Looks]  # (n,) of LOOK each
+
+
+def watch(clip: Iterable[Moment], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> Watched:
+    """Fresh estimators on the frames of a clip; who comes first changes from frame to frame."""
+    cv2.setNumThreads(1)
+    runners = {name: entry_of(name).build(camera, vehicle) for name in names}
+    looks: dict[str, list[tuple[float, ...]]] = {name: [] for name in names}
+    truth = []
+    for number, moment in enumerate(clip):
+        truth.append(
+            (
+                moment.truth.lateral_offset_m,
+                moment.truth.curvature_1pm,
+                moment.truth.road_wheel_angle_rad,
+                moment.in_gap,
+            )
+        )
+        road = _TrueRoad(moment, camera)
+        started_s = time.thread_time()
+        bare_canny_chain(moment.frame.image)
+        bare_s = time.thread_time() - started_s
+        for name in _rotated(list(names), number):
+            estimate, time_s = timed_step(runners[name], moment)
+            looks[name].append((*look(estimate, moment.truth, road), time_s, bare_s))
+    arrays = {name: np.array(rows, LOOK) for name, rows in looks.items()}
+    return Watched(np.array(truth, TRUTH), arrays)
+
+
+def bare_canny_chain(image: Image) -> object:
+    """The review's canonical chain, the peer: lower half, grey, Gauss, Canny, probabilistic Hough."""
+    grey = cv2.GaussianBlur(cv2.cvtColor(image[image.shape[0] // 2 :], cv2.COLOR_BGR2GRAY), (5, 5), 0)
+    return cv2.HoughLinesP(cv2.Canny(grey, 50, 150), 1, np.pi / 180, 20, minLineLength=20, maxLineGap=10)
+
+
+def timed_step(runner: Estimator, moment: Moment) -> tuple[SteeringEstimate, float]:
+    """The estimate, and the processor time that it took: the machine may be busy with something else."""
+    frame: Frame = moment.frame
+    started_s = time.thread_time()
+    estimate = runner.step(frame, moment.state, now_s=frame.t_s)
+    return estimate, time.thread_time() - started_s
+
+
+def look(estimate: SteeringEstimate, truth: SteeringEstimate, road: "_TrueRoad") -> tuple[float, ...]:
+    """A row of LOOK but for the times."""
+    left_m, right_m = road.boundary_errors_m(estimate.left_boundary_px, estimate.right_boundary_px)
+    width_m, true_width_m = _number(estimate.lane_width_m), _number(truth.lane_width_m)
+    return (
+        _number(estimate.lateral_offset_m) - _number(truth.lateral_offset_m),
+        road.beside_m(aim(estimate)),
+        _number(estimate.heading_error_rad) - _number(truth.heading_error_rad),
+        _curvature_ahead(estimate) - _curvature_ahead(truth),
+        width_m / true_width_m - 1,
+        _number(estimate.road_wheel_angle_rad) - _number(truth.road_wheel_angle_rad),
+        left_m,
+        right_m,
+        estimate.confidence,
+        estimate.lanes_detected,
+    )
+
+
+def aim(estimate: SteeringEstimate) -> complex:
+    """The lane centre AIM_M along the lane as x + iy in the vehicle frame; NaN where there is none.
+
+    Of the clothoid itself: the parabola that estimators steer by is 0.3 m off there in a bend of R = 13 m.
+    """
+    rate = _number(estimate.curvature_rate_1pm2)
+    curvature = _number(estimate.curvature_1pm) - rate * estimate.lookahead_m
+    station_m = np.linspace(0.0, AIM_M, 33)
+    centre, _ = centre_line(
+        station_m,
+        station_m * (curvature + rate / 2 * station_m),
+        offset_m=_number(estimate.lateral_offset_m),
+        heading_rad=_number(estimate.heading_error_rad),
+    )
+    return complex(centre[-1])
+
+
+def _curvature_ahead(estimate: SteeringEstimate) -> float:
+    rate = _number(estimate.curvature_rate_1pm2)
+    return _number(estimate.curvature_1pm) + rate * (AIM_M - estimate.lookahead_m)
+
+
+class _TrueRoad:
+    """Where the lane is, seen from a frame; its boundaries are the lines where it is marked, else the edges."""
+
+    def __init__(self, moment: Moment, camera: Camera) -> None:
+        self._moment, self._camera = moment, camera
+
+    def beside_m(self, place: complex) -> float:
+        """How far to the left of the lane centre a place x + iy of the vehicle frame is; NaN where it is none."""
+        if not np.isfinite(place):
+            return np.nan
+        return float(self._on_road(np.array([[place.real, place.imag]]), steps=4)[0, 1])
+
+    def boundary_errors_m(self, left: PixelPath, right: PixelPath) -> tuple[float, float]:
+        """Root mean square distance of each boundary from the true one; NaN where none was given."""
+        return self._error_m(left, 0.5), self._error_m(right, -0.5)
+
+    def _error_m(self, path: PixelPath, share: float) -> float:
+        if not path:
+            return np.nan
+        ground = self._camera.road_from_pixel(np.array(path))
+        ahead = (ground[:, 0] >= NEAR_M) & (ground[:, 0] <= FAR_M)  # NaN is not ahead
+        if not ahead.any():
+            return np.nan
+        station_m, offset_m = self._on_road(ground[ahead], steps=2).T
+        return float(np.sqrt(np.mean((offset_m - share * self._moment.road.widths_at(station_m)) ** 2)))
+
+    def _on_road(self, places_m: Array, *, steps: int) -> Array:
+        """(station, offset) of places (x, y) of the vehicle frame, shape (n, 2)."""
+        moment = self._moment
+        cos, sin = np.cos(moment.yaw_rad), np.sin(moment.yaw_rad)
+        world = places_m @ np.array([[cos, sin], [-sin, cos]]) + [moment.x_m, moment.y_m]
+        return moment.road.nearest_coordinates(world, steps=steps)
+
+
+def _rotated(names: list[str], by: int) -> list[str]:
+    by %= max(len(names), 1)
+    return names[by:] + names[:by]
+
+
+def _number(value: float | None) -> float:
+    return np.nan if value is None else value

@@ -1,0 +1,1 @@
+"""Conditions on a run: the language of `expect`."""

@@ -1,0 +1,113 @@
+"""Assertions over time, as sentences: ``fear >= high within 0.5 s of glare``.
+
+A sentence claims something of single moments, and says when (grammar: ``docs/conditions.md``). It is judged
+on the trace of a run by its **robustness**, as signal temporal logic has it (Donzé and Maler, FORMATS 2010):
+
+- the margin of a comparison is by how much it holds, in the unit of its signal;
+- *always* is the least margin over the samples that are judged, *eventually* the greatest;
+- of several stretches of time (one per event), the least.
+
+Robustness ≥ 0 passes. Samples hold until the next one; where a signal is absent there is nothing to judge. What a
+run never came to has not been passed: robustness -inf.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_harness.judging.conditions.claims import Claim
+from sim_harness.judging.conditions.grammar import Word, parse
+from sim_harness.judging.conditions.scopes import NothingToJudge, Scope
+from sim_harness.judging.conditions.signals import close_to
+from sim_harness.judging.trace import Trace
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How a run did by a condition."""
+
+    robustness: float  # in the unit of the signal; ≥ 0 passes
+    elapsed_s: float | None  # of the sample that decided, from the start of the run
+    values: tuple[tuple[str, float], ...]  # the signals there
+    note: str  # why there was nothing to judge, else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A parsed sentence."""
+
+    text: str
+    claim: Claim
+    scope: Scope
+    eventually: bool
+    events: tuple[Word, ...]  # faults, disturbances, manoeuvres and sections that it names
+
+    def check(self, events: set[str]) -> None:
+        """Raise ValueError when the condition names an event that is not one of ``events``."""
+        for word in self.events:
+            if word.text not in events:
+                raise ValueError(
+                    f"{self.text!r}, column {word.column}: nothing called {word.text!r} happens here"
+                    + close_to(word.text, sorted(events))
+                )
+
+    def robustness(self, trace: Trace) -> float:
+        """By how much ``trace`` satisfies the condition; < 0: it does not."""
+        return self.judge(trace).robustness
+
+    def explain(self, trace: Trace) -> str:
+        """One line: passed or failed, by how much, when, and what the signals were then."""
+        verdict = self.judge(trace)
+        status = "passed" if verdict.robustness >= 0 else "failed"
+        if verdict.elapsed_s is None:
+            return f"{self.text}: {status}: {verdict.note}"
+        by = f" by {_amount(abs(verdict.robustness), self._unit)}" if np.isfinite(verdict.robustness) else ""
+        values = ", ".join(f"{name} = {value:.4g}" for name, value in verdict.values)
+        return f"{self.text}: {status}{by} at {verdict.elapsed_s:.2f} s" + (f", {values}" if values else "")
+
+    def judge(self, trace: Trace) -> Verdict:
+        """The robustness of ``trace`` and the sample that decided it."""
+        try:
+            margin, stretches = self.claim.margin(trace), self.scope.stretches(trace)
+        except NothingToJudge as reason:
+            return Verdict(-np.inf, None, (), str(reason))
+        except KeyError as missing:
+            return Verdict(-np.inf, None, (), f"the run has no {missing.args[0]}")
+        known = ~np.isnan(margin)
+        judged = [np.flatnonzero(stretch & known) for stretch in stretches]
+        if not self.eventually:  # what was always there at none of the samples was there at all of them
+            judged = [samples for samples in judged if len(samples)]
+        if not judged:
+            return self._without_samples(stretches)
+        if any(len(samples) == 0 for samples in judged):
+            return Verdict(-np.inf, None, (), "its signals were absent all the time")
+        pick = np.argmax if self.eventually else np.argmin
+        deciding = [int(samples[pick(margin[samples])]) for samples in judged]
+        worst = min(deciding, key=lambda sample: float(margin[sample]))
+        values = tuple((str(signal), float(signal.values(trace)[worst])) for signal in self.claim.signals())
+        elapsed_s = float(trace["t_s"][worst] - trace["t_s"][0])
+        return Verdict(float(margin[worst]), elapsed_s, tuple(dict(values).items()), "")
+
+    def _without_samples(self, stretches: list[np.ndarray]) -> Verdict:
+        """The verdict on no sample at all: passed only if the sentence says that this may be."""
+        if self.scope.may_be_empty and not any(stretch.any() for stretch in stretches):
+            return Verdict(np.inf, None, (), "it did not come to that")
+        return Verdict(-np.inf, None, (), "there was no sample to judge")
+
+    @property
+    def _unit(self) -> str:
+        units = {signal.unit for signal in self.claim.signals()}
+        return units.pop() if len(units) == 1 else ""
+
+
+def parse_condition(text: str) -> Condition:
+    """The condition that ``text`` states.
+
+    Raises ValueError that says at which column what was found, and what was expected.
+    """
+    sentence = parse(text)
+    return Condition(text, sentence.claim, sentence.scope, sentence.eventually, sentence.events)
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}".rstrip()

@@ -1,0 +1,91 @@
+"""What a run must satisfy, and the judgement of it."""
+
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import AfterValidator, Field
+
+from sim_harness.judging.conditions.conditions import parse_condition
+from sim_harness.judging.trace import Trace
+from trepid.config import Settings
+from trepid.types import Positive
+
+if TYPE_CHECKING:  # its filters and ranks take 0.4 s to import, and the processes of a drive judge nothing
+    from sim_harness.judging.metrics import Metrics
+
+STANDSTILL_MPS = 0.01
+
+
+def _sentence(text: str) -> str:
+    parse_condition(text)
+    return text
+
+
+Sentence = Annotated[str, AfterValidator(_sentence)]
+"""The text of a condition that can be parsed."""
+
+
+class Expect(Settings):
+    """What a run must satisfy to pass; absent: not judged."""
+
+    max_departures: Annotated[int, Field(ge=0)] = 0
+    max_interventions: Annotated[int, Field(ge=0)] = 0
+    max_collisions: Annotated[int, Field(ge=0)] = 0
+    max_lateral_error_m: Positive | None = None
+    max_lateral_accel_mps2: Positive | None = None
+    max_lateral_jerk_mps3: Positive | None = None
+    max_decel_mps2: Positive | None = None
+    min_mean_speed_mps: Positive | None = None
+    min_time_gap_s: Positive | None = None
+    must_finish: bool = False  # drive the whole route
+    must_stop_by_s: Positive | None = None  # drive, and stand still from this time of the run to its end
+    conditions: tuple[Sentence, ...] = ()  # over time; the grammar stands in docs/conditions.md
+
+    def shortened(self, duration_s: float) -> "Expect":
+        """Without what a run that is cut off after ``duration_s`` cannot show."""
+        dropped: dict[str, object] = {"must_finish": False, "min_mean_speed_mps": None, "conditions": ()}
+        if self.must_stop_by_s is not None and self.must_stop_by_s > duration_s:
+            dropped["must_stop_by_s"] = None
+        return self.model_copy(update=dropped)
+
+
+def judge(expect: Expect, metrics: "Metrics", trace: Trace) -> list[str]:
+    """Why a run failed what was expected of it; empty when it passed."""
+    most = {
+        "departures": expect.max_departures,
+        "interventions": expect.max_interventions,
+        "collisions": expect.max_collisions,
+        "max_lateral_error_m": expect.max_lateral_error_m,
+        "max_lateral_accel_mps2": expect.max_lateral_accel_mps2,
+        "max_lateral_jerk_mps3": expect.max_lateral_jerk_mps3,
+        "max_decel_mps2": expect.max_decel_mps2,
+    }
+    least = {"mean_speed_mps": expect.min_mean_speed_mps, "min_time_gap_s": expect.min_time_gap_s}
+    reasons = []
+    for name, limit in most.items():
+        value = getattr(metrics, name)
+        if limit is not None and value > limit:
+            reasons.append(f"{name} {value:.4g}: at most {limit:.4g} expected")
+    for name, limit in least.items():
+        value = getattr(metrics, name)
+        if limit is not None and (value is None or value < limit):
+            found = "unknown" if value is None else f"{value:.4g}"
+            reasons.append(f"{name} {found}: at least {limit:.4g} expected")
+    if expect.must_finish and not trace["finished"][-1]:
+        reasons.append("the route was not driven to its end")
+    if expect.must_stop_by_s is not None:
+        reasons += _judge_stop(expect.must_stop_by_s, trace)
+    conditions = map(parse_condition, expect.conditions)
+    return reasons + [c.explain(trace) for c in conditions if c.robustness(trace) < 0]
+
+
+def _judge_stop(by_s: float, trace: Trace) -> list[str]:
+    """Whether the vehicle drove, and stood still from ``by_s`` after the start to the end."""
+    elapsed_s = trace["t_s"] - trace["t_s"][0]
+    moving = elapsed_s[trace["speed_mps"] > STANDSTILL_MPS]
+    if elapsed_s[-1] < by_s:
+        return [f"the run ended before {by_s:.4g} s, by when the vehicle had to stand"]
+    if len(moving) == 0:
+        return ["the vehicle never moved, so that it stands shows nothing"]
+    if moving[-1] >= by_s:
+        return [f"the vehicle moved at {moving[-1]:.2f} s: expected to stand from {by_s:.4g} s on"]
+    return []

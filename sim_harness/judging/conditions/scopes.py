@@ -1,0 +1,139 @@
+"""When a condition is judged: events of a run, and the stretches of time that hang on them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.judging.conditions.claims import Claim
+from sim_harness.judging.conditions.signals import COUNTERS
+from sim_harness.judging.trace import Trace
+
+SAME_INSTANT_S = 1e-9
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Begins:
+    """The instants at which ``claim`` becomes true; at the first sample if it is true from there on."""
+
+    claim: Claim
+    text: str
+    after_start: bool = False  # what is true at the first sample did not become so
+
+    def instants_s(self, trace: Trace) -> list[float]:
+        true = self.claim.margin(trace) >= 0
+        return [float(t) for t in trace["t_s"][true & ~np.append(self.after_start, true[:-1])]]
+
+
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """The instants at which a departure, an intervention or a collision is counted."""
+
+    name: str
+
+    @property
+    def text(self) -> str:
+        """As in the sentence."""
+        return self.name
+
+    def instants_s(self, trace: Trace) -> list[float]:
+        rises = np.diff(trace[COUNTERS[self.name]], prepend=0.0) > 0
+        return [float(t) for t in trace["t_s"][rises]]
+
+
+@dataclass(frozen=True, slots=True)
+class Elapsed:
+    """One instant, counted from the start of the run."""
+
+    time_s: float
+
+    @property
+    def text(self) -> str:
+        """As in the sentence."""
+        return f"t = {self.time_s:g} s"
+
+    def instants_s(self, trace: Trace) -> list[float]:
+        return [float(trace["t_s"][0]) + self.time_s]
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """The last sample."""
+
+    text: str = "the end"
+
+    def instants_s(self, trace: Trace) -> list[float]:
+        return [float(trace["t_s"][-1])]
+
+
+Instant = Begins | Counted | Elapsed | Ending
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """A stretch of ``before_s`` and ``after_s`` around every time that something happens."""
+
+    event: Instant
+    before_s: float
+    after_s: float
+    must_happen: bool
+
+    def spans(self, trace: Trace, low_s: float, high_s: float) -> list[tuple[float, float]]:
+        """From and to [s] for every time it happens within [low, high]. Raises NothingToJudge."""
+        instants_s = self.event.instants_s(trace)
+        inside = [at for at in instants_s if low_s - SAME_INSTANT_S <= at <= high_s + SAME_INSTANT_S]
+        if not inside and self.must_happen:
+            raise NothingToJudge(f"{self.event.text} never came")
+        return [(max(at - self.before_s, low_s), min(at + self.after_s, high_s)) for at in inside]
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """All that limits when a claim is judged; what is absent does not."""
+
+    around: Around | None = None
+    start: Instant | None = None  # the first of its instants
+    end: Instant | None = None
+    while_claim: Claim | None = None
+    while_must_hold: bool = True  # at some time, or there is nothing to judge
+
+    @property
+    def may_be_empty(self) -> bool:
+        """True when the sentence says that it may not come to it: `any`, `whenever`."""
+        lacks_event = self.around is not None and not self.around.must_happen
+        return lacks_event or (self.while_claim is not None and not self.while_must_hold)
+
+    def stretches(self, trace: Trace) -> list[Flags]:
+        """The samples of every stretch that is judged by itself. Raises NothingToJudge."""
+        t_s = trace["t_s"]
+        low_s = _first(self.start, trace) if self.start else float(t_s[0])
+        high_s = _first(self.end, trace) if self.end else float(t_s[-1])
+        spans = [(low_s, high_s)]
+        if self.around:
+            spans = self.around.spans(trace, low_s, high_s)
+        there = self.while_claim.margin(trace) >= 0 if self.while_claim else np.full(len(trace), True)
+        if self.while_claim and self.while_must_hold and not there.any():
+            raise NothingToJudge("its `while` never held")
+        return [_within(trace, *span) & there for span in spans]
+
+
+class NothingToJudge(Exception):
+    """The run never came to what a condition is about."""
+
+
+def _first(instant: Instant, trace: Trace) -> float:
+    instants_s = instant.instants_s(trace)
+    if not instants_s:
+        raise NothingToJudge(f"{instant.text} never came")
+    return instants_s[0]
+
+
+def _within(trace: Trace, low_s: float, high_s: float) -> Flags:
+    """Samples in [low, high]; for a single instant, the sample that holds there."""
+    t_s = trace["t_s"]
+    inside: Flags = (t_s >= low_s - SAME_INSTANT_S) & (t_s <= high_s + SAME_INSTANT_S)
+    if low_s == high_s and t_s[0] <= low_s <= t_s[-1]:
+        inside[:] = False
+        inside[np.searchsorted(t_s, low_s + SAME_INSTANT_S, side="right") - 1] = True
+    return inside

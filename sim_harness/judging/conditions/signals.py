@@ -1,0 +1,151 @@
+"""What a condition may speak of: columns of the trace by their names without unit, with the unit they carry.
+
+``speed`` is the column ``speed_mps``; ``fear`` is ``decision.fear``; estimators are ``cv.confidence``. A name is
+looked up as it stands, then among the truth and the vehicle's state, then in the decision. Absent is NaN.
+"""
+
+import difflib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from perception.estimators import ESTIMATORS
+from sim_harness.judging import margins
+from sim_harness.judging.trace import LABELS, Trace, column_names
+from supervisor.rules.rule_file import LEVELS, RuleFile
+from trepid.config import CONFIG_DIR, load
+from trepid.types import Column
+
+SUFFIXES = {
+    "_1pm2": "1/m²",
+    "_1pm": "1/m",
+    "_radps": "rad/s",
+    "_mps3": "m/s³",
+    "_mps2": "m/s²",
+    "_mps": "m/s",
+    "_rad": "rad",
+    "_m": "m",
+    "_s": "s",
+}
+UNITS = {  # as written -> (unit of the trace, factor)
+    "m": ("m", 1.0),
+    "cm": ("m", 0.01),
+    "km": ("m", 1000.0),
+    "s": ("s", 1.0),
+    "ms": ("s", 0.001),
+    "min": ("s", 60.0),
+    "m/s": ("m/s", 1.0),
+    "km/h": ("m/s", 1 / 3.6),
+    "mph": ("m/s", 0.44704),
+    "m/s²": ("m/s²", 1.0),
+    "m/s^2": ("m/s²", 1.0),
+    "m/s2": ("m/s²", 1.0),
+    "g": ("m/s²", 9.80665),
+    "m/s³": ("m/s³", 1.0),
+    "m/s^3": ("m/s³", 1.0),
+    "m/s3": ("m/s³", 1.0),
+    "rad": ("rad", 1.0),
+    "deg": ("rad", np.pi / 180),
+    "°": ("rad", np.pi / 180),
+    "rad/s": ("rad/s", 1.0),
+    "deg/s": ("rad/s", np.pi / 180),
+    "°/s": ("rad/s", np.pi / 180),
+    "1/m": ("1/m", 1.0),
+    "%": ("", 0.01),
+}
+DERIVED: dict[str, Callable[[Trace], Column]] = {
+    "time_gap_s": margins.time_gap_s,
+    "time_to_collision_s": margins.time_to_collision_s,
+    "time_to_crossing_s": margins.time_to_crossing_s,
+    "lane_edge_distance_m": margins.lane_edge_distance_m,
+    "elapsed_s": lambda trace: trace["t_s"] - trace["t_s"][0],
+}
+EVENT_COLUMNS = ("fault", "disturbance", "traffic")  # fault.glare, ...: 0 while it is not there
+COUNTERS = {"departure": "departures", "intervention": "interventions", "collision": "collisions"}
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A column of the trace, or what is derived from several, perhaps as magnitude."""
+
+    column: str
+    absolute: bool = False
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values, "" for plain numbers."""
+        return next((unit for suffix, unit in SUFFIXES.items() if self.column.endswith(suffix)), "")
+
+    def values(self, trace: Trace) -> Column:
+        """One value per sample, NaN where absent. Raises KeyError when the run has no such column."""
+        derived = DERIVED.get(self.column)
+        values = derived(trace) if derived else trace[self.column]
+        return np.abs(values) if self.absolute else values
+
+    def __str__(self) -> str:
+        return f"|{self.column}|" if self.absolute else self.column
+
+
+def find_signal(name: str) -> Signal | None:
+    """The signal called ``name``, with or without its unit; None when there is none."""
+    column = _signal_names().get(name)
+    return Signal(column) if column else None
+
+
+def signal_names() -> list[str]:
+    """Every way to name a signal or a label."""
+    return [*_signal_names(), *LABELS]
+
+
+def close_to(name: str, known: Iterable[str]) -> str:
+    """``; did you mean 'this'?`` where one of ``known`` is close to ``name``; else all of them, if few."""
+    known = list(known)
+    close = difflib.get_close_matches(name, known, n=1)
+    if close:
+        return f"; did you mean {close[0]!r}?"
+    return f"; there are {', '.join(known)}" if 0 < len(known) <= 20 else ""
+
+
+def fear_border(level: str) -> tuple[float, float]:
+    """Fear from which on it is ``level``, and from which on it is more, as ``Decision.level`` has it."""
+    at = [-np.inf, *_level_places(), np.inf]
+    index = LEVELS.index(level) + 1
+    return (at[index - 1] + at[index]) / 2, (at[index] + at[index + 1]) / 2
+
+
+def activity(trace: Trace, name: str) -> Column:
+    """1 where the fault, disturbance, manoeuvre or section ``name`` is there, else 0."""
+    active = np.zeros(len(trace))
+    for prefix in EVENT_COLUMNS:
+        if f"{prefix}.{name}" in trace.columns:
+            active = np.maximum(active, trace[f"{prefix}.{name}"] > 0)
+    if name in trace.words["section"]:
+        active = np.maximum(active, trace["section"] == trace.words["section"].index(name))
+    return active
+
+
+@cache
+def _signal_names() -> dict[str, str]:
+    """Every way to name a signal -> its column; what comes first goes first."""
+    names: dict[str, str] = {}
+    columns = [name for name in column_names(tuple(ESTIMATORS)) if name not in LABELS and name != "t_s"]
+    own = [*(name for name in columns if "." not in name), *DERIVED]
+    for column in (*columns, *DERIVED):
+        names[column] = column
+    for column in (*own, *columns):
+        names.setdefault(_bare(column), column)
+    for column in columns:
+        if column.startswith("decision."):
+            names.setdefault(_bare(column.removeprefix("decision.")), column)
+    return names
+
+
+def _bare(column: str) -> str:
+    return next((column.removesuffix(s) for s in SUFFIXES if column.endswith(s)), column)
+
+
+@cache
+def _level_places() -> tuple[float, ...]:
+    return tuple(action.at for action in load(CONFIG_DIR / "fear.yaml", RuleFile).fear.all)

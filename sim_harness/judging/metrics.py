@@ -1,0 +1,141 @@
+"""Scores of a run, computed from its trace alone.
+
+Samples hold until the next one, so means and durations are weighted by the time between samples and do not
+depend on an even sample rate.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_harness.judging.comfort import max_lateral_jerk_mps3, max_r79_jerk_mps3, steering_reversals_per_min
+from sim_harness.judging.fear_scores import (
+    fear_auroc,
+    fear_lead_time_s,
+    felt_fear,
+    nuisance_slowdowns_per_km,
+)
+from sim_harness.judging.margins import (
+    lane_edge_distance_m,
+    time_gap_s,
+    time_to_collision_s,
+    time_to_crossing_s,
+)
+from sim_harness.judging.trace import Trace
+from trepid.types import Column
+
+INTERVENTION_S = 6.0  # Bojarski et al., End to End Learning for Self-Driving Cars (2016), section 5.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Metrics:
+    """The scores that every run is judged by; None where there is nothing to score."""
+
+    duration_s: float
+    distance_m: float  # along the lane centre line
+    departures: int  # a wheel over the lane edge
+    interventions: int  # re-centred after a departure or beyond 1 m
+    autonomy_percent: float
+    max_lateral_error_m: float
+    rms_lateral_error_m: float
+    max_lateral_accel_mps2: float
+    max_lateral_jerk_mps3: float
+    max_decel_mps2: float
+    collisions: int
+    min_time_gap_s: float | None
+    mean_speed_mps: float
+    max_fear: float | None  # from the start of driving on
+    mean_fear: float | None
+    modes: dict[str, float]  # name -> seconds
+    causes: dict[str, float]  # name -> seconds
+
+
+def measure(trace: Trace) -> Metrics:
+    """Scores of ``trace``. Raises ValueError when it spans no time.
+
+    autonomy = 100·(1 - 6 s·interventions/duration), at least 0: Bojarski et al. (2016), section 5.2.
+    """
+    t_s = trace["t_s"]
+    duration_s = float(t_s[-1] - t_s[0]) if len(trace) else 0.0
+    if duration_s <= 0.0:
+        raise ValueError(f"a trace of {len(trace)} samples over {duration_s} s cannot be scored")
+    distance_m = float(trace["station_m"][-1] - trace["station_m"][0])
+    interventions = int(trace["interventions"][-1])
+    fear = felt_fear(trace)
+    offset_m = trace["lateral_offset_m"]
+    return Metrics(
+        duration_s=duration_s,
+        distance_m=distance_m,
+        departures=int(trace["departures"][-1]),
+        interventions=interventions,
+        autonomy_percent=max(0.0, 100.0 * (1.0 - INTERVENTION_S * interventions / duration_s)),
+        max_lateral_error_m=float(np.abs(offset_m).max()),
+        rms_lateral_error_m=float(np.sqrt(_time_mean(t_s, offset_m**2) or 0.0)),
+        max_lateral_accel_mps2=float(np.abs(trace["lateral_accel_mps2"]).max()),
+        max_lateral_jerk_mps3=max_lateral_jerk_mps3(trace),
+        max_decel_mps2=max(0.0, float(-trace["longitudinal_accel_mps2"].min())),
+        collisions=int(trace["collisions"][-1]),
+        min_time_gap_s=_least(time_gap_s(trace)),
+        mean_speed_mps=distance_m / duration_s,
+        max_fear=None if np.isnan(fear).all() else float(np.nanmax(fear)),
+        mean_fear=_time_mean(t_s, fear),
+        modes=_seconds_by_word(trace, "mode"),
+        causes=_seconds_by_word(trace, "cause"),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FurtherMetrics:
+    """More scores of one run, each defined where it is computed; None where there is nothing to score.
+
+    In a lock-step run the car is put back in the very period in which it leaves the lane, so that the trace
+    ends each departure one sample before it: the least lane edge distance is then that of the last sample
+    inside.
+    """
+
+    max_r79_jerk_mps3: float
+    steering_reversals_per_min: float | None
+    min_time_to_crossing_s: float | None
+    min_lane_edge_distance_m: float
+    min_time_to_collision_s: float | None
+    fear_lead_time_s: float | None
+    fear_auroc: float | None
+    nuisance_slowdowns_per_km: float | None
+
+
+def measure_further(trace: Trace) -> FurtherMetrics:
+    """More scores of ``trace``, which spans some time."""
+    return FurtherMetrics(
+        max_r79_jerk_mps3=max_r79_jerk_mps3(trace),
+        steering_reversals_per_min=steering_reversals_per_min(trace),
+        min_time_to_crossing_s=_least(time_to_crossing_s(trace)),
+        min_lane_edge_distance_m=float(lane_edge_distance_m(trace).min()),
+        min_time_to_collision_s=_least(time_to_collision_s(trace)),
+        fear_lead_time_s=fear_lead_time_s(trace),
+        fear_auroc=fear_auroc(trace),
+        nuisance_slowdowns_per_km=nuisance_slowdowns_per_km(trace),
+    )
+
+
+def _least(values: Column) -> float | None:
+    """The least of the finite ``values``; None when there are none: absent, or never to come."""
+    finite = values[np.isfinite(values)]
+    return float(finite.min()) if len(finite) else None
+
+
+def _held_s(t_s: Column) -> Column:
+    """How long each sample holds [s]; the last one ends the run."""
+    return np.append(np.diff(t_s), 0.0)
+
+
+def _time_mean(t_s: Column, values: Column) -> float | None:
+    """Mean over time of the finite ``values``; None when there are none."""
+    held_s = np.where(np.isfinite(values), _held_s(t_s), 0.0)
+    total_s = held_s.sum()
+    return float((np.nan_to_num(values) * held_s).sum() / total_s) if total_s > 0.0 else None
+
+
+def _seconds_by_word(trace: Trace, label: str) -> dict[str, float]:
+    """Seconds for which each word of a label column held, in order of first appearance."""
+    held_s, codes = _held_s(trace["t_s"]), trace[label]
+    return {word: round(float(held_s[codes == i].sum()), 6) for i, word in enumerate(trace.words[label])}

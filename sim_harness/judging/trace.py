@@ -1,0 +1,168 @@
+"""What happened in a run: one sample per vehicle tick, as named columns of float64."""
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from operator import attrgetter
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from trepid.config import InputError
+from trepid.messages import Command, Decision, SimTruth, SteeringEstimate, VehicleState
+from trepid.types import Column
+
+TRUTH_COLUMNS = (
+    "t_s",
+    "x_m",
+    "y_m",
+    "yaw_rad",
+    "station_m",
+    "lateral_offset_m",
+    "heading_error_rad",
+    "curvature_1pm",
+    "lane_width_m",
+    "lateral_accel_mps2",
+    "longitudinal_accel_mps2",
+    "departures",
+    "interventions",
+    "collisions",
+    "lead_gap_m",
+    "lead_x_m",
+    "lead_y_m",
+    "finished",
+)
+STATE_COLUMNS = ("speed_mps", "road_wheel_angle_rad", "yaw_rate_radps")
+COMMAND_COLUMNS = ("t_s", "road_wheel_angle_rad", "speed_mps", "accel_mps2")
+DECISION_COLUMNS = (
+    "t_s",
+    "fear",
+    "lateral_offset_m",
+    "heading_error_rad",
+    "curvature_1pm",
+    "disagreement_mps2",
+    "speed_factor",
+    "speed_cap_mps",
+)
+ESTIMATE_COLUMNS = ("t_s", "lateral_offset_m", "heading_error_rad", "curvature_1pm", "confidence")
+_TRUTH, _STATE = attrgetter(*TRUTH_COLUMNS), attrgetter(*STATE_COLUMNS)
+_COMMAND, _NO_COMMAND = attrgetter(*COMMAND_COLUMNS), (None,) * len(COMMAND_COLUMNS)
+_DECISION, _NO_DECISION = attrgetter(*DECISION_COLUMNS), (None,) * len(DECISION_COLUMNS)
+_ESTIMATE, _NO_ESTIMATE = attrgetter(*ESTIMATE_COLUMNS), (None,) * len(ESTIMATE_COLUMNS)
+LABELS = ("section", "mode", "stop", "cause", "path_source")  # columns of codes into a table of words
+
+
+def column_names(estimators: tuple[str, ...] = ()) -> list[str]:
+    """Names of the columns of a run with ``estimators``, in order."""
+    names = [*TRUTH_COLUMNS, *STATE_COLUMNS]
+    names += [f"command.{name}" for name in COMMAND_COLUMNS]
+    names += [f"decision.{name}" for name in DECISION_COLUMNS]
+    names += LABELS
+    names += [f"{estimator}.{name}" for estimator in estimators for name in ESTIMATE_COLUMNS]
+    return names
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """Columns of equal length. NaN stands for None; the code -1 for "no decision yet"."""
+
+    columns: Mapping[str, Column]
+    words: Mapping[str, tuple[str, ...]]  # label column -> word of each code
+
+    def __getitem__(self, name: str) -> Column:
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return len(self.columns["t_s"])
+
+    def joined(self, columns: Mapping[str, Column]) -> "Trace":
+        """This trace with more columns, such as ``fault.frozen_camera``. Raises ValueError for wrong lengths."""
+        for name, column in columns.items():
+            if len(column) != len(self):
+                raise ValueError(f"column {name} has {len(column)} samples, the trace {len(self)}")
+        return Trace({**self.columns, **columns}, self.words)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of every column (name, little-endian float64) and word: equal if and only if the runs were."""
+        digest = hashlib.sha256()
+        for name, column in self.columns.items():
+            digest.update(name.encode() + b"\0" + column.astype("<f8").tobytes())
+        for name, words in self.words.items():
+            digest.update("\0".join((name, *words)).encode())
+        return digest.hexdigest()
+
+    def save(self, path: Path) -> None:
+        """Write a compressed .npz: the columns, and for each label column its words as ``words.<label>``."""
+        words = {f"words.{name}": np.array(words, dtype=np.str_) for name, words in self.words.items()}
+        with path.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **self.columns, **words)
+
+    @classmethod
+    def load(cls, path: Path) -> "Trace":
+        """The trace that :meth:`save` wrote. Raises InputError when ``path`` holds none."""
+        try:
+            with np.load(path, allow_pickle=False) as saved:
+                arrays = {name: saved[name] for name in saved.files}
+        except (OSError, ValueError, EOFError, BadZipFile) as error:
+            raise InputError(f"{path}: is no saved trace: {error}") from error
+        columns = {name: array for name, array in arrays.items() if not name.startswith("words.")}
+        words = {
+            name.removeprefix("words."): tuple(map(str, array))
+            for name, array in arrays.items()
+            if name.startswith("words.")
+        }
+        if "t_s" not in columns or set(words) != set(LABELS):
+            raise InputError(f"{path}: is no saved trace: it has no times or no labels")
+        return cls(columns, words)
+
+
+class Recorder:
+    """Collects the samples of a run of which the ``estimators`` are known."""
+
+    def __init__(self, estimators: tuple[str, ...] = ()) -> None:
+        self._estimators = estimators
+        self._rows: list[tuple[float | None, ...]] = []
+        self._codes: dict[str, dict[str, int]] = {label: {} for label in LABELS}
+        self._decision: Decision | None = None  # the newest one, ...
+        self._decided: tuple[float | None, ...] = _NO_DECISION  # ... its numbers, ...
+        self._labels: tuple[int, ...] = (-1,) * (len(LABELS) - 1)  # ... and the codes of its words
+
+    def add(
+        self,
+        truth: SimTruth,
+        state: VehicleState,
+        command: Command | None,
+        decision: Decision | None,
+        estimates: Mapping[str, SteeringEstimate | None],
+    ) -> None:
+        """Append one sample: the truth and the latest of everything else."""
+        if decision is not self._decision:  # decisions cannot change: read each of them once
+            self._decision = decision
+            self._decided = _DECISION(decision) if decision else _NO_DECISION
+            self._labels = tuple(
+                [self._code(label, getattr(decision, label)) if decision else -1 for label in LABELS[1:]]
+            )
+        row = [*_TRUTH(truth), *_STATE(state)]
+        row += _COMMAND(command) if command else _NO_COMMAND
+        row += self._decided
+        row.append(self._code("section", truth.section))
+        row += self._labels
+        for name in self._estimators:
+            estimate = estimates.get(name)
+            row += _ESTIMATE(estimate) if estimate else _NO_ESTIMATE
+        self._rows.append(tuple(row))
+
+    def trace(self) -> Trace:
+        """Everything added so far."""
+        names = column_names(self._estimators)
+        table = np.array(self._rows, dtype=np.float64).reshape(-1, len(names))
+        table[np.isnan(table)] = math.nan  # one bit pattern for every NaN
+        columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
+        return Trace(columns, {label: tuple(codes) for label, codes in self._codes.items()})
+
+    def _code(self, label: str, word: str) -> int:
+        codes = self._codes[label]
+        return codes.setdefault(str(word), len(codes))

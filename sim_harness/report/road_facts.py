@@ -1,0 +1,83 @@
+"""What a road is, in words and as a picture."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import cv2
+import numpy as np
+import typer
+
+from sim_harness.world.road_file import load_road
+from sim_harness.world.roads.road import Road
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+
+STEP_M = 0.5
+QUALITY = 64  # of a JPEG
+
+
+def show_verb(
+    sources: Annotated[
+        list[str], typer.Argument(metavar="ROAD...", help="Names in config/roads, or .yaml files.")
+    ],
+    picture: Annotated[Path | None, typer.Option(help="Draw the roads as .jpg or .png.")] = None,
+    at: Annotated[
+        list[float] | None, typer.Option(min=0, help="Draw the view from this station [m].")
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, max=64, help="Views of each road, without --at.")] = 8,
+    seed: Annotated[int, typer.Option(min=0, help="Of the textures.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON Lines.")] = False,
+) -> int:
+    """Check roads, say what they are, and draw what the camera sees on them and how they look from above."""
+    roads = [load_road(Path(source) if source.endswith(".yaml") else source) for source in sources]
+    for road in roads:
+        print(json.dumps(facts(road)) if as_json else one_line(road))
+    if picture is not None:
+        save_picture(roads, picture, at or [], count=count, seed=seed)
+    return 0
+
+
+def facts(road: Road) -> dict[str, object]:
+    """Length, radius, lanes, and the names of what stands on a road."""
+    stations = np.arange(0, road.length_m, STEP_M)
+    curvature = float(np.abs(road.poses(stations)[:, 3]).max())
+    widths = road.widths_at(stations)
+    return {
+        "name": road.name,
+        "closed": road.closed,
+        "length_m": round(road.length_m, 3),
+        "min_radius_m": round(1 / curvature, 2) if curvature > 0 else None,
+        "lane_width_m": [round(float(widths.min()), 3), round(float(widths.max()), 3)],
+        "lanes_left": max(len(section.lanes_to_the_left) for section in road.sections),
+        "lanes_right": max(len(section.right_lanes) for section in road.sections),
+        "sections": [section.name for section in road.sections],
+        "marks": [mark.kind.value for mark in road.settings.marks],
+        "junctions": [junction.kind.value for junction in road.settings.junctions],
+    }
+
+
+def one_line(road: Road) -> str:
+    """A road in a line for people."""
+    told = facts(road)
+    bends = "straight" if told["min_radius_m"] is None else f"radii from {told['min_radius_m']} m"
+    return (
+        f"{road.name}: {road.length_m:.1f} m, {'closed' if road.closed else 'open'}, {bends},"
+        f" {told['lanes_left']} lanes to the left and {told['lanes_right']} to the right of ours;"
+        f" {', '.join(section.name for section in road.sections)}"
+    )
+
+
+def save_picture(roads: list[Road], path: Path, at: list[float], *, count: int, seed: int) -> None:
+    """Draw the roads below each other. Raises InputError when the file cannot be written."""
+    from sim_harness.report.road_picture import draw_road, stack, stations_along
+
+    camera = load(CONFIG_DIR / "camera.yaml", Camera)
+    sheets = [draw_road(road, camera, at or stations_along(road, count), seed=seed) for road in roads]
+    quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY] if path.suffix.lower() in (".jpg", ".jpeg") else []
+    try:
+        written = cv2.imwrite(str(path), stack(sheets), quality)
+    except cv2.error:
+        written = False
+    if not written:
+        raise InputError(f"{path}: cannot be written as an image")

@@ -1,1 +1,0 @@
-"""Rendered frames with truth, and the training of the CNN on them."""

@@ -1,0 +1,1 @@
+"""The simulated world: roads, OpenDRIVE files, rendering, vehicle models."""

@@ -1,0 +1,215 @@
+"""Clothoids along any smooth curve: a lane centre beside a spiral is no spiral, but three of them come close.
+
+Between two poses with given curvatures three clothoids make a curve of continuous curvature:
+Bertolazzi and Frego, Interpolating clothoid splines with curvature continuity, Math. Meth. Appl. Sci. 41 (2018)
+1723-1737; solved by pyclothoids. A span is halved until they stay within tolerance of the curve. Where curvature
+jumps, as where a line meets an arc, a short ramp on either side takes it to the mean of both.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from sim_harness.world.roads.road import Segment
+from trepid.config import InputError
+
+TOLERANCE_M = 1e-4  # a tenth of what a road is re-read within
+SHORTEST_M = 0.02
+LONGEST_RAMP_M = 1.0
+CHECKS = 9  # places within a span where the fit is held against the curve
+SAME_CURVATURE_1PM = 1e-10
+SAME_PLACE_M, SAME_HEADING_RAD = 1e-7, 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Knot:
+    """A pose [m, rad] and the curvature [1/m] there."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    curvature_1pm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A smooth curve from ``start`` to ``end``; ``exact`` when it is one clothoid of this length [m]."""
+
+    start: float
+    end: float
+    at: Callable[[float], Knot]
+    exact_m: float | None = None
+
+
+class NoFit(ValueError):
+    """No clothoids follow this span."""
+
+    def __init__(self, span: Span) -> None:
+        super().__init__(f"no clothoids follow this curve within {1e3 * TOLERANCE_M:g} mm")
+        self.span = span
+
+
+def fit(spans: Sequence[Span], *, closed: bool) -> list[list[Segment]]:
+    """Segments of continuous curvature along each span, within a tenth of a millimetre. Raises NoFit."""
+    ends = [span.at(span.end) for span in spans]
+    starts = [span.at(span.start) for span in spans]
+    joints = [_mean(end, start) for end, start in zip(ends, starts[1:], strict=False)]
+    first, last = (_mean(ends[-1], starts[0]).curvature_1pm,) * 2 if closed else (None, None)
+    knots = [_bent(starts[0], first), *joints, _bent(ends[-1], last)]
+    fitted = []
+    for span, first_knot, last_knot in zip(spans, knots, knots[1:], strict=False):
+        try:
+            fitted.append(_span(span, first_knot, last_knot))
+        except ValidationError as error:  # too long or too sharp for a segment
+            raise NoFit(span) from error
+    return _continuous(fitted, closed=closed)
+
+
+def _bent(knot: Knot, curvature_1pm: float | None) -> Knot:
+    if curvature_1pm is None:
+        return knot
+    return Knot(knot.x_m, knot.y_m, knot.heading_rad, curvature_1pm)
+
+
+def _mean(a: Knot, b: Knot) -> Knot:
+    turn = math.remainder(b.heading_rad - a.heading_rad, math.tau)
+    return Knot(
+        (a.x_m + b.x_m) / 2,
+        (a.y_m + b.y_m) / 2,
+        a.heading_rad + turn / 2,
+        (a.curvature_1pm + b.curvature_1pm) / 2,
+    )
+
+
+def _span(span: Span, first: Knot, last: Knot) -> list[Segment]:
+    """Ramps where the ends differ from the curve, and the curve between."""
+    start, end = span.start, span.end
+    head: list[Segment] = []
+    tail: list[Segment] = []
+    if not _same(first, span.at(start)):
+        start, head = _ramp(span, first, forward=True)
+    if not _same(last, span.at(end)):
+        end, tail = _ramp(span, last, forward=False)
+    return head + _between(span, start, end) + tail
+
+
+def _same(a: Knot, b: Knot) -> bool:
+    return (
+        math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) < SAME_PLACE_M
+        and abs(math.remainder(a.heading_rad - b.heading_rad, math.tau)) < SAME_HEADING_RAD
+        and abs(a.curvature_1pm - b.curvature_1pm) < SAME_CURVATURE_1PM
+    )
+
+
+def _ramp(span: Span, knot: Knot, *, forward: bool) -> tuple[float, list[Segment]]:
+    """From ``knot`` onto the curve (or off it, to ``knot``), and where on the curve that is."""
+    run = min(LONGEST_RAMP_M, (span.end - span.start) / 3)
+    while run >= SHORTEST_M / 4:
+        place = span.start + run if forward else span.end - run
+        pair = (knot, span.at(place)) if forward else (span.at(place), knot)
+        segments = _three(*pair)
+        here, there = (span.start, place) if forward else (place, span.end)
+        if segments is not None and _deviation_m(span, here, there, pair[0], segments) < TOLERANCE_M:
+            return place, segments
+        run /= 2
+    raise NoFit(span)
+
+
+def _between(span: Span, start: float, end: float) -> list[Segment]:
+    a, b = span.at(start), span.at(end)
+    if span.exact_m is not None:
+        length_m = span.exact_m * (end - start) / (span.end - span.start)
+        return [clothoid(length_m, a.curvature_1pm, b.curvature_1pm)]
+    segments = _three(a, b)
+    if segments is not None and _deviation_m(span, start, end, a, segments) < TOLERANCE_M:
+        return segments
+    if end - start < SHORTEST_M:
+        raise NoFit(span)
+    middle = (start + end) / 2
+    return _between(span, start, middle) + _between(span, middle, end)
+
+
+def _three(a: Knot, b: Knot) -> list[Segment] | None:
+    """Three clothoids from ``a`` to ``b``; None when there are none, or only by a detour."""
+    chord_m = math.hypot(b.x_m - a.x_m, b.y_m - a.y_m)
+    turned = a.heading_rad + math.remainder(b.heading_rad - a.heading_rad, math.tau)
+    ends = (a.x_m, a.y_m, a.heading_rad, a.curvature_1pm), (b.x_m, b.y_m, turned, b.curvature_1pm)
+    pieces = _pyclothoids().SolveG2(*ends[0], *ends[1])
+    if not all(math.isfinite(piece.length) and piece.length > 0 for piece in pieces):
+        return None
+    if sum(piece.length for piece in pieces) > 1.5 * chord_m + SHORTEST_M:
+        return None
+    return [clothoid(piece.length, piece.KappaStart, piece.KappaEnd) for piece in pieces]
+
+
+def _pyclothoids() -> Any:
+    try:
+        import pyclothoids
+    except ImportError as error:
+        raise InputError(
+            "pyclothoids is not installed; lanes beside their reference line need it: pip install 'trepid[roads]'"
+        ) from error
+    return pyclothoids
+
+
+def _deviation_m(span: Span, start: float, end: float, first: Knot, segments: Sequence[Segment]) -> float:
+    """Largest distance across the curve between it and ``segments`` from ``first`` on."""
+    checks = [span.at(start + (end - start) * i / (CHECKS + 1)) for i in range(1, CHECKS + 1)]
+    run_m, worst_m = 0.0, 0.0
+    length_m = sum(segment.length_m for segment in segments)
+    for check in checks:
+        # Newton's method on (p - c(s))·t(s) = 0 along the fit; neighbours are close, so two steps do.
+        for _ in range(2):
+            here = along(first, segments, run_m)
+            ahead, aside = _seen_from(here, check)
+            run_m = min(max(run_m + ahead, 0.0), length_m)
+        _, aside = _seen_from(along(first, segments, run_m), check)
+        worst_m = max(worst_m, abs(aside))
+    return worst_m
+
+
+def _seen_from(here: Knot, point: Knot) -> tuple[float, float]:
+    """``point`` ahead of and to the left of ``here`` [m]."""
+    dx, dy = point.x_m - here.x_m, point.y_m - here.y_m
+    cos, sin = math.cos(here.heading_rad), math.sin(here.heading_rad)
+    return dx * cos + dy * sin, dy * cos - dx * sin
+
+
+def along(first: Knot, segments: Sequence[Segment], run_m: float) -> Knot:
+    """The pose ``run_m`` after ``first`` along ``segments``."""
+    from sim_harness.world.opendrive.plan_view import Clothoid
+
+    x, y, heading, curvature = first.x_m, first.y_m, first.heading_rad, first.curvature_1pm
+    for segment in segments:
+        rate = (segment.end_curvature_1pm - segment.start_curvature_1pm) / segment.length_m
+        step = min(run_m, segment.length_m)
+        clothoid = Clothoid(segment.start_curvature_1pm, rate)
+        dx, dy, turn = clothoid.pose(step)
+        cos, sin = math.cos(heading), math.sin(heading)
+        x, y, heading = x + dx * cos - dy * sin, y + dx * sin + dy * cos, heading + turn
+        curvature, run_m = clothoid.curvature(step), run_m - step
+        if run_m <= 0.0:
+            break
+    return Knot(x, y, heading, curvature)
+
+
+def clothoid(length_m: float, start_1pm: float, end_1pm: float) -> Segment:
+    """A segment with curvature rising or falling linearly from its start to its end."""
+    if start_1pm == end_1pm:
+        return Segment(length_m=length_m, curvature_1pm=start_1pm + 0.0)
+    return Segment(length_m=length_m, curvature_1pm=(start_1pm + 0.0, end_1pm + 0.0))  # never -0.0
+
+
+def _continuous(fitted: list[list[Segment]], *, closed: bool) -> list[list[Segment]]:
+    """Every segment begins with the curvature, to the last bit, with which the one before ended."""
+    before = fitted[-1][-1].end_curvature_1pm if closed else fitted[0][0].start_curvature_1pm
+    out: list[list[Segment]] = []
+    for segments in fitted:
+        out.append([])
+        for segment in segments:
+            out[-1].append(clothoid(segment.length_m, before, segment.end_curvature_1pm))
+            before = segment.end_curvature_1pm
+    return out

@@ -1,0 +1,169 @@
+"""Roads to OpenDRIVE 1.7 (.xodr), written by scenariogeneration.
+
+The reference line stays the centre of our lane, so that no geometry is converted: a <laneOffset> of half its width
+puts the road's centre line (lane 0) on its left edge, and our lane is lane -1 of a road with right-hand traffic.
+What OpenDRIVE has no words for (surface, wear, light, marks, junctions…) stands in <userData code="trepid">.
+
+ASAM OpenDRIVE 1.7.0, chapters 7 (geometry), 9 (lanes) and 9.6 (road markings).
+"""
+
+import json
+import math
+import xml.etree.ElementTree as ET
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim_harness.world.opendrive.cross_section import CrossSection, Ends, cross_section, flipped
+from sim_harness.world.roads.appearance import Marking, Section, Stroke
+from sim_harness.world.roads.road import Road, RoadSettings, Segment
+from trepid.config import InputError
+
+if TYPE_CHECKING:
+    from scenariogeneration import xodr
+
+USER_DATA = "trepid"
+MARK_TYPES = {  # of two lines the left one is named first in both
+    Stroke.NONE: "none",
+    Stroke.SOLID: "solid",
+    Stroke.DASHED: "broken",
+    Stroke.DOUBLE_SOLID: "solid_solid",
+    Stroke.DOUBLE_DASHED: "broken_broken",
+    Stroke.SOLID_DASHED: "solid_broken",
+    Stroke.DASHED_SOLID: "broken_solid",
+}
+
+
+def write_opendrive(settings: RoadSettings, path: Path) -> None:
+    """Write ``settings`` to ``path``. Raises InputError when it cannot be written or the library is missing."""
+    try:
+        from scenariogeneration import xodr
+    except ImportError as error:
+        raise InputError("scenariogeneration is not installed: pip install 'trepid[roads]'") from error
+    road = _road(settings)
+    file = xodr.OpenDrive(settings.name, revMajor="1", revMinor="7")
+    file.add_road(road)
+    root = file.get_element()
+    root.find("header").set("date", "2000-01-01T00:00:00")  # the same road gives the same file
+    _user_data_last(root)
+    ET.indent(root)
+    try:
+        ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _road(settings: RoadSettings) -> "xodr.Road":
+    from scenariogeneration import xodr
+
+    road = xodr.Road(1, _plan_view(settings), _lanes(settings), name=settings.name)
+    if settings.closed:
+        road.add_predecessor(xodr.ElementType.road, 1, xodr.ContactPoint.end)
+        road.add_successor(xodr.ElementType.road, 1, xodr.ContactPoint.start)
+    own = settings.model_dump(mode="json", exclude={"segments", "sections"}, exclude_defaults=True)
+    road.add_userdata(xodr.UserData(USER_DATA, json.dumps(own)))
+    return road
+
+
+def _plan_view(settings: RoadSettings) -> "xodr.PlanView":
+    from scenariogeneration import xodr
+
+    view, line = xodr.PlanView(), Road(settings)
+    start_m = 0.0
+    for number, segment in enumerate(settings.segments):
+        x, y, heading, _ = line.poses([start_m])[0]
+        view.add_fixed_geometry(_geometry(segment), float(x), float(y), float(heading), s=start_m)
+        start_m = math.fsum(s.length_m for s in settings.segments[: number + 1])
+    return view
+
+
+def _geometry(segment: Segment) -> "xodr.Line | xodr.Arc | xodr.Spiral":
+    from scenariogeneration import xodr
+
+    start, end = segment.start_curvature_1pm, segment.end_curvature_1pm
+    if start != end:
+        return xodr.Spiral(start, end, length=segment.length_m)
+    return xodr.Arc(start, length=segment.length_m) if start else xodr.Line(segment.length_m)
+
+
+def _lanes(settings: RoadSettings) -> "xodr.Lanes":
+    from scenariogeneration import xodr
+
+    lanes = xodr.Lanes()
+    length_m = math.fsum(segment.length_m for segment in settings.segments)
+    starts_m = [section.start_m for section in settings.sections] + [length_m]
+    for section, (start_m, end_m) in zip(settings.sections, pairwise(starts_m), strict=True):
+        profile = cross_section(section, settings.lane_width_m)
+        a, b, _, _ = _linear(profile.width_m, end_m - start_m)
+        lanes.add_laneoffset(xodr.LaneOffset(start_m, a / 2, b / 2))
+        lanes.add_lanesection(_lane_section(section, profile, start_m, end_m - start_m))
+    _link(lanes.lanesections)
+    return lanes
+
+
+def _link(sections: "list[xodr.LaneSection]") -> None:
+    """Each lane goes on as the lane of the same number, where there is one."""
+    for here, there in pairwise(sections):
+        for before, after in ((here.leftlanes, there.leftlanes), (here.rightlanes, there.rightlanes)):
+            for lane, following in zip(before, after, strict=False):
+                lane.add_link("successor", following.lane_id)
+                following.add_link("predecessor", lane.lane_id)
+
+
+def _lane_section(
+    section: Section, profile: CrossSection, start_m: float, length_m: float
+) -> "xodr.LaneSection":
+    from scenariogeneration import xodr
+
+    def lane(width_m: Ends, marking: Marking, kind: xodr.LaneType = xodr.LaneType.driving) -> xodr.Lane:
+        made = xodr.Lane(kind, *_linear(width_m, length_m))
+        made.add_roadmark(_road_mark(marking))
+        return made
+
+    centre = xodr.Lane(xodr.LaneType.none)
+    centre.add_roadmark(_road_mark(profile.left))
+    made = xodr.LaneSection(start_m, centre)
+    nothing = Marking(stroke=Stroke.NONE)
+    made.add_right_lane(lane(profile.width_m, profile.right))
+    for strip in profile.right_lanes:
+        made.add_right_lane(lane(strip.width_m, strip.marking))
+    for strip in profile.left_lanes:  # its words run from the inside outwards, that is from right to left
+        made.add_left_lane(lane(strip.width_m, flipped(strip.marking)))
+    if profile.paved_right_m:
+        made.add_right_lane(lane((profile.paved_right_m,) * 2, nothing, xodr.LaneType.shoulder))
+    if profile.paved_left_m:
+        made.add_left_lane(lane((profile.paved_left_m,) * 2, nothing, xodr.LaneType.shoulder))
+    own = section.model_dump(mode="json", exclude={"start_m"}, exclude_defaults=True)
+    made.add_userdata(xodr.UserData(USER_DATA, json.dumps(own)))
+    return made
+
+
+def _linear(width_m: Ends, length_m: float) -> tuple[float, float, float, float]:
+    """Coefficients of a + b·ds + c·ds² + d·ds³."""
+    return width_m[0], (width_m[1] - width_m[0]) / length_m, 0.0, 0.0
+
+
+def _road_mark(marking: Marking) -> "xodr.RoadMark":
+    from scenariogeneration import xodr
+
+    kind = xodr.RoadMarkType[MARK_TYPES[marking.stroke]]
+    if marking.stroke == Stroke.NONE:
+        return xodr.RoadMark(kind)
+    colour = xodr.RoadMarkColor[marking.paint.value]
+    parts = MARK_TYPES[marking.stroke].split("_")
+    apart_m = (marking.width_m + marking.spacing_m) / 2 if len(parts) == 2 else 0.0
+    total_m = 2 * apart_m + marking.width_m
+    mark = xodr.RoadMark(kind, width=total_m, color=colour)
+    for part, side in zip(parts, (1, -1), strict=False):
+        length_m, space_m = (marking.dash_m, marking.gap_m) if part == "broken" else (1.0, 0.0)
+        line = xodr.RoadLine(marking.width_m, length_m, space_m, side * apart_m, color=colour)
+        mark.add_specific_road_line(line)
+    return mark
+
+
+def _user_data_last(root: ET.Element) -> None:
+    """Move <userData> behind its siblings, where the schema wants it (scenariogeneration writes it first)."""
+    for parent in list(root.iter()):
+        for child in [child for child in parent if child.tag == "userData"]:
+            parent.remove(child)
+            parent.append(child)

@@ -1,0 +1,178 @@
+"""The reference line of an OpenDRIVE road: lines, arcs, spirals and cubic polynomials as functions of s.
+
+ASAM OpenDRIVE 1.7.0, chapter 7 (geometry). Every shape goes on smoothly beyond its own ends.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+from numpy.polynomial import Polynomial
+
+from sim_harness.world.opendrive.located_xml import Element
+from sim_harness.world.roads.road import GAUSS_NODES, GAUSS_WEIGHTS
+
+QUADRATURE_STEP_M = 0.5  # three-point Gauss-Legendre: 1e-9 m per kilometre for radii above 5 m
+PARAMETER_STEPS = 6
+LONGEST_M = 1e5  # of one geometry
+SHARPEST_1PM = 1.0
+JOINT_M, JOINT_RAD = 0.01, 0.01  # gaps of files written with few digits
+SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
+
+Pose = tuple[float, float, float]  # x, y [m], heading [rad]
+
+
+class Shape(Protocol):
+    """A curve from the origin along x, by the length ``s`` [m] from its start."""
+
+    def pose(self, s: float) -> Pose:
+        """x, y and heading."""
+        ...
+
+    def curvature(self, s: float) -> float:
+        """Curvature [1/m], + = bends left."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Clothoid:
+    """κ(s) = κ₀ + κ' s: line, arc or spiral."""
+
+    curvature_1pm: float
+    rate_1pm2: float = 0.0
+
+    def pose(self, s: float) -> Pose:
+        """The integral of (cos θ, sin θ)."""
+        x = y = 0.0
+        count = max(1, math.ceil(abs(s) / QUADRATURE_STEP_M))
+        step = s / count
+        for i in range(count):
+            for node, weight in zip(GAUSS_NODES, GAUSS_WEIGHTS, strict=True):
+                heading = self._heading((i + node) * step)
+                x += weight * step * math.cos(heading)
+                y += weight * step * math.sin(heading)
+        return x, y, self._heading(s)
+
+    def curvature(self, s: float) -> float:
+        """κ₀ + κ' s."""
+        return self.curvature_1pm + self.rate_1pm2 * s
+
+    def _heading(self, s: float) -> float:
+        return s * (self.curvature_1pm + 0.5 * self.rate_1pm2 * s)
+
+
+@dataclass(frozen=True, slots=True)
+class Cubic:
+    """(u(p), v(p)) with p = ``scale``·s, or, where ``scale`` is None, with p such that s is the arc length."""
+
+    u: Polynomial
+    v: Polynomial
+    scale: float | None
+
+    def pose(self, s: float) -> Pose:
+        """Position, and the direction of (u', v')."""
+        p = self._parameter(s)
+        return float(self.u(p)), float(self.v(p)), math.atan2(self.v.deriv()(p), self.u.deriv()(p))
+
+    def curvature(self, s: float) -> float:
+        """(u' v'' - v' u'') / |(u', v')|³."""
+        p = self._parameter(s)
+        u1, v1 = float(self.u.deriv()(p)), float(self.v.deriv()(p))
+        u2, v2 = float(self.u.deriv(2)(p)), float(self.v.deriv(2)(p))
+        return (u1 * v2 - v1 * u2) / math.hypot(u1, v1) ** 3
+
+    def _parameter(self, s: float) -> float:
+        """Runge-Kutta of order 4 on dp/ds = 1/|(u', v')|."""
+        if self.scale is not None:
+            return self.scale * s
+        p, h = 0.0, s / (count := max(PARAMETER_STEPS, math.ceil(abs(s))))
+        for _ in range(count):
+            k1 = self._slowness(p)
+            k2 = self._slowness(p + h / 2 * k1)
+            k3 = self._slowness(p + h / 2 * k2)
+            p += h / 6 * (k1 + 2 * k2 + 2 * k3 + self._slowness(p + h * k3))
+        return p
+
+    def _slowness(self, p: float) -> float:
+        return 1.0 / math.hypot(float(self.u.deriv()(p)), float(self.v.deriv()(p)))
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One <geometry> of a road's reference line."""
+
+    element: Element
+    start_m: float
+    length_m: float
+    origin: Pose
+    shape: Shape
+
+    def pose(self, s: float) -> Pose:
+        """x, y and heading at the road's station ``s``."""
+        x0, y0, heading0 = self.origin
+        x, y, heading = self.shape.pose(s - self.start_m)
+        cos, sin = math.cos(heading0), math.sin(heading0)
+        return x0 + x * cos - y * sin, y0 + x * sin + y * cos, heading0 + heading
+
+    def curvature(self, s: float) -> float:
+        """Curvature [1/m] at the road's station ``s``."""
+        return self.shape.curvature(s - self.start_m)
+
+
+def plan_view(road: Element) -> list[Piece]:
+    """The pieces of the reference line of ``road``, in order. Raises InputError."""
+    pieces = [_piece(element) for element in road.need("planView").all("geometry")]
+    if not pieces:
+        raise road.need("planView").error("expected at least one <geometry>")
+    for here, there in pairwise(pieces):
+        _check_joint(here, there)
+    return pieces
+
+
+def _check_joint(here: Piece, there: Piece) -> None:
+    """Raise InputError unless ``there`` goes on where ``here`` ends."""
+    end_m = here.start_m + here.length_m
+    if abs(there.start_m - end_m) > JOINT_M:
+        raise there.element.error(f"s={there.start_m:g}: expected {end_m:g}, where the one before ends")
+    x, y, heading = here.pose(end_m)
+    gap_m = math.hypot(there.origin[0] - x, there.origin[1] - y)
+    turn_rad = abs(math.remainder(there.origin[2] - heading, math.tau))
+    if gap_m > JOINT_M or turn_rad > JOINT_RAD:
+        raise there.element.error(
+            f"starts {gap_m:.3f} m and {turn_rad:.3f} rad off the end of the one before"
+        )
+
+
+def _piece(element: Element) -> Piece:
+    length_m = element.number("length", most=LONGEST_M)
+    if length_m <= 0.0:
+        raise element.error(f"length={length_m:g}: expected more than 0 m")
+    origin = element.number("x"), element.number("y"), element.number("hdg")
+    shapes = [child for child in element.children if child.tag not in ("userData", "include", "dataQuality")]
+    if len(shapes) != 1 or shapes[0].tag not in SHAPES:
+        found = ", ".join(f"<{child.tag}>" for child in shapes) or "nothing"
+        raise element.error(f"expected one of {', '.join(SHAPES)}, got {found}")
+    return Piece(element, element.number("s"), length_m, origin, _shape(shapes[0], length_m))
+
+
+def _shape(element: Element, length_m: float) -> Shape:
+    if element.tag == "line":
+        return Clothoid(0.0)
+    if element.tag == "arc":
+        return Clothoid(element.number("curvature", most=SHARPEST_1PM))
+    if element.tag == "spiral":
+        start, end = (element.number(name, most=SHARPEST_1PM) for name in ("curvStart", "curvEnd"))
+        return Clothoid(start, (end - start) / length_m)
+    if element.tag == "poly3":
+        return Cubic(Polynomial([0.0, 1.0]), Polynomial([element.number(name) for name in "abcd"]), None)
+    ranges = {"arcLength": 1.0, "normalized": 1.0 / length_m}
+    kind = element.attributes.get("pRange", "normalized")
+    if kind not in ranges:
+        raise element.error(f"pRange={kind!r}: expected {' or '.join(ranges)}")
+    u = Polynomial([element.number(f"{name}U") for name in "abcd"])
+    v = Polynomial([element.number(f"{name}V") for name in "abcd"])
+    cubic = Cubic(u, v, ranges[kind])
+    if not all(math.hypot(u.deriv()(p), v.deriv()(p)) > 0.0 for p in (0.0, length_m * ranges[kind])):
+        raise element.error("this curve stands still at an end: expected bU or bV other than 0")
+    return cubic

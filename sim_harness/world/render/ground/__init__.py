@@ -1,0 +1,1 @@
+"""The ground from above: carriageway, markings, surface, shadows."""

@@ -1,0 +1,149 @@
+"""Lines along the road: solid, dashed and double ones, worn, damaged and interrupted."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.world.render.ground.strip_grid import (
+    PIXEL_M,
+    ROWS,
+    Grid,
+    Stretch,
+    Textures,
+    coverage,
+    distance_along,
+    paint_left,
+)
+from sim_harness.world.roads.appearance import Marking, Paint, Section, Stroke
+from sim_harness.world.roads.features import JunctionKind, Side
+from sim_harness.world.roads.lanes import edge_m
+from sim_harness.world.roads.road import Road
+from trepid.types import Array, Image
+
+PAINT_BGR = {Paint.WHITE: (218, 222, 224), Paint.YELLOW: (62, 178, 226)}
+PAIRS = {
+    Stroke.DOUBLE_SOLID: (Stroke.SOLID, Stroke.SOLID),
+    Stroke.DOUBLE_DASHED: (Stroke.DASHED, Stroke.DASHED),
+    Stroke.SOLID_DASHED: (Stroke.SOLID, Stroke.DASHED),
+    Stroke.DASHED_SOLID: (Stroke.DASHED, Stroke.SOLID),
+}
+CUT_EVERY_M = 1.6  # the line is cut at most once in each such piece
+CRACKS_PER_M = 1.5  # at damage 1
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a section with its offset at the section's start and end, and the side whose edge it is."""
+
+    marking: Marking
+    ends_m: tuple[float, float]
+    side: Side | None = None
+
+
+def lines_of(section: Section, lane_width_m: float) -> list[Line]:
+    """All painted lines: those of our lane, of the lanes to the left, of those to the right."""
+    lefts, rights = section.lanes_to_the_left, section.right_lanes
+    left = edge_m(section, 0, lane_width_m)
+    lines = [
+        Line(section.left, left, None if lefts else Side.LEFT),
+        Line(section.right, (-left[0], -left[1]), None if rights else Side.RIGHT),
+    ]
+    for side, sign, lanes in ((Side.LEFT, 1, lefts), (Side.RIGHT, -1, rights)):
+        for number, lane in enumerate(lanes, start=1):
+            edge = edge_m(section, sign * number, lane_width_m)
+            lines.append(Line(lane.marking, edge, side if number == len(lanes) else None))
+    return [line for line in lines if line.marking.stroke != Stroke.NONE]
+
+
+class LinePainter:
+    """Paints the lines of a road."""
+
+    def __init__(self, road: Road, grid: Grid, textures: Textures, *, seed: int) -> None:
+        self._road, self._grid, self._textures, self._seed = road, grid, textures, seed
+        self._lines = {
+            id(section): lines_of(section, road.settings.lane_width_m) for section in road.sections
+        }
+
+    def paint(self, colour: Image, here: Stretch) -> None:
+        """Paint the lines of ``here.section`` onto the rows of a block."""
+        for number, line in enumerate(self._lines[id(here.section)]):
+            open_ = self._uninterrupted(line, here.station)
+            for shift_m, stroke in _strokes(line.marking):
+                along = _dashes(here.station - here.section.start_m, line.marking, stroke)
+                along = along if open_ is None else along * open_
+                self._stroke(colour, here, line, shift_m, along, number)
+
+    def _stroke(
+        self, colour: Image, here: Stretch, line: Line, shift_m: float, along: Array, number: int
+    ) -> None:
+        marking, grid = line.marking, self._grid
+        first, last = line.ends_m
+        centre = np.array([first]) if first == last else first + (last - first) * here.share
+        centre = centre + shift_m if shift_m else centre
+        half_m = marking.width_m / 2
+        columns = grid.touched(float(centre.min()) - half_m, float(centre.max()) + half_m)
+        across = coverage(grid.offsets[columns], centre[:, None], marking.width_m, PIXEL_M)
+        fine = here.part(self._textures.blotch)[:, columns]
+        wear = paint_left(fine, here.part(self._textures.wave)[:, columns], marking.wear)
+        cover = (across * along[:, None] * wear)[:, :, None].astype(np.float32)
+        if marking.damage:
+            cover *= self._intact(here, columns, centre, marking, number)[:, :, None]
+        paint = np.array(PAINT_BGR[marking.paint], np.float32) * (1 + 0.04 * fine[:, :, None])
+        bare = colour[:, columns, :3].astype(np.float32)
+        colour[:, columns, :3] = np.clip(bare + cover * (paint - bare), 0, 255)
+
+    def _uninterrupted(self, line: Line, station: Array) -> Array | None:
+        """Share of each row outside all gaps and junctions; None where there are none."""
+        gaps = [((a + b) / 2, b - a) for a, b in (*line.marking.gaps_m, *self._mouths(line))]
+        away = [(distance_along(self._road, station, centre), length) for centre, length in gaps]
+        covers = [coverage(d, 0.0, length, PIXEL_M) for d, length in away if np.abs(d).min() < length]
+        return 1 - np.maximum.reduce(covers) if covers else None
+
+    def _mouths(self, line: Line) -> Iterator[tuple[float, float]]:
+        """Stations between which side roads interrupt the line."""
+        for junction in self._road.settings.junctions:
+            if line.side is not None:
+                hit = junction.side in (line.side, Side.BOTH)
+            else:
+                hit = junction.kind == JunctionKind.INTERSECTION
+            if hit:
+                yield junction.mouth_m
+
+    def _intact(
+        self, here: Stretch, columns: slice, centre: Array, marking: Marking, number: int
+    ) -> NDArray[np.float32]:
+        """1 where the line is whole, 0 where it is cut out or cracked; the same for every part of a block."""
+        rng = np.random.default_rng((self._seed, 4, here.index % 2**32, number))
+        whole = np.ones((ROWS, columns.stop - columns.start), np.float32)
+        piece = round(CUT_EVERY_M / PIXEL_M)
+        for start in range(0, ROWS, piece):
+            is_cut, where, length = rng.uniform(0, 1, 3)
+            if is_cut < marking.damage:
+                length_px = round(piece * (0.3 + 0.7 * length) * (0.4 + 0.6 * marking.damage))
+                first = start + round((piece - length_px) * where)
+                whole[first : first + length_px] = 0
+        for row in rng.integers(0, ROWS, round(CRACKS_PER_M * ROWS * PIXEL_M * marking.damage)):
+            slope = int(rng.integers(-2, 3))
+            for column in range(whole.shape[1]):
+                at = int(row) + slope * column
+                whole[max(at, 0) : max(at + 2, 0), column] = 0
+        return whole[here.rows]
+
+
+def _strokes(marking: Marking) -> list[tuple[float, Stroke]]:
+    """Shift to the left and pattern of each line of a marking."""
+    if marking.stroke not in PAIRS:
+        return [(0.0, marking.stroke)]
+    left, right = PAIRS[marking.stroke]
+    apart_m = (marking.width_m + marking.spacing_m) / 2
+    return [(apart_m, left), (-apart_m, right)]
+
+
+def _dashes(run_m: Array, marking: Marking, stroke: Stroke) -> Array:
+    """Share of each row that is painted."""
+    if stroke == Stroke.SOLID:
+        return np.ones(len(run_m))
+    phase = run_m % (marking.dash_m + marking.gap_m)
+    return coverage(phase, marking.dash_m / 2, marking.dash_m, PIXEL_M)

@@ -1,0 +1,128 @@
+"""The carriageway unrolled: painted straight, in blocks along the station, before it is bent into the world.
+
+A block is an image whose rows run along the station and whose columns run from right to left. It carries colour,
+a mask of where there is carriageway, and the shade on it. Coarser levels are area averages, so that a line
+thinner than a pixel fades instead of flickering.
+"""
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.world.render.ground.markings import LinePainter
+from sim_harness.world.render.ground.road_marks import MarkPainter
+from sim_harness.world.render.ground.shadows import Shadows
+from sim_harness.world.render.ground.strip_grid import LEVELS_M, ROWS, Textures, grid_of, stretches
+from sim_harness.world.render.ground.surface import SurfacePainter
+from sim_harness.world.roads.road import Road
+from trepid.types import Image
+
+__all__ = ["LEVELS_M", "Block", "RoadStrip"]
+T = TypeVar("T")
+
+NOMINAL_BLOCK_M = ROWS * LEVELS_M[0]
+MAX_FINEST, MAX_COARSER = 32, 128  # blocks kept: 2 MB each at the finest level, 0.7 MB for all others
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One block at one level: ``colour`` (rows, columns, 4) BGR and mask, ``shade`` (rows, columns) or None."""
+
+    colour: Image
+    shade: Image | None
+
+    def rows(self, part: slice) -> "Block":
+        """A part of it."""
+        return Block(self.colour[part], None if self.shade is None else self.shade[part])
+
+
+class RoadStrip:
+    """Blocks of a road, painted when first asked for. The same seed paints the same blocks in any order."""
+
+    def __init__(self, road: Road, *, seed: int) -> None:
+        self.road = road
+        self.seed = seed
+        self.grid = grid_of(road)
+        self.count = max(1, round(road.length_m / NOMINAL_BLOCK_M))
+        self.block_m = road.length_m / self.count if road.closed else NOMINAL_BLOCK_M
+        rng = np.random.default_rng((seed, 1))
+        textures = Textures(rng, self.grid.columns)
+        self._shadows = Shadows(road, self.grid, rng, seed=seed)
+        self.tint = rng.uniform(0.975, 1.025, 3)
+        self._surface = SurfacePainter(road, self.grid, textures, tint=self.tint, seed=seed)
+        self._lines = LinePainter(road, self.grid, textures, seed=seed)
+        self._marks = MarkPainter(road, self.grid, textures)
+        self._finest: OrderedDict[int, Block] = OrderedDict()
+        self._coarser: OrderedDict[int, tuple[Block, ...]] = OrderedDict()
+
+    def block_at(self, station_m: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Index of the block at each station."""
+        return np.floor(station_m / self.block_m).astype(np.int64)
+
+    def run(self, first: int, level: int, rows: slice) -> Block:
+        """``rows`` of a level, counted from the start of block ``first`` on; they may lie in many blocks."""
+        height = ROWS >> level
+        pieces = []
+        for start in range(rows.start // height * height, rows.stop, height):
+            block = self._block(first + start // height, level)
+            pieces.append(block.rows(slice(max(rows.start - start, 0), min(rows.stop - start, height))))
+        if len(pieces) == 1:
+            return pieces[0]
+        if all(piece.shade is None for piece in pieces):
+            shade = None
+        else:
+            shade = np.concatenate([_shade_or_light(piece) for piece in pieces])
+        return Block(np.concatenate([piece.colour for piece in pieces]), shade)
+
+    def _block(self, index: int, level: int) -> Block:
+        index = index % self.count if self.road.closed else index
+        known = index in self._finest if level == 0 else index in self._coarser
+        if not known:
+            finest = self._paint(index)
+            _keep(self._finest, index, finest, MAX_FINEST)
+            _keep(self._coarser, index, _coarser(finest), MAX_COARSER)
+        return self._finest[index] if level == 0 else self._coarser[index][level - 1]
+
+    def _paint(self, index: int) -> Block:
+        """Block ``index`` at the finest level: the bare surface, lines, marks, then what covers them."""
+        station = (index + (np.arange(ROWS) + 0.5) / ROWS) * self.block_m
+        rng = np.random.default_rng((self.seed, 2, index % 2**32))
+        colour = np.empty((ROWS, self.grid.columns, 4), np.uint8)
+        parts = stretches(self.road, index, station)
+        for here in parts:
+            self._surface.paint(colour[here.rows], here, rng)
+            self._lines.paint(colour[here.rows], here)
+        self._marks.paint(colour, index, station)
+        for here in parts:
+            self._surface.cover(colour[here.rows], here)
+        colour[:, :, 3] = self._surface.mask(index, station)
+        return Block(colour, self._shadows.shade(index, station))
+
+
+def _keep(cache: OrderedDict[int, T], index: int, item: T, most: int) -> None:
+    """Put ``item`` into the cache and drop the oldest when there are too many."""
+    cache[index] = item
+    if len(cache) > most:
+        cache.popitem(last=False)
+
+
+def _coarser(finest: Block) -> tuple[Block, ...]:
+    """The block at every level but the finest."""
+    blocks = [finest]
+    while len(blocks) < len(LEVELS_M):
+        above = blocks[-1]
+        blocks.append(Block(_halved(above.colour), None if above.shade is None else _halved(above.shade)))
+    return tuple(blocks[1:])
+
+
+def _halved(image: Image) -> Image:
+    size = (image.shape[1] // 2, image.shape[0] // 2)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _shade_or_light(block: Block) -> Image:
+    return np.full(block.colour.shape[:2], 255, np.uint8) if block.shade is None else block.shade

@@ -1,0 +1,105 @@
+"""Side roads: straight arms that leave the carriageway at right angles, painted beneath it into the ground."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.world.render.ground.markings import PAINT_BGR
+from sim_harness.world.render.ground.strip_grid import edges_m
+from sim_harness.world.render.ground.surface import EDGE_SOFTNESS_M, SURFACE_TINT
+from sim_harness.world.roads.appearance import Paint
+from sim_harness.world.roads.features import Junction, Side
+from sim_harness.world.roads.road import Road
+from trepid.types import Array, Image
+
+UNDER_M = 1.0  # how far an arm reaches below the carriageway
+LINE_M, DASH_M, GAP_M = 0.12, 3.0, 3.0  # its centre line, short dashes as before junctions (RMS-1)
+STOP_M, SET_BACK_M = 0.5, 1.0  # stop line, and its distance from the edge of the carriageway
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One side road: u runs along it from the reference line, v across it, along the main road."""
+
+    junction: Junction
+    origin_m: Array  # (x, y) on the reference line
+    outwards: Array  # unit vector of u
+    forwards: Array  # unit vector of v
+    edge_m: float  # u where the carriageway ends
+    bgr: Array
+
+    @property
+    def reach_m(self) -> float:
+        """u at its far end."""
+        return self.edge_m + self.junction.length_m
+
+
+def arms_of(road: Road, tint: Array) -> Iterator[Arm]:
+    """All arms of all junctions."""
+    for junction in road.settings.junctions:
+        station = np.array([junction.at_m])
+        right_m, left_m = (float(edge[0]) for edge in edges_m(road, station))
+        section, heading = road.section_at(junction.at_m), road.heading_at(junction.at_m)
+        surface = junction.surface or section.surface
+        bgr = np.array(SURFACE_TINT[surface]) * tint * (255 * section.surface_grey)
+        forwards = np.array([math.cos(heading), math.sin(heading)])
+        leftwards = np.array([-forwards[1], forwards[0]])
+        origin = np.array(road.position(junction.at_m, 0.0))
+        for side, sign, edge in ((Side.LEFT, 1, left_m), (Side.RIGHT, -1, right_m)):
+            if junction.side in (side, Side.BOTH):
+                yield Arm(junction, origin, sign * leftwards, forwards, edge, bgr)
+
+
+def lay_arm(tile: Image, arm: Arm, x_m: Array, y_m: Array, grain: Image) -> None:
+    """Paint an arm onto a tile whose columns lie at ``x_m`` and rows at ``y_m``; ``grain`` varies around 128."""
+    pixel_m = float(x_m[1] - x_m[0])
+    columns, rows = _window(arm, x_m, 0), _window(arm, y_m, 1)
+    if columns is None or rows is None:
+        return
+    x, y = x_m[columns][None, :] - arm.origin_m[0], y_m[rows][:, None] - arm.origin_m[1]
+    u = x * arm.outwards[0] + y * arm.outwards[1]
+    v = x * arm.forwards[0] + y * arm.forwards[1]
+    cover = _cover(_inside(arm, u, v), max(EDGE_SOFTNESS_M, pixel_m))
+    tone = 0.4 + 0.6 * grain[rows, columns].astype(np.float64) / 128
+    colour = arm.bgr * tone.mean(axis=2, keepdims=True)
+    if arm.junction.centre_line:
+        paint = _painted(arm, u, v, pixel_m)[:, :, None]
+        colour = colour + paint * (np.array(PAINT_BGR[Paint.WHITE]) - colour)
+    bare = tile[rows, columns].astype(np.float64)
+    tile[rows, columns] = np.clip(bare + cover[:, :, None] * (colour - bare), 0, 255)
+
+
+def _window(arm: Arm, places_m: Array, axis: int) -> slice | None:
+    """The part of a tile's columns (axis 0) or rows (axis 1) that an arm may touch."""
+    wide_m = arm.junction.width_m / 2 + arm.junction.radius_m + 1
+    ends = arm.origin_m[axis] + arm.outwards[axis] * np.array([0.0, arm.reach_m])
+    near = np.flatnonzero((places_m > ends.min() - wide_m) & (places_m < ends.max() + wide_m))
+    return slice(int(near[0]), int(near[-1]) + 1) if len(near) else None
+
+
+def _inside(arm: Arm, u: Array, v: Array) -> Array:
+    """Distance [m] from the rim of an arm, positive inside; its corners are rounded with the junction's radius."""
+    radius_m = arm.junction.radius_m
+    to_round = np.clip(arm.edge_m + radius_m - u, 0, radius_m)
+    half_m = arm.junction.width_m / 2 + radius_m - np.sqrt(radius_m**2 - to_round**2)
+    along = np.minimum(u - arm.edge_m + UNDER_M, arm.reach_m - u)
+    return np.minimum(half_m - np.abs(v), along)
+
+
+def _painted(arm: Arm, u: Array, v: Array, pixel_m: float) -> Array:
+    """Share of paint: a dashed centre line, and a stop line on the half of those who drive towards the road."""
+    run = u - arm.edge_m - SET_BACK_M
+    keep_right = v * (arm.outwards[1] * arm.forwards[0] - arm.outwards[0] * arm.forwards[1])
+    dash = _cover(DASH_M / 2 - np.abs((run - STOP_M) % (DASH_M + GAP_M) - DASH_M / 2), pixel_m)
+    line = _cover(LINE_M / 2 - np.abs(v), pixel_m) * dash * (run > STOP_M)
+    stop = _cover(STOP_M / 2 - np.abs(run - STOP_M / 2), pixel_m)
+    stop *= (keep_right < 0) & (np.abs(v) < arm.junction.width_m / 2)
+    return np.maximum(line, stop)
+
+
+def _cover(inside_m: NDArray[np.float64], soft_m: float) -> Array:
+    """Share of a pixel that lies inside, from its distance to the rim."""
+    return np.asarray(np.clip(inside_m / soft_m + 0.5, 0, 1), np.float64)

@@ -1,0 +1,98 @@
+"""Square tiles of one pixel size, painted on demand, and crops of what they show together."""
+
+import math
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trepid.types import Image
+
+TILE_PX = 256
+MOSAICS = 3  # kept: one for each band of the picture that is drawn from the same level
+
+Point = NDArray[np.float64]
+Cell = tuple[int, int]  # column, row
+
+
+@dataclass(frozen=True, slots=True)
+class Mosaic:
+    """Neighbouring tiles side by side: columns ``c0`` to below ``c1``, rows ``r0`` to below ``r1``."""
+
+    c0: int
+    r0: int
+    c1: int
+    r1: int
+    image: Image
+
+    def covers(self, c0: int, r0: int, c1: int, r1: int) -> bool:
+        """Whether it holds all of these tiles."""
+        return self.c0 <= c0 and self.r0 <= r0 and c1 <= self.c1 and r1 <= self.r1
+
+
+class Tiles:
+    """The tiles of one level. Tile (column, row) begins at ``TILE_PX * pixel_m`` times (column, row)."""
+
+    def __init__(self, paint: Callable[[int, int], Image], *, pixel_m: float, most: int) -> None:
+        """``paint`` gives a tile (TILE_PX, TILE_PX, 4); ``most`` of them are kept."""
+        self._paint, self._pixel_m, self._most = paint, pixel_m, most
+        self._tiles: OrderedDict[Cell, Image] = OrderedDict()
+        self._mosaics: deque[Mosaic] = deque(maxlen=MOSAICS)
+
+    def crop(self, low: Point, high: Point) -> tuple[Image, float, float]:
+        """Image of the rectangle from ``low`` to ``high`` (x, y), and the x and y of its first pixel's centre.
+
+        It is a view of tiles laid side by side once for many frames: copying them anew for each costs more than
+        drawing it.
+        """
+        c0, r0, c1, r1 = self._pixels(low, high)
+        mosaic = self._mosaic(*_cells(c0, r0, c1, r1))
+        left, top = mosaic.c0 * TILE_PX, mosaic.r0 * TILE_PX
+        image = mosaic.image[r0 - top : r1 - top, c0 - left : c1 - left]
+        return image, (c0 + 0.5) * self._pixel_m, (r0 + 0.5) * self._pixel_m
+
+    def paint_one(self, low: Point, high: Point) -> bool:
+        """Paint the first missing tile of the rectangle from ``low`` to ``high``; whether there was one."""
+        missing = next((cell for cell in self._between(low, high) if cell not in self._tiles), None)
+        if missing is not None:
+            self._tile(missing)
+        return missing is not None
+
+    def paint_all(self, low: Point, high: Point) -> None:
+        """Paint every tile of the rectangle from ``low`` to ``high``."""
+        for cell in self._between(low, high):
+            self._tile(cell)
+
+    def _pixels(self, low: Point, high: Point) -> tuple[int, int, int, int]:
+        """First column and row, and those after the last, of the rectangle."""
+        (x0, y0), (x1, y1), size = low.tolist(), high.tolist(), self._pixel_m
+        return math.floor(x0 / size), math.floor(y0 / size), math.ceil(x1 / size), math.ceil(y1 / size)
+
+    def _between(self, low: Point, high: Point) -> Iterator[Cell]:
+        c0, r0, c1, r1 = _cells(*self._pixels(low, high))
+        return ((column, row) for row in range(r0, r1) for column in range(c0, c1))
+
+    def _mosaic(self, c0: int, r0: int, c1: int, r1: int) -> Mosaic:
+        for mosaic in self._mosaics:
+            if mosaic.covers(c0, r0, c1, r1):
+                return mosaic
+        rows = [[self._tile((column, row)) for column in range(c0, c1)] for row in range(r0, r1)]
+        mosaic = Mosaic(c0, r0, c1, r1, np.concatenate([np.concatenate(row, axis=1) for row in rows]))
+        self._mosaics.appendleft(mosaic)
+        return mosaic
+
+    def _tile(self, cell: Cell) -> Image:
+        if cell in self._tiles:
+            self._tiles.move_to_end(cell)
+        else:
+            self._tiles[cell] = self._paint(*cell)
+            if len(self._tiles) > self._most:
+                self._tiles.popitem(last=False)
+        return self._tiles[cell]
+
+
+def _cells(c0: int, r0: int, c1: int, r1: int) -> tuple[int, int, int, int]:
+    """The range of tiles that a range of pixels lies in."""
+    return c0 // TILE_PX, r0 // TILE_PX, -(-c1 // TILE_PX), -(-r1 // TILE_PX)

@@ -1,0 +1,1 @@
+"""Motion blur, lens, exposure and sensor of the camera."""

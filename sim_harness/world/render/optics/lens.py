@@ -1,0 +1,230 @@
+"""What the lens does to the light: distortion, stray light of the sun, drops, dirt, vignette."""
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.world.render.ground.noise import smooth_noise
+from sim_harness.world.render.scene.view import FloatImage, in_colour
+from trepid.camera import Camera
+from trepid.types import Image
+
+FIXED_POINT_STEPS = 40
+COARSE = 4  # stray light is soft: it is computed for one pixel in 16
+SUN_BGR = (0.62, 0.88, 1.0)
+SUN_RAD = 0.028  # of the bloomed disc
+STRAY_SPREAD_RAD = 1.0
+GHOSTS = ((-0.35, 0.05, 0.05), (-0.7, 0.10, 0.025), (0.45, 0.035, 0.06), (-1.15, 0.16, 0.02))
+"""Place between the sun (1) and its mirror image in the middle (-1), radius, strength."""
+DROPS_LAST_S = 1.6  # between two wipes
+MOST_DROPS = 64
+DROP_FIELD = 0.42  # of the picture's width in half a drop
+MUD_BGR = (0.55, 0.72, 0.85)
+MUD_CELL_PX = 8
+
+
+class Distortion:
+    """Brown (1966) and Conrady (1919) as OpenCV has it: k1 k2 p1 p2 k3.
+
+    The picture is drawn by ``pinhole``, an undistorted camera that sees all the lens sees, and then bent.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        """Raises ValueError when the lens folds its picture over, or sees 10 times wider than it should."""
+        u, v = np.meshgrid(np.arange(camera.width_px, dtype=float), np.arange(camera.height_px, dtype=float))
+        seen = np.column_stack([u.ravel(), v.ravel()])
+        with np.errstate(all="ignore"):  # it diverges where the lens folds; that is refused below
+            straight = undistorted(camera, seen)
+        if not np.isfinite(straight).all() or np.abs(distorted(camera, straight) - seen).max() > 0.05:
+            raise ValueError(f"distortion {camera.distortion} does not map the picture one to one")
+        low, high = np.floor(straight.min(axis=0)) - 1, np.ceil(straight.max(axis=0)) + 2
+        size = (high - low).astype(int)
+        if (size > 10 * np.array([camera.width_px, camera.height_px])).any():
+            raise ValueError(
+                f"distortion {camera.distortion} spreads the picture over {size.tolist()} pixels"
+            )
+        self.pinhole = camera.model_copy(
+            update={
+                "distortion": (),
+                "width_px": int(size[0]),
+                "height_px": int(size[1]),
+                "cx_px": camera.cx_px - float(low[0]),
+                "cy_px": camera.cy_px - float(low[1]),
+            }
+        )
+        shape = (camera.height_px, camera.width_px)
+        columns, rows = ((straight - low)[:, i].reshape(shape).astype(np.float32) for i in (0, 1))
+        self._columns, self._rows = cv2.convertMaps(columns, rows, cv2.CV_16SC2)
+
+    def bend(self, image: NDArray[Any]) -> NDArray[Any]:
+        """The picture of ``pinhole`` as the lens shows it."""
+        return np.asarray(cv2.remap(image, self._columns, self._rows, cv2.INTER_LINEAR))
+
+
+def undistorted(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pixels (n, 2) of the undistorted image from those of the camera's own, by fixed-point steps as in OpenCV."""
+    k1, k2, p1, p2, k3 = (*camera.distortion, 0, 0, 0, 0, 0)[:5]
+    seen_x, seen_y = ((pixel - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)).T
+    x, y = seen_x, seen_y
+    for _ in range(FIXED_POINT_STEPS):
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        x, y = (
+            (seen_x - 2 * p1 * x * y - p2 * (r2 + 2 * x * x)) / radial,
+            (seen_y - p1 * (r2 + 2 * y * y) - 2 * p2 * x * y) / radial,
+        )
+    return np.column_stack([camera.fx_px * x + camera.cx_px, camera.fy_px * y + camera.cy_px])
+
+
+def distorted(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pixels (n, 2) of the camera's own image from those of the undistorted one. OpenCV, module calib3d."""
+    k1, k2, p1, p2, k3 = (*camera.distortion, 0, 0, 0, 0, 0)[:5]
+    x, y = ((pixel - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)).T
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    bent_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    bent_y = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    return np.column_stack([camera.fx_px * bent_x + camera.cx_px, camera.fy_px * bent_y + camera.cy_px])
+
+
+class StrayLight:
+    """A low sun in or near the picture: its disc, the veil around it, ghosts, and its glitter on the road."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+        rows, columns = -(-camera.height_px // COARSE), -(-camera.width_px // COARSE)
+        self._v, self._u = (np.mgrid[:rows, :columns] * COARSE + (COARSE - 1) / 2).astype(np.float32)
+
+    def add(
+        self, light: FloatImage, strength: float, *, bearing_rad: float, elevation_rad: float
+    ) -> FloatImage:
+        """``light`` with the sun ``bearing_rad`` left of the camera's axis. Veil ~ 1/angle² (CIE 146, 2002)."""
+        camera = self._camera
+        bearing = math.remainder(bearing_rad, math.tau)
+        if strength <= 0 or abs(bearing) > 1.4:
+            return light
+        sun_u = camera.cx_px - camera.fx_px * math.tan(bearing)
+        sun_v = camera.cy_px - camera.fy_px * math.tan(camera.pitch_down_rad + elevation_rad)
+        x, y = (self._u - sun_u) / camera.fx_px, (self._v - sun_v) / camera.fy_px
+        away2 = np.minimum(x * x + y * y, 9)
+        stray = 0.007 / (away2 + 0.010) + 0.16 * np.exp(-away2 / STRAY_SPREAD_RAD**2)
+        stray *= 1 + 0.12 * np.cos(6 * np.arctan2(y, x) + 0.4) * np.exp(-away2 / 0.05)
+        disc = 4 * np.exp(-away2 / SUN_RAD**2)
+        total = strength * (stray + self._ghosts(sun_u, sun_v) + self._glitter(x, elevation_rad))
+        full = in_colour(np.asarray(total + min(4 * strength, 1.0) * disc, np.float32)) * np.array(
+            SUN_BGR, np.float32
+        )
+        size = (light.shape[1], light.shape[0])
+        wide = (self._u.shape[1] * COARSE, self._u.shape[0] * COARSE)
+        spread = cv2.resize(full.astype(np.float32), wide, interpolation=cv2.INTER_LINEAR)
+        return np.asarray(cv2.add(light, np.ascontiguousarray(spread[: size[1], : size[0]])), np.float32)
+
+    def _ghosts(self, sun_u: float, sun_v: float) -> FloatImage:
+        camera = self._camera
+        if not (0 <= sun_u < camera.width_px and 0 <= sun_v < camera.height_px):
+            return np.zeros_like(self._u)
+        total = np.zeros_like(self._u)
+        for place, radius, strength in GHOSTS:
+            u = camera.cx_px + place * (sun_u - camera.cx_px)
+            v = camera.cy_px + place * (sun_v - camera.cy_px)
+            away = np.hypot(self._u - u, self._v - v) / camera.fx_px
+            total += strength / (1 + np.exp(np.clip((away - radius) * 150, -30, 30)))
+        return total
+
+    def _glitter(self, x: FloatImage, elevation_rad: float) -> FloatImage:
+        """Forward-scattering asphalt below the sun: brightest where it is seen at the sun's own elevation."""
+        down = (self._v - self._camera.horizon_row_px) / self._camera.fy_px
+        across = np.exp(-0.5 * (x / (0.05 + 0.40 * np.maximum(down, 0))) ** 2)
+        along = np.exp(-0.5 * ((down - elevation_rad) / 0.20) ** 2)
+        return np.asarray(np.where(down > 0, 0.30 * across * along, 0), np.float32)
+
+
+class Windscreen:
+    """Dirt and drops before the lens, far out of focus."""
+
+    def __init__(self, camera: Camera, *, seed: int) -> None:
+        self._camera = camera
+        self._seed = seed
+        self._mud = _mud(camera, seed)
+        self._drops: tuple[tuple[int, int], tuple[FloatImage, FloatImage], FloatImage] | None = None
+
+    def dirty(self, light: FloatImage, cover: float, veil: float) -> FloatImage:
+        """Spots that cover a share of the picture, the same ones at every cover, and a film that scatters."""
+        threshold = np.float32(np.quantile(self._mud, 1 - min(cover, 0.999)))
+        opaque = 0.75 * np.clip((self._mud - threshold) / 0.8 + 0.45, 0, 1)
+        spots = in_colour(
+            np.asarray(cv2.GaussianBlur(opaque, (0, 0), 0.018 * self._camera.fx_px), np.float32)
+        )
+        around = cv2.mean(light)[:3]
+        mud = np.array(MUD_BGR, np.float32) * np.float32(0.30 * sum(around) / 3)
+        hazy = light * np.float32(1 - veil) + np.array(around, np.float32) * np.float32(1.3 * veil)
+        return np.asarray(hazy + spots * (mud - hazy), np.float32)
+
+    def wet(self, light: FloatImage, count: float, t_s: float) -> FloatImage:
+        """Drops: each shows the scene small, upside down and blurred."""
+        maps, cover = self._drop_maps(math.floor(t_s / DROPS_LAST_S), round(count))
+        size = (light.shape[1] // COARSE, light.shape[0] // COARSE)
+        small = cv2.blur(cv2.resize(light, size, interpolation=cv2.INTER_AREA), (3, 3))
+        columns, rows = maps
+        inside = cv2.remap(small, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(light + (inside - light) * in_colour(cover), np.float32)
+
+    def _drop_maps(self, epoch: int, count: int) -> tuple[tuple[FloatImage, FloatImage], FloatImage]:
+        """Where the pixels of drops look in the small picture, and how opaque the drops are."""
+        if self._drops is not None and self._drops[0] == (epoch, count):
+            return self._drops[1:]
+        rows, columns = self._camera.height_px, self._camera.width_px
+        rng = np.random.default_rng((self._seed, 31, epoch % 2**31))
+        places = rng.random((MOST_DROPS, 2)) * (columns, rows)
+        radii = self._camera.fx_px * (0.016 + 0.06 * rng.random(MOST_DROPS) ** 2.5)
+        horizon = self._camera.horizon_row_px
+        maps = (np.zeros((rows, columns), np.float32), np.zeros((rows, columns), np.float32))
+        cover = np.zeros((rows, columns), np.float32)
+        for (u, v), radius in zip(places[:count], radii, strict=False):
+            r0, r1 = max(int(v - 2 * radius), 0), min(int(v + 2 * radius) + 2, rows)
+            c0, c1 = max(int(u - 2 * radius), 0), min(int(u + 2 * radius) + 2, columns)
+            y, x = np.mgrid[r0:r1, c0:c1].astype(np.float32)
+            wide = DROP_FIELD * columns / radius  # the whole scene in every drop, upside down
+            away = np.hypot(x - u, (y - v) * 0.88) / radius
+            alpha = 0.8 / (1 + np.exp(np.clip((away - 0.9) * 9, -30, 30)))
+            chosen = alpha > cover[r0:r1, c0:c1]
+            for target, turned in zip(
+                maps, (columns / 2 - wide * (x - u), horizon - wide * (y - v)), strict=True
+            ):
+                target[r0:r1, c0:c1][chosen] = turned[chosen] / COARSE
+            cover[r0:r1, c0:c1] = np.maximum(cover[r0:r1, c0:c1], alpha)
+        self._drops = ((epoch, count), maps, cover)
+        return maps, cover
+
+
+def _mud(camera: Camera, seed: int) -> FloatImage:
+    """How soon each pixel is covered: splashes of several sizes, denser below."""
+    rng = np.random.default_rng((seed, 32))
+    rows = -(-camera.height_px // 32) * 32
+    columns = -(-camera.width_px // 32) * 32
+    splashes = smooth_noise(rng, (rows, columns), (16, 16)) + 0.8 * smooth_noise(
+        rng, (rows, columns), (32, 32)
+    )
+    specks = smooth_noise(rng, (rows, columns), (MUD_CELL_PX, MUD_CELL_PX))
+    fine = 0.5 * smooth_noise(rng, (rows, columns), (4, 4))
+    low = np.linspace(-0.25, 0.25, rows, dtype=np.float32)[:, None]
+    return np.asarray((splashes + specks + fine + low)[: camera.height_px, : camera.width_px], np.float32)
+
+
+def bloomed(light: FloatImage) -> FloatImage:
+    """Saturated areas spill into their neighbourhood."""
+    over = np.clip(light - 1, 0, 6)
+    small = cv2.resize(
+        over, (light.shape[1] // COARSE, light.shape[0] // COARSE), interpolation=cv2.INTER_AREA
+    )
+    spill = cv2.GaussianBlur(small, (0, 0), light.shape[1] / COARSE / 40)
+    return np.asarray(light + 0.12 * cv2.resize(spill, light.shape[1::-1]), np.float32)
+
+
+def vignetted(light: FloatImage, vignette: Image) -> FloatImage:
+    """The light that the corners lose, of grey levels relative to 255."""
+    share = np.asarray(vignette, np.float32) / np.float32(255)
+    return np.asarray(light * share * share, np.float32)

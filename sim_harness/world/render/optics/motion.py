@@ -1,0 +1,108 @@
+"""What the vehicle's motion does while rows are read out and the shutter is open.
+
+Over τ the vehicle drives the arc of its speed and yaw rate. A point of the ground that is seen at pixel p at time τ
+was at G(τ)·p at time 0, with the homography G(τ) = H·T(τ)·H⁻¹ of the ground (H: pixel from road). Such arcs form a
+group, G(a + b) = G(a)·G(b), so n warps blur over 2ⁿ moments. The sky only turns. The frame's time is the start of
+the exposure of its first row.
+"""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sim_harness.world.render.scene.view import FloatImage, Motion
+from trepid.camera import Camera
+from trepid.types import Image
+
+Matrix = NDArray[np.float64]
+FINEST_PX = 1.5  # between the moments that a blur is averaged from, at the fastest pixel
+MAX_WARPS = 5
+
+
+def road_after(motion: Motion, tau_s: ArrayLike) -> Matrix:
+    """Homogeneous road points of the vehicle at time 0 from those at times τ: (..., 3, 3), an arc."""
+    tau = np.asarray(tau_s, float)
+    half = motion.yaw_rate_radps * tau / 2
+    chord = motion.speed_mps * tau * np.sinc(half / math.pi)
+    matrix = np.zeros((*tau.shape, 3, 3))
+    matrix[..., 0, 0] = matrix[..., 1, 1] = np.cos(2 * half)
+    matrix[..., 1, 0] = np.sin(2 * half)
+    matrix[..., 0, 1] = -matrix[..., 1, 0]
+    matrix[..., 0, 2], matrix[..., 1, 2] = chord * np.cos(half), chord * np.sin(half)
+    matrix[..., 2, 2] = 1
+    return matrix
+
+
+class Shake:
+    """The motion of one camera's picture."""
+
+    def __init__(self, camera: Camera, horizon_row: int) -> None:
+        """Rows from ``horizon_row`` on show the ground."""
+        self._camera = camera
+        self._horizon = horizon_row
+        self._pixel_from_road = camera.pixel_from_road_matrix
+        self._road_from_pixel = np.linalg.inv(self._pixel_from_road)
+        self._pixel_from_vehicle = camera.intrinsics @ camera.optical_from_vehicle
+        self._vehicle_from_pixel = np.linalg.inv(self._pixel_from_vehicle)
+
+    def ground(self, motion: Motion, tau_s: ArrayLike) -> Matrix:
+        """G(τ): pixels of the ground at time 0 from those at times τ, (..., 3, 3)."""
+        return np.asarray(self._pixel_from_road @ road_after(motion, tau_s) @ self._road_from_pixel)
+
+    def sky(self, motion: Motion, tau_s: ArrayLike) -> Matrix:
+        """The same for what is infinitely far: K·R(τ)·K⁻¹."""
+        turn = road_after(Motion(0.0, motion.yaw_rate_radps), tau_s)
+        return np.asarray(self._pixel_from_vehicle @ turn @ self._vehicle_from_pixel)
+
+    def roll(self, image: Image, motion: Motion, readout_s: float) -> Image:
+        """``image`` read out row by row over ``readout_s``: each row is warped to its own time."""
+        rows, columns = image.shape[:2]
+        u = np.arange(columns, dtype=np.float32)
+        tau_s = readout_s * np.arange(rows) / rows
+        warps = np.concatenate(
+            [self.sky(motion, tau_s[: self._horizon]), self.ground(motion, tau_s[self._horizon :])]
+        )
+        lines = np.stack([warps[:, :, 0], warps[:, :, 1] * np.arange(rows)[:, None] + warps[:, :, 2]], axis=2)
+        slope, start = lines.transpose(2, 1, 0)[..., None].astype(np.float32)  # (3, rows, 1)
+        x, y, w = slope * u + start
+        from_column, from_row = x / w, y / w
+        flags = cv2.INTER_LINEAR
+        return np.asarray(
+            cv2.remap(image, from_column, from_row, flags, borderMode=cv2.BORDER_REPLICATE), np.uint8
+        )
+
+    def blur(self, image: Image, motion: Motion, exposure_s: float) -> Image:
+        """The mean of ``image`` over the exposure."""
+        total = image.astype(np.float32)
+        for k in range(1, self._warps(motion, exposure_s) + 1):
+            tau_s = exposure_s / 2**k
+            late = np.empty_like(total)
+            for matrix, first, last in (
+                (self.sky(motion, tau_s), 0, self._horizon),
+                (self.ground(motion, tau_s), self._horizon, len(image)),
+            ):
+                late[first:last] = _warped(total, matrix, first, last)
+            total = np.asarray(cv2.addWeighted(total, 0.5, late, 0.5, 0), np.float32)
+        return np.asarray(cv2.convertScaleAbs(total), np.uint8)
+
+    def _warps(self, motion: Motion, exposure_s: float) -> int:
+        """Enough that the fastest pixel does not jump."""
+        height, width = self._camera.height_px, self._camera.width_px
+        corners = np.array([(0, height - 1, 1), (width - 1, height - 1, 1), (0, self._horizon, 1)], float).T
+        moved = self.ground(motion, exposure_s) @ corners
+        path_px = float(np.abs(moved[:2] / moved[2] - corners[:2]).max())
+        return min(max(math.ceil(math.log2(max(path_px / FINEST_PX, 1))), 1), MAX_WARPS)
+
+
+def _warped(image: FloatImage, source_from_pixel: Matrix, first: int, last: int) -> FloatImage:
+    """Rows ``first`` to ``last`` of a warped image."""
+    if first >= last:
+        return image[first:last]
+    matrix = source_from_pixel @ np.array([[1, 0, 0], [0, 1, first], [0, 0, 1]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    size = (image.shape[1], last - first)
+    return np.asarray(
+        cv2.warpPerspective(image, matrix, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), np.float32
+    )

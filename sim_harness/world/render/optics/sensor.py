@@ -1,0 +1,65 @@
+"""Sensor and codec: shot and read noise, JPEG.
+
+At gain g the light L makes L·N/g electrons, so σ² = L·g/N + (r·g/N)². On grey levels 255·√L the shot noise is the
+same at all levels, 255·√(g/N)/2 (Anscombe 1948), and the read noise 255·r·g/(2·N·√L) lies in the dark.
+EMVA Standard 1288, section 2; N and r of a small webcam sensor with 2 to 3 µm pixels.
+"""
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from sim_harness.world.render.scene.view import FloatImage
+from trepid.types import Image
+
+FULL_WELL = 9000.0  # electrons
+READ_NOISE = 4.0  # electrons
+POOL = 768
+DARKEST = 0.12  # √light below which a sensor's black level clips
+CHROMA_PX = 3  # webcams smooth colour noise
+
+
+def noise_sigma(gain: float) -> FloatImage:
+    """Standard deviation [grey levels] at each of the 256 levels."""
+    root = np.maximum(np.arange(256) / 255, DARKEST)
+    shot = 0.25 * gain / FULL_WELL
+    read = (READ_NOISE * gain / FULL_WELL / (2 * root)) ** 2
+    return np.asarray(255 * np.sqrt(shot + read), np.float32)
+
+
+def noisy(image: Image, gain: float, seed: tuple[int, ...]) -> Image:
+    """``image`` as a sensor with that gain sees it."""
+    rng = np.random.default_rng(seed)
+    rows, columns = image.shape[:2]
+    row, column = rng.integers(POOL - rows % POOL), rng.integers(POOL - columns % POOL)
+    pool = _pool()
+    noise = pool[row : row + rows, column : column + columns]
+    if noise.shape != image.shape:
+        noise = np.take(
+            np.take(pool, range(row, row + rows), 0, mode="wrap"),
+            range(column, column + columns),
+            1,
+            mode="wrap",
+        )
+    sigma = cv2.LUT(image, noise_sigma(gain))
+    return np.asarray(
+        cv2.convertScaleAbs(np.maximum(cv2.multiply(sigma, noise) + image, 0)),
+        np.uint8,
+    )
+
+
+@lru_cache(maxsize=1)
+def _pool() -> FloatImage:
+    """Noise of deviation 1, mostly in the brightness, (POOL, POOL, 3)."""
+    rng = np.random.default_rng(1)
+    grey = rng.standard_normal((POOL, POOL, 1), dtype=np.float32)
+    colour = cv2.GaussianBlur(rng.standard_normal((POOL, POOL, 3), dtype=np.float32), (0, 0), CHROMA_PX / 3)
+    noise = grey + 0.6 * colour / colour.std()
+    return np.asarray(noise / noise.std(), np.float32)
+
+
+def coded(image: Image, quality: float) -> Image:
+    """``image`` after a JPEG codec of that quality, 1..100."""
+    _, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, round(quality)])
+    return np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), np.uint8)

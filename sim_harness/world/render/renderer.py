@@ -1,0 +1,288 @@
+"""What the camera on the vehicle sees of the road.
+
+The ground is flat, so a frame is the view from above, bent by the camera's homography. It is cut into bands of
+distance; each takes the level of the ground whose pixels are about as wide as its own, and is drawn with several
+rows for one where a row of the image spans many pixels of the ground, so that the distance does not flicker.
+Until the ground is drawn the frame has a fourth channel: OpenCV warps four channels twice as fast as three.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.world.render.disturber import Disturber
+from sim_harness.world.render.ground.ground import Ground
+from sim_harness.world.render.ground.road_strip import LEVELS_M
+from sim_harness.world.render.optics.exposure import Exposure
+from sim_harness.world.render.optics.lens import Distortion
+from sim_harness.world.render.scene.backdrop import Backdrop
+from sim_harness.world.render.scene.vehicles import Body, Pose, draw_lead
+from sim_harness.world.render.scene.view import STILL, Motion, Shot
+from sim_harness.world.roads.disturbance_table import load_table
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturbed
+from sim_harness.world.roads.light import Light
+from sim_harness.world.roads.road import Road
+from trepid.camera import Camera
+from trepid.types import Image
+
+Matrix = NDArray[np.float64]
+
+REACH = ((0, 0.9), (0, 1.2), (1, 1.2), (2, 1.2), (3, 1.2), (4, math.inf))
+"""Bands from near to far: level, and reach by the width of the image's pixels there over that of the level's."""
+MAX_ROWS_PER_ROW = 6
+HAZE_REACH_M = 220.0
+PAINT_AHEAD_M = 7.0  # where tiles are painted, one a frame, before they are needed
+LIGHT_RAMP_M = 10.0  # over which the light changes from one section to the next
+LEAD = Body()
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Rows ``top`` to ``bottom`` of the image, drawn from one level of the ground."""
+
+    top: int
+    bottom: int
+    level: int
+    rows_per_row: int
+    road_from_pixel: Matrix  # from pixels of the drawn band to homogeneous road points
+    corners_m: Matrix  # of what it shows, road frame, (4, 2)
+
+
+class Renderer:
+    """Draws frames of one road for one camera. The same seed, pose and time give the same bytes."""
+
+    def __init__(
+        self,
+        road: Road,
+        camera: Camera,
+        *,
+        seed: int,
+        ground: Ground | None = None,
+        disturbances: Sequence[Disturbance] = (),
+    ) -> None:
+        """``ground`` may be shared between the cameras of one road; it is then painted as it is.
+
+        Raises ValueError for a distortion that folds the picture over, InputError for a bad table of disturbances.
+        """
+        if ground is None and disturbances:
+            road = Road(disturbed(road.settings, disturbances))
+        self.road = road
+        self.camera = camera
+        self.seed = seed
+        self._lens = Distortion(camera) if any(camera.distortion) else None
+        self._eye = self._lens.pinhole if self._lens else camera
+        self._ground = ground or Ground(road, seed=seed)
+        self._backdrop = Backdrop(self._eye, seed=seed)
+        self._exposure = Exposure(camera)
+        self._bands = _bands(self._eye, self._backdrop.rows)
+        self._corners_m = np.array([band.corners_m for band in self._bands]).reshape(-1, 4, 2)
+        self._far_rows, self._far_share = _far(self._eye, self._backdrop.rows)
+        self._disturber = (
+            Disturber(road, self._eye, camera, self._backdrop, disturbances, load_table(), seed=seed)
+            if any(disturbance.grade > 0 for disturbance in disturbances)
+            else None
+        )
+        self._far_haze = np.empty((*self._far_share.shape, 4), np.uint8)
+        self._far_haze[:] = (*np.rint(self._backdrop.horizon_bgr), 255)
+
+    def render(
+        self,
+        x_m: float,
+        y_m: float,
+        yaw_rad: float,
+        *,
+        t_s: float,
+        station_m: float | None = None,
+        lead: Pose | None = None,
+        vehicles: Sequence[tuple[Pose, Body]] = (),
+        motion: Motion = STILL,
+        light: Light | None = None,
+    ) -> Image:
+        """The frame of a vehicle whose rear axle stands at (x, y, yaw).
+
+        ``station_m``: where on the road that is, if known; ``lead``: x, y, yaw of the rear axle of the vehicle
+        ahead; ``vehicles``: of any others, with what they look like; ``motion``: of the own vehicle, for what
+        blurs; ``light``: instead of that of the road's section.
+        """
+        if station_m is None and (light is None or self._disturber):
+            station_m = self.road.local_coordinates(x_m, y_m)[0]
+        pose = (x_m, y_m, yaw_rad)
+        image = self._ground_and_sky(pose)
+        self._paint_ahead(x_m, y_m, yaw_rad)
+        others = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
+        shot = Shot(
+            road=self.road,
+            pose=pose,
+            station_m=0.0 if station_m is None else station_m,
+            t_s=t_s,
+            motion=motion,
+            vehicles=_far_first(others, pose),
+            sun_bearing_rad=self.road.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad,
+            seed=self.seed,
+        )
+        light = self._light_at(shot.station_m) if light is None else light
+        grades = self._disturber.grades(shot.station_m) if self._disturber else {}
+        if self._disturber and (grades or self._disturber.needs_light(shot.station_m, grades)):
+            return self._disturbed(self._disturber, image, shot, light, grades)
+        self._draw_vehicles(image, shot)
+        return self._expose(self._bent(image), shot, light)
+
+    def _ground_and_sky(self, pose: Pose) -> Image:
+        padded = np.empty((self._eye.height_px, self._eye.width_px, 4), np.uint8)
+        self._backdrop.draw(padded, pose[2])
+        self._draw_ground(padded, *pose)
+        return np.asarray(cv2.cvtColor(padded, cv2.COLOR_BGRA2BGR), np.uint8)
+
+    def _draw_vehicles(self, image: Image, shot: Shot) -> None:
+        for pose, body in shot.vehicles:
+            draw_lead(image, self._eye, body, pose)
+
+    def _bent(self, image: Image) -> Image:
+        return np.asarray(self._lens.bend(image), np.uint8) if self._lens else image
+
+    def _expose(self, image: Image, shot: Shot, light: Light, *, vignetted: bool = False) -> Image:
+        bearing, noise = shot.sun_bearing_rad, (self.seed, shot.frame)
+        return self._exposure.expose(image, light, sun_bearing_rad=bearing, seed=noise, vignetted=vignetted)
+
+    def _disturbed(
+        self,
+        disturber: Disturber,
+        image: Image,
+        shot: Shot,
+        light: Light,
+        grades: Mapping[DisturbanceKind, float],
+    ) -> Image:
+        """The frame of ``image``, ground and sky, under the disturbances ``grades``."""
+        still = _far_first(disturber.standing_near(shot.pose), shot.pose)
+        for pose, body in still:
+            draw_lead(image, self._eye, body, pose)
+        image = disturber.move(image, shot, grades)  # others move about as fast as we: they stay sharp
+        self._draw_vehicles(image, shot)
+        shot = replace(shot, vehicles=tuple(sorted((*still, *shot.vehicles), key=_distance, reverse=True)))
+        with_light = disturber.needs_light(shot.station_m, grades)
+        if with_light:
+            scene = disturber.scene(image, shot, grades)
+            scene = np.asarray(self._lens.bend(scene), np.float32) if self._lens else scene
+            scene = disturber.through_lens(scene, shot, grades, self._exposure.vignette)
+            image = disturber.develop(scene, shot, grades)
+        else:
+            image = self._bent(image)
+        return disturber.finish(self._expose(image, shot, light, vignetted=with_light), shot, grades)
+
+    def prepaint(self) -> None:
+        """Paint the whole carriageway and the distance now, so that no later frame has to wait for it."""
+        self._ground.prepaint()
+
+    def _draw_ground(self, image: Image, x_m: float, y_m: float, yaw_rad: float) -> None:
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        world_from_road = np.array([[cos, -sin, x_m], [sin, cos, y_m], [0, 0, 1.0]])
+        for band, low, high in zip(self._bands, *self._footprints(x_m, y_m, yaw_rad), strict=True):
+            pixel_m = LEVELS_M[band.level]
+            crop, x0, y0 = self._ground.crop(band.level, low - 2 * pixel_m, high + 2 * pixel_m)
+            crop_from_world = np.array([[1, 0, -x0], [0, 1, -y0], [0, 0, pixel_m]]) / pixel_m
+            matrix = crop_from_world @ world_from_road @ band.road_from_pixel
+            size = (image.shape[1], (band.bottom - band.top) * band.rows_per_row)
+            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            drawn = cv2.warpPerspective(crop, matrix, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+            image[band.top : band.bottom] = _rows_averaged(np.asarray(drawn, np.uint8), band.rows_per_row)
+        far = image[self._far_rows]
+        if len(far):
+            far[:] = cv2.blendLinear(far, self._far_haze, 1 - self._far_share, self._far_share)
+
+    def _paint_ahead(self, x_m: float, y_m: float, yaw_rad: float) -> None:
+        """Paint at most one tile that will soon be seen, so that no frame has to paint many."""
+        x_m, y_m = x_m + PAINT_AHEAD_M * math.cos(yaw_rad), y_m + PAINT_AHEAD_M * math.sin(yaw_rad)
+        lows, highs = self._footprints(x_m, y_m, yaw_rad)
+        for band, low, high in zip(self._bands[:3], lows, highs, strict=False):
+            if self._ground.paint_one(band.level, low, high):
+                return
+
+    def _footprints(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[Matrix, Matrix]:
+        """Lowest and highest x and y that each band shows, (bands, 2) each."""
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        corners = self._corners_m @ np.array([[cos, sin], [-sin, cos]]) + (x_m, y_m)
+        return corners.min(axis=1), corners.max(axis=1)
+
+    def _light_at(self, station_m: float) -> Light:
+        before, here, share = self.road.transition_at(station_m, LIGHT_RAMP_M)
+        if share == 1 or before.light == here.light:
+            return here.light
+        fields = Light.model_fields
+        blend = {n: (1 - share) * getattr(before.light, n) + share * getattr(here.light, n) for n in fields}
+        return Light(**blend)
+
+
+def _far_first(vehicles: Sequence[tuple[Pose, Body]], origin: Pose) -> tuple[tuple[Pose, Body], ...]:
+    """``vehicles`` seen from ``origin``, the farthest first."""
+    seen = ((_relative(pose, origin), body) for pose, body in vehicles)
+    return tuple(sorted(seen, key=_distance, reverse=True))
+
+
+def _distance(vehicle: tuple[Pose, Body]) -> float:
+    (x_m, y_m, _), _ = vehicle
+    return math.hypot(x_m, y_m)
+
+
+def _relative(pose: Pose, origin: Pose) -> Pose:
+    """``pose`` seen from ``origin``."""
+    dx, dy = pose[0] - origin[0], pose[1] - origin[1]
+    cos, sin = math.cos(origin[2]), math.sin(origin[2])
+    return cos * dx + sin * dy, cos * dy - sin * dx, pose[2] - origin[2]
+
+
+def _bands(camera: Camera, first_row: int) -> list[Band]:
+    """The image below the horizon, from the bottom up."""
+    bands, bottom = [], camera.height_px
+    for level, reach in REACH:
+        reach_m = reach * LEVELS_M[level] * camera.fx_px
+        top = max(first_row, _row_at(camera, reach_m))
+        if top < bottom:
+            bands.append(_band(camera, top, bottom, level))
+            bottom = top
+    return bands
+
+
+def _row_at(camera: Camera, depth_m: float) -> int:
+    """First row that shows no more than ``depth_m`` of depth: depth = height / (tan of the row's angle)."""
+    return math.ceil(camera.horizon_row_px + camera.fy_px * camera.height_m / depth_m)
+
+
+def _band(camera: Camera, top: int, bottom: int, level: int) -> Band:
+    depths = _depth(camera, np.array([top, top + 1.0]))
+    repeat = int(np.clip(round((depths[0] - depths[1]) / (3 * LEVELS_M[level])), 1, MAX_ROWS_PER_ROW))
+    image_from_drawn = np.array([[1, 0, 0], [0, 1 / repeat, top + 0.5 / repeat - 0.5], [0, 0, 1]])
+    right, low = camera.width_px - 1, bottom - 0.5
+    corners = camera.road_from_pixel([(0, top - 0.5), (right, top - 0.5), (right, low), (0, low)])
+    return Band(
+        top=top,
+        bottom=bottom,
+        level=level,
+        rows_per_row=repeat,
+        road_from_pixel=np.linalg.inv(camera.pixel_from_road_matrix) @ image_from_drawn,
+        corners_m=corners,
+    )
+
+
+def _depth(camera: Camera, row: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance ahead that a row shows."""
+    pixels = np.column_stack([np.full(len(row), camera.cx_px), row])
+    return np.hypot(*(camera.road_from_pixel(pixels) - (camera.x_m, camera.y_m)).T)
+
+
+def _rows_averaged(image: Image, count: int) -> Image:
+    """The mean, rounded, of every ``count`` rows."""
+    if count == 1:
+        return image
+    total = image.reshape(len(image) // count, count, *image.shape[1:]).sum(axis=1, dtype=np.uint16)
+    return np.asarray((total + count // 2) // count, np.uint8)
+
+
+def _far(camera: Camera, first_row: int) -> tuple[slice, NDArray[np.float32]]:
+    """The rows that fade into the haze of the distance, and how much each pixel does, (rows, columns)."""
+    last = min(first_row + 24, camera.height_px)
+    share = 1 - np.exp(-_depth(camera, np.arange(first_row, last, dtype=float)) / HAZE_REACH_M)
+    return slice(first_row, last), np.repeat(share[:, None].astype(np.float32), camera.width_px, axis=1)

@@ -1,0 +1,94 @@
+"""What floats in the air: fog, drizzle and spray, falling rain and snow.
+
+Koschmieder (1924): L = L₀·exp(-β d) + A·(1 - exp(-β d)), with the extinction β = 3 / visibility and the light A of
+the air itself; d is the distance to the ground by row, to a vehicle, and far for the sky.
+"""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.world.render.scene.vehicles import outline
+from sim_harness.world.render.scene.view import SHIFT, FloatImage, Shot, View, in_colour, polygon
+
+AIRLIGHT_BGR = (0.66, 0.64, 0.62)  # of fog by day: grey 205
+NEAREST_M, FARTHEST_M = 0.8, 10.0  # single drops and flakes are seen within
+RAIN_MPS, SNOW_MPS = 7.0, 1.2  # Gunn and Kinzer (1949): 2.5 mm drops; Langleben (1954): aggregates
+RAIN_SHUTTER_S, SNOW_SHUTTER_S = 1 / 50, 1 / 80
+STREAK_LIGHT = 0.8
+
+
+def distances(view: View, shot: Shot) -> FloatImage:
+    """From the lens to what is seen, (rows, columns) [m]."""
+    shapes = [(pose, outline(view.camera, body, pose), body) for pose, body in shot.vehicles]
+    if all(shape is None for _, shape, _ in shapes):
+        return view.distance_m
+    distance = view.distance_m.copy()
+    for pose, shape, body in shapes:  # from far to near
+        if shape is not None:
+            reach = math.hypot(pose[0] + body.rear_m - view.camera.x_m, pose[1])
+            cv2.fillConvexPoly(distance, shape, reach, cv2.LINE_8, SHIFT)
+    return distance
+
+
+def through_air(
+    light: FloatImage, distance_m: FloatImage, extinction_1pm: float, airlight: float
+) -> FloatImage:
+    """Koschmieder's law; ``airlight`` scales AIRLIGHT_BGR."""
+    passed = in_colour(np.asarray(cv2.exp(distance_m * np.float32(-extinction_1pm)), np.float32))
+    air = np.array(AIRLIGHT_BGR, np.float32) * np.float32(airlight)
+    return np.asarray((light - air) * passed + air, np.float32)
+
+
+def rain(light: FloatImage, view: View, shot: Shot, count: float, exposure_s: float) -> FloatImage:
+    """Streaks of ``count`` drops."""
+    rng = np.random.default_rng((shot.seed, shot.frame, 11))
+    shutter_s = max(RAIN_SHUTTER_S, exposure_s)
+    ends, depth = _paths(view, shot, rng, round(count), RAIN_MPS, shutter_s)
+    mask = np.zeros(light.shape[:2], np.uint8)
+    for near, far, strength, width in ((5, 99, 34, 1), (2.2, 5, 44, 1), (0, 2.2, 34, 2)):
+        chosen = ends[(depth >= near) & (depth < far)]
+        cv2.polylines(mask, list(chosen), False, strength, width, cv2.LINE_AA, SHIFT)
+    cover = in_colour(np.asarray(mask * np.float32(1 / 255), np.float32))
+    bright = STREAK_LIGHT * float(np.mean(light[: len(light) // 3])) + 0.25 * float(np.mean(light))
+    return np.asarray(light + cover * (np.float32(bright) - 0.5 * light), np.float32)
+
+
+def snowfall(light: FloatImage, view: View, shot: Shot, count: float, exposure_s: float) -> FloatImage:
+    """``count`` flakes, near ones large and soft."""
+    rng = np.random.default_rng((shot.seed, shot.frame, 12))
+    ends, depth = _paths(view, shot, rng, round(count), SNOW_MPS, max(SNOW_SHUTTER_S, exposure_s))
+    mask = np.zeros(light.shape[:2], np.uint8)
+    for near, far, strength, width in (
+        (6, 99, 120, 1),
+        (3.5, 6, 210, 1),
+        (1.8, 3.5, 210, 2),
+        (0, 1.8, 150, 4),
+    ):
+        chosen = ends[(depth >= near) & (depth < far)]
+        cv2.polylines(mask, list(chosen), False, strength, width, cv2.LINE_AA, SHIFT)
+    mask = np.asarray(cv2.GaussianBlur(mask, (3, 3), 0), np.uint8)
+    cover = in_colour(np.asarray(mask * np.float32(1 / 255), np.float32))
+    white = 1.05 * float(np.mean(light[: len(light) // 3])) + 0.08 * float(np.mean(light))
+    return np.asarray(light + cover * (np.float32(white) - light), np.float32)
+
+
+def _paths(
+    view: View, shot: Shot, rng: np.random.Generator, count: int, fall_mps: float, shutter_s: float
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """What ``count`` particles, evenly in the air, draw while the shutter is open: ends (n, 2, 2) and depths."""
+    rows, columns = view.distance_m.shape
+    u, v = rng.integers(columns, size=count), rng.integers(rows, size=count)
+    depth = FARTHEST_M * rng.random(count) ** (1 / 2)  # not 1/3: near ones are what a picture shows
+    gust = rng.normal(0, 0.15, (count, 3)) * fall_mps
+    low = np.minimum(depth, view.distance_m[v, u])
+    seen = (depth > NEAREST_M) & (low == depth)  # not below the ground
+    camera = view.camera
+    eye = np.array([camera.x_m, camera.y_m, camera.height_m])
+    middle = view.rays[:, v, u].T.astype(float) * depth[:, None] + eye
+    half = 0.5 * shutter_s * (np.array([-shot.motion.speed_mps, 0, -fall_mps]) + gust)
+    ends, depths = zip(*(view.pixels(middle + sign * half) for sign in (-1, 1)), strict=True)
+    seen &= np.minimum(*depths) > 0.3
+    return polygon(np.stack(ends, axis=1)[seen]), depth[seen]

@@ -1,0 +1,95 @@
+"""Everything above the horizon: sky, hills and trees on a cylinder around the world."""
+
+import math
+from functools import cached_property, lru_cache
+
+import cv2
+import numpy as np
+
+from sim_harness.world.render.ground.noise import FloatImage, smooth_noise
+from trepid.camera import Camera
+from trepid.types import Image
+
+WIDTH = 1280  # columns of the panorama for a full turn
+HEIGHT = 320
+LAND = 64  # rows of the panorama that hills may reach into, from below
+GROUND_BELOW_PX = 2.5  # the ground starts this far below the horizon: 110 m ahead of the default camera
+MIRROR_MARGIN_PX = 24  # rows above the ground that its mirror image goes on, for blurring
+BELOW = 8  # rows of the panorama below the horizon
+SKIES_BGR = (  # zenith, horizon
+    ((205, 150, 100), (235, 225, 210)),
+    ((190, 185, 180), (225, 222, 220)),
+    ((225, 180, 130), (240, 235, 225)),
+)
+
+
+class Backdrop:
+    """The panorama as one camera sees it: the first ``rows`` rows of its image."""
+
+    def __init__(self, camera: Camera, *, seed: int) -> None:
+        self._camera = camera
+        self.rows = min(max(math.ceil(camera.horizon_row_px + GROUND_BELOW_PX), 0), camera.height_px)
+        panorama = _panorama(seed)
+        self.horizon_bgr = panorama[HEIGHT - BELOW - 12].mean(axis=0)
+        self._twice_around = cv2.cvtColor(np.hstack([panorama, panorama]), cv2.COLOR_BGR2BGRA)
+        u, v = np.meshgrid(np.arange(camera.width_px), np.arange(self.rows))
+        right = np.arctan((u - camera.cx_px) / camera.fx_px) - camera.yaw_rad
+        self._columns = (right * WIDTH / math.tau).astype(np.float32)
+        self._rows = (v - camera.horizon_row_px + HEIGHT - BELOW).astype(np.float32)
+
+    def draw(self, image: Image, yaw_rad: float) -> None:
+        """Fill the rows of ``image`` (BGRA) to just below the horizon, for a vehicle heading along ``yaw_rad``."""
+        if self.rows:
+            ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
+            image[: self.rows] = cv2.remap(
+                self._twice_around,
+                self._columns + ahead,
+                self._rows,
+                cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_REPLICATE,
+            )
+
+    def mirrored(self, yaw_rad: float) -> Image:
+        """The backdrop upside down below the horizon, BGR, black above: as still water mirrors it."""
+        ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
+        columns, rows = self._mirror
+        image = np.zeros((self._camera.height_px, self._camera.width_px, 3), np.uint8)
+        below = cv2.remap(
+            self._twice_around, columns + ahead, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        image[len(image) - len(below) :] = below[:, :, :3]
+        return image
+
+    @cached_property
+    def _mirror(self) -> tuple[FloatImage, FloatImage]:
+        camera = self._camera
+        first = max(self.rows - MIRROR_MARGIN_PX, 0)
+        u, v = np.meshgrid(np.arange(camera.width_px), np.arange(first, camera.height_px))
+        right = np.arctan((u - camera.cx_px) / camera.fx_px) - camera.yaw_rad
+        up = np.abs(v - camera.horizon_row_px)
+        return (right * WIDTH / math.tau).astype(np.float32), (HEIGHT - BELOW - up).astype(np.float32)
+
+
+@lru_cache(maxsize=2)  # the cameras of one road share it
+def _panorama(seed: int) -> Image:
+    """The full turn, (HEIGHT, WIDTH, 3); the horizon lies BELOW rows above its lower end."""
+    rng = np.random.default_rng((seed, 4))
+    above = (HEIGHT - BELOW - np.arange(HEIGHT, dtype=np.float32))[:, None]
+    zenith, horizon = np.array(SKIES_BGR[int(rng.integers(len(SKIES_BGR)))], np.float32)
+    clouds = smooth_noise(rng, (HEIGHT, WIDTH), (16, 64)) + 0.5 * smooth_noise(rng, (HEIGHT, WIDTH), (4, 16))
+    white = np.clip(clouds * 0.5 - 0.1 + rng.uniform(-0.3, 0.3), 0, 0.7)[:, :, None]
+    clear = horizon + np.clip(above / 120, 0, 1)[:, :, None] * (zenith - horizon)
+    image = np.asarray(clear + white * (245 - clear), np.float32)
+    layers = (  # mean height, cell and height of its outline, colour
+        (rng.uniform(4, 14), 64, 5.0, horizon * 0.75 + (35, 20, 10)),
+        (rng.uniform(2, 7), 16, 3.0, np.array((70, 92, 72)) * rng.uniform(0.8, 1.2)),
+        (rng.uniform(1, 3), 4, 1.6, np.array((40, 62, 48)) * rng.uniform(0.8, 1.3)),
+    )
+    low = slice(HEIGHT - LAND, HEIGHT)
+    for mean, cell, rough, bgr in layers:
+        outline = (
+            mean + rough * smooth_noise(rng, (1, WIDTH), (1, cell)) + smooth_noise(rng, (1, WIDTH), (1, 4))
+        )
+        cover = np.clip(np.maximum(outline, 0.5) - above[low] + 0.5, 0, 1)[:, :, None]
+        image[low] += cover * (bgr - image[low])
+    return np.clip(image, 0, 255).astype(np.uint8)

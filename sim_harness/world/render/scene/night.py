@@ -1,0 +1,104 @@
+"""Light and darkness: headlights, lamps of other vehicles, the tunnel."""
+
+import math
+
+import cv2
+import numpy as np
+
+from sim_harness.world.render.scene.vehicles import outline
+from sim_harness.world.render.scene.view import SHIFT, FloatImage, Shot, View, in_colour
+from sim_harness.world.roads.disturbance_table import Night, at
+
+LAMP_AHEAD_M, LAMP_SIDE_M, LAMP_UP_M = 1.0, 0.55, 0.65  # from the camera, from the middle, above the road
+AXIS_M = 10.0  # where the beam's brightness is counted
+SPREAD_RAD = 0.30  # of the beam to each side, standard deviation
+DROP_RAD = 0.075  # below the cut-off the beam weakens by e
+CUT_OFF_RAD = -0.010  # UN R112: 1 % below the horizon ...
+KINK = 0.268  # ... rising by 15 degrees to the right
+KINK_RAD = 0.02
+STRAY = 0.012  # light above the cut-off
+RETRO = 1.35  # glass beads throw light back: R_L of markings is 5 to 10 times asphalt's (EN 1436), diffuse 3 times
+SKY_SHARE = 0.35  # of the ambient light that the night sky itself shows
+LAMP_BGR = (0.78, 0.92, 1.0)
+TAIL_BGR = (0.08, 0.06, 1.0)
+NIGHT_BGR = (1.12, 1.0, 0.88)
+
+
+class Headlights:
+    """The light of the own low beams in every pixel, relative to AXIS_M straight ahead."""
+
+    def __init__(self, view: View) -> None:
+        self._view = view
+        camera = view.camera
+        origin = np.array([camera.x_m, camera.y_m, camera.height_m])
+        points = view.rays * view.distance_m + origin[:, None, None].astype(np.float32)
+        ground = _beams(points[0] - camera.x_m, points[1], points[2])
+        self._ground = np.where(view.rays[2] < 0, ground, 0).astype(np.float32)
+
+    def light(self, scene: FloatImage, shot: Shot, settings: Night, grade: float) -> FloatImage:
+        """``scene`` by night: what is left of the daylight, and the beams. Illuminance falls with 1/distance²."""
+        ambient, lamp = at(settings.ambient, grade), at(settings.headlight, grade)
+        beams = self._ground * np.float32(lamp)
+        for pose, body in shot.vehicles:
+            shape = outline(self._view.camera, body, pose)
+            if shape is not None:
+                place = np.array([pose[0] + body.rear_m - self._view.camera.x_m, pose[1], 0.5], np.float32)
+                near = lamp * float(_beams(*place[:, None])[0])
+                cv2.fillConvexPoly(beams, shape, near, cv2.LINE_8, SHIFT)
+        sky = np.where(self._view.rays[2] > 0, np.float32(SKY_SHARE), np.float32(1))
+        dusk = min(4 * (1 - ambient), 1.0)
+        day = np.array(NIGHT_BGR, np.float32) * dusk + (1 - dusk)
+        dark = scene * (in_colour(np.asarray(sky * ambient)) * day)
+        thrown = cv2.pow(np.maximum(scene, 1e-4), RETRO)
+        lit = np.asarray(thrown * (in_colour(beams) * np.array(LAMP_BGR, np.float32)), np.float32)
+        return self._tail_lamps(dark + lit, shot, 1 - ambient)
+
+    def _tail_lamps(self, light: FloatImage, shot: Shot, share: float) -> FloatImage:
+        """Red lamps with their halo."""
+        for (x, y, yaw), body in shot.vehicles:
+            for side in (-1, 1):
+                across = side * (body.width_m / 2 - 0.16)
+                place = (
+                    x + body.rear_m * math.cos(yaw) - across * math.sin(yaw),
+                    y + body.rear_m * math.sin(yaw) + across * math.cos(yaw),
+                    0.77,
+                )
+                pixel, depth = self._view.pixels(np.array([place]))
+                if depth[0] > 1.0 and math.cos(yaw) > 0:
+                    _glow(light, pixel[0], 0.12 * self._view.camera.fx_px / depth[0], share)
+        return light
+
+
+def _beams(ahead_m: FloatImage, left_m: FloatImage, up_m: FloatImage) -> FloatImage:
+    """Illuminance of a surface facing the lamps, by both of them."""
+    total = np.zeros_like(ahead_m, dtype=np.float32)
+    for side in (-LAMP_SIDE_M, LAMP_SIDE_M):
+        forward = np.maximum(ahead_m - LAMP_AHEAD_M, 0.2)
+        turn = np.arctan2(left_m - side, forward)
+        rise = np.arctan2(up_m - LAMP_UP_M, np.hypot(forward, left_m - side))
+        cut = CUT_OFF_RAD + np.clip(-KINK * turn, 0, KINK_RAD)
+        above = 1 / (1 + np.exp(-np.clip((cut - rise) / 0.004, -30, 30)))
+        beam = np.exp(-0.5 * (turn / SPREAD_RAD) ** 2) * np.exp(-np.maximum(cut - rise, 0) / DROP_RAD)
+        distance2 = forward**2 + (left_m - side) ** 2 + (up_m - LAMP_UP_M) ** 2
+        total += ((STRAY + above * beam) * AXIS_M**2 / distance2).astype(np.float32)
+    return np.minimum(total / 2 / _AXIS, 6.0)
+
+
+_AXIS = 0.47  # of a beam 10 m ahead on the road: 3.1 degrees below the cut-off
+
+
+def _glow(light: FloatImage, pixel: np.ndarray, radius_px: float, share: float) -> None:
+    """Add a lamp with its halo in place."""
+    reach = int(min(6 * radius_px + 6, 60))
+    u, v = round(float(pixel[0])), round(float(pixel[1]))
+    rows = slice(max(v - reach, 0), max(v + reach + 1, 0))
+    columns = slice(max(u - reach, 0), max(u + reach + 1, 0))
+    part = light[rows, columns]
+    if part.size:
+        y, x = np.ogrid[
+            rows.start : rows.start + part.shape[0], columns.start : columns.start + part.shape[1]
+        ]
+        away2 = (x - pixel[0]) ** 2 + (y - pixel[1]) ** 2
+        size2 = max(radius_px, 0.8) ** 2
+        halo = share * (1.2 * np.exp(-away2 / size2) + 0.10 / (1 + away2 / (4 * size2)) ** 2)
+        part += halo[:, :, None].astype(np.float32) * np.array(TAIL_BGR, np.float32)

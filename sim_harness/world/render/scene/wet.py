@@ -1,0 +1,92 @@
+"""The wet carriageway as a mirror: sky, hills and vehicles upside down, as strong as Fresnel has it."""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_harness.world.render.ground.noise import smooth_noise
+from sim_harness.world.render.scene.backdrop import MIRROR_MARGIN_PX, Backdrop
+from sim_harness.world.render.scene.vehicles import draw_lead
+from sim_harness.world.render.scene.view import (
+    AHEAD_M,
+    SHIFT,
+    FloatImage,
+    Shot,
+    View,
+    in_colour,
+    light_of,
+    polygon,
+)
+from trepid.camera import Camera
+
+PUDDLE_PX, PUDDLE_M = 256, 0.2  # period and pixel of the pattern of puddles
+ROUGH_PX = (0.006, 0.035)  # blur of the mirror across and along, in focal lengths: wet asphalt is no mirror
+
+
+class WetRoad:
+    """What one camera sees mirrored."""
+
+    def __init__(self, view: View, backdrop: Backdrop, *, seed: int) -> None:
+        self._view = view
+        self._backdrop = backdrop
+        rng = np.random.default_rng((seed, 21))
+        shape = (PUDDLE_PX, PUDDLE_PX)
+        noise = smooth_noise(rng, shape, (16, 16)) + 0.6 * smooth_noise(rng, shape, (4, 4))
+        self._puddles = np.asarray(np.clip(128 + 60 * noise, 0, 255), np.uint8)
+        self._road_from_pixel = np.linalg.inv(view.camera.pixel_from_road_matrix)
+        self._ground = (view.rays[2] < -0.02).astype(np.float32)
+
+    def mirror(self, light: FloatImage, shot: Shot, wet: float) -> FloatImage:
+        """``light`` with the reflections of a road that is ``wet`` by 0..1, in place."""
+        share = self._view.fresnel * self._shine(shot, wet)
+        mirrored = self._backdrop.mirrored(shot.pose[2])
+        for pose, body in shot.vehicles:
+            draw_lead(mirrored, self._view.camera, body, pose, mirrored=True)
+        size = self._view.camera.fy_px
+        rows = slice(max(self._backdrop.rows - MIRROR_MARGIN_PX, 0), None)
+        seen, blur_px = light_of(mirrored[rows]), (ROUGH_PX[0] * size, ROUGH_PX[1] * size)
+        soft = cv2.GaussianBlur(seen, (0, 0), blur_px[0], sigmaY=blur_px[1])
+        below = light[rows]
+        light[rows] = below + cv2.multiply(cv2.subtract(soft, below), in_colour(share[rows]))
+        return light
+
+    def _shine(self, shot: Shot, wet: float) -> FloatImage:
+        """How much of still water's reflection each pixel of the carriageway gives, (rows, columns)."""
+        mask = np.zeros(self._ground.shape, np.uint8)
+        outline = carriageway(self._view.camera, shot)
+        if outline is not None:
+            cv2.fillPoly(mask, [outline], 255, cv2.LINE_AA, SHIFT)
+        x, y, yaw = shot.pose
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        world = np.array([[cos, -sin, x], [sin, cos, y], [0, 0, 1.0]])
+        pattern = np.diag([1 / PUDDLE_M, 1 / PUDDLE_M, 1]) @ world @ self._road_from_pixel
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        size = mask.shape[::-1]
+        puddles = cv2.warpPerspective(self._puddles, pattern, size, flags=flags, borderMode=cv2.BORDER_WRAP)
+        film = np.clip(wet * (0.25 + 1.1 * puddles.astype(np.float32) / 255), 0, 1)
+        return np.asarray(film * mask * self._ground / np.float32(255), np.float32)
+
+
+def carriageway(camera: Camera, shot: Shot, *, inset_m: float = 0.0) -> NDArray[np.int32] | None:
+    """Fixed-point outline of the carriageway ahead in the image; None when it cannot be seen."""
+    section = shot.road.section_at(shot.station_m)
+    half = shot.road.width_at(shot.station_m) / 2
+    sides = []
+    for sign, lanes, paved in (
+        (1, section.lanes_to_the_left, section.paved_left_m),
+        (-1, section.right_lanes, section.paved_right_m),
+    ):
+        across = half + paved - inset_m + sum(_width(lane.width_m, 2 * half) for lane in lanes)
+        points = shot.along(sign * across, AHEAD_M)
+        pixels = camera.pixel_from_road(points)
+        sides.append(pixels[(points[:, 0] > camera.x_m + 0.4) & np.isfinite(pixels).all(axis=1)])
+    outline = np.concatenate([sides[0], sides[1][::-1]])
+    return polygon(outline) if len(outline) > 3 else None
+
+
+def _width(width_m: float | tuple[float, float] | None, ours_m: float) -> float:
+    if width_m is None:
+        return ours_m
+    return max(width_m) if isinstance(width_m, tuple) else width_m

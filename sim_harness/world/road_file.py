@@ -1,0 +1,31 @@
+"""Roads from files: YAML in ``config/roads/`` or elsewhere, and OpenDRIVE."""
+
+from pathlib import Path
+
+from sim_harness.world.roads.road import Road, RoadSettings
+from trepid.config import CONFIG_DIR, InputError, load
+
+ROAD_SUFFIXES = (".yaml", ".xodr")
+
+
+def load_road(source: str | Path) -> "Road":
+    """The road in the .yaml or .xodr file ``source``, or ``config/roads/<source>.yaml`` for a bare name.
+
+    Raises InputError when the file does not describe a road, or a closed one that does not close.
+    """
+    path = Path(source)
+    if isinstance(source, str) and not source.endswith(ROAD_SUFFIXES):
+        path = CONFIG_DIR / "roads" / f"{source}.yaml"
+    try:
+        return Road(load_road_settings(path))
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def load_road_settings(path: Path) -> RoadSettings:
+    """The road in a .yaml file, or in an OpenDRIVE file (.xodr) its first driving lane. Raises InputError."""
+    if path.suffix != ".xodr":
+        return load(path, RoadSettings)
+    from sim_harness.world.opendrive.reader import read_opendrive  # lxml and scipy, for OpenDRIVE files only
+
+    return read_opendrive(path).settings

@@ -1,0 +1,151 @@
+"""What a stretch of road looks like: lanes, markings, surface and verge. Pure settings, no geometry."""
+
+from enum import StrEnum
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from sim_harness.world.roads.light import Light
+from trepid.config import Settings
+from trepid.types import NonNegative, Positive, Share
+
+
+class Paint(StrEnum):
+    """Colour of a marking."""
+
+    WHITE = "white"
+    YELLOW = "yellow"
+
+
+class Stroke(StrEnum):
+    """Pattern of a marking; of two lines side by side the left one is named first."""
+
+    SOLID = "solid"
+    DASHED = "dashed"
+    NONE = "none"
+    DOUBLE_SOLID = "double_solid"
+    DOUBLE_DASHED = "double_dashed"
+    SOLID_DASHED = "solid_dashed"
+    DASHED_SOLID = "dashed_solid"
+
+
+class Surface(StrEnum):
+    """What the carriageway is made of."""
+
+    ASPHALT = "asphalt"
+    CONCRETE = "concrete"
+    GRAVEL = "gravel"
+
+
+class Verge(StrEnum):
+    """What lies beside the carriageway."""
+
+    GRASS = "grass"
+    DRY_GRASS = "dry_grass"
+    SOIL = "soil"
+    SNOW = "snow"
+    GRAVEL = "gravel"
+    PAVEMENT = "pavement"  # slabs of a footway
+    WATER = "water"  # below a bridge
+
+
+Width = Annotated[float, Field(ge=0, le=8)]
+LaneWidth = Annotated[float, Field(ge=2.0, le=6.0)]
+Stretch = tuple[NonNegative, NonNegative]  # from, to [m]: stations along the road
+
+
+class Marking(Settings):
+    """One painted line or a pair of lines, centred on its place."""
+
+    stroke: Stroke = Stroke.SOLID
+    paint: Paint = Paint.WHITE
+    width_m: Annotated[float, Field(gt=0, le=0.5)] = 0.12  # 0.10 to 0.15 in most countries (RMS, MUTCD 3A)
+    dash_m: Positive = 3.0
+    gap_m: NonNegative = 6.0  # 3 m dash, 6 m gap: rural roads (German RMS-1)
+    wear: Share = 0.0  # share of the paint that is gone, in soft patches
+    damage: Share = 0.0  # share of the line that is cut out or crossed by cracks, with hard edges
+    gaps_m: tuple[Stretch, ...] = ()  # where the line is interrupted
+    spacing_m: Positive = (
+        0.12  # clear distance between the lines of a pair (RMS-1, MUTCD 3A: one line's width)
+    )
+
+    @model_validator(mode="after")
+    def _gaps_run_forwards(self) -> Self:
+        for start_m, end_m in self.gaps_m:
+            if start_m >= end_m:
+                raise ValueError(f"a gap must end beyond its start, got [{start_m}, {end_m}]")
+        return self
+
+
+class NeighbourLane(Settings):
+    """A lane beside the one that the vehicle keeps."""
+
+    width_m: Width | tuple[Width, Width] | None = (
+        None  # constant, or (at the start, at the end); None: as ours
+    )
+    marking: Marking = Marking(stroke=Stroke.NONE)  # on its far edge
+
+
+class Section(Settings):
+    """Appearance of the road from ``start_m`` to the start of the next section."""
+
+    name: str
+    start_m: NonNegative
+    left: Marking = Marking(stroke=Stroke.DASHED)  # on the left edge of the lane
+    right: Marking = Marking()  # on the right edge of the lane
+    far_left: Marking = Marking(stroke=Stroke.NONE)  # short for one left lane; paved_left_m must then pave it
+    lane_width_m: LaneWidth | tuple[LaneWidth, LaneWidth] | None = (
+        None  # as in NeighbourLane; None: the road's
+    )
+    left_lanes: tuple[NeighbourLane, ...] = ()  # from our lane outwards
+    right_lanes: tuple[NeighbourLane, ...] = ()
+    paved_left_m: NonNegative = 0.3  # carriageway beyond the left edge of the lane and of its left_lanes
+    paved_right_m: NonNegative = 0.3
+    edge_roughness_m: NonNegative = 0.03  # standard deviation of the edge of the carriageway
+    edge_breaks: Share = 0.0  # share of the edge with pieces broken off, up to 0.6 m deep
+    kerb_m: Annotated[float, Field(ge=0, le=1)] = 0.0  # pale kerb or parapet along both edges, seen flat
+    surface: Surface = Surface.ASPHALT
+    surface_grey: Share = 0.45  # mean grey of the carriageway in a well-exposed frame
+    patchiness: Share = 0.3  # repairs, cracks, tar seams
+    verge: Verge = Verge.GRASS
+    snow_left_m: NonNegative = (
+        0.0  # how far a ragged bank of snow reaches in from the edge of the carriageway
+    )
+    snow_right_m: NonNegative = 0.0
+    snow_cover: Share = 0.0  # share of the carriageway, with its markings, under trodden snow
+    wet: Share = 0.0  # 0 dry, 1 soaked: darker, smoother, with puddles
+    shadows: Share = 0.0  # tree shadows across the road: 0 none, 1 dense
+    building_shadows: Share = 0.0  # a skyline from the right: 0 none, 1 across the whole road
+    bridge_shadows: Share = 0.0  # bands across the road, one about every 50 m: 0 none, 1 wide and dark
+    light: Light = Light()
+
+    @model_validator(mode="after")
+    def _the_left_lane_is_given_once(self) -> Self:
+        if self.left_lanes and self.far_left.stroke != Stroke.NONE:
+            raise ValueError("far_left is short for one left lane; give its marking in left_lanes instead")
+        return self
+
+    @property
+    def lanes_to_the_left(self) -> tuple[NeighbourLane, ...]:
+        """``left_lanes``, or the one that ``far_left`` stands for."""
+        if self.left_lanes or self.far_left.stroke == Stroke.NONE:
+            return self.left_lanes
+        return (NeighbourLane(marking=self.far_left),)
+
+    def lane_width_m_at_ends(self, lane: int, default_m: float) -> tuple[float, float] | None:
+        """Width of a lane at the start and at the end: 0 is ours, 1 the next to the left, -1 the next to the right.
+
+        ``default_m`` is the road's lane width. None where there is no such lane.
+        """
+        ours = _ends(self.lane_width_m, (default_m, default_m))
+        if lane == 0:
+            return ours
+        lanes = self.lanes_to_the_left if lane > 0 else self.right_lanes
+        return _ends(lanes[abs(lane) - 1].width_m, ours) if abs(lane) <= len(lanes) else None
+
+
+def _ends(width_m: Width | tuple[Width, Width] | None, default_m: tuple[float, float]) -> tuple[float, float]:
+    """A width at the start and at the end."""
+    if width_m is None:
+        return default_m
+    return width_m if isinstance(width_m, tuple) else (width_m, width_m)

@@ -1,0 +1,216 @@
+"""Roads drawn by lot: kinds of markings and surfaces, kinds of bends. For the benches of perception and fear."""
+
+from enum import StrEnum
+
+import numpy as np
+
+from sim_harness.world.roads.appearance import Marking, NeighbourLane, Paint, Section, Stroke, Surface, Verge
+from sim_harness.world.roads.road import Road, RoadSettings, Segment
+
+NONE = Marking(stroke=Stroke.NONE)
+LEAD_IN_M, LEAD_OUT_M = 25.0, 90.0
+STRAIGHT_RADII_M, BEND_RADII_M, TIGHT_RADII_M = (300.0, 1500.0), (40.0, 120.0), (12.0, 30.0)
+SNOW_COVER = (0.3, 0.9)  # of roads that are snowed up
+VERGE_SHARES = (0.5, 0.2, 0.15, 0.15)
+MAX_RATE_1PM2 = 1 / 120  # of curvature along an entry: R = 12 m after 10 m
+ARC_RAD = (0.7, 1.3)  # turn of an arc, without its clothoids
+SPEEDS_MPS = {"straight": 10.0, "bend": 8.0, "tight": 5.0}
+
+
+class Kind(StrEnum):
+    """What shows where the lane is."""
+
+    WHITE = "white"  # two lanes, dashed centre line, solid edges
+    YELLOW = "yellow"  # solid yellow centre line
+    DOUBLE = "double"  # two yellow lines side by side
+    DASHED = "dashed"  # dashed on both sides, lanes on both sides
+    ONE_LINE = "one line"  # left or right only; no edge near on the other side
+    WORN = "worn"  # half of the paint gone, patched asphalt
+    CONCRETE = "concrete"  # white on pale grey
+    INTERRUPTED = "interrupted"  # pieces of 6 to 15 m missing
+    MULTI_LANE = "multi-lane"  # four or five lanes
+    ASPHALT = "unmarked asphalt"  # one carriageway of asphalt in grass
+    BROKEN = "broken asphalt"  # ragged edges, patches, soil beside
+    GRAVEL = "gravel"  # gravel in dry grass
+
+
+UNMARKED = (Kind.ASPHALT, Kind.BROKEN, Kind.GRAVEL)
+
+
+class Shape(StrEnum):
+    """How the road runs."""
+
+    STRAIGHT = "straight"  # R ≥ 300 m
+    BEND = "bend"  # R = 40 to 120 m
+    TIGHT = "tight"  # R = 12 to 30 m
+
+
+RADII_M = {
+    Shape.STRAIGHT: STRAIGHT_RADII_M,
+    Shape.BEND: BEND_RADII_M,
+    Shape.TIGHT: TIGHT_RADII_M,
+}
+
+
+def random_road(
+    kind: Kind,
+    shape: Shape,
+    rng: np.random.Generator,
+    *,
+    gap_m: tuple[float, float] | None = None,
+    snow_cover: float = 0.0,
+) -> Road:
+    """A road of this kind and shape; ``gap_m``: both lines of the lane are missing between these stations;
+    ``snow_cover``: the share of the carriageway under trodden snow.
+    """
+    section = random_section(kind, rng)
+    if snow_cover > 0:
+        section = section.model_copy(update=snow_on(snow_cover))
+    if gap_m is not None:
+        gaps = {
+            side: getattr(section, side).model_copy(update={"gaps_m": (gap_m,)}) for side in ("left", "right")
+        }
+        section = section.model_copy(update=gaps)
+    width_m = float(rng.uniform(3.4, 5.0) if kind in UNMARKED else rng.uniform(2.9, 3.75))
+    return Road(
+        RoadSettings(
+            name=f"{kind}, {shape}",
+            closed=False,
+            lane_width_m=width_m,
+            sun_azimuth_rad=float(rng.uniform(-np.pi, np.pi)),
+            segments=random_segments(shape, rng, straight_m=0.0 if gap_m is None else gap_m[1]),
+            sections=(section,),
+        )
+    )
+
+
+def random_segments(
+    shape: Shape, rng: np.random.Generator, *, straight_m: float = 0.0
+) -> tuple[Segment, ...]:
+    """A straight of 25 m or more, a bend to either side with clothoids, a straight."""
+    low_m, high_m = RADII_M[shape]
+    curvature = float(rng.choice([-1, 1])) / float(low_m * (high_m / low_m) ** rng.random())
+    entry_m = max(10.0, abs(curvature) / MAX_RATE_1PM2)
+    arc_m = min(float(rng.uniform(*ARC_RAD)) / abs(curvature), 80.0)
+    return (
+        Segment(length_m=LEAD_IN_M + straight_m),
+        Segment(length_m=entry_m, curvature_1pm=(0.0, curvature)),
+        Segment(length_m=arc_m, curvature_1pm=curvature),
+        Segment(length_m=entry_m, curvature_1pm=(curvature, 0.0)),
+        Segment(length_m=LEAD_OUT_M),
+    )
+
+
+def random_section(kind: Kind, rng: np.random.Generator) -> Section:
+    """What a road of this kind looks like."""
+    line = _Lines(rng)
+    solid, dashed = line(), line(Stroke.DASHED)
+    shoulder_m = float(rng.uniform(0.1, 0.9))
+    lane, far = NeighbourLane(marking=line(Stroke.DASHED)), NeighbourLane(marking=line())
+    two_lanes = {"left_lanes": (far,), "right": solid, "paved_right_m": shoulder_m}
+    look: dict[str, object]
+    match kind:
+        case Kind.WHITE:
+            look = {**two_lanes, "left": dashed}
+        case Kind.YELLOW:
+            look = {**two_lanes, "left": line(paint=Paint.YELLOW)}
+        case Kind.DOUBLE:
+            look = {**two_lanes, "left": line(Stroke.DOUBLE_SOLID, paint=Paint.YELLOW)}
+        case Kind.DASHED:
+            look = {"left": dashed, "right": line(Stroke.DASHED), "left_lanes": (far,), "right_lanes": (far,)}
+        case Kind.ONE_LINE:
+            bare = NeighbourLane(marking=NONE)
+            left = bool(rng.random() < 0.5)
+            look = {"left": solid, "right": NONE, "right_lanes": (bare,)} if left else {
+                "left": NONE, "right": solid, "left_lanes": (bare,), "paved_right_m": shoulder_m,
+            }  # fmt: skip
+        case Kind.WORN:
+            wear = rng.uniform(0.4, 0.7, 2).tolist()
+            look = {
+                **two_lanes,
+                "left": line(Stroke.DASHED, wear=wear[0]),
+                "right": line(wear=wear[1]),
+                "patchiness": 0.8,
+            }
+        case Kind.CONCRETE:
+            look = {**two_lanes, "left": dashed, "surface": Surface.CONCRETE}
+            look["surface_grey"] = float(rng.uniform(0.52, 0.66))
+        case Kind.INTERRUPTED:
+            look = {**two_lanes, "left": line(gaps_m=_gaps(rng)), "right": line(gaps_m=_gaps(rng))}
+        case Kind.MULTI_LANE:
+            look = {
+                "left": dashed,
+                "right": line(Stroke.DASHED),
+                "left_lanes": (lane, far),
+                "right_lanes": (far,),
+            }
+            look["paved_right_m"] = 2.5
+        case _:
+            look = _unmarked(kind, rng)
+    return Section.model_validate(_ordinary(rng) | look | {"name": kind.value, "start_m": 0.0})
+
+
+def snow_on(cover: float) -> dict[str, object]:
+    """What trodden snow, over this share of the carriageway and over its edges, changes of a look."""
+    return {"verge": Verge.SNOW, "snow_cover": cover, "snow_left_m": 0.3, "snow_right_m": 0.3}
+
+
+class _Lines:
+    """Draws markings."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+
+    def __call__(self, stroke: Stroke = Stroke.SOLID, **fields: object) -> Marking:
+        dash_m, gap_m = ((3.0, 6.0), (3.0, 9.0), (6.0, 12.0), (4.0, 8.0), (2.0, 4.0))[
+            int(self._rng.integers(5))
+        ]
+        return Marking.model_validate(
+            {
+                "stroke": stroke,
+                "width_m": float(self._rng.uniform(0.10, 0.16)),
+                "dash_m": dash_m,
+                "gap_m": gap_m,
+                "wear": float(self._rng.uniform(0, 0.25)),
+                **fields,
+            }
+        )
+
+
+def _gaps(rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
+    """Pieces of 6 to 15 m that are missing, one about every 25 m."""
+    starts = np.arange(5.0, 250.0, 25.0) + rng.uniform(0, 8, 10)
+    return tuple(
+        (start, start + length)
+        for start, length in zip(starts.tolist(), rng.uniform(6, 15, 10).tolist(), strict=True)
+    )
+
+
+def _ordinary(rng: np.random.Generator) -> dict[str, object]:
+    """Asphalt in grass or soil."""
+    return {
+        "surface_grey": float(rng.uniform(0.28, 0.52)),
+        "patchiness": float(rng.uniform(0, 0.5)),
+        "verge": [Verge.GRASS, Verge.DRY_GRASS, Verge.SOIL, Verge.PAVEMENT][
+            int(rng.choice(4, p=(0.5, 0.2, 0.15, 0.15)))
+        ],
+    }
+
+
+def _unmarked(kind: Kind, rng: np.random.Generator) -> dict[str, object]:
+    """The carriageway is the lane: what is seen are its edges."""
+    look: dict[str, object] = {"left": NONE, "right": NONE, "paved_left_m": 0.0, "paved_right_m": 0.0}
+    match kind:
+        case Kind.ASPHALT:
+            look |= {"verge": str(rng.choice([Verge.GRASS, Verge.DRY_GRASS])), "edge_roughness_m": 0.04}
+        case Kind.BROKEN:
+            look |= {"edge_breaks": float(rng.uniform(0.2, 0.5)), "edge_roughness_m": 0.08, "patchiness": 1.0}
+            look["verge"] = str(rng.choice([Verge.GRASS, Verge.SOIL]))
+        case _:
+            look |= {
+                "surface": Surface.GRAVEL,
+                "surface_grey": float(rng.uniform(0.48, 0.6)),
+                "edge_roughness_m": 0.1,
+            }
+            look["verge"] = str(rng.choice([Verge.GRASS, Verge.DRY_GRASS]))
+    return look

@@ -1,0 +1,93 @@
+"""What stands at one place of a road: marks painted on it, side roads that join it. Pure settings, no geometry."""
+
+from enum import StrEnum
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from sim_harness.world.roads.appearance import Paint, Surface
+from trepid.config import Settings
+from trepid.types import NonNegative, Positive, Share
+
+
+class MarkKind(StrEnum):
+    """What is painted."""
+
+    ARROW_STRAIGHT = "arrow_straight"
+    ARROW_LEFT = "arrow_left"
+    ARROW_RIGHT = "arrow_right"
+    ARROW_STRAIGHT_LEFT = "arrow_straight_left"
+    ARROW_STRAIGHT_RIGHT = "arrow_straight_right"
+    TEXT = "text"
+    ZEBRA = "zebra"
+    STOP_LINE = "stop_line"
+
+
+# Lengths along the road: RMS-1 (arrows 5 m, crossings at least 4 m, stop lines 0.5 m), letters as in MUTCD 3B.20.
+LENGTH_M = {MarkKind.TEXT: 2.4, MarkKind.ZEBRA: 4.0, MarkKind.STOP_LINE: 0.5}
+ARROW_M = 5.0
+
+
+class RoadMark(Settings):
+    """A mark on the carriageway, from station ``at_m`` on."""
+
+    kind: MarkKind
+    at_m: NonNegative
+    lane: Annotated[int, Field(ge=-8, le=8)] = (
+        0  # 0 ours, 1 the next to the left, -1 to the right; a zebra: all
+    )
+    text: Annotated[str, Field(max_length=12, pattern=r"^[ -~]*$")] = ""
+    length_m: Positive | None = None  # along the road; default: by kind
+    oncoming: bool = False  # turned round, for those who come towards us
+    paint: Paint = Paint.WHITE
+    wear: Share = 0.0
+
+    @model_validator(mode="after")
+    def _text_has_letters(self) -> Self:
+        if (self.kind == MarkKind.TEXT) != bool(self.text.strip()):
+            raise ValueError("a mark of kind text needs its letters in text, and no other kind has any")
+        return self
+
+    @property
+    def extent_m(self) -> float:
+        """Length along the road."""
+        return LENGTH_M.get(self.kind, ARROW_M) if self.length_m is None else self.length_m
+
+    @property
+    def end_m(self) -> float:
+        """Station of its far end."""
+        return self.at_m + self.extent_m
+
+
+class JunctionKind(StrEnum):
+    """How a side road joins."""
+
+    DRIVEWAY = "driveway"  # interrupts the edge line of its side
+    INTERSECTION = "intersection"  # interrupts every line
+
+
+class Side(StrEnum):
+    """Where a side road leaves."""
+
+    LEFT = "left"
+    RIGHT = "right"
+    BOTH = "both"
+
+
+class Junction(Settings):
+    """A side road that leaves at right angles, its axis at station ``at_m``."""
+
+    kind: JunctionKind
+    side: Side
+    at_m: NonNegative
+    width_m: Annotated[float, Field(ge=2, le=20)] = 5.0
+    radius_m: Annotated[float, Field(ge=0, le=15)] = 3.0  # of the rounded corners
+    length_m: Annotated[float, Field(gt=0, le=80)] = 30.0  # from the edge of the carriageway
+    surface: Surface | None = None  # None: as the road has it there
+    centre_line: bool = False  # a dashed white line along its axis, and a stop line at its mouth
+
+    @property
+    def mouth_m(self) -> tuple[float, float]:
+        """Stations between which the edge of the road is open."""
+        half_m = self.width_m / 2 + self.radius_m
+        return self.at_m - half_m, self.at_m + half_m

@@ -1,0 +1,1 @@
+"""Messages to named numbers: age, plausibility, features."""

@@ -1,0 +1,34 @@
+"""How much the edges of a road without lines have been doubted over the last metres of way.
+
+A road without lines shows its edges all along, and they are believed. Trodden snow shows some of its own by
+patches, between which the true ones come and go: each moment by itself may pass, the way as a whole does not.
+"""
+
+import math
+
+from supervisor.inputs.lane import STANDING, Motion
+from supervisor.inputs.validated import Sighting, surest_teller
+from trepid.bounds import at_least
+
+EDGES_M = 20.0  # patches are some metres long; a comfort stop from 8 m/s takes 16 m
+
+
+class WeakEdges:
+    """Remembers the doubt; only way wears it off, because a standing car sees nothing new."""
+
+    def __init__(self) -> None:
+        self._doubt = 0.0
+        self._last_s: float | None = None
+
+    def step(self, seen: list[Sighting], motion: Motion | None, *, now_s: float) -> float:
+        """Mean of 1 - confidence of edges, of 0 for lines, over the last EDGES_M, the nearer the heavier [0..1].
+
+        Where nobody can tell edges from lines it stays as it is.
+        """
+        way_m = 0.0 if self._last_s is None else abs((motion or STANDING).speed_mps) * (now_s - self._last_s)
+        self._last_s = now_s
+        teller = surest_teller(seen)
+        if teller is not None:
+            doubt = 0.0 if teller.marked else 1.0 - (teller.confidence or 0.0)
+            self._doubt += (1.0 - math.exp(-at_least(way_m, 0.0) / EDGES_M)) * (doubt - self._doubt)
+        return self._doubt

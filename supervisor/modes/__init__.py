@@ -1,0 +1,1 @@
+"""Modes: causes, timers, transitions, the speed that fear allows."""

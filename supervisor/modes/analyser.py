@@ -1,0 +1,179 @@
+"""Analyse first, then act: a quick look at the numbers names the cause and the part that it lies in.
+
+The fear rules say how bad it is; they judge symptoms too ("the confidence is low"). The analyser asks what could
+have made them, in the order in which one thing causes another: no data, a blind camera, traffic in the way,
+estimators that contradict each other, and only then the road itself. The first suspect whose evidence suffices is
+the cause.
+
+It is a pure function of the features, like the rules, and takes a few microseconds (inventory F06, F08).
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from supervisor.situation.features import Features
+from trepid.config import Settings
+from trepid.types import Positive, PositiveShare
+
+
+class AnalyserSettings(Settings):
+    """Section ``analyser`` of ``config/supervisor.yaml``: from where on a number is evidence."""
+
+    stale_s: Positive  # age of the newest frame, or of the vehicle's state
+    behind_s: Positive  # one estimator behind the other: it has missed a frame
+    dark: PositiveShare  # brightness below
+    under_exposed: PositiveShare  # share of black pixels above
+    over_exposed: PositiveShare  # share of white pixels above
+    frozen_s: Positive  # no new image for longer
+    moving_mps: Positive  # ... while the car moves at least so fast
+    blurred: Positive  # sharpness below [grey²]
+    flat: PositiveShare  # contrast below
+    spots: PositiveShare  # share of spotted tiles above
+    occluding_m: Positive  # a vehicle ahead nearer than this hides the road ...
+    occluding_s: Positive  # ... or at a time gap less than this
+    unsure: PositiveShare  # confidence below: the road is hard to see
+    blind: PositiveShare  # ... it is not seen at all
+    weak_edges: (
+        PositiveShare  # confidence below which edges without lines, seen by one estimator only, are no road
+    )
+    disagreement_mps2: Positive
+    separation_m: Positive
+
+
+class Finding(NamedTuple):
+    """What is wrong, and where."""
+
+    cause: str  # "" when nothing is
+    part: str  # "camera", "lens", "traffic", "road", "vehicle", the name of an estimator, "perception"
+
+
+NOTHING = Finding("", "")
+Evidence = Callable[[Features, AnalyserSettings], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """One row of the table: a cause, the part to which it points, and what speaks for it."""
+
+    cause: str
+    part: str
+    evidence: Evidence
+    because: str
+
+
+def _above(name: str, limit: str) -> Evidence:
+    return lambda x, s: _number(x[name]) > getattr(s, limit)
+
+
+def _below(name: str, limit: str) -> Evidence:
+    return lambda x, s: _number(x[name]) < getattr(s, limit)
+
+
+def _any(*pieces: Evidence) -> Evidence:
+    return lambda x, s: any(piece(x, s) for piece in pieces)
+
+
+def _all(*pieces: Evidence) -> Evidence:
+    return lambda x, s: all(piece(x, s) for piece in pieces)
+
+
+def _lost(name: str) -> Evidence:
+    return lambda x, s: x[name] is None or not math.isfinite(_number(x[name]))
+
+
+def _behind(x: Features, s: AnalyserSettings) -> bool:
+    """One estimator is a frame behind another, or has never been heard."""
+    return _lost("estimator_age")(x, s) or _number(x["estimator_age"]) - _number(x["frame_age"]) > s.behind_s
+
+
+def _unseen(x: Features, s: AnalyserSettings) -> bool:
+    """The road is hard to see, for all that is known."""
+    return not _number(x["sight"]) >= s.unsure
+
+
+def _nowhere(x: Features, s: AnalyserSettings) -> bool:
+    """No estimator sees a road; or one sees weak edges where the other sees nothing: a field, fallen snow."""
+    weak = _number(x["unmarked"]) > 0.5 and _number(x["sight"]) < s.weak_edges
+    return _number(x["sight"]) < s.blind or (weak and _number(x["second_confidence"]) < s.blind)
+
+
+SUSPECTS = (
+    Suspect(
+        "stale_data", "camera", _any(_lost("frame_age"), _above("frame_age", "stale_s")), "no frame comes"
+    ),
+    Suspect(
+        "vehicle_state_lost",
+        "vehicle",
+        _any(_lost("speed"), _lost("state_age"), _above("state_age", "stale_s")),
+        "the vehicle does not say how it moves",
+    ),
+    Suspect("lost_estimator", "perception", _behind, "one estimator is a frame behind the other"),
+    Suspect("image_statistics_lost", "perception", _lost("brightness"), "nobody looks at the pixels"),
+    Suspect(
+        "dark",
+        "camera",
+        _any(_below("brightness", "dark"), _above("under_exposed", "under_exposed")),
+        "hardly any light in the picture",
+    ),
+    Suspect("over_exposed", "camera", _above("over_exposed", "over_exposed"), "much of the picture is white"),
+    Suspect(
+        "frozen_camera",
+        "camera",
+        _all(_above("frozen", "frozen_s"), _above("speed", "moving_mps")),
+        "the car moves and no new image comes",
+    ),
+    Suspect(
+        "blurred",
+        "camera",
+        _any(_below("sharpness", "blurred"), _below("contrast", "flat")),
+        "no edges and no contrast",
+    ),
+    Suspect("dirty_lens", "lens", _above("spots", "spots"), "spots all over the picture stand still"),
+    Suspect(
+        "occluded",
+        "traffic",
+        _all(_unseen, _any(_below("lead_distance", "occluding_m"), _below("time_gap", "occluding_s"))),
+        "the road is hard to see and a vehicle is in the way",
+    ),
+    Suspect(
+        "disagreement",
+        "perception",
+        _any(_above("disagreement", "disagreement_mps2"), _above("separation", "separation_m")),
+        "the estimators see different roads",
+    ),
+    Suspect("no_road", "road", _nowhere, "nothing, or weak edges that nobody confirms, is seen of a road"),
+    Suspect("unmarked", "road", lambda x, s: _number(x["unmarked"]) > 0.5, "edges are seen, but no lines"),
+    Suspect("low_confidence", "road", _unseen, "the road is hard to see"),
+)
+"""In the order of causation: the first that fits is the cause."""
+
+SYMPTOMS = frozenset(
+    {"low_confidence", "unconfirmed", "no_road", "disagreement", "single_source", "jitter", "lane_width"}
+)
+"""Causes of fear rules that something else may have brought about; the analyser's finding then says what."""
+
+
+def analyse(x: Features, settings: AnalyserSettings, *, ages_s: Mapping[str, float]) -> Finding:
+    """The first suspect with enough evidence in the features ``x``; of estimators the one that is behind is named.
+
+    ``ages_s`` are those of the estimators.
+    """
+    for suspect in SUSPECTS:
+        if suspect.evidence(x, settings):
+            part = suspect.part
+            if suspect.cause == "lost_estimator":
+                part = max(ages_s, key=lambda name: ages_s[name])
+            return Finding(suspect.cause, part)
+    return NOTHING
+
+
+def explained(cause: str, finding: Finding) -> str:
+    """The cause of fear, traced back: a symptom gives way to the finding that accounts for it."""
+    return finding.cause if finding.cause and cause in SYMPTOMS else cause
+
+
+def _number(value: float | None) -> float:
+    """The value; NaN, which compares with nothing, for None."""
+    return math.nan if value is None else value

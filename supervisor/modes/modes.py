@@ -1,0 +1,139 @@
+"""Modes: every transition in one table, and what a stop latches."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
+
+from trepid.config import Settings
+from trepid.messages import Mode, Stop
+from trepid.types import Positive
+
+Seconds = Annotated[float, Field(ge=0)]
+STARTING = "starting"
+"""Cause of the stop in which every supervisor begins, even one that is restarted while the car moves."""
+
+
+class ModeSettings(Settings):
+    """Section ``modes`` of ``config/supervisor.yaml``."""
+
+    comfort_stop_age_s: Positive  # no frame for this long: comfort stop
+    emergency_stop_age_s: Positive  # ... emergency stop
+    blind_s: Positive  # moving without any path for this long: emergency stop
+    near_s: Seconds  # a vehicle ahead too near for the comfort stop going on, for this long: emergency stop
+    guess_s: Positive  # ... in terror, and with no estimator believed by more than ...
+    guess_confidence: Annotated[float, Field(gt=0, le=1)]  # ... nor is one steered by before the first drive
+    standstill_mps: Positive
+    reengage_after_s: Seconds | None  # at standstill, healthy for this long: drive again; null: never
+    reengage_max_fear: Annotated[float, Field(ge=0, lt=1)]
+    road_back_s: Seconds  # FOLLOW ends when the road has been seen this long ...
+    road_back_confidence: Annotated[float, Field(gt=0, le=1)]  # ... with this confidence
+    final_causes: frozenset[str]  # a stop for one of these is final
+    stop_after_s: dict[str, Positive]  # cause -> how long it may frighten before a comfort stop ...
+    emergency_after_s: dict[str, Positive]  # ... and on the move before an emergency stop
+
+
+class Situation(NamedTuple):
+    """What the transitions depend on. Times say for how long something has been so [s]."""
+
+    fault: str  # the cause of an immediate stop: a lost process, stale data, the driver; "" for none
+    lost: bool  # a process is lost
+    blind: bool  # moving, and nothing has shown where to for too long, or frames have stopped coming
+    near: bool  # what is ahead is too near for the brake of a comfort stop
+    terrified: bool  # fear has asked for STOP for long enough
+    lasting: bool  # one cause has frightened for longer than it may
+    afraid: bool  # fear asks for CAUTION or more
+    calm: bool  # fear has been clearly below that for long enough
+    cause: str  # what fear is about
+    path: bool  # there is a path of the road
+    road_back: bool  # the road has been seen with confidence for long enough
+    lead: bool  # there is a vehicle to follow
+    standstill: bool
+    ready: bool  # everything has been healthy and fear low for long enough
+    handed_over: bool  # a driver has just let go of a moving car for which that had been so
+
+
+class ModeState(NamedTuple):
+    """The mode, and what a stop has latched."""
+
+    mode: Mode
+    stop: Stop
+    cause: str  # why it stopped; "" when it did not
+    final: bool  # this stop ends the run
+
+    @classmethod
+    def initial(cls) -> "ModeState":
+        """Stopping until standstill, because nothing is known yet."""
+        return cls(Mode.STOP, Stop.COMFORT, STARTING, final=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One row: from any of ``sources`` to ``target`` when ``when`` holds."""
+
+    sources: frozenset[Mode]
+    when: Callable[[Situation], bool]
+    target: Mode
+    because: str
+
+
+DRIVING = frozenset({Mode.KEEP, Mode.CAUTION, Mode.FOLLOW})
+ON_ROAD = frozenset({Mode.KEEP, Mode.CAUTION})
+
+TRANSITIONS = (
+    Transition(
+        DRIVING, lambda s: bool(s.fault), Mode.STOP, "a process is lost, data is stale, the driver acts"
+    ),
+    Transition(DRIVING, lambda s: s.terrified, Mode.STOP, "fear calls for it"),
+    Transition(ON_ROAD, lambda s: s.lasting, Mode.STOP, "one cause has frightened for too long"),
+    Transition(DRIVING, lambda s: not s.path and not s.lead, Mode.STOP, "neither road nor lead"),
+    Transition(ON_ROAD, lambda s: not s.path, Mode.FOLLOW, "the road is lost, a lead is there"),
+    Transition(frozenset({Mode.FOLLOW}), lambda s: s.road_back, Mode.CAUTION, "the road is back"),
+    Transition(frozenset({Mode.KEEP}), lambda s: s.afraid, Mode.CAUTION, "fear calls for it"),
+    Transition(frozenset({Mode.CAUTION}), lambda s: s.calm, Mode.KEEP, "calm for long enough"),
+    Transition(
+        frozenset({Mode.STOP}), lambda s: s.standstill and s.ready, Mode.CAUTION, "healthy at standstill"
+    ),
+)
+"""The first row that fits decides. A final stop leaves by no row."""
+HAND_OVER = Transition(
+    frozenset({Mode.STOP}), lambda s: s.handed_over and s.path, Mode.CAUTION, "a driver has handed over"
+)
+"""Leaves only the stop in which a supervisor begins: one that stopped the car is left at standstill."""
+_ROWS = {mode: tuple(row for row in TRANSITIONS if mode in row.sources) for mode in Mode}
+
+
+def next_state(state: ModeState, now: Situation, *, final_causes: frozenset[str]) -> ModeState:
+    """The mode after this situation. A stop only grows harder, and ends at standstill or not at all."""
+    if state.mode is Mode.STOP:
+        state = _tightened(state, now)
+    if state.final:
+        return state
+    for row in _ROWS[state.mode]:
+        if row.when(now):
+            return _entered(row.target, now, final_causes)
+    if state.cause == STARTING and HAND_OVER.when(now):
+        return _entered(HAND_OVER.target, now, final_causes)
+    return state
+
+
+def _entered(mode: Mode, now: Situation, final_causes: frozenset[str]) -> ModeState:
+    if mode is not Mode.STOP:
+        return ModeState(mode, Stop.NONE, "", final=False)
+    cause = now.fault or (now.cause if now.terrified or now.lasting else "no_road")
+    return _tightened(ModeState(Mode.STOP, Stop.COMFORT, cause, final=cause in final_causes), now)
+
+
+def _tightened(state: ModeState, now: Situation) -> ModeState:
+    """The stop with what has come on top of it: a vehicle near ahead makes it an emergency, blindness a final one,
+    a lost process makes it final.
+
+    Processes that come and go before the first drive are only starting.
+    """
+    if now.blind and not (state.final and state.stop is Stop.EMERGENCY):
+        return ModeState(Mode.STOP, Stop.EMERGENCY, now.fault or now.cause, final=True)
+    return state._replace(
+        stop=Stop.EMERGENCY if now.near else state.stop,
+        final=state.final or (now.lost and state.cause != STARTING),
+    )

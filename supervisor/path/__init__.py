@@ -1,0 +1,1 @@
+"""The path to drive: fusion of estimates, following a vehicle, hand-over between the two."""

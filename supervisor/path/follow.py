@@ -1,0 +1,270 @@
+"""The vehicle ahead: how fast one may drive behind it, and its trail as a path when the road is lost."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
+
+from supervisor.inputs.lane import STANDING, Lane, Motion
+from supervisor.inputs.timers import Held
+from supervisor.inputs.validated import SightingSettings, age_s, within
+from supervisor.path.fusion import Path
+from supervisor.path.hand_over import LEAD
+from supervisor.path.trail import Trail, TrailSettings, fit, max_curvature_rate_1pm2
+from trepid.config import Settings
+from trepid.messages import LeadVehicle
+from trepid.types import Positive
+from trepid.vehicle import Vehicle
+
+STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
+LED_BACK_S = 2.0  # the trail is driven for a while after the road is back (modes.road_back_s)
+SAME_LEAD_M, AT_ONCE_S = 1.0, 0.15  # from one sighting to the next; else it is another vehicle
+ASTRAY_S = 0.2  # who is off the trail for so long has left the road; less is an error of the detector
+
+
+class FollowSettings(Settings):
+    """Section ``follow`` of ``config/supervisor.yaml``."""
+
+    min_confidence: Positive  # below, a lead is none to follow
+    max_distance_m: Positive
+    max_lateral_m: Positive  # farther to the side it drives on another road
+    time_gap_s: Annotated[float, Field(ge=1.5)]
+    standstill_gap_m: Positive
+    decel_mps2: Positive  # comfortable braking behind a slower lead, and of a comfort stop
+    touch_m: Positive  # nearer than that is a collision
+    hold_s: Positive  # a lead that is no longer seen is taken to be there for so long
+    max_follow_s: Positive  # nobody is followed for longer without a sight of the road
+    least_ahead_m: Positive  # of trail, to drive on it
+    lag_s: Positive  # the trail up to so long ago says where a lead on the road must be now
+    least_lag_m: Positive
+    reference_m: Positive  # so much of the older trail says it
+    gate_sigmas: Positive  # a lead farther from there has left the road, or is another one
+    max_gate_m: Positive  # ... and so far from there is too far, however little is known
+    gate_road_m: Positive  # ... and so far from the middle of the lane, where that is seen
+    hand_over_s: Positive
+    trail: TrailSettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lead:
+    """The vehicle ahead, judged."""
+
+    age_s: float = math.inf  # inf: never heard, or a stamp that cannot be
+    confidence: float | None = None  # 0: no vehicle ahead, or no detector at all; None: broken or stale
+    distance_m: float | None = None  # now; None: no vehicle ahead
+    lateral_m: float = 0.0
+    speed_mps: float = 0.0  # 0 when unknown: the worst to drive behind
+
+
+NOBODY = Lead(confidence=0.0)
+
+
+def judge_lead(
+    lead: LeadVehicle | None, motion: Motion | None, *, now_s: float, settings: SightingSettings
+) -> Lead:
+    """What ``lead`` is worth now. None means that no detector runs; "no vehicle" has confidence 0."""
+    if lead is None:
+        return Lead(confidence=0.0)
+    age = age_s(lead.t_s, now_s=now_s, settings=settings)
+    if age > settings.fresh_s or not 0 <= lead.confidence <= 1:
+        return Lead(age_s=age)
+    if lead.confidence == 0:
+        return Lead(age_s=age, confidence=0.0)
+    distance_m = within(lead.distance_m, settings.max_lead_distance_m)
+    lateral_m = within(lead.lateral_m, settings.max_lead_distance_m)
+    if distance_m is None or lateral_m is None:
+        return Lead(age_s=age)
+    speed_mps = max(0.0, within(lead.speed_mps, settings.max_speed_mps) or 0.0)
+    closing_mps = max(0.0, (motion or STANDING).speed_mps - speed_mps)
+    return Lead(
+        age_s=age,
+        confidence=lead.confidence,
+        distance_m=max(0.0, distance_m - closing_mps * age),
+        lateral_m=lateral_m,
+        speed_mps=speed_mps,
+    )
+
+
+class Following(NamedTuple):
+    """What the leader is good for."""
+
+    usable: bool  # one may drive behind it
+    path: Path | None  # its trail from here, if only to stop on; None also where the road has long been seen
+
+
+NO_LEADER = Following(usable=False, path=None)
+
+
+class Follower:
+    """Follows the trail of the vehicle ahead, as long as that can be a road.
+
+    A leader adds to the trail only where a road may be: near the middle of the lane while that is seen, else near
+    the clothoid through its own trail up to a while ago. One that drives elsewhere is not followed: it turns off,
+    leaves the road, or drives on another; whoever takes its place on the trail is.
+    """
+
+    def __init__(self, settings: FollowSettings, vehicle: Vehicle) -> None:
+        self._settings = settings
+        self._front_m = vehicle.wheelbase_m + vehicle.front_overhang_m  # front bumper before the rear axle
+        self._trail = Trail(settings.trail)
+        self._road: Lane | None = None  # as last seen, or driven, from where the vehicle is now
+        self._road_s = -math.inf  # when it was seen
+        self._held = NOBODY  # the lead as last seen, moved on
+        self._now_s: float | None = None
+        self._seen_s = -math.inf  # when there was a lead on the trail
+        self._speed_mps = 0.0  # the greater of ours and the lead's
+        self._led_s = -math.inf  # when the road was not seen
+        self._lead_m = math.inf  # how far ahead the leader was last seen, on the trail or off it, ...
+        self._lead_s = -math.inf  # ... and when
+        self._astray = Held()  # it is off it
+        self._left = False  # it has left the road
+        self._points = self._trail.seen()
+        self._ahead_m = -math.inf  # how far the trail reaches
+
+    def usable(self, lead: Lead) -> bool:
+        """Whether ``lead`` is sure, near and ahead enough to be followed."""
+        return (
+            lead.distance_m is not None
+            and (lead.confidence or 0.0) >= self._settings.min_confidence
+            and lead.distance_m <= self._settings.max_distance_m
+            and abs(lead.lateral_m) <= self._settings.max_lateral_m
+        )
+
+    def step(self, lead: Lead, road: Path | None, motion: Motion | None, *, now_s: float) -> Following:
+        """Take in where ``lead`` is, and the ``road`` where it is seen."""
+        own = motion or STANDING
+        dt_s = 0.0 if self._now_s is None else now_s - self._now_s
+        self._now_s = now_s
+        self._trail.move(own, dt_s)
+        self._held = _moved_on(self._held, lead, own, dt_s, hold_s=self._settings.hold_s)
+        self._speed_mps = max(abs(own.speed_mps), lead.speed_mps)
+        if road is not None:
+            self._road, self._road_s = road.lane.after(own, now_s - road.t_s), now_s
+        elif self._road is not None:
+            self._road = self._road.after(own, dt_s)
+        self._points = self._trail.seen()
+        self._take(lead, seen=road is not None, now_s=now_s)
+        self._ahead_m = float(self._points[:, 0].max(initial=-math.inf))
+        if self._ahead_m < self._settings.least_ahead_m:
+            return NO_LEADER
+        lately = now_s - self._seen_s <= self._settings.hold_s
+        in_time = now_s - self._road_s <= self._settings.max_follow_s
+        if road is None:
+            self._led_s = now_s
+        led = now_s - self._led_s <= LED_BACK_S
+        return Following(lately and in_time, self._path(now_s) if led else None)
+
+    def _take(self, lead: Lead, *, seen: bool, now_s: float) -> None:
+        """Add the lead to the trail if it is where a road may be."""
+        if lead.distance_m is None or not self.usable(lead):
+            return
+        ahead_m = self._front_m + lead.distance_m
+        where = self._lane_gate(ahead_m) if seen else self._trail_gate(ahead_m)
+        ours = abs(ahead_m - self._lead_m) < SAME_LEAD_M and now_s - self._lead_s < AT_ONCE_S
+        gone = self._left and ours and not seen
+        astray = gone or abs(lead.lateral_m - where.y_m) > where.within_m
+        if not astray:
+            self._trail.add(ahead_m, lead.lateral_m)
+            self._seen_s, self._left = now_s, False
+        if ours or not astray:  # who is neither comes in from aside, and is not followed yet
+            self._lead_m, self._lead_s = ahead_m, now_s
+        if self._astray.lasts(ours and astray, ASTRAY_S, now_s=now_s) and not self._left:
+            self._trail.forget_beyond(ahead_m - self._lag_m)
+            self._left = True
+        self._points = self._trail.seen()
+
+    @property
+    def _lag_m(self) -> float:
+        """Of the trail so much is new, and to be judged by what is older."""
+        return max(self._settings.lag_s * self._speed_mps, self._settings.least_lag_m)
+
+    def _lane_gate(self, ahead_m: float) -> "Gate":
+        """The middle of the lane; beyond where lanes are seen well it may bend as roads do."""
+        assert self._road is not None
+        far_m = max(ahead_m - self._settings.trail.window_m, 0.0)
+        return Gate(self._road.y_m(ahead_m), self._settings.gate_road_m + self._bend_m(far_m))
+
+    def _trail_gate(self, ahead_m: float) -> "Gate":
+        """Where the older part of the trail leads to; beyond it the road may bend as roads do."""
+        s, x_m = self._settings, self._points[:, 0]
+        known = self._points[x_m <= x_m.max(initial=0.0) - self._lag_m]
+        end_m = float(known[:, 0].max(initial=0.0))
+        reference = fit(
+            known, self._prior, s.trail, around_m=end_m, window_m=s.reference_m, speed_mps=self._speed_mps
+        )
+        sighting_m = s.trail.sigma_m + s.trail.sigma_per_m * ahead_m
+        sigma_m = math.hypot(reference.sigma_m(ahead_m), sighting_m)
+        within_m = s.gate_sigmas * sigma_m + self._bend_m(max(ahead_m - end_m, 0.0))
+        return Gate(reference.lane.y_m(ahead_m), min(within_m, s.max_gate_m))
+
+    def _bend_m(self, over_m: float) -> float:
+        """How far aside a road may get within ``over_m`` of bending as fast as roads do."""
+        return max_curvature_rate_1pm2(self._speed_mps, self._settings.trail) * over_m**3 / 6
+
+    @property
+    def _prior(self) -> Lane:
+        """The path as far as it is known without the trail: the road as last seen, else straight on."""
+        return STRAIGHT if self._road is None else self._road._replace(curvature_rate_1pm2=0.0)
+
+    def _path(self, now_s: float) -> Path:
+        """The leader's path from here. Where the road is not seen, the next goes on from it."""
+        s = self._settings.trail
+        lane = fit(
+            self._points, self._prior, s, around_m=0.0, window_m=s.window_m, speed_mps=self._speed_mps
+        ).lane
+        if now_s > self._road_s:
+            self._road = lane
+        return Path(now_s, lane, self._ahead_m, LEAD)
+
+    def pace_mps(self, lead: Lead) -> float:
+        """The speed up to which fear slows nobody down who follows ``lead`` [m/s]; 0 without a trail.
+
+        Who falls behind loses the last witness of the road. So the leader's speed, but no more than sqrt(2·a·s), at
+        which a comfort stop ends where the known trail ends, s ahead.
+        """
+        if self._ahead_m < self._settings.least_ahead_m or not self.usable(lead):
+            return 0.0
+        return min(lead.speed_mps, math.sqrt(2 * self._settings.decel_mps2 * self._ahead_m))
+
+    def speed_cap_mps(self, lead: Lead) -> float:
+        """Greatest speed behind ``lead`` [m/s], inf without one; one that has just vanished is taken to be there.
+
+        min((d - d0)/T, sqrt(v_lead² + 2·a·(d - d0))): holds the time gap T, and closes up on a slower lead no
+        harder than with a.
+        """
+        ahead = self._held if lead.distance_m is None else lead
+        if ahead.distance_m is None:
+            return math.inf
+        free_m = max(0.0, ahead.distance_m - self._settings.standstill_gap_m)
+        braking_mps = math.sqrt(ahead.speed_mps**2 + 2 * self._settings.decel_mps2 * free_m)
+        return min(free_m / self._settings.time_gap_s, braking_mps)
+
+    def is_near(self, lead: Lead, motion: Motion | None) -> bool:
+        """Whether a comfort stop would end too near to ``lead``, should that stop as gently.
+
+        Two who brake alike come nearer to each other by (v² - v_lead²)/(2·a).
+        """
+        ahead = self._held if lead.distance_m is None else lead
+        sure = (ahead.confidence or 0.0) >= self._settings.min_confidence
+        if ahead.distance_m is None or motion is None or not sure:
+            return False
+        nearer_m = (motion.speed_mps**2 - ahead.speed_mps**2) / (2 * self._settings.decel_mps2)
+        return nearer_m > max(0.0, ahead.distance_m - self._settings.touch_m)
+
+
+class Gate(NamedTuple):
+    """Where a leader on the road must be."""
+
+    y_m: float
+    within_m: float
+
+
+def _moved_on(held: Lead, lead: Lead, own: Motion, dt_s: float, *, hold_s: float) -> Lead:
+    """The lead; where there is none, the last one for ``hold_s``, closing up as it did."""
+    if lead.distance_m is not None:
+        return replace(lead, age_s=0.0)
+    if held.distance_m is None or held.age_s + dt_s > hold_s:
+        return NOBODY
+    nearer_m = max(own.speed_mps - held.speed_mps, 0.0) * dt_s
+    return replace(held, age_s=held.age_s + dt_s, distance_m=max(held.distance_m - nearer_m, 0.0))

@@ -1,0 +1,285 @@
+"""Estimates to one path, each weighed by how exact it claims to be. Contradicting roads are never averaged.
+
+A calibrated confidence c is the probability that the steering angle is less than a tolerance wrong. Of a normal
+error with standard deviation σ, in tolerances,
+
+    c = P(|x| < 1) = 2·Φ(1/σ) - 1,   so   1/σ = Φ⁻¹((1 + c)/2),
+
+and independent views are best joined with weights 1/σ² (inverse variance; Bar-Shalom, Li and Kirubarajan,
+Estimation with Applications to Tracking and Navigation (2001), section 2.6). The path of the frame before, moved
+with the vehicle, is one more view: its variance grows with the time since (a scalar Kalman filter), so that it
+counts for little beside a sure view and steadies unsure ones.
+"""
+
+import itertools
+import math
+from collections import deque
+from collections.abc import Mapping
+from statistics import NormalDist
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
+
+from supervisor.inputs.lane import STANDING, Lane, Motion, mean_lane, pursuit_curvature_1pm
+from supervisor.inputs.validated import Sighting
+from trepid.bounds import at_least, at_most
+from trepid.config import Settings
+from trepid.types import Positive, PositiveShare
+
+_NORMAL = NormalDist()
+LEAST_BELIEF, MOST_BELIEF = 0.05, 0.98  # a calibration by thousands of frames cannot tell more
+NO_TRUST: Mapping[str, float] = {}
+
+
+class FusionSettings(Settings):
+    """Section ``fusion`` of ``config/supervisor.yaml``."""
+
+    trust: dict[str, PositiveShare]  # how far each estimator's own confidence is believed
+    trust_of_others: PositiveShare
+    min_lookahead_m: Positive  # where roads are compared: ℓ = max(min_lookahead_m, lookahead_s·v)
+    lookahead_s: Positive
+    gate_offset_m: Positive  # roads this far apart at the axle ...
+    gate_lookahead_m: Positive  # ... or at ℓ are two roads
+    rejoin_share: PositiveShare  # of these gates, within which a view that was left out is joined again
+    memory_s: PositiveShare  # how long the path is remembered when nothing is seen
+    forgetting_per_s: Positive  # growth of the variance of the memory, in squared tolerances
+    outlier_s: Annotated[float, Field(ge=0)]  # a lone view that contradicts the memory must last this long
+    begin_confidence: PositiveShare  # ... and be this sure, as must be one where nothing is remembered
+    lasting_s: PositiveShare  # a separation counts as far as it has lasted this long
+
+
+class Path(NamedTuple):
+    """The lane to drive, valid at ``t_s``."""
+
+    t_s: float
+    lane: Lane
+    lookahead_m: float  # how far it was seen
+    source: str
+
+
+class Fused(NamedTuple):
+    """What the estimates come to."""
+
+    path: Path | None
+    sources: tuple[str, ...]  # estimators that were joined
+    trust: tuple[float, ...]  # their shares; sums to 1; empty when nothing was fused
+    disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two estimates; None with fewer than two
+    weighted_disagreement_mps2: float  # the same, times the share of the less sure; 0 with fewer than two
+    weighted_separation_m: (
+        float  # likewise, how far apart they place the car across the lane, as far as it lasts
+    )
+
+
+class View(NamedTuple):
+    """A usable lane at the common time, and its weight."""
+
+    name: str
+    lane: Lane
+    confidence: float  # as far as it is believed
+    weight: float  # 1/σ², per squared tolerance
+    lookahead_m: float
+    ahead_m: float  # where the lane is at the common look-ahead, + left
+
+
+class Memory(NamedTuple):
+    """The path of an earlier frame."""
+
+    path: Path | None
+    variance: float  # in squared tolerances, when it was last seen
+    seen_s: float  # when it was last seen by an estimator
+
+
+class Apart(NamedTuple):
+    """How far apart two views placed the car across the lane, times the share of the less sure."""
+
+    t_s: float
+    offset_m: float
+
+
+class Fusion:
+    """Fuses estimates; remembers the last path and moves it with the vehicle."""
+
+    def __init__(self, settings: FusionSettings) -> None:
+        self._settings = settings
+        self._memory = self._before = Memory(None, math.inf, -math.inf)
+        self._left_out: frozenset[str] = frozenset()  # at the last frame, because they contradicted the rest
+        self._apart: deque[Apart] = deque()  # of the last ``lasting_s``, of frames that two have seen
+
+    @property
+    def offset_m(self) -> float | None:
+        """Where the path of the last step has the vehicle [m]; None without one."""
+        path = self._memory.path
+        return None if path is None else path.lane.offset_m
+
+    def step(
+        self,
+        sightings: list[Sighting],
+        motion: Motion | None,
+        *,
+        now_s: float,
+        trust: Mapping[str, float] = NO_TRUST,
+    ) -> Fused:
+        """One path from the usable sightings; the moved memory for a while when there are none.
+
+        ``trust`` is how far each estimator is believed at this moment, 1 where it says nothing.
+        """
+        moving = motion or STANDING
+        used = [s for s in sightings if s.lane is not None]
+        t_s = max([s.t_s for s in used]) if used else now_s
+        if t_s > self._memory.seen_s:  # of one frame there may be several decisions, but it counts once
+            self._before = self._memory
+        coasted = self._coast(moving, t_s)
+        lookahead_m = at_least(
+            self._settings.lookahead_s * abs(moving.speed_mps), self._settings.min_lookahead_m
+        )
+        views = [self._view(s, moving, t_s, lookahead_m, trust=trust.get(s.estimator, 1.0)) for s in used]
+        remembered = self._remembered(coasted, t_s, lookahead_m)
+        group = self._agreeing(views, remembered, t_s)
+        self._left_out = frozenset([view.name for view in views if view not in group])
+        raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m)
+        if raw_1pm is not None:
+            separation_m = self._lasting_m(Apart(t_s, separation_m))
+        if (
+            remembered and not group
+        ):  # held back: as far from the road of a moment ago as from another estimator
+            _, held_1pm, held_m = _disagreement([*views, remembered], lookahead_m)
+            weighted_1pm, separation_m = at_least(held_1pm, weighted_1pm), at_least(held_m, separation_m)
+        total = sum([view.weight for view in group])
+        if group:
+            self._memory = self._joined(group, remembered, t_s)
+        else:
+            self._memory = self._before._replace(path=coasted)
+        speed2 = moving.speed_mps**2
+        return Fused(
+            path=self._memory.path,
+            sources=tuple([view.name for view in group]),
+            trust=tuple([view.weight / total for view in group]),
+            disagreement_mps2=None if raw_1pm is None else raw_1pm * speed2,
+            weighted_disagreement_mps2=weighted_1pm * speed2,
+            weighted_separation_m=separation_m,
+        )
+
+    def _lasting_m(self, now: Apart) -> float:
+        """The least separation of ``lasting_s``: one estimator that errs for a frame or two is no other road.
+
+        Frames that one of them did not see say nothing here, so they calm nobody. What lies ahead may not wait:
+        the disagreement about the command counts at once.
+        """
+        past = self._apart
+        while past and past[-1].t_s >= now.t_s:  # of one frame the last decision counts, or time went back
+            past.pop()
+        while past and past[0].t_s < now.t_s - self._settings.lasting_s:
+            past.popleft()
+        past.append(now)
+        return min([apart.offset_m for apart in past])
+
+    def _view(
+        self, sighting: Sighting, motion: Motion, t_s: float, lookahead_m: float, *, trust: float
+    ) -> View:
+        assert sighting.lane is not None and sighting.confidence is not None
+        always = self._settings.trust.get(sighting.estimator, self._settings.trust_of_others)
+        believed = trust * sighting.confidence
+        lane = sighting.lane.after(motion, t_s - sighting.t_s)
+        return View(
+            name=sighting.estimator,
+            lane=lane,
+            confidence=at_least(believed, LEAST_BELIEF),
+            weight=information(always * believed),
+            lookahead_m=sighting.lookahead_m,
+            ahead_m=lane.y_m(lookahead_m),
+        )
+
+    def _coast(self, motion: Motion, t_s: float) -> Path | None:
+        """The remembered path at ``t_s``, or None when it was last seen too long ago."""
+        path, _, seen_s = self._before
+        if path is None or t_s - seen_s > self._settings.memory_s:
+            return None
+        return Path(t_s, path.lane.after(motion, t_s - path.t_s), path.lookahead_m, "memory")
+
+    def _remembered(self, path: Path | None, t_s: float, lookahead_m: float) -> View | None:
+        """The memory as a view, less exact the longer ago it was seen."""
+        if path is None:
+            return None
+        unseen_s = at_least(t_s - self._before.seen_s, 0.0)
+        weight = 1 / (self._before.variance + self._settings.forgetting_per_s * unseen_s)
+        return View("memory", path.lane, 1.0, weight, path.lookahead_m, path.lane.y_m(lookahead_m))
+
+    def _agreeing(self, views: list[View], memory: View | None, t_s: float) -> list[View]:
+        """The views that show one road: that of the memory, without one that of the most trusted view.
+
+        Where none agrees with the memory: those that agree with each other, at once; a single view only when it
+        is rather right than wrong and the memory has not been confirmed for ``outlier_s``.
+        """
+        if not views:
+            return []
+        if memory is None:
+            first, new = max(views, key=lambda view: view.weight), True
+        else:
+            first = min(views, key=lambda v: _apart_m(v, memory))
+            new = self._contradict(first, memory)
+        group = self._with(first, views)
+        if new and len(group) < 2 and not self._begins(first, t_s):
+            return []
+        return group
+
+    def _begins(self, view: View, t_s: float) -> bool:
+        """Whether ``view`` alone may show a road that is not the one remembered."""
+        sure = view.confidence >= self._settings.begin_confidence
+        return sure and t_s - self._before.seen_s > self._settings.outlier_s
+
+    def _with(self, first: View, views: list[View]) -> list[View]:
+        return [view for view in views if view is first or not self._contradict(view, first)]
+
+    def _contradict(self, a: View, b: View) -> bool:
+        """Whether two lanes lie too far apart at the axle or at the look-ahead.
+
+        One that was left out must come clearly nearer: else it would be joined, and pull the path over to where
+        it is, as soon as the other errs a little towards it.
+        """
+        here_m, ahead_m = abs(a.lane.offset_m - b.lane.offset_m), abs(a.ahead_m - b.ahead_m)
+        share = self._settings.rejoin_share if {a.name, b.name} & self._left_out else 1.0
+        return (
+            here_m > share * self._settings.gate_offset_m or ahead_m > share * self._settings.gate_lookahead_m
+        )
+
+    def _joined(self, group: list[View], memory: View | None, t_s: float) -> Memory:
+        """The mean of ``group``, and of the memory where it shows the same road, by their weights."""
+        joined = group
+        if memory is not None and not any(self._contradict(view, memory) for view in group):
+            joined = [*group, memory]
+        total = sum([view.weight for view in joined])
+        path = Path(
+            t_s=t_s,
+            lane=mean_lane([view.lane for view in joined], [view.weight / total for view in joined]),
+            lookahead_m=min([view.lookahead_m for view in group]),
+            source="+".join([view.name for view in group]),
+        )
+        return Memory(path, 1 / total, t_s)
+
+
+def information(confidence: float) -> float:
+    """1/σ² of a view that is less than a tolerance wrong with probability ``confidence``, per squared tolerance."""
+    believed = at_most(at_least(confidence, LEAST_BELIEF), MOST_BELIEF)
+    return _NORMAL.inv_cdf((1 + believed) / 2) ** 2
+
+
+def _apart_m(a: View, b: View) -> float:
+    return abs(a.lane.offset_m - b.lane.offset_m) + abs(a.ahead_m - b.ahead_m)
+
+
+def _disagreement(views: list[View], lookahead_m: float) -> tuple[float | None, float, float]:
+    """Greatest |Δκ_cmd| [1/m] of two views, plain and weighted, and greatest weighted |Δe| [m].
+
+    The weight is the lesser confidence over the greater: an unsure view beside a sure one is an outlier rather
+    than a contradiction.
+    """
+    plain, weighted, separation_m = None, 0.0, 0.0
+    for a, b in itertools.combinations(views, 2):
+        apart = abs(
+            pursuit_curvature_1pm(a.ahead_m, lookahead_m) - pursuit_curvature_1pm(b.ahead_m, lookahead_m)
+        )
+        share = at_most(b.confidence, a.confidence) / at_least(b.confidence, a.confidence)
+        plain = at_least(apart, plain or 0.0)
+        weighted = at_least(apart * share, weighted)
+        separation_m = at_least(abs(a.lane.offset_m - b.lane.offset_m) * share, separation_m)
+    return plain, weighted, separation_m

@@ -1,0 +1,1 @@
+"""The rule file: sentences, fuzzy sets, inference, proofs, reload."""

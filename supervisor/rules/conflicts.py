@@ -1,0 +1,43 @@
+"""Rules that another rule makes void: contradictions and repetitions. For the method ``monotone``.
+
+Rule A is void beside B when B speaks of the same output, holds at least as strongly wherever A does, and calls for
+at least as much. That is so if every case of A is a special case of one of B: each ramp of B's case has a ramp of
+A's on the same input that rises no earlier.
+"""
+
+import itertools
+from collections.abc import Iterator
+
+from supervisor.rules.inference import FearRules
+from supervisor.rules.monotone import Ramp, cases
+from supervisor.rules.sentence import Rule
+
+
+def contradictions(rules: FearRules) -> Iterator[tuple[Rule, Rule]]:
+    """(A, B): A calls for less than B, which holds wherever A does, so that A never counts."""
+    return ((a, b) for a, b in _void(rules) if a.harm < b.harm)
+
+
+def repetitions(rules: FearRules) -> Iterator[tuple[Rule, Rule]]:
+    """(A, B): A says nothing that B does not say as strongly, for the same cause."""
+    return ((a, b) for a, b in _void(rules) if a.harm == b.harm and a.cause == b.cause)
+
+
+def _void(rules: FearRules) -> Iterator[tuple[Rule, Rule]]:
+    compiled = [(rule, cases(rule, rules.inputs)) for rule in rules.rules if rule.harm]
+    for (a, of_a), (b, of_b) in itertools.permutations(compiled, 2):
+        outdone = a.output == b.output and a.harm <= b.harm and a.weight <= b.weight
+        if outdone and all(any(_special(case, other) for other in of_b) for case in of_a):
+            yield a, b
+
+
+def _special(case: list[Ramp], of: list[Ramp]) -> bool:
+    """Whether ``case`` holds nowhere more than ``of`` does."""
+    return all(any(_no_earlier(ramp, other) for ramp in case) for other in of)
+
+
+def _no_earlier(ramp: Ramp, other: Ramp) -> bool:
+    if ramp.input != other.input:
+        return False
+    sign = 1 if other.span > 0 else -1
+    return sign * ramp.zero >= sign * other.zero and sign * sum(ramp[1:]) >= sign * sum(other[1:])

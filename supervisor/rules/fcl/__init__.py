@@ -1,0 +1,1 @@
+"""Rule files as IEC 61131-7 Fuzzy Control Language."""

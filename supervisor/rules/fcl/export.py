@@ -1,0 +1,91 @@
+"""Rule files as IEC 61131-7 Fuzzy Control Language (FCL), which other fuzzy tools read.
+
+FCL has words for the sets, the rules and Mamdani's method; that is what another tool computes. What it has no word
+for, such as the direction of risk or the causes, stands in the OPTION block, which the standard leaves to each
+maker. ``docs/fear_rules.md`` lists the mapping; :mod:`supervisor.rules.fcl.read` reads it back.
+"""
+
+import re
+
+from supervisor.rules.inference import DISTRUST_AT, FearRules
+from supervisor.rules.membership import Trapezoid, level_sets, trapezoids
+from supervisor.rules.rule_file import FEAR, LEVELS, Input
+from supervisor.rules.sentence import Rule
+
+FCL_WORDS = frozenset({"if", "then", "is", "and", "or", "not"})
+
+
+def fcl(rules: FearRules) -> str:
+    """The text of an FCL function block with the same rules."""
+    at = tuple(action.at for action in rules.file.fear.all)
+    outputs = {name: at if name == FEAR else DISTRUST_AT for name in rules.file.outputs}
+    lines = [
+        "FUNCTION_BLOCK fear_rules",
+        *_variables("VAR_INPUT", rules.names),
+        *_variables("VAR_OUTPUT", tuple(outputs)),
+        *(line for name, spec in rules.inputs.items() for line in _fuzzify(name, spec)),
+        *(line for name, places in outputs.items() for line in _defuzzify(name, places)),
+        "RULEBLOCK rules",
+        "  AND : MIN;  OR : MAX;  ACT : MIN;  ACCU : MAX;",
+        *(f"  RULE {number} : {_rule(rule)};" for number, rule in enumerate(rules.rules, start=1)),
+        "END_RULEBLOCK",
+        *_options(rules),
+        "END_FUNCTION_BLOCK",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def points(shape: Trapezoid) -> list[tuple[float, int]]:
+    """Corners (x, degree) of a set; a shoulder, where an edge is vertical at an end of the range, has one."""
+    a, b, c, d = shape
+    foot, rest = [(a, 0)] if a < b else [], [(d, 0)] if c < d else []
+    return [*foot, *dict.fromkeys([(b, 1), (c, 1)]), *rest]
+
+
+def _variables(block: str, names: tuple[str, ...]) -> list[str]:
+    return [block, *(f"  {name} : REAL;" for name in names), "END_VAR"]
+
+
+def _terms(sets: dict[str, Trapezoid]) -> list[str]:
+    return [
+        f"  TERM {level} := {' '.join(f'({x!r}, {y})' for x, y in points(shape))};"
+        for level, shape in sets.items()
+    ]
+
+
+def _fuzzify(name: str, spec: Input) -> list[str]:
+    return [f"FUZZIFY {name}", *_terms(trapezoids(spec)), "END_FUZZIFY"]
+
+
+def _defuzzify(name: str, at: tuple[float, ...]) -> list[str]:
+    """Where no rule speaks, fear is 1 and so is trust."""
+    method = ["  ACCU : MAX;", "  METHOD : COG;", "  DEFAULT := 1;", "  RANGE := (0 .. 1);"]
+    return [f"DEFUZZIFY {name}", *_terms(level_sets(at)), *method, "END_DEFUZZIFY"]
+
+
+def _rule(rule: Rule) -> str:
+    """The sentence in FCL's words; its cause stands among the options."""
+    sentence = re.split(r" with weight | because ", rule.text)[0]
+    words = re.findall(r"\w+|\S", sentence)
+    said = " ".join(word.upper() if word in FCL_WORDS else word for word in words)
+    return said + ("" if rule.weight == 1 else f" WITH {rule.weight!r}")
+
+
+def _options(rules: FearRules) -> list[str]:
+    file = rules.file
+    lines = ["OPTION", f"  METHOD := {file.method};"]
+    for name, spec in file.inputs.items():
+        lines += [f"  MEANING {name} := {_quoted(spec.meaning)};", f"  UNIT {name} := {_quoted(spec.unit)};"]
+        lines += [f"  RISK {name} := {spec.risk};", f"  MISSING {name} := {spec.missing};"]
+        lines.append(f"  BEYOND {name} := {spec.beyond};")
+    for level, action in zip(LEVELS, file.fear.all, strict=True):
+        lines.append(f"  SPEED_FACTOR {level} := {action.speed_factor!r};")
+        lines.append(f"  MODE {level} := {action.mode.value};")
+    lines += [f"  HYSTERESIS {name} := {value!r};" for name, value in file.hysteresis.model_dump().items()]
+    told = [(number, rule) for number, rule in enumerate(rules.rules, start=1) if " because " in rule.text]
+    lines += [f"  BECAUSE {number} := {rule.cause};" for number, rule in told]
+    return [*lines, "END_OPTION"]
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("$", "$$").replace("'", "$'").replace("\n", " ") + "'"

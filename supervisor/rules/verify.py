@@ -1,0 +1,175 @@
+"""What a rule file must keep before it may drive, and what it tells of itself.
+
+=================  ===========================================================================================
+it speaks          a rule for fear holds at every point: decided exactly by :mod:`supervisor.rules.coverage`
+it is monotone     by construction of :mod:`supervisor.rules.monotone`, wherever it speaks
+it reaches 0 and 1 at the calmest and at the worst point, which bound all others because it is monotone
+what is lost       a missing input makes fear 1: by construction, and tried for each
+nothing is idle    every input is spoken of; every rule holds somewhere, none everywhere, none against another
+=================  ===========================================================================================
+
+Mamdani's method keeps none of the first three, so there it is tried on many points and the first failures are told.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from supervisor.rules.conflicts import contradictions, repetitions
+from supervisor.rules.coverage import Point, calmest, silent_point, worst
+from supervisor.rules.inference import SILENT, FearRules
+from supervisor.rules.monotone import cases
+from supervisor.rules.rule_file import LEVELS, Input
+from supervisor.rules.sentence import Rule
+from supervisor.rules.slopes import lipschitz
+from trepid import config
+from trepid.config import InputError
+
+_TRIED, _SEED = 120, 0  # points, where Mamdani's method is tried
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a check found."""
+
+    problems: tuple[str, ...]  # empty: the rules may drive
+    notes: tuple[str, ...]  # worth a look
+    slopes: dict[str, float]  # greatest change of fear per unit of every input; empty for Mamdani's method
+
+
+def verify(rules: FearRules) -> Verdict:
+    """Check ``rules`` for holes, monotony, reach, missing inputs and idle or void parts."""
+    if rules.file.method == "mamdani":
+        return Verdict((*_unspoken(rules), *_tried(rules)), (), {})
+    problems = [*_unspoken(rules), *_idle(rules), *_reach(rules), *_lost(rules), *_silent(rules)]
+    problems += [
+        f"contradicts {_quoted(b)}, which counts instead: {a.text}" for a, b in contradictions(rules)
+    ]
+    notes = [f"adds nothing to {_quoted(b)}: {a.text}" for a, b in repetitions(rules)]
+    return Verdict(tuple(problems), tuple(notes), lipschitz(rules))
+
+
+def load_verified(path: Path) -> FearRules:
+    """The rules in the file at ``path``, fit to drive. Raises InputError with the first thing that is wrong."""
+    return _verified(path, config.read_text(path))
+
+
+@lru_cache(maxsize=16)
+def _verified(path: Path, _: str) -> FearRules:
+    """By content, because every run of a sweep asks for the same rules."""
+    rules = FearRules.load(path)
+    problems = verify(rules).problems
+    if problems:
+        more = f" (and {len(problems) - 1} more: see `trepid fear check`)" if len(problems) > 1 else ""
+        raise InputError(f"{path}:{place(path, problems[0], rules)}: {problems[0]}{more}")
+    return rules
+
+
+def place(path: Path, problem: str, rules: FearRules) -> str:
+    """line:column of the rule that ``problem`` names, else of the rules as a whole."""
+    named = [i for i, rule in enumerate(rules.rules) if problem.endswith(rule.text)]
+    line, column = config.position(config.read(path), ("rules", *named[:1]))
+    return f"{line}:{column}"
+
+
+def _quoted(rule: Rule) -> str:
+    return f"'{rule.text}'"
+
+
+def _silent(rules: FearRules) -> Iterator[str]:
+    try:
+        point = silent_point(rules)
+    except OverflowError as error:
+        yield f"cannot be proven to speak everywhere: {error}"
+        return
+    if point is not None:
+        yield f"no rule speaks at {_told(rules, point)}"
+
+
+def _reach(rules: FearRules) -> Iterator[str]:
+    for name, point, expected in (("calmest", calmest(rules), 0.0), ("worst", worst(rules), 1.0)):
+        felt = rules.evaluate(point)
+        if felt.fear != expected:
+            yield f"with every input at its {name} fear is {felt.fear:.3f}, expected exactly {expected:g}"
+
+
+def _lost(rules: FearRules) -> Iterator[str]:
+    calm = calmest(rules)
+    for name in rules.names:
+        if rules.evaluate({**calm, name: None}).fear != 1:
+            yield f"fear is not 1 when {name} is missing"
+
+
+def _unspoken(rules: FearRules) -> Iterator[str]:
+    spoken = frozenset().union(*(rule.inputs for rule in rules.rules))
+    yield from (f"no rule speaks of {name}" for name in rules.names if name not in spoken)
+    silent = [name for name, voice in rules.trust_voices.items() if not voice.rules]
+    yield from (f"no rule speaks of the trust in {name}" for name in silent)
+
+
+def _idle(rules: FearRules) -> Iterator[str]:
+    """Rules that hold nowhere, and those that hold everywhere or lower trust or raise fear when all is calm."""
+    calm = calmest(rules)
+    for rule in rules.rules:
+        compiled = cases(rule, rules.inputs)
+        if not compiled:
+            yield f"never fires: {rule.text}"
+        elif [] in compiled or (rule.harm and _holds(rule, rules, calm)):
+            yield f"always fires: {rule.text}"
+
+
+def _holds(rule: Rule, rules: FearRules, point: Point) -> bool:
+    x = [point[name] for name in rules.names]
+    ramps = cases(rule, rules.inputs)
+    return any(all((x[ramp.input] - ramp.zero) / ramp.span > 0 for ramp in case) for case in ramps)
+
+
+def _tried(rules: FearRules) -> Iterator[str]:
+    """What Mamdani's method breaks: reach, and the first silence and the first fall on points that are tried."""
+    yield from _reach(rules)
+    points = list(_points(rules))
+    yield from itertools.islice(_holes(rules, points), 1)
+    yield from itertools.islice(_falls(rules, points), 1)
+
+
+def _points(rules: FearRules) -> Iterator[Point]:
+    rng = np.random.default_rng(_SEED)
+    for _ in range(_TRIED):
+        yield {name: float(rng.choice(knots(spec))) for name, spec in rules.inputs.items()}
+
+
+def knots(spec: Input) -> list[float]:
+    """Every corner of the sets of an input and the middles between, from calm to risk."""
+    corners = sorted({x for level in LEVELS for x in spec.sets.trapezoid(level)})
+    middles = [(a + b) / 2 for a, b in itertools.pairwise(corners)]
+    return sorted([*corners, *middles], reverse=spec.risk == "falling")
+
+
+def _holes(rules: FearRules, points: list[Point]) -> Iterator[str]:
+    for point in points:
+        if SILENT in rules.evaluate(point).texts:
+            yield f"no rule speaks at {_told(rules, point)}"
+
+
+def _falls(rules: FearRules, points: list[Point]) -> Iterator[str]:
+    for point, (name, spec) in itertools.product(points, rules.inputs.items()):
+        before = -math.inf
+        for x in knots(spec):
+            fear = rules.evaluate({**point, name: x}).fear
+            if fear < before:
+                where = _told(rules, point)
+                yield f"fear falls from {before:.3f} to {fear:.3f} as {name} worsens to {x:g} at {where}"
+            before = fear
+
+
+def _told(rules: FearRules, point: Point) -> str:
+    """The point as the inputs that are not calm."""
+    apart = [f"{name}={x:g}" for name, x in point.items() if x != rules.inputs[name].calmest]
+    if not apart:
+        return "the calmest point"
+    return " ".join(apart) + ("" if len(apart) == len(point) else ", the rest calm")

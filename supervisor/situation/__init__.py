@@ -1,0 +1,1 @@
+"""The situation at one moment: estimates fused, features measured."""

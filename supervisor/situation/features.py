@@ -1,0 +1,209 @@
+"""What is feared, as named numbers: the inputs that ``config/fear.yaml`` may speak of. Why: ``docs/fear_terms.md``.
+
+None is "lost or broken", which alone makes fear 1. What is honestly absent has a number: the calm one where its
+absence is feared elsewhere (no vehicle ahead; no second estimate to disagree with, which is a low confidence), one
+beyond the worst where it is not (no lane width, no path).
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from operator import attrgetter
+
+from supervisor.inputs.consistency import Steadiness
+from supervisor.inputs.lane import Motion
+from supervisor.inputs.validated import Sighting, surest_teller
+from supervisor.path.follow import Lead
+from supervisor.path.fusion import Fused
+from trepid.bounds import at_least
+from trepid.messages import ImageStatistics
+
+BEYOND = 1e6  # beyond the range of any input
+_CRAWL_MPS = 1.0  # time gaps are reckoned with at least this speed: at standstill any distance is enough
+
+IMAGE_FEATURES = {
+    "brightness": "brightness",
+    "contrast": "contrast",
+    "over_exposed": "over_exposed",
+    "under_exposed": "under_exposed",
+    "sharpness": "sharpness",
+    "frozen": "frozen_s",
+    "spots": "spots",
+}
+"""Name of the feature -> field of the image statistics."""
+_STATISTICS, _LOST_STATISTICS = attrgetter(*IMAGE_FEATURES.values()), (None,) * len(IMAGE_FEATURES)
+CONFIDENCE, JITTER, UNREST = "_confidence", "_jitter", "_unrest"
+ESTIMATOR_SUFFIXES = (CONFIDENCE, JITTER, UNREST)
+EARLY_FEATURES = frozenset(
+    {
+        *("frame_age", "estimator_age", "state_age", "speed", "saturated"),
+        *IMAGE_FEATURES,
+        *("lane_width", "lane_width_error", "unmarked", "edge_doubt"),
+        *("lead_confidence", "lead_distance", "time_gap"),
+    }
+)
+"""Known before the estimates are joined: what trust in an estimator may rest on."""
+FEATURES = EARLY_FEATURES | {
+    *("lane_confidence", "second_confidence", "sight", "disagreement", "separation", "single_source"),
+    *("lateral_demand", "lateral_error", "crossing"),
+}
+"""Besides these there are those of every estimator: its name and one of ESTIMATOR_SUFFIXES."""
+
+Features = dict[str, float | None]
+
+
+def early_features(
+    sightings: list[Sighting],
+    statistics: ImageStatistics | None,
+    lead: Lead,
+    motion: Motion | None,
+    *,
+    state_age_s: float,
+    steadiness: Mapping[str, Steadiness],
+    edge_doubt: float,
+    saturated_s: float,
+    expected: Iterable[str] = (),
+) -> Features:
+    """EARLY_FEATURES and those of every estimator. ``statistics`` must be fresh or None, ``motion`` None when lost.
+
+    ``expected`` names features of further estimators that the rules speak of: one that does not run has no
+    confidence and does not jump.
+    """
+    speed_mps = None if motion is None else abs(motion.speed_mps)
+    ages = [s.age_s for s in sightings]
+    found: Features = dict.fromkeys(expected, 0.0)
+    for s in sightings:
+        found[s.estimator + CONFIDENCE] = s.confidence
+        steady = steadiness[s.estimator]
+        found[s.estimator + JITTER] = None if s.broken else steady.jitter_m
+        found[s.estimator + UNREST] = None if s.broken else steady.unrest_m
+    found["frame_age"] = min(ages) if ages else None
+    found["estimator_age"] = max(ages) if ages else None
+    found["state_age"] = math.inf if motion is None else state_age_s  # no finite number is feared as missing
+    found["speed"] = speed_mps
+    found["saturated"] = saturated_s
+    found["lane_width"] = _narrowest_m(sightings)
+    found["lane_width_error"] = _lane_width_error(sightings)
+    found["unmarked"] = _unmarked(sightings)
+    found["edge_doubt"] = edge_doubt
+    found["lead_confidence"] = lead.confidence
+    found["lead_distance"] = _lead_distance(lead)
+    found["time_gap"] = _time_gap(lead, speed_mps)
+    numbers = _LOST_STATISTICS if statistics is None else _STATISTICS(statistics)
+    found.update(zip(IMAGE_FEATURES, numbers, strict=True))
+    return found
+
+
+def features(
+    early: Features,
+    sightings: list[Sighting],
+    fused: Fused,
+    motion: Motion | None,
+    *,
+    trust: Mapping[str, float],
+    single_source_s: float,
+    half_width_m: float,
+) -> Features:
+    """Every input by name: ``early``, and what is known only of estimates that are joined.
+
+    ``trust`` is how far each estimator's confidence is believed, 1 where it says nothing; ``half_width_m`` that
+    of the vehicle.
+    """
+    speed_mps = early["speed"]
+    believed = [
+        (s, s.confidence * trust.get(s.estimator, 1.0)) for s in sightings if s.confidence is not None
+    ]
+    found = dict(early)
+    found["lane_confidence"] = max([c for _, c in believed]) if believed else None
+    found["second_confidence"] = sorted([0.0, 0.0, *[c for _, c in believed]])[-2] if believed else None
+    found["sight"] = max([0.0 if s.from_memory else c for s, c in believed]) if believed else None
+    found["disagreement"], found["separation"] = _contradiction(sightings, fused, speed_mps)
+    found["single_source"] = single_source_s
+    found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)
+    # Who should tell the width and does not may have seen the narrowest lane: no room at all.
+    untold = True in [s.measures_width and s.width_m is None for s in sightings]
+    found["crossing"] = _crossing_s(fused, motion, 0.0 if untold else early["lane_width"], half_width_m)
+    return found
+
+
+def _contradiction(
+    sightings: list[Sighting], fused: Fused, speed_mps: float | None
+) -> tuple[float | None, float | None]:
+    """How far the estimates contradict each other [m/s², m]; unknown when one of them is broken."""
+    if speed_mps is None or True in [s.broken for s in sightings]:
+        return None, None
+    return fused.weighted_disagreement_mps2, fused.weighted_separation_m
+
+
+def _lane_width_error(sightings: list[Sighting]) -> float:
+    """The greatest, over the estimators that see boundaries."""
+    errors = [BEYOND if s.width_error_m is None else s.width_error_m for s in sightings if s.measures_width]
+    return max(errors) if errors else BEYOND
+
+
+def _narrowest_m(sightings: list[Sighting]) -> float:
+    """The least width that an estimator sees; BEYOND, feared as a lane width error, where none does."""
+    widths_m = [s.width_m for s in sightings if s.measures_width and s.width_m is not None]
+    return min(widths_m) if widths_m else BEYOND
+
+
+def _unmarked(sightings: list[Sighting]) -> float:
+    """1 where the surest estimator that can tell sees the road by its edges, not by lines; 0 where none can."""
+    teller = surest_teller(sightings)
+    return 1.0 if teller is not None and not teller.marked else 0.0
+
+
+def _path(fused: Fused, speed_mps: float | None) -> tuple[float | None, float]:
+    """What the path asks of the tyres [m/s²], and how far off it the car is [m]."""
+    if fused.path is None:
+        return BEYOND, BEYOND
+    lane = fused.path.lane
+    demand = None if speed_mps is None else abs(lane.curvature_1pm) * speed_mps**2
+    return demand, abs(lane.offset_m)
+
+
+def _crossing_s(
+    fused: Fused, motion: Motion | None, lane_width_m: float | None, half_width_m: float
+) -> float | None:
+    """Time until a wheel crosses the edge of the lane if heading and yaw rate stay as they are [s].
+
+    In the frame of the lane e(t) = e + v·ψ·t + (v·ω - κ·v²)·t²/2 (Mammar et al., Time to line crossing for lane
+    departure avoidance, IEEE Trans. ITS 7 (2006), with constant yaw rate). None when the motion is lost; BEYOND
+    without a path or a width, which are feared elsewhere, and when it never crosses.
+    """
+    if motion is None:
+        return None
+    if fused.path is None or lane_width_m is None or lane_width_m >= BEYOND:
+        return BEYOND
+    lane, speed_mps = fused.path.lane, motion.speed_mps
+    room_m = at_least(lane_width_m / 2 - half_width_m, 0.0)
+    drift_mps = speed_mps * lane.heading_rad
+    bend_mps2 = speed_mps * motion.yaw_rate_radps - lane.curvature_1pm * speed_mps**2
+    left = _first_root(room_m - lane.offset_m, drift_mps, bend_mps2)
+    return min(left, _first_root(room_m + lane.offset_m, -drift_mps, -bend_mps2))
+
+
+def _first_root(room_m: float, drift_mps: float, bend_mps2: float) -> float:
+    """The least t >= 0 with drift·t + bend·t²/2 = room; BEYOND when there is none."""
+    if room_m <= 0.0:
+        return 0.0
+    if abs(bend_mps2) < 1e-9:
+        return room_m / drift_mps if drift_mps > 0 else BEYOND
+    under_root = drift_mps**2 + 2 * bend_mps2 * room_m
+    if under_root < 0:
+        return BEYOND
+    # In the form that loses no digits where bend is small: room = t·(drift + sqrt(...))/2.
+    towards = drift_mps + math.sqrt(under_root)
+    return 2 * room_m / towards if towards > 0 else BEYOND
+
+
+def _lead_distance(lead: Lead) -> float | None:
+    """What the vehicle ahead leaves to be seen of the road [m]; BEYOND without one."""
+    if lead.confidence is None:
+        return None
+    return BEYOND if lead.distance_m is None else lead.distance_m
+
+
+def _time_gap(lead: Lead, speed_mps: float | None) -> float | None:
+    if lead.confidence is None or speed_mps is None:
+        return None
+    return BEYOND if lead.distance_m is None else lead.distance_m / max(speed_mps, _CRAWL_MPS)

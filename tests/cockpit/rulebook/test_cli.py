@@ -1,0 +1,161 @@
+"""``trepid fear``: exit codes, JSON fields, and checks that find what is wrong."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from cockpit.rulebook.cli import app
+from supervisor.rules.coverage import calmest, worst
+from supervisor.rules.inference import FearRules
+from supervisor.rules.verify import verify
+from trepid.config import CONFIG_DIR, InputError
+
+FILE = CONFIG_DIR / "fear.yaml"
+SHIPPED = FILE.read_text(encoding="utf-8")
+CALM_RULE = next(line for line in SHIPPED.splitlines() if line.endswith("then fear is very_low")) + "\n"
+RULES = FearRules.load(FILE)
+
+
+def fear(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, arguments)
+    if isinstance(result.exception, InputError):
+        raise result.exception
+    return result.exit_code, result.stdout
+
+
+def explain(*values: str, calm: bool = True) -> dict[str, Any]:
+    code, out = fear("explain", str(FILE), *values, *(["--calm"] if calm else []), "--json")
+    assert code == 0
+    return json.loads(out)  # type: ignore[no-any-return]
+
+
+def test_the_shipped_rules_pass_their_check() -> None:
+    code, out = fear("check", str(FILE))
+    assert code == 0
+    assert "speaks everywhere, monotone, reaches 0 and 1" in out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        (CALM_RULE, "", "no rule speaks at the calmest point"),
+        ("lane_confidence is very_high and", "lane_confidence is high and speed is very_low and", "no rule speaks"),
+        (
+            CALM_RULE,
+            CALM_RULE + "  - if speed is not very_high and lane_confidence is not very_low then fear is low\n",
+            "never fires: if speed is not very_high",
+        ),
+        (CALM_RULE, CALM_RULE + "  - if speed is very_low then fear is medium\n", "always fires: if speed"),
+        ("lane_width_error is", "lateral_error is", "no rule speaks of lane_width_error"),
+        ("then fear is very_high", "then fear is high", "fear is 0.750, expected exactly 1"),
+    ],
+)  # fmt: skip
+def test_a_rule_file_that_could_not_drive_fails_its_check(
+    tmp_path: Path, old: str, new: str, problem: str
+) -> None:
+    path = tmp_path / "fear.yaml"
+    assert old in SHIPPED
+    path.write_text(SHIPPED.replace(old, new))
+    assert any(problem in found for found in verify(FearRules.load(path)).problems)
+
+
+def test_a_failed_check_exits_with_1_and_lists_the_problems(tmp_path: Path) -> None:
+    path = tmp_path / "fear.yaml"
+    path.write_text(SHIPPED.replace(CALM_RULE, ""))
+    code, out = fear("check", str(path), "--json")
+    assert code == 1
+    assert "no rule speaks at the calmest point" in json.loads(out)["problems"]
+
+
+def test_a_passed_check_tells_how_fast_fear_can_change() -> None:
+    code, out = fear("check", str(FILE))
+    told = json.loads(fear("check", str(FILE), "--json")[1])
+    assert code == 0
+    assert told["problems"] == []
+    assert told["lipschitz"].keys() == set(RULES.names)
+    assert all(f"of {name}\n" in out for name in RULES.names)
+
+
+def test_many_files_are_checked_at_once_and_one_bad_one_fails_them(tmp_path: Path) -> None:
+    path = tmp_path / "fear.yaml"
+    path.write_text(SHIPPED.replace(CALM_RULE, ""))
+    code, out = fear("check", str(FILE), str(path), str(FILE), "--json")
+    assert code == 1
+    assert [bool(json.loads(line)["problems"]) for line in out.splitlines()] == [False, True, False]
+
+
+def test_explain_gives_the_fields_of_the_design() -> None:
+    told = explain("disagreement=2")
+    assert list(told)[:7] == ["fear", "level", "memberships", "rules", "cause", "speed_factor", "mode"]
+    assert set(told["rules"][0]) == {"text", "strength"}
+    assert set(told["memberships"]) == {*RULES.names, "fear"}
+    assert set(told["memberships"]["disagreement"]) == {"very_low", "low", "medium", "high", "very_high"}
+    assert told["cause"] == "disagreement"
+    assert told["fear"] == RULES.evaluate({**calmest(RULES), "disagreement": 2.0}).fear
+
+
+def test_explain_of_all_calm_and_all_worst_values() -> None:
+    ends = [
+        explain(*(f"{n}={x}" for n, x in point.items()), calm=False)
+        for point in (calmest(RULES), worst(RULES))
+    ]
+    assert [(told["fear"], told["mode"], told["speed_factor"]) for told in ends] == [
+        (0, "KEEP", 1),
+        (1, "STOP", 0),
+    ]
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf"])
+def test_explain_takes_no_number_for_missing(text: str) -> None:
+    told = explain(f"brightness={text}")
+    assert (told["fear"], told["cause"]) == (1, "image_statistics_lost")
+
+
+def test_explain_takes_what_is_not_given_for_missing() -> None:
+    assert explain("speed=3", calm=False)["fear"] == 1
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("disagremnt=1", "did you mean 'disagreement'?"),
+        ("zzz=1", "known here: frame_age"),
+        ("speed=fast", "expected a number"),
+        ("speed", "expected NAME=VALUE"),
+    ],
+)
+def test_explain_names_a_bad_value(value: str, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        fear("explain", str(FILE), value)
+    assert message in str(error.value)
+
+
+def test_explain_in_words_says_what_why_and_what_to_do() -> None:
+    code, out = fear("explain", str(FILE), "frame_age=0.5", "--calm")
+    assert code == 0
+    assert out.startswith("fear 1.000 (very_high): STOP, speed x 0.00, because of stale_data")
+
+
+def test_show_tells_inputs_sets_rules_and_levels() -> None:
+    code, out = fear("show", str(FILE))
+    assert code == 0
+    for name in RULES.names:
+        assert f"{name} [" in out
+    for rule in RULES.rules:
+        assert rule.text in out
+    assert "CAUTION" in out
+
+
+def test_a_missing_file_is_named() -> None:
+    with pytest.raises(InputError, match=r"nowhere\.yaml: cannot be read"):
+        fear("check", "nowhere.yaml")
+
+
+def test_every_problem_is_one_line() -> None:
+    hole = FearRules(RULES.file, RULES.rules[:5])
+    problems = verify(hole).problems
+    assert problems
+    assert all("\n" not in problem for problem in problems)

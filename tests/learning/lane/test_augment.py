@@ -1,0 +1,71 @@
+"""Claims about augmentation."""
+
+import numpy as np
+import pytest
+
+from learning.lane.augment import Augmentation, Augmenter, nonsense
+from perception.net.canonical import CanonicalView, Lane, cropped
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+
+CALM = Augmentation(
+    **dict.fromkeys(Augmentation.model_fields, 0.0) | dict(gain=1.0, gamma=1.0),
+)
+WILD = Augmentation(
+    **dict.fromkeys(Augmentation.model_fields, 0.3)
+    | dict(gain=1.6, gamma=1.5, noise_grey=15.0, offset_grey=20.0)
+)
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+CANONICAL = cropped(CAMERA, top_px=82, bottom_px=202, width_px=200, height_px=66)
+LANE = np.array([0.3, 0.02, 0.01, 0.012], np.float32)
+
+
+def picture() -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (66, 200, 3), dtype=np.uint8)
+
+
+def augment(image, lane, settings, rng):
+    return Augmenter(settings, CANONICAL, lookahead_m=10.0)(image, lane, rng)
+
+
+def test_without_strength_nothing_changes():
+    image, lane = augment(picture(), LANE, CALM, np.random.default_rng(1))
+    assert np.array_equal(image, picture()) and np.allclose(lane, LANE, atol=1e-7)
+
+
+def test_a_mirrored_image_has_the_mirrored_lane():
+    mirror = CALM.model_copy(update=dict(flip=1.0))
+    image, lane = augment(picture(), LANE, mirror, np.random.default_rng(1))
+    assert np.array_equal(image, picture()[:, ::-1]) and np.allclose(lane, -LANE, atol=1e-7)
+
+
+def test_the_same_generator_state_gives_the_same_image_and_leaves_the_source_alone():
+    source = picture()
+    one, two = (augment(source, LANE, WILD, np.random.default_rng(7))[0] for _ in range(2))
+    assert np.array_equal(one, two)
+    assert np.array_equal(source, picture())
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_images_keep_their_size_and_type(seed):
+    rng = np.random.default_rng(seed)
+    for image in (augment(picture(), LANE, WILD, rng)[0], nonsense(picture(), rng)):
+        assert image.shape == (66, 200, 3) and image.dtype == np.uint8
+
+
+@pytest.mark.parametrize("raised", [0.8, 1.0, 1.3])
+def test_the_lane_seen_from_another_height_is_the_one_that_inference_turns_back(raised):
+    camera = CAMERA.model_copy(update=dict(height_m=raised * CAMERA.height_m))
+    believed = Augmenter(CALM, CANONICAL, lookahead_m=10.0).lane_from(LANE, raised)
+    back = CanonicalView(camera, CANONICAL).lane(Lane.from_row(believed, 10.0))
+    assert back.row(10.0) == pytest.approx(LANE, abs=1e-6)
+
+
+@pytest.mark.parametrize("raised", [0.8, 1.3])
+def test_road_points_move_in_the_image_as_seen_from_the_other_height(raised):
+    points = np.array([(4.0, 1.5), (8.0, -1.5), (20.0, 3.0)])
+    camera = CANONICAL.model_copy(update=dict(height_m=raised * CANONICAL.height_m))
+    before = np.column_stack([CANONICAL.pixel_from_road(points), np.ones(3)])
+    matrix = Augmenter(CALM, CANONICAL, lookahead_m=10.0).pixel_from_pixel(raised)
+    after = (matrix @ before.T).T
+    assert after[:, :2] / after[:, 2:] == pytest.approx(camera.pixel_from_road(points))

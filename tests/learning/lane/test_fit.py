@@ -1,0 +1,121 @@
+"""Claims about training, on tiny made-up data: a bright stripe whose place is the lane's offset."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
+
+from learning.lane.fit import Recipe, largest_difference, train  # noqa: E402
+from learning.lane.network import SteerNetwork, command_row, export, loss  # noqa: E402
+from learning.lane.scores import Labelled  # noqa: E402
+from perception.net.canonical import cropped  # noqa: E402
+from perception.net.steer_net import Network  # noqa: E402
+from trepid.camera import Camera  # noqa: E402
+from trepid.config import CONFIG_DIR, InputError, load  # noqa: E402
+from trepid.steering import pursuit_curvature  # noqa: E402
+
+CANONICAL = cropped(
+    load(CONFIG_DIR / "camera.yaml", Camera), top_px=82, bottom_px=202, width_px=200, height_px=66
+)
+SPREAD = np.array([0.5, 0.08, 0.02, 0.02], np.float32)
+TINY = load(CONFIG_DIR / "train.yaml", Recipe).model_copy(update=dict(batch=32, epochs=2, bfloat16=False))
+
+
+def stripes(count: int, seed: int) -> Labelled:
+    rng = np.random.default_rng(seed)
+    images = rng.integers(60, 120, (count, 66, 200, 3), dtype=np.uint8)
+    lanes = (rng.uniform(-1, 1, (count, 4)) * SPREAD).astype(np.float32)
+    for image, offset in zip(images, lanes[:, 0], strict=True):
+        column = int(100 + 120 * offset)
+        image[:, column - 5 : column + 5] = 230
+    return Labelled(images, lanes, np.ones(count, bool))
+
+
+def fit(tmp_path, recipe=TINY, resume=False):
+    said = []
+    network, progress = train(
+        recipe,
+        stripes(96, 0),
+        stripes(32, 1),
+        canonical=CANONICAL,
+        checkpoint=tmp_path / "c.pt",
+        resume=resume,
+        report=said.append,
+    )
+    return network, progress, said
+
+
+def test_the_command_row_is_pure_pursuit():
+    lane = np.array([0.3, -0.02, 0.03, 0.01])
+    expected = pursuit_curvature(
+        7.0, offset_m=0.3, heading_rad=-0.02, curvature_1pm=0.03, curvature_rate_1pm2=(0.01 - 0.03) / 10
+    )
+    assert float(command_row(10.0, 7.0).double().numpy() @ lane) == pytest.approx(expected, abs=1e-8)
+
+
+def test_training_is_the_same_twice_and_the_loss_falls(tmp_path):
+    one, progress, said = fit(tmp_path)
+    two, *_ = fit(tmp_path)
+    assert progress.epoch == 2 and len(said) == 2 and "epoch 2/2" in said[1]
+    assert all(torch.equal(a, b) for a, b in zip(one.parameters(), two.parameters(), strict=True))
+    losses = [float(text.split("loss")[1].split()[0]) for text in said]
+    assert losses[1] < losses[0]
+
+
+def test_a_resumed_training_equals_one_in_one_go(tmp_path, monkeypatch):
+    whole, *_ = fit(tmp_path)
+
+    def interrupt(text: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(
+            TINY,
+            stripes(96, 0),
+            stripes(32, 1),
+            canonical=CANONICAL,
+            checkpoint=tmp_path / "c.pt",
+            resume=False,
+            report=interrupt,
+        )
+    resumed, progress, said = fit(tmp_path, resume=True)
+    assert progress.epoch == 2 and len(said) == 1
+    assert all(torch.equal(a, b) for a, b in zip(whole.parameters(), resumed.parameters(), strict=True))
+
+
+def test_resuming_another_recipe_is_refused(tmp_path):
+    fit(tmp_path)
+    with pytest.raises(InputError, match="another recipe"):
+        fit(tmp_path, recipe=TINY.model_copy(update=dict(seed=9)), resume=True)
+
+
+def test_the_exported_network_agrees_with_torch_for_any_batch(tmp_path):
+    network, *_ = fit(tmp_path)
+    export(network, tmp_path / "n.onnx")
+    exported = Network(tmp_path / "n.onnx")
+    for count in (1, 5):
+        assert largest_difference(network, exported, stripes(count, 2).images) < 1e-4
+
+
+def test_frames_without_a_road_do_not_teach_the_lane():
+    torch.manual_seed(0)
+    network = SteerNetwork(torch.from_numpy(SPREAD), 10.0, 8.0)
+    raw = torch.randn(2, 10)
+    visible = torch.tensor([1.0, 0.0])
+    lanes = torch.zeros(2, 4)
+    elsewhere = lanes.clone()
+    elsewhere[1] = 1.0
+    assert loss(network, raw, lanes, visible, beta=0.5) == loss(network, raw, elsewhere, visible, beta=0.5)
+
+
+def test_the_loss_is_least_where_sigma_equals_the_error():
+    network = SteerNetwork(torch.from_numpy(SPREAD), 10.0, 8.0)
+    error = 0.7
+    lanes = torch.full((1, 4), error) * network.lane_spread
+    sigmas = torch.linspace(0.3, 1.5, 121)
+    losses = []
+    for sigma in sigmas:
+        raw = torch.zeros(1, 10)
+        raw[:, 4:8] = sigma.log()
+        losses.append(float(loss(network, raw, lanes, torch.ones(1), beta=0.0)))
+    assert float(sigmas[int(np.argmin(losses))]) == pytest.approx(error, abs=0.02)

@@ -1,0 +1,127 @@
+"""The data set: labels that fit the picture, seeds, and variety."""
+
+import itertools
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from learning.drawn_frames import (
+    AHEAD_M,
+    BLIND_SHARE,
+    MIN_RADIUS_M,
+    LaneSample,
+    _blinding_light,
+    _mirrored,
+    _random_light,
+    random_road,
+    road_samples,
+    samples,
+)
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.roads.appearance import Marking, Section
+from sim_harness.world.roads.light import Light
+from sim_harness.world.roads.road import Road, RoadSettings, Segment
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+SAMPLES = list(itertools.chain(*(road_samples(seed, CAMERA, frames=60) for seed in range(2))))
+
+
+def test_the_same_seed_gives_the_same_samples_wherever_it_runs():
+    alone = list(road_samples(1, CAMERA, frames=3))
+    in_a_range = list(samples([0, 1], CAMERA, frames_per_road=3))[3:]
+    for a, b in zip(alone, in_a_range, strict=True):
+        assert np.array_equal(a.image, b.image)
+        assert (a.lateral_offset_m, a.heading_error_rad) == (b.lateral_offset_m, b.heading_error_rad)
+
+
+def test_frames_have_the_size_of_the_camera_and_labels_stay_in_their_ranges():
+    for sample in SAMPLES:
+        assert sample.image.shape == (CAMERA.height_px, CAMERA.width_px, 3)
+        assert sample.image.dtype == np.uint8 and sample.image.flags.c_contiguous
+        assert abs(sample.lateral_offset_m) <= 1.2 and abs(sample.heading_error_rad) <= 0.3
+        assert abs(sample.curvature_1pm) <= 1 / MIN_RADIUS_M + 1e-9
+        assert 2.8 <= sample.lane_width_m <= 5.0
+
+
+def test_left_and_right_are_equally_common():
+    signs = np.sign([sample.lateral_offset_m for sample in SAMPLES])
+    assert abs(signs.mean()) < 0.35
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_random_road_never_turns_back_on_itself(seed):
+    road = random_road(np.random.default_rng(seed))
+    headings = road.poses(np.arange(0, road.length_m, 1.0))[:, 2]
+    assert np.abs(headings).max() < math.pi / 2
+
+
+def test_a_mirrored_frame_shows_the_mirror_image_of_the_road():
+    """Rendering with the mirrored camera and flipping equals rendering the mirrored road."""
+    camera = CAMERA.model_copy(update={"y_m": 0.2, "yaw_rad": 0.05, "cx_px": 150.0})
+    solid = Section(name="solid", start_m=0, left=Marking(), right=Marking(), patchiness=0)
+    frames = {}
+    for sign in (-1, 1):
+        settings = RoadSettings(
+            name="circle",
+            closed=True,
+            lane_width_m=3.4,
+            segments=(Segment(length_m=40 * math.pi, curvature_1pm=sign / 20),),
+            sections=(solid,),
+        )
+        road = Road(settings)
+        x_m, y_m = road.position(30.0, sign * 0.4)
+        view = camera if sign < 0 else _mirrored(camera)
+        frames[sign] = Renderer(road, view, seed=1).render(
+            x_m, y_m, road.heading_at(30.0) + sign * 0.1, t_s=0, light=Light(noise=0)
+        )
+    ours, theirs = frames[-1][120:].min(axis=2) > 165, frames[1][120:, ::-1].min(axis=2) > 165
+    assert (ours & theirs).sum() > 0.8 * max(ours.sum(), theirs.sum()) > 100
+
+
+def test_the_labels_place_the_lane_lines_in_the_picture():
+    """Along the labelled right edge of the lane the picture has an edge or a line: more change than beside it."""
+    at, beside = [], []
+    for sample in SAMPLES:
+        if not sample.visible or sample.image.std() < 25:
+            continue
+        x = np.linspace(4.0, 8.0, 12)
+        for side in (-0.5, 0.5):
+            at += _change_across(sample, x, side)
+            beside += _change_across(sample, x, side / 2)
+    assert len(at) > 500
+    assert np.mean(at) > 1.5 * np.mean(beside)
+
+
+def _change_across(sample: LaneSample, x: np.ndarray, lanes: float) -> list[float]:
+    """Range of the colour within 4 columns of the points ``lanes`` lane widths left of the lane centre."""
+    y = -sample.lateral_offset_m - sample.heading_error_rad * x + sample.curvature_1pm * x**2 / 2
+    y += sample.curvature_rate_1pm2 * x**3 / 6 + lanes * sample.lane_width_m
+    image, changes = sample.image, []
+    for u, v in np.round(CAMERA.pixel_from_road(np.column_stack([x, y]))).astype(int).tolist():
+        if 8 <= u < image.shape[1] - 8 and 0 <= v < image.shape[0]:
+            changes.append(float(np.ptp(image[v, u - 4 : u + 5].astype(float), axis=0).max()))
+    return changes
+
+
+def test_the_curvature_rate_is_the_mean_over_the_lane_ahead():
+    road = random_road(np.random.default_rng((5, 10)))
+    rates = (road.curvature_at(30 + AHEAD_M) - road.curvature_at(30)) / AHEAD_M
+    steps = np.diff(road.poses(np.linspace(30, 30 + AHEAD_M, 200))[:, 3])
+    assert rates == pytest.approx(steps.sum() / AHEAD_M, abs=1e-12)
+
+
+def test_no_line_is_left_in_blinding_light():
+    renderer = Renderer(random_road(np.random.default_rng(0)), CAMERA, seed=0)
+    for seed in range(12):
+        image = renderer.render(0, 0, 0, t_s=seed, light=_blinding_light(np.random.default_rng(seed)))
+        smooth = cv2.GaussianBlur(image[150:].astype(np.float32), (0, 0), 3)
+        assert smooth.std() < 3
+
+
+def test_a_small_share_of_the_frames_is_blind():
+    lights = [_random_light(rng) for rng in map(np.random.default_rng, range(2000))]
+    assert np.mean([not visible for _, visible in lights]) == pytest.approx(BLIND_SHARE, abs=0.015)

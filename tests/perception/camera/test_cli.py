@@ -1,0 +1,128 @@
+"""``trepid camera calibrate`` writes a camera file that loads, keeps what is there, refuses in one line."""
+
+import json
+from pathlib import Path
+
+import chessboard_rig as chessboard
+import cv2
+import numpy as np
+import pytest
+import straight_drive_rig as drives
+
+from sim_harness.world.roads.drawn import Kind
+from trepid.__main__ import main
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import CompressedFrame, VehicleState
+from trepid.recording.writer import Recording
+from trepid.wire import to_cdr
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: str | Path) -> int:
+    monkeypatch.setattr("sys.argv", ["trepid", "camera", "calibrate", *map(str, words)])
+    return main()
+
+
+@pytest.fixture(scope="module")
+def boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("boards")
+    for number, pose in enumerate(chessboard.POSES):
+        cv2.imwrite(str(folder / f"{number}.png"), chessboard.drawn(*pose))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("drive")
+    for number, step in enumerate(drives.clip(Kind.YELLOW)):
+        cv2.imwrite(str(folder / f"{number:03}.png"), step.image)
+    return folder
+
+
+def test_a_chessboard_gives_a_camera_file_that_loads(
+    boards: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine.yaml"
+    assert run(monkeypatch, boards, "--corners", "7x5", "--out", out, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    camera = load(out, Camera)
+    assert (camera.width_px, camera.height_px) == chessboard.SIZE_PX
+    assert camera.fx_px == pytest.approx(430.0, rel=2e-3)
+    assert camera.height_m == load(CONFIG_DIR / "camera.yaml", Camera).height_m  # not measured
+    assert told["camera"]["fx_px"] == camera.fx_px
+    assert len(told["intrinsics"]["boards"]) == len(chessboard.POSES)
+
+
+def test_a_straight_drive_gives_the_mounting_and_keeps_the_lens(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "mine.yaml"
+    assert run(monkeypatch, "--straight", drive, "--lane-width", drives.LANE_M, "--out", out) == 0
+    camera = load(out, Camera)
+    assert camera.fx_px == drives.KNOWN.fx_px
+    assert camera.pitch_down_rad == pytest.approx(drives.TRUE.pitch_down_rad, abs=0.005)
+    assert camera.height_m == pytest.approx(drives.TRUE.height_m, rel=0.03)
+
+
+def test_a_file_that_is_there_is_kept_unless_forced(
+    boards: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine.yaml"
+    out.write_text("precious")
+    assert run(monkeypatch, boards, "--corners", "7x5", "--out", out) == 2
+    assert out.read_text() == "precious"
+    assert "is there already; --force overwrites it" in capsys.readouterr().err
+    assert run(monkeypatch, boards, "--corners", "7x5", "--out", out, "--force") == 0
+    assert load(out, Camera)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ([], "name pictures of a chessboard"),
+        (["--straight", "{tmp}/none.mp4"], "no such file or folder"),
+        (["{tmp}", "--corners", "9by6"], "expected columns x rows"),
+        (["{tmp}", "--corners", "2x2"], "expected columns x rows"),
+        (["--straight", "{tmp}", "--lane-width", "-3"], "--lane-width: must be a number of at least 0.1"),
+        (["--straight", "{tmp}", "--speed", "nan"], "--speed: must be a number of at least 1"),
+        (["--straight", "{tmp}/wide.png"], "64 x 16 px, but the camera is known for 320 x 240"),
+        (["--straight", "{tmp}/bad.mcap"], "bad.mcap"),
+    ],
+)
+def test_bad_usage_is_told_in_one_line(
+    words: list[str],
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    cv2.imwrite(str(tmp_path / "wide.png"), np.zeros((16, 64, 3), np.uint8))
+    (tmp_path / "bad.mcap").write_bytes(b"no recording")
+    assert run(monkeypatch, *(word.format(tmp=tmp_path) for word in words)) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert len(error.splitlines()) == 1
+
+
+def test_a_recording_knows_the_speed_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "drive.mcap"
+    with Recording(path) as recording:
+        for number, step in enumerate(drives.clip(Kind.WHITE)):
+            for image, t_s in ((step.image, float(number)), (step.following, number + drives.PERIOD_S)):
+                jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+                frame = CompressedFrame(t_s=100 + t_s, jpeg=jpeg)
+                recording.add("camera/image/compressed", to_cdr(frame), at_s=100 + t_s)
+                state = VehicleState(
+                    t_s=100 + t_s,
+                    speed_mps=drives.SPEED_MPS,
+                    road_wheel_angle_rad=0.0,
+                    yaw_rate_radps=0.0,
+                    driver_override=False,
+                )
+                recording.add("vehicle/state", to_cdr(state), at_s=100 + t_s)
+    assert run(monkeypatch, "--straight", path, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["extrinsics"]["height_from"] == "the speed"
+    assert told["camera"]["height_m"] == pytest.approx(drives.TRUE.height_m, rel=0.03)

@@ -1,0 +1,114 @@
+import cv2
+import numpy as np
+import pytest
+
+from perception.camera.image_statistics import ImageStatistician
+from trepid.messages import Frame, ImageStatistics
+
+
+def statistics(image: np.ndarray) -> ImageStatistics:
+    return ImageStatistician().step(Frame(t_s=0.0, image=image), now_s=0.0)
+
+
+def scene(seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).integers(60, 180, (240, 320, 3), dtype=np.uint8)
+
+
+@pytest.mark.parametrize(("level", "over", "under"), [(0, 0.0, 1.0), (128, 0.0, 0.0), (255, 1.0, 0.0)])
+def test_flat_images_have_their_level_no_contrast_and_the_right_exposure(level, over, under):
+    seen = statistics(np.full((240, 320, 3), level, np.uint8))
+    assert seen.brightness == pytest.approx(level / 255)
+    assert (seen.contrast, seen.sharpness) == (0.0, 0.0)
+    assert (seen.over_exposed, seen.under_exposed) == (over, under)
+
+
+def test_half_black_half_white_is_half_of_everything():
+    image = np.zeros((240, 320, 3), np.uint8)
+    image[:, 160:] = 255
+    seen = statistics(image)
+    assert seen.brightness == pytest.approx(0.5) and seen.contrast == pytest.approx(0.5)
+    assert (seen.over_exposed, seen.under_exposed) == (0.5, 0.5)
+
+
+def test_sharpness_is_the_variance_of_the_laplacian_and_falls_with_blur():
+    grey = cv2.cvtColor(scene(), cv2.COLOR_BGR2GRAY)
+    sharp = statistics(grey)
+    assert sharp.sharpness == pytest.approx(cv2.Laplacian(grey, cv2.CV_64F).var())
+    assert statistics(cv2.GaussianBlur(grey, (0, 0), 2)).sharpness < 0.1 * sharp.sharpness
+
+
+def test_a_frozen_camera_is_seen_whether_or_not_its_capture_time_stands_still():
+    for stamps in ([0.0, 0.04, 0.08], [0.0, 0.0, 0.0]):
+        statistician = ImageStatistician()
+        seen = [
+            statistician.step(Frame(t_s=t_s, image=scene().copy()), now_s=0.04 * number).frozen_s
+            for number, t_s in enumerate(stamps)
+        ]
+        assert seen == pytest.approx([0.0, 0.04, 0.08])
+
+
+def test_one_changed_pixel_thaws_the_camera():
+    statistician = ImageStatistician()
+    image = scene()
+    statistician.step(Frame(t_s=0.0, image=image), now_s=0.0)
+    changed = image.copy()
+    changed[100, 100] ^= 8
+    assert statistician.step(Frame(t_s=1.0, image=changed), now_s=1.0).frozen_s == 0.0
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 1, 3), (2, 500, 3), (240, 320), (240, 320, 1), (240, 320, 4)])
+def test_odd_shapes_are_measured_like_any_other(shape):
+    assert statistics(np.full(shape, 100, np.uint8)).brightness == pytest.approx(100 / 255, abs=0.01)
+
+
+def drive_past(*, spots: np.ndarray | None = None, frames: int = 4) -> list[float]:
+    """Share of spotted tiles while textured pictures stream by behind ``spots``, a mask."""
+    statistician = ImageStatistician()
+    seen = []
+    for number in range(frames):
+        image = 100 + scene(number) // 8  # as asphalt
+        if spots is not None:
+            image[spots] = image[spots] // 4
+        seen.append(statistician.step(Frame(t_s=0.04 * number, image=image), now_s=0.04 * number).spots)
+    return seen
+
+
+def blots(rows: slice) -> np.ndarray:
+    """Blots of 16 pixels, 40 apart."""
+    mask = np.zeros((240, 320), bool)
+    for top in range(10, 240, 40):
+        for left in range(10, 320, 40):
+            mask[top : top + 16, left : left + 16] = True
+    kept = np.zeros_like(mask)
+    kept[rows] = mask[rows]
+    return kept
+
+
+def test_spots_all_over_a_moving_picture_are_dirt_from_the_second_frame_on():
+    assert drive_past(spots=blots(slice(None)))[:3] == [0.0, 1.0, 1.0]
+    assert drive_past() == [0.0] * 4
+
+
+def test_spots_in_one_part_of_the_picture_are_the_scene():
+    assert max(drive_past(spots=blots(slice(0, 120)))) == 0.0
+    stripes = np.zeros((240, 320), bool)
+    stripes[:, 20::40] = stripes[:, 21::40] = True  # a dark line along the road
+    assert max(drive_past(spots=stripes)) == 0.0
+
+
+def test_noise_whose_dark_spots_meet_by_chance_is_no_dirt():
+    statistician, lots = ImageStatistician(), np.random.default_rng(0)
+    for number in range(20):
+        image = lots.integers(40, 220, (24, 32, 3), dtype=np.uint8)
+        assert statistician.step(Frame(t_s=0.04 * number, image=image), now_s=0.04 * number).spots == 0.0
+
+
+@pytest.mark.parametrize("loop", [1, 2, 7])
+def test_images_that_come_again_and_again_are_a_frozen_camera(loop):
+    statistician = ImageStatistician()
+    seen = [
+        statistician.step(Frame(t_s=0.04 * number, image=scene(number % loop)), now_s=0.04 * number).frozen_s
+        for number in range(3 * loop + 2)
+    ]
+    since_s = np.maximum(np.arange(3 * loop + 2) - (loop - 1), 0) * 0.04
+    assert seen == pytest.approx(list(since_s))

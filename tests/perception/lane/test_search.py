@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+
+from perception.estimators import lane_cv_settings
+from perception.lane.evidence import LaneFit
+from perception.lane.fit import WIDTH, E
+from perception.lane.grid import lateral_grid
+from perception.lane.memory import prior_state
+from perception.lane.points import MarkingFilter
+from perception.lane.search import find_lane
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+GRID = lateral_grid(CAMERA, reach_m=45.0, band_m=0.1, max_band_px=3)
+SETTINGS = lane_cv_settings()
+STRIPE_M, WORN_EVERY = 0.12, 4  # from the middle of a double line; bands in a row
+
+
+def picture(lines_m) -> np.ndarray:
+    """Asphalt with lines at the places ``lines_m(band, ahead_m)``, metres to the left."""
+    image = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
+    columns = np.arange(CAMERA.width_px)
+    for band, (top, bottom, metre_px) in enumerate(
+        zip(GRID.top_px, GRID.bottom_px, GRID.metre_px, strict=True)
+    ):
+        for line_m in lines_m(band, GRID.ahead_m[band]):
+            image[top:bottom, np.abs((CAMERA.cx_px - columns) / metre_px - line_m) < 0.06] = 200
+    return image
+
+
+def found(image, stages=(SETTINGS.vote.cold, SETTINGS.vote.refine)) -> LaneFit:
+    prior = SETTINGS.prior
+    return find_lane(
+        MarkingFilter(SETTINGS.markings, GRID).points(image),
+        prior_state(prior, width_m=prior.width_m, width_sigma_m=prior.width_sigma_m),
+        stages,
+        GRID,
+        fit=SETTINGS.fit,
+        evidence=SETTINGS.evidence,
+        prior_weight=SETTINGS.vote.prior_weight,
+        min_support=SETTINGS.vote.min_support,
+    )
+
+
+def lane_beside_a_double_line(*, worn: bool) -> LaneFit:
+    """The lane found between a line 1.7 m to the right and a double one 1.7 m to the left.
+
+    Where it is worn, both stripes are there in every third piece of it, and one or the other in between.
+    """
+
+    def lines_m(band, ahead_m):
+        left = [1.7 + STRIPE_M, 1.7 - STRIPE_M]
+        if worn and (piece := band // WORN_EVERY % 3) < 2:
+            left.pop(piece)
+        return (-1.7, *left)
+
+    return found(picture(lines_m))
+
+
+@pytest.mark.parametrize("worn", [False, True])
+def test_a_lane_ends_in_the_middle_of_a_double_line_also_where_one_stripe_is_worn_away(worn):
+    lane = lane_beside_a_double_line(worn=worn)
+    assert lane.boundaries_seen == 2
+    assert lane.state.mean[WIDTH] == pytest.approx(3.4, abs=0.03)
+    assert lane.state.mean[E] == pytest.approx(0.0, abs=0.03)
+
+
+def test_a_double_line_with_worn_stripes_fits_nearly_as_tightly_as_a_whole_one():
+    worn, whole = lane_beside_a_double_line(worn=True), lane_beside_a_double_line(worn=False)
+    assert worn.residual < whole.residual + 1.0  # standard deviations; 2.6 if taken as they are
+
+
+def half_a_dash(*, beside_a_line: bool):
+    def lines_m(band, ahead_m):
+        dash = [-1.5] if 4.0 < ahead_m < 6.2 else []
+        return [1.7, *dash] if beside_a_line else dash
+
+    return picture(lines_m)
+
+
+def test_half_a_dash_counts_for_a_line_beside_another_line():
+    lane = found(half_a_dash(beside_a_line=True))
+    assert lane.boundaries_seen == 2
+    assert lane.state.mean[WIDTH] == pytest.approx(3.2, abs=0.03)
+
+
+def test_half_a_dash_counts_for_a_line_where_one_was_a_moment_ago_and_for_none_where_nothing_is_known():
+    alone = half_a_dash(beside_a_line=False)
+    assert found(alone, stages=()).right.seen
+    assert found(alone).boundaries_seen == 0

@@ -1,0 +1,293 @@
+"""The lead detector: geometry, tracking, the choice of the one ahead, and a look at rendered vehicles."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perception.lead.boxes import on_road, ssd_anchors, ssd_boxes, yolo_boxes
+from perception.lead.detection import Detection, Platt, peaks
+from perception.lead.finder import Corridor, LeadFinder, build, lead_settings, usable_lane
+from perception.lead.tracker import Odometry, Tracker
+from perception.lead.view import (
+    CELL_COLUMNS,
+    CELLS_LEFT_M,
+    COLUMNS,
+    DISTANCES_M,
+    LOWEST_M,
+    ROW_M,
+    ROWS,
+    STRIPS,
+    LeadView,
+    strip_pixels,
+)
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.vehicles import Body
+from sim_harness.world.road_file import load_road
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.types import Image
+from trepid.vehicle import Vehicle
+
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+SETTINGS = lead_settings()
+NOSE_M = VEHICLE.wheelbase_m + VEHICLE.front_overhang_m
+PERIOD_S = 0.04
+
+
+@pytest.mark.parametrize("ahead_m", [3.0, 12.0, 40.0])
+def test_the_row_of_a_strip_at_the_road_is_where_the_road_is_in_the_image(ahead_m: float) -> None:
+    pixels = strip_pixels(CAMERA, ahead_m)
+    row = ROWS - 0.5 + LOWEST_M / ROW_M  # between two rows, where z = 0
+    low, high = math.floor(row), math.ceil(row)
+    ground = pixels[low] + (row - low) * (pixels[high] - pixels[low])
+    left_m = (COLUMNS / 2 - 0.5 - np.arange(COLUMNS)) * 0.2
+    road = np.column_stack([np.full(COLUMNS, CAMERA.x_m + ahead_m), CAMERA.y_m + left_m])
+    assert ground == pytest.approx(CAMERA.pixel_from_road(road), abs=1e-6)
+
+
+def test_a_picture_twice_as_large_gives_the_same_strips() -> None:
+    small = np.zeros((240, 320, 3), np.uint8)
+    small[140:170, 140:180] = 200
+    large = np.repeat(np.repeat(small, 2, axis=0), 2, axis=1)
+    one = LeadView(CAMERA).strips(small).astype(int)
+    other = LeadView(CAMERA.resized(640, 480)).strips(large).astype(int)
+    near = DISTANCES_M < 12  # far off both are sampled from the finest level, which differs
+    assert np.abs(one - other)[near].mean() < 2.0
+
+
+def test_a_mirrored_picture_gives_mirrored_strips() -> None:
+    rng = np.random.default_rng(0)
+    camera = CAMERA.model_copy(update={"cx_px": (CAMERA.width_px - 1) / 2})
+    image = rng.integers(0, 255, (240, 320, 3), np.uint8)
+    view = LeadView(camera)
+    mirrored = view.strips(np.ascontiguousarray(image[:, ::-1])).astype(int)
+    assert np.abs(view.strips(image)[:, :, ::-1].astype(int) - mirrored).mean() < 1.0
+
+
+def test_cells_that_mean_one_vehicle_are_one_answer_and_two_vehicles_are_two() -> None:
+    cells = np.zeros((STRIPS, 4, CELL_COLUMNS), np.float32)
+    for strip, column in ((10, 20), (11, 20), (10, 21), (3, 5)):
+        cells[strip, 0, column] = 0.9 if column == 20 else 0.7
+        cells[strip, 1, column] = {10: 0.5, 11: -0.5, 3: 0.0}[strip]  # both of them mean a place between
+        cells[strip, 2, column] = {20: -0.2, 21: 0.2, 5: 0.0}[column]
+    near, far = sorted(peaks(cells, 0.5))
+    assert far[0] == pytest.approx(math.sqrt(DISTANCES_M[10] * DISTANCES_M[11]), rel=1e-3)
+    assert far[1] == pytest.approx(CELLS_LEFT_M[20] - 0.2, abs=1e-6)
+    assert (near[0], near[1]) == pytest.approx((DISTANCES_M[3], CELLS_LEFT_M[5]))
+
+
+def test_platt_is_the_logistic_of_the_logit() -> None:
+    assert Platt(bias=0.0, slope=1.0)(0.3) == pytest.approx(0.3)
+    assert Platt(bias=1.0, slope=2.0)(0.5) == pytest.approx(1 / (1 + math.exp(-1.0)))
+
+
+def test_a_box_stands_where_its_lower_edge_is() -> None:
+    for place in ((15.0, 0.5), (30.0, -3.0)):
+        there = Detection(*place, 1.8, 0.9)
+        box = there.pixels(CAMERA)
+        assert box is not None
+        found = on_road(CAMERA, box, 0.9)
+        assert found is not None
+        assert (found.ahead_m, found.left_m, found.width_m) == pytest.approx((*place, 1.8), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "box", [(100.0, 60.0, 130.0, 80.0), (0.0, 100.0, 319.0, 200.0), (160.0, 90.0, 161.0, 150.0)]
+)
+def test_what_does_not_stand_on_the_road_or_has_no_width_of_a_vehicle_is_none(box: tuple[float, ...]) -> None:
+    assert on_road(CAMERA, box, 0.9) is None
+
+
+def test_an_ssd_box_without_offsets_is_its_anchor() -> None:
+    anchors = ssd_anchors(300)
+    logits = np.full((1, len(anchors), 3), -9.0, np.float32)
+    logits[0, 7, 2] = 2.0
+    corners, scores = ssd_boxes([np.zeros((1, len(anchors), 4), np.float32), logits], [2], (300, 300))
+    y, x, height, width = anchors[7]
+    assert corners[7] == pytest.approx(
+        (x - width / 2, y - height / 2, x + width / 2, y + height / 2), abs=1e-6
+    )
+    assert int(scores.argmax()) == 7
+    assert scores[7] == pytest.approx(1 / (1 + math.exp(-2.0)))
+
+
+def test_yolo_tables_of_both_layouts_are_read() -> None:
+    table = np.zeros((1, 6, 100), np.float32)
+    table[0, :, 3] = 160, 80, 32, 16, 0.1, 0.8
+    for layout in (table, table.transpose(0, 2, 1)):
+        corners, scores = yolo_boxes([layout], [1], (320, 160))
+        assert corners[3] == pytest.approx((0.45, 0.45, 0.55, 0.55))
+        assert scores[3] == pytest.approx(0.8)
+
+
+def test_a_point_goes_to_the_odometry_frame_and_back() -> None:
+    odometry = Odometry()
+    for _ in range(100):
+        odometry.move(5.0, 0.3, 0.01)
+    there = odometry.from_vehicle(12.0, -3.0)
+    assert odometry.to_vehicle(there) == pytest.approx((12.0, -3.0))
+
+
+def tracked(lead_mps: float, own_mps: float, *, side: float = 1.0, frames: int = 100) -> Tracker:
+    """A lead that drives straight ahead of us, seen with noise."""
+    rng = np.random.default_rng(3)
+    tracker = Tracker(SETTINGS.track, eye_m=CAMERA.x_m)
+    for n in range(frames):
+        ahead_m = 20.0 + (lead_mps - own_mps) * n * PERIOD_S
+        noise = rng.normal(0, 0.02), rng.normal(0, 0.1)
+        seen = Detection(ahead_m * (1 + noise[0]), side * (0.5 + noise[1]), 1.8, 0.95)
+        tracker.step([seen], speed_mps=own_mps, yaw_rate_radps=0.0, dt_s=PERIOD_S)
+    return tracker
+
+
+@pytest.mark.parametrize(("lead_mps", "own_mps"), [(5.0, 5.0), (3.0, 6.0), (0.0, 4.0)])
+def test_a_track_has_the_speed_of_the_vehicle_over_ground(lead_mps: float, own_mps: float) -> None:
+    (track,) = tracked(lead_mps, own_mps).tracks
+    assert track.state[2] == pytest.approx(lead_mps, abs=0.7)
+    assert track.confidence > 0.9
+
+
+def test_mirrored_detections_give_the_mirrored_track() -> None:
+    (left,), (right,) = (tracked(5.0, 5.0, side=side).tracks for side in (1.0, -1.0))
+    assert left.state * (1, -1, 1, -1) == pytest.approx(right.state)
+
+
+def test_a_vehicle_that_is_no_longer_seen_is_believed_less_and_less_and_then_given_up() -> None:
+    tracker = tracked(5.0, 5.0)
+    believed = []
+    while tracker.tracks:
+        believed.append(tracker.tracks[0].confidence)
+        tracker.step([], speed_mps=5.0, yaw_rate_radps=0.0, dt_s=PERIOD_S)
+    assert believed == sorted(believed, reverse=True)
+    assert len(believed) * PERIOD_S <= SETTINGS.track.max_coast_s + PERIOD_S
+
+
+class Told:
+    """A detector that says what it is told."""
+
+    def __init__(self, detections: list[Detection]) -> None:
+        self.detections = detections
+
+    def __call__(self, image: Image) -> list[Detection]:
+        return self.detections
+
+
+def state(t_s: float, *, speed_mps: float = 5.0, yaw_rate_radps: float = 0.0) -> VehicleState:
+    return VehicleState(
+        t_s=t_s,
+        speed_mps=speed_mps,
+        road_wheel_angle_rad=0.0,
+        yaw_rate_radps=yaw_rate_radps,
+        driver_override=False,
+    )
+
+
+def found(detections: list[Detection], *, yaw_rate_radps: float = 0.0, known: bool = True) -> LeadVehicle:
+    """What the finder says after 20 frames in which it was told of the same."""
+    finder = LeadFinder(Told(detections), SETTINGS, CAMERA, VEHICLE)
+    for n in range(20):
+        t_s = n * PERIOD_S
+        frame = Frame(t_s=t_s, image=np.zeros((240, 320, 3), np.uint8))
+        own = state(t_s, yaw_rate_radps=yaw_rate_radps) if known else None
+        said = finder.step(frame, own, [], now_s=t_s)
+    return said
+
+
+def test_of_two_in_our_lane_the_nearer_is_ahead_of_us() -> None:
+    said = found([Detection(25.0, 0.1, 1.8, 0.95), Detection(12.0, -0.2, 1.8, 0.9)])
+    assert said.distance_m == pytest.approx(12.0 - NOSE_M, abs=0.2)
+    assert said.lateral_m == pytest.approx(-0.2, abs=0.05)
+
+
+def test_a_vehicle_on_the_next_lane_is_not_ahead_of_us() -> None:
+    assert found([Detection(15.0, 3.5, 1.8, 0.95)]).confidence == 0
+
+
+def test_in_a_bend_the_one_on_our_arc_is_ahead_of_us() -> None:
+    radius_m, ahead_m = 40.0, 15.0
+    aside_m = ahead_m**2 / (2 * radius_m)
+    on_arc, straight_on = Detection(ahead_m, aside_m, 1.8, 0.95), Detection(ahead_m, -1.0, 1.8, 0.95)
+    said = found([on_arc, straight_on], yaw_rate_radps=5.0 / radius_m)
+    assert said.lateral_m == pytest.approx(aside_m, abs=0.3)
+
+
+def test_nothing_seen_is_said_with_confidence_0_and_no_numbers() -> None:
+    said = found([])
+    assert (said.confidence, said.distance_m, said.lateral_m, said.speed_mps) == (0, None, None, None)
+
+
+def test_without_odometry_there_is_no_speed() -> None:
+    said = found([Detection(15.0, 0.0, 1.8, 0.95)], known=False)
+    assert said.distance_m is not None
+    assert said.speed_mps is None
+
+
+def test_a_picture_of_the_wrong_size_shows_nothing() -> None:
+    finder = LeadFinder(Told([Detection(15.0, 0.0, 1.8, 0.95)]), SETTINGS, CAMERA, VEHICLE)
+    said = finder.step(Frame(t_s=0.0, image=np.zeros((10, 10, 3), np.uint8)), state(0.0), [], now_s=0.0)
+    assert said.confidence == 0
+
+
+def lane(t_s: float, confidence: float = 0.9, offset_m: float | None = 0.5) -> SteeringEstimate:
+    nothing = SteeringEstimate.nothing(t_s, estimator="cv", lookahead_m=8.0, reason="")
+    fields = {name: getattr(nothing, name) for name in SteeringEstimate.__dataclass_fields__}
+    seen = dict(lateral_offset_m=offset_m, heading_error_rad=0.0, curvature_1pm=0.01, curvature_rate_1pm2=0.0)
+    return SteeringEstimate(**fields | seen | {"confidence": confidence})
+
+
+def test_the_surest_fresh_lane_is_used_and_none_that_is_stale_unsure_or_empty() -> None:
+    sure, unsure, old = lane(1.0), lane(1.0, 0.4), lane(0.0)
+    assert usable_lane(SETTINGS.choice, [unsure, sure, old, None], t_s=1.0) is sure
+    assert usable_lane(SETTINGS.choice, [old, lane(1.0, 0.1), lane(1.0, offset_m=None)], t_s=1.0) is None
+
+
+def test_the_corridor_is_the_lane_where_it_is_seen_and_our_arc_where_not() -> None:
+    seen = Corridor(SETTINGS.choice, lane(1.0), 0.0, None, t_s=1.0)
+    assert seen.centre_m(10.0) == pytest.approx(-0.5 + 0.01 * 100 / 2)
+    arc = Corridor(SETTINGS.choice, None, -0.02, None, t_s=1.0)
+    assert arc.centre_m(10.0) == pytest.approx(-1.0)
+    assert arc.reaches_in_m(10.0, -1.0, 1.8) > 0 > arc.reaches_in_m(10.0, 3.0, 1.8)
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Renderer:
+    return Renderer(load_road("straight"), CAMERA, seed=5)
+
+
+@pytest.mark.parametrize("gap_m", [5.0, 10.0, 18.0])
+@pytest.mark.parametrize("aside_m", [-0.5, 0.5])
+def test_a_rendered_car_is_found_where_it_is(renderer: Renderer, gap_m: float, aside_m: float) -> None:
+    road, finder, station_m = renderer.road, build(), 30.0
+    for n in range(8):
+        t_s = n * PERIOD_S
+        rear_m = station_m + NOSE_M + gap_m - Body().rear_m
+        pose = (*road.position(rear_m, aside_m), road.heading_at(rear_m))
+        here = (*road.position(station_m, 0.0), road.heading_at(station_m))
+        image = renderer.render(*here, t_s=t_s, station_m=station_m, lead=pose)
+        said = finder.step(Frame(t_s=t_s, image=image), state(t_s, speed_mps=0.0), [], now_s=t_s)
+    assert said.confidence > 0.6
+    assert said.distance_m == pytest.approx(gap_m, rel=0.15, abs=0.6)
+    assert said.lateral_m == pytest.approx(aside_m, abs=0.35)
+
+
+def test_an_empty_rendered_road_has_no_vehicle(renderer: Renderer) -> None:
+    road, finder = renderer.road, build()
+    for n in range(20):
+        station_m, t_s = 30.0 + 2.0 * n, n * PERIOD_S
+        here = (*road.position(station_m, 0.0), road.heading_at(station_m))
+        image = renderer.render(*here, t_s=t_s, station_m=station_m)
+        assert finder.step(Frame(t_s=t_s, image=image), state(t_s), [], now_s=t_s).confidence == 0
+
+
+@pytest.mark.parametrize("name", ["none.onnx", "none.txt"])
+def test_a_detector_that_is_none_is_refused(name: str, tmp_path: Path) -> None:
+    from perception.lead.boxes import BoxDetector
+
+    if name.endswith("txt"):
+        (tmp_path / name).write_text("no network")
+    with pytest.raises(InputError, match=name):
+        BoxDetector(tmp_path / name, SETTINGS.boxes, CAMERA)

@@ -1,0 +1,203 @@
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from drawn_road_rig import look, road
+
+from perception.cli import as_row, estimate
+from perception.images.annotate import annotated
+from perception.images.sources import Clip, Still, sources
+from trepid.config import InputError
+
+FIELDS = [
+    "file",
+    "frame",
+    "estimator",
+    "lateral_offset_m",
+    "heading_error_rad",
+    "curvature_1pm",
+    "road_wheel_angle_rad",
+    "confidence",
+    "lanes_detected",
+    "lane_width_m",
+    "latency_ms",
+    "reason",
+    "left_boundary_px",
+    "right_boundary_px",
+]
+
+
+@pytest.fixture(scope="module")
+def picture() -> np.ndarray:
+    return road((0.1, 0.0, 0.0, 0.0))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, picture: np.ndarray) -> Path:
+    for name in ("b.png", "a.jpg"):
+        cv2.imwrite(str(tmp_path / name), picture)
+    return tmp_path
+
+
+@pytest.fixture
+def clip(tmp_path: Path, picture: np.ndarray) -> Path:
+    path = tmp_path / "clip.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25, (320, 240))
+    for _ in range(12):
+        writer.write(picture)
+    writer.release()
+    return path
+
+
+def lines(capsys: pytest.CaptureFixture[str]) -> list[dict]:
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_a_folder_gives_one_json_object_per_image_in_order_of_name(folder, capsys):
+    estimate([folder], as_json=True)
+    rows = lines(capsys)
+    assert [Path(row["file"]).name for row in rows] == ["a.jpg", "b.png"]
+    assert all(list(row) == FIELDS for row in rows)
+    assert all(row["lanes_detected"] == 2 and row["latency_ms"] > 0 for row in rows)
+
+
+def test_a_clip_gives_one_numbered_object_per_frame(clip, capsys):
+    estimate([clip], as_json=True)
+    assert [row["frame"] for row in lines(capsys)] == list(range(12))
+
+
+def test_what_is_not_seen_is_null(tmp_path, capsys):
+    cv2.imwrite(str(tmp_path / "dark.png"), np.zeros((240, 320, 3), np.uint8))
+    estimate([tmp_path / "dark.png"], as_json=True)
+    (row,) = lines(capsys)
+    assert row["confidence"] == 0 and row["reason"]
+    assert all(row[name] is None for name in ("lateral_offset_m", "lane_width_m", "left_boundary_px"))
+
+
+def test_an_assumed_camera_is_said_once_and_a_given_one_is_used(folder, capsys):
+    estimate([folder], as_json=True)
+    assert capsys.readouterr().err.count("assumed camera") == 1
+    estimate([folder], camera=Path("config/camera.yaml"), as_json=True)
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert json.loads(out.splitlines()[1])["lateral_offset_m"] == pytest.approx(0.1, abs=0.06)
+
+
+def cut(path: Path, share: float) -> Path:
+    short = path.with_name(f"cut{path.suffix}")
+    data = path.read_bytes()
+    short.write_bytes(data[: int(len(data) * share)])
+    return short
+
+
+def bad_inputs(folder: Path, clip: Path) -> dict[str, Path]:
+    (folder / "empty").mkdir()
+    (folder / "text.jpg").write_text("no image")
+    (folder / "zero.png").write_bytes(b"")
+    (folder / "notes.txt").write_text("notes")
+    (folder / "text.mp4").write_text("no video")
+    return {
+        "empty folder": folder / "empty",
+        "text as image": folder / "text.jpg",
+        "empty file": folder / "zero.png",
+        "unknown kind": folder / "notes.txt",
+        "text as video": folder / "text.mp4",
+        "missing": folder / "missing.png",
+        "truncated jpeg": cut(folder / "a.jpg", 0.6),
+        "truncated png": cut(folder / "b.png", 0.6),
+        "truncated video": cut(clip, 0.6),
+    }
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "empty folder",
+        "text as image",
+        "empty file",
+        "unknown kind",
+        "text as video",
+        "missing",
+        "truncated jpeg",
+        "truncated png",
+        "truncated video",
+    ],
+)
+def test_bad_input_is_named_in_one_line_and_what_came_before_is_not_lost(kind, folder, clip, capsys):
+    good, bad = folder / "a.jpg", bad_inputs(folder, clip)[kind]
+    with pytest.raises(InputError) as problem:
+        estimate([good, bad], as_json=True)
+    assert str(bad) in str(problem.value) and "\n" not in str(problem.value)
+    assert lines(capsys)[0]["file"] == str(good)
+
+
+def test_an_unknown_estimator_is_named_with_those_that_exist(folder):
+    with pytest.raises(InputError, match=r"magic.*cv"):
+        estimate([folder], estimator="magic")
+
+
+def test_the_list_of_estimators_needs_no_input(capsys):
+    estimate(estimator="list", as_json=True)
+    assert "cv" in [row["estimator"] for row in lines(capsys)]
+
+
+def test_without_json_there_is_a_line_per_frame(folder, capsys):
+    estimate([folder])
+    out = capsys.readouterr().out
+    assert "a.jpg" in out and "b.png" in out and "offset" in out
+
+
+def test_annotated_frames_go_to_a_picture_a_video_or_a_folder(folder, clip, tmp_path):
+    estimate([folder / "a.jpg"], as_json=True, annotate=tmp_path / "one.png")
+    assert cv2.imread(str(tmp_path / "one.png")).shape[1] == 640
+    estimate([clip], as_json=True, annotate=tmp_path / "seen.mp4")
+    (video,) = sources(tmp_path / "seen.mp4")
+    assert isinstance(video, Clip) and video.frames == 12
+    estimate([folder / "a.jpg", folder / "b.png", clip], as_json=True, annotate=tmp_path / "all")
+    assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["a.png", "b.png", "clip.mp4"]
+
+
+def test_two_pictures_do_not_fit_into_one_file(folder, tmp_path):
+    with pytest.raises(InputError, match="one image only"):
+        estimate([folder], as_json=True, annotate=tmp_path / "one.png")
+
+
+def test_the_annotation_changes_the_road_and_leaves_the_input_alone(picture):
+    before = picture.copy()
+    drawn = annotated(picture, look(picture))
+    assert (picture == before).all()
+    plain = cv2.resize(picture, (640, 480), interpolation=cv2.INTER_CUBIC)
+    assert np.abs(drawn[400].astype(int) - plain[400]).max() > 30
+
+
+def test_a_row_of_json_is_finite_and_rounded(picture):
+    row = as_row(Path("x.png"), 0, look(picture))
+    json.dumps(row, allow_nan=False)
+    assert all(round(x, 1) == x for x, _ in row["left_boundary_px"])
+
+
+def test_hidden_and_foreign_files_in_a_folder_are_left_out(folder):
+    (folder / "readme.txt").write_text("notes")
+    found = sources(folder)
+    assert all(isinstance(source, Still) for source in found) and len(found) == 2
+
+
+def test_the_lead_detector_lists_vehicles_with_places_and_boxes(folder, capsys, tmp_path):
+    estimate([folder], estimator="lead", as_json=True, annotate=tmp_path / "leads")
+    for row in lines(capsys):
+        assert row["estimator"] == "lead"
+        assert {"distance_m", "lateral_m", "speed_mps", "confidence", "detections", "latency_ms"} <= set(row)
+        assert row["speed_mps"] is None, "without odometry there is no speed"
+    assert sorted(path.name for path in (tmp_path / "leads").iterdir()) == ["a.png", "b.png"]
+
+
+def test_a_detector_file_is_for_the_lead_estimator_only(folder):
+    with pytest.raises(InputError, match="--detector"):
+        estimate([folder], detector=Path("some.onnx"))
+
+
+def test_a_missing_detector_file_is_named(folder, tmp_path):
+    with pytest.raises(InputError, match=r"none\.tflite"):
+        estimate([folder], estimator="lead", detector=tmp_path / "none.tflite")

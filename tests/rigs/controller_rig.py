@@ -1,0 +1,157 @@
+"""What the controller's tests share: messages with calm defaults, and a closed loop on perfect sight."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from controller.controller import Controller, ControllerSettings
+from controller.limiter import Limiter, Limits
+from sim_harness.world.plants.kinematic import KinematicPlant
+from sim_harness.world.plants.plant import Plant
+from sim_harness.world.plants.state import PlantState
+from sim_harness.world.roads.road import Road, RoadSettings, Segment
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Command, Decision, Mode, Stop, VehicleState
+from trepid.vehicle import Vehicle
+
+SHUTTLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+SETTINGS = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
+LIMITS = load(CONFIG_DIR / "limiter.yaml", Limits)
+G = 9.80665
+
+TICK_S = 0.01  # of the vehicle
+CONTROL_EVERY, FRAME_EVERY = 2, 4  # ticks: 50 Hz, 25 Hz
+SIGHT_M = 10.0
+
+
+def vehicle(**changes) -> Vehicle:
+    """The shuttle, changed."""
+    return SHUTTLE.model_copy(update=changes)
+
+
+def decision(now_s=0.0, **changes) -> Decision:
+    """A fresh decision to keep a straight lane at 5 m/s, changed."""
+    calm = dict(
+        t_s=now_s,
+        decided_s=now_s,
+        mode=Mode.KEEP,
+        stop=Stop.NONE,
+        fear=0.0,
+        level="very_low",
+        cause="none",
+        rules=(),
+        rule_strengths=(),
+        inputs=(),
+        input_values=(),
+        path_t_s=now_s,
+        lateral_offset_m=0.0,
+        heading_error_rad=0.0,
+        curvature_1pm=0.0,
+        curvature_rate_1pm2=0.0,
+        lookahead_m=SIGHT_M,
+        path_source="cv",
+        sources=("cv",),
+        trust=(1.0,),
+        disagreement_mps2=None,
+        speed_factor=1.0,
+        speed_cap_mps=5.0,
+    )
+    return Decision(**(calm | changes))
+
+
+def state(now_s=0.0, **changes) -> VehicleState:
+    """A fresh state: straight on at 5 m/s, changed."""
+    calm = dict(t_s=now_s, speed_mps=5.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False)
+    return VehicleState(**(calm | changes))
+
+
+def command(now_s=0.0, **changes) -> Command:
+    """Straight on at constant speed, changed."""
+    calm = dict(
+        t_s=now_s,
+        road_wheel_angle_rad=0.0,
+        road_wheel_rate_radps=0.0,
+        speed_mps=5.0,
+        accel_mps2=0.0,
+        jerk_mps3=0.0,
+    )
+    return Command(**(calm | changes))
+
+
+def road(segments: Sequence[tuple[float, float | tuple[float, float]]]) -> Road:
+    """Open road of (length, curvature) pieces."""
+    pieces = tuple(Segment(length_m=length, curvature_1pm=curvature) for length, curvature in segments)
+    line = {"stroke": "solid"}
+    section = {"name": "all", "start_m": 0.0, "left": line, "right": line}
+    settings = RoadSettings(name="test", closed=False, lane_width_m=3.5, segments=pieces, sections=(section,))
+    return Road(settings)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The truth at one tick."""
+
+    t_s: float
+    station_m: float
+    offset_m: float
+    heading_rad: float
+    plant: PlantState
+    command: Command
+
+
+def drive(
+    line: Road,
+    *,
+    start: PlantState,
+    cap_mps: float,
+    duration_s: float,
+    plant_vehicle: Vehicle = SHUTTLE,
+    plant: Plant | None = None,
+    known_vehicle: Vehicle | None = None,
+    settings: ControllerSettings = SETTINGS,
+    sight_delay_s: float = 0.04,
+    limited: bool = True,
+) -> list[Sample]:
+    """Closed loop on perfect but late sight: frame -> decision -> controller -> limiter -> plant."""
+    plant = plant or KinematicPlant(plant_vehicle)
+    known = known_vehicle or plant.vehicle
+    controller, limiter = Controller(known, settings), Limiter(known, LIMITS)
+    car, station_m, sent, sent_s = start, 0.0, None, None
+    frames: list[Decision] = []
+    samples = []
+    for tick in range(round(duration_s / TICK_S)):
+        now_s = tick * TICK_S
+        station_m, offset_m = line.local_coordinates(car.x_m, car.y_m, near_station_m=station_m)
+        heading_rad = math.remainder(car.yaw_rad - line.heading_at(station_m), math.tau)
+        measured = VehicleState(
+            t_s=now_s,
+            speed_mps=car.speed_mps,
+            road_wheel_angle_rad=car.road_wheel_angle_rad,
+            yaw_rate_radps=plant.yaw_rate_radps(car),
+            driver_override=False,
+        )
+        if tick % FRAME_EVERY == 0:
+            frames.append(_see(line, now_s, station_m, offset_m, heading_rad, cap_mps, sight_delay_s))
+        arrived = [frame for frame in frames if frame.decided_s <= now_s + 1e-9]
+        frames = frames[len(arrived) - 1 :] if arrived else frames
+        if tick % CONTROL_EVERY == 0:
+            sent, sent_s = controller.step(arrived[-1] if arrived else None, measured, now_s=now_s), now_s
+        acted = limiter.step(sent, sent_s, measured, now_s=now_s) if limited else sent
+        samples.append(Sample(now_s, station_m, offset_m, heading_rad, car, acted))
+        car = plant.step(car, acted, TICK_S)
+    return samples
+
+
+def _see(line, now_s, station_m, offset_m, heading_rad, cap_mps, sight_delay_s) -> Decision:
+    """The lane at the axle as it is, as a clothoid with the local curvature rate."""
+    curvature = line.curvature_at(station_m)
+    rate = (line.curvature_at(station_m + 0.01) - curvature) / 0.01
+    return decision(
+        now_s,
+        decided_s=now_s + sight_delay_s,
+        lateral_offset_m=offset_m,
+        heading_error_rad=heading_rad,
+        curvature_1pm=curvature + rate * SIGHT_M,
+        curvature_rate_1pm2=rate,
+        speed_cap_mps=cap_mps,
+    )

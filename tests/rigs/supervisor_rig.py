@@ -1,0 +1,109 @@
+"""The supervisor over a scripted drive."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from supervisor.supervisor import Supervisor, SupervisorSettings, build
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import (
+    Decision,
+    ImageStatistics,
+    LeadVehicle,
+    Mode,
+    SteeringEstimate,
+    VehicleState,
+)
+
+SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
+
+
+FRAME_S = 0.04
+
+
+LATENCY_S = 0.03
+
+
+ESTIMATE = SteeringEstimate(
+    t_s=0.0,
+    estimator="cv",
+    lateral_offset_m=0.1,
+    heading_error_rad=0.01,
+    curvature_1pm=0.002,
+    curvature_rate_1pm2=0.0001,
+    lookahead_m=8.0,
+    road_wheel_angle_rad=0.0,
+    confidence=0.9,
+    lanes_detected=2,
+    lane_width_m=3.4,
+    latency_ms=None,
+    reason="",
+    left_boundary_px=(),
+    right_boundary_px=(),
+)
+
+
+STATISTICS = ImageStatistics(
+    t_s=0.0,
+    brightness=0.45,
+    contrast=0.15,
+    over_exposed=0.01,
+    under_exposed=0.01,
+    sharpness=200.0,
+    frozen_s=0.0,
+    spots=0.0,
+)
+
+
+STATE = VehicleState(
+    t_s=0.0, speed_mps=8.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+)
+
+
+@dataclass
+class Drive:
+    """A supervisor fed with fresh messages at 25 Hz; what is set to None is silent from then on."""
+
+    supervisor: Supervisor = field(default_factory=build)
+    now_s: float = 0.0
+    speed_mps: float = 0.0
+    said: dict[str, Any] = field(default_factory=dict)  # the last message of every sender
+
+    def frame(
+        self,
+        *,
+        cv: SteeringEstimate | None = ESTIMATE,
+        cnn: SteeringEstimate | None = ESTIMATE,
+        statistics: ImageStatistics | None = STATISTICS,
+        lead: LeadVehicle | None = None,
+        state: VehicleState | None = STATE,
+    ) -> Decision:
+        self.now_s += FRAME_S
+        seen_s = self.now_s - LATENCY_S
+        if state is not None:
+            self.said["state"] = replace(state, t_s=self.now_s - 0.01, speed_mps=self.speed_mps)
+        for name, message in (("cv", cv), ("cnn", cnn), ("statistics", statistics), ("lead", lead)):
+            if message is not None:
+                self.said[name] = replace(message, t_s=seen_s)
+        get = self.said.get
+        return self.supervisor.step(
+            {"cv": get("cv"), "cnn": get("cnn")},
+            get("statistics"),
+            get("lead"),
+            get("state"),
+            now_s=self.now_s,
+        )
+
+    def last(self, duration_s: float, **messages: Any) -> Decision:
+        """Frames for ``duration_s``; the last decision."""
+        for _ in range(round(duration_s / FRAME_S)):
+            decision = self.frame(**messages)
+        return decision
+
+    @classmethod
+    def under_way(cls) -> "Drive":
+        """Keeping the lane at 8 m/s."""
+        drive = cls()
+        drive.last(SETTINGS.modes.reengage_after_s + 0.2)  # type: ignore[operator]
+        drive.speed_mps = 8.0
+        assert drive.last(6.0).mode is Mode.KEEP
+        return drive

@@ -1,0 +1,29 @@
+"""The paper's failure is reproduced, for the paper's reasons."""
+
+import pytest
+from controller_rig import SETTINGS, SHUTTLE
+
+from sim_harness.bench.control.deep_steer import MPH, AnglesOfFiveMph, winding_episode
+from sim_harness.bench.control.episode import drive, drive_by
+
+
+def angles(transposed=False):
+    return AnglesOfFiveMph(SHUTTLE, transposed=transposed)
+
+
+def test_angles_of_5_mph_keep_the_road_at_5_mph_and_lose_it_at_20():
+    slow, fast = (winding_episode(SHUTTLE, mph * MPH, seed=0) for mph in (5, 20))
+    assert drive_by(angles(), slow).worst_m <= 0.1
+    assert drive_by(angles(), fast).worst_m > 1.05
+
+
+def test_understeer_alone_does_not_mend_it_but_counting_in_the_delay_does():
+    fast = winding_episode(SHUTTLE, 20 * MPH, seed=0)
+    assert drive_by(angles(transposed=True), fast).worst_m > 1.05
+    assert drive(fast, SETTINGS).worst_m <= 0.25
+
+
+def test_the_angle_is_held_and_at_its_own_speed_transposing_changes_nothing():
+    episode = winding_episode(SHUTTLE, 5 * MPH, seed=0)
+    plain, transposed = drive_by(angles(), episode), drive_by(angles(transposed=True), episode)
+    assert transposed.offset_m == pytest.approx(plain.offset_m, abs=1e-6)

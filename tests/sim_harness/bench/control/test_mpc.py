@@ -1,0 +1,44 @@
+"""The bench of MPC beside acados: same problems, same optimum."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from controller.controller import ControllerSettings
+from controller.laws.mpc_solver import Solver
+from sim_harness.bench.control import mpc as bench
+from sim_harness.bench.control.acados_peer import CONFIGURATIONS, Acados, missing
+from trepid.config import CONFIG_DIR, load
+
+SETTINGS = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
+
+
+def test_acados_that_is_not_there_is_told_with_what_brings_it(monkeypatch, tmp_path):
+    monkeypatch.setenv("TREPID_ACADOS", str(tmp_path))
+    assert "make acados" in (missing() or "")
+
+
+def test_the_problems_are_those_of_a_drive_and_depend_on_the_seed_only(monkeypatch):
+    monkeypatch.setattr(bench, "SPEEDS_MPS", (16.0,))
+    monkeypatch.setattr(bench, "S_DURATION_S", 3.0)
+    asked, again, other = (bench.recorded(SETTINGS, seed) for seed in (1, 1, 2))
+    assert len(asked) >= 140
+    assert asked == again != other
+    assert all(abs(b.now.offset_m - a.now.offset_m) < 0.2 for a, b in pairwise(asked))
+
+
+@pytest.mark.skipif(missing() is not None, reason=str(missing()))
+@pytest.mark.parametrize("name", list(CONFIGURATIONS))
+def test_acados_finds_the_same_plan(monkeypatch, tmp_path, name):
+    monkeypatch.setattr(bench, "SPEEDS_MPS", (16.0,))
+    monkeypatch.setattr(bench, "S_DURATION_S", 0.5)
+    grid, soft = bench.grid_and_soft(SETTINGS.lateral.mpc)
+    peer = Acados(tmp_path, "lane_keeping_test", grid, soft, CONFIGURATIONS[name])
+    for asked in bench.recorded(SETTINGS, 3)[::5]:
+        ours = Solver(grid, soft)
+        for _ in range(12):
+            plan = ours.solve(asked.now)
+            peer.prepare(asked.now, shift=0.0, scale=1.0)
+            assert peer.solve() == 0
+        assert peer.plan() == pytest.approx(np.array(plan), abs=3e-4)  # HPIPM stops there

@@ -1,0 +1,40 @@
+"""Benchmarks in the terminal: contestants beside each other, and nothing swallowed."""
+
+from rich.console import Console
+
+from sim_harness.bench.text import tables
+
+RESULT = {
+    "machine": "two cores",
+    "seed": 5,
+    "laws": {"mpc": {"worst [m]": 0.0123456, "lost": 0}, "stanley": {"worst [m]": None, "lost": 3}},
+    "plain": {"frames per second": 553.21},
+}
+
+
+def printed(result):
+    console = Console(width=100)
+    with console.capture() as captured:
+        for table in tables(result):
+            console.print(table)
+    return captured.get()
+
+
+def test_contestants_are_rows_and_measures_columns_with_their_units():
+    lines = printed(RESULT).splitlines()
+    head = next(i for i, line in enumerate(lines) if "worst [m]" in line)
+    assert lines[head].split() == ["worst", "[m]", "lost"]
+    assert lines[head + 1].split() == ["mpc", "0.01235", "0"]
+    assert lines[head + 2].split() == ["stanley", "–", "3"]
+
+
+def test_many_measures_stand_below_each_other():
+    many = {f"at {n} m/s": float(n) for n in range(20)}
+    lines = printed({"grid": {"ours": many, "theirs": many}}).splitlines()
+    assert any(line.split() == ["ours", "theirs"] for line in lines)
+    assert any(line.split() == ["at", "19", "m/s", "19", "19"] for line in lines)
+
+
+def test_plain_figures_are_listed_with_the_machine():
+    text = printed(RESULT)
+    assert "two cores" in text and "553.2" in text

@@ -1,0 +1,269 @@
+"""Real footage as a simulator, proved on rendered footage, of which the view from beside is known."""
+
+import math
+import os
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from sim_harness.cli import app
+from sim_harness.footage.cli import assumed_camera
+from sim_harness.footage.clip import Drive, load_drive, read_log
+from sim_harness.footage.reprojection import Reprojection, Shift
+from sim_harness.footage.resimulation import resimulate
+from sim_harness.footage.visual_yaw import yaw_changes_rad
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.road_file import load_road
+from sim_harness.world.roads.light import Light
+from sim_harness.world.roads.road import Road
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, ROOT, InputError, load
+from trepid.vehicle import Vehicle
+
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+DATA = Path(os.environ.get("TREPID_DATA", ROOT.parent / "shared" / "data"))
+REPROJECTION = Reprojection(CAMERA)
+SHIFTS = [Shift(left_m=0.5), Shift(left_m=-0.5), Shift(yaw_rad=0.035), Shift(0.4, -0.3, -0.03)]
+
+
+def clear(name: str) -> Road:
+    """A road of config/ without sensor noise."""
+    road = load_road(name).settings
+    sections = tuple(s.model_copy(update={"light": Light(noise=0.0), "shadows": 0.0}) for s in road.sections)
+    return Road(road.model_copy(update={"sections": sections}))
+
+
+def photograph(renderer: Renderer, station_m: float, offset_m: float, heading_rad: float) -> np.ndarray:
+    x_m, y_m = ROAD.position(station_m, offset_m)
+    yaw_rad = ROAD.heading_at(station_m) + heading_rad
+    return renderer.render(x_m, y_m, yaw_rad, station_m=station_m, t_s=0.0)
+
+
+ROAD = clear("straight")
+RENDERER = Renderer(ROAD, CAMERA, seed=1)
+RECORDED = photograph(RENDERER, 30.0, 0.0, 0.0)
+NEAR = slice(int(CAMERA.horizon_row_px) + 30, CAMERA.height_px)  # rows up to 15 m ahead
+
+
+def texture() -> np.ndarray:
+    """Smooth patches, so that half a pixel of interpolation does not count."""
+    patches = np.random.default_rng(0).integers(0, 255, (24, 32, 3), np.uint8)
+    return cv2.resize(patches, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_CUBIC)
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_the_view_from_beside_is_what_the_renderer_shows_from_there(shift):
+    truth = photograph(RENDERER, 30.0 + shift.ahead_m, shift.left_m, shift.yaw_rad)
+    view, _ = REPROJECTION.view(RECORDED, shift)
+    seen = REPROJECTION.view(np.full_like(RECORDED, 255), shift)[0]
+    assert seen.min() == 255
+    inner = np.s_[NEAR, 60:-60]
+    error = view[inner].astype(float) - truth[inner].astype(float)
+    still = RECORDED[inner].astype(float) - truth[inner].astype(float)
+    assert psnr_db(error) > 26.0
+    assert psnr_db(error) > psnr_db(still) + 6.0
+
+
+def psnr_db(error: np.ndarray) -> float:
+    return 20 * math.log10(255 / math.sqrt(float(np.mean(error**2))))
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_the_edge_line_lies_within_a_pixel_of_where_the_renderer_paints_it(shift):
+    truth = photograph(RENDERER, 30.0 + shift.ahead_m, shift.left_m, shift.yaw_rad)
+    view, _ = REPROJECTION.view(RECORDED, shift)
+    for row in range(NEAR.start + 5, NEAR.stop - 60, 5):
+        there, here = (line_column_px(image[row]) for image in (truth, view))
+        assert here == pytest.approx(there, abs=1.0)
+
+
+def line_column_px(row: np.ndarray) -> float:
+    """Centre of the brightest stripe in the right half: the solid edge line."""
+    grey = row.astype(float).mean(axis=1)
+    start = int(np.argmax(np.convolve(grey[160:], np.ones(3), "same"))) + 160
+    window = np.arange(max(start - 8, 0), min(start + 9, len(grey)))
+    weight = np.maximum(grey[window] - np.median(grey[160:]) - 25, 0)
+    return float((window * weight).sum() / weight.sum())
+
+
+def test_no_shift_is_the_identity():
+    view, unseen = REPROJECTION.view(RECORDED, Shift())
+    assert (view == RECORDED).all()
+    assert unseen == 0.0
+    np.testing.assert_allclose(REPROJECTION.ground_matrix(Shift()), np.eye(3), atol=1e-9)
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_there_and_back_is_the_identity_where_it_is_seen(shift):
+    image = texture()
+    back, _ = REPROJECTION.view(REPROJECTION.view(image, shift)[0], shift.inverse)
+    inner = np.s_[NEAR.start : -60, 70:-70]  # the bottom rows pass through pixels beyond the border
+    assert np.abs(back[inner].astype(float) - image[inner]).mean() < 6.0
+    np.testing.assert_allclose(shift.road_from_road @ shift.inverse.road_from_road, np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_the_mirrored_shift_of_the_mirrored_picture_is_the_mirrored_view(shift):
+    image = texture()
+    centred = Reprojection(
+        CAMERA.model_copy(update={"cx_px": (CAMERA.width_px - 1) / 2, "y_m": 0.0, "yaw_rad": 0.0})
+    )
+    view, unseen = centred.view(image, shift)
+    mirrored, unseen_mirrored = centred.view(
+        np.ascontiguousarray(image[:, ::-1]), Shift(shift.ahead_m, -shift.left_m, -shift.yaw_rad)
+    )
+    assert np.abs(mirrored[:, ::-1].astype(int) - view).mean() < 1.0
+    assert unseen_mirrored == pytest.approx(unseen, abs=0.01)
+
+
+def test_sky_and_ground_meet_on_the_horizon():
+    shift = Shift(left_m=0.7, yaw_rad=0.1)
+    horizon = np.array([200.0, CAMERA.horizon_row_px, 1.0])
+    ground, sky = REPROJECTION.ground_matrix(shift) @ horizon, REPROJECTION.sky_matrix(shift) @ horizon
+    np.testing.assert_allclose(ground[:2] / ground[2], sky[:2] / sky[2], atol=1e-6)
+
+
+def test_what_was_not_seen_is_counted():
+    # A camera above the axle that looks along the road only turns: what it newly sees are columns.
+    level = CAMERA.model_copy(update={"x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0, "pitch_down_rad": 0.0})
+    _, turned = Reprojection(level).view(RECORDED, Shift(yaw_rad=0.1))
+    left_rad = math.atan(CAMERA.cx_px / CAMERA.fx_px)
+    columns = CAMERA.fx_px * (math.tan(left_rad) - math.tan(left_rad - 0.1))
+    assert columns / CAMERA.width_px < turned < columns / CAMERA.width_px + 0.03  # and corners
+
+
+# The recorded car's own motion.
+
+SPEED_MPS = 8.0
+
+
+@cache
+def rendered_drive(name: str, station_m: float, count: int) -> Drive:
+    """A drive along the lane centre."""
+    road = clear(name)
+    renderer = Renderer(road, CAMERA, seed=2)
+    frames, t_s = [], np.arange(count) / 25
+    for t in t_s:
+        station = station_m + SPEED_MPS * t
+        x, y = road.position(station, 0.0)
+        yaw = road.heading_at(station)
+        frames.append(renderer.render(x, y, yaw, station_m=station, t_s=float(t)))
+    return Drive(name, frames, t_s, np.full(count, SPEED_MPS), CAMERA)
+
+
+def test_the_yaw_of_a_car_is_seen_in_its_pictures():
+    drive = rendered_drive("s_bend", 45.0, 60)
+    road = load_road("s_bend")
+    ends = [road.heading_at(45.0 + SPEED_MPS * drive.t_s[i]) for i in (0, -1)]
+    assert yaw_changes_rad(drive.frames, CAMERA, np.diff(drive.station_m)).sum() == pytest.approx(
+        ends[1] - ends[0], rel=0.1
+    )
+
+
+def test_a_car_that_sees_nothing_to_track_says_so():
+    grey = [np.full((240, 320, 3), 90, np.uint8)] * 80
+    drive = Drive("grey", grey, np.arange(80) / 25, np.full(80, SPEED_MPS), CAMERA)
+    with pytest.raises(InputError, match="grey: too few corners"):
+        resimulate(drive, VEHICLE, start=Shift())
+
+
+# Closed loop.
+
+
+@pytest.mark.parametrize("left_m", [0.5, -0.5])
+def test_the_car_returns_from_beside_the_recorded_path(left_m):
+    drive = rendered_drive("straight", 20.0, 150)
+    run = resimulate(drive, VEHICLE, start=Shift(left_m=left_m))
+    assert run.offset_m[0] == pytest.approx(left_m, abs=0.01)
+    assert run.row()["end_offset_m"] == pytest.approx(0.0, abs=0.1)
+    assert run.interventions == 0
+    assert run.autonomy_percent == 100.0
+
+
+def test_the_same_run_twice_is_the_same_to_the_last_bit():
+    drive = rendered_drive("straight", 20.0, 70)
+    a, b = (resimulate(drive, VEHICLE, start=Shift(yaw_rad=0.02)) for _ in range(2))
+    assert (a.offset_m == b.offset_m).all()
+    assert a.row() == b.row()
+
+
+# Bad input.
+
+
+def test_a_log_of_speeds_is_read_from_either_kind(tmp_path):
+    own, udacity = tmp_path / "own.csv", tmp_path / "udacity.csv"
+    own.write_text("t_s,speed_mps,other\n0.0,3.0,x\n0.5,4.0,y\n")
+    udacity.write_text(
+        "center_2018_07_16_17_11_43_382.jpg,,,0,0,0,10\ncenter_2018_07_16_17_11_43_882.jpg,,,0,0,0,20\n"
+    )
+    assert [column.tolist() for column in read_log(own)] == [[0.0, 0.5], [3.0, 4.0]]
+    times, speeds = read_log(udacity)
+    assert times[1] - times[0] == pytest.approx(0.5)
+    assert speeds == pytest.approx([4.4704, 8.9408])
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", ":1:1: expected the columns"),
+        ("a,b\n", ":1:1: expected the columns"),
+        ("t_s,speed_mps\n0,x\n", ":2:1: expected a time and a speed"),
+        ("t_s,speed_mps\n0,-1\n", ":2:1: expected a time and a speed"),
+        ("t_s,speed_mps\n0\n", ":2:1: expected a time and a speed"),
+        ("t_s,speed_mps\n0,1\n0,1\n", "time does not rise"),
+        ("x.jpg,,,0,0,0,10\n", ":1:1: expected 7 columns"),
+    ],
+)
+def test_a_bad_log_is_refused_with_its_line(text, reason, tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=reason):
+        read_log(path)
+
+
+def folder(tmp_path: Path, count: int) -> Path:
+    for number in range(count):
+        cv2.imwrite(str(tmp_path / f"{number:03}.png"), RECORDED)
+    return tmp_path
+
+
+def test_a_clip_that_is_too_short_or_longer_than_its_log_is_refused(tmp_path):
+    clip = folder(tmp_path, 6)
+    log = tmp_path / "log.csv"
+    log.write_text("t_s,speed_mps\n0,1\n1,1\n")
+    with pytest.raises(InputError, match="3 frames from number 3 on"):
+        load_drive(clip, CAMERA, speed_mps=5.0, skip=3)
+    with pytest.raises(InputError, match=r"has 2 rows, but .* has 6 frames"):
+        load_drive(clip, CAMERA, log=log)
+    with pytest.raises(InputError, match=r"6 frames last 0\.2 s"):
+        resimulate(load_drive(clip, CAMERA, speed_mps=5.0), VEHICLE, start=Shift())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ([], "give the speed"),
+        (["--speed", "5", "--estimator", "x"], "no estimator 'x'"),
+        (["--speed", "5", "--camera", "no.yaml"], "no.yaml: cannot be read"),
+        (["--speed", "5"], "no such file or folder"),
+    ],
+)
+def test_odd_arguments_are_refused(arguments, reason, tmp_path):
+    result = CliRunner().invoke(app, ["resimulate", str(tmp_path / "no.mp4"), *arguments])
+    assert isinstance(result.exception, InputError)
+    assert reason in str(result.exception)
+
+
+def test_on_a_real_highway_the_car_leaves_a_start_beside_the_recorded_path():
+    clip = DATA / "highway_udacity_p1" / "solidWhiteRight.mp4"
+    if not clip.is_file():
+        pytest.skip("the clip solidWhiteRight.mp4 is not on this machine (TREPID_DATA)")
+    drive = load_drive(clip, assumed_camera(clip), speed_mps=25.0, most=105)
+    run = resimulate(drive, VEHICLE, start=Shift(left_m=0.5))
+    assert abs(run.offset_m[-1]) < 0.2
+    assert run.interventions == 0

@@ -1,0 +1,211 @@
+"""A lock-step run leaves the recording that a live drive leaves, and that answers why the car slowed down."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cockpit.logbook.moment import moment_figure
+from cockpit.logbook.recall import Recall, recall
+from cockpit.logbook.story import story
+from cockpit.logbook.story_text import told
+from cockpit.pictures.plot import BLUE, ORANGE
+from cockpit.rulebook.cli import app
+from sim_harness.lockstep.closed_loop import run
+from sim_harness.lockstep.recording import recording
+from sim_harness.scenarios.scenario import load_scenario
+from trepid.config import CONFIG_DIR, InputError
+from trepid.recording.reader import read_recording
+from trepid.topics import DECISION
+
+LYING = load_scenario("lying_cv", {"sight": "truth", "duration_s": "12"})
+"""From 5 s on the cv says that the car stands 0.7 m too far left."""
+CORNER = load_scenario("sharp_corner_r12", {"sight": "truth"})
+
+
+@pytest.fixture(scope="module")
+def lying(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("lying") / "drive.mcap"
+    with recording(path, LYING) as witness:
+        result = run(LYING, seed=3, witness=witness)
+    assert result.trace.sha256 == run(LYING, seed=3).trace.sha256, "who is watched drives no differently"
+    return path
+
+
+@pytest.fixture(scope="module")
+def drive(lying: Path) -> Recall:
+    return recall(lying)
+
+
+def explain(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["explain", *arguments])
+    if isinstance(result.exception, InputError):
+        raise result.exception
+    return result.exit_code, result.stdout
+
+
+def test_a_recorded_decision_gives_its_fear_again_with_the_rules_that_were_recorded(drive: Recall) -> None:
+    for decision in drive.decisions:
+        felt = drive.rules.evaluate(dict(zip(decision.inputs, decision.input_values, strict=True)))
+        assert (felt.fear, felt.level, felt.texts, felt.strengths) == (
+            decision.fear,
+            decision.level,
+            decision.rules,
+            decision.rule_strengths,
+        )
+
+
+def test_times_count_from_the_start_of_the_run(drive: Recall) -> None:
+    assert drive.recorded.began_s is not None
+    assert drive.t_s[0] < -3.0, "the run-up is recorded too"
+    assert drive.t_s[-1] == pytest.approx(12.0, abs=0.05)
+
+
+def test_why_did_it_slow_down_when_an_estimator_lied(drive: Recall) -> None:
+    answer = story(drive, 5.5)
+    assert answer["slowed_by"] == "supervisor"
+    assert answer["slow_down"]["from_s"] == pytest.approx(5.0, abs=0.1)
+    assert (answer["cause"], answer["limited_by"], answer["mode"]) == ("disagreement", "fear", "CAUTION")
+    assert answer["rules"][0]["text"].endswith("because disagreement")
+    assert answer["repeats"]
+    told_inputs = {item["name"]: item for item in answer["inputs"]}
+    assert told_inputs["separation"]["value"] > 0.4
+    assert told_inputs["separation"]["unit"] == "m"
+    assert sum(told_inputs["separation"]["sets"].values()) == pytest.approx(1.0)
+    said = {item["estimator"]: item for item in answer["estimates"]}
+    assert said["cv"]["lateral_offset_m"] - said["cnn"]["lateral_offset_m"] == pytest.approx(0.7, abs=0.01)
+    assert sum(item["trust"] for item in said.values()) == pytest.approx(1.0)
+    modes = [(moment["mode"], moment["cause"]) for moment in answer["timeline"]]
+    assert modes.index(("KEEP", "none")) < modes.index(("CAUTION", "disagreement"))
+
+
+def test_the_answer_names_cause_rule_value_and_estimators_in_words(drive: Recall) -> None:
+    text = told(story(drive, 5.5))
+    assert "the supervisor began to allow less: from 8.0 to" in text
+    assert "of disagreement; mode CAUTION" in text
+    assert "if separation is medium then fear is medium because disagreement" in text
+    assert "separation = 0." in text and "cnn: " in text and "cv: +0.7" in text
+
+
+def test_a_moment_later_in_a_long_slow_down_is_explained_by_what_was_then(drive: Recall) -> None:
+    assert story(drive, 10.0)["moment_s"] == pytest.approx(10.0, abs=0.6)
+
+
+def test_the_controller_is_named_where_the_supervisor_did_not_ask(tmp_path: Path) -> None:
+    path = tmp_path / "corner.mcap"
+    with recording(path, CORNER) as witness:
+        trace = run(CORNER, witness=witness).trace
+    slowest_s = float(trace["t_s"][trace["t_s"] > 2.0][trace["speed_mps"][trace["t_s"] > 2.0].argmin()])
+    answer = story(recall(path), slowest_s)
+    assert answer["slowed_by"] == "controller"
+    assert 1 / answer["sharpest_curvature_1pm"] == pytest.approx(12.0, rel=0.2)
+    assert "a bend of 1" in told(answer)
+
+
+def test_the_verb_tells_the_story_as_text_and_as_json(lying: Path) -> None:
+    code, text = explain(str(lying), "--at", "5.5")
+    assert code == 0
+    assert text.startswith("At 5.0")
+    code, out = explain(str(lying), "--at", "5.5", "--json")
+    assert code == 0
+    assert json.loads(out)["cause"] == "disagreement"
+
+
+def test_without_a_moment_every_slow_down_is_listed(lying: Path) -> None:
+    code, text = explain(str(lying))
+    assert code == 0
+    assert "8.0 -> " in text and "slow-downs by the supervisor" in text
+    _, lines = explain(str(lying), "--json")
+    assert json.loads(lines.splitlines()[0])["cause"] == "disagreement"
+
+
+def test_where_it_did_not_slow_down_the_answer_says_where_it_did_and_the_exit_code_is_1(
+    tmp_path: Path,
+) -> None:
+    calm = load_scenario("lying_cv", {"sight": "truth", "duration_s": "3"})
+    path = tmp_path / "calm.mcap"
+    with recording(path, calm) as witness:
+        run(calm, witness=witness)
+    code, text = explain(str(path), "--at", "2")
+    assert code == 1
+    assert text.startswith("It did not slow down near 2.0 s")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--at", "99"], r"--at 99: the recording runs from -4\.0 to 12\.0 s"),
+        (["--at", "5.5", "--picture", "p.png"], r"no picture was recorded near 5\."),
+        (["--picture", "p.png"], "of which moment"),
+        (["speed=3"], "a recording has its own values"),
+        (["--at", "5.5", "--rules", "nowhere.yaml"], r"nowhere\.yaml: cannot be read"),
+    ],
+)
+def test_what_cannot_be_answered_is_said_in_one_line(lying: Path, arguments: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
+        explain(str(lying), *arguments)
+    assert "\n" not in str(error.value)
+
+
+def test_a_recording_without_decisions_is_named(lying: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(lying.read_bytes()[:20_000])  # little more than the rules
+    with pytest.raises(
+        InputError, match="no decision of a supervisor was recorded here; the file is cut short"
+    ):
+        explain(str(cut), "--at", "5")
+
+
+def test_a_recording_that_was_cut_short_is_explained_as_far_as_it_goes(lying: Path, tmp_path: Path) -> None:
+    data = lying.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[: int(0.7 * len(data))])
+    code, text = explain(str(cut), "--at", "5.5")
+    assert code == 0
+    assert text.startswith("(the recording is cut short: it is read up to")
+    assert "of disagreement" in text
+
+
+def test_other_rules_are_told_from_those_of_the_drive(lying: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.yaml"
+    text = (CONFIG_DIR / "fear.yaml").read_text(encoding="utf-8")
+    other.write_text(
+        text.replace(
+            "if separation is medium then fear is medium", "if separation is medium then fear is low"
+        )
+    )
+    answer: dict[str, Any] = story(recall(lying, other), 5.5)
+    assert not answer["repeats"]
+    assert "other ones then" in told(answer)
+
+
+def test_the_camera_is_recorded_ten_times_a_second(tmp_path: Path) -> None:
+    seen = load_scenario("straight", {"duration_s": "1"})
+    path = tmp_path / "seen.mcap"
+    with recording(path, seen) as witness:
+        run(seen, witness=witness)
+    read = read_recording(path, "camera/*", DECISION.key, "perception/*")
+    assert 8 <= len(read.messages["camera/image/compressed"]) <= 11
+    drive = recall(path)
+    frame = drive.frame_at(len(drive.decisions) - 1)
+    assert frame is not None
+    assert set(drive.estimates_of(frame)) == {"cv", "cnn"}
+
+
+def test_the_moment_is_drawn_from_the_recorded_picture(tmp_path: Path) -> None:
+    seen = load_scenario("straight", {"duration_s": "1"})
+    path = tmp_path / "seen.mcap"
+    with recording(path, seen) as witness:
+        run(seen, witness=witness)
+    drive = recall(path)
+    told_of = {
+        **dict(moment_s=0.8, mode="CAUTION", fear=0.5, level="medium", cause="dark"),
+        **dict(rules=[], slow_down=dict(cap_before_mps=8.0, cap_lowest_mps=4.0)),
+    }
+    image = moment_figure(drive, told_of)
+    road = image[: image.shape[0] * 3 // 5]
+    assert image.shape == (2 * (480 + 118), 2 * 640, 3)
+    assert (road == np.array(BLUE)).all(axis=-1).any() or (road == np.array(ORANGE)).all(axis=-1).any()

@@ -1,0 +1,260 @@
+"""The report page in a real browser: it opens alone, sorts, filters, and shows a run."""
+
+import json
+import os
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from sim_harness.judging.trace import Trace
+from sim_harness.lockstep.closed_loop import run
+from sim_harness.report.film import Film, run_filmed
+from sim_harness.report.page import MAX_OTHER_PICTURES, Page
+from sim_harness.report.summary import coded, kept_samples, summarise, worst_sample
+from sim_harness.scenarios.scenario import load_scenario
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+DRIVER = shutil.which("chromedriver")
+
+
+def decoded(code):
+    """As the page does it."""
+    last, values = 0, []
+    for difference in code["d"]:
+        if difference is not None:
+            last += difference
+        values.append(np.nan if difference is None else last * code["step"])
+    return np.array(values)
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load_scenario("straight", {"start.speed_mps": "6"}).shortened(3.0)
+
+
+@pytest.fixture(scope="module")
+def filmed(scenario):
+    return run_filmed(scenario, seed=5)
+
+
+@pytest.fixture(scope="module")
+def detail(scenario, filmed):
+    return summarise(scenario, *filmed)
+
+
+def toy(**columns):
+    n = len(next(iter(columns.values())))
+    values = {"t_s": 0.5 * np.arange(n), "departures": np.zeros(n), "lateral_offset_m": np.zeros(n)}
+    values |= {"decision.fear": np.zeros(n), "speed_mps": np.ones(n)}
+    return Trace(
+        {**values, **{name.replace("__", "."): np.asarray(v, float) for name, v in columns.items()}}, {}
+    )
+
+
+def test_filming_changes_nothing(scenario, filmed):
+    assert run(scenario, seed=5).trace.sha256 == filmed[0].trace.sha256
+
+
+def test_numbers_survive_their_coding_to_half_a_step():
+    values = np.array([np.nan, 3.14159, -2.0, np.nan, np.nan, 5e-4, np.inf])
+    assert decoded(coded(values, 0.01)) == pytest.approx(
+        [np.nan, 3.14159, -2, np.nan, np.nan, 0, np.nan], abs=0.005, nan_ok=True
+    )
+
+
+def test_the_kept_samples_hold_every_extreme():
+    fear = np.zeros(50_000)
+    fear[12_345] = 0.9
+    error = 0.1 * np.sin(np.arange(50_000) / 500)
+    kept = kept_samples(toy(decision__fear=fear, lateral_offset_m=error))
+    assert 12_345 in kept and np.argmax(error) in kept and np.argmin(error) in kept
+    assert {0, 49_999} <= set(kept) and len(kept) <= 300
+
+
+def test_the_worst_moment_is_the_departure_else_fear_else_error():
+    fear, error = np.array([1.0, 0.0, 0.2, 0.8, 0.6, 0.0]), np.array([0.0, 0.1, -0.5, 0.2, 0.0, 0.0])
+    left = np.array([0, 0, 1, 1, 1, 1])
+    assert worst_sample(toy(decision__fear=fear, lateral_offset_m=error, departures=left))[0] == 1
+    assert (
+        worst_sample(toy(decision__fear=fear, lateral_offset_m=error))[0] == 3
+    )  # not that of the first second
+    assert worst_sample(toy(decision__fear=0.1 * fear, lateral_offset_m=error))[0] == 2
+
+
+def test_a_summary_is_small_and_tells_the_run(filmed, detail):
+    trace = filmed[0].trace
+    assert len(json.dumps({**detail, "picture": None})) < 30_000
+    series = {name: decoded(code) for name, code in detail["series"].items()}
+    assert len({len(values) for values in series.values()}) == 1
+    assert series["t"][-1] == pytest.approx(3.0, abs=0.01)
+    assert series["x"][-1] == pytest.approx(trace["x_m"][-1], abs=0.03)
+    assert series["fear"].max() == pytest.approx(np.nanmax(trace["decision.fear"]), abs=1e-3)
+    assert detail["bands"]["section"] == [[0.0, trace.words["section"][0]]]
+    left = np.column_stack([decoded(code) for code in detail["edges"][:2]])
+    right = np.column_stack([decoded(code) for code in detail["edges"][2:]])
+    assert np.linalg.norm(left - right, axis=1) == pytest.approx(trace["lane_width_m"][0], abs=0.08)
+
+
+def test_the_picture_is_the_frame_of_that_moment(filmed, detail):
+    result, film = filmed
+    at_s = result.trace["t_s"][worst_sample(result.trace)[0]]
+    assert at_s - 0.2 <= detail["picture"]["t"] <= at_s
+    assert detail["picture"]["uri"].startswith("data:image/jpeg;base64,")
+    assert film.at(-99.0) is None and Film().at(3.0) is None
+
+
+@pytest.fixture(scope="module")
+def page_file(scenario, filmed, detail, tmp_path_factory):
+    """Forty runs of which every third failed, one with a name that tries to break out of the page."""
+    page, row = Page("Forty runs & <some> %RUNS%"), filmed[0].row()
+    for seed in range(40):
+        failed = seed % 3 == 0
+        scores = dict.fromkeys(row) if seed == 9 else row  # one crashed: it has no scores
+        page.add(
+            {
+                **scores,
+                "seed": seed,
+                "scenario": "</script><b>odd" if seed == 7 else row["scenario"],
+                "status": "failed" if failed else "passed",
+                "reasons": ["max_lateral_error_m 0.9: at most 0.3 expected"] if failed else [],
+                "max_lateral_error_m": None if seed == 9 else (seed * 7 % 40) / 100,
+                "min_time_gap_s": None if seed % 2 else seed / 10,
+            },
+            tags=[*scenario.tags, "fault"] if seed < 4 else scenario.tags,
+            detail=None if seed == 9 else detail,
+        )
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    page.write(path)
+    return path
+
+
+def test_the_page_is_one_file_that_names_no_other(page_file):
+    text = page_file.read_text()
+    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)|\ssrc=|<link|@import|url\(", text)
+    assert "default-src 'none'" in text
+    assert text.count("data:image/jpeg") == 13 + MAX_OTHER_PICTURES  # of 14 failed runs one has no detail
+
+
+def test_lane_edges_that_runs_share_are_stored_once(page_file):
+    text = page_file.read_text()
+    edges = re.search(r'id="edges">(.*?)</script>', text, re.DOTALL)
+    assert len(json.loads(edges[1])) == 1
+
+
+@pytest.fixture(scope="module")
+def browser(page_file, tmp_path_factory):
+    if CHROMIUM is None or DRIVER is None:
+        pytest.skip("no Chromium with its driver here (Debian: chromium, chromium-driver)")
+    webdriver = pytest.importorskip("selenium.webdriver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    profile = tmp_path_factory.mktemp("profile")
+    for flag in (
+        *("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--window-size=1366,900"),
+        *("--disable-background-networking", "--disable-component-update", f"--user-data-dir={profile}"),
+    ):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    service = webdriver.ChromeService(
+        executable_path=DRIVER, env={**os.environ, "no_proxy": "localhost,127.0.0.1"}
+    )
+    driver = webdriver.Chrome(options=options, service=service)
+    try:
+        driver.get(page_file.as_uri())
+        yield driver
+    finally:
+        driver.quit()
+
+
+def column(browser, name):
+    script = """const heads = [...document.querySelectorAll('#heads th')];
+                const at = heads.findIndex(head => head.dataset.name === arguments[0]);
+                return [...document.querySelectorAll('#rows tr.run')].map(row => row.cells[at].textContent);"""
+    return browser.execute_script(script, name)
+
+
+def click(browser, selector):
+    browser.find_element("css selector", selector).click()
+
+
+def test_the_page_asks_the_network_for_nothing_and_reports_no_error(browser, page_file):
+    assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
+    messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
+    sent = [m["params"] for m in messages if m["method"] == "Network.requestWillBeSent"]
+    asked = {m["request"]["url"] for m in sent if m["documentURL"] == page_file.as_uri()}
+    assert asked == {page_file.as_uri()}
+
+
+def test_every_run_has_a_row_and_odd_names_are_only_text(browser):
+    assert len(column(browser, "seed")) == 40
+    assert column(browser, "scenario")[7] == "</script><b>odd"
+    assert browser.find_elements("css selector", "#rows b") == []
+    assert "40 runs, 14 failed" in browser.find_element("id", "about").text
+    assert browser.find_element("id", "title").text == "Forty runs & <some> %RUNS%"
+
+
+def test_a_click_on_a_head_sorts_from_the_worst_and_another_turns_it(browser):
+    click(browser, "th[data-name=max_lateral_error_m]")
+    *falling, last = column(browser, "max_lateral_error_m")
+    assert falling == sorted(falling, key=float, reverse=True) and len(set(falling)) == 39
+    click(browser, "th[data-name=max_lateral_error_m]")
+    assert column(browser, "max_lateral_error_m") == [*falling[::-1], last]
+    assert last == "–"
+    for _ in range(2):  # what is absent comes last either way
+        click(browser, "th[data-name=min_time_gap_s]")
+        assert column(browser, "min_time_gap_s")[-20:] == ["–"] * 20
+
+
+def test_runs_are_filtered_by_status_tag_and_words(browser):
+    buttons = {button.text: button for button in browser.find_elements("css selector", "#tools button")}
+    buttons["failed 14"].click()
+    assert set(column(browser, "status")) == {"failed"} and len(column(browser, "status")) == 14
+    click(browser, "#tools button[aria-pressed=true]")
+    search = browser.find_element("css selector", "#tools input")
+    search.send_keys("odd 7")
+    assert column(browser, "seed") == ["7"]
+    search.clear()
+    search.send_keys(" ")
+    next(b for b in browser.find_elements("css selector", "#tools button") if b.text == "fault").click()
+    assert sorted(column(browser, "seed")) == ["0", "1", "2", "3"]
+    click(browser, "#tools button[aria-pressed=true]")
+    assert len(column(browser, "seed")) == 40
+
+
+def test_a_click_on_a_run_opens_its_path_timelines_picture_reasons_and_command(browser):
+    assert browser.find_elements("css selector", ".sheet") == []
+    click(browser, "#run-3")
+    sheet = browser.find_element("css selector", "#sheet-3 .sheet")
+    assert "max_lateral_error_m 0.9: at most 0.3 expected" in sheet.text
+    assert sheet.find_element("css selector", "code").text == "trepid sim run straight --seed 3"
+    assert len(sheet.find_elements("css selector", "svg.map path.edge")) == 2
+    assert len(sheet.find_elements("css selector", "svg.map path.path")) > 5
+    assert len(sheet.find_elements("css selector", "svg.lines path.plot")) == 3
+    width = browser.execute_script(
+        "return arguments[0].naturalWidth", sheet.find_element("css selector", "img")
+    )
+    assert width == 480
+    names = [dt.text for dt in sheet.find_elements("css selector", "dt")]
+    assert {"trace_sha256", "fear_auroc", "modes"} <= set(names)
+
+
+def test_the_cursor_reads_the_run_at_its_time(browser, detail):
+    series = {name: decoded(code) for name, code in detail["series"].items()}
+    browser.execute_script(
+        """const lines = document.querySelector('#sheet-3 svg.lines'), box = lines.getBoundingClientRect();
+           lines.dispatchEvent(new PointerEvent('pointermove', {clientX: box.right - 8, clientY: box.top + 20}));"""
+    )
+    told = browser.find_element("css selector", "#sheet-3 .readout").text
+    assert f"t {series['t'][-1]:.2f} s" in told and f"speed {series['speed'][-1]:.2f} m/s" in told
+    dot = browser.find_element("css selector", "#sheet-3 svg.map circle")
+    assert float(dot.get_attribute("cx")) == pytest.approx(series["x"][-1], abs=0.01)
+
+
+def test_a_run_without_timelines_says_so_and_a_second_click_closes(browser):
+    click(browser, "#run-9")
+    assert "No timelines were kept" in browser.find_element("css selector", "#sheet-9").text
+    click(browser, "#run-9")
+    assert browser.find_elements("css selector", "#sheet-9") == []
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []

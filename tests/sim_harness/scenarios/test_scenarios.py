@@ -1,0 +1,191 @@
+"""Scenario files: what they say, what they get wrong, and where."""
+
+import textwrap
+
+import pytest
+
+from sim_harness.scenarios.scenario import (
+    Scenario,
+    Tag,
+    list_scenarios,
+    load_scenario,
+    load_scenarios,
+)
+from sim_harness.world.plants.plant import real_vehicle
+from trepid.config import CONFIG_DIR, ROOT, InputError, load
+from trepid.vehicle import Vehicle
+
+GOOD = """\
+description: a test
+tags: [nominal]
+road: straight
+duration_s: 10
+"""
+
+
+def write(tmp_path, text, name="mine.yaml"):
+    path = tmp_path / name
+    path.write_text(textwrap.dedent(text))
+    return str(path)
+
+
+@pytest.mark.parametrize("scenario", list_scenarios(), ids=lambda scenario: scenario.name)
+def test_every_shipped_scenario_fits_together(scenario):
+    scenario.check()
+    assert scenario.route_m(scenario.build_road()) > 0
+
+
+def test_shipped_scenarios_are_short_and_cover_every_tag():
+    assert {tag for scenario in list_scenarios() for tag in scenario.tags} == set(Tag)
+    for path in (CONFIG_DIR / "scenarios").glob("*.yaml"):
+        assert len(path.read_text().splitlines()) <= 30, path
+
+
+def test_a_scenario_takes_its_name_from_its_file(tmp_path):
+    assert load_scenario(write(tmp_path, GOOD)).name == "mine"
+    assert load_scenario("circuit").name == "circuit"
+
+
+@pytest.mark.parametrize(
+    ("line", "where"),
+    [
+        ("duraton_s: 3", r"mine\.yaml:5:1: unknown field 'duraton_s'; did you mean 'duration_s'\?"),
+        ("start: {offset: 1}", r"mine\.yaml:5:9: unknown field 'start\.offset'; did you mean 'offset_m'\?"),
+        ("camera: {rate_hz: fast}", r"mine\.yaml:5:10: camera\.rate_hz: .*valid number"),
+        (
+            "faults: [{kind: frozen_camera}]",
+            r"mine\.yaml:5:1?\d: 'faults\.0\.from_s' is missing",
+        ),
+        ("faults: [{kind: aliens, from_s: 1}]", r"mine\.yaml:5:\d+: .*aliens"),
+        (
+            "faults: [{kind: lost_process, process: gps, from_s: 1}]",
+            "no process 'gps'; there are camera, cnn",
+        ),
+        ("segments: [{length_m: -1}]", r"mine\.yaml:5:\d+: segments\.0\.length_m: .*greater than 0"),
+        ("lane_width_m: .nan", r"mine\.yaml:5:1: lane_width_m: .*finite"),
+        ("tags: [", r"mine\.yaml:\d+:\d+: not valid YAML"),
+    ],
+)
+def test_a_mistake_in_a_scenario_is_named_with_its_place(tmp_path, line, where):
+    with pytest.raises(InputError, match=where):
+        load_scenario(write(tmp_path, GOOD + line))
+
+
+def test_a_missing_scenario_names_those_there_are():
+    with pytest.raises(InputError, match=r"no scenario 'circus'; there are .*circuit"):
+        load_scenario("circus")
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (
+            "segments: [{length_m: 9}, {length_m: 9, curvature_1pm: 0.1}]",
+            r"mine\.yaml:5:1: segments: .*curvature jumps",
+        ),
+        ("plant: {vehicle: {wheelbase: 2}}", r"mine\.yaml:5:1: plant: .*wheelbase"),
+        ("estimators: [lidar]", r"mine\.yaml:5:14: estimators\.0: no estimator 'lidar'; there are cv, cnn"),
+        (
+            "sight: truth\nfaults: [{kind: black_frames, from_s: 1}]",
+            r"mine\.yaml:6:10: faults\.0: black_frames: with sight: truth there is no picture",
+        ),
+        (
+            "expect: {conditions: [speed <= 9 m/s, speed <= 1 m/s within 2 s of black_frames]}",
+            r"mine\.yaml:5:39: expect\.conditions\.1: .*nothing called 'black_frames' happens here",
+        ),
+        ("marks: [{kind: zebra, at_m: 5000}]", r"mine\.yaml:5:1: marks: .*beyond the road"),
+        ("road: nowhere", "no road 'nowhere'; there are .*circuit"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused_before_the_run(tmp_path, line, message):
+    text = GOOD.replace("road: straight\n", "") if line.startswith("road") else GOOD
+    with pytest.raises(InputError, match=message):
+        load_scenario(write(tmp_path, text + line)).check()
+
+
+def test_settings_from_the_command_line_replace_those_of_the_file(tmp_path):
+    overrides = {"duration_s": "3", "camera.latency_s": "0.1"}
+    scenario = load_scenario(write(tmp_path, GOOD), overrides)
+    assert (scenario.duration_s, scenario.camera.latency_s, scenario.camera.rate_hz) == (3.0, 0.1, 25.0)
+    with pytest.raises(InputError, match=r"--set duration_s: duration_s: .*greater than 0"):
+        load_scenario(write(tmp_path, GOOD), {"duration_s": "-3"})
+
+
+def test_a_relative_rule_file_lies_beside_the_scenario_or_where_the_override_was_typed(tmp_path, monkeypatch):
+    vary = "vary:\n  start.offset_m: [-0.2, 0.2]\n"
+    rules = (CONFIG_DIR / "fear.yaml").read_text()
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "own.yaml").write_text(rules)
+    (tmp_path / "typed.yaml").write_text(rules)
+    beside = load_scenario(write(tmp_path, f"{GOOD}rules: own.yaml\n{vary}", "a/mine.yaml"))
+    assert beside.rules_file.resolve() == tmp_path / "a" / "own.yaml"
+    monkeypatch.chdir(tmp_path)
+    typed = load_scenario(write(tmp_path, GOOD + vary, "a/other.yaml"), {"rules": "typed.yaml"})
+    assert typed.rules_file.resolve() == tmp_path / "typed.yaml"
+
+
+def test_a_scenario_survives_json_unchanged():
+    for scenario in list_scenarios():
+        assert Scenario.model_validate(scenario.model_dump(mode="json")) == scenario
+
+
+def test_appearance_width_and_line_replace_those_of_the_road():
+    bend = load_scenario("curve_right_r15").build_road()
+    assert min(bend.curvature_at(station) for station in range(150)) == pytest.approx(-1 / 15)
+    assert not bend.closed
+    glare = load_scenario("glare").build_road()
+    assert {section.light.glare for section in glare.sections} == {0.75}
+    assert load_scenario("straight", {"lane_width_m": "3.0"}).build_road().width_at(5.0) == 3.0
+
+
+def test_a_plant_may_differ_from_the_vehicle_that_the_controller_believes_in():
+    believed = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    real = load_scenario("straight", {"plant.vehicle.steering_lag_s": "0.3"}).plant
+    assert real_vehicle(real, believed) == believed.model_copy(update={"steering_lag_s": 0.3})
+
+
+def test_a_shortened_scenario_keeps_only_what_it_can_still_be_expected_to_do():
+    short = load_scenario("circuit").shortened(20.0)
+    assert (short.duration_s, short.expect.must_finish, short.expect.min_mean_speed_mps) == (
+        20.0,
+        False,
+        None,
+    )
+    assert short.expect.max_lateral_accel_mps2 == load_scenario("circuit").expect.max_lateral_accel_mps2
+    assert load_scenario("circuit").shortened(1e4) == load_scenario("circuit")
+    assert load_scenario("frozen_camera").shortened(10.0).expect.must_stop_by_s is None
+    assert load_scenario("frozen_camera").shortened(20.0).expect.must_stop_by_s == 18.0
+
+
+def test_a_python_script_makes_scenarios(tmp_path):
+    script = """\
+    from sim_harness.scenarios.scenario import load_scenario
+
+    scenarios = [load_scenario("straight").model_copy(update={"name": f"drift {i}"}) for i in range(3)]
+    """
+    assert [s.name for s in load_scenarios(write(tmp_path, script, "sweep.py"))] == [
+        "drift 0",
+        "drift 1",
+        "drift 2",
+    ]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem)
+def test_every_example_script_is_short_and_fits_together(path):
+    assert len(path.read_text().splitlines()) <= 30
+    for scenario in load_scenarios(str(path)):
+        scenario.check()
+
+
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        ("x = 1\nscenarios = [1 / 0]\n", r"bad\.py:2: division by zero"),
+        ("def f(:\n", r"bad\.py:1: "),
+        ("x = 1\n", "must leave a Scenario or a list of them"),
+        ("scenarios = [3]\n", "must leave a Scenario or a list of them"),
+    ],
+)
+def test_a_broken_script_is_one_message_with_its_line(tmp_path, script, message):
+    with pytest.raises(InputError, match=message):
+        load_scenarios(write(tmp_path, script, "bad.py"))

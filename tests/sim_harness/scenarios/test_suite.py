@@ -1,0 +1,83 @@
+"""The shipped scenarios: all of them load, are short, cover the subject, start, and make ten thousand cases."""
+
+import json
+
+import pytest
+
+from sim_harness.lockstep.closed_loop import run
+from sim_harness.scenarios.sampling import Method, cases, grid_sizes
+from sim_harness.scenarios.scenario import SCENARIO_DIR, Scenario, Tag, list_scenarios, load_scenario
+from sim_harness.scenarios.schema import SCHEMA_FILE, scenario_schema
+from sim_harness.world.roads.disturbances import DisturbanceKind
+
+FILES = sorted(SCENARIO_DIR.glob("*.yaml"))
+SCENARIOS = list_scenarios()
+
+
+def fast(scenario):
+    """The first moments of a scenario on the true lane, without pictures and what goes wrong with them."""
+    data = scenario.shortened(0.2).model_dump(mode="json", exclude_unset=True)
+    faults = [f for f in data.get("faults", []) if f["kind"] not in ("frozen_camera", "black_frames")]
+    return Scenario.model_validate(
+        {**data, "sight": "truth", "disturbances": [], "faults": faults, "vary": {}}
+    )
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_scenario_fits_together_in_thirty_lines_and_says_what_it_shows(path):
+    scenario = load_scenario(path.stem)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 30
+    assert lines[0] == "# yaml-language-server: $schema=../schema/scenario.json"
+    assert 20 <= len(scenario.description) <= 120
+    assert scenario.route_m(scenario.build_road()) > 0
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
+def test_a_scenario_runs_its_first_moments(scenario):
+    result = run(fast(scenario))
+    assert result.metrics.duration_s == pytest.approx(0.2)
+    assert (result.metrics.departures, result.metrics.collisions) == (0, 0)
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
+def test_values_from_anywhere_in_the_ranges_fit_together(scenario):
+    for case in cases(scenario, Method.LHS, 1, seed=1):
+        case.scenario.check()
+
+
+def test_the_suite_holds_sixty_scenarios_and_ten_thousand_concrete_cases():
+    assert len(SCENARIOS) >= 60
+    assert sum(grid_sizes(SCENARIOS).values()) >= 10_000
+
+
+def test_every_tag_has_at_least_five_scenarios():
+    assert {tag: n for tag in Tag if (n := sum(tag in s.tags for s in SCENARIOS)) < 5} == {}
+
+
+def test_every_kind_of_disturbance_fault_and_manoeuvre_occurs():
+    def kinds(items):
+        return {item.kind for item in items}
+
+    schema = json.loads(scenario_schema())["$defs"]
+    manoeuvres = {
+        schema[name]["properties"]["kind"]["const"] for name in ("ChangeSpeed", "ChangeLane", "TurnOff")
+    }
+    faults = {
+        schema[name]["properties"]["kind"]["const"]
+        for name in ("FrozenCamera", "BlackFrames", "LateFrames", "LostProcess", "EstimatorBias", "LostLane")
+    }
+    assert set.union(*(kinds(s.disturbances) for s in SCENARIOS)) == set(DisturbanceKind)
+    assert set.union(*(kinds(s.faults) for s in SCENARIOS)) == faults
+    assert set.union(*(kinds(v.phases) for s in SCENARIOS for v in s.traffic)) == manoeuvres
+
+
+def test_every_process_is_lost_once():
+    lost = {f.process for s in SCENARIOS for f in s.faults if f.kind == "lost_process"}
+    assert lost == {"camera", "cv", "cnn", "supervisor", "controller"}
+
+
+def test_the_schema_for_editors_is_current():
+    assert SCHEMA_FILE.read_text(encoding="utf-8") == scenario_schema(), (
+        "write it again: trepid sim schema > config/schema/scenario.json"
+    )

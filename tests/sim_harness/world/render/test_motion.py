@@ -1,0 +1,76 @@
+"""What the vehicle's motion does to a picture, against the geometry of rigid motion."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim_harness.world.render.optics.motion import Shake, road_after
+from sim_harness.world.render.scene.view import Motion
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+HORIZON = 96
+SHAKE = Shake(CAMERA, HORIZON)
+BEND = Motion(speed_mps=8.0, yaw_rate_radps=0.5)
+
+
+def moved(matrix, pixel):
+    u, v, w = matrix @ (*pixel, 1.0)
+    return np.array([u / w, v / w])
+
+
+def test_the_vehicle_drives_the_arc_of_its_speed_and_yaw_rate():
+    x, y, turn, count = 0.0, 0.0, 0.0, 20000
+    for _ in range(count):
+        x += BEND.speed_mps * math.cos(turn) / count
+        y += BEND.speed_mps * math.sin(turn) / count
+        turn += BEND.yaw_rate_radps / count
+    after = road_after(BEND, 1.0)
+    assert after[:2, 2] == pytest.approx([x, y], abs=1e-3)
+    assert math.atan2(after[1, 0], after[0, 0]) == pytest.approx(turn)
+
+
+def test_a_point_of_the_ground_moves_as_the_camera_model_has_it():
+    later = np.array([[9.0, 1.5]])  # in the vehicle's axes after 40 ms
+    before = road_after(BEND, 0.04) @ (*later[0], 1.0)
+    expected = CAMERA.pixel_from_road([before[:2]])[0]
+    assert moved(SHAKE.ground(BEND, 0.04), CAMERA.pixel_from_road(later)[0]) == pytest.approx(expected)
+
+
+def test_two_motions_in_a_row_are_one():
+    both = SHAKE.ground(BEND, 0.01) @ SHAKE.ground(BEND, 0.02)
+    assert both == pytest.approx(SHAKE.ground(BEND, 0.03), abs=1e-9 * np.abs(both).max())
+
+
+@pytest.mark.parametrize("yaw_rate_radps", [0.8, -0.8])
+def test_a_pole_leans_while_the_vehicle_turns(yaw_rate_radps):
+    image = np.zeros((240, 320, 3), np.uint8)
+    image[:, 159:162] = 255
+    level = CAMERA.model_copy(update={"pitch_down_rad": 0.0})
+    rolled = Shake(level, 240).roll(image, Motion(0.0, yaw_rate_radps), 0.06)[:, :, 0].astype(float)
+    columns = (rolled * np.arange(320)).sum(axis=1) / rolled.sum(axis=1)
+    expected = 160 + CAMERA.fx_px * np.tan(yaw_rate_radps * 0.06 * np.arange(240) / 240)
+    assert columns == pytest.approx(expected, abs=0.3)
+
+
+def test_a_standing_vehicle_blurs_nothing():
+    image = np.random.default_rng(0).integers(0, 255, (240, 320, 3)).astype(np.uint8)
+    assert np.array_equal(SHAKE.blur(image, Motion(), 0.05), image)
+    assert np.abs(SHAKE.roll(image, Motion(), 0.05).astype(int) - image).max() <= 8
+
+
+def test_a_point_is_smeared_over_its_path():
+    image = np.zeros((240, 320, 3), np.uint8)
+    image[150, 230] = 255
+    speed = Motion(10.0, 0.0)
+    lit = np.argwhere(SHAKE.blur(image, speed, 0.05)[:, :, 0] > 0)
+    end = moved(np.linalg.inv(SHAKE.ground(speed, 0.05)), (230.0, 150.0))
+    assert lit[:, 1].min() >= 228 and lit[:, 0].min() >= 148
+    assert lit[:, 1].max() == pytest.approx(end[0], abs=3) and lit[:, 0].max() == pytest.approx(end[1], abs=3)
+
+
+def test_a_smear_keeps_the_light_of_an_even_picture():
+    image = np.full((240, 320, 3), 120, np.uint8)
+    assert np.abs(SHAKE.blur(image, BEND, 0.08).astype(int) - 120).max() <= 1

@@ -1,0 +1,84 @@
+"""Side roads leave where they should, open the edge, and interrupt the lines that they should."""
+
+import numpy as np
+import pytest
+from painted_road import WIDTH_M, bare, lengths_m, plan, straight
+from pydantic import ValidationError
+
+from sim_harness.world.roads.appearance import Marking, NeighbourLane, Verge
+
+LINE = Marking(width_m=0.15)
+HALF_M = WIDTH_M / 2
+SECTION = bare(
+    left=LINE, right=LINE, left_lanes=(NeighbourLane(width_m=3, marking=LINE),), verge=Verge.SNOW, kerb_m=0.2
+)
+
+
+def seen_with(**junction):
+    place = {"kind": "driveway", "side": "right", "at_m": 20, "width_m": 5, "radius_m": 2} | junction
+    return plan(straight(SECTION, junctions=(place,)), right_m=-12, left_m=12)
+
+
+@pytest.mark.parametrize(("side", "edge_m"), [("right", -HALF_M - 0.3), ("left", HALF_M + 3.3)])
+def test_a_side_road_is_as_wide_as_stated_and_leaves_to_its_side(side, edge_m):
+    seen = seen_with(side=side)
+    dark = seen.dark()
+    beyond = edge_m + np.sign(edge_m) * 3.0
+    assert lengths_m(dark[seen.row(beyond)]) == pytest.approx([5.0], abs=0.1)
+    assert np.flatnonzero(dark[seen.row(beyond)]).mean() == pytest.approx(seen.column(20), abs=2)
+    assert not dark[seen.row(-np.sign(edge_m) * 8.0)].any()
+
+
+def test_the_corners_are_rounded_with_the_radius():
+    seen = seen_with(radius_m=3)
+    dark = seen.dark()
+    for away_m in (0.5, 1.0, 2.0):
+        width_m = 5 + 2 * (3 - np.sqrt(9 - (3 - away_m) ** 2))
+        assert lengths_m(dark[seen.row(-HALF_M - 0.3 - away_m)]) == pytest.approx([width_m], abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("kind", "side", "open_"),
+    [
+        ("driveway", "right", (True, False, False)),
+        ("driveway", "left", (False, False, True)),
+        ("driveway", "both", (True, False, True)),
+        ("intersection", "right", (True, True, False)),
+        ("intersection", "both", (True, True, True)),
+    ],
+)
+def test_lines_are_interrupted_at_the_mouth(kind, side, open_):
+    seen = seen_with(kind=kind, side=side)
+    for offset_m, is_open in zip((-HALF_M, HALF_M, HALF_M + 3), open_, strict=True):
+        line = seen.white()[seen.row(offset_m)]
+        assert lengths_m(~line) == pytest.approx([9.0] if is_open else [], abs=0.06)
+
+
+def test_the_kerb_is_open_at_the_mouth():
+    seen = seen_with()
+    kerb = seen.bgr[seen.row(-HALF_M - 0.4)].min(axis=1) > 110
+    assert not kerb[seen.column(16.5) : seen.column(23.5)].any()
+    assert kerb[: seen.column(15)].mean() > 0.9 and kerb[seen.column(25) :].mean() > 0.9
+
+
+def test_those_who_come_from_the_side_stop_on_their_right_half():
+    for side, sign in (("right", -1), ("left", 1)):
+        seen = seen_with(kind="intersection", side=side, centre_line=True)
+        edge_m = HALF_M + 0.3 + (3 if side == "left" else 0)
+        stop = seen.white()[seen.row(sign * (edge_m + 1.25)), seen.column(17.8) : seen.column(22.2)]
+        stations = seen.x_m[seen.column(17.8) : seen.column(22.2)][stop] - 20
+        assert len(stations) > 80 and (np.sign(stations) == -sign).mean() > 0.97
+
+
+def test_a_side_road_of_another_surface_shows_it():
+    asphalt, gravel = seen_with(), seen_with(surface="gravel")
+    place = (slice(asphalt.row(-9), asphalt.row(-7)), slice(asphalt.column(19), asphalt.column(21)))
+    redness = [
+        seen.bgr[place][:, :, 2].mean() / seen.bgr[place][:, :, 0].mean() for seen in (asphalt, gravel)
+    ]
+    assert redness[1] > redness[0] + 0.2
+
+
+def test_a_junction_beyond_the_road_is_refused():
+    with pytest.raises(ValidationError, match=r"junctions.0 lies at 200.0 m, beyond the road's 100.0 m"):
+        seen_with(at_m=200)

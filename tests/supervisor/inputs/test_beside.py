@@ -1,0 +1,48 @@
+"""The lane beside ours as a view of ours."""
+
+import math
+
+import pytest
+
+from supervisor.inputs.beside import SHARE, in_own_lane
+from supervisor.inputs.lane import Lane
+from supervisor.inputs.validated import Sighting
+
+WIDTH_M = 3.5
+
+
+def seen(offset_m: float, *, marked: bool = True, width_error_m: float = 0.0) -> Sighting:
+    lane = Lane(offset_m, 0.02, 0.01, 0.0)
+    return Sighting(
+        "cv", 0.04, 1.0, False, 0.9, lane, 8.0, width_error_m, True, width_m=WIDTH_M, marked=marked
+    )
+
+
+@pytest.mark.parametrize("lanes_over", [-2, -1, 1, 2])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_lane_beside_ours_is_moved_over_by_whole_widths_and_believed_less(
+    lanes_over: int, side: int
+) -> None:
+    found = in_own_lane(seen(side * (0.3 + lanes_over * WIDTH_M)), side * 0.3)
+    assert found.lane is not None and found.confidence is not None
+    assert math.isclose(found.lane.offset_m, side * 0.3, abs_tol=1e-9)
+    assert found.lane[1:] == (0.02, 0.01, 0.0)
+    assert math.isclose(found.confidence, SHARE * 0.9)
+
+
+def test_at_the_beginning_the_car_is_taken_to_be_in_its_lane() -> None:
+    found = in_own_lane(seen(-3.5), None)
+    assert found.lane is not None and abs(found.lane.offset_m) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("sighting", "offset_m"),
+    [
+        (seen(1.7), 0.0),  # in its lane, if barely
+        (seen(2.2), 1.8),  # the path says so, too: the car has left its lane
+        (seen(3.5, marked=False), 0.0),  # the edges of a road are no lane beside ours
+        (seen(3.5, width_error_m=0.4), 0.0),  # what is not as wide as a lane is none
+    ],
+)
+def test_else_a_sighting_stays_as_it_is(sighting: Sighting, offset_m: float) -> None:
+    assert in_own_lane(sighting, offset_m) is sighting

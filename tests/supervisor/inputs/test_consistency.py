@@ -1,0 +1,90 @@
+"""Jitter and unrest: what jumps shows its error; what moves as the car does shows none."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from supervisor.inputs.consistency import AHEAD_M, KNOWN_M, Consistency, Steadiness
+from supervisor.inputs.lane import Lane, Motion
+from supervisor.inputs.validated import Sighting
+
+MOTION = Motion(8.0, 0.2)
+
+
+def sighting(lane: Lane | None, t_s: float) -> Sighting:
+    return Sighting("cnn", 0.0, t_s, False, 0.9, lane, 8.0, None, False)
+
+
+def steadiness(lanes: Sequence[Lane | None], *, repeats: int = 1) -> Steadiness:
+    consistency = Consistency()
+    for number, lane in enumerate(lanes):
+        for _ in range(repeats):
+            found = consistency.step([sighting(lane, 0.04 * number)], MOTION)
+    return found["cnn"]
+
+
+def jitter_m(lanes: Sequence[Lane | None], *, repeats: int = 1) -> float:
+    return steadiness(lanes, repeats=repeats).jitter_m
+
+
+def jumping(frames: int) -> list[Lane]:
+    lane, lanes = Lane(0.0, 0.0, 0.0, 0.0), []
+    for number in range(frames):
+        lane = lane.after(MOTION, 0.04)
+        lanes.append(lane._replace(offset_m=lane.offset_m + (0.15 if number % 2 else -0.15)))
+    return lanes
+
+
+def test_a_lane_that_moves_as_the_car_does_has_no_jitter() -> None:
+    lanes = [Lane(0.2, 0.01, 0.02, 0.0)]
+    for _ in range(20):
+        lanes.append(lanes[-1].after(MOTION, 0.04))
+    assert jitter_m(lanes) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_a_lane_that_jumps_to_and_fro_has_the_size_of_its_jumps(repeats: int) -> None:
+    assert jitter_m(jumping(60), repeats=repeats) == pytest.approx(0.3, rel=0.05)
+
+
+def test_after_a_gap_it_begins_anew() -> None:
+    assert jitter_m([Lane(0.0, 0.0, 0.0, 0.0), *[None] * 20, Lane(1.0, 0.0, 0.0, 0.0)]) == 0.0
+
+
+def test_a_turn_counts_by_what_it_moves_ahead() -> None:
+    turned = jitter_m([Lane(0.0, 0.0, 0.0, 0.0), Lane(0.0, 0.0, 0.0, 0.0)._replace(heading_rad=0.1)])
+    assert turned < 0.1 * AHEAD_M
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_who_jumps_all_the_way_has_an_unrest_of_the_size_of_its_jumps(repeats: int) -> None:
+    assert steadiness(jumping(120), repeats=repeats).unrest_m == pytest.approx(0.3, rel=0.05)
+
+
+def test_two_seconds_of_steadiness_end_the_jitter_but_not_the_unrest() -> None:
+    lanes = jumping(60)
+    for _ in range(50):
+        lanes.append(lanes[-1].after(MOTION, 0.04))
+    calmed = steadiness(lanes)
+    assert calmed.jitter_m < 0.05
+    assert calmed.unrest_m > 0.05
+
+
+def test_a_standing_car_does_not_wear_its_unrest_off() -> None:
+    consistency, standing = Consistency(), Motion(0.0, 0.0)
+    for number, lane in enumerate(jumping(60)):
+        moved = consistency.step([sighting(lane, 0.04 * number)], MOTION)["cnn"]
+    for number in range(60, 600):
+        stood = consistency.step([sighting(lane, 0.04 * number)], standing)["cnn"]
+    assert stood.jitter_m < 1e-6
+    assert stood.unrest_m == moved.unrest_m
+
+
+def test_a_gap_neither_calms_nor_alarms() -> None:
+    lanes = jumping(60)
+    assert steadiness([*lanes, *[None] * 20, lanes[0]]).unrest_m == steadiness(lanes).unrest_m
+
+
+def test_who_has_not_been_seen_to_jump_is_as_steady_as_on_a_road_it_knows() -> None:
+    assert steadiness([None]).unrest_m == KNOWN_M
+    assert steadiness([Lane(0.0, 0.0, 0.0, 0.0)]).unrest_m == pytest.approx(KNOWN_M)

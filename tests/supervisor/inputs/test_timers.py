@@ -1,0 +1,37 @@
+"""Timers: what breaks begins anew, but patience is lost and won as fast."""
+
+import pytest
+
+from supervisor.inputs.timers import Patience, Stopwatch
+
+
+def test_a_stopwatch_runs_while_it_holds_and_begins_anew_after_a_break() -> None:
+    watch = Stopwatch()
+    told = [watch.step(now_s != 3.0, now_s=now_s) for now_s in (1.0, 2.0, 3.0, 4.0, 5.5)]
+    assert told == [0.0, 1.0, 0.0, 0.0, 1.5]
+
+
+def times_out(causes: list[str], *, limit_s: float = 1.0, period_s: float = 0.1) -> int | None:
+    """Index of the first decision at which patience ends."""
+    patience = Patience({"no_road": limit_s})
+    ended = [patience.ends(cause, now_s=period_s * n) for n, cause in enumerate(causes)]
+    return ended.index(True) if True in ended else None
+
+
+def test_patience_ends_after_its_time() -> None:
+    assert times_out(["no_road"] * 20) == 10
+    assert times_out(["dark"] * 20) is None
+    assert times_out([""] * 20) is None
+
+
+def test_a_cause_that_flickers_is_borne_longer_but_not_forgotten() -> None:
+    assert times_out(["no_road", "no_road", ""] * 20) in range(28, 35)
+    assert times_out(["no_road", ""] * 50) is None
+
+
+@pytest.mark.parametrize("limit_s", [0.5, 2.0])
+def test_after_the_cause_has_gone_patience_comes_back_as_fast_as_it_went(limit_s: float) -> None:
+    n = round(limit_s / 0.1)
+    causes = ["no_road"] * (10 * n) + [""] * n + ["no_road"] * (n - 1)
+    patience = Patience({"no_road": limit_s})
+    assert not [patience.ends(cause, now_s=0.1 * k) for k, cause in enumerate(causes)][-1]

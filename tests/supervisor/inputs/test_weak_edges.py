@@ -1,0 +1,52 @@
+"""Doubt about edges: a mean by way, so that patches add up and standing changes nothing."""
+
+import math
+
+import pytest
+
+from supervisor.inputs.lane import Motion
+from supervisor.inputs.validated import Sighting
+from supervisor.inputs.weak_edges import EDGES_M, WeakEdges
+
+SPEED_MPS, DT_S = 5.0, 0.04
+
+
+def sighting(confidence: float | None, *, marked: bool | None) -> Sighting:
+    return Sighting("cv", 0.0, 0.0, False, confidence, None, 8.0, None, True, marked=marked)
+
+
+def doubt(edges: WeakEdges, seen: list[Sighting], *, way_m: float, from_s: float = 0.0) -> float:
+    frames = round(way_m / (SPEED_MPS * DT_S))
+    edges.step(seen, Motion(0.0, 0.0), now_s=from_s)
+    return [edges.step(seen, Motion(SPEED_MPS, 0.0), now_s=from_s + n * DT_S) for n in range(1, frames + 1)][
+        -1
+    ]
+
+
+@pytest.mark.parametrize("confidence", [0.2, 0.6, 0.95])
+def test_it_grows_towards_the_doubt_by_way(confidence: float) -> None:
+    found = doubt(WeakEdges(), [sighting(confidence, marked=False)], way_m=EDGES_M)
+    assert found == pytest.approx((1 - confidence) * (1 - math.exp(-1)))
+
+
+def test_a_road_of_lines_has_none_however_unsure_they_are() -> None:
+    assert doubt(WeakEdges(), [sighting(0.3, marked=True)], way_m=50.0) == 0.0
+
+
+def test_lines_wear_it_off_by_way_and_standing_does_not() -> None:
+    edges, lines = WeakEdges(), [sighting(0.99, marked=True)]
+    doubt(edges, [sighting(0.5, marked=False)], way_m=60.0)
+    before, *standing = [edges.step(lines, Motion(0.0, 0.0), now_s=100.0 + n) for n in range(60)]
+    assert before > 0.45
+    assert set(standing) == {before}
+    assert doubt(edges, lines, way_m=EDGES_M, from_s=200.0) == pytest.approx(before * math.exp(-1))
+
+
+def test_where_nobody_tells_edges_from_lines_it_stays_as_it_is() -> None:
+    edges = WeakEdges()
+    before = doubt(edges, [sighting(0.5, marked=False)], way_m=30.0)
+    assert doubt(edges, [sighting(0.9, marked=None)], way_m=30.0, from_s=10.0) == before
+
+
+def test_edges_whose_confidence_is_unknown_are_doubted_wholly() -> None:
+    assert doubt(WeakEdges(), [sighting(None, marked=False)], way_m=200.0) == pytest.approx(1.0, abs=1e-3)

@@ -1,0 +1,106 @@
+"""The clothoid through a trail: closed forms, odometry, and how sure it is."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from supervisor.inputs.lane import Lane, Motion
+from supervisor.path.trail import Trail, fit, max_curvature_rate_1pm2
+from supervisor.supervisor import SupervisorSettings
+from trepid.config import CONFIG_DIR, load
+
+SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).follow.trail
+STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
+
+
+def points(lane: Lane, *, sigma_m: float = 0.05) -> np.ndarray:
+    return np.array([(x, lane.y_m(x), sigma_m**-2) for x in np.arange(-5.0, 20.0, 0.5)])
+
+
+@given(st.floats(-0.5, 0.5), st.floats(-0.1, 0.1), st.floats(-0.03, 0.03), st.floats(-0.001, 0.001))
+@settings(max_examples=25, deadline=None)
+def test_points_on_a_clothoid_give_that_clothoid(
+    offset_m: float, heading_rad: float, curvature_1pm: float, rate_1pm2: float
+) -> None:
+    lane = Lane(offset_m, heading_rad, curvature_1pm, rate_1pm2)
+    found = fit(
+        points(lane, sigma_m=0.01),
+        STRAIGHT,
+        SETTINGS,
+        around_m=0.0,
+        window_m=SETTINGS.window_m,
+        speed_mps=2.0,
+    ).lane
+    for x_m in (0.0, 5.0, 10.0):
+        assert found.y_m(x_m) == pytest.approx(lane.y_m(x_m), abs=0.02)
+
+
+def test_without_points_the_prior_is_all_there_is() -> None:
+    prior = Lane(0.2, -0.03, 0.01, 0.0)
+    found = fit(np.empty((0, 3)), prior, SETTINGS, around_m=0.0, window_m=SETTINGS.window_m, speed_mps=5.0)
+    assert found.lane == pytest.approx(prior)
+    assert found.sigma_m(0.0) == pytest.approx(SETTINGS.offset_sigma_m)
+
+
+def test_it_is_less_sure_of_what_lies_beyond_the_points() -> None:
+    found = fit(points(STRAIGHT), STRAIGHT, SETTINGS, around_m=0.0, window_m=SETTINGS.window_m, speed_mps=5.0)
+    assert found.sigma_m(5.0) < found.sigma_m(30.0) < found.sigma_m(45.0)
+
+
+def test_the_sigma_is_what_noise_does() -> None:
+    """Monte Carlo: noisy points scatter the fit by what its covariance says, near the points."""
+    rng = np.random.default_rng(1)
+    clean = points(STRAIGHT, sigma_m=0.2)
+    found = []
+    for _ in range(300):
+        noisy = clean.copy()
+        noisy[:, 1] += rng.normal(0, 0.2, len(clean))
+        found.append(
+            fit(noisy, STRAIGHT, SETTINGS, around_m=8.0, window_m=SETTINGS.window_m, speed_mps=5.0).lane.y_m(
+                8.0
+            )
+        )
+    expected = fit(
+        clean, STRAIGHT, SETTINGS, around_m=8.0, window_m=SETTINGS.window_m, speed_mps=5.0
+    ).sigma_m(8.0)
+    assert np.std(found) == pytest.approx(expected, rel=0.3)
+
+
+def test_points_stay_where_they_are_while_the_vehicle_drives_a_circle() -> None:
+    trail, speed_mps, radius_m = Trail(SETTINGS), 5.0, 20.0
+    trail.add(10.0, 2.0)
+    motion = Motion(speed_mps, speed_mps / radius_m)
+    for _ in range(100):
+        trail.move(motion, 0.01)
+    angle = 100 * 0.01 * speed_mps / radius_m
+    here = np.array([radius_m * math.sin(angle), radius_m * (1 - math.cos(angle))])
+    turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    assert trail.seen()[0, :2] == pytest.approx(turn @ (np.array([10.0, 2.0]) - here), abs=1e-4)
+
+
+def test_many_sightings_of_one_place_are_one_point_between_them() -> None:
+    trail = Trail(SETTINGS)
+    for y_m in (0.1, -0.1, 0.1, -0.1):
+        trail.add(10.0, y_m)
+    seen = trail.seen()
+    assert len(seen) == 1
+    assert abs(seen[0, 1]) < 0.05
+    assert seen[0, 2] <= SETTINGS.least_sigma_m**-2
+
+
+def test_what_is_far_behind_or_ahead_is_forgotten() -> None:
+    trail = Trail(SETTINGS)
+    trail.add(3.0, 0.0)
+    trail.move(Motion(5.0, 0.0), 2.0)
+    assert len(trail.seen()) == 1
+    trail.move(Motion(5.0, 0.0), 2.0)
+    assert len(trail.seen()) == 0
+
+
+def test_roads_bend_less_fast_where_one_drives_faster() -> None:
+    rates = [max_curvature_rate_1pm2(v, SETTINGS) for v in (0.0, 3.0, 5.0, 8.0, 20.0)]
+    assert rates == sorted(rates, reverse=True)
+    assert max_curvature_rate_1pm2(10.0, SETTINGS) == pytest.approx(SETTINGS.road_jerk_mps3 / 1000)

@@ -1,0 +1,293 @@
+"""The engine: scikit-fuzzy's sets, fear that never falls as a risk rises, and no silence."""
+
+import itertools
+import math
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfuzzy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rule_rig import small_rules
+from scipy.stats import kendalltau
+
+from sim_harness.bench.fear.fingerprint import differing_processes
+from supervisor.rules.coverage import calmest, worst
+from supervisor.rules.inference import SILENT, FearRules, Trust
+from supervisor.rules.rule_file import LEVELS, Input, RuleFile, Sets
+from supervisor.rules.sentence import parse_rule
+from trepid.config import CONFIG_DIR
+from trepid.messages import Mode
+
+RULES = FearRules.load(CONFIG_DIR / "fear.yaml")
+CALM, WORST = calmest(RULES), worst(RULES)
+POINTS = st.fixed_dictionaries(
+    {name: st.floats(*spec.range, allow_subnormal=False) for name, spec in RULES.inputs.items()}
+)
+
+
+def rules_of(*sentences: str, inputs: dict[str, Input] | None = None) -> FearRules:
+    """The shipped file with other rules, and other inputs if given."""
+    file = RuleFile(
+        inputs=inputs or RULES.inputs,
+        rules=sentences,
+        fear=RULES.file.fear,
+        hysteresis=RULES.file.hysteresis,
+    )
+    return FearRules(file, tuple(parse_rule(sentence, file.inputs) for sentence in sentences))
+
+
+@settings(max_examples=25, deadline=None)
+@given(POINTS)
+def test_memberships_are_those_of_scikit_fuzzy(point: dict[str, float]) -> None:
+    memberships = RULES.memberships(point)
+    for name, spec in RULES.inputs.items():
+        for level in LEVELS:
+            points = getattr(spec.sets, level)
+            function = skfuzzy.trapmf if len(points) == 4 else skfuzzy.trimf
+            expected = float(function(np.array([point[name]]), list(points))[0])
+            assert memberships[name][level] == pytest.approx(expected, abs=1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(POINTS, st.sampled_from(RULES.names), st.floats(0, 1))
+def test_fear_never_falls_as_a_risk_rises(point: dict[str, float], name: str, part: float) -> None:
+    riskier = point[name] + part * (RULES.inputs[name].worst - point[name])
+    assert (
+        RULES.evaluate({**point, name: riskier}).fear >= RULES.evaluate(point).fear - 1e-12
+    )  # rounding of a sum
+
+
+@settings(max_examples=60, deadline=None)
+@given(POINTS, st.sampled_from(RULES.names), st.sampled_from([None, math.nan, math.inf, -math.inf]))
+def test_what_is_missing_makes_fear_1_and_is_named(
+    point: dict[str, float], name: str, absent: float | None
+) -> None:
+    felt = RULES.evaluate({**point, name: absent})
+    assert felt.fear == 1
+    assert felt.rules[0].text.startswith(f"missing {name}")
+
+
+def test_an_input_left_out_is_missing() -> None:
+    assert RULES.evaluate({}).fear == 1
+    assert {f"missing {name}" for name in RULES.names} <= {
+        fired.text.split(":")[0] for fired in RULES.evaluate({}).rules
+    }
+
+
+@pytest.mark.parametrize("side", ["worst", "calmest"])
+@pytest.mark.parametrize("name", RULES.names)
+def test_a_value_beyond_the_range_counts_as_its_end_only_where_the_file_says_so(name: str, side: str) -> None:
+    spec = RULES.inputs[name]
+    middle, end = sum(spec.range) / 2, getattr(spec, side)
+    felt = RULES.evaluate({**CALM, name: end + (end - middle)})
+    if spec.beyond == "end":
+        assert felt == RULES.evaluate({**CALM, name: end})
+    else:
+        assert (felt.fear, felt.texts[0].split(" ")[:2]) == (1, ["impossible", name])
+
+
+def test_fear_is_exactly_0_when_all_is_calm_and_exactly_1_at_the_worst() -> None:
+    calm, terrified = RULES.evaluate(CALM), RULES.evaluate(WORST)
+    assert (calm.fear, calm.level, calm.cause) == (0, "very_low", "none")
+    assert (terrified.fear, terrified.level) == (1, "very_high")
+
+
+def test_where_no_rule_speaks_fear_is_1() -> None:
+    felt = rules_of("if speed is very_high then fear is low").evaluate(CALM)
+    assert (felt.fear, felt.cause) == (1, "no_rule")
+    assert felt.rules[-1].text == SILENT
+
+
+def test_strength_is_min_for_and_max_for_or_and_times_the_weight() -> None:
+    values = {**CALM, "disagreement": 1.0, "lateral_error": 0.4}  # low: 0.75 and 2/3
+    both, either, weighted = (
+        rules_of(f"if {text}").evaluate(values)
+        for text in (
+            "disagreement is low and lateral_error is low then fear is very_high",
+            "disagreement is low or lateral_error is low then fear is very_high",
+            "disagreement is low then fear is very_high with weight 0.5",
+        )
+    )
+    assert both.rules[0].strength == pytest.approx(2 / 3)
+    assert either.rules[0].strength == pytest.approx(0.75)
+    assert weighted.rules[0].strength == pytest.approx(0.375)
+    assert both.fear == pytest.approx(2 / 3)  # a rule for level 1 at strength t gives t
+
+
+def test_fear_is_the_choquet_integral_of_the_levels() -> None:
+    felt = rules_of(
+        "if disagreement is low then fear is medium",
+        "if disagreement is medium then fear is very_high",
+    ).evaluate({**CALM, "disagreement": 1.4})  # low: 1, medium: 0.6
+    assert felt.fear == pytest.approx(0.5 * 1.0 + 0.5 * 0.6)
+
+
+def test_not_holds_where_the_set_and_all_calmer_ones_do_not() -> None:
+    rules = rules_of(
+        "if speed is not very_low then fear is very_high", "if speed is low then fear is very_low"
+    )
+    for speed in (0.0, 0.4, 0.75, 2.0, 30.0):
+        not_slow = 1 - RULES.memberships({"speed": speed})["speed"]["very_low"]
+        assert rules.evaluate({**CALM, "speed": speed}).fear == pytest.approx(not_slow)
+
+
+def _two_inputs() -> dict[str, Input]:
+    sets = Sets(
+        very_low=(0, 0, 0.25),
+        low=(0, 0.25, 0.5),
+        medium=(0.25, 0.5, 0.75),
+        high=(0.5, 0.75, 1),
+        very_high=(0.75, 1, 1),
+    )
+    return {
+        name: Input(meaning=name, unit="1", range=(0, 1), risk="rising", sets=sets) for name in ("a", "b")
+    }
+
+
+def test_fear_ranks_points_as_mamdanis_method_does() -> None:
+    """25 rules over two inputs, fear the mean level; scikit-fuzzy's primitives give the centroid."""
+    table = {(i, j): round((i + j) / 2 + 0.1) for i, j in itertools.product(range(5), repeat=2)}
+    rules = rules_of(
+        *(
+            f"if a is {LEVELS[i]} and b is {LEVELS[j]} then fear is {LEVELS[k]}"
+            for (i, j), k in table.items()
+        ),
+        inputs=_two_inputs(),
+    )
+    universe = np.linspace(0, 1, 201)
+    sets = [
+        skfuzzy.trimf(universe, [max(0, k - 1) / 4, k / 4, min(4, k + 1) / 4]) for k in range(len(LEVELS))
+    ]
+
+    def mamdani(a: float, b: float) -> float:
+        degree = [[skfuzzy.interp_membership(universe, s, x) for s in sets] for x in (a, b)]
+        clipped = [np.fmin(min(degree[0][i], degree[1][j]), sets[k]) for (i, j), k in table.items()]
+        return float(skfuzzy.defuzz(universe, np.max(clipped, axis=0), "centroid"))
+
+    points = np.random.default_rng(1).random((80, 2))
+    ours = [rules.evaluate({"a": a, "b": b}).fear for a, b in points]
+    theirs = [mamdani(a, b) for a, b in points]
+    assert kendalltau(ours, theirs).statistic > 0.85
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+@settings(max_examples=60, deadline=None)
+def test_more_fear_is_never_faster(one: float, other: float) -> None:
+    less, more = sorted((one, other))
+    assert RULES.speed_factor(more) <= RULES.speed_factor(less)
+    assert (RULES.speed_factor(0), RULES.speed_factor(1)) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("values", "cause", "mode"),
+    [
+        ({"brightness": 0.02, "lane_confidence": 0.1}, "dark", Mode.STOP),
+        ({"brightness": 0.0, "contrast": 0.0, "under_exposed": 1.0, "frozen": 1.0}, "dark", Mode.STOP),
+        ({"brightness": 1.0, "contrast": 0.0, "over_exposed": 1.0}, "over_exposed", Mode.STOP),
+        ({"brightness": 0.05}, "dark", Mode.CAUTION),
+        ({"over_exposed": 0.6, "lane_confidence": 0.1}, "over_exposed", Mode.STOP),
+        ({"over_exposed": 0.6}, "over_exposed", Mode.CAUTION),
+        ({"sharpness": 1.0}, "blurred", Mode.CAUTION),
+        ({"frozen": 0.5, "speed": 5.0}, "frozen_camera", Mode.STOP),
+        ({"frozen": 2.0, "speed": 0.0}, "none", Mode.KEEP),
+        ({"lane_confidence": 0.0, "lead_confidence": 0.0}, "no_road", Mode.STOP),
+        ({"lane_confidence": 0.0}, "no_road", Mode.CAUTION),
+        ({"cv_confidence": 0.0}, "low_confidence", Mode.CAUTION),
+        ({"disagreement": 4.0}, "disagreement", Mode.STOP),
+        ({"separation": 0.6}, "disagreement", Mode.CAUTION),
+        ({"frame_age": 0.4}, "stale_data", Mode.STOP),
+        ({"estimator_age": 0.5}, "lost_estimator", Mode.STOP),
+        ({"cv_confidence": None, "estimator_age": 0.6}, "lost_estimator", Mode.STOP),
+        ({"state_age": None, "speed": None}, "vehicle_state_lost", Mode.STOP),
+        ({"brightness": None, "sharpness": None}, "image_statistics_lost", Mode.STOP),
+        ({"cv_confidence": None, "frame_age": 0.4}, "stale_data", Mode.STOP),
+        ({"lateral_demand": 5.0}, "demand", Mode.CAUTION),
+        ({"lead_confidence": 0.0}, "none", Mode.KEEP),
+    ],
+)  # fmt: skip
+def test_the_shipped_rules_name_the_cause(values: dict[str, float | None], cause: str, mode: Mode) -> None:
+    felt = RULES.evaluate({**CALM, **values})
+    assert (felt.cause, RULES.mode(felt.fear)) == (cause, mode)
+
+
+@settings(max_examples=20, deadline=None)
+@given(POINTS, POINTS)
+def test_evaluating_changes_nothing(point: dict[str, float], other: dict[str, float]) -> None:
+    before = RULES.evaluate(point)
+    RULES.evaluate(other)
+    assert RULES.evaluate(point) == before
+
+
+def test_rules_are_told_strongest_first() -> None:
+    strengths = [fired.strength for fired in RULES.evaluate({**CALM, "disagreement": 1.9}).rules]
+    assert len(strengths) > 1
+    assert strengths == sorted(strengths, reverse=True)
+
+
+def test_a_weight_can_only_calm() -> None:
+    heavy = parse_rule("if disagreement is high then fear is very_high", RULES.names)
+    light = replace(heavy, weight=0.3)
+    values = {**CALM, "disagreement": 3.0}
+    fears = [FearRules(RULES.file, (rule,)).evaluate(values).fear for rule in (heavy, light)]
+    assert fears == [1, pytest.approx(0.3)]
+
+
+def found(seed: int) -> list[tuple[float, str, tuple[float, ...]]]:
+    """What the shipped rules find at random points."""
+    rng = np.random.default_rng(seed)
+    points = [{n: float(rng.uniform(*spec.range)) for n, spec in RULES.inputs.items()} for _ in range(200)]
+    return [(felt.fear, felt.cause, felt.strengths) for felt in map(RULES.evaluate, points)]
+
+
+def test_threads_that_share_the_rules_find_the_same_bits() -> None:
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(found, [1, 2, 3, 4])) == [found(seed) for seed in (1, 2, 3, 4)]
+
+
+def test_rules_sent_to_another_process_and_back_find_the_same_bits() -> None:
+    again = pickle.loads(pickle.dumps(RULES))
+    for point in (CALM, WORST, {**CALM, "disagreement": 1.9, "speed": 7.7}):
+        assert again.evaluate(point) == RULES.evaluate(point)
+        assert again.trust(point) == RULES.trust(point)
+
+
+def test_processes_with_other_hash_seeds_find_the_same_bits() -> None:
+    assert differing_processes(5, processes=1) == 0
+
+
+def test_trust_is_1_when_nothing_lowers_it_and_falls_to_what_a_rule_says() -> None:
+    rules = small_rules("if a is high then trust_cv is low because dim", estimators=("cv", "cnn"))
+    assert rules.trust({"a": 0.0})["cv"] == Trust(1, "none", (), ())
+    assert rules.trust({"a": 1.0})["cv"][:2] == (0.25, "dim")
+    assert rules.trust({"a": 0.625})["cv"].trust == pytest.approx(1 - 0.5 * 0.75)
+    assert rules.trust({"a": 1.0})["cnn"].trust == 1
+
+
+def test_trust_asks_only_for_the_inputs_of_its_rules_and_takes_what_is_missing_for_the_worst() -> None:
+    rules = small_rules("if a is high then trust_cv is very_low because dim", estimators=("cv",))
+    assert rules.trust({"a": 0.0, "b": None})["cv"].trust == 1
+    lost = rules.trust({"a": None})["cv"]
+    assert (lost.trust, lost.cause, lost.texts[0]) == (0, "missing_data", "missing a: taken as very_high")
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(0, 1), st.floats(0, 1), st.sampled_from("ab"), st.floats(0, 1))
+def test_more_risk_is_never_more_trust(a: float, b: float, name: str, x: float) -> None:
+    rules = small_rules(
+        "if a is low and b is not very_low then trust_cv is medium with weight 0.7",
+        "if a is high or b is very_high then trust_cv is very_low",
+        estimators=("cv",),
+    )
+    less, more = {"a": a, "b": b}, {"a": a, "b": b}
+    more[name] = max(x, less[name])
+    assert rules.trust(more)["cv"].trust <= rules.trust(less)["cv"].trust
+
+
+def test_rules_about_trust_do_not_frighten() -> None:
+    doubt, fear = "if a is high then trust_cv is very_low", "if a is very_high then fear is low"
+    rules = small_rules(doubt, fear, estimators=("cv",))
+    assert rules.evaluate({"a": 0.75, "b": 0}).cause == "no_rule"

@@ -1,0 +1,127 @@
+"""Rules that change while driving: good ones take over, bad ones never do, and the diagnostics topic says so."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from supervisor.rules.inference import FearRules
+from supervisor.rules.reload import News, RuleWatch, reread, taken_over
+from supervisor.supervisor import build
+from trepid.bus import free_endpoint, open_bus
+from trepid.clock import epoch_clock, epoch_offset_ns
+from trepid.config import CONFIG_DIR
+from trepid.messages import Health
+from trepid.processes.launch import Fleet, ProcessSpec
+from trepid.topics import DECISION, DIAGNOSTICS
+
+SHIPPED = (CONFIG_DIR / "fear.yaml").read_text(encoding="utf-8")
+MARK = "if state_age is very_high then fear is very_high because marked"
+MARKED = SHIPPED.replace("rules:\n", f"rules:\n  - {MARK}\n", 1)
+TYPO = SHIPPED.replace("if state_age is very_high", "if stat_age is very_high", 1)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    file = tmp_path / "fear.yaml"
+    file.write_text(SHIPPED, encoding="utf-8")
+    return file
+
+
+def until(condition: Callable[[], object], *, patience_s: float = 90) -> bool:
+    deadline_s = time.monotonic() + patience_s
+    while time.monotonic() < deadline_s:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def test_good_rules_come_back_compiled_and_find_the_same_as_if_loaded_here(path: Path) -> None:
+    path.write_text(MARKED, encoding="utf-8")
+    news, here = reread(path), FearRules.load(path)
+    assert news.rules is not None
+    assert news.complaint == ""
+    for values in ({}, {name: spec.calmest for name, spec in here.inputs.items()}):
+        assert news.rules.evaluate(values) == here.evaluate(values)
+
+
+def test_rules_that_could_not_drive_come_back_as_one_line(path: Path) -> None:
+    always = SHIPPED.replace("rules:\n", "rules:\n  - if speed is very_low then fear is high\n", 1)
+    path.write_text(always, encoding="utf-8")
+    news = reread(path)
+    assert news.rules is None
+    assert news.complaint.startswith(f"{path}:")
+    assert "always fires" in news.complaint
+    assert "\n" not in news.complaint
+
+
+def test_good_rules_are_handed_over_and_bad_ones_are_complained_of() -> None:
+    adopted: list[FearRules] = []
+    rules = FearRules.load(CONFIG_DIR / "fear.yaml")
+    assert taken_over(News(rules, ""), adopted.append) == (Health.OK, "drives by changed rules")
+    assert taken_over(News(None, "f:1:1: no"), adopted.append) == (Health.WARN, "old rules kept: f:1:1: no")
+    assert adopted == [rules]
+
+
+def test_rules_about_what_nothing_measures_are_refused_and_the_old_ones_stay(path: Path) -> None:
+    supervisor = build()
+    path.write_text(SHIPPED.replace("state_age", "moon_phase"), encoding="utf-8")
+    health, message = taken_over(reread(path), supervisor.adopt)
+    assert health is Health.WARN
+    assert "'moon_phase', which nothing measures" in message
+    decision = supervisor.step({}, None, None, None, now_s=0.0)
+    assert "moon_phase" not in decision.inputs
+
+
+def test_the_watch_tells_of_every_change_once_and_ends_with_its_thread(path: Path) -> None:
+    with RuleWatch(path) as watch:
+        assert watch.take() is None
+        path.write_text(TYPO, encoding="utf-8")
+        found: list[News] = []
+        assert until(lambda: found.extend(filter(None, [watch.take()])) or found)
+        assert "did you mean 'state_age'?" in found[0].complaint
+        other = path.with_suffix(".new")  # as editors do it
+        other.write_text(MARKED, encoding="utf-8")
+        other.replace(path)
+        assert until(lambda: found.extend(filter(None, [watch.take()])) or len(found) > 1)
+        assert found[1].rules is not None
+        assert watch.take() is None
+    assert not any(thread.name == "rule-watch" for thread in threading.enumerate())
+
+
+@pytest.fixture
+def heard(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
+    """A running supervisor process; waits for a condition over what it last said and decided."""
+    offset_ns, endpoint = epoch_offset_ns(), free_endpoint()
+    spec = ProcessSpec(
+        "supervisor", "supervisor.node", {"estimators": ["cv"], "cruise_speed_mps": 8.0, "rules": str(path)}
+    )
+    with (
+        open_bus("car", epoch_clock(offset_ns), listen=endpoint) as bus,
+        Fleet(
+            (spec,), vehicle_name="car", endpoint=endpoint, clock_offset_ns=offset_ns, max_restarts=0
+        ) as fleet,
+    ):
+        said, decided = bus.latest(DIAGNOSTICS), bus.latest(DECISION)
+
+        def hears(condition: Callable[..., bool]) -> bool:
+            def now() -> bool:
+                return said.refresh() is not None and decided.refresh() is not None
+
+            return until(lambda: now() and condition(said.message, decided.message)) and not fleet.bury()
+
+        yield hears
+
+
+def test_a_running_supervisor_keeps_good_rules_says_what_is_wrong_and_takes_over_what_is_mended(
+    path: Path, heard: Callable[[Callable[..., bool]], bool]
+) -> None:
+    assert heard(lambda said, decided: said.health is Health.OK and MARK not in decided.rules)
+    path.write_text(TYPO.replace("rules:\n", f"rules:\n  - {MARK}\n", 1), encoding="utf-8")
+    assert heard(lambda said, _: said.health is Health.WARN and "did you mean 'state_age'?" in said.message)
+    assert heard(lambda said, decided: f"{path}:" in said.message and MARK not in decided.rules)
+    path.write_text(MARKED, encoding="utf-8")
+    assert heard(lambda said, decided: said.health is Health.OK and MARK in decided.rules)

@@ -1,0 +1,97 @@
+"""Features: closed forms, and what is absent is either calm and feared elsewhere, or worse than the worst."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from sim_harness.bench.fear.fuzz import AGE_S, situations
+from supervisor.rules.inference import FearRules
+from supervisor.situation.features import BEYOND, _first_root
+from supervisor.situation.world_state import Observer, Outlook
+from supervisor.supervisor import SupervisorSettings
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import ImageStatistics, SteeringEstimate, VehicleState
+from trepid.vehicle import Vehicle
+
+RULES = FearRules.load(CONFIG_DIR / "fear.yaml")
+SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
+VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+CALM = situations()["calm"]
+CV: SteeringEstimate = CALM["cv"]
+CNN: SteeringEstimate = CALM["cnn"]
+STATE: VehicleState = CALM["state"]
+
+
+def looked(
+    cv: SteeringEstimate = CV,
+    cnn: SteeringEstimate = CNN,
+    state: VehicleState = STATE,
+    statistics: ImageStatistics = CALM["statistics"],
+) -> Outlook:
+    s = SETTINGS
+    observer = Observer(RULES, s.sightings, s.fusion, s.follow, VEHICLE)
+    return observer.step({"cv": cv, "cnn": cnn}, statistics, None, state, now_s=AGE_S)
+
+
+def lane(offset_m: float, heading_rad: float, curvature_1pm: float = 0.0) -> dict[str, float]:
+    return {
+        "lateral_offset_m": offset_m,
+        "heading_error_rad": heading_rad,
+        "curvature_1pm": curvature_1pm,
+        "curvature_rate_1pm2": 0.0,
+    }
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_the_time_to_crossing_of_a_car_that_drifts_is_room_over_drift(side: int) -> None:
+    drifting = lane(side * 0.1, side * 0.05)
+    found = looked(replace(CV, **drifting), replace(CNN, **drifting)).asked["crossing"]
+    assert found == pytest.approx((3.4 / 2 - VEHICLE.track_m / 2 - 0.1) / (8.0 * 0.05), rel=0.02)
+
+
+def test_a_car_that_turns_with_its_lane_never_crosses_and_one_that_does_not_turn_soon_does() -> None:
+    bend = lane(0.0, 0.0, 0.02)
+    seen = {"cv": replace(CV, **bend), "cnn": replace(CNN, **bend)}
+    assert looked(**seen, state=replace(STATE, yaw_rate_radps=8.0 * 0.02)).asked["crossing"] == BEYOND
+    room_m = 3.4 / 2 - VEHICLE.track_m / 2
+    straight_on = looked(**seen).asked["crossing"]
+    assert straight_on == pytest.approx(math.sqrt(2 * room_m / (0.02 * 8.0**2)), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("room", "drift", "bend"), [(1.0, 0.5, 0.0), (1.0, 0.5, 1e-7), (0.6, -0.2, 0.8), (2.0, 1.0, -0.2)]
+)
+def test_the_root_solves_its_equation_and_nothing_before_does(room: float, drift: float, bend: float) -> None:
+    t = _first_root(room, drift, bend)
+    assert drift * t + bend * t**2 / 2 == pytest.approx(room)
+    assert all(drift * s + bend * s**2 / 2 < room for s in (0.0, 0.3 * t, 0.7 * t, 0.99 * t))
+
+
+def test_who_turns_back_in_time_does_not_cross() -> None:
+    assert _first_root(1.0, 0.5, -0.5) == BEYOND
+    assert _first_root(-0.1, 0.0, 0.0) == 0.0
+
+
+def test_a_remembered_lane_has_confidence_but_no_sight() -> None:
+    blind = replace(CNN, confidence=0.0, **dict.fromkeys(lane(0, 0), None))  # type: ignore[arg-type]
+    asked = looked(replace(CV, lanes_detected=0), blind).asked
+    assert (asked["lane_confidence"], asked["sight"]) == (0.9, 0.0)
+    assert looked(CV, blind).asked["sight"] == 0.9
+
+
+@pytest.mark.parametrize(("marked", "unmarked"), [(True, 0.0), (False, 1.0), (None, 0.0)])
+def test_a_road_seen_by_its_edges_is_unmarked(marked: bool | None, unmarked: float) -> None:
+    assert looked(replace(CV, marked=marked)).asked["unmarked"] == unmarked
+
+
+def test_the_second_confidence_is_that_of_whom_is_believed_less() -> None:
+    assert looked(cnn=replace(CNN, confidence=0.6)).asked["second_confidence"] == pytest.approx(0.6)
+
+
+def test_a_network_is_not_believed_on_a_white_picture_however_sure_it_is() -> None:
+    white = replace(CALM["statistics"], over_exposed=0.9, brightness=0.98, contrast=0.02)
+    outlook = looked(replace(CV, confidence=0.3), replace(CNN, confidence=0.99), statistics=white)
+    assert outlook.trust["cnn"] < 0.1 and outlook.trust["cv"] == 1.0
+    assert outlook.asked["lane_confidence"] == pytest.approx(0.3)
+    assert outlook.fused.trust[0] > 0.8

@@ -1,0 +1,496 @@
+"""The supervisor's step: what stops the car, what only slows it, and that nothing broken ever calms it."""
+
+import math
+from dataclasses import fields, replace
+from typing import Any
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from supervisor_rig import ESTIMATE, FRAME_S, LATENCY_S, SETTINGS, STATE, STATISTICS, Drive
+
+from supervisor.rules.inference import FearRules
+from supervisor.supervisor import Supervisor, build
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.messages import (
+    Decision,
+    LeadVehicle,
+    Mode,
+    SteeringEstimate,
+    Stop,
+)
+from trepid.vehicle import Vehicle
+
+NO_LANE = replace(
+    ESTIMATE,
+    lateral_offset_m=None,
+    heading_error_rad=None,
+    curvature_1pm=None,
+    curvature_rate_1pm2=None,
+    road_wheel_angle_rad=None,
+    confidence=0.0,
+    lanes_detected=0,
+    lane_width_m=None,
+    reason="no line",
+)
+LEAD = LeadVehicle(t_s=0.0, distance_m=20.0, lateral_m=0.2, speed_mps=5.0, confidence=0.9)
+
+
+def test_on_a_clean_road_it_is_calm_and_drives_at_full_speed() -> None:
+    decision = Drive.under_way().frame()
+    assert (decision.mode, decision.stop, decision.level, decision.cause) == (
+        Mode.KEEP,
+        Stop.NONE,
+        "very_low",
+        "none",
+    )
+    assert (decision.speed_factor, decision.speed_cap_mps) == (1, SETTINGS.cruise_speed_mps)
+    assert decision.path_source == "cv+cnn"
+    assert decision.lateral_offset_m == pytest.approx(ESTIMATE.lateral_offset_m, abs=0.01)
+    assert sum(decision.trust) == pytest.approx(1)
+
+
+def test_it_begins_in_stop_and_drives_after_two_healthy_seconds_at_standstill() -> None:
+    drive = Drive()
+    assert drive.last(1.9).mode is Mode.STOP
+    started = drive.last(0.2)
+    assert started.mode is not Mode.STOP
+    assert started.speed_factor < 0.1
+    assert drive.last(5.0).speed_factor == 1
+
+
+def test_restarted_on_the_move_it_stops_and_stays_stopped_until_standstill() -> None:
+    drive = Drive(speed_mps=8.0)
+    assert {drive.frame().mode for _ in range(200)} == {Mode.STOP}
+    assert drive.frame().speed_cap_mps == 0
+    drive.speed_mps = 0.0
+    assert drive.last(2.2).mode is not Mode.STOP
+
+
+def test_without_any_message_it_waits_and_is_afraid() -> None:
+    supervisor = build()
+    for now_s in (0.0, 5.0, 60.0):
+        decision = supervisor.step({"cv": None, "cnn": None}, None, None, None, now_s=now_s)
+        assert (decision.mode, decision.stop, decision.fear) == (Mode.STOP, Stop.COMFORT, 1)
+        assert (decision.t_s, decision.lateral_offset_m, decision.path_source) == (None, None, "none")
+
+
+@pytest.mark.parametrize("lost", ["cv", "cnn"])
+def test_a_lost_estimator_stops_the_car_on_the_path_of_the_other_for_good(lost: str) -> None:
+    drive = Drive.under_way()
+    stopping = drive.last(0.6, **{lost: None})
+    assert (stopping.mode, stopping.stop, stopping.cause) == (Mode.STOP, Stop.COMFORT, "lost_estimator")
+    assert stopping.fear == 1
+    assert stopping.lateral_offset_m is not None
+    assert stopping.sources == (({"cv", "cnn"} - {lost}).pop(),)
+    drive.speed_mps = 0.0
+    assert drive.last(10.0).mode is Mode.STOP  # it is back, but a lost process ends the run
+
+
+@pytest.mark.parametrize("blind", ["cv", "cnn"])
+def test_an_estimator_that_sees_nothing_only_slows_the_car(blind: str) -> None:
+    decision = Drive.under_way().last(5.0, **{blind: NO_LANE})
+    assert (decision.mode, decision.cause) == (Mode.CAUTION, "low_confidence")
+    assert 0.5 < decision.speed_factor < 1
+    assert blind not in decision.sources
+
+
+def test_frames_that_stop_coming_first_slow_then_stop_then_brake_hard() -> None:
+    drive = Drive.under_way()
+    silent = dict.fromkeys(("cv", "cnn", "statistics"))
+    told = [drive.frame(**silent) for _ in range(20)]
+    first = {
+        stop: next(n for n, d in enumerate(told, 1) if d.stop is stop) * FRAME_S + LATENCY_S
+        for stop in (Stop.COMFORT, Stop.EMERGENCY)
+    }
+    assert first[Stop.COMFORT] == pytest.approx(SETTINGS.modes.comfort_stop_age_s, abs=FRAME_S)
+    assert first[Stop.EMERGENCY] == pytest.approx(SETTINGS.modes.emergency_stop_age_s, abs=FRAME_S)
+    fears = [d.fear for d in told]
+    assert fears == sorted(fears)
+    assert told[-1].cause == "stale_data"
+    drive.speed_mps = 0.0
+    assert drive.last(10.0).stop is Stop.EMERGENCY  # final
+
+
+def test_a_short_gap_in_the_frames_stops_the_car_but_does_not_end_the_run() -> None:
+    drive = Drive.under_way()
+    assert drive.last(0.32, cv=None, cnn=None, statistics=None).stop is Stop.COMFORT
+    assert drive.last(5.0).mode is Mode.STOP  # latched while it moves
+    drive.speed_mps = 0.0
+    assert drive.last(2.2).mode is not Mode.STOP
+
+
+def test_a_lost_vehicle_state_stops_the_car() -> None:
+    stopping = Drive.under_way().last(0.3, state=None)
+    assert (stopping.mode, stopping.cause, stopping.fear) == (Mode.STOP, "vehicle_state_lost", 1)
+    assert stopping.lateral_offset_m is not None
+
+
+def test_lost_image_statistics_stop_the_car() -> None:
+    stopping = Drive.under_way().last(0.6, statistics=None)
+    assert (stopping.mode, stopping.cause) == (Mode.STOP, "image_statistics_lost")
+
+
+def test_the_driver_takes_over_and_the_car_does_not_start_again_on_the_move() -> None:
+    drive = Drive.under_way()
+    assert drive.frame(state=replace(STATE, driver_override=True)).cause == "driver_override"
+    assert drive.last(5.0).mode is Mode.STOP
+
+
+DRIVEN = replace(STATE, driver_override=True)
+
+
+def test_a_driver_hands_over_at_speed_and_the_car_goes_on_without_a_dip() -> None:
+    drive = Drive(speed_mps=7.0)
+    assert drive.last(3.0, state=DRIVEN).mode is Mode.STOP
+    taken = drive.frame()
+    assert (taken.mode, taken.stop) == (Mode.CAUTION, Stop.NONE)
+    assert taken.speed_cap_mps == pytest.approx(7.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        {"duration_s": 1.0},  # too short to have seen enough
+        {"duration_s": 3.0, "cv": None},  # an estimator has never answered
+        {"duration_s": 3.0, "statistics": None},
+    ],
+)
+def test_a_driver_who_lets_go_of_a_car_that_is_not_ready_is_not_relieved(before: dict[str, Any]) -> None:
+    drive = Drive(speed_mps=7.0)
+    drive.last(**before, state=DRIVEN)
+    assert drive.last(1.0).mode is Mode.STOP
+
+
+def test_while_a_driver_drives_blindness_is_no_emergency() -> None:
+    drive = Drive(speed_mps=7.0)
+    decision = drive.last(2.0, cv=NO_LANE, cnn=NO_LANE, state=DRIVEN)
+    assert (decision.mode, decision.stop) == (Mode.STOP, Stop.COMFORT)
+
+
+DAZZLED = replace(STATISTICS, over_exposed=0.95, contrast=0.01, brightness=0.98)
+UNSURE = replace(ESTIMATE, confidence=0.3)
+
+
+def test_who_was_never_fit_to_drive_does_not_steer() -> None:
+    drive = Drive(speed_mps=8.0)
+    for _ in range(20):
+        decision = drive.frame(cv=UNSURE, cnn=UNSURE, statistics=DAZZLED)
+        assert (decision.mode, decision.lateral_offset_m, decision.path_t_s) == (Mode.STOP, None, None)
+    drive = Drive.under_way()
+    assert drive.frame(cv=UNSURE, cnn=UNSURE, statistics=DAZZLED).lateral_offset_m is not None
+
+
+def test_in_terror_with_nobody_to_be_believed_the_car_soon_brakes_hard() -> None:
+    drive = Drive.under_way()
+    before = drive.last(SETTINGS.modes.guess_s - 0.1, cv=UNSURE, cnn=UNSURE, statistics=DAZZLED)
+    assert (before.mode, before.stop) == (Mode.STOP, Stop.COMFORT)
+    after = drive.last(0.3, cv=UNSURE, cnn=UNSURE, statistics=DAZZLED)
+    assert after.stop is Stop.EMERGENCY
+    sure = Drive.under_way()  # lines may be seen in a picture that is feared
+    assert sure.last(2.0, statistics=DAZZLED).stop is Stop.COMFORT
+
+
+def test_one_bad_frame_slows_but_does_not_stop() -> None:
+    drive = Drive.under_way()
+    bad = drive.frame(cv=replace(ESTIMATE, lateral_offset_m=math.nan))
+    assert (bad.fear, bad.mode, bad.speed_cap_mps) == (1, Mode.CAUTION, 0)
+    after = drive.frame()
+    assert after.mode is Mode.CAUTION
+    assert drive.last(6.0).mode is Mode.KEEP
+
+
+def test_the_speed_factor_falls_at_once_and_rises_slowly() -> None:
+    drive = Drive.under_way()
+    fallen = drive.last(2.0, cv=NO_LANE).speed_factor
+    assert fallen == pytest.approx(0.75)
+    drive.speed_mps = fallen * SETTINGS.cruise_speed_mps
+    assert 0 < drive.frame().speed_factor - fallen <= 0.25 * FRAME_S + 1e-9
+    assert drive.last(0.5).speed_factor < 0.9
+
+
+def test_after_one_bad_frame_the_speed_that_the_car_still_has_is_allowed_soon() -> None:
+    drive = Drive.under_way()
+    assert drive.frame(cv=NO_LANE, cnn=NO_LANE).speed_factor < 0.1
+    drive.speed_mps = 7.2
+    assert drive.last(0.5).speed_factor == pytest.approx(0.9, abs=0.02)
+
+
+@pytest.mark.parametrize("frozen_s", [0.12, math.nan])
+def test_a_lane_in_a_picture_that_may_be_frozen_is_not_driven(frozen_s: float) -> None:
+    drive = Drive.under_way()
+    decision = drive.last(0.2, statistics=replace(STATISTICS, frozen_s=frozen_s))
+    assert decision.path_source == "memory" and decision.sources == ()
+
+
+def test_who_drives_on_a_frozen_picture_soon_brakes_hard() -> None:
+    drive = Drive.under_way()
+    frozen = replace(STATISTICS, frozen_s=1.0)
+    assert drive.last(1.0, statistics=frozen).stop is Stop.COMFORT
+    assert drive.last(0.6, statistics=frozen).stop is Stop.EMERGENCY
+
+
+def test_a_frozen_picture_stops_a_moving_car_but_not_a_standing_one() -> None:
+    drive = Drive.under_way()
+    decision = drive.last(0.6, statistics=replace(STATISTICS, frozen_s=0.5))
+    assert (decision.mode, decision.cause) == (Mode.STOP, "frozen_camera")
+    standing = Drive()
+    assert standing.last(3.0, statistics=replace(STATISTICS, frozen_s=3.0)).mode is not Mode.STOP
+
+
+def test_two_contradicting_roads_raise_fear_and_only_one_is_driven() -> None:
+    drive = Drive.under_way()
+    left = replace(ESTIMATE, curvature_1pm=0.06, curvature_rate_1pm2=0.0)
+    right = replace(ESTIMATE, curvature_1pm=-0.06, curvature_rate_1pm2=0.0)
+    drive.last(0.4, cv=left, cnn=left)
+    decision = drive.last(0.2, cv=right, cnn=left)
+    assert decision.fear > 0.5
+    assert decision.curvature_1pm == pytest.approx(0.06)
+    assert decision.sources == ("cnn",)
+    assert decision.disagreement_mps2 == pytest.approx(0.12 * 64)
+
+
+def test_without_road_the_path_is_remembered_then_the_car_brakes_hard() -> None:
+    drive = Drive.under_way()
+    blind: dict[str, Any] = {"cv": NO_LANE, "cnn": NO_LANE}
+    coasting = drive.last(0.8, **blind)
+    assert (coasting.path_source, coasting.mode, coasting.stop) == ("memory", Mode.STOP, Stop.COMFORT)
+    gone = drive.last(0.8, **blind)
+    assert (gone.path_source, gone.curvature_1pm, gone.stop) == ("none", None, Stop.EMERGENCY)
+    assert gone.cause == "no_road"
+
+
+def test_without_road_it_follows_the_vehicle_ahead_and_takes_the_road_again() -> None:
+    drive = Drive.under_way()
+    drive.last(1.0, lead=LEAD)
+    following = drive.last(1.5, cv=NO_LANE, cnn=NO_LANE, lead=LEAD)
+    assert (following.mode, following.path_source, following.stop) == (Mode.FOLLOW, "lead", Stop.NONE)
+    assert following.speed_factor * SETTINGS.cruise_speed_mps < 0.5 * SETTINGS.cruise_speed_mps
+    assert following.speed_cap_mps == LEAD.speed_mps, (
+        "fear does not let the last witness of the road get away"
+    )
+    hurried = drive.last(1.0, cv=NO_LANE, cnn=NO_LANE, lead=replace(LEAD, speed_mps=12.0))
+    assert LEAD.speed_mps < hurried.speed_cap_mps < SETTINGS.cruise_speed_mps, "but it can stop on the trail"
+    back = drive.last(1.0, lead=LEAD)
+    assert (back.mode, back.path_source) == (Mode.CAUTION, "cv+cnn")
+
+
+def test_a_lead_that_is_lost_while_following_stops_the_car() -> None:
+    drive = Drive.under_way()
+    blind: dict[str, Any] = {"cv": NO_LANE, "cnn": NO_LANE}
+    assert drive.last(2.0, lead=LEAD, **blind).mode is Mode.FOLLOW
+    assert drive.last(0.6, lead=None, **blind).mode is Mode.STOP
+
+
+def test_a_comfort_stop_grows_hard_for_a_vehicle_that_comes_into_sight_too_near_for_it() -> None:
+    drive = Drive.under_way()
+    blind: dict[str, Any] = {"cv": NO_LANE, "cnn": NO_LANE}
+    assert drive.last(0.6, **blind).stop is Stop.COMFORT
+    near = replace(LEAD, distance_m=15.0, speed_mps=3.0)
+    assert drive.frame(lead=near, **blind).stop is Stop.COMFORT, "one frame may be a ghost"
+    assert drive.last(0.16, lead=near, **blind).stop is Stop.EMERGENCY
+
+
+def test_a_vehicle_too_near_for_a_comfort_stop_is_left_to_a_driver_who_drives() -> None:
+    near = replace(LEAD, distance_m=6.0, speed_mps=3.0)
+    driven = Drive.under_way().last(0.2, lead=near, state=replace(STATE, driver_override=True))
+    assert driven.stop is Stop.COMFORT
+
+
+def test_behind_a_lead_the_time_gap_is_kept_on_a_clean_road() -> None:
+    drive = Drive.under_way()
+    near = drive.frame(lead=replace(LEAD, distance_m=11.0, speed_mps=8.0))
+    expected_mps = (11.0 - SETTINGS.follow.standstill_gap_m) / SETTINGS.follow.time_gap_s
+    assert near.mode is Mode.KEEP
+    assert near.speed_cap_mps == pytest.approx(expected_mps)
+
+
+MESSAGES = {"cv": ESTIMATE, "statistics": STATISTICS, "lead": LEAD, "state": STATE}
+FIELDS = [
+    (sender, f.name)
+    for sender, message in MESSAGES.items()
+    for f in fields(message)
+    if f.type in (float, float | None)
+]
+OPTIONAL = {f.name for message in MESSAGES.values() for f in fields(message) if f.type == float | None}
+
+
+@settings(max_examples=150, deadline=None)
+@example(("cv", "lane_width_m"), math.nan, 1.0, 0.5, 0.0, 2.0, 3.0)  # the narrower lane was the broken one
+@given(
+    st.sampled_from(FIELDS),
+    st.sampled_from([math.nan, math.inf, -math.inf, None, 1e300]),
+    st.floats(0, 1),
+    st.floats(-0.8, 0.8),
+    st.floats(-0.06, 0.06),
+    st.sampled_from([2.0, 3.4, 6.0]),
+    st.floats(1, 40),
+)
+def test_a_broken_number_in_any_field_never_lowers_fear_and_never_raises(
+    place: tuple[str, str],
+    broken: float | None,
+    confidence: float,
+    offset_m: float,
+    curvature_1pm: float,
+    width_m: float,
+    distance_m: float,
+) -> None:
+    sender, name = place
+    if broken is None and name not in OPTIONAL:
+        broken = math.nan
+    cv = replace(
+        ESTIMATE,
+        confidence=confidence,
+        lateral_offset_m=offset_m,
+        curvature_1pm=curvature_1pm,
+        lane_width_m=width_m,
+    )
+    clean: dict[str, Any] = {**MESSAGES, "cv": cv, "lead": replace(LEAD, distance_m=distance_m)}
+
+    def fear(messages: dict[str, Any]) -> float:
+        estimates = {"cv": messages["cv"], "cnn": ESTIMATE}
+        decision = build_once().step(
+            estimates, messages["statistics"], messages["lead"], messages["state"], now_s=0.03
+        )
+        assert decision.lateral_offset_m is None or math.isfinite(decision.lateral_offset_m)
+        assert math.isfinite(decision.speed_cap_mps)
+        return decision.fear
+
+    spoilt = {**clean, sender: replace(clean[sender], **{name: broken})}
+    assert fear(spoilt) >= fear(clean) - 1e-12
+
+
+RULES = FearRules.load(CONFIG_DIR / "fear.yaml")
+VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+
+
+def build_once() -> Supervisor:
+    """A fresh supervisor from rules that were read once."""
+    return Supervisor(RULES, SETTINGS, VEHICLE)
+
+
+def test_the_mirror_image_of_a_drive_gives_the_mirror_image_of_every_path() -> None:
+    def decisions(side: float) -> list[Decision]:
+        supervisor, told = build_once(), []
+        for n in range(-60, 105):  # then the trail of so odd a leader is no road any more
+            t_s, turn = (
+                FRAME_S * (n + 60),
+                side if n >= 0 else 0.0,
+            )  # a driver hands over after 60 calm frames
+            cv = replace(
+                ESTIMATE,
+                t_s=t_s,
+                lateral_offset_m=turn * 0.3 * math.sin(n / 9),
+                heading_error_rad=turn * 0.02 * math.cos(n / 9),
+                curvature_1pm=turn * 0.01 * math.sin(n / 20),
+                curvature_rate_1pm2=turn * 0.0002,
+                confidence=0.9 if n < 60 else 0.0,
+            )
+            if n >= 60:
+                cv = replace(NO_LANE, t_s=t_s)
+            cnn = replace(cv, confidence=0.7 * cv.confidence)
+            rate = turn * 0.1 * math.sin(n / 20)
+            state = replace(STATE, t_s=t_s, yaw_rate_radps=rate, driver_override=n < 0)
+            lead = replace(LEAD, t_s=t_s, lateral_m=side * 0.5 * math.sin(n / 30)) if n >= 0 else None
+            told.append(
+                supervisor.step({"cv": cv, "cnn": cnn}, replace(STATISTICS, t_s=t_s), lead, state, now_s=t_s)
+            )
+        return told
+
+    sources = set()
+    for left, right in zip(decisions(1.0), decisions(-1.0), strict=True):
+        assert (left.fear, left.mode, left.path_source) == (right.fear, right.mode, right.path_source)
+        for name in ("lateral_offset_m", "heading_error_rad", "curvature_1pm", "curvature_rate_1pm2"):
+            one, other = getattr(left, name), getattr(right, name)
+            assert (one is None) == (other is None)
+            assert one is None or one == pytest.approx(-other, abs=1e-9)
+        sources.add(left.path_source)
+    assert sources == {"cv+cnn", "memory", "lead"}
+
+
+def test_a_lone_view_steers_nobody_before_the_first_drive() -> None:
+    drive = Drive(speed_mps=8.0)
+    assert drive.last(0.5).path_source == "cv+cnn"
+    assert drive.last(2.0, cv=NO_LANE).path_source == "none"
+    assert drive.last(2.0, cnn=NO_LANE).path_source == "none"
+    assert drive.last(0.5).path_source == "cv+cnn"
+
+
+def test_a_network_that_wanders_over_a_doubtful_road_stops_the_car_and_keeps_it_there() -> None:
+    drive = Drive.under_way()
+    edges = replace(ESTIMATE, confidence=0.7, marked=False)
+    for n in range(40):
+        wandering = replace(ESTIMATE, lateral_offset_m=0.2 if n % 2 else -0.1, confidence=0.98)
+        decision = drive.frame(cv=edges, cnn=wandering)
+    assert (decision.mode, decision.cause) == (Mode.STOP, "odd_road")
+    drive.speed_mps = 0.0
+    assert drive.last(20.0, cv=edges).mode is Mode.STOP
+
+
+WEAK_EDGES = replace(ESTIMATE, confidence=0.6, marked=False)
+
+
+def test_edges_that_are_doubted_for_a_while_slow_the_car_though_the_network_agrees() -> None:
+    decision = Drive.under_way().last(2.5, cv=WEAK_EDGES)
+    assert (decision.mode, decision.cause) == (Mode.CAUTION, "weak_edges")
+    assert decision.fear >= 0.7
+    assert Drive.under_way().last(2.5, cv=replace(WEAK_EDGES, confidence=0.95)).fear < 0.5
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_where_edges_have_been_doubted_the_network_leads(side: int) -> None:
+    def led(edges: SteeringEstimate) -> float:
+        drive = Drive.under_way()
+        drive.last(2.5, cv=edges)
+        for n in range(40):
+            decision = drive.frame(cv=replace(edges, lateral_offset_m=side * 0.02 * n))
+        assert decision.lateral_offset_m is not None
+        return side * decision.lateral_offset_m
+
+    assert led(WEAK_EDGES) < 0.2
+    assert led(replace(WEAK_EDGES, confidence=0.97)) > 0.5
+
+
+def test_who_was_stopped_for_doubts_about_the_road_does_not_start_while_one_of_two_sees_it() -> None:
+    drive, weak = Drive.under_way(), replace(ESTIMATE, confidence=0.5, marked=False)
+    assert drive.last(0.6, cv=weak, cnn=NO_LANE).mode is Mode.STOP
+    drive.speed_mps = 0.0
+    assert drive.last(10.0, cv=NO_LANE).mode is Mode.STOP
+    assert drive.last(3.0).mode is not Mode.STOP
+
+
+def test_a_network_that_wanders_beside_sure_lines_does_not_stop_the_car() -> None:
+    drive = Drive.under_way()
+    for n in range(40):
+        decision = drive.frame(cnn=replace(ESTIMATE, lateral_offset_m=0.2 if n % 2 else -0.1))
+        assert decision.mode is not Mode.STOP
+
+
+def test_the_same_messages_give_the_same_decisions() -> None:
+    def told() -> list[Decision]:
+        drive = Drive(supervisor=build_once())
+        return [drive.frame(lead=LEAD, cv=NO_LANE if n % 7 == 0 else ESTIMATE) for n in range(60)]
+
+    assert told() == told()
+
+
+def test_rules_about_what_nothing_measures_are_refused() -> None:
+    file = RULES.file.model_copy(update={"inputs": {**RULES.inputs, "brightnes": RULES.inputs["brightness"]}})
+    with pytest.raises(InputError, match="'brightnes', which nothing measures; did you mean 'brightness'"):
+        Supervisor(FearRules(file, RULES.rules), SETTINGS, VEHICLE)
+
+
+def test_it_does_not_start_while_the_estimators_see_different_roads() -> None:
+    aside = replace(ESTIMATE, lateral_offset_m=0.7, heading_error_rad=0.0)
+    decision = Drive().last(6.0, cnn=aside)
+    assert decision.fear <= SETTINGS.modes.reengage_max_fear
+    assert (decision.mode, decision.cause) == (Mode.STOP, "starting")
+
+
+def test_one_weak_witness_of_an_unmarked_road_stops_the_car_soon() -> None:
+    drive = Drive.under_way()
+    weak = replace(ESTIMATE, confidence=0.5, marked=False)
+    assert drive.last(0.3, cv=weak, cnn=NO_LANE).mode is Mode.CAUTION
+    decision = drive.last(0.3, cv=weak, cnn=NO_LANE)
+    assert (decision.mode, decision.stop, decision.cause) == (Mode.STOP, Stop.COMFORT, "no_road")
+    assert drive.last(1.0, cv=weak, cnn=NO_LANE).stop is Stop.EMERGENCY

@@ -1,0 +1,141 @@
+"""The structure of the source tree: which room may import which, and how large files, rooms and classes may be.
+
+A room is a folder with Python files. Imports inside functions count too, but for those of command lines
+(``cli.py``, ``__main__.py``), which mount verbs of packages above them; imports for type checking do not.
+"""
+
+import ast
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import networkx
+import pytest
+
+from trepid.config import ROOT
+from trepid.packages import PACKAGES
+
+ROAD = {"trepid", "perception", "supervisor", "controller"}
+ALLOWED = {
+    "trepid": {"trepid"},
+    "perception": {"trepid", "perception"},
+    "supervisor": {"trepid", "supervisor"},
+    "controller": {"trepid", "controller"},
+    "sim_harness": {*ROAD, "sim_harness"},
+    "cockpit": {*ROAD, "cockpit"},
+    "learning": {*ROAD, "sim_harness", "learning"},
+}
+BENCHMARKS = "sim_harness.bench"  # may import all but the command line
+COMMAND_LINES = {"cli.py", "__main__.py"}
+MAX_FILES = 20
+MAX_CLASS_LINES = 430
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Path of every module of the packages, by its dotted name."""
+    found = {}
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+            found[name.removesuffix(".__init__")] = path
+    return found
+
+
+@cache
+def room(module: str) -> str:
+    """The folder of a module, as a dotted name."""
+    return module if modules()[module].name == "__init__.py" else module.rpartition(".")[0]
+
+
+def imported_names(tree: ast.AST, *, lazy: bool) -> Iterator[str]:
+    """Dotted names that ``tree`` imports when it runs; those inside functions only with ``lazy``."""
+    for child in ast.iter_child_nodes(tree):
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+            continue
+        if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) and not lazy:
+            continue
+        if isinstance(child, ast.Import):
+            yield from (alias.name for alias in child.names)
+        elif isinstance(child, ast.ImportFrom) and child.module:
+            yield child.module
+            yield from (f"{child.module}.{alias.name}" for alias in child.names)
+        yield from imported_names(child, lazy=lazy)
+
+
+@cache
+def imports() -> networkx.DiGraph:
+    """Which module imports which."""
+    graph = networkx.DiGraph()
+    graph.add_nodes_from(modules())
+    for module, path in modules().items():
+        names = imported_names(ast.parse(path.read_text()), lazy=path.name not in COMMAND_LINES)
+        graph.add_edges_from((module, name) for name in names if name in modules() and name != module)
+    return graph
+
+
+def circles(graph: networkx.DiGraph) -> list[list[str]]:
+    """Groups of nodes that reach each other."""
+    return [sorted(group) for group in networkx.strongly_connected_components(graph) if len(group) > 1]
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    assert circles(imports()) == []
+
+
+def test_no_rooms_import_each_other_in_a_circle() -> None:
+    rooms = networkx.DiGraph((room(a), room(b)) for a, b in imports().edges if room(a) != room(b))
+    assert circles(rooms) == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_imports_only_what_the_data_flow_allows(package: str) -> None:
+    wrong = [
+        (module, target)
+        for module, target in imports().edges
+        if module.split(".")[0] == package
+        and target.split(".")[0] not in ALLOWED[package]
+        and not module.startswith(BENCHMARKS)
+    ]
+    assert wrong == []
+
+
+def test_benchmarks_are_imported_by_the_command_line_only() -> None:
+    users = {
+        module
+        for module, target in imports().edges
+        if target.startswith(BENCHMARKS) and not module.startswith(BENCHMARKS)
+    }
+    assert users == set()
+
+
+def test_no_room_holds_more_files_than_a_reader_can_survey() -> None:
+    full = {name: count for name, count in Counter(map(room, modules())).items() if count > MAX_FILES}
+    assert full == {}
+
+
+def test_no_class_is_longer_than_a_reader_can_follow() -> None:
+    long = {
+        f"{module}.{node.name}": node.end_lineno - node.lineno + 1
+        for module, path in modules().items()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef) and node.end_lineno - node.lineno >= MAX_CLASS_LINES
+    }
+    assert long == {}
+
+
+def test_every_module_and_room_says_what_it_is() -> None:
+    bare = [m for m, path in modules().items() if not ast.get_docstring(ast.parse(path.read_text()))]
+    assert bare == []
+
+
+def test_only_the_bus_imports_zenoh() -> None:
+    users = {
+        module
+        for module, path in modules().items()
+        if any(
+            name.split(".")[0] == "zenoh" for name in imported_names(ast.parse(path.read_text()), lazy=True)
+        )
+    }
+    assert users == {"trepid.bus"}

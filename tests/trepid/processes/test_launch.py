@@ -1,0 +1,133 @@
+"""Starting, losing and stopping real processes leaves nothing behind."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+
+import pytest
+from process_rig import alive, until
+
+from trepid.bus import Bus, free_endpoint, open_bus
+from trepid.clock import epoch_clock, epoch_offset_ns
+from trepid.config import ROOT
+from trepid.processes.launch import Fleet, ProcessSpec
+from trepid.topics import DIAGNOSTICS
+
+CONTROLLER = ProcessSpec("controller", "controller.node")  # the lightest of our processes
+
+
+@pytest.fixture
+def drive() -> Iterator[tuple[Bus, Callable[..., Fleet]]]:
+    offset_ns, endpoint = epoch_offset_ns(), free_endpoint()
+
+    def fleet(*specs: ProcessSpec, max_restarts: int = 1) -> Fleet:
+        return Fleet(
+            specs,
+            vehicle_name="car",
+            endpoint=endpoint,
+            clock_offset_ns=offset_ns,
+            max_restarts=max_restarts,
+        )
+
+    with open_bus("car", epoch_clock(offset_ns), listen=endpoint) as bus:
+        yield bus, fleet
+
+
+def heard(bus: Bus, *, patience_s: float = 20) -> Callable[[], bool]:
+    diagnostics = bus.latest(DIAGNOSTICS)
+    return lambda: until(lambda: diagnostics.take() is not None, patience_s=patience_s)
+
+
+def test_a_process_reports_and_is_gone_after_the_drive(drive: tuple[Bus, Callable[..., Fleet]]) -> None:
+    bus, fleet = drive
+    hears = heard(bus)
+    with fleet(CONTROLLER) as running:
+        assert hears()
+        pid = running.children["controller"].popen.pid
+        assert running.bury() == []
+    assert not alive(pid)
+
+
+def test_a_killed_process_is_reported_and_started_again_until_its_restarts_are_used_up(
+    drive: tuple[Bus, Callable[..., Fleet]],
+) -> None:
+    bus, fleet = drive
+    hears = heard(bus)
+    with fleet(CONTROLLER, max_restarts=1) as running:
+        assert hears()
+        first = running.children["controller"].popen
+        os.kill(first.pid, signal.SIGKILL)
+        first.wait(5)
+        (death,) = running.bury()
+        assert str(death).startswith(f"process controller (pid {first.pid}) was killed by SIGKILL")
+        assert running.children["controller"].restarts == 1
+        assert hears()
+        running.kill("controller")
+        assert len(running.bury()) == 1
+        assert running.bury() == []
+        assert running.children["controller"].popen.poll() is not None
+
+
+def test_a_module_that_fails_is_reported_with_its_last_words(
+    drive: tuple[Bus, Callable[..., Fleet]],
+) -> None:
+    _, fleet = drive
+    with fleet(ProcessSpec("ghost", "controller.no_such_module"), max_restarts=0) as running:
+        assert until(lambda: running.children["ghost"].popen.poll() is not None, patience_s=20)
+        (death,) = running.bury()
+    assert "exited with code 1" in str(death)
+    assert "No module named controller.no_such_module" in str(death)
+
+
+def test_even_a_frozen_process_is_stopped(drive: tuple[Bus, Callable[..., Fleet]]) -> None:
+    bus, fleet = drive
+    hears = heard(bus)
+    with fleet(CONTROLLER) as running:
+        assert hears()
+        pid = running.children["controller"].popen.pid
+        os.kill(pid, signal.SIGSTOP)
+    assert not alive(pid)
+
+
+def test_a_paused_process_is_silent_until_it_goes_on(drive: tuple[Bus, Callable[..., Fleet]]) -> None:
+    bus, fleet = drive
+    hears, soon = heard(bus), heard(bus, patience_s=1.5)
+    with fleet(CONTROLLER) as running:
+        assert hears()
+        running.pause("controller")
+        assert until(
+            lambda: not soon(), patience_s=20
+        )  # what was under way may still come, on a busy machine late
+        running.resume("controller")
+        assert hears()
+        assert running.bury() == []
+
+
+@pytest.mark.parametrize("paused", [False, True])
+def test_processes_end_themselves_when_their_launcher_is_killed(paused: bool) -> None:
+    program = (
+        "import time\n"
+        "from trepid.bus import free_endpoint, open_bus\n"
+        "from trepid.processes.launch import Fleet, ProcessSpec\n"
+        "from trepid.topics import DIAGNOSTICS\n"
+        "endpoint = free_endpoint()\n"
+        "with open_bus('car', time.monotonic, listen=endpoint) as bus:\n"
+        "    diagnostics = bus.latest(DIAGNOSTICS)\n"
+        "    fleet = Fleet((ProcessSpec('controller', 'controller.node'),), vehicle_name='car',\n"
+        "                  endpoint=endpoint, clock_offset_ns=0, max_restarts=0)\n"
+        "    with fleet:\n"
+        "        while diagnostics.take() is None:\n"
+        "            time.sleep(0.02)\n"
+        f"        {'fleet.pause(*fleet.children)' if paused else 'pass'}\n"
+        "        print(fleet.children['controller'].popen.pid, flush=True)\n"
+        "        time.sleep(60)\n"
+    )
+    launcher = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert launcher.stdout is not None
+    with launcher, launcher.stdout:
+        pid = int(launcher.stdout.readline())
+        assert alive(pid)
+        launcher.kill()
+        assert until(lambda: not alive(pid), patience_s=5)

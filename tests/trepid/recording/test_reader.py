@@ -1,0 +1,146 @@
+"""Recordings are read back as written, cut short up to the last chunk, and older ones by what they say."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from mcap.writer import CompressionType, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from trepid import messages as m
+from trepid.config import InputError
+from trepid.recording.reader import read_recording
+from trepid.recording.writer import Recording
+from trepid.topics import LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
+from trepid.wire import definition, ros_name, to_cdr
+
+SECONDS = 30
+STATE = m.VehicleState(
+    t_s=1.0, speed_mps=3.0, road_wheel_angle_rad=None, yaw_rate_radps=0.1, driver_override=False
+)
+
+
+def states() -> list[m.VehicleState]:
+    """Ten a second."""
+    return [dataclasses.replace(STATE, t_s=100.0 + i / 10, speed_mps=i / 10) for i in range(10 * SECONDS)]
+
+
+def written(path: Path, *, began_s: float | None = None) -> Path:
+    rules = path.parent / "fear.yaml"
+    rules.write_text("rules: here\n")
+    with Recording(path, [rules]) as recording:
+        if began_s is not None:
+            recording.began(began_s)
+        for state in states():
+            recording.add("vehicle/state", to_cdr(state), at_s=state.t_s + 0.01)
+            recording.add("foreign/topic", b"anything", at_s=state.t_s + 0.02)
+    return path
+
+
+def foreign(path: Path, key: str, name: str, text: str, data: bytes) -> Path:
+    """A recording that somebody else wrote."""
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start(profile="ros2", library="another")
+        schema = writer.register_schema(name, "ros2msg", text.encode())
+        writer.add_message(writer.register_channel(f"/{key}", "cdr", schema), 1, data, 1)
+        writer.finish()
+    return path
+
+
+def test_what_was_written_is_read_back_with_its_files_and_its_beginning(tmp_path: Path) -> None:
+    read = read_recording(written(tmp_path / "a.mcap", began_s=103.5), "vehicle/*")
+    assert [state for _, state in read.of(VEHICLE_STATE)] == states()
+    assert read.of(VEHICLE_STATE)[0][0] == pytest.approx(100.01)
+    assert read.files == {"fear.yaml": b"rules: here\n"}
+    assert (read.began_s, read.complete) == (103.5, True)
+    assert read.last_s == pytest.approx(states()[-1].t_s + 0.02)
+
+
+def test_only_what_is_asked_for_is_read(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.mcap")
+    assert read_recording(path, "perception/*").messages == {}
+    short = read_recording(path, VEHICLE_STATE.key, from_s=110.0, to_s=112.0).of(VEHICLE_STATE)
+    assert {round(at_s) for at_s, _ in short} == {110, 111, 112}
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7, 0.9, 0.999])
+def test_a_recording_that_was_cut_short_is_read_up_to_its_last_chunk(tmp_path: Path, share: float) -> None:
+    """Power is lost at any byte: all but the last second or so of what was on the disk is there."""
+    whole = written(tmp_path / "whole.mcap", began_s=100.0).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: int(share * len(whole))])
+    read = read_recording(cut, VEHICLE_STATE.key)
+    found = [state for _, state in read.of(VEHICLE_STATE)]
+    assert not read.complete
+    assert found == states()[: len(found)]
+    assert len(found) >= (share - 0.1) * len(states())  # the index at the end takes some of the bytes
+
+
+def test_every_second_reaches_the_disk_while_recording(tmp_path: Path) -> None:
+    path = tmp_path / "now.mcap"
+    with Recording(path) as recording:
+        for state in states():
+            recording.add("vehicle/state", to_cdr(state), at_s=state.t_s)
+            if state.t_s > 105.0:
+                there = read_recording(path, VEHICLE_STATE.key)
+                assert there.last_s > state.t_s - 1.2
+                assert not there.complete
+            if state.t_s > 107.0:
+                break
+
+
+def test_a_broken_byte_ends_the_reading_there(tmp_path: Path) -> None:
+    data = bytearray(written(tmp_path / "a.mcap").read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path = tmp_path / "broken.mcap"
+    path.write_bytes(data)
+    read = read_recording(path, VEHICLE_STATE.key)
+    found = [state for _, state in read.of(VEHICLE_STATE)]
+    assert 0 < len(found) < len(states())
+    assert found == states()[: len(found)]
+    assert not read.complete
+
+
+@pytest.mark.parametrize("data", [b"", b"hello", b"\x89MCAP0\r\n", bytes(1000)])
+def test_what_is_no_recording_is_named(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "no.mcap"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"no\.mcap: not a recording"):
+        read_recording(path, "*")
+    with pytest.raises(InputError, match=r"gone\.mcap: cannot be read"):
+        read_recording(tmp_path / "gone.mcap", "*")
+
+
+def test_a_message_of_an_older_version_is_read_and_what_it_does_not_say_is_absent(tmp_path: Path) -> None:
+    text = (
+        "std_msgs/Header header\nfloat64 distance_m\nfloat64 confidence\n"
+        + definition(m.LeadVehicle)[definition(m.LeadVehicle).index("====") :]
+    )
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(text, ros_name(m.LeadVehicle)))
+    time = store.types["builtin_interfaces/msg/Time"](sec=7, nanosec=0)
+    header = store.types["std_msgs/msg/Header"](stamp=time, frame_id="")
+    older = store.types[ros_name(m.LeadVehicle)](header=header, distance_m=20.0, confidence=0.5)
+    data = bytes(store.serialize_cdr(older, ros_name(m.LeadVehicle)))
+    path = foreign(tmp_path / "old.mcap", LEAD_VEHICLE.key, ros_name(m.LeadVehicle), text, data)
+    ((_, lead),) = read_recording(path, "perception/*").of(LEAD_VEHICLE)
+    assert (lead.t_s, lead.distance_m, lead.confidence) == (7.0, 20.0, 0.5)
+    assert lead.lateral_m is None and lead.speed_mps is None
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("std_msgs/msg/String", "string data\n", "holds std_msgs/msg/String, expected trepid_msgs"),
+        (ros_name(m.SteeringEstimate), "float64", "the definition of .* cannot be read"),
+        (ros_name(m.SteeringEstimate), "string data\n", "not a .*SteeringEstimate|it says nothing of"),
+    ],
+)
+def test_a_foreign_message_on_a_topic_of_ours_is_named(
+    tmp_path: Path, name: str, text: str, message: str
+) -> None:
+    path = foreign(tmp_path / "x.mcap", estimate_topic("cv").key, name, text, b"\x00\x01\x00\x00")
+    with pytest.raises(InputError, match=message) as error:
+        read_recording(path, "perception/*")
+    assert "\n" not in str(error.value)

@@ -1,0 +1,1 @@
+"""Processes of a drive: start, watch, stop; what every process shares."""

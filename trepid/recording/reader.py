@@ -1,0 +1,142 @@
+"""Reading recordings: the messages of an MCAP file that :mod:`trepid.recording.writer` wrote, by topic.
+
+A recording that was cut short, by a crash or a loss of power, is read up to its last whole chunk. One of an older
+version of Trepid is read by the definitions that it carries; what its messages did not say is absent.
+"""
+
+import math
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, TypeVar
+
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Channel, Footer, McapRecord, Metadata, Schema
+from mcap.records import Message as McapMessage
+from mcap.stream_reader import StreamReader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from trepid.clock import seconds
+from trepid.config import InputError
+from trepid.recording.writer import BEGAN, DRIVE
+from trepid.topics import Topic, topic_of
+from trepid.wire import DERIVED, WireError, definition, derived_from_ros, from_cdr, ros_name
+
+M = TypeVar("M")
+_BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError, MemoryError, OverflowError)
+"""What the MCAP library raises where a file ends in the middle of a record or holds something else."""
+Decoder = Callable[[bytes], Any]
+
+
+@dataclass(slots=True)
+class Recorded:
+    """What was read of a recording. Times are those of arrival at the recorder [s]."""
+
+    path: Path
+    messages: dict[str, list[tuple[float, Any]]] = field(default_factory=dict)
+    """Key of a topic -> arrival and message, in order of arrival."""
+    files: dict[str, bytes] = field(default_factory=dict)
+    began_s: float | None = None  # when the drive began; None: the recording does not say
+    first_s: float = math.nan  # arrival of the first message of any topic ...
+    last_s: float = math.nan  # ... and of the last
+    complete: bool = False  # False: cut short, or broken somewhere
+
+    def of(self, topic: Topic[M]) -> list[tuple[float, M]]:
+        """Every message of ``topic`` that was read, with its arrival."""
+        return self.messages.get(topic.key, [])
+
+
+def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: float = math.inf) -> Recorded:
+    """The messages that came from ``from_s`` to ``to_s`` on topics whose keys fit one of ``keys`` (with ``*``).
+
+    Raises InputError when ``path`` is no MCAP file, or holds something else where a topic of ours should be.
+    """
+    recorded = Recorded(path)
+    schemas: dict[int, Schema] = {}
+    wanted: dict[int, tuple[str, Decoder]] = {}
+    for record in _records(path):
+        match record:
+            case Schema():
+                schemas[record.id] = record
+            case Channel():
+                key = record.topic.removeprefix("/")
+                topic = topic_of(key)
+                if topic is not None and any(fnmatchcase(key, pattern) for pattern in keys):
+                    wanted[record.id] = key, _decoder(topic, schemas.get(record.schema_id), path)
+            case McapMessage():
+                at_s = seconds(record.log_time)
+                recorded.first_s = at_s if math.isnan(recorded.first_s) else min(at_s, recorded.first_s)
+                recorded.last_s = at_s if math.isnan(recorded.last_s) else max(at_s, recorded.last_s)
+                if record.channel_id in wanted and from_s <= at_s <= to_s:
+                    key, decode = wanted[record.channel_id]
+                    recorded.messages.setdefault(key, []).append((at_s, _decoded(decode, record, key, path)))
+            case Attachment():
+                recorded.files[record.name] = record.data
+            case Metadata(name=name, metadata=notes) if name == DRIVE:
+                recorded.began_s = _began_s(notes)
+            case Footer():
+                recorded.complete = True
+    for arrived in recorded.messages.values():
+        arrived.sort(key=lambda entry: entry[0])
+    return recorded
+
+
+def _records(path: Path) -> Iterator[McapRecord]:
+    """The records up to the first that is not whole. Raises InputError when ``path`` is no MCAP file."""
+    found = False
+    try:
+        with path.open("rb") as file:
+            size = path.stat().st_size
+            for record in StreamReader(file, validate_crcs=True, record_size_limit=size).records:
+                found = True
+                yield record
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except _BROKEN as error:
+        if not found:
+            raise InputError(f"{path}: not a recording: no MCAP file") from error
+
+
+def _decoded(decode: Decoder, record: McapMessage, key: str, path: Path) -> Any:
+    try:
+        return decode(record.data)
+    except WireError as error:
+        raise InputError(f"{path}: {key} at {seconds(record.log_time):.3f} s: {error}") from error
+
+
+def _began_s(notes: Mapping[str, str]) -> float | None:
+    stamp = notes.get(BEGAN, "")
+    return seconds(int(stamp)) if stamp.isdecimal() else None
+
+
+def _decoder(topic: Topic[Any], schema: Schema | None, path: Path) -> Decoder:
+    """How to read the messages of a channel. Raises InputError when they are of another type."""
+    name = ros_name(topic.type)
+    if schema is None or schema.name != name:
+        held = schema.name if schema else "messages without a definition"
+        raise InputError(f"{path}: {topic.key} holds {held}, expected {name}")
+    text = schema.data.decode(errors="replace")
+    if topic.type not in DERIVED or text == definition(topic.type):
+        return lambda data: from_cdr(data, topic.type)
+    return _older(topic.type, text, path)
+
+
+def _older(message_type: type, text: str, path: Path) -> Decoder:
+    """Reads messages by the definition ``text`` of another version of Trepid."""
+    name, store = ros_name(message_type), get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_msg(text, name))
+    except Exception as error:  # rosbags lets through whatever its parser raises on foreign text
+        raise InputError(f"{path}: the definition of {name} that it carries cannot be read") from error
+
+    def decode(data: bytes) -> Any:
+        try:
+            ros = store.deserialize_cdr(data, name)
+        except Exception as error:  # likewise on foreign bytes
+            raise WireError(f"not a {name}: {type(error).__name__}: {error}") from error
+        return derived_from_ros(ros, message_type)
+
+    return decode
