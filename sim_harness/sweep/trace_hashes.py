@@ -1,0 +1,36 @@
+"""Whether two sweeps drove alike: ``python -m sim_harness.sweep.trace_hashes BEFORE.jsonl AFTER.jsonl``.
+
+Each file holds the lines of ``trepid sim run … --json``. The command compares the trace hashes of the runs that both
+files hold, prints the runs that differ, and exits with 1 where one differs or is missing from the second file.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+Run = tuple[str, int]
+
+
+def hashes(path: Path) -> dict[Run, str]:
+    """Trace hash of every run in ``path`` by scenario and seed."""
+    rows = map(json.loads, path.read_text(encoding="utf-8").splitlines())
+    return {(row["scenario"], row["seed"]): row["trace_sha256"] for row in rows}
+
+
+def differing(before: dict[Run, str], after: dict[Run, str]) -> list[Run]:
+    """Runs of ``before`` whose hash in ``after`` is another one, or that are not there."""
+    return [run for run, digest in before.items() if after.get(run) != digest]
+
+
+def main() -> int:
+    """Compare the two files named on the command line."""
+    before, after = (hashes(Path(name)) for name in sys.argv[1:3])
+    wrong = differing(before, after)
+    for scenario, seed in wrong:
+        print(f"{scenario} seed {seed}: {'differs' if (scenario, seed) in after else 'missing'}")
+    print(f"{len(before) - len(wrong)} of {len(before)} traces are equal")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
