@@ -1,8 +1,8 @@
-"""The Zenoh bus: the only module that knows Zenoh.
+"""The Zenoh bus: the only module that imports Zenoh.
 
 Latest wins: a subscription keeps the newest message and nothing else (the Deep Steer paper's lag above
-10 Hz was its queue). Everything stays on the loopback interface of this machine, multicast scouting is off,
-and every drive has a port of its own, so two drives on one machine cannot hear each other.
+10 Hz was its queue). All traffic stays on the loopback interface of this machine, multicast scouting is off,
+and every drive has its own port, so two drives on one machine do not receive each other's messages.
 """
 
 import json
@@ -25,7 +25,7 @@ L = TypeVar("L", bound="Latest[Any]")
 
 
 def free_endpoint() -> str:
-    """A TCP endpoint on the loopback interface that is free now."""
+    """A free TCP endpoint on the loopback interface."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
@@ -42,9 +42,16 @@ class Latest(Generic[M]):
         self.message: M | None = None
         """The newest message taken so far; None before the first."""
         self.received_s: float | None = None
-        """When it arrived, on the clock of this process [s]."""
+        """Arrival of ``message`` on the clock of this process [s]."""
         self.malformed = 0
-        """How many payloads were not a message of this topic; they count as not received."""
+        """Number of payloads that could not be decoded; they count as not received."""
+        self.broken = False
+        """True while the newest payload read is a malformed one: the input is broken, ``message`` is older."""
+
+    @property
+    def key(self) -> str:
+        """Key of the topic."""
+        return self._topic.key
 
     def put(self, sample: zenoh.Sample) -> None:
         """Keep a sample; called by Zenoh on its own thread."""
@@ -52,27 +59,34 @@ class Latest(Generic[M]):
         self._arrived.set()
 
     def take(self) -> M | None:
-        """The message if one arrived since the last call, else None."""
+        """The message if one arrived since the last call, else None; malformed payloads count as none."""
         payload, self._payload = self._payload, None
         if payload is None:
             return None
         data, received_s = payload
-        try:
-            self.message = from_cdr(data, self._topic.type)
-        except WireError:
-            self.malformed += 1
-            return None
-        self.received_s = received_s
-        return self.message
+        message = self._decoded(data)
+        if message is not None:
+            self.message, self.received_s = message, received_s
+        return message
 
     def refresh(self) -> M | None:
         """The newest message, new or not; None before the first."""
         self.take()
         return self.message
 
+    def _decoded(self, data: bytes) -> M | None:
+        try:
+            message = from_cdr(data, self._topic.type)
+        except WireError:
+            self.malformed += 1
+            self.broken = True
+            return None
+        self.broken = False
+        return message
+
 
 class Stream(Latest[M]):
-    """Every message of one topic in order, for referees and recorders that must not miss any."""
+    """Every message of one topic in order, for referees and recorders that need all of them."""
 
     def __init__(self, topic: Topic[M], arrived: threading.Event, clock: Clock) -> None:
         super().__init__(topic, arrived, clock)
@@ -87,15 +101,14 @@ class Stream(Latest[M]):
         messages = []
         while self._queue:
             data, received_s = self._queue.popleft()
-            try:
-                messages.append((from_cdr(data, self._topic.type), received_s))
-            except WireError:
-                self.malformed += 1
+            message = self._decoded(data)
+            if message is not None:
+                messages.append((message, received_s))
         return messages
 
 
 class Tap:
-    """Everything on the bus, as bytes: for recorders."""
+    """All messages on some keys as bytes, for recorders."""
 
     def __init__(self, prefix: str, clock: Clock) -> None:
         self._prefix = prefix
@@ -121,6 +134,7 @@ class Bus:
         self._prefix = f"trepid/{vehicle_name}"
         self._arrived = threading.Event()
         self._subscribers: list[zenoh.Subscriber[None]] = []
+        self._subscriptions: list[Latest[Any]] = []
 
     def publisher(self, topic: Topic[M]) -> Callable[[M], None]:
         """A function that publishes one message of ``topic``."""
@@ -147,7 +161,7 @@ class Bus:
         return self._subscribe(topic, Stream(topic, self._arrived, self._clock))
 
     def tap(self, *keys: str) -> Tap:
-        """Subscription that keeps the bytes of everything on ``keys``, which may hold ``**``, until drained."""
+        """Subscription that keeps the bytes of all messages on ``keys``, which may hold ``**``, until drained."""
         tap = Tap(self._prefix, self._clock)
         for key in keys:
             self._declare(key, tap.put)
@@ -155,7 +169,16 @@ class Bus:
 
     def _subscribe(self, topic: Topic[M], latest: L) -> L:
         self._declare(topic.key, latest.put)
+        self._subscriptions.append(latest)
         return latest
+
+    def malformed(self) -> dict[str, int]:
+        """Number of malformed messages read so far by topic key; only topics that had one."""
+        counts: dict[str, int] = {}
+        for subscription in self._subscriptions:
+            if subscription.malformed:
+                counts[subscription.key] = counts.get(subscription.key, 0) + subscription.malformed
+        return counts
 
     def _declare(self, key: str, put: Callable[[zenoh.Sample], None]) -> None:
         # indirect=False: Zenoh's own thread calls put; the default spawns a Python thread that outlives main.
@@ -163,7 +186,7 @@ class Bus:
         self._subscribers.append(self._session.declare_subscriber(f"{self._prefix}/{key}", handler))
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until a message arrives on any subscription; False when ``timeout_s`` passed first."""
+        """Wait until a message arrives on any subscription; False after ``timeout_s`` without one."""
         arrived = self._arrived.wait(timeout_s)
         self._arrived.clear()
         return arrived
@@ -173,10 +196,10 @@ class Bus:
 def open_bus(
     vehicle_name: str, clock: Clock, *, connect: str | None = None, listen: str | None = None
 ) -> Iterator[Bus]:
-    """A bus that listens as the router of a drive, or connects to the one at ``connect``.
+    """A bus that listens as the router of a drive, or connects to the router at ``connect``.
 
-    A peer without a listen endpoint receives nothing, so every peer also listens on a port of its own; once
-    peers know each other their traffic no longer passes through the router and survives its death.
+    A peer without a listen endpoint receives nothing, so every peer also listens on its own port; connected
+    peers exchange messages directly, also after the router has ended.
     """
     config = zenoh.Config()
     settings = {

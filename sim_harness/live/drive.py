@@ -151,7 +151,7 @@ class Referee:
         """
         while not signals and not self._problems:
             self._listen()
-            self._problems += [f"{death} before the drive began" for death in self._fleet.bury()]
+            self._problems += [f"{exited} before the drive began" for exited in self._fleet.collect_exits()]
             missing = [name for name in self._fleet.children if name not in self._log.diagnostics]
             if not missing and self._log.decision is not None and self._begun():
                 self._log.restart()
@@ -173,11 +173,11 @@ class Referee:
             self._listen()
             self._act_out_losses()
             self._end_silent_processes()
-            for death in self._fleet.bury():
-                self._problems.append(f"{death} at {self._elapsed_s():.1f} s")
-                self._log.diagnostics.pop(death.name, None)
+            for exited in self._fleet.collect_exits():
+                self._problems.append(f"{exited} at {self._elapsed_s():.1f} s")
+                self._log.diagnostics.pop(exited.name, None)
                 self._lost_s = self._lost_s or self._elapsed_s()
-                if death.name == "vehicle":
+                if exited.name == "vehicle":
                     return  # the simulated car is gone with it: there is nothing left to watch
             if (
                 self._elapsed_s() >= self._scenario.duration_s

@@ -1,7 +1,7 @@
-"""Whether two sweeps drove alike: ``python -m sim_harness.sweep.trace_hashes BEFORE.jsonl AFTER.jsonl``.
+"""Comparison of two sweeps by trace hash: ``python -m sim_harness.sweep.trace_hashes BEFORE.jsonl AFTER.jsonl``.
 
-Each file holds the lines of ``trepid sim run … --json``. The command compares the trace hashes of the runs that both
-files hold, prints the runs that differ, and exits with 1 where one differs or is missing from the second file.
+Each file holds the lines of ``trepid sim run … --json``. The command prints the runs of the first file whose hash
+differs in the second file or that are missing there, and exits with 1 if there are any.
 """
 
 import json
@@ -18,7 +18,7 @@ def hashes(path: Path) -> dict[Run, str]:
 
 
 def differing(before: dict[Run, str], after: dict[Run, str]) -> list[Run]:
-    """Runs of ``before`` whose hash in ``after`` is another one, or that are not there."""
+    """Runs of ``before`` with another hash in ``after``, or missing from it."""
     return [run for run, digest in before.items() if after.get(run) != digest]
 
 

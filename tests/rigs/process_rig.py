@@ -1,4 +1,4 @@
-"""Real processes, as tests watch them."""
+"""Observation of real processes in tests."""
 
 import time
 from collections.abc import Callable
@@ -14,7 +14,7 @@ def alive(pid: int) -> bool:
 
 
 def until(condition: Callable[[], object], *, patience_s: float) -> bool:
-    """Whether the condition came true in time."""
+    """Wait up to ``patience_s`` for the condition; True when it holds in time."""
     deadline_s = time.monotonic() + patience_s
     while time.monotonic() < deadline_s:
         if condition():

@@ -6,10 +6,11 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from process_rig import until
 
 from trepid.bus import Bus, Latest, free_endpoint, open_bus
 from trepid.config import ROOT
-from trepid.messages import VehicleState
+from trepid.messages import ImageStatistics, VehicleState
 from trepid.topics import COMMAND, VEHICLE_STATE, Topic
 
 
@@ -29,12 +30,12 @@ def buses() -> Iterator[tuple[Bus, Bus]]:
         yield one, other
 
 
-def heard_after_sending(
-    sender: Bus, latest: Latest[VehicleState], *, patience_s: float
+def received_after_sending(
+    sender: Bus, latest: Latest[VehicleState], *, timeout_s: float
 ) -> VehicleState | None:
-    """Send until something is heard or patience ends: sessions take a moment to find each other."""
+    """Send until a message arrives or the time is up; sessions need a moment to connect."""
     send = sender.publisher(VEHICLE_STATE)
-    deadline_s = time.monotonic() + patience_s
+    deadline_s = time.monotonic() + timeout_s
     while latest.refresh() is None and time.monotonic() < deadline_s:
         send(state(1.0))
         time.sleep(0.02)
@@ -43,22 +44,22 @@ def heard_after_sending(
 
 def test_a_message_arrives_unchanged_on_the_other_side(buses: tuple[Bus, Bus]) -> None:
     one, other = buses
-    assert heard_after_sending(one, other.latest(VEHICLE_STATE), patience_s=5) == state(1.0)
+    assert received_after_sending(one, other.latest(VEHICLE_STATE), timeout_s=5) == state(1.0)
 
 
 def test_the_latest_message_wins_and_is_taken_once(buses: tuple[Bus, Bus]) -> None:
     one, other = buses
     latest, stream = other.latest(VEHICLE_STATE), other.stream(VEHICLE_STATE)
-    assert heard_after_sending(one, latest, patience_s=5)
+    assert received_after_sending(one, latest, timeout_s=5)
     send = one.publisher(VEHICLE_STATE)
     for t_s in (2.0, 3.0, 4.0):
         send(state(t_s))
-    heard: list[float] = []
+    received: list[float] = []
     deadline_s = time.monotonic() + 5
-    while 4.0 not in heard and time.monotonic() < deadline_s:
+    while 4.0 not in received and time.monotonic() < deadline_s:
         other.wait(0.05)
-        heard += [message.t_s for message, _ in stream.drain()]
-    assert [t_s for t_s in heard if t_s > 1.0] == [2.0, 3.0, 4.0]
+        received += [message.t_s for message, _ in stream.drain()]
+    assert [t_s for t_s in received if t_s > 1.0] == [2.0, 3.0, 4.0]
     taken = latest.take()
     assert taken is not None
     assert taken.t_s == 4.0
@@ -66,25 +67,44 @@ def test_the_latest_message_wins_and_is_taken_once(buses: tuple[Bus, Bus]) -> No
     assert latest.message == taken
 
 
-def test_two_drives_on_one_machine_do_not_hear_each_other(buses: tuple[Bus, Bus]) -> None:
+def test_two_drives_on_one_machine_do_not_receive_each_others_messages(buses: tuple[Bus, Bus]) -> None:
     one, _ = buses
     with open_bus("car", time.monotonic, listen=free_endpoint()) as stranger:
-        assert heard_after_sending(one, stranger.latest(VEHICLE_STATE), patience_s=1) is None
+        assert received_after_sending(one, stranger.latest(VEHICLE_STATE), timeout_s=1) is None
 
 
-def test_foreign_bytes_count_as_not_received(buses: tuple[Bus, Bus]) -> None:
+def test_malformed_messages_are_counted_by_topic_and_treated_as_not_received(buses: tuple[Bus, Bus]) -> None:
     one, other = buses
-    latest = other.latest(VEHICLE_STATE)
-    impostor = one.publisher(Topic(COMMAND.key, VehicleState, 1, ""))
-    commands = other.latest(COMMAND)
+    states, commands = other.latest(VEHICLE_STATE), other.latest(COMMAND)
+    send_malformed = one.publisher(Topic(COMMAND.key, VehicleState, 1, ""))
     deadline_s = time.monotonic() + 5
     while commands.malformed == 0 and time.monotonic() < deadline_s:
-        impostor(state(1.0))
+        send_malformed(state(1.0))
         time.sleep(0.02)
         commands.take()
     assert commands.malformed > 0
+    assert commands.broken
     assert commands.message is None
-    assert latest.message is None
+    assert states.message is None
+    assert not states.broken
+    assert other.malformed() == {COMMAND.key: commands.malformed}
+
+
+def test_an_input_is_broken_until_the_next_valid_message_arrives(buses: tuple[Bus, Bus]) -> None:
+    one, other = buses
+    latest = other.latest(VEHICLE_STATE)
+    assert received_after_sending(one, latest, timeout_s=5)
+    send_malformed = one.publisher(Topic(VEHICLE_STATE.key, ImageStatistics, 1, ""))
+    send_malformed(
+        ImageStatistics(
+            t_s=2.0, brightness=0.5, contrast=0.2, over_exposed=0.0, under_exposed=0.0,
+            sharpness=1.0, frozen_s=0.0, spots=0.0,
+        )
+    )  # fmt: skip
+    assert until(lambda: latest.refresh() and latest.broken, patience_s=5)
+    assert latest.message == state(1.0)
+    assert until(lambda: one.publisher(VEHICLE_STATE)(state(3.0)) or latest.take() is not None, patience_s=5)
+    assert not latest.broken
 
 
 def test_a_publisher_refuses_another_topics_message(buses: tuple[Bus, Bus]) -> None:

@@ -1,8 +1,8 @@
 """Start, watch and stop the processes of a drive.
 
-Every child is its own ``python -m <module>`` in a session of its own (Ctrl-C reaches only the launcher) and
-holds the reading end of a pipe to the launcher: when the launcher dies, by whatever cause, the pipe closes and
-the child ends itself (:mod:`trepid.processes.process`).
+Every child is a ``python -m <module>`` in its own session (Ctrl-C reaches only the launcher) and holds the reading
+end of a pipe to the launcher. The pipe closes when the launcher ends for any reason, and the child then ends itself
+(:mod:`trepid.processes.process`).
 """
 
 import os
@@ -28,7 +28,7 @@ class ProcessSpec:
     name: str
     module: str
     options: dict[str, Any] = field(default_factory=dict)
-    restart: bool = True  # start it again when it dies
+    restart: bool = True  # start it again after an unexpected end
 
 
 @dataclass(slots=True)
@@ -40,22 +40,22 @@ class Child:
     log: IO[bytes]
     restarts: int = 0
 
-    def last_words(self, lines: int = 12) -> str:
-        """The end of what the process wrote to standard error."""
+    def stderr_tail(self, lines: int = 12) -> str:
+        """The last lines that the process wrote to its log, joined by `` | ``."""
         self.log.seek(0)
-        said = self.log.read().decode(errors="replace").splitlines()
-        telling = [line.strip() for line in said if line.strip() and not line.startswith("Extension modules")]
-        return " | ".join(telling[-lines:])
+        written = self.log.read().decode(errors="replace").splitlines()
+        kept = [line.strip() for line in written if line.strip() and not line.startswith("Extension modules")]
+        return " | ".join(kept[-lines:])
 
 
 @dataclass(frozen=True, slots=True)
-class Death:
-    """A child that ended although nobody asked it to."""
+class UnexpectedExit:
+    """The end of a child that the launcher did not request."""
 
     name: str
     pid: int
     returncode: int
-    last_words: str
+    stderr_tail: str
 
     def __str__(self) -> str:
         how = (
@@ -64,12 +64,12 @@ class Death:
             else f"exited with code {self.returncode}"
         )
         return f"process {self.name} (pid {self.pid}) {how}" + (
-            f": {self.last_words}" if self.last_words else ""
+            f": {self.stderr_tail}" if self.stderr_tail else ""
         )
 
 
 class Fleet:
-    """The processes of one drive. Use as a context manager: leaving it leaves no process behind."""
+    """The processes of one drive. Use as a context manager, which ends all of them on leaving."""
 
     def __init__(
         self,
@@ -106,34 +106,34 @@ class Fleet:
         log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the child
         popen = subprocess.Popen(
             [sys.executable, "-m", spec.module, assignment.model_dump_json()],
-            cwd=ROOT,  # so that `-m` finds our packages before any namesake that is installed
+            cwd=ROOT,  # `-m` then prefers the packages of this checkout to installed ones of the same name
             stdin=subprocess.PIPE,
             stdout=log,
             stderr=log,
             start_new_session=True,
-            # One thread per process: two cores carry seven of them.
+            # One thread per process: seven processes share two cores.
             env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         )
         return Child(spec, popen, log)
 
-    def bury(self) -> list[Death]:
-        """The children that died since the last call; each is started again while it has restarts left."""
-        deaths = []
+    def collect_exits(self) -> list[UnexpectedExit]:
+        """The children that ended since the last call; each is started again while it has restarts left."""
+        exits = []
         for name, child in self.children.items():
             returncode = child.popen.poll()
             if returncode is None or child.log.closed:
                 continue
-            deaths.append(Death(name, child.popen.pid, returncode, child.last_words()))
+            exits.append(UnexpectedExit(name, child.popen.pid, returncode, child.stderr_tail()))
             _close(child)
             if child.spec.restart and child.restarts < self._max_restarts:
                 self.children[name] = self._start(child.spec)
                 self.children[name].restarts = child.restarts + 1
-        return deaths
+        return exits
 
     def kill(self, name: str) -> None:
-        """End a process that no longer answers; :meth:`bury` then reports it.
+        """End a process that no longer responds; :meth:`collect_exits` then reports it.
 
-        SIGABRT makes it say where it hangs (faulthandler); SIGKILL ends one that cannot even do that.
+        SIGABRT writes the stack of the process to its log (faulthandler); SIGKILL follows after a grace time.
         """
         popen = self.children[name].popen
         popen.send_signal(signal.SIGABRT)
@@ -144,11 +144,11 @@ class Fleet:
             popen.wait()
 
     def pause(self, name: str) -> None:
-        """Let a process stand still (SIGSTOP), as if it were lost; it goes on by itself when the launcher dies."""
+        """Pause a process (SIGSTOP) to simulate its loss; it resumes and ends itself if the launcher ends."""
         self.children[name].popen.send_signal(signal.SIGSTOP)
 
     def resume(self, name: str) -> None:
-        """Let a paused process go on where it was."""
+        """Resume a paused process (SIGCONT)."""
         self.children[name].popen.send_signal(signal.SIGCONT)
 
     def stop(self) -> None:
@@ -156,7 +156,7 @@ class Fleet:
         for child in self.children.values():
             if child.popen.poll() is None:
                 child.popen.terminate()
-                child.popen.send_signal(signal.SIGCONT)  # a paused one would not hear of it
+                child.popen.send_signal(signal.SIGCONT)  # a paused process handles SIGTERM only after it
         deadline_s = time.monotonic() + TERM_GRACE_S
         for child in self.children.values():
             try:

@@ -1,7 +1,7 @@
-"""What every Trepid process shares: its bus, its clock, when to stop, and its heartbeat.
+"""The common part of all Trepid processes: bus, clock, end, heartbeat.
 
-A process is started by `trepid.processes.launch` as ``python -m <module> '<Assignment as JSON>'`` with a pipe as
-standard input. It stops on SIGTERM, and also when that pipe closes: then the launcher is gone, however it died.
+`trepid.processes.launch` starts a process as ``python -m <module> '<Assignment as JSON>'`` with a pipe as standard
+input. The process stops on SIGTERM, and when that pipe closes because the launcher has ended.
 """
 
 import ctypes
@@ -28,11 +28,11 @@ Values = tuple[tuple[str, str], ...]
 HEARTBEAT_PERIOD_S = 1.0
 READY = "ready"
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
-EXIT_GRACE_S = 1.0  # a process that is stuck when its launcher dies is ended after this long
+EXIT_GRACE_S = 1.0  # from the end of the launcher to the end of a process whose main thread is stuck
 
 
 class Assignment(Settings):
-    """What the launcher tells a process."""
+    """Parameters that the launcher passes to a process."""
 
     name: str
     vehicle_name: str
@@ -53,18 +53,20 @@ class Process:
         self._send = bus.publisher(DIAGNOSTICS)
         self._further: Callable[[], Values] = tuple
         self._steps = 0
-        self._said = (Health.OK, "")
+        self._reported = (Health.OK, "")
+        self._malformed: dict[str, int] = {}  # counts at the last heartbeat
+        self._warned = False  # the last heartbeat reported malformed messages
         self._beat_s = time.monotonic()
         self._beat_cpu_s = time.process_time()
 
     def running(self) -> bool:
-        """False once the process shall end."""
+        """False after a request to end."""
         return not self._stop.is_set()
 
     def ready(self, *, values: Callable[[], Values] = tuple) -> None:
-        """Say that everything is built and the first step may come; the launcher waits for it.
+        """Publish that the process is set up; the launcher waits for this heartbeat of every process.
 
-        ``values`` is asked at every heartbeat for further values to go with it.
+        ``values`` is called at every heartbeat and returns further values to publish with it.
         """
         self._further = values
         self.beat(Health.OK, READY)
@@ -75,31 +77,44 @@ class Process:
         self.alive(health, message)
 
     def alive(self, health: Health = Health.OK, message: str = "") -> None:
-        """Publish the heartbeat if it is due or says something new."""
-        if (health, message) != self._said or time.monotonic() - self._beat_s >= HEARTBEAT_PERIOD_S:
+        """Publish the heartbeat if it is due, if health or message changed, or at malformed messages."""
+        changed = (health, message) != self._reported
+        newly_malformed = not self._warned and self.bus.malformed() != self._malformed
+        if changed or newly_malformed or time.monotonic() - self._beat_s >= HEARTBEAT_PERIOD_S:
             self.beat(health, message)
 
     def beat(self, health: Health, message: str) -> None:
-        """Publish the heartbeat: health, steps per second and share of a core since the last one."""
+        """Publish the heartbeat: health, steps per second and share of a core since the last one.
+
+        Health is at least WARN when messages read since the last heartbeat were malformed. The values give the
+        number of malformed messages so far by topic as ``malformed <key>``.
+        """
+        self._reported = (health, message)
+        malformed = self.bus.malformed()
+        new = [key for key, count in malformed.items() if count != self._malformed.get(key)]
+        self._malformed, self._warned = malformed, bool(new)
+        if new:
+            health = Health.WARN if health is Health.OK else health
+            message = "; ".join(filter(None, (message, f"malformed messages on {', '.join(new)}")))
         wall_s = max(time.monotonic() - self._beat_s, 1e-3)
         cpu_s = time.process_time() - self._beat_cpu_s
         values = (
             ("pid", str(os.getpid())),
             ("rate_hz", f"{self._steps / wall_s:.1f}"),
             ("cpu_percent", f"{100 * cpu_s / wall_s:.1f}"),
+            *((f"malformed {key}", str(count)) for key, count in malformed.items()),
             *self._further(),
         )
         self._send(
             Diagnostic(t_s=self.now_s(), process=self.name, health=health, message=message, values=values)
         )
-        self._said = (health, message)
         self._steps = 0
         self._beat_s += wall_s
         self._beat_cpu_s += cpu_s
 
 
 class Ticker:
-    """Steps at a fixed rate on an absolute schedule: late steps are skipped, never made up for."""
+    """Steps at a fixed rate on an absolute schedule; missed steps are skipped."""
 
     def __init__(self, rate_hz: float) -> None:
         self._period_s = 1 / rate_hz
@@ -110,7 +125,7 @@ class Ticker:
         return max(0.0, self._next_s - time.monotonic())
 
     def due(self) -> bool:
-        """True when a step is due; the next one is then one period on."""
+        """True when a step is due; schedules the next step."""
         now_s = time.monotonic()
         if now_s < self._next_s:
             return False
@@ -125,30 +140,30 @@ class Ticker:
 
 @contextmanager
 def process() -> Iterator[Process]:
-    """This process as the launcher assigned it on the command line; the bus closes on leaving."""
+    """The process that the assignment on the command line describes; closes the bus on leaving."""
     try:
         assignment = Assignment.model_validate_json(sys.argv[1])
     except (IndexError, ValidationError):
         sys.exit(f"{sys.argv[0]}: is started by `trepid drive`, not by hand")
-    faulthandler.enable()  # a crash, or an abort by the launcher, leaves a stack in the log
-    _go_on_when_the_launcher_dies()
+    faulthandler.enable()  # writes the stack to the log at a crash and at an abort by the launcher
+    _resume_when_the_launcher_ends()
     stop = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the launcher, which ends its processes
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the launcher handles Ctrl-C and ends its processes
     threading.Thread(target=_stop_with_launcher, args=(stop,), daemon=True).start()
     clock = epoch_clock(assignment.clock_offset_ns)
     with open_bus(assignment.vehicle_name, clock, connect=assignment.connect) as bus:
         yield Process(assignment, bus, stop)
 
 
-def _go_on_when_the_launcher_dies() -> None:
-    """On Linux: SIGCONT when the parent dies, so that a paused process wakes up and finds its pipe closed."""
+def _resume_when_the_launcher_ends() -> None:
+    """On Linux: request SIGCONT at the end of the parent, so that a paused process reads its closed pipe."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGCONT)
 
 
 def _stop_with_launcher(stop: threading.Event) -> None:
-    """Wait for the pipe from the launcher to close, then stop; do not wait for a stuck main thread."""
+    """Stop when the pipe from the launcher closes; after a grace time end a stuck main thread too."""
     sys.stdin.buffer.read()
     stop.set()
     time.sleep(EXIT_GRACE_S)

@@ -111,7 +111,10 @@ def heard(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
             def now() -> bool:
                 return said.refresh() is not None and decided.refresh() is not None
 
-            return until(lambda: now() and condition(said.message, decided.message)) and not fleet.bury()
+            return (
+                until(lambda: now() and condition(said.message, decided.message))
+                and not fleet.collect_exits()
+            )
 
         yield hears
 

@@ -46,7 +46,7 @@ def test_a_process_reports_and_is_gone_after_the_drive(drive: tuple[Bus, Callabl
     with fleet(CONTROLLER) as running:
         assert hears()
         pid = running.children["controller"].popen.pid
-        assert running.bury() == []
+        assert running.collect_exits() == []
     assert not alive(pid)
 
 
@@ -60,25 +60,25 @@ def test_a_killed_process_is_reported_and_started_again_until_its_restarts_are_u
         first = running.children["controller"].popen
         os.kill(first.pid, signal.SIGKILL)
         first.wait(5)
-        (death,) = running.bury()
-        assert str(death).startswith(f"process controller (pid {first.pid}) was killed by SIGKILL")
+        (ended,) = running.collect_exits()
+        assert str(ended).startswith(f"process controller (pid {first.pid}) was killed by SIGKILL")
         assert running.children["controller"].restarts == 1
         assert hears()
         running.kill("controller")
-        assert len(running.bury()) == 1
-        assert running.bury() == []
+        assert len(running.collect_exits()) == 1
+        assert running.collect_exits() == []
         assert running.children["controller"].popen.poll() is not None
 
 
-def test_a_module_that_fails_is_reported_with_its_last_words(
+def test_a_module_that_fails_is_reported_with_the_end_of_its_stderr(
     drive: tuple[Bus, Callable[..., Fleet]],
 ) -> None:
     _, fleet = drive
     with fleet(ProcessSpec("ghost", "controller.no_such_module"), max_restarts=0) as running:
         assert until(lambda: running.children["ghost"].popen.poll() is not None, patience_s=20)
-        (death,) = running.bury()
-    assert "exited with code 1" in str(death)
-    assert "No module named controller.no_such_module" in str(death)
+        (ended,) = running.collect_exits()
+    assert "exited with code 1" in str(ended)
+    assert "No module named controller.no_such_module" in str(ended)
 
 
 def test_even_a_frozen_process_is_stopped(drive: tuple[Bus, Callable[..., Fleet]]) -> None:
@@ -102,7 +102,7 @@ def test_a_paused_process_is_silent_until_it_goes_on(drive: tuple[Bus, Callable[
         )  # what was under way may still come, on a busy machine late
         running.resume("controller")
         assert hears()
-        assert running.bury() == []
+        assert running.collect_exits() == []
 
 
 @pytest.mark.parametrize("paused", [False, True])
