@@ -9,7 +9,7 @@ from typing import Protocol
 from perception.lane.lane_cv import LaneCv, LaneCvSettings
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
 from trepid.vehicle import Vehicle
 
 
@@ -28,6 +28,7 @@ class Entry:
     description: str
     build: Callable[[Camera, Vehicle], Estimator]
     source: str
+    kind: EstimateKind = EstimateKind.LANE
     stages: tuple[str, ...] = ()  # of a pipeline
 
 
@@ -74,6 +75,7 @@ def estimators() -> dict[str, Entry]:
             recipe.description,
             partial(Pipeline, recipe),
             source=recipe.source,
+            kind=recipe.kind,
             stages=tuple(stage.name for stage in recipe.stages),
         )
         for name, recipe in recipes().items()
@@ -89,6 +91,11 @@ def entry_of(name: str) -> Entry:
     if name not in known:
         raise InputError(f"no estimator {name!r}; there are {', '.join(known)}")
     return known[name]
+
+
+def kind_of(name: str) -> EstimateKind:
+    """Whether the estimator called ``name`` measures the lane or only a steering angle. Raises InputError."""
+    return entry_of(name).kind
 
 
 def build(

@@ -71,14 +71,24 @@ class ImageStatistics:
     spots: float  # share of the tiles that hold a dark spot which stands still, 0..1: dirt on the lens
 
 
+class EstimateKind(StrEnum):
+    """The quantity that an estimator measures."""
+
+    LANE = "lane"  # the lane state; its road-wheel angle is computed from it
+    ANGLE = "angle"  # the road-wheel angle alone; the lane state is None
+
+
 @quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SteeringEstimate:
-    """The lane as one estimator sees it, and the road-wheel angle that a kinematic vehicle would need.
+    """The lane state measured by one estimator, and the road-wheel angle that a kinematic vehicle would need.
 
     The lane centre in the vehicle frame is the clothoid with offset, heading error, curvature and curvature
     rate below. ``curvature_1pm`` holds at ``lookahead_m`` ahead of the rear axle, so the curvature at the axle
     is ``curvature_1pm - curvature_rate_1pm2 * lookahead_m``.
+
+    An estimate of kind ``ANGLE`` (a printed steering rule, a network trained on angles) carries only
+    ``road_wheel_angle_rad``: its lane fields and its lane width are None, and ``confidence`` is that of the angle.
     """
 
     t_s: float
@@ -97,10 +107,19 @@ class SteeringEstimate:
     left_boundary_px: PixelPath
     right_boundary_px: PixelPath
     marked: bool | None = None  # the boundaries are painted lines; False: edges of the road; None: not known
+    kind: EstimateKind = EstimateKind.LANE  # the same for every message of an estimator
 
     @classmethod
-    def nothing(cls, t_s: float, *, estimator: str, lookahead_m: float, reason: str) -> "SteeringEstimate":
-        """No lane seen, and why."""
+    def nothing(
+        cls,
+        t_s: float,
+        *,
+        estimator: str,
+        lookahead_m: float,
+        reason: str,
+        kind: EstimateKind = EstimateKind.LANE,
+    ) -> "SteeringEstimate":
+        """An estimate without lane and angle, and the reason."""
         return cls(
             t_s=t_s,
             estimator=estimator,
@@ -117,6 +136,7 @@ class SteeringEstimate:
             reason=reason,
             left_boundary_px=(),
             right_boundary_px=(),
+            kind=kind,
         )
 
 

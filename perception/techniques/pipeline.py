@@ -52,6 +52,7 @@ class Pipeline:
         self._track: list[Callable[..., Boundaries]] = []  # made anew when time jumps
         (self._state,) = (stage.bound() for stage in recipe.of("state"))
         self._steer = next((stage.bound() for stage in recipe.of("steer")), pursuit)
+        self._rule = next((stage.bound() for stage in recipe.of("rule")), None)
         self._rng = np.random.default_rng(0)  # one seed: the same frames give the same answer
         self._last: Boundaries | None = None
         self._last_t_s = math.nan
@@ -71,8 +72,10 @@ class Pipeline:
             boundaries = track(boundaries, motion)
         self._last, self._last_t_s = (boundaries if boundaries.seen else None), frame.t_s
         lane = self._state(boundaries, view)
-        angle = self._steer(boundaries, lane, view, self._vehicle.wheelbase_m, motion.dt_s)
-        return self._estimate(frame.t_s, boundaries, evidence, lane, angle)
+        if self._rule is not None:
+            angle = self._rule(boundaries, view, motion.dt_s)
+            return self._angle_estimate(frame.t_s, boundaries, evidence, lane, angle)
+        return self._lane_estimate(frame.t_s, boundaries, evidence, lane)
 
     def _working(self, image: NDArray[np.uint8]) -> tuple[Image, View]:
         """The BGR image at working size, without lens distortion, and its view."""
@@ -121,10 +124,25 @@ class Pipeline:
         boundaries: Boundaries = self._model(features, view, predicted, self._rng)
         return boundaries, clarity(features, view, boundaries)
 
-    def _estimate(
+    def _angle_estimate(
         self, t_s: float, boundaries: Boundaries, evidence: float, lane: Lane | None, angle_rad: float | None
     ) -> SteeringEstimate:
+        """The angle of the steering rule; the lane state, which the rule does not measure, only rates it."""
         if lane is None or angle_rad is None:
+            return self._nothing(t_s, boundaries.reason or "the boundaries make no lane")
+        return replace(
+            self._nothing(t_s, boundaries.reason),
+            road_wheel_angle_rad=angle_rad,
+            confidence=self._recipe.trust * evidence * belief(boundaries, lane, self._recipe),
+            lanes_detected=boundaries.seen,
+            left_boundary_px=boundary_path(boundaries.left, self._camera),
+            right_boundary_px=boundary_path(boundaries.right, self._camera),
+        )
+
+    def _lane_estimate(
+        self, t_s: float, boundaries: Boundaries, evidence: float, lane: Lane | None
+    ) -> SteeringEstimate:
+        if lane is None:
             return self._nothing(t_s, boundaries.reason or "the boundaries make no lane")
         rate = lane.curvature_rate_1pm2
         return SteeringEstimate(
@@ -135,7 +153,7 @@ class Pipeline:
             curvature_1pm=lane.curvature_1pm + rate * LOOKAHEAD_M,
             curvature_rate_1pm2=rate,
             lookahead_m=LOOKAHEAD_M,
-            road_wheel_angle_rad=angle_rad,
+            road_wheel_angle_rad=self._steer(lane, self._vehicle.wheelbase_m),
             confidence=self._recipe.trust * evidence * belief(boundaries, lane, self._recipe),
             lanes_detected=boundaries.seen,
             lane_width_m=lane.width_m,
@@ -147,7 +165,11 @@ class Pipeline:
 
     def _nothing(self, t_s: float, reason: str) -> SteeringEstimate:
         return SteeringEstimate.nothing(
-            t_s, estimator=self._recipe.name, lookahead_m=LOOKAHEAD_M, reason=reason
+            t_s,
+            estimator=self._recipe.name,
+            lookahead_m=LOOKAHEAD_M,
+            reason=reason,
+            kind=self._recipe.kind,
         )
 
 

@@ -14,10 +14,12 @@ from ruamel.yaml.comments import CommentedMap
 
 from perception.techniques.stages import KINDS
 from trepid.config import CONFIG_DIR, InputError, Settings, located, parse, read, read_text
+from trepid.messages import EstimateKind
 
 PIPELINES = CONFIG_DIR / "pipelines.yaml"
 ORDER = {name: number for number, name in enumerate(KINDS)} | {"prepare": 0, "warp": 0, "region": 0}
-ONCE = ("model", "state", "steer")
+ONCE = ("model", "state", "steer", "rule")
+STEERING = ("steer", "rule")  # a pipeline has at most one of them
 NEEDED = ("features", "model", "state")
 
 
@@ -60,6 +62,11 @@ class Recipe:
     width_m: float
     width_sigma_m: float
     stages: tuple[Stage, ...]
+
+    @property
+    def kind(self) -> EstimateKind:
+        """The kind of its estimates."""
+        return EstimateKind.ANGLE if self.of("rule") else EstimateKind.LANE
 
     def of(self, *kinds: str) -> tuple[Stage, ...]:
         """Its stages of ``kinds``, in order."""
@@ -135,5 +142,7 @@ def _misfit(recipe: Recipe) -> tuple[list[int], str] | None:
             return [number], f"{after} {recipe.stages[number].name!r} must come before {before}"
         if after in ONCE and after in kinds[:number]:
             return [number], f"a second {after}"
+        if before in STEERING and after in STEERING:
+            return [number], f"a {after} beside a {before}: one of them steers"
     missing = [kind for kind in NEEDED if kind not in kinds]
     return ([], f"no stage of kind {', '.join(missing)}") if missing else None

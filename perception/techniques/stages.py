@@ -12,13 +12,15 @@ remember something is a class: its settings are those of its constructor, and it
 ``model``     ``(features, view, predicted, rng) -> Boundaries``
 ``track``     ``step(boundaries, motion) -> Boundaries``
 ``state``     ``(boundaries, view) -> Lane | None``
-``steer``     ``(boundaries, lane, view, wheelbase_m, dt_s) -> float | None`` road-wheel angle [rad], + left
+``steer``     ``(lane, wheelbase_m) -> float``: the road-wheel angle [rad], + left, of a lane state
+``rule``      ``(boundaries, view, dt_s) -> float | None``: a printed steering rule; the angle is the estimate
 ============  ==========================================================================================
 
 ``predicted`` are the boundaries of the last frame moved to where the vehicle is now; None when there are none.
-``view`` of ``state`` and ``steer`` is that of the whole working image. ``prepare``, ``warp`` and ``region`` may
-come in any order before the features; ``track`` and ``steer`` may be left out; of several trackers, each is given
-the boundaries of the one before.
+``view`` of ``state`` and ``rule`` is that of the whole working image. ``prepare``, ``warp`` and ``region`` may
+come in any order before the features; ``track`` may be left out; of several trackers, each is given the boundaries
+of the one before. A pipeline has a ``steer`` or a ``rule``, not both; without either it steers by ``pursuit``. The
+estimate of a pipeline with a ``rule`` is of kind ``angle``: its lane state only goes into its confidence.
 """
 
 from collections.abc import Callable
@@ -143,8 +145,8 @@ TRACK: Table = {
     "bayes": Bayes,
 }
 STATE: Table = {"exact_pair": exact_pair, "ground_curve": ground_curve}
-STEER: Table = {
-    "pursuit": pursuit,
+STEER: Table = {"pursuit": pursuit}
+RULE: Table = {
     "dev": dev,
     "tu": Tu,
     "sujatha": Sujatha,
@@ -162,4 +164,5 @@ KINDS: dict[str, Table] = {
     "track": TRACK,
     "state": STATE,
     "steer": STEER,
+    "rule": RULE,
 }

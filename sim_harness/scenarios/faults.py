@@ -96,7 +96,9 @@ class LostLane(Span):
     def told(self, estimate: SteeringEstimate) -> SteeringEstimate:
         """What the estimator says instead of ``estimate``."""
         name, ahead_m = estimate.estimator, estimate.lookahead_m
-        return SteeringEstimate.nothing(estimate.t_s, estimator=name, lookahead_m=ahead_m, reason="lost lane")
+        return SteeringEstimate.nothing(
+            estimate.t_s, estimator=name, lookahead_m=ahead_m, reason="lost lane", kind=estimate.kind
+        )
 
 
 Fault = Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from perception.techniques.image.picture import Boundaries, Boundary, Lane, View
+from perception.techniques.image.picture import Boundaries, Boundary, View
 from perception.techniques.steering.level_picture import (
     ImageAngle,
     LevelPicture,
@@ -149,9 +149,7 @@ class Abdelrahman:
         self._gain, self._width_m, self._split_m, self._blind_s = gain, width_m, split_m, blind_s
         self._before, self._turned_rad, self._unseen_s = Lines(), 0.0, 0.0
 
-    def step(
-        self, boundaries: Boundaries, lane: Lane | None, view: View, wheelbase_m: float, dt_s: float
-    ) -> RoadWheel | None:
+    def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RoadWheel | None:
         """The angle for this frame; the picture is split ``split_m`` ahead."""
         near, picture = _half(boundaries, view, 0.0, self._split_m)
         far, _ = _half(boundaries, view, self._split_m, np.inf)

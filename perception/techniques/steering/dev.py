@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from perception.techniques.image.picture import Boundaries, Lane, View
+from perception.techniques.image.picture import Boundaries, View
 from perception.techniques.steering.level_picture import ImageAngle, RoadWheel, lean, level_lines, road_wheel
 from perception.techniques.steering.straight_lane import ImageLine
 
@@ -38,9 +38,7 @@ def dev_angle(left: ImageLine | None, right: ImageLine | None) -> ImageAngle | N
 
 def dev(
     boundaries: Boundaries,
-    lane: Lane | None,
     view: View,
-    wheelbase_m: float,
     dt_s: float,
     *,
     gain: Annotated[float, Field(gt=0, le=2)] = 0.2,

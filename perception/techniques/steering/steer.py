@@ -1,28 +1,15 @@
 """From boundaries and lane state to the road-wheel angle."""
 
-from typing import Annotated
-
-from pydantic import Field
-
-from perception.techniques.image.picture import Boundaries, Lane, View
+from perception.techniques.image.picture import Lane
 from trepid.steering import pursuit_curvature, road_wheel_angle
+from trepid.types import Positive
 
 
-def pursuit(
-    boundaries: Boundaries,
-    lane: Lane | None,
-    view: View,
-    wheelbase_m: float,
-    dt_s: float,
-    *,
-    lookahead_m: Annotated[float, Field(gt=0)] = 8.0,
-) -> float | None:
+def pursuit(lane: Lane, wheelbase_m: float, *, lookahead_m: Positive = 8.0) -> float:
     """Road-wheel angle [rad], + left, of the arc to the lane centre ``lookahead_m`` ahead: δ = atan(L·2y/ℓ²).
 
-    Source: Coulter, CMU-RI-TR-92-01; 8 m is about 1 s at the speeds of the shuttle. None without a lane.
+    Source: Coulter, CMU-RI-TR-92-01; 8 m is about 1 s at the speeds of the shuttle.
     """
-    if lane is None:
-        return None
     curvature_1pm = pursuit_curvature(
         lookahead_m,
         offset_m=lane.offset_m,

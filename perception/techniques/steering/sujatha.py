@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from perception.techniques.image.picture import Boundaries, Lane, View
+from perception.techniques.image.picture import Boundaries, View
 from perception.techniques.steering.level_picture import (
     Hold,
     ImageAngle,
@@ -125,9 +125,7 @@ class Sujatha:
     ) -> None:
         self._gain, self._distance_m, self._straight = gain, distance_m, Hold(blind_s)
 
-    def step(
-        self, boundaries: Boundaries, lane: Lane | None, view: View, wheelbase_m: float, dt_s: float
-    ) -> RoadWheel | None:
+    def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RoadWheel | None:
         """The angle for this frame; None when nothing was seen for too long."""
         left, right, picture = level_lines(boundaries, view)
         one = left or right

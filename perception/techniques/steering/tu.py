@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from perception.techniques.image.picture import Boundaries, Lane, View
+from perception.techniques.image.picture import Boundaries, View
 from perception.techniques.steering.level_picture import (
     Hold,
     ImageAngle,
@@ -55,9 +55,7 @@ class Tu:
     ) -> None:
         self._gain, self._width_m, self._hold = gain, width_m, Hold(hold_s)
 
-    def step(
-        self, boundaries: Boundaries, lane: Lane | None, view: View, wheelbase_m: float, dt_s: float
-    ) -> RoadWheel | None:
+    def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RoadWheel | None:
         """The angle for this frame; None when nothing was seen for too long."""
         left, right, picture = level_lines(boundaries, view)
         angle = tu_angle(left, right, picture, width_m=self._width_m)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from perception.techniques.image.picture import Boundaries, Lane, View
+from perception.techniques.image.picture import Boundaries, View
 from perception.techniques.steering.level_picture import (
     ImageAngle,
     LevelPicture,
@@ -103,9 +103,7 @@ class Umamaheswari:
         self._gain, self._width_m, self._table, self._affine = gain, width_m, table, affine
         self._turn = Turn.STRAIGHT
 
-    def step(
-        self, boundaries: Boundaries, lane: Lane | None, view: View, wheelbase_m: float, dt_s: float
-    ) -> RoadWheel | None:
+    def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RoadWheel | None:
         """The angle for this frame; None without a boundary."""
         left, right, picture = level_lines(boundaries, view)
         left, right = self._both(left, right, picture)

@@ -6,14 +6,14 @@ from drawn_road_rig import CAMERA, VEHICLE, road
 from technique_rig import VIEW, straight_boundaries
 
 from perception.cli import estimate
-from perception.estimators import ESTIMATORS, build, estimators
+from perception.estimators import ESTIMATORS, build, estimators, kind_of
 from perception.techniques.image.picture import Boundaries, Features, Kind
 from perception.techniques.pipeline import Pipeline, clarity
 from perception.techniques.recipe import recipes, settings_of
 from perception.techniques.stages import KINDS
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import ROOT, InputError
-from trepid.messages import Frame, VehicleState
+from trepid.messages import EstimateKind, Frame, VehicleState
 
 RECIPES = recipes()
 GOOD = "source: x\n  description: y\n  stages:"
@@ -34,7 +34,12 @@ def test_the_canonical_chain_measures_a_straight_lane(lane):
 
 
 UNMARKED = ("seo_rajkumar", "gabor_vanishing_point")  # and all that begin with road_
-LINES = [name for name in RECIPES if not name.startswith("road_") and name not in UNMARKED]
+LINES = [
+    name
+    for name, recipe in RECIPES.items()
+    if not name.startswith("road_") and name not in UNMARKED and recipe.kind is EstimateKind.LANE
+]
+RULES = [name for name, recipe in RECIPES.items() if recipe.kind is EstimateKind.ANGLE]
 
 
 @pytest.mark.parametrize("name", LINES)
@@ -44,6 +49,30 @@ def test_every_pipeline_for_lines_sees_a_plain_marked_road(name, lane):
     assert seen.lateral_offset_m == pytest.approx(lane[0], abs=0.25)
     assert seen.heading_error_rad == pytest.approx(lane[1], abs=0.03)
     assert seen.confidence > 0.1
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_a_steering_rule_publishes_its_angle_and_no_lane(name):
+    seen, other = look(name, road((0.3, 0.04, 0.0, 0.0))), look(name, road((-0.3, -0.04, 0.0, 0.0)))
+    assert seen.kind is EstimateKind.ANGLE and kind_of(name) is EstimateKind.ANGLE
+    assert seen.road_wheel_angle_rad < 0 < other.road_wheel_angle_rad and seen.confidence > 0.1
+    lane = (seen.lateral_offset_m, seen.heading_error_rad, seen.curvature_1pm, seen.curvature_rate_1pm2)
+    assert lane == (None, None, None, None) and seen.lane_width_m is None
+    assert seen.lanes_detected == 2 and seen.left_boundary_px and seen.right_boundary_px
+
+
+def test_two_steering_rules_on_the_same_boundaries_give_two_estimates():
+    image = road((0.3, 0.04, 0.0, 0.0))
+    angles = {look(name, image).road_wheel_angle_rad for name in ("rule_tu", "rule_sujatha")}
+    assert len(angles) == 2
+
+
+def test_an_estimator_without_a_steering_rule_measures_the_lane():
+    names = ["cv", "cnn", "canny_hough"]
+    assert [kind_of(name) for name in names] == [EstimateKind.LANE] * 3
+    assert look("canny_hough", road((0.0, 0.0, 0.0, 0.0))).kind is EstimateKind.LANE
+    with pytest.raises(InputError, match="no estimator 'nothing'"):
+        kind_of("nothing")
 
 
 def test_a_pipeline_for_unmarked_roads_measures_the_road_between_its_edges():
@@ -124,6 +153,7 @@ def test_the_same_frames_give_the_same_estimates(name):
         (f"a:\n  {GOOD} [{{canny: {{low: -3}}}}]", r"4:21: low: .*greater than 0"),
         (f"a:\n  {GOOD} [hough, canny]", r"4:19: a\.stages\.1: features 'canny' must come before model"),
         (f"a:\n  {GOOD} [canny, hough, hough]", r"4:26: a\.stages\.2: a second model"),
+        (f"a:\n  {GOOD} [canny, hough, exact_pair, pursuit, dev]", r"4:47: .*a rule beside a steer"),
         (f"a:\n  {GOOD} [canny, hough]", r"4:3: a\.stages: no stage of kind state"),
         (f"a:\n  {GOOD} [{{canny: {{}}, grey: {{}}}}]", r"4:12: a\.stages\.0: expected one stage, got 2"),
         ("a: 3", r"1:1: a: expected source"),

@@ -12,7 +12,7 @@ from trepid.config import InputError
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording
 from trepid.topics import LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
-from trepid.wire import definition, ros_name, to_cdr
+from trepid.wire import STORE, definition, ros_name, to_cdr
 
 SECONDS = 30
 STATE = m.VehicleState(
@@ -127,6 +127,22 @@ def test_a_message_of_an_older_version_is_read_and_what_it_does_not_say_is_absen
     ((_, lead),) = read_recording(path, "perception/*").of(LEAD_VEHICLE)
     assert (lead.t_s, lead.distance_m, lead.confidence) == (7.0, 20.0, 0.5)
     assert lead.lateral_m is None and lead.speed_mps is None
+
+
+def test_an_estimate_recorded_without_a_kind_is_one_of_the_lane(tmp_path: Path) -> None:
+    name, now = ros_name(m.SteeringEstimate), definition(m.SteeringEstimate)
+    text = now.replace("string kind\n", "")
+    assert text != now
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(text, name))
+    estimate = m.SteeringEstimate.nothing(7.0, estimator="cv", lookahead_m=8.0, reason="")
+    newer = STORE.deserialize_cdr(to_cdr(estimate), name)
+    fields = [field for field in newer.__dataclass_fields__ if field != "kind" and not field.startswith("__")]
+    kept = {field: getattr(newer, field) for field in fields}
+    data = bytes(store.serialize_cdr(store.types[name](**kept), name))
+    path = foreign(tmp_path / "old.mcap", estimate_topic("cv").key, name, text, data)
+    ((_, read),) = read_recording(path, "perception/*").of(estimate_topic("cv"))
+    assert read == estimate and read.kind is m.EstimateKind.LANE
 
 
 @pytest.mark.parametrize(

@@ -211,9 +211,9 @@ STAGES = {
 @pytest.mark.parametrize("name", STAGES)
 def test_every_rule_as_a_stage_steers_against_the_pose_and_the_mirrored_pose_the_other_way(name):
     view = camera_view(load(CONFIG_DIR / "camera.yaml", Camera))
-    one, other = (STAGES[name]()(boundaries(s * 0.4, s * 0.1), None, view, 1.75, 0.04) for s in (1, -1))
+    one, other = (STAGES[name]()(boundaries(s * 0.4, s * 0.1), view, 0.04) for s in (1, -1))
     assert one < -0.001 and other == pytest.approx(-one, abs=1e-9)
-    assert STAGES[name]()(Boundaries(None, None), None, view, 1.75, 10.0) is None
+    assert STAGES[name]()(Boundaries(None, None), view, 10.0) is None
 
 
 @pytest.mark.parametrize("name", ["tu", "umamaheswari", "abdelrahman"])
@@ -222,9 +222,9 @@ def test_a_stage_that_lives_with_one_line_says_the_same_with_it(name):
     both = boundaries(0.2, 0.0)
     settings_ = dict(width_m=WIDTH_M)
     stage = {"tu": Tu, "umamaheswari": Umamaheswari, "abdelrahman": Abdelrahman}[name]
-    angle = stage(**settings_).step(both, None, view, 1.75, 0.04)
+    angle = stage(**settings_).step(both, view, 0.04)
     for one in (Boundaries(both.left, None), Boundaries(None, both.right)):
-        assert stage(**settings_).step(one, None, view, 1.75, 0.04) == pytest.approx(angle, abs=1e-3)
+        assert stage(**settings_).step(one, view, 0.04) == pytest.approx(angle, abs=1e-3)
 
 
 @settings(max_examples=30, deadline=None)
