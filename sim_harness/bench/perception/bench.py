@@ -4,7 +4,6 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from perception.estimators import estimators
 from sim_harness.bench.perception.clips import VERSION, Case, harness_set, moments
 from sim_harness.bench.perception.drive import bench_drive
 from sim_harness.bench.perception.figures import draw
+from sim_harness.bench.perception.options import PerceptionOptions
 from sim_harness.bench.perception.real.bench import bench_real, data_folder
 from sim_harness.bench.perception.report import write
 from sim_harness.bench.perception.scores import Results
@@ -41,75 +41,60 @@ PARTS = ("set", "real", "drive")
 SAY_EVERY_S = 10.0
 
 
-@dataclass(frozen=True, slots=True)
-class Wish:
-    """What is asked of the bench."""
-
-    seed: int
-    estimators: tuple[str, ...] = ()  # none: all
-    quick: bool = False
-    repeats: int = 1
-    jobs: int = 1
-    keep_frames: bool = False
-    out: Path | None = None  # where tables and figures go
-    data: Path | None = None  # the real sets
-    parts: tuple[str, ...] = ("set", "real")
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The estimators. Raises InputError that tells the others."""
-        known = estimators()
-        for name in self.estimators:
-            if name not in known:
-                raise InputError(f"no estimator {name!r}; there are {', '.join(known)}")
-        return self.estimators or tuple(known)
+def names_of(options: PerceptionOptions) -> tuple[str, ...]:
+    """The estimators to measure. Raises InputError that lists the known ones."""
+    known = estimators()
+    for name in options.estimators:
+        if name not in known:
+            raise InputError(f"no estimator {name!r}; there are {', '.join(known)}")
+    return options.estimators or tuple(known)
 
 
-def bench_perception(wish: Wish) -> dict[str, Any]:
+def bench_perception(options: PerceptionOptions) -> dict[str, Any]:
     """All that was measured: per estimator what it is worth, and how that was found out."""
-    for part in wish.parts:
+    for part in options.parts:
         if part not in PARTS:
             raise InputError(f"no part {part!r} of bench perception; there are {', '.join(PARTS)}")
-    names = wish.names
+    names = names_of(options)
     found: dict[str, Any] = {}
     parts: dict[str, Any] = {}
-    if "set" in wish.parts:
-        results = watched(wish)
+    if "set" in options.parts:
+        results = watched(options)
         parts = parts_of(results, names)
         found |= summary(results, parts)
-    if "real" in wish.parts:
-        real = bench_real(names, data_folder(wish.data), FOLDER, quick=wish.quick)
+    if "real" in options.parts:
+        real = bench_real(names, data_folder(options.data), FOLDER, quick=options.quick)
         found |= {f"real: {name}": rows for name, rows in real.items()}
-    if "drive" in wish.parts:
-        found["drive"] = bench_drive(names, wish.seed, FOLDER, quick=wish.quick)
-    if wish.out is not None:
-        write(wish.out, {"seed": wish.seed, "clips": f"version {VERSION}", **found}, parts)
+    if "drive" in options.parts:
+        found["drive"] = bench_drive(names, options.seed, FOLDER, quick=options.quick)
+    if options.out is not None:
+        write(options.out, {"seed": options.seed, "clips": f"version {VERSION}", **found}, parts)
         if parts:
-            draw(wish.out, results, parts, found["ranking"])
+            draw(options.out, results, parts, found["ranking"])
     return found
 
 
-def watched(wish: Wish) -> Results:
+def watched(options: PerceptionOptions) -> Results:
     """The harness set as the estimators see it; clips on file are not watched again."""
-    folder = FOLDER / f"v{VERSION}-{wish.seed}-{fingerprint(*WATCHING)}"
-    store = Store(folder, {name: code_of(name) for name in wish.names})
+    folder = FOLDER / f"v{VERSION}-{options.seed}-{fingerprint(*WATCHING)}"
+    store = Store(folder, {name: code_of(name) for name in names_of(options)})
     pictures = (
-        FOLDER / f"frames-v{VERSION}-{wish.seed}-{fingerprint(*PICTURES)}" if wish.keep_frames else None
+        FOLDER / f"frames-v{VERSION}-{options.seed}-{fingerprint(*PICTURES)}" if options.keep_frames else None
     )
-    cases = harness_set(wish.seed, quick=wish.quick, repeats=wish.repeats)
+    cases = harness_set(options.seed, quick=options.quick, repeats=options.repeats)
     done: dict[Case, Watched] = {}
     missing: list[tuple[Case, tuple[str, ...]]] = []
     for case in cases:
         known = store.read(case)
-        names = tuple(name for name in wish.names if known is None or name not in known.looks)
+        names = tuple(name for name in names_of(options) if known is None or name not in known.looks)
         if known is not None and not names:
             done[case] = known
         else:
             missing.append((case, names))
     progress = _Progress(len(cases), len(done))
-    for case in _all(partial(_watch, folder, pictures), missing, wish.jobs):
+    for case in _all(partial(_watch, folder, pictures), missing, options.jobs):
         known = store.read(case)
-        if known is None or set(wish.names) - set(known.looks):
+        if known is None or set(names_of(options)) - set(known.looks):
             raise InputError(f"{folder}: code or files changed while the bench was running; start it again")
         done[case] = known
         progress.step()

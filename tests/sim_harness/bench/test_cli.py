@@ -1,8 +1,14 @@
-"""The benchmarks state what they were measured on and refuse names that they do not know."""
+"""The ``bench`` verb runs known benchmarks, refuses others, and keeps results when told to."""
+
+import importlib
+import json
+from pathlib import Path
 
 import pytest
 
-from sim_harness.bench.cli import BENCHMARKS, bench, machine, summary_ms, timed
+from sim_harness.bench.catalogue import BENCHMARKS, HERE, Benchmark, named
+from sim_harness.bench.cli import bench
+from sim_harness.bench.timing import machine, summary_ms, timed
 from trepid.config import InputError
 
 
@@ -18,13 +24,46 @@ def test_the_summary_is_the_median_and_the_99th_percentile_in_milliseconds() -> 
 
 
 def test_a_timed_call_gets_its_arguments() -> None:
-    seen = []
-    assert timed(lambda *values, key: seen.append((values, key)), 1, 2, key=3) >= 0
-    assert seen == [((1, 2), 3)]
+    calls = []
+    assert timed(lambda *values, key: calls.append((values, key)), 1, 2, key=3) >= 0
+    assert calls == [((1, 2), 3)]
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_every_benchmark_of_the_catalogue_exists(name: str) -> None:
+    module, _, function = BENCHMARKS[name].source.partition(":")
+    assert callable(getattr(importlib.import_module(f"{HERE}.{module}"), function))
+
+
+def test_a_group_stands_for_its_members_without_those_of_half_an_hour() -> None:
+    assert "control-mpc" in named("control")
+    assert "control-limits" not in named("control")
+    assert named("plants") == ["plants"]
 
 
 def test_an_unknown_benchmark_is_refused_with_the_known_names() -> None:
-    with pytest.raises(
-        InputError, match=f"no benchmark 'speed'; there are {', '.join(BENCHMARKS)}, perception"
-    ):
+    with pytest.raises(InputError, match=r"no benchmark 'speed'; there are estimators, .*perception"):
         bench(["speed"])
+
+
+def test_a_result_is_saved_as_rows_page_and_figure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = {"ours": {"error [m]": 0.0123456, "lost": 0}, "theirs": {"error [m]": 0.5, "lost": None}}
+    monkeypatch.setattr(Benchmark, "measure", lambda _self, seed: {"seed of the cases": seed, **rows})
+    assert bench(["control-lateral"], seed=7, save_in=tmp_path, as_json=True) == 0
+    assert json.loads(capsys.readouterr().out)["control-lateral"]["ours"] == rows["ours"]
+    assert json.loads((tmp_path / "control-lateral.json").read_text())["measured"]["theirs"] == rows["theirs"]
+    page = (tmp_path / "control-lateral.md").read_text()
+    assert "`trepid bench control-lateral --seed 7`" in page
+    assert "| ours | 0.01235 | 0 |" in page
+    assert "| theirs | 0.5 | – |" in page
+    assert (tmp_path / "control-lateral.png").stat().st_size > 1000
+
+
+def test_a_folder_that_is_not_there_is_refused_before_anything_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Benchmark, "measure", lambda *_: pytest.fail("measured"))
+    with pytest.raises(InputError, match="there is no such folder"):
+        bench(["plants"], save_in=tmp_path / "no")

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from sim_harness.bench.follow.bench import summary
 from sim_harness.bench.follow.cases import Kind, case
 from sim_harness.bench.follow.detector import figures
 from sim_harness.bench.follow.episode import Watcher, distances_m, hand_overs
+from sim_harness.bench.follow.runs import summary
 from sim_harness.lockstep.lead_model import build_lead_model
 from sim_harness.scenarios.scenario import LeadSensor
 from trepid.messages import LeadVehicle

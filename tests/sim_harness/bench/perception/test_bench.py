@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from sim_harness.bench import cli as benchmarks
 from sim_harness.bench.perception import bench, drive
-from sim_harness.bench.perception.bench import Wish, bench_perception, watched
+from sim_harness.bench.perception.bench import bench_perception, watched
 from sim_harness.bench.perception.clips import CLEAR, GAP, GRADES, Case, Moment, harness_set, moments
+from sim_harness.bench.perception.options import PerceptionOptions
 from sim_harness.bench.perception.report import COLUMNS, TERMINAL, brief, markdown, shown, write
 from sim_harness.bench.perception.scores import figures, gap_figures, groups, one_line_figures
 from sim_harness.bench.perception.store import Pictures, Store
@@ -236,9 +237,9 @@ def test_only_what_is_missing_is_watched_again(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(bench, "moments", lambda *_, **__: [])
     monkeypatch.setattr(bench, "harness_set", lambda *_, **__: [CASE])
     monkeypatch.setattr(bench, "FOLDER", tmp_path)
-    watched(Wish(seed=1, estimators=("cv",)))
-    both = watched(Wish(seed=1, estimators=("cv", "canny_hough")))
-    watched(Wish(seed=1, estimators=("canny_hough", "cv")))
+    watched(PerceptionOptions(seed=1, estimators=("cv",)))
+    both = watched(PerceptionOptions(seed=1, estimators=("cv", "canny_hough")))
+    watched(PerceptionOptions(seed=1, estimators=("canny_hough", "cv")))
     assert called == [("cv",), ("canny_hough",)]
     assert set(both[CASE].looks) == {"cv", "canny_hough"}
 
@@ -319,17 +320,20 @@ def test_autonomy_takes_six_seconds_for_each_intervention() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wish", "told"),
+    ("options", "message"),
     [
-        (Wish(seed=1, estimators=("cw",)), "no estimator 'cw'; there are cv, cnn"),
-        (Wish(seed=1, parts=("sets",)), "no part 'sets' of bench perception; there are set, real, drive"),
+        (PerceptionOptions(seed=1, estimators=("cw",)), "no estimator 'cw'; there are cv, cnn"),
+        (
+            PerceptionOptions(seed=1, parts=("sets",)),
+            "no part 'sets' of bench perception; there are set, real, drive",
+        ),
     ],
 )
-def test_bad_wishes_are_refused(wish: Wish, told: str) -> None:
-    with pytest.raises(InputError, match=told):
-        bench_perception(wish)
+def test_bad_options_are_refused(options: PerceptionOptions, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        bench_perception(options)
 
 
 def test_options_of_perception_are_refused_for_other_benchmarks() -> None:
-    with pytest.raises(InputError, match="are for perception"):
+    with pytest.raises(InputError, match="are options of the benchmark perception"):
         benchmarks.bench(["renderer"], quick=True)

@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 
-from sim_harness.bench.follow.detector import bench_lead
 from sim_harness.bench.follow.episode import drive, row
 from sim_harness.sweep.kept import kept_rows
 from sim_harness.sweep.outcome import Row
@@ -26,12 +25,6 @@ def bench_runs(seed: int) -> Row:
 def bench_rendered(seed: int) -> Row:
     """40 cases with pictures and the detector itself."""
     return summary(episodes(seed, RENDERED_RUNS, rendered=True))
-
-
-def bench_follow(seed: int) -> Row:
-    """The detector, the cases with it, and the cases with its model."""
-    parts = {"detector": bench_lead, "rendered": bench_rendered, "modelled": bench_runs}
-    return {f"{part} {key}": value for part, call in parts.items() for key, value in call(seed).items()}
 
 
 def episodes(seed: int, count: int, *, rendered: bool) -> list[Row]:
@@ -83,6 +76,3 @@ def _numbers(done: Iterable[Row], name: str) -> np.ndarray:
 
 def _spread(values: np.ndarray, percents: tuple[int, ...] = (50, 99, 100)) -> list[float] | None:
     return [round(float(v), 3) for v in np.percentile(values, percents)] if len(values) else None
-
-
-FOLLOW_SECTIONS = {"runs": bench_runs, "rendered": bench_rendered, "detector": bench_lead}

@@ -1,0 +1,88 @@
+"""Time of a rendered frame, without and with each disturbance."""
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+
+from sim_harness.bench.timing import summary_ms
+from sim_harness.scenarios.scenario import load_scenario
+from sim_harness.world.render.ground.ground import Ground
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Frame, VehicleState
+
+SPEED_MPS = 8.0
+FRAME_PERIOD_S = 0.04
+BENCH_FRAMES = 40
+
+
+def bench_renderer() -> dict[str, Any]:
+    """Frames per second of the renderer over a lap of the circuit, painting of the world included."""
+    cv2.setNumThreads(1)
+    started_s = time.process_time()
+    times_s = [time_s for *_, time_s in lap()]
+    used_s = time.process_time() - started_s
+    result: dict[str, Any] = {**summary_ms(times_s), "frames_per_s": round(1 / float(np.mean(times_s)), 1)}
+    result["frames_per_processor_s"] = round(len(times_s) / used_s, 1)
+    return result | bench_disturbances()
+
+
+def bench_disturbances() -> dict[str, Any]:
+    """Processor time of a frame at grades 3 and 5 of every disturbance, on painted ground, relative to one without.
+
+    Frames with and without take turns, so that both see the same load.
+    """
+    road = load_scenario("circuit").build_road()
+    camera = load(CONFIG_DIR / "camera.yaml", Camera)
+    ground = Ground(road, seed=0)
+    plain = Renderer(road, camera, seed=0, ground=ground)
+    ratios: dict[str, Any] = {}
+    for kind in DisturbanceKind:
+        for grade in (3, 5):
+            disturbance = Disturbance(kind=kind, grade=grade)
+            disturbed = Renderer(road, camera, seed=0, ground=ground, disturbances=[disturbance])
+            times_s = np.array([_side_by_side(plain, disturbed, i) for i in range(BENCH_FRAMES)])
+            without_s, with_s = np.median(times_s, axis=0)
+            ratios[f"{kind} {grade}"] = f"{1e3 * with_s:.2f} ms, ratio {with_s / without_s:.2f}"
+    return ratios
+
+
+def _side_by_side(plain: Renderer, disturbed: Renderer, frame: int) -> tuple[float, float]:
+    """Processor times of the same frame without and with a disturbance [s], on ground that is painted."""
+    road, t_s = plain.road, frame * FRAME_PERIOD_S
+    station_m = 20.0 + SPEED_MPS * t_s
+    x_m, y_m = road.position(station_m, 0.0)
+    yaw_rad, motion = road.heading_at(station_m), Motion(SPEED_MPS, 0.1)
+    plain.render(x_m, y_m, yaw_rad, t_s=t_s, station_m=station_m)
+    clock_s = [time.process_time()]
+    for renderer in (plain, disturbed):
+        renderer.render(x_m, y_m, yaw_rad, t_s=t_s, station_m=station_m, motion=motion)
+        clock_s.append(time.process_time())
+    return clock_s[1] - clock_s[0], clock_s[2] - clock_s[1]
+
+
+def lap() -> Iterator[tuple[Frame, VehicleState, str, float]]:
+    """The frames of a lap at 8 m/s, the state of the vehicle, the part of the road, and its drawing time [s]."""
+    road = load_scenario("circuit").build_road()
+    renderer = Renderer(road, load(CONFIG_DIR / "camera.yaml", Camera), seed=0)
+    for i in range(int(road.length_m / (SPEED_MPS * FRAME_PERIOD_S))):
+        t_s = i * FRAME_PERIOD_S
+        station_m = SPEED_MPS * t_s
+        x_m, y_m = road.position(station_m, 0.0)
+        started_s = time.perf_counter()
+        image = renderer.render(x_m, y_m, road.heading_at(station_m), station_m=station_m, t_s=t_s)
+        time_s = time.perf_counter() - started_s
+        state = VehicleState(
+            t_s=t_s,
+            speed_mps=SPEED_MPS,
+            road_wheel_angle_rad=0.0,
+            yaw_rate_radps=SPEED_MPS * road.curvature_at(station_m),
+            driver_override=False,
+        )
+        yield Frame(t_s=t_s, image=image), state, road.section_at(station_m).name, time_s

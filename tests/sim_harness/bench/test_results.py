@@ -1,0 +1,40 @@
+"""The pages of docs/results and the table of the README are what their stored rows give."""
+
+from pathlib import Path
+
+import pytest
+
+from sim_harness.bench.readme import BEGIN, END, ROWS, table, write_table
+from sim_harness.bench.results import index, page, stored
+from trepid.config import ROOT
+
+RESULTS = ROOT / "docs" / "results"
+STORED = stored(RESULTS)
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_a_page_is_what_its_rows_give(name: str) -> None:
+    assert (RESULTS / f"{name}.md").read_text(encoding="utf-8") == page(STORED[name], RESULTS)
+
+
+def test_the_index_lists_the_stored_results() -> None:
+    assert (RESULTS / "README.md").read_text(encoding="utf-8") == index(STORED)
+
+
+def test_the_table_of_the_readme_is_what_the_rows_give() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    measured = {name: result.measured for name, result in STORED.items()}
+    assert text.split(BEGIN)[1].split(END)[0].strip() == table(measured)
+
+
+def test_every_row_of_the_readme_has_a_stored_result() -> None:
+    assert {name for name, _, _ in ROWS} <= set(STORED)
+
+
+def test_a_new_result_changes_the_table_and_nothing_else(tmp_path: Path) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    write_table(readme, {"sweep": {"speed_up": 1.9}})
+    text = readme.read_text()
+    assert text.startswith(f"before\n{BEGIN}\n| what |") and text.endswith(f"{END}\nafter\n")
+    assert "1.90 times as fast" in text and "old" not in text
