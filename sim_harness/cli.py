@@ -22,8 +22,8 @@ from sim_harness.scenarios.schema import schema_verb
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.limits_cli import limits_verb
 from sim_harness.sweep.plan import Plan, by_sampling, by_seeds, plan, select
+from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.show import Report, Show
-from sim_harness.sweep.store import Store
 from sim_harness.sweep.sweep import Workforce, saving, workforce
 from trepid.config import InputError, parse_overrides
 
@@ -131,7 +131,9 @@ def run_verb(
         work = partial(saving, trace=trace, picture=picture, record=record, detailed=report is not None)
     page = Report(path=report, page=Page("trepid sim run"), command=selection.command) if report else None
     with ExitStack() as stack:
-        store = stack.enter_context(Store(out, planned, code=fingerprint(), resume=resume)) if out else None
+        store = (
+            stack.enter_context(PlanStore(out, planned, code=fingerprint(), resume=resume)) if out else None
+        )
         return Show(planned, work, store=store, report=page, as_json=as_json).run()
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from learning.drawn_frames import LaneSample, road_samples
 from learning.lane.scores import Labelled
 from perception.net.canonical import CanonicalView, Lane
-from sim_harness.sweep.crew import crew
+from sim_harness.sweep.pool import imap
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from trepid.camera import Camera
@@ -67,16 +67,16 @@ def random_frames(
     roads = range(first, first + math.ceil(count / shot.frames_per_road))
     images = np.empty((count, shot.canonical.height_px, shot.canonical.width_px, 3), np.uint8)
     labels, done, started_s = [], 0, time.monotonic()
-    with crew(os.cpu_count() or 1) as workers:
-        for number, path in enumerate(workers.map(partial(_road, shot, folder), roads), start=1):
-            with np.load(path) as part:
-                taken = min(shot.frames_per_road, count - done)
-                images[done : done + taken] = part["images"][:taken]
-                labels.append((part["lanes"][:taken], part["visible"][:taken]))
-            done += taken
-            if number % 25 == 0 or done == count:
-                left_s = (time.monotonic() - started_s) * (count - done) / done
-                report(f"{split}: {done}/{count} frames rendered, {left_s / 60:.1f} min left")
+    paths = imap(partial(_road, shot, folder), roads, os.cpu_count() or 1)
+    for number, path in enumerate(paths, start=1):
+        with np.load(path) as part:
+            taken = min(shot.frames_per_road, count - done)
+            images[done : done + taken] = part["images"][:taken]
+            labels.append((part["lanes"][:taken], part["visible"][:taken]))
+        done += taken
+        if number % 25 == 0 or done == count:
+            left_s = (time.monotonic() - started_s) * (count - done) / done
+            report(f"{split}: {done}/{count} frames rendered, {left_s / 60:.1f} min left")
     lanes, visible = (np.concatenate(column) for column in zip(*labels, strict=True))
     return Labelled(images, lanes, visible)
 

@@ -21,7 +21,7 @@ from learning.lane.train import SHIPPED, VERSIONS
 from learning.lead.frames import lead_samples
 from learning.lead.scores import Match, calibrate, match, scores
 from perception.lead.detection import Platt, Record, peaks, session
-from sim_harness.sweep.crew import crew
+from sim_harness.sweep.pool import imap
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 
@@ -82,13 +82,12 @@ def _rendered(split: str, count: int, seed: int, folder: Path, *, resume: bool) 
     folder.mkdir(parents=True, exist_ok=True)
     first = seed * ROADS_PER_SEED + FIRST_ROAD[split]
     paths, started_s = [], time.monotonic()
-    with crew(os.cpu_count() or 1) as workers:
-        road = partial(_road, folder, resume=resume)
-        for number, path in enumerate(workers.map(road, range(first, first + count)), start=1):
-            paths.append(path)
-            if number % 10 == 0 or number == count:
-                left_s = (time.monotonic() - started_s) * (count - number) / number
-                _say(f"{split}: {number}/{count} roads rendered, {left_s / 60:.1f} min left")
+    road, roads = partial(_road, folder, resume=resume), range(first, first + count)
+    for number, path in enumerate(imap(road, roads, os.cpu_count() or 1), start=1):
+        paths.append(path)
+        if number % 10 == 0 or number == count:
+            left_s = (time.monotonic() - started_s) * (count - number) / number
+            _say(f"{split}: {number}/{count} roads rendered, {left_s / 60:.1f} min left")
     return paths
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.plan import by_seeds, plan
-from sim_harness.sweep.store import Store
+from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.sweep import watched, workforce
 from trepid.config import ROOT
 
@@ -81,7 +81,7 @@ def compared(
     """
     planned = plan(by_seeds(scenarios, [*known, *fresh]))
     work = workforce(jobs=os.cpu_count() or 1)
-    with Store(out, planned, code=fingerprint(), resume=True) as store:
+    with PlanStore(out, planned, code=fingerprint(), resume=True) as store:
         rows = [outcome.row for _, outcome in watched(planned, work, store)]
     of_known, of_fresh = (score(row for row in rows if row["seed"] in seeds) for seeds in (known, fresh))
     more = of_fresh.mean_max_lateral_error_m / of_known.mean_max_lateral_error_m - 1.0

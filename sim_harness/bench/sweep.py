@@ -12,7 +12,7 @@ from typing import Any
 from sim_harness.scenarios.sampling import Case
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.plan import Plan, by_seeds, plan
-from sim_harness.sweep.processes import in_this_process, on_processes
+from sim_harness.sweep.sweep import in_this_process, on_processes
 
 RUNS_HERE, RUNS_ELSEWHERE, JOBS = 50, 50, 2
 SIMULATED_S = 5.0

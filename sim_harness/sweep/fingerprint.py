@@ -1,24 +1,38 @@
-"""What a run depends on besides its case: our code and configuration, and the libraries that calculate."""
+"""Hashes of the code, the configuration and the libraries that a result depends on."""
 
+import ast
 import hashlib
 import importlib.metadata
 import platform
+from collections.abc import Iterable
 from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from trepid.config import CONFIG_DIR, ROOT
 from trepid.packages import PACKAGES
+
+if TYPE_CHECKING:
+    from perception.techniques.recipe import Recipe
 
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "onnxruntime", "scikit-fuzzy")
 SUFFIXES = (".py", ".yaml", ".yml", ".onnx", ".json")
 _DIGITS = 16
 
+PIPELINE = ("perception.techniques.pipeline", "perception.techniques.recipe")
+TABLE = "perception.techniques.stages"  # imports every stage, of which a pipeline uses a few
+OWN_ESTIMATORS = {
+    "cv": ("perception.lane.lane_cv", ("config/perception.yaml",)),
+    "cnn": ("perception.net.steer_net", ("config/steer_net.yaml", "perception/weights")),
+}
+
 
 @cache
 def fingerprint(*parts: str) -> str:
-    """A hash that changes with every file of code and configuration, and with every version that calculates.
+    """A hash over code, configuration, versions of the numerical libraries, Python and machine type.
 
-    ``parts`` are the files and folders of the repository that matter; without, all of our packages and config/.
-    Read once a process: what a process has loaded does not change with the files.
+    ``parts`` are files and folders of the repository; default: all packages of Trepid and config/. The hash of a
+    process is computed once: later changes of the files do not change the code that it runs.
     """
     digest = hashlib.sha256(f"{platform.machine()} {platform.python_version()}".encode())
     for library in LIBRARIES:
@@ -29,3 +43,56 @@ def fingerprint(*parts: str) -> str:
         digest.update(f"\0{path.relative_to(ROOT).as_posix()}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:_DIGITS]
+
+
+@cache
+def estimator_fingerprint(name: str) -> str:
+    """A hash over the code, the settings and the libraries that the estimator called ``name`` uses."""
+    from perception.techniques.recipe import recipes
+
+    if name in OWN_ESTIMATORS:
+        root, settings = OWN_ESTIMATORS[name]
+        return fingerprint(*import_closure([root]), *settings, "config/vehicle.yaml")
+    recipe = recipes()[name]
+    modules = [*PIPELINE, *(stage.entry.__module__ for stage in recipe.stages)]
+    settings_hash = hashlib.sha256(_settings_text(recipe).encode()).hexdigest()[:_DIGITS]
+    return f"{fingerprint(*import_closure(modules), 'config/vehicle.yaml')}-{settings_hash}"
+
+
+def import_closure(modules: Iterable[str]) -> list[str]:
+    """The files, relative to the repository, of ``modules`` and of all modules of Trepid that they import."""
+    found: dict[str, Path] = {}
+    open_ = list(modules)
+    while open_:
+        module = open_.pop()
+        path = _file_of(module)
+        if path is None or module in found or module == TABLE:
+            continue
+        found[module] = path
+        open_ += _imports(path)
+    return sorted(path.relative_to(ROOT).as_posix() for path in found.values())
+
+
+def _settings_text(recipe: "Recipe") -> str:
+    stages = [(stage.name, sorted(stage.settings.items())) for stage in recipe.stages]
+    return repr((recipe.trust, recipe.width_m, recipe.width_sigma_m, stages))
+
+
+def _file_of(module: str) -> Path | None:
+    """The file of a module of Trepid; None for any other."""
+    if module.split(".", maxsplit=1)[0] not in PACKAGES:
+        return None
+    path = ROOT.joinpath(*module.split("."))
+    files = (path.with_suffix(".py"), path / "__init__.py")
+    return next((file for file in files if file.is_file()), None)
+
+
+@cache
+def _imports(path: Path) -> tuple[str, ...]:
+    names: list[str] = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return tuple(names)

@@ -4,7 +4,6 @@ import ctypes
 import traceback
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
 from sim_harness.judging.metrics import FurtherMetrics, Metrics
 from sim_harness.lockstep.closed_loop import Result, Witness, run
@@ -12,8 +11,7 @@ from sim_harness.report.film import run_filmed
 from sim_harness.report.summary import Detail, summarise
 from sim_harness.scenarios.sampling import Case
 from sim_harness.sweep.fingerprint import fingerprint
-
-Row = dict[str, Any]
+from sim_harness.sweep.store import Row
 
 _MALLOC_TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc only
 

@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet
 
-from sim_harness.sweep.outcome import Row
+from sim_harness.sweep.store import Row
 
 SECONDS = ("modes", "causes")  # name -> seconds
 PARAMETERS = "parameters"

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from sim_harness.report.page import Page
 from sim_harness.scenarios.sampling import Case
-from sim_harness.sweep.outcome import ClusterLost, Outcome, Row, is_complete
+from sim_harness.sweep.outcome import ClusterLost, Outcome, is_complete
 from sim_harness.sweep.plan import Plan
-from sim_harness.sweep.store import Store
+from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.store import Row
 from sim_harness.sweep.sweep import InPlanOrder, Workforce, watched
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
@@ -34,7 +35,7 @@ class Show:
     """Runs a plan before the eyes of the user."""
 
     def __init__(
-        self, plan: Plan, work: Workforce, *, store: Store | None, report: Report | None, as_json: bool
+        self, plan: Plan, work: Workforce, *, store: PlanStore | None, report: Report | None, as_json: bool
     ) -> None:
         self._plan, self._work, self._store, self._report = plan, work, store, report
         self._as_json = as_json

@@ -1,4 +1,4 @@
-"""A sweep: the cases of a plan, run by someone, kept in a store, given out as they finish."""
+"""A sweep: runs the cases of a plan, stores their rows and yields outcomes as they finish."""
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, nullcontext
@@ -8,19 +8,35 @@ from pathlib import Path
 import cv2
 
 from sim_harness.lockstep.recording import recording
-from sim_harness.sweep.outcome import Outcome, perform
+from sim_harness.sweep.outcome import Outcome, crashed, execute, perform
 from sim_harness.sweep.plan import Plan
-from sim_harness.sweep.processes import in_this_process, on_processes
+from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.pool import Lost, imap_unordered
 from sim_harness.sweep.progress import SweepProgress
-from sim_harness.sweep.store import Store
 from trepid.config import InputError
 
 Workforce = Callable[[Plan], Iterator[tuple[str, Outcome]]]
-"""Runs cases and gives their outcomes by key as they finish; closing the iterator ends it at once."""
+"""Runs cases and yields their outcomes by key as they finish; closing the iterator ends it at once."""
+
+
+def in_this_process(plan: Plan, *, detailed: bool = False) -> Iterator[tuple[str, Outcome]]:
+    """Run the cases one after the other in this process."""
+    for key, case in plan.items():
+        yield key, execute(case, detailed=detailed)
+
+
+def on_processes(plan: Plan, jobs: int, *, detailed: bool = False) -> Iterator[tuple[str, Outcome]]:
+    """Run the cases on ``jobs`` processes. The case of a worker that is killed has crashed; the others go on."""
+    with closing(imap_unordered(partial(execute, detailed=detailed), plan, jobs)) as results:
+        for key, result in results:
+            if isinstance(result, Lost):
+                yield key, crashed(plan[key], f"crashed: its process {result.reason}")
+            else:
+                yield key, result
 
 
 def workforce(*, jobs: int = 1, cluster: str | None = None, detailed: bool = False) -> Workforce:
-    """Who runs the cases: a cluster, ``jobs`` processes, or this process. Raises InputError without Dask."""
+    """A function that runs cases on a cluster, on ``jobs`` processes or here. Raises InputError without Dask."""
     if cluster is not None:
         try:
             from sim_harness.sweep.cluster import on_cluster
@@ -32,10 +48,10 @@ def workforce(*, jobs: int = 1, cluster: str | None = None, detailed: bool = Fal
     return partial(in_this_process, detailed=detailed)
 
 
-def sweep(plan: Plan, work: Workforce, store: Store | None = None) -> Iterator[tuple[str, Outcome]]:
-    """The outcome of every case of ``plan``: first those that the store has, then the others as they finish.
+def sweep(plan: Plan, work: Workforce, store: PlanStore | None = None) -> Iterator[tuple[str, Outcome]]:
+    """The outcome of every case of ``plan``: first the stored ones, then the others as they finish.
 
-    Each is in the store before it is given out.
+    Every outcome is stored before it is yielded.
     """
     done = store.done if store else {}
     for key, row in done.items():
@@ -50,8 +66,8 @@ def sweep(plan: Plan, work: Workforce, store: Store | None = None) -> Iterator[t
             yield key, outcome
 
 
-def watched(plan: Plan, work: Workforce, store: Store | None = None) -> Iterator[tuple[str, Outcome]]:
-    """``sweep``, which tells on standard error how far it is with what the store does not have."""
+def watched(plan: Plan, work: Workforce, store: PlanStore | None = None) -> Iterator[tuple[str, Outcome]]:
+    """:func:`sweep` with progress on standard error."""
     done = store.done if store else {}
     left_s = [case.scenario.duration_s for key, case in plan.items() if key not in done]
     with SweepProgress(len(left_s), sum(left_s)) as progress:
@@ -64,7 +80,7 @@ def watched(plan: Plan, work: Workforce, store: Store | None = None) -> Iterator
 def saving(
     plan: Plan, *, trace: Path | None, picture: Path | None, record: Path | None, detailed: bool
 ) -> Iterator[tuple[str, Outcome]]:
-    """Run the cases here, and save trace, picture and recording of each. Raises what a run raises."""
+    """Run the cases in this process and save trace, picture and recording of each. Raises what a run raises."""
     from sim_harness.report.picture import draw
 
     for key, case in plan.items():
@@ -80,7 +96,7 @@ def saving(
 
 
 class InPlanOrder:
-    """Gives things that finish in any order in that of the plan."""
+    """Puts outcomes that finish in any order into the order of the plan."""
 
     def __init__(self, plan: Plan) -> None:
         self._awaited = iter(plan)
@@ -88,13 +104,13 @@ class InPlanOrder:
         self._early: dict[str, Outcome] = {}
 
     def add(self, key: str, outcome: Outcome) -> Iterator[tuple[str, Outcome]]:
-        """Everything whose turn has come now that this is there."""
+        """Add an outcome; yields all outcomes that have no unfinished predecessor."""
         self._early[key] = outcome
         while self._next in self._early:
             yield self._next, self._early.pop(self._next)
             self._next = next(self._awaited, None)
 
     def rest(self) -> Iterator[tuple[str, Outcome]]:
-        """What waits for others that will not come."""
+        """The outcomes behind unfinished ones, after the end of the sweep."""
         for key in [key for key in self._awaited if key in self._early]:
             yield key, self._early.pop(key)

@@ -7,24 +7,23 @@ from tempfile import TemporaryDirectory
 
 from rich.table import Table
 
-from sim_harness.sweep.crew import crew
 from sim_harness.sweep.plan import Plan
+from sim_harness.sweep.pool import imap
 from sim_harness.tuning.score import Fearless, Score, driven_by, fearless, reference, score
 from sim_harness.tuning.settings import Costs
 
 
 def references(rules: Path, planned: Plan, workers: int) -> list[Fearless]:
     """The drives of a plan without fear, in its order. Raises what a run raises."""
-    with TemporaryDirectory() as folder, crew(workers) as pool:
-        return list(pool.map(reference, driven_by(fearless(rules, Path(folder)), planned)))
+    with TemporaryDirectory() as folder:
+        return list(imap(reference, driven_by(fearless(rules, Path(folder)), planned), workers))
 
 
 def both(before: Path, after: Path, planned: Plan, costs: Costs, workers: int) -> tuple[Score, Score]:
     """The scores of two rule files on the same cases. Raises RunCrashed."""
     drives = references(before, planned, workers)
-    with crew(min(workers, 2)) as pool:
-        judge = partial(score, planned=planned, references=drives, costs=costs)
-        one, other = pool.map(judge, (before, after))
+    judge = partial(score, planned=planned, references=drives, costs=costs)
+    one, other = imap(judge, (before, after), min(workers, 2))
     return one, other
 
 

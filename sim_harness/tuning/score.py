@@ -22,7 +22,7 @@ from sim_harness.lockstep.closed_loop import Instant
 from sim_harness.scenarios.sampling import Case
 from sim_harness.sweep.outcome import is_complete, perform
 from sim_harness.sweep.plan import Plan, plan
-from sim_harness.sweep.processes import in_this_process
+from sim_harness.sweep.sweep import in_this_process
 from sim_harness.tuning.settings import Costs
 from supervisor.rules.inference import FearRules
 from trepid.messages import Decision, Mode

@@ -10,14 +10,11 @@ empirical performance (2023).
 
 import hashlib
 import json
-import multiprocessing
 import os
-import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.context import SpawnProcess
-from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -30,7 +27,7 @@ from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
 
 from sim_harness.sweep.plan import Plan
-from sim_harness.sweep.processes import ONE_THREAD
+from sim_harness.sweep.pool import start
 from sim_harness.tuning.numbers import NumberedText
 from sim_harness.tuning.score import Fearless, RunCrashed, record, score
 from sim_harness.tuning.settings import Costs, Span
@@ -101,13 +98,11 @@ def search(task: Task, workers: int, tell: Tell) -> list[FrozenTrial]:
     """Search until the study has its trials; the trials. Interrupting leaves in the storage what is finished."""
     study = _opened(task)
     session = os.urandom(8).hex()
-    context = multiprocessing.get_context("spawn")
-    os.environ.update(ONE_THREAD | os.environ)
-    crew = [context.Process(target=_work, args=(task, n, session), daemon=True) for n in range(workers)]
+    processes: list[SpawnProcess] = []
     try:
-        _start(crew)
+        processes += (start(_work, task, number, session) for number in range(workers))
         finished = -1
-        while any(process.is_alive() for process in crew):
+        while any(process.is_alive() for process in processes):
             time.sleep(POLL_S)
             trials = study.get_trials(deepcopy=False)
             count = sum(trial.state.is_finished() for trial in trials)
@@ -115,26 +110,15 @@ def search(task: Task, workers: int, tell: Tell) -> list[FrozenTrial]:
                 finished = count
                 tell(trials)
     finally:
-        for process in crew:
+        for process in processes:
             process.kill()
             process.join()
         _give_up(study, session)
-    failed = [process.exitcode for process in crew if process.exitcode not in (0, None)]
+    failed = [process.exitcode for process in processes if process.exitcode not in (0, None)]
     trials = study.get_trials()
     if failed and len(complete(trials)) < task.trials:
         raise InputError(f"the workers ended with exit codes {failed}; their messages stand above")
     return trials
-
-
-def _start(crew: list[SpawnProcess]) -> None:
-    """An interrupt from the keyboard never reaches the workers: who started them ends them."""
-    ensure_running()  # when a process starts it instead, it lets interrupts through
-    masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # children inherit it
-    try:
-        for process in crew:
-            process.start()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, masked)
 
 
 def complete(trials: list[FrozenTrial]) -> list[FrozenTrial]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_harness.bench.fear.fingerprint import differing_processes, random_point
+from sim_harness.bench.fear.determinism import differing_processes, random_point
 from sim_harness.bench.fear.scikit import fear_of, simulation
 from supervisor.rules.coverage import Point
 from supervisor.rules.inference import FearRules

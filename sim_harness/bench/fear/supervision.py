@@ -22,8 +22,8 @@ from sim_harness.bench.fear.drives import Case, cases
 from sim_harness.judging.fear_scores import afraid, auroc, fear_and_departure
 from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import Result, build_parts, run
-from sim_harness.sweep.kept import kept_rows
-from sim_harness.sweep.outcome import Row
+from sim_harness.sweep.store import Row
+from sim_harness.sweep.stored_rows import stored_rows
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, ROOT, load
 
@@ -95,7 +95,7 @@ def bench_supervision(seed: int) -> Row:
 def driven(seed: int, count: int, path: Path) -> list[Row]:
     """Every drive, those that ``path`` holds from there."""
     tasks = {f"{case.key} {name}": (case, str(name)) for case in cases(seed, count) for name in drivers(case)}
-    return kept_rows(path, driven_row, tasks)
+    return stored_rows(path, driven_row, tasks)
 
 
 def summary(rows: list[Row]) -> Row:

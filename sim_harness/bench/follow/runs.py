@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from sim_harness.bench.follow.episode import drive, row
-from sim_harness.sweep.kept import kept_rows
-from sim_harness.sweep.outcome import Row
+from sim_harness.sweep.store import Row
+from sim_harness.sweep.stored_rows import stored_rows
 from trepid.config import ROOT
 
 RUNS, RENDERED_RUNS = 1000, 40
@@ -31,7 +31,7 @@ def episodes(seed: int, count: int, *, rendered: bool) -> list[Row]:
     """The episodes of ``count`` cases; those that are on file are not driven again."""
     path = ROOT / "runs" / f"follow_{'rendered' if rendered else 'modelled'}_{seed}.jsonl"
     wanted = {str(one): one for one in range(seed * 10_000, seed * 10_000 + count)}
-    return kept_rows(path, partial(_driven, rendered=rendered), wanted)
+    return stored_rows(path, partial(_driven, rendered=rendered), wanted)
 
 
 def _driven(seed: int, *, rendered: bool) -> Row:

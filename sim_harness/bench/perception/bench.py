@@ -2,8 +2,8 @@
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,12 @@ from sim_harness.bench.perception.options import PerceptionOptions
 from sim_harness.bench.perception.real.bench import bench_real, data_folder
 from sim_harness.bench.perception.report import write
 from sim_harness.bench.perception.scores import Results
-from sim_harness.bench.perception.store import Pictures, Store
+from sim_harness.bench.perception.store import ClipStore, Pictures
 from sim_harness.bench.perception.summary import parts_of, summary
 from sim_harness.bench.perception.watch import Watched, watch
-from sim_harness.sweep.code import code_of
-from sim_harness.sweep.crew import crew
-from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint
+from sim_harness.sweep.pool import Lost, WorkerLost, imap_unordered
+from sim_harness.sweep.store import Store
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.vehicle import Vehicle
@@ -66,7 +66,7 @@ def bench_perception(options: PerceptionOptions) -> dict[str, Any]:
         real = bench_real(names, data_folder(options.data), FOLDER, quick=options.quick)
         found |= {f"real: {name}": rows for name, rows in real.items()}
     if "drive" in options.parts:
-        found["drive"] = bench_drive(names, options.seed, FOLDER, quick=options.quick)
+        found["drive"] = bench_drive(names, options.seed, FOLDER, quick=options.quick, jobs=options.jobs)
     if options.out is not None:
         write(options.out, {"seed": options.seed, "clips": f"version {VERSION}", **found}, parts)
         if parts:
@@ -75,9 +75,13 @@ def bench_perception(options: PerceptionOptions) -> dict[str, Any]:
 
 
 def watched(options: PerceptionOptions) -> Results:
-    """The harness set as the estimators see it; clips on file are not watched again."""
-    folder = FOLDER / f"v{VERSION}-{options.seed}-{fingerprint(*WATCHING)}"
-    store = Store(folder, {name: code_of(name) for name in names_of(options)})
+    """Results of the estimators on the harness set; stored ones are not computed again. Raises WorkerLost."""
+    with Store(FOLDER / f"set-v{VERSION}-{options.seed}.jsonl") as rows:
+        codes = {name: estimator_fingerprint(name) for name in names_of(options)}
+        return _watched(options, ClipStore(rows, fingerprint(*WATCHING), codes))
+
+
+def _watched(options: PerceptionOptions, store: ClipStore) -> Results:
     pictures = (
         FOLDER / f"frames-v{VERSION}-{options.seed}-{fingerprint(*PICTURES)}" if options.keep_frames else None
     )
@@ -92,17 +96,23 @@ def watched(options: PerceptionOptions) -> Results:
         else:
             missing.append((case, names))
     progress = _Progress(len(cases), len(done))
-    for case in _all(partial(_watch, folder, pictures), missing, options.jobs):
+    lost: list[str] = []
+    for case, found in _all(partial(_watch, pictures), missing, options.jobs):
+        if isinstance(found, Lost):
+            lost.append(f"{case.key}: its process {found.reason}")
+            continue
+        store.write(case, found)
         known = store.read(case)
-        if known is None or set(names_of(options)) - set(known.looks):
-            raise InputError(f"{folder}: code or files changed while the bench was running; start it again")
+        assert known is not None
         done[case] = known
         progress.step()
+    if lost:
+        raise WorkerLost(f"{len(lost)} clips have no result, first {lost[0]}; the same command continues")
     return {case: done[case] for case in cases}
 
 
-def _watch(folder: Path, pictures: Path | None, wanted: tuple[Case, tuple[str, ...]]) -> Case:
-    """Watch one clip and put it on file."""
+def _watch(pictures: Path | None, wanted: tuple[Case, tuple[str, ...]]) -> Watched:
+    """Results on one clip."""
     case, names = wanted
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     album = Pictures(pictures) if pictures else None
@@ -110,18 +120,20 @@ def _watch(folder: Path, pictures: Path | None, wanted: tuple[Case, tuple[str, .
     clip = list(moments(case, camera, vehicle, frames=frames))
     if album and frames is None:
         album.write(case, [moment.frame.image for moment in clip])
-    Store(folder, {name: code_of(name) for name in names}).write(case, watch(clip, names, camera, vehicle))
-    return case
+    return watch(clip, names, camera, vehicle)
 
 
-def _all(call: Any, wanted: Sequence[Any], jobs: int) -> Iterator[Any]:
-    """``call`` of each, here or on processes; an interrupt leaves at once, what is done is on file."""
+def _all(
+    call: Callable[[tuple[Case, tuple[str, ...]]], Watched],
+    wanted: Sequence[tuple[Case, tuple[str, ...]]],
+    jobs: int,
+) -> Iterator[tuple[Case, Watched | Lost]]:
+    """``call`` of each, in this process or on ``jobs`` processes, as they finish."""
     if jobs == 1:
-        yield from map(call, wanted)
+        yield from ((one[0], call(one)) for one in wanted)
         return
-    with crew(jobs) as workers:
-        for future in as_completed([workers.submit(call, one) for one in wanted]):
-            yield future.result()
+    with closing(imap_unordered(call, {one[0]: one for one in wanted}, jobs)) as results:
+        yield from results
 
 
 class _Progress:

@@ -47,7 +47,8 @@ class Case:
     @property
     def key(self) -> str:
         """Names the clip within the set of one seed."""
-        return f"{self.condition}-{self.grade}-{self.number}-{self.kind}-{self.shape}".replace(" ", "_")
+        snow = f"-snow{self.snow_cover:g}" if self.snow_cover else ""
+        return f"{self.condition}-{self.grade}-{self.number}-{self.kind}-{self.shape}{snow}".replace(" ", "_")
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,9 @@ or the car is more than a metre off, it is put back on the lane centre.
 import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +18,9 @@ import numpy as np
 
 from perception.estimators import Estimator, entry_of
 from sim_harness.lockstep.referee import Place, Referee, locate
-from sim_harness.sweep.code import code_of
-from sim_harness.sweep.fingerprint import fingerprint
-from sim_harness.sweep.memory import Memory, Row
+from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint
+from sim_harness.sweep.pool import Lost, WorkerLost, imap_unordered
+from sim_harness.sweep.store import Row, Store
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.render.renderer import Renderer
@@ -30,6 +32,8 @@ from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Frame, VehicleState
 from trepid.vehicle import Vehicle
+
+_Drive = tuple[int, int, str]  # seed, number of the course, estimator
 
 COURSES: tuple[tuple[Kind, DisturbanceKind | None, int], ...] = (
     (Kind.WHITE, None, 0),
@@ -56,27 +60,65 @@ CODE = (
 )
 
 
-def bench_drive(names: Sequence[str], seed: int, folder: Path, *, quick: bool) -> dict[str, Row]:
-    """Over all courses: autonomy, interventions, root mean square offset and how long nothing was seen."""
-    cv2.setNumThreads(1)
+def bench_drive(
+    names: Sequence[str], seed: int, folder: Path, *, quick: bool, jobs: int = 1
+) -> dict[str, Row]:
+    """Over all courses: autonomy, interventions, root mean square offset and share of time without an estimate.
+
+    Drives run on ``jobs`` processes; stored ones are not repeated. Raises WorkerLost after the other drives when a
+    process was killed.
+    """
     courses = range(QUICK_COURSES if quick else len(COURSES))
-    memories = {number: Memory(folder / f"drive-{seed}-{number}.json") for number in courses}
-    keys = {name: f"{code_of(name)} {fingerprint(*CODE)}" for name in names}
-    for number, memory in memories.items():
-        missing = [name for name in names if memory.row(name, keys[name]) is None]
-        started_s, world = time.monotonic(), _World(seed, number) if missing else None
-        for done, name in enumerate(missing, start=1):
-            memory.put(name, keys[name], _driven(name, world))
+    codes = {name: f"{estimator_fingerprint(name)} {fingerprint(*CODE)}" for name in names}
+    drives = {_key(seed, number, name): (seed, number, name) for number in courses for name in names}
+    with Store(folder / "drive.jsonl") as store:
+        missing = {key: one for key, one in drives.items() if store.get(key, codes[one[2]]) is None}
+        lost: list[str] = []
+        started_s = time.monotonic()
+        for done, (key, row) in enumerate(_rows(missing, jobs), start=1):
+            if isinstance(row, Lost):
+                lost.append(f"{key}: its process {row.reason}")
+            else:
+                store.add(key, codes[drives[key][2]], row)
             left_s = (time.monotonic() - started_s) / done * (len(missing) - done)
-            told = (
-                f"perception: course {number + 1}/{len(memories)}, {name}, {left_s / 60:.1f} min left of it"
+            text = f"perception: {done}/{len(missing)} drives, {key}, {left_s / 60:.1f} min left"
+            print(text, file=sys.stderr, flush=True)
+        if lost:
+            raise WorkerLost(
+                f"{len(lost)} drives have no result, first {lost[0]}; the same command continues"
             )
-            print(told, file=sys.stderr, flush=True)
-    return {name: _total([memories[n].row(name, keys[name]) or {} for n in courses]) for name in names}
+        return {
+            name: _total([store.get(_key(seed, n, name), codes[name]) or {} for n in courses])
+            for name in names
+        }
+
+
+def _key(seed: int, number: int, name: str) -> str:
+    return f"seed {seed} course {number} {name}"
+
+
+def _rows(drives: Mapping[str, _Drive], jobs: int) -> Iterator[tuple[str, Row | Lost]]:
+    if jobs == 1:
+        yield from ((key, _drive(one)) for key, one in drives.items())
+        return
+    with closing(imap_unordered(_drive, drives, jobs)) as results:
+        yield from results
+
+
+def _drive(drive: _Drive) -> Row:
+    """One course with one estimator."""
+    cv2.setNumThreads(1)
+    seed, number, name = drive
+    return _driven(name, _world(seed, number))
+
+
+@lru_cache(maxsize=1)  # drives of the same course follow each other
+def _world(seed: int, number: int) -> "_World":
+    return _World(seed, number)
 
 
 class _World:
-    """A course, drawn by lot."""
+    """A random course of ``seed``."""
 
     def __init__(self, seed: int, number: int) -> None:
         kind, disturbance, grade = COURSES[number]
@@ -97,9 +139,7 @@ class _World:
         self.renderer = Renderer(self.road, self.camera, seed=seed, disturbances=self.disturbances)
 
 
-def _driven(name: str, world: _World | None) -> Row:
-    """One course with one estimator."""
-    assert world is not None
+def _driven(name: str, world: _World) -> Row:
     real = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     car = real.model_copy(update={"understeer_gradient_rad_per_mps2": 0.0})  # estimates know of none
     plant, referee = KinematicPlant(car), Referee(world.road, car, max_offset_m=MAX_OFFSET_M)

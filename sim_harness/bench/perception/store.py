@@ -1,61 +1,58 @@
-"""What was watched, clip by clip on disk, so that a bench that was interrupted goes on where it was.
+"""Results and frames of the clips on disk, from which an interrupted benchmark continues.
 
-A folder belongs to a seed and to the code that draws; what an estimator saw is good as long as its own code is.
+The results of a clip are rows of :class:`sim_harness.sweep.store.Store`: the truth, and one row an estimator, keyed
+by the code of that estimator.
 """
 
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_harness.bench.perception.clips import Case
-from sim_harness.bench.perception.watch import Watched
+from sim_harness.bench.perception.watch import LOOK, TRUTH, Looks, Watched
+from sim_harness.sweep.store import Row, Store
 from trepid.types import Image
 
-TRUTH = "the truth"
+SHOWN = "truth"  # name of the row that is not of an estimator
 
 
-class Store:
-    """Clips of a seed below a folder, as seen by estimators with the code ``codes`` (name -> hash)."""
+class ClipStore:
+    """Results on clips by estimators with the code ``codes`` (name -> hash), drawn by the code ``drawing``."""
 
-    def __init__(self, folder: Path, codes: Mapping[str, str]) -> None:
-        self._folder, self._codes = folder, codes
+    def __init__(self, store: Store, drawing: str, codes: Mapping[str, str]) -> None:
+        self._store, self._drawing = store, drawing
+        self._codes = {name: f"{drawing} {code}" for name, code in codes.items()}
 
     def read(self, case: Case) -> Watched | None:
-        """What is known of a clip; None: nothing."""
-        arrays = self._arrays(case)
-        if not arrays:
+        """The stored results on a clip; None when there are none."""
+        truth = self._store.get(_key(case, SHOWN), self._drawing)
+        if truth is None:
             return None
-        looks = {name: arrays[key] for name in self._codes if (key := self._key(name)) in arrays}
-        return Watched(arrays[TRUTH], looks)
+        rows = {name: self._store.get(_key(case, name), code) for name, code in self._codes.items()}
+        return Watched(
+            _array(truth, TRUTH), {n: _array(row, LOOK) for n, row in rows.items() if row is not None}
+        )
 
     def write(self, case: Case, watched: Watched) -> None:
-        """Add to what is known of a clip. A file is whole or not there."""
-        new = {self._key(name): looks for name, looks in watched.looks.items()}
-        old = {key: array for key, array in self._arrays(case).items() if key.split()[0] not in watched.looks}
-        arrays: dict[str, Any] = {**old, **new, TRUTH: watched.truth}
-        self._folder.mkdir(parents=True, exist_ok=True)
-        part = self._path(case).with_suffix(f".{os.getpid()}.part")
-        with part.open("wb") as file:
-            np.savez(file, **arrays)
-        part.replace(self._path(case))
+        """Append the results on a clip."""
+        for name, looks in watched.looks.items():
+            self._store.add(_key(case, name), self._codes[name], _row(looks))
+        self._store.add(_key(case, SHOWN), self._drawing, _row(watched.truth))
 
-    def _arrays(self, case: Case) -> dict[str, NDArray[Any]]:
-        """All that is on file of a clip, also what other code saw."""
-        if not self._path(case).is_file():
-            return {}
-        with np.load(self._path(case)) as arrays:
-            return dict(arrays)
 
-    def _path(self, case: Case) -> Path:
-        return self._folder / f"{case.key}.npz"
+def _key(case: Case, name: str) -> str:
+    return f"{case.key} {name}"
 
-    def _key(self, name: str) -> str:
-        return f"{name} {self._codes[name]}"
+
+def _row(looks: Looks) -> Row:
+    return {"frames": looks.tolist()}
+
+
+def _array(row: Row, dtype: np.dtype[np.void]) -> Looks:
+    return np.array([tuple(frame) for frame in row["frames"]], dtype)
 
 
 class Pictures:

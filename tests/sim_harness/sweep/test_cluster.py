@@ -13,7 +13,7 @@ from sim_harness.scenarios.sampling import Case
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.plan import by_seeds, plan
-from sim_harness.sweep.processes import in_this_process
+from sim_harness.sweep.sweep import in_this_process
 from trepid.config import ROOT, InputError
 
 distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")

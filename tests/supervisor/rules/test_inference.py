@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rule_rig import small_rules
 from scipy.stats import kendalltau
 
-from sim_harness.bench.fear.fingerprint import differing_processes
+from sim_harness.bench.fear.determinism import differing_processes
 from supervisor.rules.coverage import calmest, worst
 from supervisor.rules.inference import SILENT, FearRules, Trust
 from supervisor.rules.rule_file import LEVELS, Input, RuleFile, Sets

@@ -28,9 +28,8 @@ from sim_harness.bench.perception.real.scores import (
     steering,
     tusimple,
 )
-from sim_harness.sweep.code import code_of
-from sim_harness.sweep.fingerprint import fingerprint
-from sim_harness.sweep.memory import Memory
+from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint
+from sim_harness.sweep.store import Store
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
 
@@ -99,25 +98,27 @@ def data_folder(given: Path | None) -> Path:
 
 
 def bench_real(names: Sequence[str], data: Path, folder: Path, *, quick: bool) -> dict[str, Any]:
-    """Per set the figures of every estimator, or why it is left out; what ``folder`` has is not done again."""
+    """Per set the figures of every estimator, or the reason for its absence; stored ones are not computed again."""
     found: dict[str, Any] = {}
-    for name, real in SETS.items():
-        if not (data / real.folder).is_dir():
-            found[name] = {"left out": f"no folder {real.folder} in the data folder"}
-            continue
-        found[name] = _scored(name, real, data / real.folder, names, folder, every=QUICK if quick else 1)
+    with Store(folder / "real.jsonl") as store:
+        for name, real in SETS.items():
+            if not (data / real.folder).is_dir():
+                found[name] = {"left out": f"no folder {real.folder} in the data folder"}
+                continue
+            found[name] = _scored(name, real, data / real.folder, names, store, every=QUICK if quick else 1)
     return found
 
 
 def _scored(
-    name: str, real: RealSet, data: Path, names: Sequence[str], folder: Path, *, every: int
+    name: str, real: RealSet, data: Path, names: Sequence[str], store: Store, *, every: int
 ) -> dict[str, Row]:
-    keys = {one: f"{code_of(one)} {fingerprint(*CODE)} {every}" for one in names}
-    memory = Memory(folder / f"real-{name.replace(' ', '_')}.json")
-    missing = [one for one in names if memory.row(one, keys[one]) is None]
+    keys = {
+        one: (f"{name}, {one}", f"{estimator_fingerprint(one)} {fingerprint(*CODE)} {every}") for one in names
+    }
+    missing = [one for one in names if store.get(*keys[one]) is None]
     for one, row in _judged(name, real, data, missing, every).items() if missing else ():
-        memory.put(one, keys[one], row)
-    return {one: memory.row(one, keys[one]) or {} for one in names}
+        store.add(*keys[one], row)
+    return {one: store.get(*keys[one]) or {} for one in names}
 
 
 def _judged(name: str, real: RealSet, folder: Path, names: Sequence[str], every: int) -> dict[str, Row]:

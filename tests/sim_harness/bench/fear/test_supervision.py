@@ -101,4 +101,4 @@ def test_what_was_driven_is_not_driven_again(tmp_path: Path, monkeypatch: pytest
     ]
     path.write_text("".join(json.dumps(line) + "\n" for line in kept))
     monkeypatch.setattr(supervision, "driven_row", None)  # driving would raise
-    assert driven(1, 1, path) == kept
+    assert driven(1, 1, path) == [{"driver": line["driver"], "mine": True} for line in kept]

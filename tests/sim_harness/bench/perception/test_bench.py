@@ -16,9 +16,10 @@ from sim_harness.bench.perception.clips import CLEAR, GAP, GRADES, Case, Moment,
 from sim_harness.bench.perception.options import PerceptionOptions
 from sim_harness.bench.perception.report import COLUMNS, TERMINAL, brief, markdown, shown, write
 from sim_harness.bench.perception.scores import figures, gap_figures, groups, one_line_figures
-from sim_harness.bench.perception.store import Pictures, Store
+from sim_harness.bench.perception.store import ClipStore, Pictures
 from sim_harness.bench.perception.watch import LOOK, TRUTH, Watched, _TrueRoad, aim, look
-from sim_harness.sweep.code import code_of
+from sim_harness.sweep.fingerprint import estimator_fingerprint, import_closure
+from sim_harness.sweep.store import Store
 from sim_harness.world.roads.disturbances import DisturbanceKind
 from sim_harness.world.roads.drawn import Kind, Shape, random_road
 from trepid.camera import Camera
@@ -53,6 +54,7 @@ def test_the_set_has_every_road_in_every_shape_and_every_grade_of_every_disturba
         (kind.value, grade) for kind in DisturbanceKind for grade in GRADES
     }
     assert any(case.condition == GAP for case in cases)
+    assert replace(cases[0], snow_cover=0.5).key != cases[0].key
     assert len({case.key for case in cases}) == len(cases)
 
 
@@ -244,13 +246,18 @@ def test_only_what_is_missing_is_watched_again(tmp_path: Path, monkeypatch: pyte
     assert set(both[CASE].looks) == {"cv", "canny_hough"}
 
 
-def test_what_other_code_saw_does_not_count(tmp_path: Path) -> None:
-    Store(tmp_path, {"a": "old", "b": "same"}).write(
-        CASE, Watched(np.zeros(3, TRUTH), {"a": looks(3), "b": looks(3)})
-    )
-    known = Store(tmp_path, {"a": "new", "b": "same"}).read(CASE)
-    assert known is not None
-    assert set(known.looks) == {"b"}
+def test_results_are_stored_to_the_last_bit_and_those_of_other_code_are_not_read(tmp_path: Path) -> None:
+    rows = looks(3, offset_m=(0.1, np.nan, 1e-9))
+    with Store(tmp_path / "set.jsonl") as store:
+        clips = ClipStore(store, "drawing", {"a": "old", "b": "same"})
+        clips.write(CASE, Watched(np.ones(3, TRUTH), {"a": looks(3), "b": rows}))
+    with Store(tmp_path / "set.jsonl") as store:
+        known = ClipStore(store, "drawing", {"a": "new", "b": "same"}).read(CASE)
+        assert known is not None
+        assert set(known.looks) == {"b"}
+        assert known.looks["b"].tobytes() == rows.tobytes()
+        assert known.truth.tobytes() == np.ones(3, TRUTH).tobytes()
+        assert ClipStore(store, "other drawing", {"b": "same"}).read(CASE) is None
 
 
 def test_kept_frames_come_back_as_they_were(tmp_path: Path, clip: list[Moment]) -> None:
@@ -262,12 +269,12 @@ def test_kept_frames_come_back_as_they_were(tmp_path: Path, clip: list[Moment]) 
 
 
 def test_the_code_of_an_estimator_is_what_it_imports() -> None:
-    from sim_harness.sweep.code import _paths
-
-    of_cv = _paths(["perception.lane.lane_cv"])
+    of_cv = import_closure(["perception.lane.lane_cv"])
     assert {"perception/lane/fit.py", "perception/lane/edges.py", "trepid/camera.py"} <= set(of_cv)
     assert not any("techniques" in path for path in of_cv)
-    assert code_of("canny_hough") == code_of("canny_hough") != code_of("canny_auto_hough") != code_of("cv")
+    codes = [estimator_fingerprint(name) for name in ("canny_hough", "canny_auto_hough", "cv")]
+    assert len(set(codes)) == 3
+    assert codes[0] == estimator_fingerprint.__wrapped__("canny_hough")
 
 
 def test_tables_show_three_figures_and_a_dash_for_nothing() -> None:
@@ -305,7 +312,7 @@ def test_who_never_steers_keeps_its_offset_on_a_straight(
 ) -> None:
     entry = type("Entry", (), {"build": staticmethod(lambda camera, vehicle: Straight())})
     monkeypatch.setattr(drive, "entry_of", lambda name: entry)
-    monkeypatch.setattr(drive, "code_of", lambda name: "x")
+    monkeypatch.setattr(drive, "estimator_fingerprint", lambda name: "x")
     monkeypatch.setattr(drive, "DURATION_S", 1.0)
     monkeypatch.setattr(drive, "QUICK_COURSES", 1)
     row = drive.bench_drive(["straight"], 5, tmp_path, quick=True)["straight"]

@@ -1,4 +1,4 @@
-"""Do all processes find the same, to the last bit? ``python -m sim_harness.bench.fear.fingerprint SEED``."""
+"""Determinism of the rules: ``python -m sim_harness.bench.fear.determinism SEED`` prints a hash."""
 
 import hashlib
 import json
@@ -22,9 +22,9 @@ def random_point(rules: FearRules, rng: random.Random, share: float = 1.0) -> Po
 
 
 def differing_processes(seed: int, *, processes: int = 3) -> int:
-    """How many of some processes, each with its own hash seed, do not find the same bits as this one."""
-    command = [sys.executable, "-m", "sim_harness.bench.fear.fingerprint", str(seed)]
-    own = fingerprint(seed)
+    """Number of processes, each with another hash seed, whose results differ from those of this process."""
+    command = [sys.executable, "-m", "sim_harness.bench.fear.determinism", str(seed)]
+    own = result_hash(seed)
     differ = 0
     for n in range(processes):
         env = {**os.environ, "PYTHONHASHSEED": str(n)}
@@ -33,8 +33,8 @@ def differing_processes(seed: int, *, processes: int = 3) -> int:
     return differ
 
 
-def fingerprint(seed: int, *, count: int = 2000) -> str:
-    """Hash of all that the shipped rules find at points drawn by ``seed``, to the last bit."""
+def result_hash(seed: int, *, count: int = 2000) -> str:
+    """Hash of all results of the shipped rules at ``count`` points drawn by ``seed``."""
     rules, rng, digest = FearRules.load(CONFIG_DIR / "fear.yaml"), random.Random(seed), hashlib.sha256()
     for _ in range(count):
         felt = rules.evaluate(random_point(rules, rng, rng.random()))
@@ -44,4 +44,4 @@ def fingerprint(seed: int, *, count: int = 2000) -> str:
 
 
 if __name__ == "__main__":
-    print(fingerprint(int(sys.argv[1])))
+    print(result_hash(int(sys.argv[1])))

@@ -1,0 +1,87 @@
+"""The stored results of a sweep: JSON Lines, from which an interrupted sweep continues, and Parquet at the end.
+
+Parquet files are complete only when they are closed, so they are made from the lines when the store is closed.
+"""
+
+from importlib.util import find_spec
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from sim_harness.sweep.outcome import is_complete
+from sim_harness.sweep.plan import Plan
+from sim_harness.sweep.store import CASE, CODE, Row, Store
+from trepid.config import InputError
+
+RUNS = "runs"  # name of the files in a folder
+
+
+class PlanStore:
+    """The rows of a plan that ``code`` computed; complete ones by key in ``done``. Use as a context manager.
+
+    ``out`` is a folder, a .jsonl file, or a .parquet file with the .jsonl file in the same folder.
+    """
+
+    def __init__(self, out: Path, plan: Plan, *, code: str, resume: bool) -> None:
+        """Raises InputError when ``out`` cannot be written, is not to be resumed, or belongs to another plan."""
+        self.lines, self.parquet = _files(out)
+        self._code = code
+        if self.lines.exists() and self.lines.stat().st_size and not resume:
+            raise InputError(f"{self.lines}: holds results; --resume continues with them")
+        self._store = Store(self.lines, fields={"trace_sha256"})
+        try:
+            self._take_stock(plan)
+        except InputError:
+            self._store.close()
+            raise
+
+    def _take_stock(self, plan: Plan) -> None:
+        stored = self._store.newest
+        foreign = stored.keys() - plan.keys()
+        if foreign:
+            raise InputError(
+                f"{self.lines}: of another plan: {len(foreign)} of its cases are not in this one"
+            )
+        current = {key: row for key, row in stored.items() if row[CODE] == self._code}
+        self.done = {key: _content(row) for key, row in current.items() if is_complete(row)}
+        self.crashed, self.outdated = len(current) - len(self.done), len(stored) - len(current)
+
+    def add(self, key: str, row: Row) -> None:
+        """Append a row; after the return only a failure of the machine can lose it."""
+        self._store.add(key, self._code, row)
+
+    def close(self) -> None:
+        """Write the Parquet file, if there is to be one, and release the lines for other processes."""
+        try:
+            if self.parquet is not None:
+                from sim_harness.sweep.parquet import write
+
+                write(list(self._store.newest.values()), self.parquet)
+        finally:
+            self._store.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _content(stored: Row) -> Row:
+    return {name: value for name, value in stored.items() if name not in (CASE, CODE)}
+
+
+def _files(out: Path) -> tuple[Path, Path | None]:
+    """The .jsonl file of ``out``, and the .parquet file if there is to be one. Raises InputError."""
+    has_arrow = find_spec("pyarrow") is not None
+    if out.suffix == ".jsonl":
+        return out, None
+    if out.suffix == ".parquet":
+        if not has_arrow:
+            raise InputError(f"{out}: Parquet needs pyarrow: pip install 'trepid[report]'")
+        return out.with_suffix(".jsonl"), out
+    if out.suffix and not out.is_dir():
+        raise InputError(f"{out}: expected a folder, a .jsonl file or a .parquet file")
+    return out / f"{RUNS}.jsonl", out / f"{RUNS}.parquet" if has_arrow else None

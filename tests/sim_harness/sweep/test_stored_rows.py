@@ -1,0 +1,71 @@
+"""Rows of a long benchmark: computed once, stored one by one, and valid only for the code that computed them."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from sim_harness.sweep import stored_rows as module
+from sim_harness.sweep.pool import WorkerLost
+from sim_harness.sweep.store import Store
+from sim_harness.sweep.stored_rows import stored_rows
+from trepid.config import InputError
+
+TASKS = {"one": 1, "two": 2, "three": 3}
+
+
+def square(number: int) -> dict[str, object]:
+    return {"square": number**2}
+
+
+def square_unless_two(number: int) -> dict[str, object]:
+    if number == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(number)
+
+
+def refuse(number: int) -> dict[str, object]:
+    raise AssertionError(f"{number} is stored")
+
+
+def test_rows_have_the_order_of_the_tasks_and_are_stored(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "rows.jsonl"
+    assert [row["square"] for row in stored_rows(path, square, TASKS)] == [1, 4, 9]
+    assert {json.loads(line)["case"] for line in path.read_text().splitlines()} == TASKS.keys()
+
+
+def test_stored_rows_are_not_computed_again_and_further_tasks_are_added(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    before = stored_rows(path, square, TASKS)
+    assert stored_rows(path, refuse, TASKS) == before
+    path.write_text(path.read_text() + '{"case": "four", "co')  # half a line, as a killed writer leaves it
+    assert [row["square"] for row in stored_rows(path, square, TASKS | {"four": 4})] == [1, 4, 9, 16]
+
+
+def test_rows_of_other_code_are_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "rows.jsonl"
+    stored_rows(path, square, TASKS)
+    monkeypatch.setattr(module, "fingerprint", lambda: "another")
+    assert [row["square"] for row in stored_rows(path, square, TASKS)] == [1, 4, 9]
+    assert len(path.read_text().splitlines()) == 2 * len(TASKS)
+
+
+def test_a_killed_worker_loses_one_row_and_a_second_call_computes_it(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    with pytest.raises(
+        WorkerLost, match="1 cases have no result, first two: its process was killed by SIGKILL"
+    ):
+        stored_rows(path, square_unless_two, TASKS)
+    assert len(path.read_text().splitlines()) == 2
+    assert [row["square"] for row in stored_rows(path, square, TASKS)] == [1, 4, 9]
+
+
+def test_a_file_in_use_or_with_other_content_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    with Store(path), pytest.raises(InputError, match="another sweep is writing"):
+        stored_rows(path, square, TASKS)
+    path.write_text('{"square": 1}\n')
+    with pytest.raises(InputError, match=r"rows\.jsonl:1: not a result"):
+        stored_rows(path, square, TASKS)
