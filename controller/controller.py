@@ -27,11 +27,11 @@ from controller.laws.lateral import LateralSettings, build_law
 from controller.laws.law import Acting
 from controller.learner.steering_learner import LearningSettings, SteeringLearner
 from controller.model.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
-from controller.model.lane import Lane
 from controller.prediction import Predictor
 from controller.speed.control import SpeedControl
 from controller.speed.limits import SpeedSettings, target
 from trepid.bounds import at_least, at_most, within
+from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
 from trepid.types import Positive
@@ -277,24 +277,23 @@ def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
     if offset_m is None or heading_rad is None or ahead_1pm is None:
         return None
     rate_1pm2 = _or_zero(rate_1pm2)  # an estimator that sees only an arc sees a constant curvature
-    curvature_1pm = ahead_1pm - rate_1pm2 * decision.lookahead_m
+    lane = Lane.from_ahead(
+        offset_m=offset_m,
+        heading_rad=heading_rad,
+        ahead_1pm=ahead_1pm,
+        curvature_rate_1pm2=rate_1pm2,
+        lookahead_m=decision.lookahead_m,
+        known_m=decision.lookahead_m,
+    )
     plausible = (
         abs(offset_m) <= limits.max_offset_m
         and abs(heading_rad) <= limits.max_heading_rad
         and abs(ahead_1pm) <= limits.max_curvature_1pm
-        and abs(curvature_1pm) <= limits.max_curvature_1pm
+        and abs(lane.curvature_1pm) <= limits.max_curvature_1pm
         and abs(rate_1pm2) <= limits.max_curvature_rate_1pm2
         and 0.0 <= decision.lookahead_m <= limits.max_lookahead_m
     )
-    if not plausible:
-        return None
-    return Lane(
-        offset_m=offset_m,
-        heading_rad=heading_rad,
-        curvature_1pm=curvature_1pm,
-        curvature_rate_1pm2=rate_1pm2,
-        lookahead_m=decision.lookahead_m,
-    )
+    return lane if plausible else None
 
 
 def _all_finite(decision: Decision) -> bool:

@@ -17,9 +17,9 @@ from collections import deque
 
 from controller.laws.law import Acting
 from controller.learner.steering_timing import SteeringTiming
-from controller.model.lane import Clothoid, Lane, lane_after
 from controller.model.tyres import Turning, Tyres
 from trepid.bounds import at_least, at_most, within
+from trepid.clothoid import Clothoid, Lane, lane_after
 from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle
 

@@ -230,7 +230,7 @@ class Supervisor:
             path_t_s=path.t_s if path else None,
             lateral_offset_m=lane.offset_m if lane else None,
             heading_error_rad=lane.heading_rad if lane else None,
-            curvature_1pm=lane.curvature_1pm + lane.curvature_rate_1pm2 * lookahead_m if lane else None,
+            curvature_1pm=lane.curvature_at(lookahead_m) if lane else None,
             curvature_rate_1pm2=lane.curvature_rate_1pm2 if lane else None,
             lookahead_m=lookahead_m,
             path_source=path.source if path else "none",

@@ -32,9 +32,9 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from controller.laws.law import Acting
-from controller.model.lane import Lane
 from controller.model.tyres import Tyres
 from trepid.bounds import at_least, at_most, within
+from trepid.clothoid import Lane
 from trepid.config import Settings
 from trepid.types import Positive
 from trepid.vehicle import Vehicle

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple, Protocol
 
-from controller.model.lane import Lane
+from trepid.clothoid import Lane
 
 
 class Acting(NamedTuple):

@@ -36,9 +36,9 @@ from pydantic import Field
 
 from controller.laws.law import Acting
 from controller.laws.lqr import Margins, gains, loop, margins
-from controller.model.lane import Lane
 from controller.model.tyres import Tyres
 from trepid.bounds import at_least, at_most, within
+from trepid.clothoid import Lane
 from trepid.config import Settings
 from trepid.types import Array, NonNegative, Positive
 from trepid.vehicle import Vehicle

@@ -23,8 +23,8 @@ from typing import Annotated, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from controller.model.lane import Lane
 from trepid.bounds import at_least, at_most
+from trepid.clothoid import Lane
 from trepid.config import Settings
 from trepid.types import Positive
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.net.canonical import Lane
+from perception.net.canonical import lane_of_row, row_of_lane, scaled
 from trepid.camera import Camera
 from trepid.config import Settings
 from trepid.types import Floats, Image, NonNegative, Share
@@ -73,8 +73,8 @@ class Augmenter:
         The opposite of :meth:`perception.net.canonical.CanonicalView.lane` for a camera at that height.
         """
         ahead_m, left_m = (1 - raised) * self._camera.x_m, (1 - raised) * self._camera.y_m
-        seen = Lane.from_row(lane, self._lookahead_m).seen_from(ahead_m, left_m).scaled(1 / raised)
-        return np.array(seen.row(self._lookahead_m), np.float32)
+        seen = scaled(lane_of_row(lane, self._lookahead_m).seen_from(ahead_m, left_m), 1 / raised)
+        return np.array(row_of_lane(seen, self._lookahead_m), np.float32)
 
     def pixel_from_pixel(self, raised: float) -> NDArray[np.float64]:
         """Homography of the ground from the canonical height to ``raised`` times it: K·R·diag(1, 1, k)·Rᵀ·K⁻¹."""

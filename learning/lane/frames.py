@@ -13,11 +13,12 @@ import numpy as np
 
 from learning.drawn_frames import LaneSample, road_samples
 from learning.lane.scores import Labelled
-from perception.net.canonical import CanonicalView, Lane
+from perception.net.canonical import CanonicalView, row_of_lane
 from sim_harness.sweep.pool import imap
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from trepid.camera import Camera
+from trepid.clothoid import Lane
 
 ROADS_PER_SEED = 1_000_000  # every seed of a training has its own million roads, shared out below
 FIRST_ROAD = {"train": 0, "validation": 800_000, "test": 900_000}
@@ -45,12 +46,10 @@ class Shot:
         )
 
     def _lane(self, frame: LaneSample) -> tuple[float, float, float, float]:
-        return Lane(
-            offset_m=frame.lateral_offset_m,
-            heading_rad=frame.heading_error_rad,
-            curvature_1pm=frame.curvature_1pm,
-            curvature_rate_1pm2=frame.curvature_rate_1pm2,
-        ).row(self.lookahead_m)
+        lane = Lane(
+            frame.lateral_offset_m, frame.heading_error_rad, frame.curvature_1pm, frame.curvature_rate_1pm2
+        )
+        return row_of_lane(lane, self.lookahead_m)
 
 
 def random_frames(

@@ -35,9 +35,10 @@ from perception.lane.points import MarkingFilter, MarkingSettings, RoadPoints
 from perception.lane.search import find_lane, find_road, follow_road
 from perception.lane.vote import VoteSettings
 from trepid.camera import Camera
+from trepid.clothoid import Lane
 from trepid.config import Settings
 from trepid.messages import Frame, SteeringEstimate, VehicleState
-from trepid.steering import SteeringSettings, pursuit_curvature, road_wheel_angle
+from trepid.steering import SteeringSettings, road_wheel_angle
 from trepid.types import Floats, Image, Positive
 from trepid.vehicle import Vehicle
 
@@ -507,12 +508,12 @@ class LaneCv:
 
     def _rests_on(self, belief: Belief, lane: LaneState) -> tuple[float, ...]:
         """What the confidence in ``lane`` rests on."""
-        psi, kappa, rate = (float(value) for value in lane.mean[[PSI, KAPPA, KAPPA_RATE]])
+        bend = Lane(*(float(value) for value in lane.mean[[E, PSI, KAPPA, KAPPA_RATE]]))
         return grounds(
             belief,
             looks=self._looks / self._settings.evidence.sure_looks,
-            heading_rad=psi,
-            curvature_1pm=kappa + rate * self._settings.steering.lookahead_m,
+            heading_rad=bend.heading_rad,
+            curvature_1pm=bend.curvature_at(self._settings.steering.lookahead_m),
         )
 
     def _believed(self, rests_on: tuple[float, ...]) -> float:
@@ -526,9 +527,8 @@ class LaneCv:
     def _estimate(self, t_s: float, lane: LaneState, seen: int, reason: str, view: View) -> SteeringEstimate:
         steering = self._settings.steering
         e, psi, kappa, rate, width = (float(value) for value in lane.mean[[E, PSI, KAPPA, KAPPA_RATE, WIDTH]])
-        commanded = pursuit_curvature(
-            steering.lookahead_m, offset_m=e, heading_rad=psi, curvature_1pm=kappa, curvature_rate_1pm2=rate
-        )
+        clothoid = Lane(e, psi, kappa, rate)
+        commanded = clothoid.pursuit_curvature(steering.lookahead_m)
         reach_m = believed_reach_m(lane, self._settings.drawn_reach_m, self._settings.evidence.drawn_sigma_m)
         left, right = boundary_paths(lane, view.camera, reach_m=reach_m)
         self.rests_on = self._rests_on(self._grounds, lane)
@@ -537,7 +537,7 @@ class LaneCv:
             estimator=NAME,
             lateral_offset_m=e,
             heading_error_rad=psi,
-            curvature_1pm=kappa + rate * steering.lookahead_m,
+            curvature_1pm=clothoid.curvature_at(steering.lookahead_m),
             curvature_rate_1pm2=rate,
             lookahead_m=steering.lookahead_m,
             road_wheel_angle_rad=road_wheel_angle(commanded, wheelbase_m=self._vehicle.wheelbase_m),

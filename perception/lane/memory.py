@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from perception.lane.fit import KAPPA, KAPPA_RATE, PITCH, PSI, WIDTH, E, LaneState, solved
+from trepid.clothoid import advanced
 from trepid.config import Settings
 from trepid.types import Array, Positive
 
@@ -139,10 +140,9 @@ def predict(
     turned = yaw_rate_radps * dt_s if yaw_rate_radps is not None else mean[KAPPA] * travelled
     fade = math.exp(-travelled / track.curvature_rate_memory_m)
     settle = math.exp(-dt_s / track.pitch_memory_s)
-    middle_heading = mean[PSI] + (turned - mean[KAPPA] * travelled) / 2
-    mean[E] += travelled * math.sin(middle_heading)
-    mean[PSI] += turned - mean[KAPPA] * travelled - mean[KAPPA_RATE] * travelled**2 / 2
-    mean[KAPPA] += mean[KAPPA_RATE] * travelled
+    mean[[E, PSI, KAPPA]] = advanced(
+        *mean[[E, PSI, KAPPA, KAPPA_RATE]], way_m=travelled, turned_rad=turned, sin=math.sin
+    )
     mean[KAPPA_RATE] *= fade
     mean[PITCH] *= settle
     transition = np.eye(6)

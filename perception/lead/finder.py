@@ -11,9 +11,9 @@ from perception.lead.boxes import BoxDetector, BoxSettings
 from perception.lead.detection import Detection, Detector, StripDetector
 from perception.lead.tracker import Track, Tracker, TrackSettings
 from trepid.camera import Camera
+from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, ROOT, Settings, load
 from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
-from trepid.steering import lane_centre_m
 from trepid.types import OpenShare, Positive
 from trepid.vehicle import Vehicle
 
@@ -179,30 +179,28 @@ class Corridor:
         """``lane`` is usable and may be older than ``t_s``: since then we have gone on with ``motion``."""
         self._settings = settings
         self._width_m = settings.lane_width_m
-        self._clothoid = (0.0, 0.0, arc_1pm, 0.0)
+        self._lane = Lane(0.0, 0.0, arc_1pm, 0.0)
         self._gone_m = self._turned_rad = 0.0
         if lane is None:
             return
-        offset_m, heading_rad, curvature_1pm, rate_1pm2 = (value or 0.0 for value in _clothoid_fields(lane))
+        offset_m, heading_rad, ahead_1pm, rate_1pm2 = (value or 0.0 for value in _clothoid_fields(lane))
         self._width_m = lane.lane_width_m or settings.lane_width_m
-        self._clothoid = (offset_m, heading_rad, curvature_1pm - rate_1pm2 * lane.lookahead_m, rate_1pm2)
+        self._lane = Lane.from_ahead(
+            offset_m=offset_m,
+            heading_rad=heading_rad,
+            ahead_1pm=ahead_1pm,
+            curvature_rate_1pm2=rate_1pm2,
+            lookahead_m=lane.lookahead_m,
+        )
         speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
         self._gone_m, self._turned_rad = speed_mps * (t_s - lane.t_s), yaw_rate_radps * (t_s - lane.t_s)
 
     def centre_m(self, ahead_m: float) -> float:
         """Its middle at ``ahead_m``, + left; beyond ``lane_reach_m`` it goes on along its tangent."""
-        offset_m, heading_rad, curvature_1pm, rate_1pm2 = self._clothoid
         along_m = ahead_m + self._gone_m
         near_m = min(along_m, self._settings.lane_reach_m)
-        slope = -heading_rad + curvature_1pm * near_m + rate_1pm2 * near_m**2 / 2
-        y_m = lane_centre_m(
-            near_m,
-            offset_m=offset_m,
-            heading_rad=heading_rad,
-            curvature_1pm=curvature_1pm,
-            curvature_rate_1pm2=rate_1pm2,
-        )
-        return y_m + slope * (along_m - near_m) - self._turned_rad * ahead_m
+        slope = self._lane.slope_at(near_m)
+        return self._lane.y_m(near_m) + slope * (along_m - near_m) - self._turned_rad * ahead_m
 
     def reaches_in_m(self, ahead_m: float, left_m: float, width_m: float) -> float:
         """How much farther a vehicle reaches into it than it must to be in our lane."""

@@ -6,65 +6,34 @@ exactly. What remains is the place of the camera. A camera at height h that sees
 that is s = h/h_c times larger than the network believes: lengths grow by s, curvature shrinks by s.
 """
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trepid.camera import Camera
+from trepid.clothoid import Lane
 from trepid.types import Image
 
 SUPERSAMPLE = 2  # per axis; then averaged, so that thin far lines survive the shrinking
 
 
-@dataclass(frozen=True, slots=True)
-class Lane:
-    """The lane as a clothoid, seen from the rear axle; fields as in :class:`trepid.messages.SteeringEstimate`."""
+def lane_of_row(row: ArrayLike, lookahead_m: float) -> Lane:
+    """The lane of the network's outputs: offset, heading, curvature at the axle and at ``lookahead_m``."""
+    offset, heading, curvature, ahead = map(float, np.asarray(row))
+    return Lane(offset, heading, curvature, (ahead - curvature) / lookahead_m)
 
-    offset_m: float
-    heading_rad: float
-    curvature_1pm: float  # at the axle
-    curvature_rate_1pm2: float
 
-    @classmethod
-    def from_row(cls, row: ArrayLike, lookahead_m: float) -> "Lane":
-        """From offset, heading, curvature at the axle and curvature at ``lookahead_m``: the network's terms."""
-        offset, heading, curvature, ahead = map(float, np.asarray(row))
-        return cls(
-            offset_m=offset,
-            heading_rad=heading,
-            curvature_1pm=curvature,
-            curvature_rate_1pm2=(ahead - curvature) / lookahead_m,
-        )
+def row_of_lane(lane: Lane, lookahead_m: float) -> tuple[float, float, float, float]:
+    """The inverse of :func:`lane_of_row`."""
+    return lane.offset_m, lane.heading_rad, lane.curvature_1pm, lane.curvature_at(lookahead_m)
 
-    def row(self, lookahead_m: float) -> tuple[float, float, float, float]:
-        """The opposite of ``from_row``."""
-        ahead_1pm = self.curvature_1pm + self.curvature_rate_1pm2 * lookahead_m
-        return self.offset_m, self.heading_rad, self.curvature_1pm, ahead_1pm
 
-    def scaled(self, scale: float) -> "Lane":
-        """The lane in a world that is ``scale`` times larger."""
-        return Lane(
-            offset_m=self.offset_m * scale,
-            heading_rad=self.heading_rad,
-            curvature_1pm=self.curvature_1pm / scale,
-            curvature_rate_1pm2=self.curvature_rate_1pm2 / scale**2,
-        )
-
-    def seen_from(self, ahead_m: float, left_m: float) -> "Lane":
-        """The lane seen from a point of the vehicle ``ahead_m`` and ``left_m`` of the present one.
-
-        With the lane centre y(x) = −e − ψx + κ₀x²/2 + κ'x³/6: e becomes −y(ahead) + left, ψ becomes −y'(ahead)
-        and κ₀ becomes y''(ahead).
-        """
-        x, kappa, rate = ahead_m, self.curvature_1pm, self.curvature_rate_1pm2
-        return Lane(
-            offset_m=self.offset_m + self.heading_rad * x - kappa * x**2 / 2 - rate * x**3 / 6 + left_m,
-            heading_rad=self.heading_rad - kappa * x - rate * x**2 / 2,
-            curvature_1pm=kappa + rate * x,
-            curvature_rate_1pm2=rate,
-        )
+def scaled(lane: Lane, scale: float) -> Lane:
+    """The lane in a world that is ``scale`` times larger."""
+    offset_m, heading_rad, curvature_1pm, rate_1pm2, lookahead_m = lane
+    return Lane(
+        offset_m * scale, heading_rad, curvature_1pm / scale, rate_1pm2 / scale**2, lookahead_m * scale
+    )
 
 
 def cropped(camera: Camera, *, top_px: int, bottom_px: int, width_px: int, height_px: int) -> Camera:
@@ -108,7 +77,8 @@ class CanonicalView:
         """
         scale = self.scale
         ahead_m = scale * self.canonical.x_m - self.camera.x_m
-        return canonical_lane.scaled(scale).seen_from(ahead_m, scale * self.canonical.y_m - self.camera.y_m)
+        left_m = scale * self.canonical.y_m - self.camera.y_m
+        return scaled(canonical_lane, scale).seen_from(ahead_m, left_m)
 
     @property
     def scale(self) -> float:

@@ -18,11 +18,12 @@ import onnxruntime
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.net.canonical import CanonicalView, Lane
+from perception.net.canonical import CanonicalView, lane_of_row
 from trepid.camera import Camera
+from trepid.clothoid import Lane
 from trepid.config import ROOT, InputError, Settings, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
-from trepid.steering import pursuit_curvature, road_wheel_angle
+from trepid.steering import road_wheel_angle
 from trepid.types import Image, Share
 from trepid.vehicle import Vehicle
 
@@ -131,7 +132,7 @@ class SteerNet:
         confidence = visible * self._probability(sigma)
         if confidence < self._settings.min_confidence:
             return self._nothing(frame, "the network sees a road but does not trust its lane")
-        lane = Lane.from_row(lanes[0], self._record.lane_lookahead_m)
+        lane = lane_of_row(lanes[0], self._record.lane_lookahead_m)
         return self._seen(frame, self._view.lane(lane), confidence)
 
     def _probability(self, command_sigma_1pm: float) -> float:
@@ -145,9 +146,11 @@ class SteerNet:
             self._nothing(frame, ""),
             lateral_offset_m=lane.offset_m,
             heading_error_rad=lane.heading_rad,
-            curvature_1pm=lane.curvature_1pm + lane.curvature_rate_1pm2 * ahead_m,
+            curvature_1pm=lane.curvature_at(ahead_m),
             curvature_rate_1pm2=lane.curvature_rate_1pm2,
-            road_wheel_angle_rad=self._road_wheel_angle(lane),
+            road_wheel_angle_rad=road_wheel_angle(
+                lane.pursuit_curvature(ahead_m), wheelbase_m=self._vehicle.wheelbase_m
+            ),
             confidence=confidence,
         )
 
@@ -155,13 +158,3 @@ class SteerNet:
         return SteeringEstimate.nothing(
             frame.t_s, estimator=NAME, lookahead_m=self._settings.lookahead_m, reason=reason
         )
-
-    def _road_wheel_angle(self, lane: Lane) -> float:
-        command_1pm = pursuit_curvature(
-            self._settings.lookahead_m,
-            offset_m=lane.offset_m,
-            heading_rad=lane.heading_rad,
-            curvature_1pm=lane.curvature_1pm,
-            curvature_rate_1pm2=lane.curvature_rate_1pm2,
-        )
-        return road_wheel_angle(command_1pm, wheelbase_m=self._vehicle.wheelbase_m)

@@ -13,7 +13,7 @@ from perception.techniques.image.picture import (
     Boundary,
     Features,
     Kind,
-    Lane,
+    MeasuredLane,
     Motion,
     Region,
     View,
@@ -24,7 +24,6 @@ from perception.techniques.recipe import Recipe
 from perception.techniques.steering.steer import pursuit
 from trepid.camera import Camera
 from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
-from trepid.steering import lane_centre_m
 from trepid.types import Array, Image, Mask
 from trepid.vehicle import Vehicle
 
@@ -71,11 +70,11 @@ class Pipeline:
         for track in self._track:
             boundaries = track(boundaries, motion)
         self._last, self._last_t_s = (boundaries if boundaries.seen else None), frame.t_s
-        lane = self._state(boundaries, view)
+        measured = self._state(boundaries, view)
         if self._rule is not None:
             angle = self._rule(boundaries, view, motion.dt_s)
-            return self._angle_estimate(frame.t_s, boundaries, evidence, lane, angle)
-        return self._lane_estimate(frame.t_s, boundaries, evidence, lane)
+            return self._angle_estimate(frame.t_s, boundaries, evidence, measured, angle)
+        return self._lane_estimate(frame.t_s, boundaries, evidence, measured)
 
     def _working(self, image: NDArray[np.uint8]) -> tuple[Image, View]:
         """The BGR image at working size, without lens distortion, and its view."""
@@ -125,38 +124,43 @@ class Pipeline:
         return boundaries, clarity(features, view, boundaries)
 
     def _angle_estimate(
-        self, t_s: float, boundaries: Boundaries, evidence: float, lane: Lane | None, angle_rad: float | None
+        self,
+        t_s: float,
+        boundaries: Boundaries,
+        evidence: float,
+        measured: MeasuredLane | None,
+        angle_rad: float | None,
     ) -> SteeringEstimate:
         """The angle of the steering rule; the lane state, which the rule does not measure, only rates it."""
-        if lane is None or angle_rad is None:
+        if measured is None or angle_rad is None:
             return self._nothing(t_s, boundaries.reason or "the boundaries make no lane")
         return replace(
             self._nothing(t_s, boundaries.reason),
             road_wheel_angle_rad=angle_rad,
-            confidence=self._recipe.trust * evidence * belief(boundaries, lane, self._recipe),
+            confidence=self._recipe.trust * evidence * belief(boundaries, measured, self._recipe),
             lanes_detected=boundaries.seen,
             left_boundary_px=boundary_path(boundaries.left, self._camera),
             right_boundary_px=boundary_path(boundaries.right, self._camera),
         )
 
     def _lane_estimate(
-        self, t_s: float, boundaries: Boundaries, evidence: float, lane: Lane | None
+        self, t_s: float, boundaries: Boundaries, evidence: float, measured: MeasuredLane | None
     ) -> SteeringEstimate:
-        if lane is None:
+        if measured is None:
             return self._nothing(t_s, boundaries.reason or "the boundaries make no lane")
-        rate = lane.curvature_rate_1pm2
+        lane = measured.lane
         return SteeringEstimate(
             t_s=t_s,
             estimator=self._recipe.name,
             lateral_offset_m=lane.offset_m,
             heading_error_rad=lane.heading_rad,
-            curvature_1pm=lane.curvature_1pm + rate * LOOKAHEAD_M,
-            curvature_rate_1pm2=rate,
+            curvature_1pm=lane.curvature_at(LOOKAHEAD_M),
+            curvature_rate_1pm2=lane.curvature_rate_1pm2,
             lookahead_m=LOOKAHEAD_M,
             road_wheel_angle_rad=self._steer(lane, self._vehicle.wheelbase_m),
-            confidence=self._recipe.trust * evidence * belief(boundaries, lane, self._recipe),
+            confidence=self._recipe.trust * evidence * belief(boundaries, measured, self._recipe),
             lanes_detected=boundaries.seen,
-            lane_width_m=lane.width_m,
+            lane_width_m=measured.width_m,
             latency_ms=None,
             reason=boundaries.reason,
             left_boundary_px=boundary_path(boundaries.left, self._camera),
@@ -173,24 +177,17 @@ class Pipeline:
         )
 
 
-def belief(boundaries: Boundaries, lane: Lane, recipe: Recipe) -> float:
+def belief(boundaries: Boundaries, measured: MeasuredLane, recipe: Recipe) -> float:
     """0..1: support × small residual × plausible width × a lane that holds the vehicle, now and ahead."""
     sides = [side for side in (boundaries.left, boundaries.right) if side is not None]
     support = math.prod(side.support for side in sides) ** (1 / len(sides))
     residual = max(side.residual_m for side in sides)
     fits = 1 / (1 + (residual / RESIDUAL_M) ** 2)
-    if lane.width_m is None:
+    if measured.width_m is None:
         plausible = ONE_SIDE
     else:
-        plausible = math.exp(-0.5 * ((lane.width_m - recipe.width_m) / recipe.width_sigma_m) ** 2)
-    centre_m = lane_centre_m(
-        LOOKAHEAD_M,
-        offset_m=lane.offset_m,
-        heading_rad=lane.heading_rad,
-        curvature_1pm=lane.curvature_1pm,
-        curvature_rate_1pm2=lane.curvature_rate_1pm2,
-    )
-    farther_m = max(abs(lane.offset_m), abs(centre_m))
+        plausible = math.exp(-0.5 * ((measured.width_m - recipe.width_m) / recipe.width_sigma_m) ** 2)
+    farther_m = max(abs(measured.lane.offset_m), abs(measured.lane.y_m(LOOKAHEAD_M)))
     inside = math.exp(-0.5 * (max(0.0, farther_m - recipe.width_m / 2) / ASIDE_M) ** 2)
     return min(1.0, support) * fits * plausible * inside
 

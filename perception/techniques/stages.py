@@ -11,7 +11,7 @@ remember something is a class: its settings are those of its constructor, and it
 ``outliers``  ``(features, view, predicted) -> Features``
 ``model``     ``(features, view, predicted, rng) -> Boundaries``
 ``track``     ``step(boundaries, motion) -> Boundaries``
-``state``     ``(boundaries, view) -> Lane | None``
+``state``     ``(boundaries, view) -> MeasuredLane | None``
 ``steer``     ``(lane, wheelbase_m) -> float``: the road-wheel angle [rad], + left, of a lane state
 ``rule``      ``(boundaries, view, dt_s) -> float | None``: a printed steering rule; the angle is the estimate
 ============  ==========================================================================================

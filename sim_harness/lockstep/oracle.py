@@ -7,8 +7,9 @@ nothing about perception, and disturbances of the picture do nothing in it.
 """
 
 from sim_harness.world.roads.road import Road
+from trepid.clothoid import Lane
 from trepid.messages import ImageStatistics, SimTruth, SteeringEstimate
-from trepid.steering import pursuit_curvature, road_wheel_angle
+from trepid.steering import road_wheel_angle
 from trepid.vehicle import Vehicle
 
 MIN_LOOKAHEAD_M = 8.0
@@ -29,13 +30,8 @@ class Oracle:
         ahead_m = max(MIN_LOOKAHEAD_M, LOOKAHEAD_S * (truth.speed_mps or 0.0))
         ahead_1pm = self._road.curvature_at(truth.station_m + ahead_m)
         rate_1pm2 = (ahead_1pm - truth.curvature_1pm) / ahead_m
-        command_1pm = pursuit_curvature(
-            ahead_m,
-            offset_m=truth.lateral_offset_m,
-            heading_rad=truth.heading_error_rad,
-            curvature_1pm=truth.curvature_1pm,
-            curvature_rate_1pm2=rate_1pm2,
-        )
+        lane = Lane(truth.lateral_offset_m, truth.heading_error_rad, truth.curvature_1pm, rate_1pm2)
+        command_1pm = lane.pursuit_curvature(ahead_m)
         return SteeringEstimate(
             t_s=truth.t_s,
             estimator=self._name,

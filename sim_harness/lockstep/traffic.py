@@ -12,7 +12,7 @@ from typing import NamedTuple
 from sim_harness.lockstep.contact import Box
 from sim_harness.lockstep.referee import foot_point
 from sim_harness.scenarios.traffic import ChangeLane, ChangeSpeed, Phase, TrafficVehicle, TurnOff
-from sim_harness.world.roads.lanes import Lane
+from sim_harness.world.roads.lanes import RoadLane
 from sim_harness.world.roads.road import Road
 
 INTO_LANE_M = 0.3
@@ -226,7 +226,7 @@ def lane_centre_m(road: Road, lane: int, station_m: float) -> float:
     section = road.section_at(station_m)
     if section.lane_width_m_at_ends(lane, road.settings.lane_width_m) is None:
         return lane * road.width_at(station_m)
-    return Lane(road, lane).centre_at(station_m)
+    return RoadLane(road, lane).centre_at(station_m)
 
 
 def driven(speed_mps: float, goal_mps: float, rate_mps2: float, dt_s: float) -> tuple[float, float]:

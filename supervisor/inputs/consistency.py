@@ -13,8 +13,8 @@ knows. Only way wears unrest off: a standing car sees the same picture again and
 import math
 from typing import NamedTuple
 
-from supervisor.inputs.lane import STANDING, Lane, Motion
 from supervisor.inputs.validated import Sighting
+from trepid.clothoid import STANDING, Lane, Motion
 
 MEMORY_S = 0.5  # over which jumps are averaged: twelve frames
 UNREST_M = 10.0  # ... or of the way: as long as a comfort stop, so that who stops for it stands with it

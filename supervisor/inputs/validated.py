@@ -3,8 +3,8 @@
 import math
 from typing import NamedTuple
 
-from supervisor.inputs.lane import Lane, Motion
 from trepid.bounds import at_least
+from trepid.clothoid import Lane, Motion
 from trepid.config import Settings
 from trepid.messages import ImageStatistics, SteeringEstimate, VehicleState
 from trepid.types import Positive
@@ -113,8 +113,14 @@ def lane_of(estimate: SteeringEstimate, settings: SightingSettings) -> Lane | No
         return None
     if not 0 <= estimate.lookahead_m < math.inf:
         return None
-    at_axle_1pm = within(curvature_1pm - rate_1pm2 * estimate.lookahead_m, settings.max_curvature_1pm)
-    return None if at_axle_1pm is None else Lane(offset_m, heading_rad, at_axle_1pm, rate_1pm2)
+    lane = Lane.from_ahead(
+        offset_m=offset_m,
+        heading_rad=heading_rad,
+        ahead_1pm=curvature_1pm,
+        curvature_rate_1pm2=rate_1pm2,
+        lookahead_m=estimate.lookahead_m,
+    )
+    return None if within(lane.curvature_1pm, settings.max_curvature_1pm) is None else lane
 
 
 def is_frozen(

@@ -6,9 +6,9 @@ patches, between which the true ones come and go: each moment by itself may pass
 
 import math
 
-from supervisor.inputs.lane import STANDING, Motion
 from supervisor.inputs.validated import Sighting, surest_teller
 from trepid.bounds import at_least
+from trepid.clothoid import STANDING, Motion
 
 EDGES_M = 20.0  # patches are some metres long; a comfort stop from 8 m/s takes 16 m
 

@@ -1,8 +1,8 @@
 """How fast fear lets the car drive: less at once, more only slowly."""
 
-from supervisor.inputs.lane import Motion
 from supervisor.rules.inference import FearRules
 from trepid.bounds import at_least, at_most
+from trepid.clothoid import Motion
 
 
 class SpeedFactor:

@@ -6,12 +6,12 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from supervisor.inputs.lane import STANDING, Lane, Motion
 from supervisor.inputs.timers import Held
 from supervisor.inputs.validated import SightingSettings, age_s, within
 from supervisor.path.fusion import Path
 from supervisor.path.hand_over import LEAD
 from supervisor.path.trail import Trail, TrailSettings, fit, max_curvature_rate_1pm2
+from trepid.clothoid import STANDING, Lane, Motion
 from trepid.config import Settings
 from trepid.messages import LeadVehicle
 from trepid.types import Positive

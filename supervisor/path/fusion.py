@@ -20,9 +20,9 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from supervisor.inputs.lane import STANDING, Lane, Motion, mean_lane, pursuit_curvature_1pm
 from supervisor.inputs.validated import Sighting
 from trepid.bounds import at_least, at_most
+from trepid.clothoid import STANDING, Lane, Motion, mean_lane, pursuit_curvature
 from trepid.config import Settings
 from trepid.types import Positive, PositiveShare
 
@@ -275,9 +275,7 @@ def _disagreement(views: list[View], lookahead_m: float) -> tuple[float | None, 
     """
     plain, weighted, separation_m = None, 0.0, 0.0
     for a, b in itertools.combinations(views, 2):
-        apart = abs(
-            pursuit_curvature_1pm(a.ahead_m, lookahead_m) - pursuit_curvature_1pm(b.ahead_m, lookahead_m)
-        )
+        apart = abs(pursuit_curvature(a.ahead_m, lookahead_m) - pursuit_curvature(b.ahead_m, lookahead_m))
         share = at_most(b.confidence, a.confidence) / at_least(b.confidence, a.confidence)
         plain = at_least(apart, plain or 0.0)
         weighted = at_least(apart * share, weighted)

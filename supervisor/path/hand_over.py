@@ -1,7 +1,7 @@
 """From the path of the road to the trail of a leader and back, without a step."""
 
-from supervisor.inputs.lane import STANDING, Lane, Motion
 from supervisor.path.fusion import Path
+from trepid.clothoid import STANDING, Lane, Motion
 
 LEAD = "lead"
 
@@ -29,7 +29,7 @@ class HandOver:
             return None
         if last is not None and (last.source == LEAD) != (path.source == LEAD):
             here, there = last.lane.after(moving, now_s - last.t_s), path.lane.after(moving, now_s - path.t_s)
-            self._gap = Lane(*(a - b for a, b in zip(here, there, strict=True)))
+            self._gap = here.plus(there, -1.0)
             self._since_s = now_s
         elif self._gap is not None:
             self._gap = self._gap.after(Motion(moving.speed_mps, 0.0), dt_s)
@@ -37,7 +37,7 @@ class HandOver:
         if self._gap is None or weight <= 0.0:
             self._gap, self._last = None, path
             return path
-        lane = Lane(*(new + weight * gap for new, gap in zip(path.lane, self._gap, strict=True)))
+        lane = path.lane.plus(self._gap, weight)
         self._last = path._replace(lane=lane)
         return self._last
 

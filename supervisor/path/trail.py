@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supervisor.inputs.lane import Lane, Motion
+from trepid.clothoid import Lane, Motion
 from trepid.config import Settings
 from trepid.types import Positive
 
@@ -110,7 +110,7 @@ def fit(
     Bishop, Pattern Recognition and Machine Learning (2006), section 3.3.
     """
     s = settings
-    offset_m, heading_rad, curvature_1pm, rate_1pm2 = prior
+    offset_m, heading_rad, curvature_1pm, rate_1pm2, _ = prior
     mean = np.array([-offset_m, -heading_rad, curvature_1pm, rate_1pm2])
     rate_sigma_1pm2 = max_curvature_rate_1pm2(speed_mps, s) / 3
     sigmas = np.array([s.offset_sigma_m, s.heading_sigma_rad, s.curvature_sigma_1pm, rate_sigma_1pm2])

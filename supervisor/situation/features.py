@@ -10,11 +10,11 @@ from collections.abc import Iterable, Mapping
 from operator import attrgetter
 
 from supervisor.inputs.consistency import Steadiness
-from supervisor.inputs.lane import Motion
 from supervisor.inputs.validated import Sighting, surest_teller
 from supervisor.path.follow import Lead
 from supervisor.path.fusion import Fused
 from trepid.bounds import at_least
+from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics
 
 BEYOND = 1e6  # beyond the range of any input

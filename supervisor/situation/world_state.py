@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 from supervisor.inputs.beside import in_own_lane
 from supervisor.inputs.consistency import Consistency
-from supervisor.inputs.lane import Motion
 from supervisor.inputs.timers import Stopwatch
 from supervisor.inputs.validated import Sighting, SightingSettings, age_s, is_frozen, motion_of, sight
 from supervisor.inputs.weak_edges import WeakEdges
@@ -13,6 +12,7 @@ from supervisor.path.follow import Follower, Following, FollowSettings, Lead, ju
 from supervisor.path.fusion import Fused, Fusion, FusionSettings
 from supervisor.rules.inference import FearRules
 from supervisor.situation.features import ESTIMATOR_SUFFIXES, FEATURES, Features, early_features, features
+from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.vehicle import Vehicle
 

@@ -6,7 +6,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from perception.techniques.image.picture import Boundaries, Boundary, Lane, View
+from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLane, View
+from trepid.clothoid import Lane
 from trepid.types import Array
 
 LINE_M = 0.15  # scatter that halves the weight of a boundary: as wide as a line
@@ -18,7 +19,7 @@ def ground_curve(
     *,
     degree: Annotated[int, Field(ge=1, le=3)] = 2,
     width_m: Annotated[float, Field(gt=0)] = 3.4,
-) -> Lane | None:
+) -> MeasuredLane | None:
     """The lane whose two sides, ±W/2 along the normal of one polynomial, fit both boundaries best.
 
     Source: derived, as S18. :func:`parallel_sides` for the pipelines. Cannot see: lanes that widen.
@@ -26,7 +27,7 @@ def ground_curve(
     return parallel_sides(boundaries, degree=degree, width_m=width_m)
 
 
-def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 3.4) -> Lane | None:
+def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 3.4) -> MeasuredLane | None:
     """The lane of one polynomial and one width that both boundaries fit; None without a boundary.
 
     y(x) = c₀ + c₁x + c₂x² (+ c₃x³) ± W/2·√(1 + y'²): least squares, linear once the root is known, so three times.
@@ -56,7 +57,8 @@ def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 
     psi = -math.atan(c[1])
     cos = math.cos(psi)
     width = found_m if len(seen) == 2 else None
-    return Lane(float(-c[0] * cos), psi, float(2 * c[2] * cos**3), float(6 * c[3] * cos**4), width)
+    lane = Lane(float(-c[0] * cos), psi, float(2 * c[2] * cos**3), float(6 * c[3] * cos**4))
+    return MeasuredLane(lane, width)
 
 
 def _weights(boundary: Boundary) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trepid.camera import Camera
+from trepid.clothoid import Lane, chord
 from trepid.types import Array, Mask
 
 AT_HORIZON = 1e-9
@@ -187,14 +188,11 @@ class Boundaries:
 
 
 @dataclass(frozen=True)
-class Lane:
-    """The lane at the rear axle: the centre is y(x) = −e − ψx + κx²/2 + κ'x³/6; signs as in trepid.messages."""
+class MeasuredLane:
+    """The lane and its width [m]; the width is None when only one boundary was found."""
 
-    offset_m: float
-    heading_rad: float
-    curvature_1pm: float
-    curvature_rate_1pm2: float
-    width_m: float | None  # None: only one side was seen
+    lane: Lane
+    width_m: float | None
 
 
 @dataclass(frozen=True)
@@ -225,8 +223,7 @@ def _moved(boundary: Boundary | None, motion: Motion) -> Boundary | None:
     """Points p become R(−φ)·(p − t), with the chord t of an arc of length s that turns by φ."""
     if boundary is None:
         return None
-    half = motion.turned_rad / 2
-    x = boundary.x_m - motion.moved_m * np.cos(half)
-    y = boundary.y_m - motion.moved_m * np.sin(half)
-    cos, sin = np.cos(2 * half), np.sin(2 * half)
+    along_m, aside_m = chord(motion.moved_m, motion.turned_rad)
+    x, y = boundary.x_m - along_m, boundary.y_m - aside_m
+    cos, sin = np.cos(motion.turned_rad), np.sin(motion.turned_rad)
     return replace(boundary, x_m=cos * x + sin * y, y_m=cos * y - sin * x)

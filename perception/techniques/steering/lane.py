@@ -6,15 +6,16 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from perception.techniques.image.picture import Boundaries, Boundary, Lane, View
+from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLane, View
 from perception.techniques.steering.straight_lane import ImageLine, straight_lane
+from trepid.clothoid import Lane
 
 CLEAR_M = 0.5  # ahead of the camera: nothing nearer can be seen
 
 
 def exact_pair(
     boundaries: Boundaries, view: View, *, width_m: Annotated[float, Field(gt=0)] = 3.4
-) -> Lane | None:
+) -> MeasuredLane | None:
     """The exact lane of two straight lines, e = h(m_l + m_r)/2·cosψ, ψ = atan(x_v), W = h(m_r − m_l)·cosψ (S18).
 
     The lines are those that a level camera of focal length 1 would see from the same place. With one boundary
@@ -31,7 +32,7 @@ def exact_pair(
     seen = straight_lane(left, right, focal_px=1.0, centre_x_px=0.0, height_m=camera.height_m)
     psi = seen.heading_rad
     offset_m = seen.offset_m - camera.x_m * math.sin(psi) - camera.y_m * math.cos(psi)
-    return Lane(offset_m, psi, 0.0, 0.0, seen.width_m if boundaries.seen == 2 else None)
+    return MeasuredLane(Lane(offset_m, psi, 0.0, 0.0), seen.width_m if boundaries.seen == 2 else None)
 
 
 def _both(boundaries: Boundaries, width_m: float) -> tuple[Boundary, Boundary] | None:

@@ -99,11 +99,11 @@ class Kalman(_Gaussian):
         return replace(belief, mean=matrix @ belief.mean + turned, covariance=covariance)
 
     def _looked(self, belief: Belief, boundaries: Boundaries) -> Belief | None:
-        lane = parallel_sides(boundaries, width_m=float(belief.mean[WIDTH]))
-        if lane is None:
+        measurement = parallel_sides(boundaries, width_m=float(belief.mean[WIDTH]))
+        if measurement is None:
             return None
-        values = [lane.offset_m, lane.heading_rad, lane.curvature_1pm]
-        measured = np.array(values if lane.width_m is None else [*values, lane.width_m])
+        values, width_m = measurement.lane[:3], measurement.width_m
+        measured = np.array(values if width_m is None else [*values, width_m])
         slope = np.eye(4)[: len(measured)]
         noise = np.diag(MEASURED[: len(measured)] ** 2)
         innovation = measured - slope @ belief.mean

@@ -1,7 +1,7 @@
 """What all trackers believe of a lane: how it moves past the vehicle, and how its boundaries look (T01–T06, B26).
 
 State x = (e, ψ, κ, W): offset, heading, curvature at the rear axle and width, as in
-perception.techniques.image.picture.Lane. The two boundaries share all of it: that is the structure of the road, and
+trepid.clothoid. The two boundaries share all of it: that is the structure of the road, and
 why one line or an old one is enough.
 """
 
@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.techniques.boundaries.ground_curve import drawn, parallel_sides
-from perception.techniques.image.picture import Boundaries, Lane, Motion
+from perception.techniques.image.picture import Boundaries, Motion
+from trepid.clothoid import Lane, advanced
 from trepid.types import Array
 
 E, PSI, KAPPA, WIDTH = range(4)
@@ -28,17 +29,12 @@ NEAR_M, FAR_M = 3.0, 25.0
 
 
 def moved_state(state: Array, motion: Motion) -> Array:
-    """The state after ``motion``: e' = v·sinψ, ψ' = r − v·κ, with the mean heading of the step; shape (…, 4).
-
-    Dickmanns and Mysliwetz, Recursive 3-D Road and Relative Ego-State Recognition (1992). An unknown yaw rate
-    means that the vehicle follows the road.
-    """
-    after = state.copy()
-    bend = state[..., KAPPA] * motion.moved_m
-    turn = motion.turned_rad - bend if motion.yaw_rate_radps is not None else np.zeros_like(bend)
-    after[..., E] += motion.moved_m * np.sin(state[..., PSI] + turn / 2)
-    after[..., PSI] += turn
-    return after
+    """The state after ``motion`` (`trepid.clothoid`), shape (…, 4). A yaw rate of None: the lane is followed."""
+    e, psi, kappa, width = (state[..., i] for i in range(4))
+    follows = kappa * motion.moved_m
+    turned = np.full_like(kappa, motion.turned_rad) if motion.yaw_rate_radps is not None else follows
+    moved = advanced(e, psi, kappa, np.zeros_like(kappa), way_m=motion.moved_m, turned_rad=turned, sin=np.sin)
+    return np.stack([*moved, width], axis=-1)
 
 
 def transition(motion: Motion) -> Array:
@@ -111,7 +107,7 @@ class Belief:
     def boundaries(self, reason: str) -> Boundaries:
         """The lane drawn from the mean; its support fades with what was driven and waited unseen."""
         e, psi, kappa, width_m = self.mean.tolist()
-        lane = Lane(e, psi, kappa, 0.0, width_m)
+        lane = Lane(e, psi, kappa, 0.0)
         support = math.exp(-self.unseen_s / FORGET_S - self.unseen_m / FORGET_M)
         residual_m = math.sqrt(max(float(self.covariance[E, E]), 0.0))
         both = drawn(lane, width_m, near_m=NEAR_M, far_m=FAR_M, residual_m=residual_m, support=support)
@@ -120,12 +116,12 @@ class Belief:
 
 def first(boundaries: Boundaries) -> Belief | None:
     """What one frame says: its curve where it was measured, ``FIRST`` where not; None without boundaries."""
-    lane = parallel_sides(boundaries)
-    if lane is None:
+    measured = parallel_sides(boundaries)
+    if measured is None:
         return None
-    sigma = np.where([True, True, True, lane.width_m is not None], 2 * MEASURED, FIRST_SIGMA)
-    width_m = lane.width_m if lane.width_m is not None else FIRST[WIDTH]
-    mean = np.array([lane.offset_m, lane.heading_rad, lane.curvature_1pm, width_m])
+    sigma = np.where([True, True, True, measured.width_m is not None], 2 * MEASURED, FIRST_SIGMA)
+    width_m = measured.width_m if measured.width_m is not None else FIRST[WIDTH]
+    mean = np.array([*measured.lane[:3], width_m])
     return Belief(mean, np.diag(sigma**2))
 
 

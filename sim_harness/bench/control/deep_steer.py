@@ -17,9 +17,9 @@ from controller.controller import ControllerSettings
 from controller.model.bicycle import angle_from_curvature, transposed_angle
 from sim_harness.bench.control.episode import FRAME_EVERY, LATENCY_S, Episode, drive, drive_by, road_of
 from sim_harness.world.roads.road import Road
+from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Decision, VehicleState
-from trepid.steering import pursuit_curvature
 from trepid.vehicle import Vehicle
 
 MPH = 0.44704
@@ -60,14 +60,14 @@ class AnglesOfFiveMph:
         )
 
     def _angle(self, seen: Decision) -> float:
-        rate_1pm2 = seen.curvature_rate_1pm2 or 0.0
-        curvature_1pm = pursuit_curvature(
-            DRIVER_AHEAD_M,
+        lane = Lane.from_ahead(
             offset_m=seen.lateral_offset_m or 0.0,
             heading_rad=seen.heading_error_rad or 0.0,
-            curvature_1pm=(seen.curvature_1pm or 0.0) - rate_1pm2 * seen.lookahead_m,
-            curvature_rate_1pm2=rate_1pm2,
+            ahead_1pm=seen.curvature_1pm or 0.0,
+            curvature_rate_1pm2=seen.curvature_rate_1pm2 or 0.0,
+            lookahead_m=seen.lookahead_m,
         )
+        curvature_1pm = lane.pursuit_curvature(DRIVER_AHEAD_M)
         return angle_from_curvature(curvature_1pm, speed_mps=LEARNED_AT_MPS, vehicle=self._vehicle)
 
 

@@ -17,6 +17,7 @@ from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.bounds import at_least
+from trepid.clothoid import Lane
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
 from trepid.vehicle import Vehicle
 
@@ -186,7 +187,7 @@ class _Sight:
                 path_t_s=now_s,
                 lateral_offset_m=offset_m + noise_m,
                 heading_error_rad=heading_rad,
-                curvature_1pm=here + rate_1pm2 * self._ahead_m,
+                curvature_1pm=Lane(offset_m, heading_rad, here, rate_1pm2).curvature_at(self._ahead_m),
                 curvature_rate_1pm2=rate_1pm2,
                 lookahead_m=self._ahead_m,
                 path_source="truth",

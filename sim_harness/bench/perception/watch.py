@@ -12,6 +12,7 @@ from perception.estimators import Estimator, entry_of
 from perception.lane.fit import centre_line
 from sim_harness.bench.perception.clips import AIM_M, Moment
 from trepid.camera import Camera
+from trepid.clothoid import Lane
 from trepid.messages import Frame, PixelPath, SteeringEstimate
 from trepid.types import Array, Image
 from trepid.vehicle import Vehicle
@@ -108,21 +109,30 @@ def aim(estimate: SteeringEstimate) -> complex:
 
     Of the clothoid itself: the parabola that estimators steer by is 0.3 m off there in a bend of R = 13 m.
     """
-    rate = _number(estimate.curvature_rate_1pm2)
-    curvature = _number(estimate.curvature_1pm) - rate * estimate.lookahead_m
+    lane = _lane_of(estimate)
     station_m = np.linspace(0.0, AIM_M, 33)
     centre, _ = centre_line(
         station_m,
-        station_m * (curvature + rate / 2 * station_m),
-        offset_m=_number(estimate.lateral_offset_m),
-        heading_rad=_number(estimate.heading_error_rad),
+        station_m * (lane.curvature_1pm + lane.curvature_rate_1pm2 / 2 * station_m),
+        offset_m=lane.offset_m,
+        heading_rad=lane.heading_rad,
     )
     return complex(centre[-1])
 
 
 def _curvature_ahead(estimate: SteeringEstimate) -> float:
-    rate = _number(estimate.curvature_rate_1pm2)
-    return _number(estimate.curvature_1pm) + rate * (AIM_M - estimate.lookahead_m)
+    return _lane_of(estimate).curvature_at(AIM_M)
+
+
+def _lane_of(estimate: SteeringEstimate) -> Lane:
+    """The lane of an estimate; NaN where a field is None."""
+    return Lane.from_ahead(
+        offset_m=_number(estimate.lateral_offset_m),
+        heading_rad=_number(estimate.heading_error_rad),
+        ahead_1pm=_number(estimate.curvature_1pm),
+        curvature_rate_1pm2=_number(estimate.curvature_rate_1pm2),
+        lookahead_m=estimate.lookahead_m,
+    )
 
 
 class _TrueRoad:

@@ -14,7 +14,7 @@ ABSENT = (math.nan, math.nan)
 Ends = tuple[float, float]
 
 
-class Lane:
+class RoadLane:
     """Lane ``index`` of a road: 0 the one that the vehicle keeps, 1 the next to the left, -1 the next to the right.
 
     All methods give NaN at stations where the road has no such lane.

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from controller.laws.lateral import LawName, build_law
 from controller.laws.law import Acting
-from controller.model.lane import Lane
+from trepid.clothoid import Lane
 
 signed = st.floats(-0.3, 0.3)
 

@@ -14,8 +14,8 @@ from controller.laws.lateral import LawName
 from controller.laws.law import Acting
 from controller.laws.lqi import SPEEDS_MPS, Lags, Lqi, design, model
 from controller.laws.lqr import exponential, gains, loop, margins
-from controller.model.lane import Lane
 from sim_harness.world.plants.state import PlantState
+from trepid.clothoid import Lane
 
 LQI = SETTINGS.lateral.lqi
 NEED = LQI.margins

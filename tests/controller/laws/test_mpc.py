@@ -16,8 +16,8 @@ from controller.laws.law import Acting
 from controller.laws.mpc import Mpc
 from controller.laws.mpc_model import Grid, Problem, command_bounds, preview, stage
 from controller.laws.mpc_solver import Soft, Solver
-from controller.model.lane import Lane
 from sim_harness.bench.control.episode import S_DURATION_S, Episode, drive, s_clothoid
+from trepid.clothoid import Lane
 
 GRID = Grid(stages=20, h=0.25, quickness=0.3)
 SOFT = Soft(linear=1.0, quadratic=10.0)

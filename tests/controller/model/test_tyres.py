@@ -8,12 +8,12 @@ from controller_rig import SETTINGS, SHUTTLE, state, vehicle
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.model.lane import Lane
 from controller.model.tyres import Turning, Tyres
 from controller.prediction import Predictor
 from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.single_track import SingleTrackPlant
+from trepid.clothoid import Lane
 from trepid.messages import Command
 
 REAR = 1.0 / (PlantSettings().chassis.rear_stiffness_per_rad * GRAVITY_MPS2)

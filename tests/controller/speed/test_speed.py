@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from controller.model.lane import Lane
 from controller.speed.control import SpeedControl
 from controller.speed.limits import SpeedSettings, Target, target
 from controller.speed.load import LoadObserver
 from sim_harness.bench.control.longitudinal import stop_m_and_s
+from trepid.clothoid import Lane
 from trepid.messages import Stop
 
 SPEED = SETTINGS.speed

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from learning.lane.augment import Augmentation, Augmenter, nonsense
-from perception.net.canonical import CanonicalView, Lane, cropped
+from perception.net.canonical import CanonicalView, cropped, lane_of_row, row_of_lane
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
@@ -57,8 +57,8 @@ def test_images_keep_their_size_and_type(seed):
 def test_the_lane_seen_from_another_height_is_the_one_that_inference_turns_back(raised):
     camera = CAMERA.model_copy(update=dict(height_m=raised * CAMERA.height_m))
     believed = Augmenter(CALM, CANONICAL, lookahead_m=10.0).lane_from(LANE, raised)
-    back = CanonicalView(camera, CANONICAL).lane(Lane.from_row(believed, 10.0))
-    assert back.row(10.0) == pytest.approx(LANE, abs=1e-6)
+    back = CanonicalView(camera, CANONICAL).lane(lane_of_row(believed, 10.0))
+    assert row_of_lane(back, 10.0) == pytest.approx(LANE, abs=1e-6)
 
 
 @pytest.mark.parametrize("raised", [0.8, 1.3])

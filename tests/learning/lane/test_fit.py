@@ -11,8 +11,8 @@ from learning.lane.scores import Labelled  # noqa: E402
 from perception.net.canonical import cropped  # noqa: E402
 from perception.net.steer_net import Network  # noqa: E402
 from trepid.camera import Camera  # noqa: E402
+from trepid.clothoid import Lane  # noqa: E402
 from trepid.config import CONFIG_DIR, InputError, load  # noqa: E402
-from trepid.steering import pursuit_curvature  # noqa: E402
 
 CANONICAL = cropped(
     load(CONFIG_DIR / "camera.yaml", Camera), top_px=82, bottom_px=202, width_px=200, height_px=66
@@ -47,9 +47,7 @@ def fit(tmp_path, recipe=TINY, resume=False):
 
 def test_the_command_row_is_pure_pursuit():
     lane = np.array([0.3, -0.02, 0.03, 0.01])
-    expected = pursuit_curvature(
-        7.0, offset_m=0.3, heading_rad=-0.02, curvature_1pm=0.03, curvature_rate_1pm2=(0.01 - 0.03) / 10
-    )
+    expected = Lane(0.3, -0.02, 0.03, (0.01 - 0.03) / 10).pursuit_curvature(7.0)
     assert float(command_row(10.0, 7.0).double().numpy() @ lane) == pytest.approx(expected, abs=1e-8)
 
 

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from learning.lane.scores import Task, auroc, calibrate, expected_calibration_error
-from trepid.steering import pursuit_curvature, road_wheel_angle
+from trepid.clothoid import Lane
+from trepid.steering import road_wheel_angle
 
 TOLERANCE_RAD = math.radians(2)
 
@@ -63,16 +64,10 @@ def test_auroc_counts_the_pairs_in_the_right_order():
     curvature=st.floats(-0.06, 0.06),
     ahead=st.floats(-0.06, 0.06),
 )
-def test_the_task_is_the_pure_pursuit_of_the_steering_module(offset, heading, curvature, ahead):
+def test_the_task_is_the_pure_pursuit_of_the_clothoid(offset, heading, curvature, ahead):
     reach, lookahead = 8.0, 10.0
     share = reach / (3 * lookahead)
     task = Task(1.75, np.array([-2 / reach**2, -2 / reach, 1 - share, share]))
-    command = pursuit_curvature(
-        reach,
-        offset_m=offset,
-        heading_rad=heading,
-        curvature_1pm=curvature,
-        curvature_rate_1pm2=(ahead - curvature) / lookahead,
-    )
+    command = Lane(offset, heading, curvature, (ahead - curvature) / lookahead).pursuit_curvature(reach)
     angle = task.road_wheel_angle(np.array([[offset, heading, curvature, ahead]]))[0]
     assert angle == pytest.approx(road_wheel_angle(command, wheelbase_m=1.75), abs=1e-9)

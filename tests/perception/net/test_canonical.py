@@ -8,24 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.net.canonical import SUPERSAMPLE, CanonicalView, Lane, cropped
+from perception.net.canonical import SUPERSAMPLE, CanonicalView, cropped
 from trepid.camera import Camera
+from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, load
-from trepid.steering import lane_centre_m
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 CANONICAL = cropped(CAMERA, top_px=82, bottom_px=202, width_px=200, height_px=66)
 LANE = Lane(offset_m=0.3, heading_rad=0.02, curvature_1pm=0.01, curvature_rate_1pm2=-0.0004)
-
-
-def centre_m(lane: Lane, x_m: float) -> float:
-    return lane_centre_m(
-        x_m,
-        offset_m=lane.offset_m,
-        heading_rad=lane.heading_rad,
-        curvature_1pm=lane.curvature_1pm,
-        curvature_rate_1pm2=lane.curvature_rate_1pm2,
-    )
 
 
 def ground_picture(camera: Camera) -> np.ndarray:
@@ -87,8 +77,8 @@ def test_a_camera_elsewhere_sees_the_lane_at_the_same_place_of_its_larger_world(
     lane = CanonicalView(camera, CANONICAL).lane(LANE)
     scale = height_m / CANONICAL.height_m
     # A point of the lane centre ahead_m before the canonical camera, and the same one before the true camera.
-    canonical_y_m = centre_m(LANE, CANONICAL.x_m + ahead_m)
-    assert centre_m(lane, x_m + scale * ahead_m) == pytest.approx(y_m + scale * canonical_y_m, abs=1e-9)
+    canonical_y_m = LANE.y_m(CANONICAL.x_m + ahead_m)
+    assert lane.y_m(x_m + scale * ahead_m) == pytest.approx(y_m + scale * canonical_y_m, abs=1e-9)
 
 
 def test_a_camera_twice_as_high_sees_lengths_doubled_and_curvature_halved():

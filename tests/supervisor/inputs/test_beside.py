@@ -5,8 +5,8 @@ import math
 import pytest
 
 from supervisor.inputs.beside import SHARE, in_own_lane
-from supervisor.inputs.lane import Lane
 from supervisor.inputs.validated import Sighting
+from trepid.clothoid import Lane
 
 WIDTH_M = 3.5
 
@@ -26,7 +26,7 @@ def test_a_lane_beside_ours_is_moved_over_by_whole_widths_and_believed_less(
     found = in_own_lane(seen(side * (0.3 + lanes_over * WIDTH_M)), side * 0.3)
     assert found.lane is not None and found.confidence is not None
     assert math.isclose(found.lane.offset_m, side * 0.3, abs_tol=1e-9)
-    assert found.lane[1:] == (0.02, 0.01, 0.0)
+    assert found.lane[1:4] == (0.02, 0.01, 0.0)
     assert math.isclose(found.confidence, SHARE * 0.9)
 
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import pytest
 
 from supervisor.inputs.consistency import AHEAD_M, KNOWN_M, Consistency, Steadiness
-from supervisor.inputs.lane import Lane, Motion
 from supervisor.inputs.validated import Sighting
+from trepid.clothoid import Lane, Motion
 
 MOTION = Motion(8.0, 0.2)
 

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from supervisor.inputs.lane import Motion
 from supervisor.inputs.validated import Sighting
 from supervisor.inputs.weak_edges import EDGES_M, WeakEdges
+from trepid.clothoid import Motion
 
 SPEED_MPS, DT_S = 5.0, 0.04
 

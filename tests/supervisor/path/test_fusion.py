@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.inputs.lane import Lane, Motion
 from supervisor.inputs.validated import Sighting
 from supervisor.path.fusion import Fused, Fusion, information
 from supervisor.supervisor import SupervisorSettings
+from trepid.clothoid import Lane, Motion
 from trepid.config import CONFIG_DIR, load
 
 SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).fusion
@@ -54,6 +54,7 @@ LANES = st.builds(
     heading_rad=st.floats(-0.2, 0.2),
     curvature_1pm=st.floats(-0.06, 0.06),
     curvature_rate_1pm2=st.floats(-0.003, 0.003),
+    lookahead_m=st.just(math.inf),
 )
 
 

@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from supervisor.inputs.lane import Lane, Motion, pursuit_curvature_1pm
 from supervisor.path.fusion import Path
 from supervisor.path.hand_over import HandOver
+from trepid.clothoid import Lane, Motion, pursuit_curvature
 
 STEP_S, OVER_S = 0.04, 1.5
 ROAD, TRAIL = Lane(0.0, 0.0, 0.0, 0.0), Lane(0.4, 0.03, 0.01, 0.0)
@@ -29,7 +29,7 @@ def switch(before: tuple[Lane, str], after: tuple[Lane, str], *, steps: int = 60
 
 
 def wheel_rad(lane: Lane) -> float:
-    return math.atan(WHEELBASE_M * pursuit_curvature_1pm(lane.y_m(LOOKAHEAD_M), LOOKAHEAD_M))
+    return math.atan(WHEELBASE_M * pursuit_curvature(lane.y_m(LOOKAHEAD_M), LOOKAHEAD_M))
 
 
 @pytest.mark.parametrize("ends", [((ROAD, "memory"), (TRAIL, "lead")), ((TRAIL, "lead"), (ROAD, "cv+cnn"))])

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.inputs.lane import Lane, Motion
 from supervisor.path.trail import Trail, fit, max_curvature_rate_1pm2
 from supervisor.supervisor import SupervisorSettings
+from trepid.clothoid import Lane, Motion
 from trepid.config import CONFIG_DIR, load
 
 SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).follow.trail

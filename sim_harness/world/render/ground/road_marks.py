@@ -13,7 +13,7 @@ from sim_harness.world.render.ground.strip_grid import (
     paint_left,
 )
 from sim_harness.world.roads.features import MarkKind, RoadMark
-from sim_harness.world.roads.lanes import Lane
+from sim_harness.world.roads.lanes import RoadLane
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Image
 
@@ -100,7 +100,7 @@ class MarkPainter:
         lanes = (mark.lane, mark.lane)
         if mark.kind == MarkKind.ZEBRA:
             lanes = (-len(section.right_lanes), len(section.lanes_to_the_left))
-        right, left = (Lane(self._road, index) for index in lanes)
+        right, left = (RoadLane(self._road, index) for index in lanes)
         return (
             right.centre_at(mark.at_m) - right.width_at(mark.at_m) / 2,
             left.centre_at(mark.at_m) + left.width_at(mark.at_m) / 2,

@@ -96,8 +96,8 @@ def test_boundaries_stay_on_the_road_while_the_vehicle_moves():
     there = moved(here, Motion(0.1, 10.0, 0.5))
     state = exact_pair(there, VIEW)
     # 1 m along an arc that turns by 0.05: the heading grows by it, the offset by the heading on the way.
-    assert state.heading_rad == pytest.approx(0.15, abs=1e-6)
-    assert state.offset_m == pytest.approx(0.3 * np.cos(0.1) + np.sin(0.125), abs=1e-4)
+    assert state.lane.heading_rad == pytest.approx(0.15, abs=1e-6)
+    assert state.lane.offset_m == pytest.approx(0.3 * np.cos(0.1) + np.sin(0.125), abs=1e-4)
     assert moved(here, Motion(0.1, None, None)).left.y_m == pytest.approx(here.left.y_m)
 
 
@@ -105,11 +105,11 @@ def test_boundaries_stay_on_the_road_while_the_vehicle_moves():
 @given(e=st.floats(-1.0, 1.0), psi=st.floats(-0.2, 0.2), width=st.floats(2.5, 5.0))
 def test_the_exact_pair_is_exact_and_mirrors(e, psi, width):
     state = exact_pair(straight_boundaries(e, psi, width), VIEW)
-    assert (state.offset_m, state.heading_rad, state.width_m) == pytest.approx(
+    assert (state.lane.offset_m, state.lane.heading_rad, state.width_m) == pytest.approx(
         (e * np.cos(psi), psi, width), abs=1e-6
     )
     mirrored = exact_pair(straight_boundaries(-e, -psi, width), VIEW)
-    assert mirrored.offset_m == pytest.approx(-state.offset_m, abs=1e-9)
+    assert mirrored.lane.offset_m == pytest.approx(-state.lane.offset_m, abs=1e-9)
 
 
 @pytest.mark.parametrize("hidden", ["left", "right"])
@@ -118,7 +118,7 @@ def test_a_hidden_line_is_put_at_the_width_of_a_lane_not_at_the_border_of_the_pi
     one = Boundaries(None if hidden == "left" else both.left, None if hidden == "right" else both.right)
     state = exact_pair(one, VIEW, width_m=3.4)
     assert state.width_m is None
-    assert (state.offset_m, state.heading_rad) == pytest.approx((0.1, 0.02), abs=1e-3)
+    assert (state.lane.offset_m, state.lane.heading_rad) == pytest.approx((0.1, 0.02), abs=1e-3)
     assert exact_pair(Boundaries(None, None), VIEW) is None
     assert beside(both.left, -3.4).y_m == pytest.approx(both.right.y_m, abs=1e-6)
 

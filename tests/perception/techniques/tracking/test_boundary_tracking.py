@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.techniques.boundaries.ground_curve import drawn, parallel_sides
-from perception.techniques.image.picture import Boundaries, Lane, Motion
+from perception.techniques.image.picture import Boundaries, Motion
 from perception.techniques.tracking.kalman import Extended, Kalman, Unscented, nis, spread, update
 from perception.techniques.tracking.model import (
     E,
@@ -21,6 +21,7 @@ from perception.techniques.tracking.model import (
     transition,
 )
 from perception.techniques.tracking.sampled import Bayes, Particles, resampled
+from trepid.clothoid import Lane
 
 TRACKERS = {
     "kalman": Kalman,
@@ -52,7 +53,7 @@ def seen(state: np.ndarray, rng: np.random.Generator, *, noise: float = 1.0) -> 
     """What a model would find: both sides with a little error."""
     error = rng.normal(size=4) * [0.06, 0.01, 0.0015, 0.05] * noise
     e, psi, kappa, width = (state + error).tolist()
-    lane = Lane(e, psi, kappa, 0.0, width)
+    lane = Lane(e, psi, kappa, 0.0)
     return drawn(lane, width, near_m=4, far_m=24, residual_m=0.03, support=0.9)
 
 
@@ -63,7 +64,9 @@ def errors(name: str, keep, *, seconds: float = 6.0, seed: int = 0, noise: float
     for number, (state, motion) in enumerate(drive(seconds, seed=seed)):
         lane = parallel_sides(tracker.step(keep(number, seen(state, rng, noise=noise)), motion))
         found.append(
-            [np.nan, np.nan] if lane is None else [lane.offset_m - state[0], lane.heading_rad - state[1]]
+            [np.nan, np.nan]
+            if lane is None
+            else [lane.lane.offset_m - state[0], lane.lane.heading_rad - state[1]]
         )
     return np.abs(np.array(found))
 
@@ -100,7 +103,7 @@ def test_half_of_all_frames_lost_makes_less_than_half_more_error(name):
 @pytest.mark.parametrize("name", TRACKERS)
 def test_tracking_is_better_than_its_frames(name):
     rng = np.random.default_rng(100)
-    alone = [abs(parallel_sides(seen(state, rng)).offset_m - state[0]) for state, _ in drive(6)]
+    alone = [abs(parallel_sides(seen(state, rng)).lane.offset_m - state[0]) for state, _ in drive(6)]
     assert errors(name, lambda n, b: b)[20:, 0].mean() < 0.8 * np.mean(alone[20:])
 
 
@@ -130,7 +133,7 @@ def test_a_single_wrong_look_does_not_move_the_lane_far(name):
     def wrong(number: int, boundaries: Boundaries) -> Boundaries:
         if number != 80:
             return boundaries
-        return drawn(Lane(-1.2, 0.1, 0.0, 0.0, 3.5), 3.5, near_m=4, far_m=24, residual_m=0.03, support=0.9)
+        return drawn(Lane(-1.2, 0.1, 0.0, 0.0), 3.5, near_m=4, far_m=24, residual_m=0.03, support=0.9)
 
     assert errors(name, wrong)[80, 0] < 0.3
 
@@ -141,7 +144,7 @@ def test_the_new_lane_is_tracked_within_half_a_second_of_a_swap(name):
     for number in range(75):
         state = np.array([1.6 if number < 50 else -1.9, 0.0, 0.0, WIDTH_M])  # over the line: the next lane
         motion = Motion(DT_S, SPEED_MPS, 0.0)
-        found.append(parallel_sides(tracker.step(seen(state, rng), motion)).offset_m - state[0])
+        found.append(parallel_sides(tracker.step(seen(state, rng), motion)).lane.offset_m - state[0])
     assert abs(found[50 + round(0.5 / DT_S)]) < 0.3 and abs(found[-1]) < 0.2
 
 

@@ -11,12 +11,18 @@ from pydantic import ValidationError
 
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.appearance import Marking, NeighbourLane, Section
-from sim_harness.world.roads.lanes import Lane
+from sim_harness.world.roads.lanes import RoadLane
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 
 DUAL, TRACK = load_road("dual_carriageway"), load_road("gravel_track")
 WIDE = (NeighbourLane(width_m=3.0), NeighbourLane(width_m=2.6))
-LANES = [Lane(DUAL, 1), Lane(DUAL, 0), Lane(DUAL, -1), Lane(TRACK, 0), Lane(load_road("circuit"), 1)]
+LANES = [
+    RoadLane(DUAL, 1),
+    RoadLane(DUAL, 0),
+    RoadLane(DUAL, -1),
+    RoadLane(TRACK, 0),
+    RoadLane(load_road("circuit"), 1),
+]
 
 
 def circle(radius_m: float, **section) -> Road:
@@ -33,14 +39,14 @@ def circle(radius_m: float, **section) -> Road:
 
 def test_centres_lie_half_widths_apart():
     road = straight(bare(left_lanes=WIDE, right_lanes=WIDE[:1]))
-    assert [Lane(road, i).centre_at(10) for i in (-1, 0, 1, 2)] == pytest.approx([-3.2, 0, 3.2, 6.0])
-    assert [Lane(road, i).width_at(10) for i in (-1, 0, 1, 2)] == [3.0, 3.4, 3.0, 2.6]
+    assert [RoadLane(road, i).centre_at(10) for i in (-1, 0, 1, 2)] == pytest.approx([-3.2, 0, 3.2, 6.0])
+    assert [RoadLane(road, i).width_at(10) for i in (-1, 0, 1, 2)] == [3.0, 3.4, 3.0, 2.6]
 
 
 def test_a_neighbour_lane_of_a_circle_is_a_circle_with_the_same_centre():
     road = circle(50, left_lanes=WIDE, right_lanes=WIDE)
     for index, radius_m in ((1, 50 - 3.25), (2, 50 - 6.05), (-1, 50 + 3.25), (-2, 50 + 6.05)):
-        lane = Lane(road, index)
+        lane = RoadLane(road, index)
         points = np.array([lane.position(s, 0.0) for s in np.linspace(0, road.length_m, 30)])
         assert np.hypot(points[:, 0], points[:, 1] - 50) == pytest.approx(radius_m, abs=1e-9)
         assert lane.heading_at(70.0) == pytest.approx(70 / 50)
@@ -57,7 +63,7 @@ def test_local_coordinates_undo_position(lane, share, offset_m):
 
 
 @pytest.mark.parametrize(
-    "lane", [Lane(DUAL, -1), Lane(DUAL, 1), Lane(TRACK, 0)], ids=["right", "left", "own"]
+    "lane", [RoadLane(DUAL, -1), RoadLane(DUAL, 1), RoadLane(TRACK, 0)], ids=["right", "left", "own"]
 )
 def test_heading_is_the_direction_of_the_lanes_centre(lane):
     h = 1e-4
@@ -71,7 +77,7 @@ def test_heading_is_the_direction_of_the_lanes_centre(lane):
 
 
 def test_widths_change_linearly_and_without_a_jump():
-    lane = Lane(DUAL, -1)
+    lane = RoadLane(DUAL, -1)
     assert [lane.width_at(s) for s in (420, 450, 500, 640, 680)] == pytest.approx([0, 1.75, 3.5, 3.5, 1.75])
     widths = np.array([TRACK.width_at(s) for s in np.arange(0, 340, 0.1)])
     assert np.abs(np.diff(widths)).max() <= 0.9 / 50 * 0.1 + 1e-9
@@ -80,16 +86,16 @@ def test_widths_change_linearly_and_without_a_jump():
 
 
 def test_where_there_is_no_lane_its_place_is_not_a_number():
-    lane = Lane(DUAL, -1)
+    lane = RoadLane(DUAL, -1)
     assert all(map(math.isnan, (lane.width_at(100.0), lane.centre_at(100.0), *lane.position(100.0, 0.0))))
     assert math.isnan(lane.heading_at(100.0)) and math.isnan(lane.local_coordinates(100.0, 0.0)[1])
     with pytest.raises(ValueError, match="dual_carriageway has no lane -2 anywhere"):
-        Lane(DUAL, -2)
+        RoadLane(DUAL, -2)
 
 
 def test_far_left_stands_for_one_lane_of_our_width():
     road = straight(bare(far_left=Marking()))
-    assert (Lane(road, 1).centre_at(5.0), Lane(road, 1).width_at(5.0)) == (3.4, 3.4)
+    assert (RoadLane(road, 1).centre_at(5.0), RoadLane(road, 1).width_at(5.0)) == (3.4, 3.4)
     with pytest.raises(ValidationError, match="far_left is short for one left lane"):
         bare(far_left=Marking(), left_lanes=WIDE)
 
@@ -97,7 +103,7 @@ def test_far_left_stands_for_one_lane_of_our_width():
 def test_the_mirror_image_of_a_road_has_its_lanes_on_the_other_side():
     left, right = circle(50, left_lanes=WIDE), circle(50, right_lanes=WIDE)
     for index in (1, 2):
-        assert Lane(left, index).centre_at(20.0) == -Lane(right, -index).centre_at(20.0)
+        assert RoadLane(left, index).centre_at(20.0) == -RoadLane(right, -index).centre_at(20.0)
 
 
 @pytest.mark.parametrize("lane", ["lane_width_m", "left", "right"])
