@@ -23,7 +23,7 @@ _CAR_CLEAR = 0.1  # of the cruise speed: the car's own speed is measured, and ji
 _NOTHING = 1e-9
 
 Story = dict[str, Any]
-"""What ``trepid fear explain RECORDING --at T --json`` prints; docs/fear_explain.md lists the fields."""
+"""What ``trepid fear explain RECORDING --at T --json`` prints; docs/recordings.md lists the fields."""
 
 
 def story(drive: Recall, at_s: float) -> Story:

@@ -31,7 +31,7 @@ from trepid.types import Positive
 _LOOKS = 8  # places along the visible lane, besides the axle; as many beyond it
 _STRAIGHT_1PM = 1e-9
 _STEADY_1PM2 = 1e-9
-_BENDS_MPS2 = 1.0  # Δ: half of what is driven in bends; docs/longitudinal.md says what it keeps away
+_BENDS_MPS2 = 1.0  # Δ: half of what is driven in bends; see docs/control.md
 
 
 class StopProfile(Settings):

@@ -89,7 +89,7 @@ class LeadSensor(StrEnum):
     """What tells the supervisor of the vehicle ahead."""
 
     CAMERA = "camera"  # the lead detector, from rendered pictures
-    TRUTH = "truth"  # the exact place, as of a range sensor, see docs/traffic.md
+    TRUTH = "truth"  # the exact place, as of a range sensor, see docs/scenarios.md
     MODELLED = (
         "modelled"  # the exact place with the errors of the camera's detector, see config/lead_model.yaml
     )

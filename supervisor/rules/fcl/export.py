@@ -2,7 +2,7 @@
 
 FCL has words for the sets, the rules and Mamdani's method; that is what another tool computes. What it has no word
 for, such as the direction of risk or the causes, stands in the OPTION block, which the standard leaves to each
-maker. ``docs/fear_rules.md`` lists the mapping; :mod:`supervisor.rules.fcl.read` reads it back.
+maker. ``docs/fear.md`` lists the mapping; :mod:`supervisor.rules.fcl.read` reads it back.
 """
 
 import re

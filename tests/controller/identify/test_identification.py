@@ -80,7 +80,7 @@ def test_the_truth_of_a_simulated_car_is_recovered_within_5_percent(
 
 
 def test_most_intervals_hold_the_truth():
-    """A count, as one interval out of twenty may miss; measured over 30 cars: docs/identification.md."""
+    """A count, as one interval out of twenty may miss."""
     held = []
     for seed in range(8):
         deg_per_g = 0.5 + seed / 2

@@ -1,0 +1,31 @@
+"""Links between the pages of the documentation lead somewhere."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from trepid.config import ROOT
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+LINK = re.compile(r"\]\(([^)#]+)\)")
+PAGE_OF_SOURCE = re.compile(r"docs/[a-z_/]+\.md")
+TEXT = {".py", ".yaml", ".toml", ".md", ".html"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_link_of_a_page_leads_to_a_file(page: Path) -> None:
+    targets = [target for target in LINK.findall(page.read_text(encoding="utf-8")) if "://" not in target]
+    assert [target for target in targets if not (page.parent / target).exists()] == []
+
+
+def test_every_page_that_code_or_configuration_names_exists() -> None:
+    named = {
+        page
+        for top in (ROOT / "config", *(ROOT / name for name in ("trepid", "perception", "supervisor")))
+        for path in top.rglob("*")
+        if path.suffix in TEXT
+        for page in PAGE_OF_SOURCE.findall(path.read_text(encoding="utf-8"))
+    }
+    assert [page for page in sorted(named) if not (ROOT / page).is_file()] == []
+    assert named  # the search finds what it looks for
