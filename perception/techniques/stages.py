@@ -13,7 +13,7 @@ remember something is a class: its settings are those of its constructor, and it
 ``track``     ``step(boundaries, motion) -> Boundaries``
 ``state``     ``(boundaries, view) -> MeasuredLane | None``
 ``steer``     ``(lane, wheelbase_m) -> float``: the road-wheel angle [rad], + left, of a lane state
-``rule``      ``(boundaries, view, dt_s) -> float | None``: a printed steering rule; the angle is the estimate
+``rule``      ``(boundaries, view, dt_s) -> RuleAngle | None``: a printed steering rule
 ============  ==========================================================================================
 
 ``predicted`` are the boundaries of the last frame moved to where the vehicle is now; None when there are none.
@@ -70,8 +70,7 @@ from perception.techniques.image.surface import brightness, patch_colour, textur
 from perception.techniques.image.warp import BirdEyeSelf, area_resize, bird_eye
 from perception.techniques.steering.abdelrahman import Abdelrahman
 from perception.techniques.steering.dev import dev
-from perception.techniques.steering.lane import exact_pair
-from perception.techniques.steering.steer import pursuit
+from perception.techniques.steering.lane import exact_pair, pursuit
 from perception.techniques.steering.sujatha import Sujatha
 from perception.techniques.steering.tu import Tu
 from perception.techniques.steering.umamaheswari import Umamaheswari

@@ -1,19 +1,21 @@
 """Steering by decision trees over both halves of the picture, Abdelrahman (inventory S14–S16; R [86])."""
 
+import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from perception.techniques.image.picture import Boundaries, Boundary, View
-from perception.techniques.steering.level_picture import (
+from perception.techniques.steering.rule import (
+    Gain,
+    Hold,
     ImageAngle,
     LevelPicture,
-    RoadWheel,
+    RuleAngle,
     lean,
     level_lines,
+    mean_line,
     road_wheel,
 )
 from perception.techniques.steering.straight_lane import ImageLine
@@ -21,7 +23,7 @@ from trepid.types import Positive
 
 
 class Leaf(StrEnum):
-    """Where a tree has ended."""
+    """The leaves of the tree."""
 
     BOTH = "both lines"
     ONLY_LEFT = "parallel to the left line, on its right"
@@ -41,14 +43,14 @@ class Lines:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The leaf, and the line that the vehicle should be on; None for straight ahead."""
+    """The leaf, and the line to drive along; None for straight ahead."""
 
     leaf: Leaf
     centre: ImageLine | None
 
 
 def lower_tree(
-    seen: Lines,
+    lines: Lines,
     before: Lines,
     turned_rad: float,
     picture: LevelPicture,
@@ -58,43 +60,49 @@ def lower_tree(
 ) -> Outcome:
     """The tree of the lower half (S14).
 
-    Two lines whose width h·(m_r − m_l) is that of a lane within ``tolerance``: their mean. Of a wrong pair, a
-    vehicle that steers right (``turned_rad`` < 0) ignores the left line, and v.v.; one that goes straight
-    believes the line nearer to where its side was ``before``. One line: was it, last step, the line of the
-    other side? Then it was crossed, and the vehicle goes back to the side it came from; else it drives half a
-    lane beside it. None: straight.
+    Two lines whose width h·(m_r − m_l) is that of a lane within ``tolerance``: their mean. Of a pair of another
+    width, one line is ignored by :func:`implausibility`. One line: if it was the line of the other side in the last
+    step (``before``), it was crossed, and the vehicle returns to the side it came from; else it drives half a lane
+    beside it. None: straight.
 
-    The mirrored branches are not in print, nor is a rule for a wrong pair going straight. Printed, the output
-    is the mean of the slopes dy/dx, ±78° at e = ±0.5 m; here the mean of m (S16). Cannot see: the heading.
+    The mirrored branches are not in print, nor is a rule for a wrong pair while driving straight. Printed, the
+    output is the mean of the slopes dy/dx, ±78° at e = ±0.5 m; here the mean of m (S16). Limit: the heading.
     """
-    left, right = seen.left, seen.right
+    left, right = lines.left, lines.right
+    half_m = width_m / 2
     if left is not None and right is not None:
         width = picture.camera_height_m * (right.m - left.m)
-        if abs(width / width_m - 1) <= tolerance:
-            return Outcome(Leaf.BOTH, ImageLine((left.m + right.m) / 2, (left.k + right.k) / 2))
-        if _ignore_left(left, right, before, turned_rad):
-            left = None
-        else:
-            right = None
-    half = width_m / 2
+        wrong = implausibility(left, right, before, turned_rad, half_m / picture.camera_height_m)
+        if abs(width / width_m - 1) <= tolerance or wrong == 0:
+            return Outcome(Leaf.BOTH, mean_line(left, right))
+        left, right = (None, right) if wrong > 0 else (left, None)
     if right is not None:
         if _was(right, before.left, before.right, picture, width_m):
-            return Outcome(Leaf.CROSSED_LEFT, picture.beside(right, -half))
-        return Outcome(Leaf.ONLY_RIGHT, picture.beside(right, half))
+            return Outcome(Leaf.CROSSED_LEFT, picture.beside(right, -half_m))
+        return Outcome(Leaf.ONLY_RIGHT, picture.beside(right, half_m))
     if left is not None:
         if _was(left, before.right, before.left, picture, width_m):
-            return Outcome(Leaf.CROSSED_RIGHT, picture.beside(left, half))
-        return Outcome(Leaf.ONLY_LEFT, picture.beside(left, -half))
+            return Outcome(Leaf.CROSSED_RIGHT, picture.beside(left, half_m))
+        return Outcome(Leaf.ONLY_LEFT, picture.beside(left, -half_m))
     return Outcome(Leaf.NONE, None)
 
 
-def _ignore_left(left: ImageLine, right: ImageLine, before: Lines, turned_rad: float) -> bool:
-    """Which line of a wrong pair goes: that of the side turned away from; straight, the one that has jumped."""
+def implausibility(
+    left: ImageLine, right: ImageLine, before: Lines, turned_rad: float, half_width: float
+) -> float:
+    """Which line of a pair of the wrong width to ignore: > 0 the left, < 0 the right, 0 neither.
+
+    A vehicle that steers right (``turned_rad`` < 0) ignores the left line, and vice versa. Driving straight, the
+    line with the greater jump since ``before`` goes; without memory that with the greater distance from the line of
+    a centred car, m = ±W/2h (``half_width``). The mirror image of a pair gives the opposite number.
+    """
     if turned_rad != 0:
-        return turned_rad < 0
-    jump_left = abs(left.m - before.left.m) if before.left else np.inf
-    jump_right = abs(right.m - before.right.m) if before.right else np.inf
-    return bool(jump_left > jump_right)
+        return -turned_rad
+    if before.left is None and before.right is None:
+        return abs(left.m + half_width) - abs(right.m - half_width)
+    jump_left = abs(left.m - before.left.m) if before.left else math.inf
+    jump_right = abs(right.m - before.right.m) if before.right else math.inf
+    return jump_left - jump_right
 
 
 def _was(
@@ -113,11 +121,11 @@ def _was(
 
 
 def upper_tree(upper: Lines, lower: Lines) -> Lines:
-    """The upper lines without those that only go on from the lower line of the other side (S15).
+    """The upper lines without the extension of the lower line of the other side (S15).
 
     In a bend the left boundary reaches into the right half of the picture further up: an upper right line goes
     if (upper right and lower left and not lower right), and the mirror image. The text states the inverse,
-    which would throw out the true right line, seen above and below, and keep the extension.
+    which would remove the true right line, present above and below, and keep the extension.
     """
     left, right = upper.left, upper.right
     if right is not None and lower.left is not None and lower.right is None:
@@ -127,54 +135,51 @@ def upper_tree(upper: Lines, lower: Lines) -> Lines:
     return Lines(left, right)
 
 
-def mean_angle(lower: Outcome, upper: Lines) -> ImageAngle:
-    """Lean of the mean m of the lower centre line and of the upper pair, where it is left; 0 for none (S16)."""
+def mean_angle(lower: Outcome, upper: Lines) -> ImageAngle | None:
+    """Lean of the mean m of the lower centre line and of the upper pair, as far as there are any (S16)."""
     slopes = [lower.centre.m] if lower.centre is not None else []
     if upper.left is not None and upper.right is not None:
         slopes.append((upper.left.m + upper.right.m) / 2)
-    return lean(ImageLine(float(np.mean(slopes)), 0.0)) if slopes else ImageAngle(0.0)
+    return lean(ImageLine(float(np.mean(slopes)), 0.0)) if slopes else None
 
 
 class Abdelrahman:
-    """Road-wheel angle [rad], + left, by both trees; straight for ``blind_s`` without lines, then None (S16)."""
+    """The angle of both trees; straight on for at most ``blind_s`` without lines (S14–S16)."""
 
     def __init__(
         self,
         *,
-        gain: Annotated[float, Field(gt=0, le=2)] = 0.2,
+        gain: Gain = 0.2,
         width_m: Positive = 3.4,
         split_m: Positive = 10.0,
         blind_s: Positive = 0.5,
     ) -> None:
-        self._gain, self._width_m, self._split_m, self._blind_s = gain, width_m, split_m, blind_s
-        self._before, self._turned_rad, self._unseen_s = Lines(), 0.0, 0.0
+        self._gain, self._width_m, self._split_m = gain, width_m, split_m
+        self._hold = Hold(blind_s, straight=True)
+        self._before, self._turned_rad = Lines(), 0.0
 
-    def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RoadWheel | None:
-        """The angle for this frame; the picture is split ``split_m`` ahead."""
+    def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RuleAngle | None:
+        """The angle for this frame, split ``split_m`` ahead. None after ``blind_s`` without lines."""
         near, picture = _half(boundaries, view, 0.0, self._split_m)
         far, _ = _half(boundaries, view, self._split_m, np.inf)
         lower = lower_tree(near, self._before, self._turned_rad, picture, width_m=self._width_m)
-        self._remember(near, lower, dt_s)
-        if self._unseen_s > self._blind_s:
-            return None
+        self._remember(near, lower.leaf)
         angle = mean_angle(lower, upper_tree(far, near))
-        self._turned_rad = angle
-        return road_wheel(angle, gain=self._gain)
+        self._turned_rad = angle or 0.0
+        return self._hold.step(road_wheel(angle, gain=self._gain), dt_s)
 
-    def _remember(self, near: Lines, lower: Outcome, dt_s: float) -> None:
-        """A crossed line stays the line of the side it was on, so that the way back lasts until it is crossed
-        again.
-        """
-        if lower.leaf is Leaf.CROSSED_LEFT:
+    def _remember(self, near: Lines, leaf: Leaf) -> None:
+        """Keep a crossed line as the line of its first side until it is crossed again."""
+        if leaf is Leaf.CROSSED_LEFT:
             self._before = Lines(left=near.right)
-        elif lower.leaf is Leaf.CROSSED_RIGHT:
+        elif leaf is Leaf.CROSSED_RIGHT:
             self._before = Lines(right=near.left)
-        elif lower.leaf is not Leaf.NONE:
+        elif leaf is not Leaf.NONE:
             self._before = near
-        self._unseen_s = self._unseen_s + dt_s if lower.leaf is Leaf.NONE else 0.0
 
 
 def _half(boundaries: Boundaries, view: View, near_m: float, far_m: float) -> tuple[Lines, LevelPicture]:
+    """The lines of the boundaries between ``near_m`` and ``far_m``."""
     part = replace(
         boundaries,
         left=_between(boundaries.left, near_m, far_m),

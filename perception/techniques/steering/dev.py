@@ -1,17 +1,21 @@
 """Steering by the bisector of the two boundary lines, Dev et al. (inventory S01–S03; R [82], [6])."""
 
 import math
-from typing import Annotated
-
-from pydantic import Field
 
 from perception.techniques.image.picture import Boundaries, View
-from perception.techniques.steering.level_picture import ImageAngle, RoadWheel, lean, level_lines, road_wheel
+from perception.techniques.steering.rule import (
+    Gain,
+    ImageAngle,
+    RoadWheel,
+    RuleAngle,
+    lean,
+    level_lines,
+)
 from perception.techniques.steering.straight_lane import ImageLine
 
 
 def bisector(left: ImageLine, right: ImageLine) -> ImageLine:
-    """The line between two lines from which both are equally far (S01).
+    """The line at equal distances from two lines (S01).
 
     With unit normals, (1, −m, −k)/b and b = √(1+m²), the distances are opposite where the sum of both lines is 0:
 
@@ -28,21 +32,16 @@ def bisector(left: ImageLine, right: ImageLine) -> ImageLine:
 
 
 def dev_angle(left: ImageLine | None, right: ImageLine | None) -> ImageAngle | None:
-    """Lean of the bisector, δ = atan2(x₁−x₂, y₂−y₁) from its foot to the point where the lines meet (S02).
+    """Lean of the bisector, δ = atan2(x₁−x₂, y₂−y₁) from its foot to the meeting point of the lines (S02).
 
     Printed: arctan((y₂−y₁)/(x₂−x₁)), the angle to the horizontal, ±90° for a centred car where the text says 0.
-    None with fewer than two lines (S03). Cannot see: the heading; the angle depends on the offset alone (S18).
+    None with fewer than two lines (S03). Limit: the angle depends on the offset alone, not on the heading (S18).
     """
     return None if left is None or right is None else lean(bisector(left, right))
 
 
-def dev(
-    boundaries: Boundaries,
-    view: View,
-    dt_s: float,
-    *,
-    gain: Annotated[float, Field(gt=0, le=2)] = 0.2,
-) -> RoadWheel | None:
-    """Road-wheel angle [rad], + left, by :func:`dev_angle` (S01–S03). Source: R [82], [6]."""
+def dev(boundaries: Boundaries, view: View, dt_s: float, *, gain: Gain = 0.2) -> RuleAngle | None:
+    """The angle of :func:`dev_angle`; None with fewer than two lines (S01–S03). Source: R [82], [6]."""
     left, right, _ = level_lines(boundaries, view)
-    return road_wheel(dev_angle(left, right), gain=gain)
+    angle = dev_angle(left, right)
+    return None if angle is None else RuleAngle(RoadWheel(gain * angle))

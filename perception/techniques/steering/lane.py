@@ -1,46 +1,38 @@
-"""From boundaries on the road to the state of the lane (inventory S18)."""
+"""From boundaries on the road to a lane state, and from a lane state to the road-wheel angle (inventory S18)."""
 
 import math
-from typing import Annotated
-
-import numpy as np
-from pydantic import Field
 
 from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLane, View
-from perception.techniques.steering.straight_lane import ImageLine, straight_lane
+from perception.techniques.steering.rule import level_line
+from perception.techniques.steering.straight_lane import straight_lane
 from trepid.clothoid import Lane
+from trepid.steering import road_wheel_angle
+from trepid.types import Positive
 
-CLEAR_M = 0.5  # ahead of the camera: nothing nearer can be seen
 
-
-def exact_pair(
-    boundaries: Boundaries, view: View, *, width_m: Annotated[float, Field(gt=0)] = 3.4
-) -> MeasuredLane | None:
+def exact_pair(boundaries: Boundaries, view: View, *, width_m: Positive = 3.4) -> MeasuredLane | None:
     """The exact lane of two straight lines, e = h(m_l + m_r)/2·cosψ, ψ = atan(x_v), W = h(m_r − m_l)·cosψ (S18).
 
-    The lines are those that a level camera of focal length 1 would see from the same place. With one boundary
-    seen, the other is put ``width_m`` beside it, parallel (S10 as it should be); its width is then not known.
-    Cannot see: curvature, which is 0 here.
+    The lines are those of a level camera of focal length 1 at the same place. With one boundary, the other is put
+    ``width_m`` beside it, parallel (S10 corrected); the width is then None. Limit: curvature, which is 0 here.
     """
-    pair = _both(boundaries, width_m)
-    if pair is None:
-        return None
-    left, right = (_level_line(side, view) for side in pair)
-    if left is None or right is None or left.m == right.m:
+    left, right = boundaries.left, boundaries.right
+    if left is None and right is not None:
+        left = beside(right, width_m)
+    if right is None and left is not None:
+        right = beside(left, -width_m)
+    if left is None or right is None:
         return None
     camera = view.camera
-    seen = straight_lane(left, right, focal_px=1.0, centre_x_px=0.0, height_m=camera.height_m)
-    psi = seen.heading_rad
-    offset_m = seen.offset_m - camera.x_m * math.sin(psi) - camera.y_m * math.cos(psi)
-    return MeasuredLane(Lane(offset_m, psi, 0.0, 0.0), seen.width_m if boundaries.seen == 2 else None)
-
-
-def _both(boundaries: Boundaries, width_m: float) -> tuple[Boundary, Boundary] | None:
-    left, right = boundaries.left, boundaries.right
-    if left is None and right is None:
+    left_line, right_line = level_line(left, camera), level_line(right, camera)
+    if left_line is None or right_line is None:
         return None
-    left = left or beside(right, width_m)  # type: ignore[arg-type]
-    return left, right or beside(left, -width_m)
+    lane = straight_lane(left_line, right_line, focal_px=1.0, centre_x_px=0.0, height_m=camera.height_m)
+    if lane is None:
+        return None
+    psi = lane.heading_rad
+    offset_m = lane.offset_m - camera.x_m * math.sin(psi) - camera.y_m * math.cos(psi)
+    return MeasuredLane(Lane(offset_m, psi, 0.0, 0.0), lane.width_m if boundaries.seen == 2 else None)
 
 
 def beside(boundary: Boundary, aside_m: float) -> Boundary:
@@ -50,12 +42,9 @@ def beside(boundary: Boundary, aside_m: float) -> Boundary:
     return Boundary(boundary.x_m, y_m, boundary.residual_m, boundary.support)
 
 
-def _level_line(boundary: Boundary, view: View) -> ImageLine | None:
-    """The image line x = m·y + k of a level camera of focal length 1 that looks straight ahead."""
-    ahead = boundary.x_m - view.camera.x_m
-    clear = ahead > CLEAR_M
-    if np.count_nonzero(clear) < 2:
-        return None
-    ahead, aside = ahead[clear], boundary.y_m[clear] - view.camera.y_m
-    m, k = np.polyfit(view.camera.height_m / ahead, -aside / ahead, 1)
-    return ImageLine(float(m), float(k))
+def pursuit(lane: Lane, wheelbase_m: float, *, lookahead_m: Positive = 8.0) -> float:
+    """Road-wheel angle [rad], + left, of the arc to the lane centre ``lookahead_m`` ahead: δ = atan(L·2y/ℓ²).
+
+    Source: Coulter, CMU-RI-TR-92-01; 8 m is about 1 s at the speeds of the shuttle.
+    """
+    return road_wheel_angle(lane.pursuit_curvature(lookahead_m), wheelbase_m=wheelbase_m)

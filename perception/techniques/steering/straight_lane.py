@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ImageLine:
-    """Image line x = m·y + k [px]: never a slope dy/dx, because upright lines are the normal case."""
+    """Image line x = m·y + k [px]. A slope dy/dx would be infinite for upright lines, the normal case."""
 
     m: float
     k: float
@@ -25,24 +25,23 @@ class StraightLane:
     width_m: float
 
 
-class ParallelLines(ValueError):
-    """The two image lines do not meet: no vanishing point, no lane."""
+def meeting_point(left: ImageLine, right: ImageLine) -> tuple[float, float] | None:
+    """The vanishing point (X, Y) [px] as the cross product l₁×l₂; None for parallel lines (S08, S17).
 
-
-def vanishing_point(left: ImageLine, right: ImageLine) -> tuple[float, float]:
-    """Where the lines meet (x, y) [px]: y = (k_r − k_l)/(m_l − m_r). Raises ParallelLines."""
+    Printed: X = (C₂−C₁)/(s_l−s_r), Y = s_l·X + C₁: the same point, but undefined for upright lines.
+    """
     if left.m == right.m:
-        raise ParallelLines(f"{left} and {right} do not meet")
+        return None
     y_px = (right.k - left.k) / (left.m - right.m)
     return left.x(y_px), y_px
 
 
 def straight_lane(
     left: ImageLine, right: ImageLine, *, focal_px: float, centre_x_px: float, height_m: float
-) -> StraightLane:
-    """Offset, heading and width of the lane between two lines seen by a level camera over a flat road.
+) -> StraightLane | None:
+    """Offset, heading and width of a lane from its two lines in a level camera; None for parallel lines.
 
-    Let the camera stand at height h and lateral place e (+ left of the lane centre) and look ψ to the left of the
+    Let the camera stand at height h and lateral place e (+ left of the lane centre) and point ψ to the left of the
     lane. A boundary at lateral place b has the points (s, b), which lie d = s·cosψ + (b−e)·sinψ ahead of and
     a = −s·sinψ + (b−e)·cosψ to the left of the camera. The pinhole gives x − cx = −f·a/d and y − cy = f·h/d.
     With s eliminated, a = −d·tanψ + (b−e)/cosψ, so
@@ -54,11 +53,12 @@ def straight_lane(
         ψ = atan((x_vp − cx)/f),   e = h·(m_l + m_r)/2·cosψ,   W = h·(m_r − m_l)·cosψ.
 
     The inventory prints e = −h·(m_l + m_r)/2·cosψ because its e is positive to the right. The row of the horizon
-    cancels; a pitched camera is levelled first by the homography K·R·K⁻¹. The printed rules of the review see
-    only part of this: a bisector or average of lines only e, an intersection only ψ. Raises ParallelLines.
+    cancels; a pitched camera is levelled first by the homography K·R·K⁻¹.
     """
-    x_vp_px, _ = vanishing_point(left, right)
-    heading_rad = math.atan((x_vp_px - centre_x_px) / focal_px)
+    vanishing_px = meeting_point(left, right)
+    if vanishing_px is None:
+        return None
+    heading_rad = math.atan((vanishing_px[0] - centre_x_px) / focal_px)
     scale_m = height_m * math.cos(heading_rad)
     return StraightLane(
         offset_m=scale_m * (left.m + right.m) / 2,

@@ -1,4 +1,5 @@
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -7,8 +8,9 @@ from technique_rig import VIEW, straight_boundaries
 
 from perception.cli import estimate
 from perception.estimators import ESTIMATORS, build, estimators, kind_of
+from perception.techniques.confidence import clarity
 from perception.techniques.image.picture import Boundaries, Features, Kind
-from perception.techniques.pipeline import Pipeline, clarity
+from perception.techniques.pipeline import Pipeline
 from perception.techniques.recipe import recipes, settings_of
 from perception.techniques.stages import KINDS
 from sim_harness.scenarios.scenario import load_scenario
@@ -65,6 +67,34 @@ def test_two_steering_rules_on_the_same_boundaries_give_two_estimates():
     image = road((0.3, 0.04, 0.0, 0.0))
     angles = {look(name, image).road_wheel_angle_rad for name in ("rule_tu", "rule_sujatha")}
     assert len(angles) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "straight"),
+    [("rule_tu", False), ("rule_sujatha", True), ("rule_sujatha_middle", True), ("rule_abdelrahman", True)],
+)
+def test_a_lost_line_is_bridged_for_half_a_second_with_falling_confidence(name, straight):
+    pipeline = Pipeline(RECIPES[name], CAMERA, VEHICLE)
+    lane, bare = road((0.3, 0.04, 0.0, 0.0)), np.full((CAMERA.height_px, CAMERA.width_px, 3), 105, np.uint8)
+    seen, *lost = [
+        pipeline.step(Frame(t_s=0.1 * n, image=lane if n == 0 else bare), None, now_s=0.1 * n)
+        for n in range(8)
+    ]
+    held = [estimate for estimate in lost if estimate.road_wheel_angle_rad is not None]
+    assert len(held) == 4 and held == lost[:4]  # 0.1 to 0.4 s
+    assert {e.road_wheel_angle_rad for e in held} == {0.0 if straight else seen.road_wheel_angle_rad}
+    confidences = [estimate.confidence for estimate in (seen, *lost)]
+    assert all(after < before for before, after in pairwise(confidences[:5])) and min(confidences[:5]) > 0
+    assert all(estimate.lanes_detected == 0 and "line" in estimate.reason for estimate in lost)
+    assert all(("straight on" if straight else "held") in estimate.reason for estimate in held)
+    assert confidences[5:] == [0.0] * 3
+
+
+def test_a_jump_in_time_ends_the_bridging_of_a_lost_line():
+    pipeline = Pipeline(RECIPES["rule_tu"], CAMERA, VEHICLE)
+    bare = np.full((CAMERA.height_px, CAMERA.width_px, 3), 105, np.uint8)
+    pipeline.step(Frame(t_s=0.0, image=road((0.3, 0.04, 0.0, 0.0))), None, now_s=0.0)
+    assert pipeline.step(Frame(t_s=60.0, image=bare), None, now_s=60.0).road_wheel_angle_rad is None
 
 
 def test_an_estimator_without_a_steering_rule_measures_the_lane():

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from steering_rule_rig import HEIGHT_M, PICTURE, WIDTH_M, line, pair
 
 from perception.techniques.steering.dev import bisector, dev_angle
-from perception.techniques.steering.level_picture import Hold, ImageAngle, road_wheel
-from perception.techniques.steering.straight_lane import ImageLine
+from perception.techniques.steering.rule import Hold, ImageAngle, RoadWheel, RuleAngle, mean_line, road_wheel
+from perception.techniques.steering.straight_lane import ImageLine, meeting_point
 from perception.techniques.steering.sujatha import (
     base_angle,
     case_2,
@@ -18,9 +18,8 @@ from perception.techniques.steering.sujatha import (
     case_3b,
     heading,
     left_and_right,
-    meeting_point,
 )
-from perception.techniques.steering.tu import mean_line, tu_angle
+from perception.techniques.steering.tu import tu_angle
 from perception.techniques.steering.umamaheswari import (
     Turn,
     affine_left,
@@ -28,8 +27,6 @@ from perception.techniques.steering.umamaheswari import (
     crossings,
     decide,
     inclination_deg,
-    virtual_left,
-    virtual_right,
 )
 
 slopes = st.floats(-20, 20)
@@ -104,11 +101,13 @@ def test_a_centred_car_that_sees_one_line_goes_straight_where_the_printed_rule_h
     assert tu_angle(*seen, PICTURE, width_m=WIDTH_M) == pytest.approx(0, abs=math.radians(0.5))
 
 
-def test_the_last_angle_is_held_for_its_limit_and_no_longer():
-    hold = Hold(limit_s=0.2)
-    assert hold.step(None, 0.1) is None  # nothing was ever seen
-    assert hold.step(ImageAngle(0.3), 0.1) == 0.3
-    assert hold.step(None, 0.15) == 0.3
+@pytest.mark.parametrize(("straight", "held"), [(False, 0.3), (True, 0.0)])
+def test_a_lost_line_is_bridged_for_its_limit_and_no_longer(straight, held):
+    hold = Hold(limit_s=0.2, straight=straight)
+    assert hold.step(None, 0.1) is None  # no line yet
+    assert hold.step(RoadWheel(0.3), 0.1) == RuleAngle(0.3)
+    bridged = hold.step(None, 0.15)
+    assert bridged.angle_rad == held and bridged.certainty == pytest.approx(0.25) and bridged.note
     assert hold.step(None, 0.15) is None
     assert hold.step(None, 0.01) is None
 
@@ -121,8 +120,8 @@ def test_the_last_angle_is_held_for_its_limit_and_no_longer():
 def test_a_virtual_line_lies_where_the_hidden_one_is(e, psi):
     left, right = pair(e, psi)
     for virtual, true in (
-        (virtual_left(right, PICTURE, width_m=WIDTH_M), left),
-        (virtual_right(left, PICTURE, width_m=WIDTH_M), right),
+        (PICTURE.beside(right, WIDTH_M), left),
+        (PICTURE.beside(left, -WIDTH_M), right),
     ):
         assert virtual.m == pytest.approx(true.m, abs=0.005)  # 1 − cos(0.05) of the width
         assert virtual.x(PICTURE.horizon_px) == pytest.approx(true.x(PICTURE.horizon_px), abs=1e-6)
@@ -131,7 +130,7 @@ def test_a_virtual_line_lies_where_the_hidden_one_is(e, psi):
 @given(eta=st.floats(20, 80))
 def test_the_exact_virtual_edge_obeys_the_cotangent_rule(eta):
     left = ImageLine(-1 / math.tan(math.radians(eta)), 300.0)
-    psi = inclination_deg(virtual_right(left, PICTURE, width_m=WIDTH_M))
+    psi = inclination_deg(PICTURE.beside(left, -WIDTH_M))
     assert 1 / math.tan(math.radians(-psi)) == pytest.approx(WIDTH_M / HEIGHT_M + left.m, abs=1e-9)
 
 
@@ -242,6 +241,7 @@ def test_case_3a_goes_straight_when_centred_where_the_border_of_the_picture_gave
     seen = (None, right) if hidden == "left" else (left, None)
     assert case_3a(*seen, PICTURE, width_m=WIDTH_M) == pytest.approx(0, abs=math.radians(0.5))
     assert case_3a(None, None, PICTURE, width_m=WIDTH_M) is None
+    assert case_3a(left, right, PICTURE, width_m=WIDTH_M) is None
 
 
 def equi_angular(x_m: float, *, printed: bool, y_m: float = 2.0, z_m: float = 1.2) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,8 +22,9 @@ from perception.techniques.steering.abdelrahman import (
 )
 from perception.techniques.steering.dev import dev as dev_stage
 from perception.techniques.steering.dev import dev_angle
+from perception.techniques.steering.rule import level_lines
 from perception.techniques.steering.straight_lane import ImageLine, straight_lane
-from perception.techniques.steering.sujatha import Sujatha, case_2, case_3b, heading
+from perception.techniques.steering.sujatha import Sujatha, case_2, case_3a, case_3b, heading
 from perception.techniques.steering.tu import Tu, tu_angle
 from perception.techniques.steering.umamaheswari import Umamaheswari, crossings
 from trepid.camera import Camera
@@ -127,6 +129,7 @@ def tree(seen: Lines, before: Lines = Lines(), turned_rad: float = 0.0) -> Outco
 
 LEFT, RIGHT = pair(0.0, 0.0)
 TOO_NEAR = line(-0.4, 0.0, 0.0)  # an artefact right of the centre
+TOO_FAR = line(WIDTH_M * 0.9, 0.0, 0.0)  # the line of the next lane
 
 
 @pytest.mark.parametrize(
@@ -136,6 +139,8 @@ TOO_NEAR = line(-0.4, 0.0, 0.0)  # an artefact right of the centre
         (Lines(LEFT, TOO_NEAR), Lines(), +0.1, Leaf.ONLY_LEFT),
         (Lines(LEFT, TOO_NEAR), Lines(), -0.1, Leaf.ONLY_RIGHT),
         (Lines(LEFT, TOO_NEAR), Lines(LEFT, RIGHT), 0.0, Leaf.ONLY_LEFT),
+        (Lines(LEFT, TOO_NEAR), Lines(), 0.0, Leaf.ONLY_LEFT),
+        (Lines(TOO_FAR, RIGHT), Lines(), 0.0, Leaf.ONLY_RIGHT),
         (Lines(left=LEFT), Lines(), 0.0, Leaf.ONLY_LEFT),
         (Lines(right=RIGHT), Lines(), 0.0, Leaf.ONLY_RIGHT),
         (Lines(right=line(-0.1, 0, 0)), Lines(left=line(0.1, 0, 0)), 0.0, Leaf.CROSSED_LEFT),
@@ -154,7 +159,7 @@ def test_every_leaf_of_the_lower_tree_is_reached_and_has_its_mirror_image(seen, 
     other = tree(mirror(seen), mirror(before), -turned_rad)
     assert other.leaf is swap.get(leaf, leaf)
     one, two = mean_angle(tree(seen, before, turned_rad), Lines()), mean_angle(other, Lines())
-    assert two == pytest.approx(-one, abs=1e-12)
+    assert two == (None if one is None else pytest.approx(-one, abs=1e-12))
 
 
 def mirror(lines: Lines) -> Lines:
@@ -162,6 +167,28 @@ def mirror(lines: Lines) -> Lines:
         return None if one is None else ImageLine(-one.m, 2 * PICTURE.centre_x_px - one.k)
 
     return Lines(flip(lines.right), flip(lines.left))
+
+
+slopes = st.none() | st.floats(-4, 4)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    now=st.tuples(slopes, slopes), then=st.tuples(slopes, slopes), turned=st.sampled_from([0.0, 0.2, -0.2])
+)
+def test_the_lower_tree_is_mirror_symmetric_with_and_without_a_memory(now, then, turned):
+    seen, before = (
+        Lines(*(None if m is None else ImageLine(m, PICTURE.centre_x_px - 240 * m) for m in pair))
+        for pair in (now, then)
+    )
+    one = mean_angle(tree(seen, before, turned), Lines())
+    other = mean_angle(tree(mirror(seen), mirror(before), -turned), Lines())
+    assert other == (None if one is None else pytest.approx(-one, abs=1e-9))
+
+
+def test_a_pair_as_wrong_on_the_left_as_on_the_right_is_driven_by_its_middle():
+    narrow = Lines(line(0.8, 0, 0), line(-0.8, 0, 0))
+    assert tree(narrow).leaf is Leaf.BOTH and mean_angle(tree(narrow), Lines()) == pytest.approx(0, abs=1e-9)
 
 
 def test_a_car_that_has_crossed_a_line_is_sent_back_over_it():
@@ -211,7 +238,7 @@ STAGES = {
 @pytest.mark.parametrize("name", STAGES)
 def test_every_rule_as_a_stage_steers_against_the_pose_and_the_mirrored_pose_the_other_way(name):
     view = camera_view(load(CONFIG_DIR / "camera.yaml", Camera))
-    one, other = (STAGES[name]()(boundaries(s * 0.4, s * 0.1), view, 0.04) for s in (1, -1))
+    one, other = (STAGES[name]()(boundaries(s * 0.4, s * 0.1), view, 0.04).angle_rad for s in (1, -1))
     assert one < -0.001 and other == pytest.approx(-one, abs=1e-9)
     assert STAGES[name]()(Boundaries(None, None), view, 10.0) is None
 
@@ -222,9 +249,40 @@ def test_a_stage_that_lives_with_one_line_says_the_same_with_it(name):
     both = boundaries(0.2, 0.0)
     settings_ = dict(width_m=WIDTH_M)
     stage = {"tu": Tu, "umamaheswari": Umamaheswari, "abdelrahman": Abdelrahman}[name]
-    angle = stage(**settings_).step(both, view, 0.04)
+    angle = stage(**settings_).step(both, view, 0.04).angle_rad
     for one in (Boundaries(both.left, None), Boundaries(None, both.right)):
-        assert stage(**settings_).step(one, view, 0.04) == pytest.approx(angle, abs=1e-3)
+        assert stage(**settings_).step(one, view, 0.04).angle_rad == pytest.approx(angle, abs=1e-3)
+
+
+@pytest.mark.parametrize("hidden", ["left", "right"])
+def test_with_one_line_sujatha_keeps_the_middle_by_case_3a_or_a_distance_by_case_3b(hidden):
+    view = camera_view(load(CONFIG_DIR / "camera.yaml", Camera))
+    both = boundaries(0.3, 0.05)
+    one = replace(both, **{hidden: None})
+    left, right, picture = level_lines(one, view)
+    middle = Sujatha(gain=1.0, one_line="middle", width_m=3.0).step(one, view, 0.04)
+    distance = Sujatha(gain=1.0, one_line="distance", distance_m=1.2).step(one, view, 0.04)
+    assert middle.angle_rad == case_3a(left, right, picture, width_m=3.0)
+    aside = case_3b(left, right, picture, distance_m=1.2)
+    assert distance.angle_rad == pytest.approx(aside - heading(left or right, picture))
+    two = Sujatha(gain=1.0).step(both, view, 0.04)
+    assert middle.angle_rad == pytest.approx(two.angle_rad, abs=0.01) and two.angle_rad < -0.03
+
+
+def test_sujatha_takes_a_line_for_left_or_right_by_its_half_of_the_picture():
+    """The nearer line of a side counts; a crossed left boundary lies right of the camera."""
+    view = camera_view(load(CONFIG_DIR / "camera.yaml", Camera))
+    lane = boundaries(0.0, 0.0)
+    crossed = replace(lane, left=replace(lane.left, y_m=lane.right.y_m + 0.9))
+    alone = Boundaries(None, crossed.left)
+    assert Sujatha().step(crossed, view, 0.04) == Sujatha().step(alone, view, 0.04)
+
+
+def test_abdelrahman_drives_by_the_upper_pair_alone_for_as_long_as_it_lasts():
+    view = camera_view(load(CONFIG_DIR / "camera.yaml", Camera))
+    rule, lane = Abdelrahman(split_m=3.0), boundaries(0.4, 0.0)
+    angles = [rule.step(lane, view, 0.2) for _ in range(5)]
+    assert angles[-1] == angles[0] and angles[0].angle_rad < -0.001 and angles[0].certainty == 1
 
 
 @settings(max_examples=30, deadline=None)

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from perception.techniques.steering.straight_lane import (
     ImageLine,
-    ParallelLines,
+    meeting_point,
     straight_lane,
-    vanishing_point,
 )
 from trepid.camera import Camera
 
@@ -72,10 +71,10 @@ def test_a_vehicle_left_of_centre_and_turned_left_has_positive_offset_and_headin
 
 def test_the_vanishing_point_lies_on_both_lines():
     left, right = ImageLine(-1.3, 400.0), ImageLine(0.9, 20.0)
-    x_px, y_px = vanishing_point(left, right)
+    x_px, y_px = meeting_point(left, right)
     assert left.x(y_px) == pytest.approx(x_px) and right.x(y_px) == pytest.approx(x_px)
 
 
 def test_lines_that_do_not_meet_are_no_lane():
-    with pytest.raises(ParallelLines):
-        straight_lane(ImageLine(0.5, 10), ImageLine(0.5, 90), focal_px=300, centre_x_px=160, height_m=1.2)
+    lines = ImageLine(0.5, 10), ImageLine(0.5, 90)
+    assert straight_lane(*lines, focal_px=300, centre_x_px=160, height_m=1.2) is None
