@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +10,7 @@ from pydantic import Field
 
 from supervisor.inputs.timers import Held, Patience
 from supervisor.inputs.validated import SightingSettings
-from supervisor.inputs.watchdog import DRIVER, Fault, Watchdog
+from supervisor.inputs.watchdog import Fault, Watchdog
 from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explained
 from supervisor.modes.modes import ModeSettings, ModeState, Situation, next_state
 from supervisor.modes.speed import SpeedFactor
@@ -23,7 +23,8 @@ from supervisor.rules.verify import load_verified
 from supervisor.situation.features import FEATURES
 from supervisor.situation.world_state import Observer, Outlook, unknown_features
 from trepid.bounds import at_least, at_most
-from trepid.config import CONFIG_DIR, InputError, Settings, load
+from trepid.causes import Cause, unknown_cause
+from trepid.config import CONFIG_DIR, InputError, Settings, load, located, read
 from trepid.messages import (
     Decision,
     ImageStatistics,
@@ -46,6 +47,11 @@ class SupervisorSettings(Settings):
     modes: ModeSettings
     follow: FollowSettings
 
+    @property
+    def named_causes(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
+        """Every cause that the settings name, with the path of its field."""
+        yield from ((("modes", *path), cause) for path, cause in self.modes.causes)
+
 
 class Supervisor:
     """Rates the risk of every frame, fuses the estimates, and decides how fast to drive which path.
@@ -59,6 +65,8 @@ class Supervisor:
         """Raises InputError when ``rules`` speak of an input that does not exist."""
         self._rules, self._settings = rules, settings
         _refuse_unknown(rules)
+        for path, problem in unknown_causes(settings, rules):
+            raise InputError(f"{'.'.join(map(str, path))}: {problem}")
         self._observer = Observer(rules, settings.sightings, settings.fusion, settings.follow, vehicle)
         self._mode = ModeState.initial()
         self._watchdog = Watchdog(
@@ -77,11 +85,18 @@ class Supervisor:
         self._has_driven = False
 
     def adopt(self, rules: FearRules) -> None:
-        """Go on with other rules from the next step on; mode, timers and memory stay.
+        """Use other rules from the next step on; mode, timers and memory stay.
 
-        Raises InputError when ``rules`` speak of an input that does not exist; the rules stay as they were then.
+        Raises InputError, and keeps the old rules, when ``rules`` name an unknown input, or when they no longer
+        give a cause that the settings name: the stop for it would never come.
         """
         _refuse_unknown(rules)
+        for path, cause in self._settings.named_causes:
+            if cause in self._rules.causes and cause not in rules.causes:
+                where = ".".join(map(str, path))
+                raise InputError(
+                    f"no rule gives the cause {cause!r} any more, which the settings name in {where}"
+                )
         self._rules = rules
         self._observer.adopt(rules)
         self._speed.adopt(rules)
@@ -141,7 +156,7 @@ class Supervisor:
         startable = not (afraid and doubted)
         drivable = outlook.drivable and fear <= modes.reengage_max_fear and startable
         ready = drivable and standstill and not fault.cause
-        drivable = drivable and fault.cause in ("", DRIVER)
+        drivable = drivable and fault.cause in ("", Cause.DRIVER_OVERRIDE)
         return Situation(
             fault=fault.cause,
             lost=fault.lost,
@@ -180,7 +195,9 @@ class Supervisor:
         modes, last = self._settings.modes, outlook.last_motion
         moving = last is not None and abs(last.speed_mps) >= modes.standstill_mps
         lasting = self._pathless.lasts(moving and pathless, modes.blind_s, now_s=now_s)
-        frameless = fault.cause == "stale_data" and min(outlook.ages_s.values()) > modes.emergency_stop_age_s
+        frameless = (
+            fault.cause == Cause.STALE_DATA and min(outlook.ages_s.values()) > modes.emergency_stop_age_s
+        )
         guessing = self._last_patience.ends(cause if moving else "", now_s=now_s)
         terrified = terrified and self._is_unbelieved(outlook)
         lost = self._lost.lasts(moving and terrified, modes.guess_s, now_s=now_s)
@@ -242,6 +259,17 @@ class Supervisor:
         )
 
 
+def unknown_causes(
+    settings: SupervisorSettings, rules: FearRules
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Path and error text of every cause in ``settings`` that neither Trepid nor ``rules`` know."""
+    known = rules.file.known_causes
+    for path, cause in settings.named_causes:
+        problem = unknown_cause(cause, known)
+        if problem:
+            yield path, problem
+
+
 def _refuse_unknown(rules: FearRules) -> None:
     """Raises InputError when ``rules`` speak of something that nothing measures."""
     for name in unknown_features(rules.names):
@@ -258,7 +286,9 @@ def build(
     cruise_speed_mps: float | None = None,
 ) -> Supervisor:
     """A supervisor from its files; ``cruise_speed_mps`` instead of that of the settings. Raises InputError."""
-    loaded = load(settings, SupervisorSettings)
+    loaded, verified = load(settings, SupervisorSettings), load_verified(rules)
+    for path, problem in unknown_causes(loaded, verified):
+        raise InputError(located(path, problem, read(settings), settings, {}))
     if cruise_speed_mps is not None:
         loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps})
-    return Supervisor(load_verified(rules), loaded, load(vehicle, Vehicle))
+    return Supervisor(verified, loaded, load(vehicle, Vehicle))

@@ -4,8 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-DRIVER = "driver_override"
-"""The cause of a stop while a driver acts."""
+from trepid.causes import Cause
 
 
 class Fault(NamedTuple):
@@ -48,17 +47,17 @@ class Watchdog:
         self._heard.update([name for name, age in ages.items() if age <= self._fresh_s])
         lost = {name for name in self._heard if ages.get(name, math.inf) > self._lost_s}
         estimators = self._heard & estimator_ages_s.keys()
-        cause = ""
+        cause: str = ""
         if estimators and min(estimator_ages_s.values()) > self._frames_s:
-            cause = "stale_data"
+            cause = Cause.STALE_DATA
         elif lost & estimators:
-            cause = "lost_estimator"
+            cause = Cause.LOST_ESTIMATOR
         elif "state" in self._heard and state_s > self._state_s:
-            cause = "vehicle_state_lost"
+            cause = Cause.VEHICLE_STATE_LOST
         elif "statistics" in lost:
-            cause = "image_statistics_lost"
+            cause = Cause.IMAGE_STATISTICS_LOST
         elif "lead" in lost:
-            cause = "lead_lost"
+            cause = Cause.LEAD_LOST
         elif driver_override:
-            cause = DRIVER
+            cause = Cause.DRIVER_OVERRIDE
         return Fault(cause, bool(lost))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from supervisor.situation.features import Features
+from trepid.causes import Cause
 from trepid.config import Settings
 from trepid.types import Positive, PositiveShare
 
@@ -57,7 +58,7 @@ Evidence = Callable[[Features, AnalyserSettings], bool]
 class Suspect:
     """One row of the table: a cause, the part to which it points, and what speaks for it."""
 
-    cause: str
+    cause: Cause
     part: str
     evidence: Evidence
     because: str
@@ -101,56 +102,65 @@ def _nowhere(x: Features, s: AnalyserSettings) -> bool:
 
 SUSPECTS = (
     Suspect(
-        "stale_data", "camera", _any(_lost("frame_age"), _above("frame_age", "stale_s")), "no frame comes"
+        Cause.STALE_DATA, "camera", _any(_lost("frame_age"), _above("frame_age", "stale_s")), "no frame comes"
     ),
     Suspect(
-        "vehicle_state_lost",
+        Cause.VEHICLE_STATE_LOST,
         "vehicle",
         _any(_lost("speed"), _lost("state_age"), _above("state_age", "stale_s")),
         "the vehicle does not say how it moves",
     ),
-    Suspect("lost_estimator", "perception", _behind, "one estimator is a frame behind the other"),
-    Suspect("image_statistics_lost", "perception", _lost("brightness"), "nobody looks at the pixels"),
+    Suspect(Cause.LOST_ESTIMATOR, "perception", _behind, "one estimator is a frame behind the other"),
+    Suspect(Cause.IMAGE_STATISTICS_LOST, "perception", _lost("brightness"), "nobody looks at the pixels"),
     Suspect(
-        "dark",
+        Cause.DARK,
         "camera",
         _any(_below("brightness", "dark"), _above("under_exposed", "under_exposed")),
         "hardly any light in the picture",
     ),
-    Suspect("over_exposed", "camera", _above("over_exposed", "over_exposed"), "much of the picture is white"),
     Suspect(
-        "frozen_camera",
+        Cause.OVER_EXPOSED, "camera", _above("over_exposed", "over_exposed"), "much of the picture is white"
+    ),
+    Suspect(
+        Cause.FROZEN_CAMERA,
         "camera",
         _all(_above("frozen", "frozen_s"), _above("speed", "moving_mps")),
         "the car moves and no new image comes",
     ),
     Suspect(
-        "blurred",
+        Cause.BLURRED,
         "camera",
         _any(_below("sharpness", "blurred"), _below("contrast", "flat")),
         "no edges and no contrast",
     ),
-    Suspect("dirty_lens", "lens", _above("spots", "spots"), "spots all over the picture stand still"),
+    Suspect(Cause.DIRTY_LENS, "lens", _above("spots", "spots"), "spots all over the picture stand still"),
     Suspect(
-        "occluded",
+        Cause.OCCLUDED,
         "traffic",
         _all(_unseen, _any(_below("lead_distance", "occluding_m"), _below("time_gap", "occluding_s"))),
         "the road is hard to see and a vehicle is in the way",
     ),
     Suspect(
-        "disagreement",
+        Cause.DISAGREEMENT,
         "perception",
         _any(_above("disagreement", "disagreement_mps2"), _above("separation", "separation_m")),
         "the estimators see different roads",
     ),
-    Suspect("no_road", "road", _nowhere, "nothing, or weak edges that nobody confirms, is seen of a road"),
-    Suspect("unmarked", "road", lambda x, s: _number(x["unmarked"]) > 0.5, "edges are seen, but no lines"),
-    Suspect("low_confidence", "road", _unseen, "the road is hard to see"),
+    Suspect(
+        Cause.NO_ROAD, "road", _nowhere, "nothing, or weak edges that nobody confirms, is seen of a road"
+    ),
+    Suspect(
+        Cause.UNMARKED, "road", lambda x, s: _number(x["unmarked"]) > 0.5, "edges are seen, but no lines"
+    ),
+    Suspect(Cause.LOW_CONFIDENCE, "road", _unseen, "the road is hard to see"),
 )
 """In the order of causation: the first that fits is the cause."""
 
 SYMPTOMS = frozenset(
-    {"low_confidence", "unconfirmed", "no_road", "disagreement", "single_source", "jitter", "lane_width"}
+    {
+        *(Cause.LOW_CONFIDENCE, Cause.UNCONFIRMED, Cause.NO_ROAD, Cause.DISAGREEMENT),
+        *(Cause.SINGLE_SOURCE, Cause.JITTER, Cause.LANE_WIDTH),
+    }
 )
 """Causes of fear rules that something else may have brought about; the analyser's finding then says what."""
 
@@ -163,7 +173,7 @@ def analyse(x: Features, settings: AnalyserSettings, *, ages_s: Mapping[str, flo
     for suspect in SUSPECTS:
         if suspect.evidence(x, settings):
             part = suspect.part
-            if suspect.cause == "lost_estimator":
+            if suspect.cause is Cause.LOST_ESTIMATOR:
                 part = max(ages_s, key=lambda name: ages_s[name])
             return Finding(suspect.cause, part)
     return NOTHING

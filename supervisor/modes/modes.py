@@ -1,17 +1,18 @@
 """Modes: every transition in one table, and what a stop latches."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
+from trepid.causes import Cause
 from trepid.config import Settings
 from trepid.messages import Mode, Stop
 from trepid.types import Positive
 
 Seconds = Annotated[float, Field(ge=0)]
-STARTING = "starting"
+STARTING = Cause.STARTING
 """Cause of the stop in which every supervisor begins, even one that is restarted while the car moves."""
 
 
@@ -29,9 +30,16 @@ class ModeSettings(Settings):
     reengage_max_fear: Annotated[float, Field(ge=0, lt=1)]
     road_back_s: Seconds  # FOLLOW ends when the road has been seen this long ...
     road_back_confidence: Annotated[float, Field(gt=0, le=1)]  # ... with this confidence
-    final_causes: frozenset[str]  # a stop for one of these is final
+    final_causes: tuple[str, ...]  # a stop for one of these is final
     stop_after_s: dict[str, Positive]  # cause -> how long it may frighten before a comfort stop ...
     emergency_after_s: dict[str, Positive]  # ... and on the move before an emergency stop
+
+    @property
+    def causes(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
+        """Every cause that the section names, with the path of its field."""
+        for field in ("stop_after_s", "emergency_after_s"):
+            yield from (((field, cause), cause) for cause in getattr(self, field))
+        yield from ((("final_causes", i), cause) for i, cause in enumerate(self.final_causes))
 
 
 class Situation(NamedTuple):
@@ -104,7 +112,7 @@ HAND_OVER = Transition(
 _ROWS = {mode: tuple(row for row in TRANSITIONS if mode in row.sources) for mode in Mode}
 
 
-def next_state(state: ModeState, now: Situation, *, final_causes: frozenset[str]) -> ModeState:
+def next_state(state: ModeState, now: Situation, *, final_causes: Collection[str]) -> ModeState:
     """The mode after this situation. A stop only grows harder, and ends at standstill or not at all."""
     if state.mode is Mode.STOP:
         state = _tightened(state, now)
@@ -118,10 +126,10 @@ def next_state(state: ModeState, now: Situation, *, final_causes: frozenset[str]
     return state
 
 
-def _entered(mode: Mode, now: Situation, final_causes: frozenset[str]) -> ModeState:
+def _entered(mode: Mode, now: Situation, final_causes: Collection[str]) -> ModeState:
     if mode is not Mode.STOP:
         return ModeState(mode, Stop.NONE, "", final=False)
-    cause = now.fault or (now.cause if now.terrified or now.lasting else "no_road")
+    cause = now.fault or (now.cause if now.terrified or now.lasting else Cause.NO_ROAD)
     return _tightened(ModeState(Mode.STOP, Stop.COMFORT, cause, final=cause in final_causes), now)
 
 

@@ -25,12 +25,13 @@ from supervisor.rules.monotone import Monotone, Strengths
 from supervisor.rules.rule_file import FEAR, LEVELS, TRUST_PREFIX, Input, RuleFile
 from supervisor.rules.sentence import Rule, load_rules
 from trepid.bounds import at_most
+from trepid.causes import Cause
 from trepid.messages import Mode
 
 Values = Mapping[str, float | None]
-CALM = "none"  # the cause when there is nothing to fear
+CALM = Cause.NONE
 SILENT = "no rule speaks here"
-SILENT_CAUSE = "no_rule"
+SILENT_CAUSE = Cause.NO_RULE
 DISTRUST_AT = (0.0, 0.25, 0.5, 0.75, 1.0)
 """1 - trust at the five levels, from trust very_high down: evenly spread, as the words are."""
 
@@ -133,6 +134,12 @@ class FearRules:
         self._borders = [(low + high) / 2 for low, high in itertools.pairwise(self._at)]
         self.fear_voice = Voice(file, _about(FEAR, rules), self._at, list(self.names))
         self.trust_voices = {name: _trust_voice(name, file, rules) for name in file.estimators}
+
+    @property
+    def causes(self) -> frozenset[str]:
+        """Every cause that fear can have by these rules."""
+        missing = {spec.missing for spec in self.inputs.values()}
+        return frozenset(rule.cause for rule in self.fear_voice.rules) | missing
 
     @classmethod
     def load(cls, path: Path) -> "FearRules":

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_validator
 
+from trepid.causes import Cause, known_causes, unknown_cause
 from trepid.config import Settings, wrong_at
 from trepid.messages import Mode
 from trepid.types import Share
@@ -68,7 +69,7 @@ class Input(Settings):
     """The values that can be."""
     risk: Literal["rising", "falling"]
     """Which way it gets worse."""
-    missing: Name = "missing_data"
+    missing: Name = Cause.MISSING_DATA
     """The cause when there is no value. Fear is 1 then."""
     beyond: Literal["broken", "end"] = "broken"
     """What a value beyond the range is: broken data, as if missing, or as good as the end of the range."""
@@ -180,6 +181,8 @@ class RuleFile(Settings):
     """monotone: more risk is never less fear, and fear reaches 0 and 1. mamdani: as scikit-fuzzy, to compare."""
     estimators: tuple[Name, ...] = ()
     """Those whose trust the rules speak of."""
+    causes: dict[Name, str] = Field(default={})
+    """Causes that only this file names, with their meaning; those of ``trepid.causes`` are known without."""
     inputs: Annotated[dict[Name, Input], Field(min_length=1)]
     rules: Annotated[tuple[Sentence, ...], Field(min_length=1)]
     """if A is SET and/or/not ... then fear (or trust_NAME) is LEVEL [with weight W] [because CAUSE]"""
@@ -191,6 +194,20 @@ class RuleFile(Settings):
     def outputs(self) -> tuple[str, ...]:
         """What a rule may speak of behind ``then``."""
         return (FEAR, *(TRUST_PREFIX + name for name in self.estimators))
+
+    @property
+    def known_causes(self) -> frozenset[str]:
+        """Causes that a rule may name; a rule without ``because`` has the name of its first input."""
+        return known_causes([*self.causes, *self.inputs])
+
+    @model_validator(mode="after")
+    def _missing_inputs_have_known_causes(self) -> "RuleFile":
+        known = self.known_causes
+        for name, spec in self.inputs.items():
+            problem = unknown_cause(spec.missing, known)
+            if problem:
+                raise wrong_at(("inputs", name, "missing"), problem)
+        return self
 
     @model_validator(mode="after")
     def _names_are_unambiguous(self) -> "RuleFile":

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 from supervisor.rules.rule_file import FEAR, LEVELS, RuleFile
 from trepid import config
+from trepid.causes import unknown_cause
 from trepid.config import InputError
 
 
@@ -87,7 +88,11 @@ def load_rules(path: Path) -> tuple[RuleFile, tuple[Rule, ...]]:
 def _rule_at(index: int, file: RuleFile, path: Path) -> Rule:
     sentence = file.rules[index]
     try:
-        return parse_rule(sentence, file.inputs, outputs=file.outputs)
+        rule = parse_rule(sentence, file.inputs, outputs=file.outputs)
+        problem = unknown_cause(rule.cause, file.known_causes)
+        if problem:
+            raise SentenceError(problem, sentence.rindex(rule.cause))
+        return rule
     except SentenceError as error:
         line, column = config.position(config.read(path), ("rules", index))
         shown = path.read_text(encoding="utf-8").splitlines()[line - 1][column - 1 :]

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -494,3 +495,51 @@ def test_one_weak_witness_of_an_unmarked_road_stops_the_car_soon() -> None:
     decision = drive.last(0.3, cv=weak, cnn=NO_LANE)
     assert (decision.mode, decision.stop, decision.cause) == (Mode.STOP, Stop.COMFORT, "no_road")
     assert drive.last(1.0, cv=weak, cnn=NO_LANE).stop is Stop.EMERGENCY
+
+
+NAMED_CAUSES = [(path, cause) for path, cause in SETTINGS.named_causes]
+
+
+def misspelt(lines: list[str], field: str, cause: str) -> tuple[int, str]:
+    """Index of the line below ``field`` that names ``cause``, and the text with the name misspelt there."""
+    first = next(i for i, line in enumerate(lines) if line.strip().startswith(f"{field}:"))
+    at = next(i for i in range(first, len(lines)) if cause in lines[i])
+    return at, "\n".join([*lines[:at], lines[at].replace(cause, f"{cause}x", 1), *lines[at + 1 :]])
+
+
+@pytest.mark.parametrize(("path", "cause"), NAMED_CAUSES)
+def test_a_misspelt_cause_in_the_settings_is_refused_at_its_place(
+    tmp_path: Path, path: tuple[str | int, ...], cause: str
+) -> None:
+    text = (CONFIG_DIR / "supervisor.yaml").read_text(encoding="utf-8")
+    line, wrong = misspelt(text.splitlines(), str(path[1]), cause)
+    file = tmp_path / "supervisor.yaml"
+    file.write_text(wrong, encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        build(settings=file)
+    column = wrong.splitlines()[line].index(f"{cause}x") + 1
+    assert str(error.value).startswith(f"{file}:{line + 1}:{column}: ")
+    assert str(error.value).endswith(f"unknown cause '{cause}x'; did you mean '{cause}'?")
+
+
+@pytest.mark.parametrize("cause", sorted({cause for _, cause in NAMED_CAUSES}))
+def test_rules_without_a_cause_that_the_settings_name_are_refused_while_driving(
+    tmp_path: Path, cause: str
+) -> None:
+    text = (CONFIG_DIR / "fear.yaml").read_text(encoding="utf-8")
+    file = tmp_path / "fear.yaml"
+    renamed = text.replace(f"because {cause}\n", "because demand\n").replace(f": {cause}\n", ": demand\n")
+    file.write_text(renamed, encoding="utf-8")
+    supervisor = build_once()
+    with pytest.raises(InputError, match=f"no rule gives the cause '{cause}' any more, .* in modes"):
+        supervisor.adopt(FearRules.load(file))
+    supervisor.adopt(FearRules.load(CONFIG_DIR / "fear.yaml"))
+
+
+def test_settings_may_name_a_cause_that_the_rules_declare() -> None:
+    modes = SETTINGS.modes.model_copy(update={"stop_after_s": {"ice": 1.0}})
+    settings_with_ice = SETTINGS.model_copy(update={"modes": modes})
+    with pytest.raises(InputError, match=r"modes\.stop_after_s\.ice: unknown cause 'ice'"):
+        Supervisor(RULES, settings_with_ice, VEHICLE)
+    declared = RULES.file.model_copy(update={"causes": {"ice": "the road is slippery"}})
+    Supervisor(FearRules(declared, RULES.rules), settings_with_ice, VEHICLE)

@@ -18,7 +18,7 @@ from trepid.processes.launch import Fleet, ProcessSpec
 from trepid.topics import DECISION, DIAGNOSTICS
 
 SHIPPED = (CONFIG_DIR / "fear.yaml").read_text(encoding="utf-8")
-MARK = "if state_age is very_high then fear is very_high because marked"
+MARK = "if state_age is very_high then fear is very_high because demand"
 MARKED = SHIPPED.replace("rules:\n", f"rules:\n  - {MARK}\n", 1)
 TYPO = SHIPPED.replace("if state_age is very_high", "if stat_age is very_high", 1)
 
