@@ -1,4 +1,4 @@
-"""The ``sim`` verbs: scenarios, and lock-step runs of them."""
+"""The ``sim`` verbs: scenarios and their lock-step runs."""
 
 import json
 import sys
@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 import sim_harness.report.road_cli
 from sim_harness.footage.cli import resimulate_verb
@@ -17,7 +16,7 @@ from sim_harness.report.disturbance_sheet import disturbances_verb
 from sim_harness.report.lead_sheet import leads_verb
 from sim_harness.report.page import Page
 from sim_harness.scenarios.sampling import Method, fresh_seed
-from sim_harness.scenarios.scenario import Tag, list_scenarios
+from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios
 from sim_harness.scenarios.schema import schema_verb
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.limits_cli import limits_verb
@@ -38,29 +37,42 @@ app.add_typer(
 )
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
 Tags = Annotated[
-    list[Tag] | None, typer.Option("--tag", help="Only scenarios with this tag; again for another one.")
+    list[Tag] | None, typer.Option("--tag", help="Only scenarios with this tag; may be repeated.")
 ]
 RANDOM = "random"
+LISTED = ("name", "tags", "description", "duration_s")
 
 
 @app.command("list")
-def list_verb(tags: Tags = None, as_json: AsJson = False) -> int:
-    """List the scenarios."""
-    scenarios = [s for s in list_scenarios() if not tags or set(tags) & set(s.tags)]
+def list_verb(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[S...]", help="Show these scenarios with all of their text."),
+    ] = None,
+    tags: Tags = None,
+    as_json: AsJson = False,
+) -> int:
+    """List the scenarios, one a line and shortened to the width of the terminal."""
+    scenarios = list(select(names, [], {}).scenarios) if names else list_scenarios()
+    scenarios = [s for s in scenarios if not tags or set(tags) & set(s.tags)]
     if as_json:
         for scenario in scenarios:
-            fields = ("name", "tags", "description", "duration_s")
-            print(json.dumps({field: getattr(scenario, field) for field in fields}))
-        return 0
-    table = Table(box=None)
-    for heading in ("scenario", "tags", "at most", "description"):
-        table.add_column(heading, overflow="fold")
-    for scenario in scenarios:
-        table.add_row(
-            scenario.name, ", ".join(scenario.tags), f"{scenario.duration_s:g} s", scenario.description
-        )
-    Console().print(table)
+            print(json.dumps({field: getattr(scenario, field) for field in LISTED}))
+    elif names:
+        for scenario in scenarios:
+            tag_names = ", ".join(scenario.tags)
+            print(f"{scenario.name} ({tag_names}; at most {scenario.duration_s:g} s): {scenario.description}")
+    else:
+        for scenario in scenarios:
+            print(scenario_line(scenario, Console().width))
     return 0
+
+
+def scenario_line(scenario: Scenario, width: int) -> str:
+    """Name, tags and description of a scenario, cut to ``width`` characters."""
+    tag_names = ",".join(scenario.tags)
+    line = f"{scenario.name:<22} {tag_names:<14} {scenario.description}"
+    return line if len(line) <= width else line[: width - 1] + "…"
 
 
 @app.command("run")
@@ -79,7 +91,7 @@ def run_verb(
         typer.Option("--set", metavar="KEY=VALUE", help="Another value for a field of the scenarios."),
     ] = None,
     sample: Annotated[
-        Method | None, typer.Option(help="Draw cases from what may `vary` in the scenarios.")
+        Method | None, typer.Option(help="Draw cases from the ranges under `vary` in the scenarios.")
     ] = None,
     cases: Annotated[
         int | None,
@@ -91,30 +103,34 @@ def run_verb(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR|F.jsonl|F.parquet", help="Keep each result here as soon as it is there."),
+        typer.Option(metavar="DIR|F.jsonl|F.parquet", help="Store every result here as it is finished."),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Run only what --out does not have yet.")] = False,
-    report: Annotated[Path | None, typer.Option(metavar="F.html", help="Write a page on all runs.")] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Run only the cases that --out does not hold.")
+    ] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="F.html", help="Write a page about all runs.")
+    ] = None,
     trace: Annotated[
         Path | None, typer.Option(metavar="F.npz", help="Save the trace of a single run.")
     ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="F.png", help="Draw a single run.")] = None,
     record: Annotated[
-        Path | None, typer.Option(metavar="F.mcap", help="Record a single run, as a live drive is.")
+        Path | None, typer.Option(metavar="F.mcap", help="Record a single run in the format of a live drive.")
     ] = None,
     as_json: AsJson = False,
 ) -> int:
-    """Run scenarios in lock-step; exit code 1 when one of them fails.
+    """Run scenarios in lock-step; exit code 1 when a run fails.
 
-    The same scenario and seed give the same trace, bit for bit, wherever it runs. Rows of --json come in the order
-    of scenarios and seeds, lines for people as runs finish.
+    The same scenario and seed give the same trace, bit for bit, on any process or machine of the same type. Rows of
+    --json have the order of scenarios and seeds; other lines appear as runs finish.
     """
     refuse(
         {
             "--cases needs --sample": cases is not None and sample is None,
             "--sample draws the seeds itself: --seeds cannot be given too": sample is not None and seeds > 1,
             "--resume needs --out": resume and out is None,
-            "--resume cannot go on with seeds that are drawn anew": resume and seed == RANDOM,
+            "--resume needs fixed seeds: --seed random cannot be given too": resume and seed == RANDOM,
             "--cluster has its own processes: --jobs cannot be given too": cluster is not None and jobs > 1,
         }
     )
@@ -138,17 +154,21 @@ def run_verb(
 
 
 def refuse(wrong: dict[str, bool]) -> None:
-    """Raise InputError with the first of these sentences that is true."""
+    """Raise InputError with the first sentence whose value is true."""
     for sentence, is_true in wrong.items():
         if is_true:
             raise InputError(sentence)
 
 
 def first_seed(text: str) -> int:
-    """The seed that ``text`` names, or one that is drawn and told. Raises InputError."""
+    """The seed that ``text`` gives, or a random one, which is printed. Raises InputError."""
     if text == RANDOM:
         drawn = fresh_seed()
-        print(f"trepid sim: seed {drawn}, drawn now; --seed {drawn} repeats it", file=sys.stderr, flush=True)
+        print(
+            f"trepid sim: seed {drawn}, drawn at random; --seed {drawn} repeats it",
+            file=sys.stderr,
+            flush=True,
+        )
         return drawn
     if not (text.isascii() and text.isdigit()):
         raise InputError(f"--seed {text}: expected a whole number from 0 on, or {RANDOM!r}")
@@ -156,14 +176,14 @@ def first_seed(text: str) -> int:
 
 
 def check_outputs(planned: Plan, *files: Path | None) -> None:
-    """Raise InputError unless there is one run to save in ``files``."""
+    """Raise InputError when ``files`` are given for more than one run."""
     for file in filter(None, files):
         if len(planned) > 1:
             raise InputError(f"{file}: can hold one run, not {len(planned)}")
 
 
 def check_folders(*files: Path | None) -> None:
-    """Raise InputError unless there is a folder for each file."""
+    """Raise InputError unless the folder of each file exists."""
     for file in filter(None, files):
         if not file.parent.is_dir():
             raise InputError(f"{file}: there is no folder {file.parent}")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sim_harness.cli import app
+from sim_harness.scenarios.scenario import list_scenarios
 from trepid.config import InputError
 
 SHORT = """\
@@ -42,9 +43,22 @@ def test_list_keeps_to_a_tag(capsys):
     assert rows and all("traffic" in row["tags"] for row in rows)
 
 
-def test_list_without_json_is_a_table_for_people(capsys):
+def test_list_prints_one_line_per_scenario_at_80_columns(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     assert sim("list") == 0
-    assert "circuit" in capsys.readouterr().out
+    lines = capsys.readouterr().out.splitlines()
+    names = [scenario.name for scenario in list_scenarios()]
+    assert [line.split()[0] for line in lines] == names
+    assert max(map(len, lines)) <= 80
+    assert all(len(line.split()) >= 4 for line in lines)  # tags and a part of the description
+
+
+def test_list_of_a_name_prints_its_whole_description(capsys):
+    assert sim("list", "straight") == 0
+    (scenario,) = [scenario for scenario in list_scenarios() if scenario.name == "straight"]
+    out = capsys.readouterr().out
+    assert scenario.description in out
+    assert len(out.splitlines()) == 1
 
 
 def test_run_prints_json_lines_on_stdout_and_progress_on_stderr(short, capsys):
