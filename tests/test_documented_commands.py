@@ -1,0 +1,198 @@
+"""The commands in README.md, CONTRIBUTING.md and docs/*.md: each one parses, and the quick ones run.
+
+A command is a line of a fenced block that begins with ``trepid`` or ``make``, after an optional ``$``. It ends at a
+comment, a redirection or three spaces. A line in which ``[`` or ``…`` stands for optional parts is a synopsis; it
+must name an existing verb and existing options, and so must a command in running text (between backticks).
+"""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import typer
+from typer.exceptions import TyperException
+
+from trepid.cli import app, main
+from trepid.config import ROOT
+
+PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
+LANGUAGES = ("", "console", "bash", "sh", "shell")
+FENCE = re.compile(r"^\s*```\s*(\w*)")
+COMMAND = re.compile(r"^\s*(?:\$ )?((?:trepid|make) .*)$")
+INLINE = re.compile(r"(?<!`)`((?:trepid|make)\s[^`]+)`(?!`)")
+SYNOPSIS = re.compile(r"[\[\]…]|\.\.\.")
+
+SHORT = ["--set", "sight=truth", "--set", "duration_s=1"]
+"""A second on the exact lane, without rendering."""
+
+EXECUTED: dict[str, Callable[[list[str]], list[str] | None]] = {
+    "sim list": lambda words: words,
+    "sim run": lambda words: None if _many_runs(words) else [*words, *SHORT],
+    "sim road export": lambda words: words,
+    "sim schema": lambda words: words,
+    "fear check": lambda words: words,
+    "fear schema": lambda words: words,
+    "fear explain": lambda words: words,
+    "fear export": lambda words: words,
+    "estimate": lambda words: words,
+    "vehicle steer": lambda words: words,
+    "vehicle margins": lambda words: words,
+}
+"""Verb -> the words that are really executed for a documented command; None: the command is only parsed.
+
+A command is only parsed, too, when its verb is not listed, when it stands in running text, or when one of its input
+files does not exist.
+"""
+
+
+class Documented(NamedTuple):
+    """A command and the place where it is documented."""
+
+    place: str
+    text: str
+    inline: bool = False
+
+    @property
+    def words(self) -> list[str]:
+        """The words of the command as a shell splits them, without comment and redirection."""
+        words = shlex.split(re.split(r"\s{3,}", self.text)[0], comments=True)
+        ends = [words.index(sign) for sign in ("|", ">", ">>", "<", "&&", ";", "\\") if sign in words]
+        return words[: min(ends, default=len(words))]
+
+
+def documented(page: Path, text: str) -> Iterator[Documented]:
+    """The commands of a page."""
+    language: str | None = None
+    for command in INLINE.finditer(
+        re.sub(r"(?ms)^\s*```.*?^\s*```", lambda m: "\n" * m.group().count("\n"), text)
+    ):
+        number = text.count("\n", 0, text.find(command.group())) + 1
+        yield Documented(f"{page.name}:{number}", " ".join(command.group(1).split()), inline=True)
+    for number, line in enumerate(text.splitlines(), start=1):
+        fence = FENCE.match(line)
+        if fence:
+            language = fence.group(1).lower() if language is None else None
+        elif language in LANGUAGES and (command := COMMAND.match(line)):
+            yield Documented(f"{page.name}:{number}", command.group(1))
+
+
+COMMANDS = [command for page in PAGES for command in documented(page, page.read_text(encoding="utf-8"))]
+TREPID = [command for command in COMMANDS if command.words[0] == "trepid"]
+MAKE = [command for command in COMMANDS if command.words[0] == "make"]
+
+
+def place(command: Documented) -> str:
+    return command.place
+
+
+def resolved(words: list[str]) -> tuple[str, typer.core.TyperCommand, list[str]]:
+    """Verb, its command and the words after it. Raises AssertionError for an unknown verb."""
+    command, verb = typer.main.get_group(app), []
+    while hasattr(command, "commands"):
+        if not words or words[0].startswith("-"):
+            break
+        assert words[0] in command.commands, f"no verb {' '.join([*verb, words[0]])!r}"
+        command = command.commands[words[0]]
+        verb.append(words[0])
+        words = words[1:]
+    return " ".join(verb), command, words
+
+
+def options_of(command: typer.core.TyperCommand) -> set[str]:
+    return {name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)}
+
+
+def check(documented: Documented) -> None:
+    """Raise what the command line raises for these words; nothing is executed."""
+    verb, command, rest = resolved(documented.words[1:])
+    if documented.inline or SYNOPSIS.search(" ".join(rest)):
+        named = set(re.findall(r"--[a-z][a-z-]*", " ".join(rest)))
+        assert named <= options_of(command) | {"--help"}, (
+            f"{verb}: no {', '.join(named - options_of(command))}"
+        )
+        return
+    with suppress(typer.Exit):  # of --help
+        command.make_context(verb, list(rest))
+
+
+@pytest.mark.parametrize("command", TREPID, ids=place)
+def test_a_documented_command_parses(command: Documented) -> None:
+    check(command)
+
+
+@pytest.mark.parametrize("command", MAKE, ids=place)
+def test_a_documented_target_exists(command: Documented) -> None:
+    done = subprocess.run(
+        [shutil.which("make") or "make", "--dry-run", *command.words[1:]],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def executed(command: Documented) -> list[str] | None:
+    """The words to execute for a documented command; None where it is only parsed."""
+    words = command.words[1:]
+    verb, _, rest = resolved(words)
+    if command.inline or verb not in EXECUTED or SYNOPSIS.search(" ".join(rest)):
+        return None
+    files = [word for word in rest if re.fullmatch(r"[\w./-]+\.(yaml|mcap|jpg|png|mp4)", word)]
+    outputs = {
+        rest[i + 1] for i, word in enumerate(rest[:-1]) if word in ("--out", "--picture", "--annotate")
+    }
+    if any(not (ROOT / file).is_file() for file in files if file not in outputs):
+        return None
+    if any(word.isupper() for word in rest if not word.startswith("-")):  # FILE stands for a file
+        return None
+    return EXECUTED[verb](words)
+
+
+def _many_runs(words: list[str]) -> bool:
+    return not set(words).isdisjoint({"all", "--cluster", "--tag", "--sample", "--seeds", "--resume"})
+
+
+EXECUTABLE = [(command, words) for command in TREPID if (words := executed(command)) is not None]
+
+
+@pytest.mark.parametrize(("command", "words"), EXECUTABLE, ids=[place(command) for command, _ in EXECUTABLE])
+def test_a_quick_documented_command_runs(
+    command: Documented, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "config").symlink_to(ROOT / "config")
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["trepid", *words])
+    assert main() in (0, 1), command.text  # 2 is bad usage
+
+
+def test_the_pages_document_commands_of_which_some_are_executed() -> None:
+    assert len(TREPID) >= 10
+    assert {"make drive", "make test"} <= {" ".join(command.words[:2]) for command in MAKE}
+    assert len(EXECUTABLE) >= 3
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "trepid fly",
+        "trepid sim runs all",
+        "trepid sim run all --seedz 3",
+        "trepid sim run all --jobs many",
+        "trepid vehicle steer --curvature 0.05",
+        "trepid vehicle identify LOG [--known-ration]",
+    ],
+)
+def test_a_wrong_command_would_be_found(text: str) -> None:
+    page = f"```console\n{text}  # a comment\n```\n"
+    (command,) = documented(Path("page.md"), page)
+    with pytest.raises((AssertionError, TyperException)):
+        check(command)
