@@ -6,7 +6,8 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Protocol
 
-from perception.lane.lane_cv import LaneCv, LaneCvSettings
+from perception.lane.lane_cv import LaneCv
+from perception.lane.settings import LaneCvSettings
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState

@@ -1,1 +1,1 @@
-"""The computer-vision lane estimator `cv`: points, search, fit, memory, road edges, evidence, confidence."""
+"""The computer-vision lane estimator `cv`: candidates in one frame, choice, memory, estimate."""

@@ -1,18 +1,23 @@
-"""Does the camera stand as its file says? What the tracked lane shows of it while driving.
+"""A check of the camera mounting against its file, from the lane detected while driving.
 
-Pitch: where two lines run together shows how far down the camera looks, so the tracker knows δ, what it looks
-further down than the file says, and uses it: a wrong pitch is corrected at once, and its mean is reported.
+Pitch: the point where two lines converge gives the pitch of the camera. The fit estimates its deviation δ from the
+file in every frame and corrects for it; the check reports the mean of δ on straight roads.
 
-Height: on the road everything is measured in heights of the camera. With a height s times too large in the file a
-bend of curvature κ is seen with κ/s, but the yaw rate r and the speed v know better: over all bends the turn ∫|r|dt
-over that which was seen, ∫|κ|·v·dt, is s. The tracker follows the yaw rate too, so some two thirds of s − 1 show.
+Height: all lengths on the road scale with the height of the camera. If the height in the file is s times too large,
+a bend of curvature κ is measured as κ/s. The yaw rate r and the speed v give the true bend: over all bends, the
+turn ∫|r|dt over the measured turn ∫|κ|·v·dt is s. The prediction of the lane also uses the yaw rate, which reduces
+the measured s − 1 to about two thirds.
 """
 
 from dataclasses import dataclass
 
-from perception.lane.fit import KAPPA, PITCH, PSI, LaneState
+from perception.lane.model.evidence import LaneFit
+from perception.lane.model.geometry import KAPPA, PITCH, PSI, LaneState
+from perception.lane.model.prediction import Motion
 from trepid.config import Settings
 from trepid.types import Positive
+
+MAX_STEP_S = 0.25  # between two detections of the same lane
 
 
 class CameraCheckSettings(Settings):
@@ -27,66 +32,66 @@ class CameraCheckSettings(Settings):
 
 
 @dataclass(frozen=True, slots=True)
-class CameraDoubt:
-    """What is wrong with the mounting, as far as it has shown; None: not yet known."""
+class MountingError:
+    """Deviation of the mounting from its file; None: not yet known."""
 
-    pitch_error_rad: float | None  # looks this much further down than its file says
-    height_ratio: float | None  # height in its file over its true height, or nearer to 1
+    pitch_rad: float | None  # positive: the camera points further down than its file says
+    height_ratio: float | None  # height in the file over the true height, or closer to 1
 
 
 class CameraCheck:
-    """Gathers evidence about the mounting of one camera, frame by frame."""
+    """Estimates the mounting error of one camera, frame by frame."""
 
     def __init__(self, settings: CameraCheckSettings) -> None:
         self._settings = settings
         self._pitch_rad, self._straight_s = 0.0, 0.0
-        self._turned_rad, self._seen_rad = 0.0, 0.0
+        self._turned_rad, self._measured_rad = 0.0, 0.0
         self._heading_rad: float | None = None
 
-    def step(
-        self, lane: LaneState, *, speed_mps: float | None, yaw_rate_radps: float | None, dt_s: float
-    ) -> None:
-        """A lane seen by both its lines, ``dt_s`` after the frame before."""
-        settings = self._settings
-        curvature, heading = float(lane.mean[KAPPA]), float(lane.mean[PSI])
-        if abs(curvature) < settings.straight_1pm:
+    def step(self, fit: LaneFit, motion: Motion, *, dt_s: float) -> None:
+        """Adds a lane detected ``dt_s`` after the one before; only lanes with two lines count.
+
+        After any other lane or a longer interval, the change of heading is no measure of the turn.
+        """
+        if fit.by_edges or fit.boundaries_seen < 2 or not 0 < dt_s < MAX_STEP_S:
+            self._heading_rad = None
+            return
+        lane = fit.state
+        self._add_pitch(lane, dt_s)
+        before, self._heading_rad = self._heading_rad, float(lane.mean[PSI])
+        if before is not None:
+            self._add_turn(lane, self._heading_rad - before, motion, dt_s)
+
+    def _add_pitch(self, lane: LaneState, dt_s: float) -> None:
+        if abs(float(lane.mean[KAPPA])) < self._settings.straight_1pm:
             self._straight_s += dt_s
-            share = dt_s / min(self._straight_s, settings.memory_s)
+            share = dt_s / min(self._straight_s, self._settings.memory_s)
             self._pitch_rad += share * (float(lane.mean[PITCH]) - self._pitch_rad)
-        before, self._heading_rad = self._heading_rad, heading
-        if (
-            speed_mps is None
-            or yaw_rate_radps is None
-            or before is None
-            or abs(curvature) < settings.bent_1pm
-        ):
+
+    def _add_turn(self, lane: LaneState, heading_change_rad: float, motion: Motion, dt_s: float) -> None:
+        curvature, (speed_mps, yaw_rate_radps) = float(lane.mean[KAPPA]), motion
+        if speed_mps is None or yaw_rate_radps is None or abs(curvature) < self._settings.bent_1pm:
             return
         side = 1.0 if curvature > 0 else -1.0
-        self._turned_rad += side * (yaw_rate_radps * dt_s - (heading - before))
-        self._seen_rad += side * curvature * speed_mps * dt_s
-
-    def pause(self) -> None:
-        """A frame without both lines: the heading before it is no measure of the turn after it."""
-        self._heading_rad = None
+        self._turned_rad += side * (yaw_rate_radps * dt_s - heading_change_rad)
+        self._measured_rad += side * curvature * speed_mps * dt_s
 
     @property
-    def doubt(self) -> CameraDoubt:
-        """What has shown so far."""
-        enough = self._seen_rad > self._settings.least_turn_rad
-        return CameraDoubt(
-            pitch_error_rad=self._pitch_rad if self._straight_s >= self._settings.memory_s / 2 else None,
-            height_ratio=self._turned_rad / self._seen_rad if enough else None,
+    def error(self) -> MountingError:
+        """The error as far as it is known."""
+        enough = self._measured_rad > self._settings.least_turn_rad
+        return MountingError(
+            pitch_rad=self._pitch_rad if self._straight_s >= self._settings.memory_s / 2 else None,
+            height_ratio=self._turned_rad / self._measured_rad if enough else None,
         )
 
     @property
     def reason(self) -> str:
-        """One line for people where the mounting is not as its file says, else nothing."""
-        doubt, found = self.doubt, []
-        pitch, ratio = doubt.pitch_error_rad, doubt.height_ratio
+        """One line that describes an error above the limits; empty without one."""
+        pitch, ratio, found = self.error.pitch_rad, self.error.height_ratio, []
         if pitch is not None and abs(pitch) > self._settings.pitch_limit_rad:
-            found.append(
-                f"looks {abs(pitch):.3f} rad further {'down' if pitch > 0 else 'up'} than its file says"
-            )
+            direction = "down" if pitch > 0 else "up"
+            found.append(f"points {abs(pitch):.3f} rad further {direction} than its file says")
         if ratio is not None and abs(ratio - 1) > self._settings.height_limit:
-            found.append(f"stands {'lower' if ratio > 1 else 'higher'} than its file says")
+            found.append(f"is {'lower' if ratio > 1 else 'higher'} than its file says")
         return "the camera " + " and ".join(found) if found else ""

@@ -3,8 +3,9 @@
 import cv2
 import numpy as np
 
-from perception.lane.fit import lane_curve
-from perception.lane.lane_cv import LaneCv, LaneCvSettings
+from perception.lane.lane_cv import LaneCv
+from perception.lane.model.geometry import lane_curve
+from perception.lane.settings import LaneCvSettings
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, SteeringEstimate

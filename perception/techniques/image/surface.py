@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from perception.lane.surface import SurfaceSettings, road_likelihood, surface_bins
+from perception.lane.detection.surface import SurfaceSettings, road_likelihood, surface_bins
 from perception.techniques.image.colour import grey
 from perception.techniques.image.picture import Features, Kind, View
 from trepid.types import Floats, Image, Mask, Positive
@@ -57,7 +57,8 @@ def patch_colour(
 ) -> Features:
     """Probability of road by the colour of the patch ahead against that of the sides of the picture (B16).
 
-    1/(1 + exp(−Λ)) of the log-likelihood ratio Λ of smoothed CIELAB histograms (:mod:`perception.lane.surface`).
+    1/(1 + exp(−Λ)) of the log-likelihood ratio Λ of smoothed CIELAB histograms
+    (:mod:`perception.lane.detection.surface`).
     Source: R 1.3, "colour in every method". Cannot see: a verge of the colour of the road.
     """
     inside = patch(view)

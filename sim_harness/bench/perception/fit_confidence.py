@@ -1,8 +1,8 @@
 """Weights of the confidence of `cv`: `python -m sim_harness.bench.perception.fit_confidence --seed 1 --seed 2`.
 
-Prints the section ``confidence`` of config/perception.yaml. What is right is known on the clips of the harness set;
-pictures on their side or upside down, in which every lane is wrong, teach it doubt where nothing of the set would,
-and so do some of the clips once more under trodden snow, whose patches have edges of their own.
+Prints the section ``confidence`` of config/perception.yaml. The samples are the clips of the harness set with their
+true lanes; the same images upside down and on their side, where every lane is wrong; and a third of the clips on
+trodden snow, whose patches have edges of their own.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -13,8 +13,8 @@ import numpy as np
 import typer
 
 from perception.estimators import lane_cv_settings
-from perception.lane.confidence import ConfidenceSettings
 from perception.lane.lane_cv import LaneCv
+from perception.lane.model.confidence import ConfidenceSettings, Features
 from sim_harness.bench.perception.clips import GAP, Case, Moment, harness_set, moments
 from sim_harness.bench.perception.scores import TOLERANCE_RAD
 from sim_harness.world.roads.drawn import SNOW_COVER
@@ -25,14 +25,14 @@ from trepid.types import Array, Image
 from trepid.vehicle import Vehicle
 
 TURNS: tuple[Callable[[Image], Image], ...] = (np.flipud, np.rot90, lambda image: np.rot90(image, 3))
-TURNED_EVERY, TURNED_FRAMES = 10, 14  # clips of which, and how many of their first frames
-SNOWED_UP_EVERY = 3  # cases of which are looked at once more
-RIDGE = 1.0  # standard deviation of a weight before anything is seen: about 1
+TURNED_EVERY, TURNED_FRAMES = 10, 14  # every tenth clip is turned; number of its first frames
+SNOWED_UP_EVERY = 3  # every third case is repeated on snow
+RIDGE = 1.0  # prior standard deviation of a weight
 STEPS = 30
 
 
 def cases(seed: int) -> list[Case]:
-    """The harness set but for its gaps, and every third of it once more under trodden snow."""
+    """The harness set without its gaps, and every third case again on trodden snow."""
     shown = [case for case in harness_set(seed) if case.condition != GAP]
     rng = np.random.default_rng((seed, 62))
     snowed_up = [
@@ -42,33 +42,33 @@ def cases(seed: int) -> list[Case]:
 
 
 def samples(clips: Iterable[Iterable[Moment]], camera: Camera, vehicle: Vehicle) -> tuple[Array, Array]:
-    """What each confidence rests on, (n, features), and whether its angle was within two degrees, (n,)."""
-    rests_on: list[tuple[float, ...]] = []
+    """Features of each confidence, (n, features), and whether its angle was within two degrees, (n,)."""
+    inputs: list[Features] = []
     right: list[bool] = []
     for number, clip in enumerate(clips):
         shown = list(clip)
-        for grounds, estimate, moment in _looks(shown, camera, vehicle, lambda image: image):
-            if not estimate.reason:  # seen, not remembered
-                rests_on.append(grounds)
+        for features, estimate, moment in _estimates(shown, camera, vehicle, lambda image: image):
+            if not estimate.reason:  # detected in this frame
+                inputs.append(features)
                 right.append(_right(estimate, moment.truth))
         if number % TURNED_EVERY == 0:
             for turn in TURNS:
-                turned = [grounds for grounds, _, _ in _looks(shown[:TURNED_FRAMES], camera, vehicle, turn)]
-                rests_on += turned
+                turned = [found for found, _, _ in _estimates(shown[:TURNED_FRAMES], camera, vehicle, turn)]
+                inputs += turned
                 right += [False] * len(turned)
-    return np.array(rests_on), np.array(right, float)
+    return np.array(inputs), np.array(right, float)
 
 
-def _looks(
+def _estimates(
     shown: list[Moment], camera: Camera, vehicle: Vehicle, turn: Callable[[Image], Image]
-) -> Iterator[tuple[tuple[float, ...], SteeringEstimate, Moment]]:
+) -> Iterator[tuple[Features, SteeringEstimate, Moment]]:
     finder = LaneCv(lane_cv_settings(), camera, vehicle)
     for moment in shown:
         t_s = moment.frame.t_s
         image = np.ascontiguousarray(turn(moment.frame.image))
         estimate = finder.step(Frame(t_s=t_s, image=image), moment.state, now_s=t_s)
-        if finder.rests_on is not None:
-            yield finder.rests_on, estimate, moment
+        if finder.features is not None:
+            yield finder.features, estimate, moment
 
 
 def _right(estimate: SteeringEstimate, truth: SteeringEstimate) -> bool:
@@ -76,25 +76,25 @@ def _right(estimate: SteeringEstimate, truth: SteeringEstimate) -> bool:
     return abs(estimate.road_wheel_angle_rad - truth.road_wheel_angle_rad) <= TOLERANCE_RAD
 
 
-def fitted(rests_on: Array, right: Array) -> Array:
+def fitted(inputs: Array, right: Array) -> Array:
     """Weights of the logistic regression by Newton's method, with a Gaussian prior on all but the bias."""
-    weights = np.zeros(rests_on.shape[1])
+    weights = np.zeros(inputs.shape[1])
     prior = np.diag([0.0] + [1 / RIDGE**2] * (len(weights) - 1))
     for _ in range(STEPS):
-        chance = 1 / (1 + np.exp(-rests_on @ weights))
-        slope = rests_on.T @ (right - chance) - prior @ weights
-        bend = (rests_on.T * (chance * (1 - chance))) @ rests_on + prior
+        chance = 1 / (1 + np.exp(-inputs @ weights))
+        slope = inputs.T @ (right - chance) - prior @ weights
+        bend = (inputs.T * (chance * (1 - chance))) @ inputs + prior
         weights = weights + np.linalg.solve(bend, slope)
     return weights
 
 
-def main(seed: Annotated[list[int], typer.Option(help="Of the harness sets.")]) -> None:
-    """Draw the sets, look at them, fit, print."""
+def main(seed: Annotated[list[int], typer.Option(help="Seed of a harness set; may be repeated.")]) -> None:
+    """Render the sets, estimate, fit, print the weights."""
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     clips = (moments(case, camera, vehicle) for one in seed for case in cases(one))
-    rests_on, right = samples(clips, camera, vehicle)
-    print(f"# {len(right)} looks, {100 * right.mean():.1f} % right")
-    for name, weight in zip(ConfidenceSettings.model_fields, fitted(rests_on, right), strict=True):
+    inputs, right = samples(clips, camera, vehicle)
+    print(f"# {len(right)} samples, {100 * right.mean():.1f} % right")
+    for name, weight in zip(ConfidenceSettings.model_fields, fitted(inputs, right), strict=True):
         print(f"  {name}: {weight:.2f}")
 
 

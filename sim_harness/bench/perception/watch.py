@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.estimators import Estimator, entry_of
-from perception.lane.fit import centre_line
+from perception.lane.model.geometry import centre_line
 from sim_harness.bench.perception.clips import AIM_M, Moment
 from trepid.camera import Camera
 from trepid.clothoid import Lane

@@ -9,8 +9,8 @@ import pytest
 from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, WHITE, YELLOW, look, ribbon, road
 
 from perception.camera.self_calibration import self_calibrated, vanishing_point
-from perception.lane.fit import lane_curve
 from perception.lane.lane_cv import LaneCv
+from perception.lane.model.geometry import lane_curve
 from perception.techniques.steering.straight_lane import ImageLine, straight_lane
 from sim_harness.bench.perception.clips import Case, moments
 from sim_harness.bench.perception.real.frames import udacity_drive
@@ -167,7 +167,7 @@ def test_where_the_lines_pause_the_edges_of_a_road_of_one_lane_or_two_tell_how_i
     assert seen.lateral_offset_m == pytest.approx(0.1, abs=0.1)
     assert seen.lane_width_m == pytest.approx(3.4, abs=0.1)
     assert seen.lanes_detected == 2 and seen.marked is False
-    assert seen.confidence > SETTINGS.good_confidence
+    assert seen.confidence > SETTINGS.good_probability
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_a_lane_that_was_hardly_believed_is_forgotten_sooner(offset_m, remembere
     image = road((offset_m, 0.0, 0.0, 0.0), verge_m=4.0)  # of a lane beside the car little is believed
     seen = finder.step(Frame(t_s=0.0, image=image), None, now_s=0.0)
     assert seen.lateral_offset_m == pytest.approx(offset_m, abs=0.1)
-    assert (seen.confidence > SETTINGS.good_confidence) == (offset_m < 1.0)
+    assert (seen.confidence > SETTINGS.good_probability) == (offset_m < 1.0)
     dark = np.zeros((240, 320, 3), np.uint8)
     coasting = [finder.step(Frame(t_s=0.04 * n, image=dark), None, now_s=0.0) for n in range(1, 80)]
     unseen = [seen.lateral_offset_m is None for seen in coasting]
@@ -311,4 +311,4 @@ def test_in_the_middle_of_a_wide_bridge_the_car_is_in_neither_half_of_it_beside_
     drive = udacity_drive(DATA / "udacity_sim_track")
     picture = next(islice(drive, 320, None))
     seen = look(picture.image, picture.camera)
-    assert seen.confidence < SETTINGS.good_confidence or abs(seen.lateral_offset_m) < 0.5
+    assert seen.confidence < SETTINGS.good_probability or abs(seen.lateral_offset_m) < 0.5

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.lane.lane_cv import LaneCvSettings
+from perception.lane.settings import LaneCvSettings
 from perception.net.steer_net import Record, SteerNet, SteerNetSettings, load_record
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road

@@ -1,31 +1,29 @@
-"""How much each pixel looks like the road ahead of the vehicle rather than like the rest (inventory B13, B16)."""
+"""Likelihood of road against the rest for each pixel, by colour (inventory B13, B16)."""
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from trepid.config import Settings
-from trepid.types import Image, Positive
+from trepid.types import Floats, Image, Positive, Share
 
-Where = NDArray[np.bool_] | NDArray[np.intp]  # a mask, or the numbers of its pixels
+Where = NDArray[np.bool_] | NDArray[np.intp]  # a mask, or the indices of its pixels
 
 BINS = 32
-LIT_L = 50.0  # L* of sunlit ground, at which chroma is compared
-DARKEST_L, BRIGHTEST_L = 10.0, 70.0  # darker is noise; brighter is snow or paint, not ground in more light
+LIT_L = 50.0  # L* of sunlit ground; chroma is compared at this lightness
+MIN_L, MAX_L = 10.0, 70.0  # darker pixels are noise, brighter ones snow or paint
 LIGHT_BIN = (np.arange(256) // 8).astype(np.uint8)
 
 
 def _chroma_bins() -> NDArray[np.intp]:
-    """The bin of each a or b (0..255, neutral: 128) at each lightness (0..255), flat: its bin at L* = ``LIT_L``.
+    """Bin of each a or b (0..255, neutral: 128) at each lightness (0..255), scaled to L* = ``LIT_L``; flat.
 
-    L* + 16, a* and b* go with the cube roots of X, Y and Z, so in less light all three shrink by one factor. As
-    they are, grass in the shade of a building would be as grey as a road.
+    L* + 16, a* and b* are proportional to cube roots of X, Y and Z, so less light scales all three by one factor.
+    Without this scaling, grass in the shade is as grey as a road.
     """
-    light = np.clip(np.arange(256) * (100 / 255), DARKEST_L, BRIGHTEST_L)
+    light = np.clip(np.arange(256) * (100 / 255), MIN_L, MAX_L)
     lit = (np.arange(256) - 128) * ((LIT_L + 16) / (light[:, None] + 16))
     return np.clip(lit // 2 + BINS // 2, 0, BINS - 1).astype(np.intp).ravel()
 
@@ -38,7 +36,7 @@ class SurfaceSettings(Settings):
 
     chroma_limit: Positive
     light_limit: Positive
-    light_weight: Annotated[float, Field(ge=0, le=1)]
+    light_weight: Share
     smoothing: Positive
 
 
@@ -51,7 +49,7 @@ class SurfaceBins:
 
 
 def surface_bins(image: Image) -> SurfaceBins:
-    """The bins of the CIELAB colour: chroma (a, b), as it were in full light, together, lightness L apart."""
+    """Bins of the CIELAB colour: one of the chroma (a, b) scaled to full light, one of the lightness L."""
     light, a, b = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2Lab))
     shade = light.astype(np.intp) * 256
     return SurfaceBins(
@@ -60,15 +58,13 @@ def surface_bins(image: Image) -> SurfaceBins:
     )
 
 
-def road_likelihood(
-    bins: SurfaceBins, road: Where, rest: Where, settings: SurfaceSettings
-) -> NDArray[np.float32]:
-    """Log-likelihood ratio road : rest of each pixel; positive where it looks like road.
+def road_likelihood(bins: SurfaceBins, road: Where, rest: Where, settings: SurfaceSettings) -> Floats:
+    """Log-likelihood ratio road : rest of each pixel; positive for road.
 
-    The chroma tells grass, soil and snow from asphalt in any light, the lightness tells a pavement from a road but
-    changes with every shadow, so it counts less. Both ratios come from smoothed histograms of the pixels in
-    ``road`` (surely road) and ``rest`` (mostly not), are limited, and are added as if independent. The histograms
-    follow the light of every frame, so there is no threshold to set (B15).
+    Chroma separates grass, soil and snow from asphalt in any light. Lightness separates a pavement from a road but
+    changes with every shadow, so its weight is lower. Both ratios come from smoothed histograms of the pixels in
+    ``road`` (road) and ``rest`` (mostly not road), are limited, and are added as if independent. The histograms
+    adapt to the light of every frame, without a threshold (B15).
     """
     chroma = _log_ratio(bins.chroma, road, rest, (BINS, BINS), settings.smoothing, settings.chroma_limit)
     light = _log_ratio(bins.light, road, rest, (1, BINS), settings.smoothing, settings.light_limit)
@@ -83,8 +79,8 @@ def _log_ratio(
     shape: tuple[int, int],
     smoothing: float,
     limit: float,
-) -> NDArray[np.float32]:
-    """log(p_road/p_rest) of each bin, within ±``limit``; ``smoothing`` pixels are spread over all bins."""
+) -> Floats:
+    """log(p_road/p_rest) of each bin, within ±``limit``; ``smoothing`` pixels are added, spread over all bins."""
     ratio = _density(_of(bins, road), shape, smoothing) / _density(_of(bins, rest), shape, smoothing)
     return np.minimum(np.maximum(np.log(ratio), -limit), limit).astype(np.float32).ravel()
 

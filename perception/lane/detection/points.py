@@ -1,22 +1,17 @@
 """Points of painted lines: narrow bright stripes on darker ground (inventory B02, A10, B10)."""
 
-from dataclasses import dataclass
-from typing import Annotated
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
-from perception.lane.grid import LateralGrid
+from perception.lane.detection.grid import LateralGrid
+from perception.lane.model.geometry import RoadPoints
 from trepid.config import Settings
-from trepid.types import Array, Positive
+from trepid.types import Array, Positive, Share
 
-DOUBLE_M = (
-    0.32  # at most, between the middles of the stripes of a double line (RMS-1: 0.24; MUTCD: 0.2 to 0.3)
-)
-ALIKE = 0.4  # least contrast of one stripe over that of the other
-SPAN = 7  # edges of boxes, half a line width apart, that one response is made of
+MAX_DOUBLE_M = 0.32  # between the middles of the stripes of a double line (RMS-1: 0.24; MUTCD: 0.2 to 0.3)
+MIN_CONTRAST_RATIO = 0.4  # of one stripe of a double line over the other
+SPAN = 7  # box edges, half a line width apart, of one response
 
 
 class MarkingSettings(Settings):
@@ -26,29 +21,17 @@ class MarkingSettings(Settings):
     half_range_m: Positive
     sigma_m: Positive
     sigma_px: Positive
-    yellow_gain: Annotated[float, Field(ge=0, le=1)]
+    yellow_gain: Share
     min_contrast_grey: Positive
     noise_factor: Positive
     full_contrast_grey: Positive
 
 
-@dataclass(frozen=True)
-class RoadPoints:
-    """Points in the vehicle frame that may belong to a boundary."""
-
-    x_m: Array
-    y_m: Array
-    sigma_m: Array  # lateral standard deviation of one point
-    weight: Array  # 0..1, how much the point looks like a boundary
-    band: NDArray[np.int64]  # band of the grid it comes from
-    half_m: Array  # from the middle of a double line to the stripes that it was found by; 0 for one stripe
-
-
 def marking_channel(image: NDArray[np.uint8], yellow_gain: float) -> NDArray[np.uint8]:
     """One channel in which white and yellow paint are bright on asphalt and on concrete.
 
-    c = (R+G)/2 + g·((R+G)/2 − B): luminance without blue, plus g times the yellowness. It is grey-preserving. The
-    fixed form of the adaptive projections of the review (inventory B10); blue shadows get darker, not brighter.
+    c = (R+G)/2 + g·((R+G)/2 − B): luminance without blue, plus g times the yellowness; grey stays grey and blue
+    shadows get darker. The fixed form of the adaptive projections of the review (inventory B10).
     """
     blue, green, red = (cv2.extractChannel(image, number) for number in range(3))  # a third faster than split
     half = cv2.addWeighted(red, 0.25, green, 0.25, 0)  # halved, so that it cannot saturate
@@ -56,10 +39,10 @@ def marking_channel(image: NDArray[np.uint8], yellow_gain: float) -> NDArray[np.
 
 
 class MarkingFilter:
-    """Row-wise dark-bright-dark filter whose width is that of a painted line at each row's distance.
+    """Row-wise dark-bright-dark filter as wide as a painted line at the distance of each row.
 
-    The places that a band shows, and a margin, lie side by side from left to right, and the bands one after the
-    other from far to near, in one flat array: of near bands few places are in the picture.
+    The visible places of each band, with a margin, are stored from left to right, and the bands from far to near,
+    in one flat array, because near bands have few places inside the image.
     """
 
     def __init__(self, settings: MarkingSettings, grid: LateralGrid) -> None:
@@ -70,7 +53,7 @@ class MarkingFilter:
         width_px = grid.camera.width_px
         columns = grid.camera.cx_px - grid.metre_px[:, None] * edge_m + 0.5
         band, place = np.nonzero(_widened((columns > 0) & (columns < width_px), SPAN // 2 + 1))
-        columns = np.clip(columns[band, place], 0, width_px)  # nothing is known beside the image
+        columns = np.clip(columns[band, place], 0, width_px)  # there are no pixels beside the image
         before = np.minimum(columns.astype(np.int64), width_px - 1)
         self._share_after = (columns - before).astype(np.float32)
         self._before = before + (width_px + 1) * band
@@ -97,9 +80,7 @@ class MarkingFilter:
         integral = cv2.integral(channel, sdepth=cv2.CV_32S)
         first = int(grid.top_px[0])
         running = (integral[grid.bottom_px - first] - integral[grid.top_px - first]).astype(np.float32)
-        sampled = running.take(
-            self._after, mode="clip"
-        )  # nothing is clipped: faster than to check the bounds
+        sampled = running.take(self._after, mode="clip")  # never clips; faster than a check of the bounds
         before = running.take(self._before, mode="clip")
         sampled -= before
         sampled *= self._share_after
@@ -112,7 +93,7 @@ class MarkingFilter:
         return response
 
     def points(self, image: NDArray[np.uint8]) -> RoadPoints:
-        """Local maxima of the response that stand out of its noise, in a BGR image of the camera's size."""
+        """Local maxima of the response above its noise, in a BGR image of the size of the camera."""
         settings = self._settings
         below = image[int(self._grid.top_px[0]) :]
         response = self.response(marking_channel(below, settings.yellow_gain))
@@ -140,13 +121,15 @@ class MarkingFilter:
 def _twins_joined(
     band: NDArray[np.int64], left_m: Array, contrast: NDArray[np.float32]
 ) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.float32]]:
-    """The points with each two stripes of a double line replaced by one between them, where the lane ends.
+    """The points with the two stripes of a double line replaced by one point in their middle, where the lane ends.
 
-    Stripes of one line are of one paint, about as bright: a line and the verge beside it are not joined. Told are
-    band, place, distance to the two stripes (0 for one that is left) and contrast.
+    Only stripes of similar contrast are joined, not a line and the verge next to it. Returns band, place, distance
+    to the two stripes (0 for a single stripe) and contrast.
     """
-    twin = (band[1:] == band[:-1]) & (left_m[:-1] - left_m[1:] < DOUBLE_M)
-    twin &= np.minimum(contrast[1:], contrast[:-1]) > ALIKE * np.maximum(contrast[1:], contrast[:-1])
+    twin = (band[1:] == band[:-1]) & (left_m[:-1] - left_m[1:] < MAX_DOUBLE_M)
+    twin &= np.minimum(contrast[1:], contrast[:-1]) > MIN_CONTRAST_RATIO * np.maximum(
+        contrast[1:], contrast[:-1]
+    )
     first, half_m = np.flatnonzero(twin), np.zeros(len(band))
     if not len(first):
         return band, left_m, half_m, contrast
@@ -159,6 +142,6 @@ def _twins_joined(
 
 
 def _widened(shown: NDArray[np.bool_], places: int) -> NDArray[np.bool_]:
-    """``shown`` and ``places`` more on both sides."""
+    """``shown`` extended by ``places`` on both sides."""
     kernel = np.ones((1, 2 * places + 1), np.uint8)
     return cv2.dilate(shown.astype(np.uint8), kernel) > 0

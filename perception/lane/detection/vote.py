@@ -1,4 +1,4 @@
-"""Finding the lane among scattered points: every point votes for its lateral place under many lane shapes."""
+"""A Hough transform on the road: every point votes for its lateral place under many lane shapes."""
 
 import math
 from dataclasses import dataclass
@@ -7,17 +7,17 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from perception.lane.points import RoadPoints
+from perception.lane.model.geometry import RoadPoints
 from trepid.config import Settings
-from trepid.types import Array, Positive
+from trepid.types import Array, NonNegative, Positive
 
 
 class VoteSettings(Settings):
-    """One stage of ``vote`` in ``config/perception.yaml``: which lane shapes are tried."""
+    """One stage of ``vote`` in ``config/perception.yaml``: the lane shapes of the search."""
 
-    heading_range_rad: Annotated[float, Field(ge=0)]
+    heading_range_rad: NonNegative
     heading_steps: Annotated[int, Field(ge=1)]
-    curvature_range_1pm: Annotated[float, Field(ge=0)]
+    curvature_range_1pm: NonNegative
     curvature_steps: Annotated[int, Field(ge=1)]
     bin_m: Positive
     reach_m: Positive
@@ -25,7 +25,7 @@ class VoteSettings(Settings):
 
 @dataclass(frozen=True)
 class LaneGuess:
-    """What is known of the lane before or after a vote, with standard deviations."""
+    """The lane before or after a vote, with standard deviations."""
 
     offset_m: float
     heading_rad: float
@@ -45,7 +45,7 @@ def vote_lane(
 
     A Hough transform in road coordinates: for each (ψ, κ) the points are binned by their exact distance to the
     circle through the rear axle; the score of a pair of bins is the sum of both, plus the smaller one (two half
-    lines beat one long one), minus what is unlikely under ``guess``. Deterministic: nothing is drawn by lot.
+    lines beat one long line), minus a penalty for deviations from ``guess``. Deterministic.
     """
     near = points.x_m < settings.reach_m
     x_m, y_m, weight = points.x_m[near], points.y_m[near], points.weight[near]

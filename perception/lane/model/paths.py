@@ -1,4 +1,4 @@
-"""Where the boundaries of a lane run in the input image."""
+"""Boundaries of a lane as pixels of the input image."""
 
 import math
 from functools import lru_cache
@@ -6,13 +6,14 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from perception.lane.fit import PITCH, LaneState, lane_curve
+from perception.lane.model.geometry import PITCH, LaneState, lane_curve
 from trepid.camera import Camera
 from trepid.messages import PixelPath
 from trepid.types import Array
 
 ROW_STEP_PX = 10  # boundaries are reported every ten rows of the input image
-MAX_ASIDE = 4  # image widths beside the middle: where the edges of a wide road leave the picture
+MAX_ASIDE = 4  # image widths from the middle: edges of a wide road end outside the image
+MIN_REACH_M = 5.0
 STATIONS_M = np.concatenate([np.arange(-1.0, 20.0, 0.5), np.arange(20.0, 81.0, 2.0)])
 
 
@@ -29,9 +30,26 @@ def boundary_paths(lane: LaneState, camera: Camera, *, reach_m: float) -> tuple[
     return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)
 
 
+def known_reach_m(state: LaneState, reach_m: float, sigma_m: float) -> float:
+    """Distance [m] up to which the lane centre is known to ``sigma_m``: at most ``reach_m``, at least 5 m."""
+    ahead_m, gradient = _centre_gradient(reach_m)
+    variance = (gradient * (state.covariance[:4, :4] @ gradient)).sum(axis=0)
+    known = variance <= sigma_m**2
+    first = int(known.argmax())
+    return float(ahead_m[first]) if known[first] else min(reach_m, MIN_REACH_M)
+
+
+@lru_cache(maxsize=8)
+def _centre_gradient(reach_m: float) -> tuple[Array, Array]:
+    """Distances from ``reach_m`` down to 5 m, shape (n,), and d(centre)/d(e, ψ, κ0, κ') there, shape (4, n)."""
+    ahead_m = np.arange(reach_m, MIN_REACH_M, -2.0)
+    gradient = np.stack([-np.ones_like(ahead_m), -ahead_m, ahead_m**2 / 2, ahead_m**3 / 6])
+    return ahead_m, gradient
+
+
 def _distorted_columns(columns: Array, at_rows: Array, rows: Array, camera: Camera) -> Array:
     """Columns at image rows ``rows`` of a line given in the undistorted image."""
-    seen = np.abs(columns - camera.cx_px) < camera.width_px  # NaN is not seen
+    seen = np.abs(columns - camera.cx_px) < camera.width_px  # False for NaN
     if np.count_nonzero(seen) < 2:
         return np.full(len(rows), np.nan)
     rays = np.column_stack(
@@ -49,12 +67,12 @@ def _distorted_columns(columns: Array, at_rows: Array, rows: Array, camera: Came
 
 
 def _path(columns: Array, rows: Array, width_px: int) -> PixelPath:
-    near = np.abs(columns - width_px / 2) < MAX_ASIDE * width_px  # NaN is not near
+    near = np.abs(columns - width_px / 2) < MAX_ASIDE * width_px  # False for NaN
     return tuple(zip(columns[near].tolist(), rows[near].tolist(), strict=True))
 
 
 def boundary_columns(mean: Array, camera: Camera, rows_px: Array, *, reach_m: float) -> tuple[Array, Array]:
-    """Columns of the left and the right boundary at image rows ``rows_px``; NaN where they are not seen."""
+    """Columns of the left and the right boundary at image rows ``rows_px``; NaN where not visible."""
     curve = lane_curve(mean, STATIONS_M[reach_m + 1e-9 >= STATIONS_M])
     matrix = _pitched(camera, float(mean[PITCH]))
     road = np.ones((3, 2, len(curve.station_m)))
@@ -68,9 +86,9 @@ def boundary_columns(mean: Array, camera: Camera, rows_px: Array, *, reach_m: fl
 
 
 def _pitched(camera: Camera, pitch_rad: float) -> Array:
-    """Homography to pixels from the road, shape (3, 3), if the camera looks ``pitch_rad`` further down.
+    """Homography to pixels from the road, shape (3, 3), of a camera pitched ``pitch_rad`` further down.
 
-    H = K·[r1 r2 t], and the turn about the right axis of the camera multiplies [r1 r2 t] by
+    H = K·[r1 r2 t], and the rotation about the right axis of the camera multiplies [r1 r2 t] by
     ((1, 0, 0), (0, cos, −sin), (0, sin, cos)) from the left: ahead' = cos·ahead + sin·down.
     """
     cos, sin = math.cos(pitch_rad), math.sin(pitch_rad)
@@ -87,10 +105,10 @@ def _rays_from_road(camera: Camera) -> tuple[Array, Array]:
 
 
 def _columns(u: Array, v: Array, rows_px: Array) -> Array:
-    """Columns at ``rows_px`` of a line of pixels, near to far, NaN behind the camera; only where it rises."""
+    """Columns at ``rows_px`` of a line of pixels, near to far, NaN behind the camera; its rising part only."""
     highest = np.fmin.accumulate(v)
     rising = ~np.isnan(v)
-    rising[1:] &= ~(v[1:] >= highest[:-1])  # the first one seen has only NaN before it
+    rising[1:] &= ~(v[1:] >= highest[:-1])  # before the first visible one there is only NaN
     if np.count_nonzero(rising) < 2:
         return np.full(len(rows_px), np.nan)
     return np.interp(-rows_px, -v[rising], u[rising], left=np.nan, right=np.nan)

@@ -1,4 +1,4 @@
-"""From candidate points to a lane with evidence: vote for a shape, fit it, count what it stands on."""
+"""From boundary points to a lane with evidence: vote for a shape, fit it, count the points on its boundaries."""
 
 import math
 from collections.abc import Sequence
@@ -7,33 +7,30 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.lane.edges import RoadEdgeFinder, parallel_curve
-from perception.lane.evidence import NO_SUPPORT, EvidenceSettings, LaneFit, boundary_support
-from perception.lane.fit import (
+from perception.lane.detection.edges import RoadEdgeFinder, RoadImage
+from perception.lane.detection.grid import LateralGrid
+from perception.lane.detection.vote import LaneGuess, VoteSettings, vote_lane
+from perception.lane.model.evidence import NO_SUPPORT, EvidenceSettings, LaneFit, boundary_support
+from perception.lane.model.fit import FitSettings, Fitted, fit_lane, log_evidence
+from perception.lane.model.geometry import (
     KAPPA,
     KAPPA_RATE,
     PITCH,
     PSI,
     WIDTH,
     E,
-    FitSettings,
-    Fitted,
     LaneState,
-    fit_lane,
+    RoadPoints,
     lane_coordinates,
     levelled,
-    log_evidence,
-    subset,
+    parallel_curve,
 )
-from perception.lane.grid import LateralGrid
-from perception.lane.points import RoadPoints
-from perception.lane.vote import LaneGuess, VoteSettings, vote_lane
 from trepid.camera import Camera
-from trepid.types import Array
+from trepid.types import Array, Floats
 
-STRAIGHT = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])  # keeps all of a state but its bend
-EVIDENCE_REACH_M = 30.0  # farther rows are too few to speak for a boundary or against it
-LEAST_DOUBLE = 0.2  # of the points of a double line lie between two stripes
+STRAIGHT = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])  # times a state: the state without its bend
+EVIDENCE_REACH_M = 30.0  # rows beyond are too few to count as evidence
+MIN_DOUBLE = 0.2  # share of the points of a double line that lie between two stripes
 
 
 def find_lane(
@@ -50,8 +47,8 @@ def find_lane(
 ) -> LaneFit:
     """The lane that ``points`` support best, searched in ``stages`` around ``prior`` and fitted with it.
 
-    Without stages it is fitted right from ``prior``, which foresees both lines. With a prior ``straight`` for a
-    road that does not bend, the simpler of the two explanations wins.
+    Without stages the fit starts at ``prior`` itself, and shorter pieces of line count as seen. With a prior
+    ``straight`` for a straight road, the straight lane wins unless the points favour the bent one.
     """
     start = prior.mean
     if stages:
@@ -72,18 +69,18 @@ def find_lane(
     lane = _with_evidence(fitted, points, near, side, grid, fit, evidence, foreseen=foreseen)
     if lane.boundaries_seen != 1:
         return lane
-    # What lies about where the other line would be is no line, and says nothing of the width.
+    # Points near the missing line are no line, so they must not change the width.
     own = np.flatnonzero(side == (1.0 if lane.left.seen else -1.0))
-    near, side = subset(near, own), side[own]
+    near, side = near.part(own), side[own]
     fitted = _fitted(near, side, prior, straight, fitted.state.mean, grid.camera, fit)
     return _with_evidence(fitted, points, near, side, grid, fit, evidence, foreseen=foreseen)
 
 
 def _on_middles(points: RoadPoints, side: Array, residual_m: Array) -> RoadPoints:
-    """``points`` with those of one stripe of a double line moved to its middle, where the lane ends.
+    """``points`` with single stripes of a double line moved to its middle, where the lane ends.
 
-    Where the other stripe is worn away, one alone is found; how far it lies from the middle is known from where
-    there are both.
+    Where one stripe is worn away, only the other is detected; its distance from the middle is known from the places
+    with both.
     """
     double = points.half_m > 0
     if not double.any():
@@ -91,7 +88,7 @@ def _on_middles(points: RoadPoints, side: Array, residual_m: Array) -> RoadPoint
     shift_m = np.zeros(len(side))
     for own in (side > 0, side < 0):
         both = own & double
-        if np.count_nonzero(both) > LEAST_DOUBLE * np.count_nonzero(own):
+        if np.count_nonzero(both) > MIN_DOUBLE * np.count_nonzero(own):
             half_m = float(np.median(points.half_m[both]))
             alone = own & ~double & (np.abs(np.abs(residual_m) - half_m) < half_m / 2)
             shift_m[alone] = np.copysign(half_m, residual_m[alone])
@@ -107,7 +104,7 @@ def _fitted(
     camera: Camera,
     fit: FitSettings,
 ) -> Fitted:
-    """The lane fitted with ``prior``, or with the prior ``straight`` where that is the simpler explanation."""
+    """The lane fitted with ``prior``, or with the prior ``straight`` where the straight lane wins."""
     bent = fit_lane(points, side, prior, start, camera, fit)
     if straight is None:
         return bent
@@ -122,7 +119,7 @@ def _voted(
     grid: LateralGrid,
     prior_weight: float,
 ) -> LaneGuess:
-    """The lane that the points vote for, stage by stage finer."""
+    """The lane with the most votes, refined stage by stage."""
     x_m, y_m = levelled(points, prior.mean[PITCH], grid.camera)
     flat = replace(points, x_m=x_m, y_m=y_m)
     guess = _guess(prior)
@@ -133,41 +130,39 @@ def _voted(
 
 def find_road(
     finder: RoadEdgeFinder,
-    image: NDArray[np.uint8],
+    image: RoadImage,
     prior: LaneState,
     *,
     straight: LaneState,
     fit: FitSettings,
     evidence: EvidenceSettings,
 ) -> LaneFit:
-    """The unmarked road whose edges enclose what looks like the road ahead, as a lane as wide as the road.
+    """The unmarked road whose edges enclose the most road likelihood, as a lane as wide as the road.
 
-    Nothing is remembered: every shape is tried, then those near the best, and the simpler one wins, with ``prior``
-    or with the prior ``straight`` of a road that does not bend.
+    Searches all shapes, then shapes near the best; as in :func:`find_lane`, ``prior`` competes with ``straight``.
     """
-    look = finder.look(image)
-    sums, steps = finder.sums(look), finder.steps(look)
+    sums, steps = finder.sums(image), finder.steps(image)
     start = finder.search(sums, steps, prior)
-    sums = finder.sums(look, lane=start)
+    sums = finder.sums(image, lane=start)
     start = finder.search(sums, steps, prior, near=start)
     return _road(finder, sums, start, prior, straight, fit, evidence)
 
 
 def follow_road(
     finder: RoadEdgeFinder,
-    sums: NDArray[np.float32],
+    sums: Floats,
     prior: LaneState,
     *,
     fit: FitSettings,
     evidence: EvidenceSettings,
 ) -> LaneFit:
-    """The edges where ``prior`` foresees them in the likelihood ``sums``: a search would only add its own steps."""
+    """The edges near those of ``prior`` in the likelihood ``sums``, without a search."""
     return _road(finder, sums, prior.mean, prior, None, fit, evidence)
 
 
 def _road(
     finder: RoadEdgeFinder,
-    sums: NDArray[np.float32],
+    sums: Floats,
     start: Array,
     prior: LaneState,
     straight: LaneState | None,
@@ -189,13 +184,13 @@ def _simpler(
     side: Array,
     fit: FitSettings,
 ) -> Fitted:
-    """The straight lane unless the points make the bent one more likely than straight roads are common."""
+    """The straight lane unless the log evidence of the bent one exceeds it by ``straight_log_odds``."""
     odds = log_evidence(plain, points, side, straight, fit) - log_evidence(bent, points, side, prior, fit)
     return plain if odds + fit.straight_log_odds > 0 else bent
 
 
 def _guess(prior: LaneState) -> LaneGuess:
-    """The prior as the vote sees it, with floors that leave the vote some freedom."""
+    """The prior as the start of a vote, with minimum deviations that leave room for a search."""
     sigma = np.sqrt(np.diag(prior.covariance))
     return LaneGuess(
         offset_m=float(prior.mean[E]),
@@ -216,7 +211,7 @@ def _assign(points: RoadPoints, mean: Array, camera: Camera, fit: FitSettings) -
     side = np.where(distance > 0, 1.0, -1.0)
     gate = 3 * (fit.gate_m + fit.gate_growth * points.x_m) + points.sigma_m
     close = np.flatnonzero(np.abs(distance - side * (mean[WIDTH] / 2)) < gate)
-    return subset(points, close), side[close]
+    return points.part(close), side[close]
 
 
 def _with_evidence(
@@ -230,7 +225,7 @@ def _with_evidence(
     *,
     foreseen: bool = False,
 ) -> LaneFit:
-    """The fitted state with the support of each boundary; one that is seen foresees the other beside it."""
+    """The fitted state with the support of each boundary; a boundary that is seen predicts the other one."""
     state, residual = fitted.state, fitted.residual_m
     accepted = (fitted.weight > 0) & (np.abs(residual) < fit.gate_m + near.sigma_m)
     density = len(points.x_m) / grid.area_m2
@@ -247,9 +242,9 @@ def _with_evidence(
 
 
 def _visible(mean: Array, grid: LateralGrid) -> NDArray[np.bool_]:
-    """Whether each band shows the left and the right boundary, shape (2, bands): in the picture and not too far.
+    """Whether the left and the right boundary are inside the image and in reach, per band, shape (2, bands).
 
-    The boundaries are taken as circles, bent further by κ'·x³/6: good to a few columns.
+    Approximates the boundaries by circles plus κ'·x³/6, accurate to a few columns.
     """
     camera = grid.camera
     stretch = np.maximum(1 + mean[PITCH] / camera.height_m * grid.ahead_m, 0.3)

@@ -1,4 +1,4 @@
-"""Edges of an unmarked road: the lane shape that holds the most road and the least of the rest."""
+"""Edges of an unmarked road: the lane shape that encloses the most road likelihood."""
 
 import math
 from dataclasses import dataclass
@@ -10,17 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.lane.fit import KAPPA, PSI, WIDTH, E, LaneState, lane_coordinates
-from perception.lane.grid import lateral_grid, row_places
-from perception.lane.points import RoadPoints
-from perception.lane.surface import SurfaceBins, SurfaceSettings, road_likelihood, surface_bins
+from perception.lane.detection.grid import lateral_grid, row_places
+from perception.lane.detection.surface import SurfaceBins, SurfaceSettings, road_likelihood, surface_bins
+from perception.lane.model.geometry import (
+    KAPPA,
+    PSI,
+    WIDTH,
+    E,
+    LaneState,
+    RoadPoints,
+    lane_coordinates,
+    parallel_curve,
+)
 from trepid.camera import Camera
 from trepid.config import Settings
-from trepid.types import Array, Image, Positive
+from trepid.types import Array, Floats, Image, NonNegative, Positive
 
-Array32 = NDArray[np.float32]
-AnyArray = NDArray[np.floating]
-COARSE = 2  # every second place and band tells the shape of a road
+COARSE = 2  # the search over all shapes uses every second place and band
 
 
 class EdgeSettings(Settings):
@@ -42,7 +48,7 @@ class EdgeSettings(Settings):
     curvature_range_1pm: Positive
     curvature_steps: Annotated[int, Field(ge=2)]
     prior_weight: Positive
-    step_weight: Annotated[float, Field(ge=0)]
+    step_weight: NonNegative
     full_step_grey: Positive
     window_m: Positive
     margin_m: Positive
@@ -55,8 +61,8 @@ class EdgeSettings(Settings):
 
 
 @dataclass(frozen=True)
-class RoadLook:
-    """An image as the road is looked for in it: the part below the far end of the grid, and its colour bins."""
+class RoadImage:
+    """The part of an image below the far end of the grid, and its colour bins."""
 
     below: Image
     bins: SurfaceBins
@@ -86,7 +92,7 @@ class RoadEdgeFinder:
         self._patch, self._rest = (np.flatnonzero(mask) for mask in self._masks())
 
     def _masks(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Pixels that are road if the vehicle is on one, and pixels far enough aside to be something else."""
+        """Pixels of the road right ahead of the vehicle, and pixels to the sides or far ahead."""
         settings, camera = self._settings, self._camera
         distance_m, depth_m = row_places(
             camera, np.arange(self._first_row, camera.height_px, dtype=float)[:, None]
@@ -100,28 +106,28 @@ class RoadEdgeFinder:
         return patch, (np.abs(left) > settings.rest_half_width_m) | (ahead >= settings.reach_m)
 
     def _masks_of(self, lane: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Pixels well inside and well outside the edges of ``lane``."""
+        """Pixels inside and outside the edges of ``lane``, at least ``margin_m`` from them."""
         margin_m = self._settings.margin_m
         _, distance, _ = lane_coordinates(self._road_x_m, self._road_y_m, lane)
         aside = np.abs(distance) - lane[WIDTH] / 2
         inside = (aside < -margin_m) & (self._road_x_m < self._settings.reach_m)
         return inside, aside > margin_m
 
-    def look(self, image: Image) -> RoadLook:
-        """What does not depend on where the road is, of ``image`` (any size of the right shape)."""
+    def prepared(self, image: Image) -> RoadImage:
+        """``image``, of any size with the aspect ratio of the camera, resized, cut and binned."""
         size = (self._camera.width_px, self._camera.height_px)
         if image.shape[1::-1] != size:
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
         below = np.ascontiguousarray(image[self._first_row :])
-        return RoadLook(below=below, bins=surface_bins(below))
+        return RoadImage(below=below, bins=surface_bins(below))
 
-    def sums(self, look: RoadLook, lane: Array | None = None) -> Array32:
+    def sums(self, image: RoadImage, lane: Array | None = None) -> Floats:
         """Road likelihood summed from the left end of the grid to each place [nats·m], shape (bands, places).
 
-        Road is what looks like the patch ahead of the vehicle or, better, like the inside of ``lane``.
+        The sample of road is the patch ahead of the vehicle or, with ``lane``, its inside.
         """
         road, rest = (self._patch, self._rest) if lane is None else self._masks_of(lane)
-        ratio = road_likelihood(look.bins, road, rest, self._settings.surface)
+        ratio = road_likelihood(image.bins, road, rest, self._settings.surface)
         integral = cv2.integral(ratio, sdepth=cv2.CV_64F)
         top, bottom = self.grid.top_px - self._first_row, self.grid.bottom_px - self._first_row
         running = (integral[bottom] - integral[top]) / ((bottom - top) * self.grid.metre_px)[:, None]
@@ -136,19 +142,19 @@ class RoadEdgeFinder:
             np.float32,
         )
 
-    def steps(self, look: RoadLook) -> Array32:
+    def steps(self, image: RoadImage) -> Floats:
         """Sharpness of kerbs, lines and verges, 0..1: |∂/∂u| of the green channel, limited, (bands, places)."""
-        change = cv2.convertScaleAbs(cv2.Sobel(look.below[:, :, 1], cv2.CV_16S, 1, 0))
+        change = cv2.convertScaleAbs(cv2.Sobel(image.below[:, :, 1], cv2.CV_16S, 1, 0))
         full = np.float32(self._settings.full_step_grey)
         limited = np.minimum(cv2.blur(change, (3, 1)), full) / full
         return np.asarray(
             cv2.remap(limited, self._map_x - np.float32(0.5), self._step_rows, cv2.INTER_LINEAR), np.float32
         )
 
-    def search(self, sums: Array32, steps: Array32, prior: LaneState, *, near: Array | None = None) -> Array:
+    def search(self, sums: Floats, steps: Floats, prior: LaneState, *, near: Array | None = None) -> Array:
         """State (6,) whose edges enclose the most road likelihood under ``prior``.
 
-        Every shape is tried, coarsely, or those around the state ``near`` in half steps.
+        Searches all shapes on a coarse grid, or shapes around the state ``near`` in half steps.
         """
         if near is None:
             return self._best(self._all_shapes, sums, steps, prior)
@@ -157,7 +163,7 @@ class RoadEdgeFinder:
         bend = near[KAPPA] + half_steps * 2 * settings.curvature_range_1pm / (settings.curvature_steps - 1)
         return self._best(self._shapes(heading, bend, self._place_m, 1), sums, steps, prior)
 
-    def _best(self, shapes: "Shapes", sums: Array32, steps: Array32, prior: LaneState) -> Array:
+    def _best(self, shapes: "Shapes", sums: Floats, steps: Floats, prior: LaneState) -> Array:
         heading, bend, place_m, index = shapes
         sigma = np.sqrt(np.diag(prior.covariance))
         places = len(place_m)
@@ -175,7 +181,7 @@ class RoadEdgeFinder:
 
     @cached_property
     def _all_shapes(self) -> "Shapes":
-        """The shapes of a search without memory: the same in every frame."""
+        """The shapes of a search over the whole range."""
         settings = self._settings
         heading = np.linspace(-settings.heading_range_rad, settings.heading_range_rad, settings.heading_steps)
         bend = np.linspace(
@@ -199,11 +205,11 @@ class RoadEdgeFinder:
         index += (places * bands)[:, None, None, None]
         return Shapes(heading, bend, place_m, index.reshape(len(bands), -1))
 
-    def points(self, sums: Array32, mean: Array) -> tuple[RoadPoints, Array]:
+    def points(self, sums: Floats, mean: Array) -> tuple[RoadPoints, Array]:
         """Edge points near the curves of ``mean``, one per band and side, and their sides (+1 left, −1 right).
 
-        On the left edge road begins (going right), so the sum up to the edge is smallest there; on the right edge
-        it is largest. The contrast is the mean likelihood just inside minus just outside.
+        From left to right the likelihood sum has its minimum at the left edge and its maximum at the right edge.
+        The contrast is the mean likelihood just inside minus just outside.
         """
         settings, bands = self._settings, len(self.grid.ahead_m)
         reach = int(settings.window_m / settings.step_m)
@@ -234,10 +240,10 @@ class RoadEdgeFinder:
             side[on_right, 0],
         )
 
-    def apart(self, sums: Array32, lane: Array) -> float:
-        """How unlike what lies beside its edges the road ``lane`` is: mean likelihood within − beside them [nats].
+    def apart(self, sums: Floats, lane: Array) -> float:
+        """Mean log-likelihood of road within ``lane`` minus that beside its edges [nats]; 0 without a visible side.
 
-        On snow that was driven on, both are of road and of snow. 0 where nothing is seen beside the road.
+        Low on snow tracks, where both are a mixture of road and snow.
         """
         bands = np.arange(len(self.grid.ahead_m))
         half_m, wide_m = lane[WIDTH] / 2, self._settings.beside_m
@@ -251,8 +257,10 @@ class RoadEdgeFinder:
         return float(within.mean() - beside.mean()) if len(beside) and len(within) else 0.0
 
     def _runs(self, lane: Array, left_m: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Where the curves ``left_m``, shape (n, 1), to the left of the middle of ``lane`` run: the place in each
-        band, which may lie beyond the grid, and whether that is in the picture, both (n, bands).
+        """Curves ``left_m``, shape (n, 1), to the left of the middle of ``lane``, on the grid.
+
+        Returns the index of the place in each band, which may lie beyond the grid, and whether the place is inside
+        the image, both (n, bands).
         """
         x_m = self._camera.x_m + self.grid.ahead_m
         y_m = parallel_curve(x_m, lane[PSI], lane[KAPPA], left_m - lane[E])
@@ -262,35 +270,20 @@ class RoadEdgeFinder:
 
 
 class Shapes(NamedTuple):
-    """Curves to be tried: headings, bends, places, and where they run through the sums."""
+    """Curves of a search: headings, bends, places, and their indices into the sums."""
 
     heading_rad: Array
     bend_1pm: Array
     place_m: Array
-    places: NDArray[np.intp]  # flat, into every few bands, shape (bands, ψ·κ·place)
-
-
-def parallel_curve(
-    x_m: AnyArray, heading_rad: AnyArray, curvature_1pm: AnyArray, place_m: AnyArray
-) -> AnyArray:
-    """Lateral place y at ``x_m`` of the circle parallel to (ψ, κ) through the axle, ``place_m`` to its left.
-
-    With θ = −ψ, κ_d = κ/(1 − κ·d) and (x0, y0) = d·(−sin θ, cos θ): sin φ = sin θ + κ_d·(x − x0) and
-    y = y0 + (x − x0)·(sin φ + sin θ)/(cos φ + cos θ), which has no division by the curvature.
-    """
-    sin, cos = np.sin(-heading_rad), np.cos(heading_rad)
-    bend = curvature_1pm / np.maximum(1 - curvature_1pm * place_m, 0.2)
-    run = x_m + place_m * sin
-    sin_end = np.minimum(np.maximum(sin + bend * run, -0.98), 0.98)
-    return place_m * cos + run * (sin_end + sin) / (np.sqrt(1 - sin_end * sin_end) + cos)
+    places: NDArray[np.intp]  # flat indices, shape (bands, ψ·κ·place)
 
 
 def _best_edges(
-    on_left: Array32, on_right: Array32, unlikely: Array, place: Array, prior: LaneState, prior_weight: float
+    on_left: Floats, on_right: Floats, unlikely: Array, place: Array, prior: LaneState, prior_weight: float
 ) -> tuple[int, float, float]:
     """The shape, the offset e and the width W of the two edges with the best sum between them.
 
-    ``on_left`` and ``on_right``: what an edge at each place counts, shape (places, shapes).
+    ``on_left`` and ``on_right``: the score of an edge at each place, shape (places, shapes).
     """
     step = place[1] - place[0]
     sigma_e, sigma_w = np.sqrt(np.diag(prior.covariance))[[E, WIDTH]]

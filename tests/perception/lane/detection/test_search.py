@@ -2,12 +2,11 @@ import numpy as np
 import pytest
 
 from perception.estimators import lane_cv_settings
-from perception.lane.evidence import LaneFit
-from perception.lane.fit import WIDTH, E
-from perception.lane.grid import lateral_grid
-from perception.lane.memory import prior_state
-from perception.lane.points import MarkingFilter
-from perception.lane.search import find_lane
+from perception.lane.detection.grid import lateral_grid
+from perception.lane.detection.points import MarkingFilter
+from perception.lane.detection.search import find_lane
+from perception.lane.model.evidence import LaneFit
+from perception.lane.model.geometry import WIDTH, E
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
@@ -30,10 +29,9 @@ def picture(lines_m) -> np.ndarray:
 
 
 def found(image, stages=(SETTINGS.vote.cold, SETTINGS.vote.refine)) -> LaneFit:
-    prior = SETTINGS.prior
     return find_lane(
         MarkingFilter(SETTINGS.markings, GRID).points(image),
-        prior_state(prior, width_m=prior.width_m, width_sigma_m=prior.width_sigma_m),
+        SETTINGS.prior.lane,
         stages,
         GRID,
         fit=SETTINGS.fit,

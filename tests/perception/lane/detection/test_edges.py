@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from perception.estimators import lane_cv_settings
-from perception.lane.fit import KAPPA, PSI, WIDTH, E
-from perception.lane.lane_cv import make_view
+from perception.lane.model.geometry import KAPPA, PSI, WIDTH, E
+from perception.lane.view import make_view
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 

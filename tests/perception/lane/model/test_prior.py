@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.estimators import lane_cv_settings
-from perception.lane.fit import KAPPA, KAPPA_RATE, PITCH, PSI, WIDTH, E, LaneState
-from perception.lane.memory import at_most_sigma, looks_straight, on_straight
+from perception.lane.model.geometry import KAPPA, KAPPA_RATE, PITCH, PSI, WIDTH, E, LaneState
+from perception.lane.model.prior import looks_straight, on_straight
 
 PRIOR = lane_cv_settings().prior
 SIGMA = np.array([0.02, 0.004, 0.0009, 0.00005, 0.03, 0.003])  # of a lane that is seen well
@@ -26,19 +26,6 @@ def seen_lane(seed: int, *, bend_1pm: float = 0.0, heading_rad: float = 0.0) -> 
     mean = np.zeros(6)
     mean[[PSI, KAPPA, WIDTH]] = heading_rad, bend_1pm, 3.4
     return LaneState(mean=mean, covariance=random * np.outer(scale, scale))
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(0, 5), st.floats(0.05, 5.0))
-def test_a_bounded_deviation_keeps_the_covariance_positive_definite(
-    seed: int, index: int, sigma: float
-) -> None:
-    covariance = random_covariance(seed)
-    bounded = at_most_sigma(covariance, index, sigma)
-    assert np.linalg.eigvalsh(bounded).min() > 0
-    assert bounded[index, index] == pytest.approx(min(covariance[index, index], sigma**2))
-    others = np.delete(np.arange(6), index)
-    assert (bounded[np.ix_(others, others)] == covariance[np.ix_(others, others)]).all()
 
 
 @pytest.mark.parametrize(

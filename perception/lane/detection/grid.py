@@ -1,4 +1,4 @@
-"""The road seen row by row: each image row of a camera without roll is one distance on a flat road.
+"""The road by image rows: for a camera without roll, each row is one distance on a flat road.
 
 Along a row the lateral place on the road is linear in the column, so a metric window ("a line 12 cm wide") is an
 exact box in the row: the perspective needs no image warp, only a row-dependent scale.
@@ -17,7 +17,7 @@ from trepid.types import Array
 
 @dataclass(frozen=True)
 class LateralGrid:
-    """Bands of image rows below the horizon and their places on the road.
+    """Bands of image rows below the horizon, and where they lie on the road.
 
     ``ahead_m`` and ``left_m`` are measured from the foot point of the camera along and across its optical axis.
     """
@@ -31,7 +31,7 @@ class LateralGrid:
 
     @cached_property
     def area_m2(self) -> float:
-        """Road that the bands show, up to 16 m wide, if each were a metre long; at least 1."""
+        """Visible road, up to 16 m wide, with each band counted as a metre long; at least 1."""
         return max(1.0, float(np.sum(np.minimum(self.camera.width_px / self.metre_px, 16.0))))
 
     def column_px(self, band: NDArray[np.int64], left_m: Array) -> Array:

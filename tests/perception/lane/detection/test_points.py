@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 
 from perception.estimators import lane_cv_settings
-from perception.lane.fit import KAPPA, KAPPA_RATE, PSI, WIDTH, E, LaneState
-from perception.lane.grid import lateral_grid
-from perception.lane.memory import held, steady
-from perception.lane.points import MarkingFilter
+from perception.lane.detection.grid import lateral_grid
+from perception.lane.detection.points import MarkingFilter
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
@@ -48,13 +46,3 @@ def test_two_lines_farther_apart_stay_two():
 
 def test_no_line_is_seen_at_the_borders_of_an_even_picture():
     assert len(FILTER.points(stripes()).x_m) == 0
-
-
-def test_a_held_lane_keeps_place_and_width_and_runs_as_the_road_does():
-    lane = LaneState(mean=np.array([0.2, 0.0, 0.0, 0.0, 3.5, 0.0]), covariance=0.01 * np.eye(6))
-    road = LaneState(mean=np.array([-0.5, 0.03, 0.02, 0.001, 5.0, 0.0]), covariance=0.04 * np.eye(6))
-    both = held(road, lane)
-    assert both.mean[[E, WIDTH]].tolist() == [0.2, 3.5]
-    assert both.mean[[PSI, KAPPA, KAPPA_RATE]].tolist() == [0.03, 0.02, 0.001]
-    assert np.linalg.eigvalsh(both.covariance).min() > 0
-    assert steady(both).mean[KAPPA_RATE] == 0.0 and steady(both).mean[KAPPA] == 0.02

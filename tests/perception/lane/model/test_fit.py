@@ -6,22 +6,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.lane.edges import parallel_curve
-from perception.lane.fit import (
-    KAPPA,
+from perception.lane.model.fit import _residuals, fit_lane
+from perception.lane.model.geometry import (
     PITCH,
     PSI,
     WIDTH,
     E,
-    LaneState,
-    _residuals,
-    fit_lane,
+    RoadPoints,
     lane_coordinates,
     lane_curve,
+    parallel_curve,
 )
-from perception.lane.lane_cv import LaneCvSettings
-from perception.lane.memory import predict, prior_state
-from perception.lane.points import RoadPoints
+from perception.lane.settings import LaneCvSettings
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
@@ -48,11 +44,6 @@ def boundary_points(mean: np.ndarray) -> tuple[RoadPoints, np.ndarray]:
         half_m=np.zeros(len(x)),
     )
     return points, side
-
-
-def cold() -> LaneState:
-    prior = SETTINGS.prior
-    return prior_state(prior, width_m=prior.width_m, width_sigma_m=prior.width_sigma_m)
 
 
 @settings(max_examples=40, deadline=None)
@@ -85,7 +76,7 @@ def test_the_fit_finds_the_lane_that_made_the_points_from_a_rough_start(mean):
     """To a decimetre and 2.3 degrees at R = 14 m, where far points are doubted and the prior pulls it straight."""
     points, side = boundary_points(mean)
     start = mean + np.array([0.1, 0.02, 0.004, 0.0, 0.1, 0.0])
-    fitted = fit_lane(points, side, cold(), start, CAMERA, SETTINGS.fit)
+    fitted = fit_lane(points, side, SETTINGS.prior.lane, start, CAMERA, SETTINGS.fit)
     assert fitted.state.mean[E] == pytest.approx(mean[E], abs=0.10)
     assert fitted.state.mean[PSI] == pytest.approx(mean[PSI], abs=0.04)
     assert fitted.state.mean[WIDTH] == pytest.approx(mean[WIDTH], abs=0.06)
@@ -95,7 +86,7 @@ def test_points_that_are_not_doubted_give_the_lane_to_two_centimetres():
     mean = np.array([0.4, 0.1, 0.06, 0.0, 3.4, 0.0])
     points, side = boundary_points(mean)
     trusting = SETTINGS.fit.model_copy(update={"bend_doubt": 0.0})
-    fitted = fit_lane(points, side, cold(), mean, CAMERA, trusting)
+    fitted = fit_lane(points, side, SETTINGS.prior.lane, mean, CAMERA, trusting)
     assert fitted.state.mean[:3] == pytest.approx(mean[:3], abs=0.02)
 
 
@@ -104,7 +95,7 @@ def test_a_third_of_outliers_moves_the_fit_by_centimetres_only():
     points, side = boundary_points(mean)
     y = points.y_m.copy()
     y[::3] += np.random.default_rng(3).uniform(-1.0, 1.0, len(y[::3]))
-    fitted = fit_lane(replace(points, y_m=y), side, cold(), mean, CAMERA, SETTINGS.fit)
+    fitted = fit_lane(replace(points, y_m=y), side, SETTINGS.prior.lane, mean, CAMERA, SETTINGS.fit)
     assert fitted.state.mean[E] == pytest.approx(0.2, abs=0.05)
     assert fitted.state.mean[PSI] == pytest.approx(0.03, abs=0.02)
 
@@ -114,7 +105,7 @@ def test_a_camera_that_pitches_is_told_from_a_lane_that_widens():
     points, side = boundary_points(mean)
     grown = 1 + 0.01 * (points.x_m - CAMERA.x_m) / CAMERA.height_m  # looks 0.01 rad further down than it says
     seen = replace(points, x_m=CAMERA.x_m + (points.x_m - CAMERA.x_m) * grown, y_m=points.y_m * grown)
-    fitted = fit_lane(seen, side, cold(), mean, CAMERA, SETTINGS.fit)
+    fitted = fit_lane(seen, side, SETTINGS.prior.lane, mean, CAMERA, SETTINGS.fit)
     assert fitted.state.mean[PITCH] == pytest.approx(0.01, abs=0.002)
     assert fitted.state.mean[WIDTH] == pytest.approx(3.5, abs=0.05)
 
@@ -127,28 +118,3 @@ def test_a_parallel_curve_keeps_its_distance(heading, bend, place, x):
         return  # the curve has turned away before it reaches x
     _, distance, _ = lane_coordinates(np.array([x]), y, np.array([0.0, heading, bend, 0.0, 3.5, 0.0]))
     assert distance[0] == pytest.approx(place, abs=1e-8)
-
-
-def moved(state: LaneState, **motion: float | None) -> LaneState:
-    speed, yaw_rate = motion.get("speed"), motion.get("yaw_rate")
-    return predict(
-        state, 0.1, speed_mps=speed, yaw_rate_radps=yaw_rate, track=SETTINGS.track, prior=SETTINGS.prior
-    )
-
-
-def test_driving_along_an_arc_with_its_yaw_rate_keeps_offset_and_heading():
-    state = LaneState(mean=np.array([0.2, 0.0, 0.05, 0.0, 3.5, 0.0]), covariance=np.eye(6) * 1e-4)
-    after = moved(state, speed=10.0, yaw_rate=0.5)
-    assert after.mean[[E, PSI, KAPPA]] == pytest.approx([0.2, 0.0, 0.05])
-
-
-def test_driving_straight_while_turned_left_moves_left():
-    state = LaneState(mean=np.array([0.0, 0.1, 0.0, 0.0, 3.5, 0.0]), covariance=np.eye(6) * 1e-4)
-    assert moved(state, speed=10.0, yaw_rate=0.0).mean[E] == pytest.approx(math.sin(0.1), abs=1e-6)
-
-
-@pytest.mark.parametrize("motion", [{"speed": 10.0, "yaw_rate": 0.0}, {"speed": 10.0}, {}])
-def test_doubt_grows_while_nothing_is_seen(motion):
-    state = LaneState(mean=np.array([0.0, 0.0, 0.0, 0.0, 3.5, 0.0]), covariance=np.eye(6) * 1e-4)
-    after = moved(state, **motion)
-    assert (np.diag(after.covariance)[:3] > np.diag(state.covariance)[:3]).all()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from perception.estimators import lane_cv_settings
-from perception.lane.surface import road_likelihood, surface_bins
+from perception.lane.detection.surface import road_likelihood, surface_bins
 
 ASPHALT, GRASS = (
     (0.16, 0.17, 0.17),

@@ -1,0 +1,150 @@
+"""The choice between the candidates of a frame and the remembered lane."""
+
+from dataclasses import replace
+
+from perception.lane.frame_search import FrameSearch
+from perception.lane.matching import continues, encloses
+from perception.lane.memory import EDGES, LINES, LaneMemory
+from perception.lane.model.evidence import LaneFit
+from perception.lane.model.geometry import WIDTH
+from perception.lane.model.lane_in_road import along_road, half_with_vehicle, with_neighbour
+from perception.lane.rating import Candidate, Rating
+from perception.lane.settings import LaneCvSettings
+
+SIDES = (0, 1, -1)  # of a second lane of the road: none, left, right
+
+
+class LaneChoice:
+    """Chooses the lane of each frame.
+
+    Lines come before edges, and the remembered lane before a new one. Scores are compared with scores,
+    probabilities with probabilities; the settings ``…_score`` and ``…_probability`` name the scale of each limit.
+    """
+
+    def __init__(self, settings: LaneCvSettings, rating: Rating) -> None:
+        self._settings, self._rating = settings, rating
+        self._weak_frames = 0  # in a row without a good candidate near the remembered lane
+        self._rival_looks = 0  # detections of a better lane elsewhere, in a row
+
+    def choose(self, search: FrameSearch, memory: LaneMemory) -> Candidate | None:
+        """The lane detected in a frame; None when the predicted lane of ``memory`` is better than any candidate."""
+        if memory.lane is None:
+            return self._without_memory(search, memory)
+        best = self._with_memory(search, memory)
+        return None if best is not None and self._is_pause_of_lines(best, memory) else best
+
+    def _without_memory(self, search: FrameSearch, memory: LaneMemory) -> Candidate | None:
+        """Two good lines, else the better of lines and edges."""
+        settings = self._settings
+        lines = self._rating.candidate(search.lines_anywhere())
+        if lines.score >= settings.enough_score and lines.fit.boundaries_seen == 2:
+            return lines
+        edges = self._rating.candidate(search.edges_anywhere())
+        if edges.fit.boundaries_seen == 1:
+            edges = replace(edges, score=edges.score * settings.evidence.lone_edge_trust)
+        if edges.score >= settings.min_score and self._has_two_lanes(edges.fit):
+            half = half_with_vehicle(edges.fit.state, settings.prior)
+            if half is not None:
+                within = self._rating.candidate(search.lines_near(half))
+                if self._probability(within, memory) > self._probability(lines, memory):
+                    lines = within
+        best = self._lines_or_edges(lines, edges, memory)
+        return best if best.sure or best.score >= settings.min_score else None
+
+    def _with_memory(self, search: FrameSearch, memory: LaneMemory) -> Candidate | None:
+        """A good candidate near the remembered lane, else the best one unless a rival elsewhere is better."""
+        settings = self._settings
+        lines = self._follow_lines(search, memory)
+        if lines.score >= settings.good_score:
+            return self._kept(lines)
+        if memory.source == LINES and lines.score >= settings.min_score:
+            return self._unless_rival(lines, search, memory)
+        edges = self._follow_edges(search, memory)
+        if edges.score >= settings.good_score:
+            return self._kept(edges)
+        return self._unless_rival(self._lines_or_edges(lines, edges, memory), search, memory)
+
+    def _follow_lines(self, search: FrameSearch, memory: LaneMemory) -> Candidate:
+        """The lines of the predicted lane, or the best lines near it if those are not good."""
+        predicted = memory.between_lines
+        if memory.source == LINES:
+            lines = self._rating.candidate(search.lines_at(predicted))
+            if lines.score >= self._settings.good_score:
+                return lines
+        return self._rating.candidate(search.lines_near(predicted))
+
+    def _follow_edges(self, search: FrameSearch, memory: LaneMemory) -> Candidate:
+        """The edges of the predicted road, or of the road around a lane between lines; score 0 without a match.
+
+        As long as lines define the place of the lane, the road may have a second lane on its left or right. The
+        layout of the last match is tested first, and the lane keeps its place and width.
+        """
+        assert memory.lane is not None
+        road, track = memory.between_edges, self._settings.track
+        if memory.source == EDGES:
+            edges = self._rating.candidate(search.edges_at(road))
+            return edges if continues(edges.fit, memory.lane, track) else replace(edges, score=0.0)
+        keeps_place = memory.lines_define_place
+        sides = sorted(SIDES, key=lambda side: side != memory.neighbour) if keeps_place else (0,)
+        for side in sides:
+            fit = search.edges_at(with_neighbour(road, memory.lane, side))
+            if encloses(fit, memory.lane, side, track):
+                memory.neighbour = side
+                if keeps_place:
+                    fit = replace(fit, state=along_road(memory.lane, fit.state))
+                return self._rating.candidate(fit)
+        return replace(self._rating.candidate(fit), score=0.0)
+
+    def _lines_or_edges(self, lines: Candidate, edges: Candidate, memory: LaneMemory) -> Candidate:
+        """The candidate with the higher score, with two exceptions in favour of lines.
+
+        Lines win against improbable edges. Lines with at least ``sure_probability`` win against less probable
+        edges of a road of two lanes, whatever their score.
+        """
+        edges_probability = self._probability(edges, memory)
+        if lines.score >= self._settings.min_score and edges_probability < self._settings.min_probability:
+            return lines
+        if not memory.lines_define_place and self._has_two_lanes(edges.fit):
+            lines_probability = self._probability(lines, memory)
+            if lines_probability >= max(self._settings.sure_probability, edges_probability):
+                return replace(lines, sure=True)
+        return lines if lines.score >= edges.score else edges
+
+    def _unless_rival(self, weak: Candidate, search: FrameSearch, memory: LaneMemory) -> Candidate | None:
+        """The ``weak`` candidate near the remembered lane, or clearly better lines elsewhere.
+
+        A rival that does not continue the remembered lane must be found ``confirm_looks`` times in a row. The
+        search over all lanes is slow, so it runs at the first weak frame and then every ``rival_every`` frames.
+        """
+        track = self._settings.track
+        if self._weak_frames % track.rival_every == 0:
+            rival = None if weak.sure else self._rating.candidate(search.lines_anywhere())
+            if rival is not None and rival.score > weak.score + track.rival_margin:
+                assert memory.lane is not None
+                self._rival_looks += 1
+                if continues(rival.fit, memory.lane, track) or self._rival_looks >= track.confirm_looks:
+                    memory.looks = 0
+                    return self._kept(rival)
+            else:
+                self._rival_looks = 0
+        self._weak_frames += 1
+        return weak if weak.sure or weak.score >= self._settings.min_score else None
+
+    def _is_pause_of_lines(self, best: Candidate, memory: LaneMemory) -> bool:
+        """Whether ``best`` are edges right after lines, less probable than the lane remembered by the lines."""
+        if not best.fit.by_edges or memory.source != LINES or memory.by_edges:
+            return False
+        return self._probability(best, memory) < memory.faded_probability
+
+    def _kept(self, candidate: Candidate) -> Candidate:
+        self._rival_looks = self._weak_frames = 0
+        return candidate
+
+    def _has_two_lanes(self, edges: LaneFit) -> bool:
+        """Whether the road between ``edges`` is too wide for one lane."""
+        evidence = self._settings.evidence
+        max_width_m = evidence.road_width_m + evidence.road_width_sigma_m
+        return edges.boundaries_seen == 2 and float(edges.state.mean[WIDTH]) > max_width_m
+
+    def _probability(self, candidate: Candidate, memory: LaneMemory) -> float:
+        return self._rating.probability_of(candidate, looks=memory.looks)

@@ -1,0 +1,1 @@
+"""From pixels to a fitted lane: points of lines, road surface and edges, vote, search."""

@@ -1,0 +1,1 @@
+"""The lane model: state vector, fit, prior, prediction, score and probability of a lane."""

@@ -1,0 +1,118 @@
+"""The lane between frames: prediction with the motion of the vehicle (inventory T01)."""
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from perception.lane.model.geometry import KAPPA, KAPPA_RATE, PITCH, PSI, E, LaneState
+from perception.lane.model.prior import PriorSettings
+from trepid.clothoid import advanced
+from trepid.config import Settings
+from trepid.messages import VehicleState
+from trepid.types import Array, Positive, Share
+
+
+class TrackSettings(Settings):
+    """Section ``track`` of ``config/perception.yaml``: process noise, limits of the memory, gates of a match."""
+
+    offset_noise_m_per_sqrt_m: Positive
+    heading_noise_rad_per_sqrt_m: Positive
+    curvature_noise_1pm_per_sqrt_m: Positive
+    curvature_rate_noise_1pm2_per_sqrt_m: Positive
+    width_noise_m_per_sqrt_m: Positive
+    blind_speed_mps: Positive
+    blind_heading_noise_rad_per_sqrt_s: Positive
+    pitch_memory_s: Positive
+    curvature_rate_memory_m: Positive
+    max_coast_s: Positive
+    coast_decay_s: Positive
+    gate_offset_m: Positive
+    gate_heading_rad: Positive
+    edge_gate_offset_m: Positive
+    edge_gate_heading_rad: Positive
+    edge_gate_width_m: Positive
+    hold_m: Positive
+    confirm_looks: Annotated[int, Field(ge=1)]
+    rival_every: Annotated[int, Field(ge=1)]
+    rival_margin: Share
+
+
+class Motion(NamedTuple):
+    """Speed and yaw rate of the vehicle; None where they are not known."""
+
+    speed_mps: float | None
+    yaw_rate_radps: float | None
+
+    @classmethod
+    def of(cls, state: VehicleState | None) -> "Motion":
+        """The motion that ``state`` reports, without values that are not finite."""
+        if state is None:
+            return cls(None, None)
+        return cls(_finite(state.speed_mps), _finite(state.yaw_rate_radps))
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def travelled_m(motion: Motion, dt_s: float, track: TrackSettings) -> float:
+    """Distance [m] driven in ``dt_s``; at ``blind_speed_mps`` where the speed is not known."""
+    return (track.blind_speed_mps if motion.speed_mps is None else abs(motion.speed_mps)) * dt_s
+
+
+def predict(
+    state: LaneState, dt_s: float, motion: Motion, *, track: TrackSettings, prior: PriorSettings
+) -> LaneState:
+    """The lane ``dt_s`` later: e' = v·sinψ, ψ' = r − v·κ0, κ0' = v·κ', κ' and δ fade (Dickmanns 1992).
+
+    With an unknown speed nothing moves, but the noise is that of ``blind_speed_mps``; an unknown yaw rate keeps ψ.
+    """
+    speed_mps, yaw_rate_radps = motion
+    travelled = 0.0 if speed_mps is None else abs(speed_mps) * dt_s
+    noise_m = travelled_m(motion, dt_s, track)
+    mean = state.mean.copy()
+    turned = yaw_rate_radps * dt_s if yaw_rate_radps is not None else mean[KAPPA] * travelled
+    fade = math.exp(-travelled / track.curvature_rate_memory_m)
+    settle = math.exp(-dt_s / track.pitch_memory_s)
+    mean[[E, PSI, KAPPA]] = advanced(
+        *mean[[E, PSI, KAPPA, KAPPA_RATE]], way_m=travelled, turned_rad=turned, sin=math.sin
+    )
+    mean[KAPPA_RATE] *= fade
+    mean[PITCH] *= settle
+    transition = np.eye(6)
+    transition[E, PSI] = travelled
+    transition[PSI, KAPPA] = -travelled
+    transition[KAPPA, KAPPA_RATE] = travelled
+    transition[KAPPA_RATE, KAPPA_RATE] = fade
+    transition[PITCH, PITCH] = settle
+    covariance = transition @ state.covariance @ transition.T
+    noise = _process_noise(noise_m, dt_s, yaw_rate_radps, track)
+    noise[PITCH] = prior.pitch_sigma_rad**2 * (1 - settle**2)
+    covariance[np.diag_indices(6)] += noise
+    return LaneState(mean=mean, covariance=covariance)
+
+
+def steady(lane: LaneState) -> LaneState:
+    """``lane`` with a constant bend: the rate of the bend is the least certain part of a lane just lost."""
+    mean = lane.mean.copy()
+    mean[KAPPA_RATE] = 0.0
+    return LaneState(mean=mean, covariance=lane.covariance)
+
+
+def _process_noise(noise_m: float, dt_s: float, yaw_rate_radps: float | None, track: TrackSettings) -> Array:
+    """Variances added over ``noise_m`` of travel and ``dt_s``, shape (6,); 0 for δ."""
+    heading = track.heading_noise_rad_per_sqrt_m**2 * noise_m
+    if yaw_rate_radps is None:
+        heading += track.blind_heading_noise_rad_per_sqrt_s**2 * dt_s
+    return np.array(
+        [
+            track.offset_noise_m_per_sqrt_m**2 * noise_m,
+            heading,
+            track.curvature_noise_1pm_per_sqrt_m**2 * noise_m,
+            track.curvature_rate_noise_1pm2_per_sqrt_m**2 * noise_m,
+            track.width_noise_m_per_sqrt_m**2 * noise_m,
+            0.0,
+        ]
+    )

@@ -1,0 +1,80 @@
+"""Settings of the lane estimator: ``config/perception.yaml``."""
+
+import sys
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from perception.camera.self_calibration import SelfCalibrationSettings
+from perception.lane.camera_check import CameraCheckSettings
+from perception.lane.detection.edges import EdgeSettings
+from perception.lane.detection.points import MarkingSettings
+from perception.lane.detection.vote import VoteSettings
+from perception.lane.model.confidence import ConfidenceSettings
+from perception.lane.model.evidence import EvidenceSettings
+from perception.lane.model.fit import FitSettings
+from perception.lane.model.prediction import TrackSettings
+from perception.lane.model.prior import PriorSettings
+from trepid.config import Settings
+from trepid.steering import SteeringSettings
+from trepid.types import Positive, Share
+
+RENAMED = {
+    "min_confidence": ("min_score", "min_probability"),
+    "enough_confidence": ("enough_score",),
+    "good_confidence": ("good_score", "good_probability"),
+    "sure_confidence": ("sure_probability",),
+}
+"""Former names of fields. A file with a former name sets the fields of today, with a warning on stderr."""
+
+
+class VoteStages(Settings):
+    """Section ``vote``: the lane shapes of a search with and without a prediction."""
+
+    cold: VoteSettings
+    refine: VoteSettings
+    tracked: VoteSettings
+    prior_weight: Positive
+    min_support: Positive
+
+
+class LaneCvSettings(Settings):
+    """``config/perception.yaml``. Limits of the score and of the probability are separate fields."""
+
+    working_width_px: Annotated[int, Field(ge=64, le=1280)]
+    reach_m: Positive
+    drawn_reach_m: Positive
+    band_m: Positive
+    max_band_px: Annotated[int, Field(ge=1)]
+    min_score: Share
+    enough_score: Share
+    good_score: Share
+    min_probability: Share
+    good_probability: Share
+    sure_probability: Share
+    markings: MarkingSettings
+    fit: FitSettings
+    edge_fit: FitSettings
+    vote: VoteStages
+    prior: PriorSettings
+    track: TrackSettings
+    evidence: EvidenceSettings
+    confidence: ConfidenceSettings
+    steering: SteeringSettings
+    self_calibration: SelfCalibrationSettings
+    camera_check: CameraCheckSettings
+    edges: EdgeSettings
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_former_names(cls, data: Any) -> Any:
+        """``data`` with former names replaced; a former name overrides the fields of today."""
+        if not isinstance(data, Mapping) or not RENAMED.keys() & data.keys():
+            return data
+        today = {name: value for name, value in data.items() if name not in RENAMED}
+        for former in RENAMED.keys() & data.keys():
+            names = RENAMED[former]
+            print(f"warning: perception.yaml: {former} is now {' and '.join(names)}", file=sys.stderr)
+            today |= dict.fromkeys(names, data[former])
+        return today

@@ -1,0 +1,50 @@
+import math
+
+import numpy as np
+import pytest
+
+from perception.estimators import lane_cv_settings
+from perception.lane.model.geometry import KAPPA, KAPPA_RATE, PSI, E, LaneState
+from perception.lane.model.prediction import Motion, predict, steady
+from trepid.messages import VehicleState
+
+SETTINGS = lane_cv_settings()
+
+
+def lane(offset_m=0.0, heading_rad=0.0, curvature_1pm=0.0) -> LaneState:
+    mean = np.array([offset_m, heading_rad, curvature_1pm, 0.0, 3.5, 0.0])
+    return LaneState(mean=mean, covariance=np.eye(6) * 1e-4)
+
+
+def moved(state: LaneState, speed_mps=None, yaw_rate_radps=None) -> LaneState:
+    motion = Motion(speed_mps, yaw_rate_radps)
+    return predict(state, 0.1, motion, track=SETTINGS.track, prior=SETTINGS.prior)
+
+
+def test_driving_along_an_arc_with_its_yaw_rate_keeps_offset_and_heading():
+    after = moved(lane(0.2, 0.0, 0.05), 10.0, 0.5)
+    assert after.mean[[E, PSI, KAPPA]] == pytest.approx([0.2, 0.0, 0.05])
+
+
+def test_driving_straight_with_a_heading_error_to_the_left_moves_left():
+    assert moved(lane(heading_rad=0.1), 10.0, 0.0).mean[E] == pytest.approx(math.sin(0.1), abs=1e-6)
+
+
+@pytest.mark.parametrize("motion", [(10.0, 0.0), (10.0, None), (None, None)])
+def test_the_covariance_grows_without_a_detection(motion):
+    before = lane()
+    after = moved(before, *motion)
+    assert (np.diag(after.covariance)[:3] > np.diag(before.covariance)[:3]).all()
+
+
+def test_a_steady_lane_keeps_its_bend_and_has_no_rate_of_it():
+    bent = LaneState(mean=np.array([0.0, 0.0, 0.02, 0.001, 3.5, 0.0]), covariance=np.eye(6))
+    assert steady(bent).mean[[KAPPA, KAPPA_RATE]].tolist() == [0.02, 0.0]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, None])
+def test_a_motion_that_is_not_finite_is_not_known(value):
+    state = VehicleState(
+        t_s=0.0, speed_mps=value, road_wheel_angle_rad=0.0, yaw_rate_radps=value, driver_override=False
+    )
+    assert Motion.of(state) == Motion.of(None) == Motion(None, None)
