@@ -1,4 +1,4 @@
-# Everything runs in .venv; `make` sets it up when pyproject.toml or constraints.txt changed.
+# Everything runs in .venv, which `make` sets up again when pyproject.toml or constraints.txt changes.
 PYTHON ?= python3
 VENV := .venv
 READY := $(VENV)/.ready
@@ -6,16 +6,17 @@ TESTED := $(VENV)/.ready-test
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 BIN := $(VENV)/bin
 LIMITER_TESTS := tests/controller/limiter/test_edges.py tests/controller/limiter/test_parts.py tests/controller/limiter/test_limiter.py
-# By name: to import all the others takes as long as a test.
+# By file name: importing all test files would take longer than these tests.
 PROCESS_TESTS := $(shell grep -rl mark.processes tests --include=test_*.py)
 
-.PHONY: help setup drive test proof mutation lint train acados clean
+.PHONY: help setup drive test suite proof mutation lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
 	@echo "make test    set up and run the tests"
-	@echo "make proof   run what takes minutes: 100 runs on a loaded machine, a sweep on a Dask cluster that loses a worker"
-	@echo "make mutation  mutate the limiter: its tests must notice every change (15 min on two quiet cores)"
+	@echo "make suite   all scenarios against their expectations, on the exact lane instead of rendered pictures"
+	@echo "make proof   run the long tests: 100 runs on a loaded machine, a sweep on a Dask cluster that loses a worker"
+	@echo "make mutation  mutate the limiter; its tests must fail at every mutation (15 min on two quiet cores)"
 	@echo "make lint    ruff and mypy"
 	@echo "make train   re-create the shipped CNN weights (installs torch into its own .venv-train)"
 	@echo "make acados  the peer of trepid bench control-mpc (needs gcc)"
@@ -45,9 +46,13 @@ test: $(TESTED)
 ifdef ARGS
 	@$(BIN)/python -m pytest $(ARGS)
 else
-	@$(BIN)/python -m pytest -n 2 -m "not processes and not proof"
+	@$(BIN)/python -m pytest -n 2 -m "not processes and not proof and not suite"
 	@$(BIN)/python -m pytest -m "processes and not proof" $(PROCESS_TESTS)
 endif
+
+suite: $(TESTED)
+	@echo "== pytest -m suite"
+	@$(BIN)/python -m pytest -n 2 -m suite tests/sim_harness/scenarios $(ARGS)
 
 proof: $(TESTED)
 	@$(PIP) -e '.[proof]'
@@ -56,7 +61,7 @@ proof: $(TESTED)
 	@echo "== pytest -m proof"
 	@$(BIN)/python -m pytest -m proof $(ARGS)
 
-# Goes on where it was; every mutant must be killed, none is excused.
+# Continues after an interruption; the tests must kill every mutant.
 mutation: $(TESTED)
 	@$(PIP) -e '.[proof]'
 	@$(BIN)/mutmut run --max-children 2
@@ -72,7 +77,7 @@ train:
 	@.venv-train/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[train]'
 	@.venv-train/bin/python -m trepid train $(ARGS)
 
-# acados's wheel brings a casadi of its own, so it stays out of .venv.
+# The wheel of acados contains another casadi, so it stays out of .venv.
 acados:
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --target .venv-acados comma-deps-acados==0.2.2.post92
 
