@@ -1,4 +1,4 @@
-"""The language of the rules: a sentence in, its meaning as a table row out.
+"""The rule language: a sentence in, its meaning as a table row out.
 
 A rule is a sentence::
 
@@ -14,13 +14,49 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from lark import Lark, Token, Tree
+from lark.exceptions import UnexpectedInput
 
 from supervisor.rules.rule_file import FEAR, LEVELS, RuleFile
 from trepid import config
 from trepid.causes import unknown_cause
 from trepid.config import InputError
+
+MAX_CASES, MAX_DEPTH = 256, 32
+"""Limits of one rule, far above any legible one: a mistyped rule must not fill the memory."""
+
+GRAMMAR = r"""
+start: _IF expression _THEN OUTPUT _IS LEVEL [_WITH _WEIGHT NUMBER] [_BECAUSE CAUSE]
+?expression: conjunction (_OR conjunction)*   -> disjunction
+?conjunction: term (_AND term)*
+?term: NOT term                               -> negation
+     | LPAR expression _RPAR                  -> group
+     | INPUT _IS [NOT] SET                    -> atom
+
+_IF.2: /if\b/
+_THEN.2: /then\b/
+_IS.2: /is\b/
+_WITH.2: /with\b/
+_WEIGHT.2: /weight\b/
+_BECAUSE.2: /because\b/
+_OR.2: /or\b/
+_AND.2: /and\b/
+NOT.2: /not\b/
+LPAR: "("
+_RPAR: ")"
+NUMBER: /[0-9.]+/
+INPUT: /[A-Za-z_]\w*/
+SET: /[A-Za-z_]\w*/
+OUTPUT: /[A-Za-z_]\w*/
+LEVEL: /[A-Za-z_]\w*/
+CAUSE: /[A-Za-z_]\w*/
+%ignore /\s+/
+"""
+_WORD = re.compile(r"[A-Za-z_]\w*|[0-9.]+|\S|$")
 
 
 class Atom(NamedTuple):
@@ -33,15 +69,11 @@ class Atom(NamedTuple):
 
 Cases = tuple[tuple[Atom, ...], ...]
 """An expression as a disjunction of conjunctions."""
-MOST_CASES, DEEPEST = (
-    256,
-    32,
-)  # far beyond what a person would read; keeps a mistyped rule from filling the memory
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One sentence, understood."""
+    """A parsed sentence."""
 
     text: str
     cases: Cases
@@ -52,34 +84,27 @@ class Rule:
 
     @property
     def harm(self) -> int:
-        """How bad it is that the rule holds, 0 to 4: the level of fear, or how far trust is below very_high."""
+        """Severity of the consequence, 0 to 4: the level of fear, or the levels of trust below very_high."""
         return self.level if self.output == FEAR else len(LEVELS) - 1 - self.level
 
     @property
     def inputs(self) -> frozenset[str]:
-        """The inputs that the rule speaks of."""
+        """Names of the inputs in the expression."""
         return frozenset(atom.input for case in self.cases for atom in case)
 
 
 class SentenceError(ValueError):
-    """A rule that cannot be understood; ``offset`` is where in the sentence, from 0."""
+    """A sentence that is not a rule; ``offset`` is the index of the wrong word in the sentence."""
 
     def __init__(self, message: str, offset: int) -> None:
         super().__init__(message)
         self.offset = offset
 
 
-class Word(NamedTuple):
-    """A token of a sentence and where it starts."""
-
-    text: str
-    offset: int
-
-
 def load_rules(path: Path) -> tuple[RuleFile, tuple[Rule, ...]]:
-    """The rule file at ``path`` and its sentences, understood.
+    """The rule file at ``path`` and its parsed sentences.
 
-    Raises InputError with file:line:column of the first thing that is wrong, and what was expected there.
+    Raises InputError with file:line:column of the first error and the expected text.
     """
     file = config.load(path, RuleFile)
     return file, tuple(_rule_at(i, file, path) for i in range(len(file.rules)))
@@ -103,126 +128,89 @@ def _rule_at(index: int, file: RuleFile, path: Path) -> Rule:
 
 def parse_rule(sentence: str, inputs: Iterable[str], *, outputs: tuple[str, ...] = (FEAR,)) -> Rule:
     """The rule that ``sentence`` states about ``inputs``. Raises SentenceError."""
-    words = [Word(m.group(), m.start()) for m in re.finditer(r"[A-Za-z_]\w*|[0-9.]+|\S", sentence)]
-    return _Parser(sentence, words, tuple(inputs), outputs).rule()
+    known = {"INPUT": tuple(inputs), "SET": LEVELS, "OUTPUT": outputs, "LEVEL": LEVELS}
+    parser = _grammar().parse_interactive(sentence)
+    try:
+        for token in parser.iter_parse():  # names are checked on the way: the first error is reported
+            _check_token(token, known)
+        tree = parser.feed_eof()
+    except UnexpectedInput as error:
+        at_end = getattr(error, "token", None) is not None and error.token.type == "$END"
+        offset = len(sentence) if at_end else int(error.pos_in_stream or 0)
+        word = _WORD.match(sentence, offset)
+        message = _expectation(word.group() if word else "", parser.accepts(), known)
+        raise SentenceError(message, offset) from error
+    expression, output, level, weight, cause = tree.children
+    if output != FEAR and level == LEVELS[-1]:
+        message = f"{output} is {level} where no rule lowers it; expected {', '.join(LEVELS[:-1])}"
+        raise SentenceError(message, level.start_pos)
+    cases = _cases(expression, negated=False, depth=0)
+    return Rule(
+        sentence,
+        cases,
+        LEVELS.index(level),
+        float(weight or 1.0),
+        str(cause or cases[0][0].input),
+        str(output),
+    )
 
 
-class _Parser:
-    """Recursive descent over the words of one sentence; ``not`` is pushed down to the atoms (De Morgan)."""
-
-    def __init__(
-        self, sentence: str, words: list[Word], inputs: tuple[str, ...], outputs: tuple[str, ...]
-    ) -> None:
-        self.sentence, self.words, self.inputs, self.outputs = sentence, words, inputs, outputs
-        self.end = Word("", len(sentence))
-        self.depth = 0
-
-    @property
-    def next(self) -> Word:
-        return self.words[0] if self.words else self.end
-
-    def take(self, *expected: str, what: str = "") -> str:
-        """The next word, which must be one of ``expected``."""
-        word = self.next
-        if word.text not in expected:
-            raise SentenceError(_expectation(word.text, expected, what), word.offset)
-        self.words = self.words[1:]
-        return word.text
-
-    def skip(self, *phrase: str) -> bool:
-        """Whether ``phrase`` stood next; it is passed over then."""
-        found = [w.text for w in self.words[: len(phrase)]] == list(phrase)
-        if found:
-            self.words = self.words[len(phrase) :]
-        return found
-
-    def rule(self) -> Rule:
-        self.take("if")
-        cases = self.any_of(negated=False)
-        self.take("then")
-        output = self.take(*self.outputs, what="output")
-        self.take("is")
-        level = self.level(output)
-        weight = self.weight() if self.skip("with", "weight") else 1.0
-        cause = self.cause() if self.skip("because") else cases[0][0].input
-        self.take("")
-        return Rule(self.sentence, cases, level, weight, cause, output)
-
-    def level(self, output: str) -> int:
-        offset = self.next.offset
-        level = LEVELS.index(self.take(*LEVELS, what="level"))
-        if output != FEAR and level == len(LEVELS) - 1:
-            told = f"{output} is very_high wherever no rule lowers it; expected {', '.join(LEVELS[:-1])}"
-            raise SentenceError(told, offset)
-        return level
-
-    def any_of(self, *, negated: bool) -> Cases:
-        parts = [self.all_of(negated=negated)]
-        while self.skip("or"):
-            parts.append(self.all_of(negated=negated))
-        return self.conjunction(parts) if negated else _disjunction(parts)
-
-    def all_of(self, *, negated: bool) -> Cases:
-        parts = [self.term(negated=negated)]
-        while self.skip("and"):
-            parts.append(self.term(negated=negated))
-        return _disjunction(parts) if negated else self.conjunction(parts)
-
-    def conjunction(self, parts: list[Cases]) -> Cases:
-        if math.prod(len(part) for part in parts) > MOST_CASES:
-            told = f"the rule has more than {MOST_CASES} cases; split it into several"
-            raise SentenceError(told, self.next.offset)
-        return tuple(tuple(itertools.chain(*choice)) for choice in itertools.product(*parts))
-
-    def term(self, *, negated: bool) -> Cases:
-        if self.next.text in ("not", "("):
-            return self.inner(negated=negated)
-        name = self.take(*self.inputs, what="input")
-        self.take("is")
-        if self.skip("not"):
-            negated = not negated
-        return ((Atom(name, self.take(*LEVELS, what="set"), negated),),)
-
-    def inner(self, *, negated: bool) -> Cases:
-        self.depth += 1
-        if self.depth > DEEPEST:
-            raise SentenceError(f"nested deeper than {DEEPEST}; split the rule", self.next.offset)
-        if self.skip("not"):
-            cases = self.term(negated=not negated)
-        else:
-            self.take("(")
-            cases = self.any_of(negated=negated)
-            self.take(")")
-        self.depth -= 1
-        return cases
-
-    def weight(self) -> float:
-        word = self.next
-        try:
-            value = float(word.text)
-        except ValueError:
-            value = -1.0
-        if not 0 < value <= 1:
-            raise SentenceError(f"expected a weight above 0 and at most 1, got {word.text!r}", word.offset)
-        self.words = self.words[1:]
-        return value
-
-    def cause(self) -> str:
-        word = self.next
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", word.text):
-            raise SentenceError(f"expected a cause such as 'dark', got {word.text!r}", word.offset)
-        self.words = self.words[1:]
-        return word.text
+@cache
+def _grammar() -> Lark:
+    """The parser, built at the first use (LALR(1), a terminal is matched only where it is allowed)."""
+    return Lark(GRAMMAR, parser="lalr", maybe_placeholders=True)
 
 
-def _disjunction(parts: list[Cases]) -> Cases:
-    return tuple(itertools.chain(*parts))
+def _check_token(token: Token, known: dict[str, tuple[str, ...]]) -> None:
+    """Raise SentenceError for an unknown name, a weight outside 0..1 or a malformed cause."""
+    names = known.get(token.type)
+    wrong = (
+        (names is not None and token not in names)
+        or (token.type == "NUMBER" and not _is_weight(token))
+        or (token.type == "CAUSE" and not re.fullmatch(r"[a-z][a-z0-9_]*", token))
+    )
+    if wrong:
+        raise SentenceError(_expectation(str(token), {token.type}, known), token.start_pos or 0)
 
 
-def _expectation(got: str, expected: tuple[str, ...], what: str) -> str:
-    """What was expected instead of ``got``, with a did-you-mean."""
-    if expected == ("",):
+def _is_weight(text: str) -> bool:
+    try:
+        return 0 < float(text) <= 1
+    except ValueError:
+        return False
+
+
+def _cases(tree: Tree[Token], *, negated: bool, depth: int) -> Cases:
+    """``tree`` as a disjunction of conjunctions; ``not`` is pushed down to the atoms (De Morgan)."""
+    children: list[Any] = tree.children
+    if tree.data == "atom":
+        name, no, level = children
+        return ((Atom(str(name), str(level), negated != (no is not None)),),)
+    if tree.data in ("negation", "group"):
+        if depth == MAX_DEPTH:
+            raise SentenceError(f"nested deeper than {MAX_DEPTH}; split the rule", children[0].start_pos)
+        return _cases(children[1], negated=negated != (tree.data == "negation"), depth=depth + 1)
+    parts = [_cases(child, negated=negated, depth=depth) for child in children]
+    if (tree.data == "disjunction") != negated:
+        return tuple(itertools.chain(*parts))
+    if math.prod(len(part) for part in parts) > MAX_CASES:
+        first = next(tree.scan_values(lambda value: isinstance(value, Token)))
+        raise SentenceError(f"the rule has more than {MAX_CASES} cases; split it into several", first.start_pos)
+    return tuple(tuple(itertools.chain(*choice)) for choice in itertools.product(*parts))
+
+
+def _expectation(got: str, accepted: Iterable[str], known: dict[str, tuple[str, ...]]) -> str:
+    """Error text: the expected words in place of ``got``, with the nearest known name."""
+    terminals = set(accepted)
+    if "$END" in terminals:
         return f"expected the end of the rule, 'with weight' or 'because', got {got!r}"
+    names = next((terminal for terminal in known if terminal in terminals), None)
+    what = next((t.lower() for t in ("INPUT", "SET", "OUTPUT", "LEVEL", "CAUSE") if t in terminals), "")
+    if "NUMBER" in terminals and got:
+        return f"expected a weight above 0 and at most 1, got {got!r}"
+    if "CAUSE" in terminals and got:
+        return f"expected a cause such as 'dark', got {got!r}"
+    expected = known[names] if names else (_keyword(terminals),)
     if not got:
         return f"the rule ends too early: expected {what or repr(expected[0])}"
     close = difflib.get_close_matches(got, expected, n=1)
@@ -230,3 +218,12 @@ def _expectation(got: str, expected: tuple[str, ...], what: str) -> str:
         return f"expected {expected[0]!r}, got {got!r}"
     hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(expected)}"
     return f"unknown {what or 'word'} {got!r}; {hint}"
+
+
+def _keyword(terminals: set[str]) -> str:
+    """The word that continues the rule, from the terminals that the parser accepts."""
+    if "_RPAR" in terminals:
+        return ")"
+    if "_THEN" in terminals:
+        return "then"
+    return {"NUMBER": "weight"}.get(min(terminals), min(terminals).removeprefix("_").lower())

@@ -107,7 +107,7 @@ BAD: dict[str, tuple[str | bytes | None, str]] = {
     "trust of a stranger": (with_rule("if time_gap is low then trust_cv is low"), "unknown output 'trust_cv'"),
     "trust that is full": (
         with_rule("if time_gap is low then trust_cv is very_high") + "estimators: [cv]\n",
-        "trust_cv is very_high wherever no rule lowers it; expected very_low",
+        "trust_cv is very_high where no rule lowers it; expected very_low",
     ),
     "no then": (with_rule("if time_gap is low fear is high"), "expected 'then', got 'fear'"),
     "comma": (with_rule("if time_gap is low, speed is low then fear is high"), "expected 'then', got ','"),
