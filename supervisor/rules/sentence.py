@@ -195,7 +195,9 @@ def _cases(tree: Tree[Token], *, negated: bool, depth: int) -> Cases:
         return tuple(itertools.chain(*parts))
     if math.prod(len(part) for part in parts) > MAX_CASES:
         first = next(tree.scan_values(lambda value: isinstance(value, Token)))
-        raise SentenceError(f"the rule has more than {MAX_CASES} cases; split it into several", first.start_pos)
+        raise SentenceError(
+            f"the rule has more than {MAX_CASES} cases; split it into several", first.start_pos
+        )
     return tuple(tuple(itertools.chain(*choice)) for choice in itertools.product(*parts))
 
 

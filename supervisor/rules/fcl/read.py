@@ -1,19 +1,20 @@
 """Rule files from IEC 61131-7 Fuzzy Control Language, in the subset that :mod:`supervisor.rules.fcl.export` writes.
 
 One function block; inputs with the five terms as points of degree 0 or 1; outputs fear and trust_NAME with
-triangles, or singletons, of which each reaches down to its neighbours; MIN, MAX, COG. A file without our OPTION
-block is read as what it says, Mamdani's method; the direction of every risk must be told, ``OPTION RISK speed :=
-rising; END_OPTION``, because nothing else tells it.
+triangles, or singletons, of which each reaches down to its neighbours; MIN, MAX, COG. A file without the OPTION
+block of the export is read as Mamdani's method; the direction of every risk must be given, ``OPTION RISK speed :=
+rising; END_OPTION``, because FCL has no word for it.
 """
 
 import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from lark import Token, Tree
 from pydantic import ValidationError
 
 from supervisor.rules.fcl.export import FCL_WORDS, points
-from supervisor.rules.fcl.words import Token, Words
+from supervisor.rules.fcl.grammar import Source, hint
 from supervisor.rules.inference import DISTRUST_AT
 from supervisor.rules.membership import level_sets
 from supervisor.rules.rule_file import FEAR, LEVELS, TRUST_PREFIX, RuleFile
@@ -21,30 +22,27 @@ from supervisor.rules.sentence import SentenceError, parse_rule
 from trepid import config
 
 Corner = tuple[float, float]
-_PER_INPUT = {"MEANING": "meaning", "UNIT": "unit", "RISK": "risk", "MISSING": "missing", "BEYOND": "beyond"}
-_PER_LEVEL = {"SPEED_FACTOR": "speed_factor", "MODE": "mode"}
-_ONLY = {"AND": "MIN", "OR": "MAX", "ACT": "MIN", "ACCU": "MAX", "METHOD": "COG"}
 
 
 def parse_fcl(text: str, *, source: object, like: RuleFile) -> RuleFile:
-    """The rules in ``text``. Actions and hysteresis that it does not tell are those of ``like``.
+    """The rules in ``text``. Actions and hysteresis that it does not state are those of ``like``.
 
-    Raises InputError with source:line:column of the first thing that is wrong, and what was expected there.
+    Raises InputError with source:line:column of the first error and the expected text.
     """
-    return _Reader(Words(text, source), like).file()
+    return _Reader(Source(text, source), like).file()
 
 
 class _Reader:
-    """Recursive descent over the blocks; gathers what a rule file holds, and where each part stood."""
+    """Walks over the blocks of the syntax tree; collects the contents of a rule file and the place of each part."""
 
-    def __init__(self, words: Words, like: RuleFile) -> None:
-        self.words = words
+    def __init__(self, source: Source, like: RuleFile) -> None:
+        self.source = source
         self.inputs: dict[str, dict[str, Any]] = {}
         self.outputs: dict[str, dict[str, tuple[Token, list[Corner]]]] = {}
         self.rules: list[tuple[str, list[tuple[int, Token]]]] = []
         self.labels: dict[str, int] = {}
         self.causes: dict[int, str] = {}
-        self.places: dict[tuple[str | int, ...], Token] = {(): words.next}
+        self.places: dict[tuple[str | int, ...], Token] = {}
         self.actions = {
             level: action.model_dump() for level, action in zip(LEVELS, like.fear.all, strict=True)
         }
@@ -52,166 +50,103 @@ class _Reader:
         self.head: dict[str, Any] = {"method": "mamdani"}
 
     def file(self) -> RuleFile:
-        words = self.words
-        words.take("FUNCTION_BLOCK")
-        words.name()
-        blocks: dict[str, Callable[[], None]] = {
-            "VAR_INPUT": self.var_input,
-            "VAR_OUTPUT": self.var_output,
-            "FUZZIFY": self.fuzzify,
-            "DEFUZZIFY": self.defuzzify,
-            "RULEBLOCK": self.ruleblock,
-            "OPTION": self.option,
-        }
-        while not words.skip("END_FUNCTION_BLOCK"):
-            blocks[words.take(*blocks, "END_FUNCTION_BLOCK").keyword]()
-        if words.next.kind != "end":
-            raise words.error(words.next, "the end of the file: one function block is a rule file")
+        _, *blocks = self.source.tree().children
+        for block in blocks:
+            assert isinstance(block, Tree)
+            read: Callable[[list[Any]], None] = getattr(self, str(block.data))
+            read(block.children)
         return self.checked()
 
-    def var_input(self) -> None:
-        for name in self.variables():
-            self.inputs[name.text] = {"meaning": name.text, "unit": "1", "sets": {}}
-            self.places["inputs", name.text] = name
+    def var_input(self, names: list[Any]) -> None:
+        for name in names:
+            self.inputs[str(name)] = {"meaning": str(name), "unit": "1", "sets": {}}
+            self.places["inputs", str(name)] = name
 
-    def var_output(self) -> None:
-        for name in self.variables():
-            if name.text != FEAR and not name.text.startswith(TRUST_PREFIX):
-                raise self.words.error(name, f"{FEAR!r} or {TRUST_PREFIX}NAME", close_to=[FEAR])
-            self.outputs[name.text] = {}
+    def var_output(self, names: list[Any]) -> None:
+        for name in names:
+            if name != FEAR and not name.startswith(TRUST_PREFIX):
+                expected = f"{FEAR!r} or {TRUST_PREFIX}NAME"
+                self.source.fail(name, f"expected {expected}, got {str(name)!r}{hint(name, [FEAR])}")
+            self.outputs[str(name)] = {}
             self.places["estimators", len(self.outputs) - 1] = name
 
-    def variables(self) -> list[Token]:
-        names: list[Token] = []
-        while not self.words.skip("END_VAR"):
-            names.append(self.words.name())
-            self.words.take(":")
-            self.words.take("REAL")
-            self.words.take(";")
-        return names
-
-    def fuzzify(self) -> None:
-        name = self.words.name(self.inputs, what="one").text
+    def fuzzify(self, parts: list[Any]) -> None:
+        name = self.source.expect(parts[0], self.inputs)
         spec = self.inputs[name]
-        while not self.words.skip("END_FUZZIFY"):
-            if self.words.take("TERM", "RANGE", "END_FUZZIFY").keyword == "RANGE":
-                spec["range"] = self.range()
+        for part in parts[1:]:
+            if part.data == "range":
+                spec["range"] = _numbers(part)
                 continue
-            level, corners = self.term()
-            spec["sets"][level.text] = _trapezoid(self.words, level, corners)
-            self.places["inputs", name, "sets", level.text] = level
+            level, corners = self.term(part)
+            spec["sets"][str(level)] = self.trapezoid(level, corners)
+            self.places["inputs", name, "sets", str(level)] = level
         if len(spec["sets"]) == len(LEVELS):
-            ends = spec["sets"]["very_low"][0], spec["sets"]["very_high"][-1]
-            spec.setdefault("range", ends)
+            spec.setdefault("range", (spec["sets"]["very_low"][0], spec["sets"]["very_high"][-1]))
 
-    def defuzzify(self) -> None:
-        terms = self.outputs[self.words.name(self.outputs, what="one").text]
-        while not self.words.skip("END_DEFUZZIFY"):
-            word = self.words.take("TERM", "ACCU", "METHOD", "DEFAULT", "RANGE", "END_DEFUZZIFY")
-            if word.keyword == "TERM":
-                level, corners = self.term()
-                terms[level.text] = level, corners
-            elif word.keyword == "RANGE":
-                self.fixed(self.range() == (0, 1), word, "the range 0 .. 1")
-            elif word.keyword == "DEFAULT":
-                self.words.take(":=")
-                self.fixed(
-                    self.words.number() == 1,
-                    word,
-                    "the default 1: where no rule speaks, fear and trust are 1",
-                )
-                self.words.take(";")
+    def defuzzify(self, parts: list[Any]) -> None:
+        terms = self.outputs[self.source.expect(parts[0], self.outputs)]
+        for part in parts[1:]:
+            if part.data == "term":
+                level, corners = self.term(part)
+                terms[str(level)] = level, corners
+            elif part.data == "range":
+                self.require(_numbers(part) == (0, 1), part.children[0], "the range 0 .. 1")
             else:
-                self.setting(word)
+                expected = "the default 1: where no rule fires, fear and trust are 1"
+                self.require(_numbers(part) == (1,), part.children[0], expected)
 
-    def fixed(self, good: bool, token: Token, expected: str) -> None:
-        if not good:
-            raise self.words.wrong(token, f"expected {expected}")
-
-    def setting(self, word: Token) -> None:
-        self.words.take(":")
-        self.words.take(_ONLY[word.keyword])
-        self.words.take(";")
-
-    def range(self) -> tuple[float, float]:
-        for sign in (":=", "("):
-            self.words.take(sign)
-        low = self.words.number()
-        self.words.take("..")
-        high = self.words.number()
-        for sign in (")", ";"):
-            self.words.take(sign)
-        return low, high
-
-    def term(self) -> tuple[Token, list[Corner]]:
+    def term(self, part: Tree[Any]) -> tuple[Token, list[Corner]]:
         """``NAME := 0.5;`` or ``NAME := (x, y) (x, y) ...;``"""
-        level = self.words.name(LEVELS, what="one")
-        self.words.take(":=")
-        corners: list[Corner] = []
-        if self.words.next.kind == "number":
-            corners.append((self.words.number(), 1.0))
-        while not self.words.skip(";"):
-            self.words.take("(", ";")
-            x = self.words.number()
-            self.words.take(",")
-            corners.append((x, self.words.number()))
-            self.words.take(")")
-        return level, corners
+        level, *corners = part.children
+        self.source.expect(level, LEVELS)
+        numbers = [_numbers(corner) for corner in corners]
+        return level, [(pair[0], pair[1] if len(pair) > 1 else 1.0) for pair in numbers]
 
-    def ruleblock(self) -> None:
-        self.words.name()
-        while not self.words.skip("END_RULEBLOCK"):
-            word = self.words.take("RULE", "AND", "OR", "ACT", "ACCU", "END_RULEBLOCK")
-            if word.keyword == "RULE":
-                self.rule()
-            else:
-                self.setting(word)
+    def trapezoid(self, level: Token, corners: list[Corner]) -> list[float]:
+        """The points of trimf or trapmf with these corners."""
+        top = [x for x, y in corners if y == 1]
+        rises = not top or corners[0] != (top[0], 1)
+        falls = not top or corners[-1] != (top[-1], 1)
+        expected = [*[0] * rises, *[1] * len(top), *[0] * falls]
+        if [y for _, y in corners] != expected or not 0 < len(top) <= 2:
+            message = "expected points that rise from 0 to 1 once and fall to 0 once, or shoulders at 1"
+            self.source.fail(level, message)
+        return [corners[0][0], *top, corners[-1][0]]
 
-    def rule(self) -> None:
-        label = self.words.value()
-        self.fixed(label.text not in self.labels, label, "a number that no rule had before")
-        self.labels[label.text] = len(self.rules)
-        self.places["rules", len(self.rules)] = label
-        self.words.take(":")
-        sentence, heard = "", []
-        while not self.words.skip(";"):
-            weight = self.words.skip("WITH")
-            token = self.words.next if self.words.next.text in "()" else self.words.value()
-            if token.text in "()":
-                self.words.take(token.text)
-            word = token.text.lower() if token.text.lower() in FCL_WORDS else token.text
-            apart = sentence and not sentence.endswith("(") and word != ")"
-            sentence += " with weight " if weight else " " * bool(apart)
-            heard.append((len(sentence), token))
-            sentence += word
-        self.rules.append((sentence, heard))
+    def ruleblock(self, parts: list[Any]) -> None:
+        for part in parts[1:]:
+            label, *words = part.children
+            self.require(label not in self.labels, label, "a number that no earlier rule has")
+            self.labels[str(label)] = len(self.rules)
+            self.places["rules", len(self.rules)] = label
+            self.rules.append(_sentence(words))
 
-    def option(self) -> None:
-        words = self.words
-        while not words.skip("END_OPTION"):
-            word = words.take(*_PER_INPUT, *_PER_LEVEL, "HYSTERESIS", "METHOD", "BECAUSE", "END_OPTION")
-            store, around, key = self.stored(word)
-            words.take(":=")
-            self.places[(*around, key)] = words.next
-            store[key] = _plain(words.value())
-            words.take(";")
+    def option(self, entries: list[Any]) -> None:
+        for entry in entries:
+            store, around, key = self.stored(entry)
+            value = entry.children[-1]
+            self.places[(*around, key)] = value
+            store[key] = _plain(value)
 
-    def stored(self, word: Token) -> tuple[dict[Any, Any], tuple[str, ...], Any]:
-        """Where the value of an option goes: a mapping, its place in the file, and the key."""
-        words = self.words
-        if word.keyword in _PER_INPUT:
-            name = words.name(self.inputs, what="one").text
-            return self.inputs[name], ("inputs", name), _PER_INPUT[word.keyword]
-        if word.keyword in _PER_LEVEL:
-            level = words.name(LEVELS, what="one").text
-            return self.actions[level], ("fear", level), _PER_LEVEL[word.keyword]
-        if word.keyword == "HYSTERESIS":
-            return self.hysteresis, ("hysteresis",), words.name(self.hysteresis, what="one").text
-        if word.keyword == "METHOD":
-            return self.head, (), "method"
-        label = words.value()
-        self.fixed(label.text in self.labels, label, "the number of a rule above")
-        return self.causes, ("causes",), self.labels[label.text]
+    def stored(self, entry: Tree[Any]) -> tuple[dict[Any, Any], tuple[str, ...], Any]:
+        """Destination of the value of an option: a mapping, its place in the file, and the key."""
+        match entry.data, entry.children[:-1]:
+            case "of_input", [word, name]:
+                name = self.source.expect(name, self.inputs)
+                return self.inputs[name], ("inputs", name), word.lower()
+            case "of_level", [word, level]:
+                level = self.source.expect(level, LEVELS)
+                return self.actions[level], ("fear", level), word.lower()
+            case "hysteresis", [name]:
+                return self.hysteresis, ("hysteresis",), self.source.expect(name, self.hysteresis)
+            case "because", [label]:
+                self.require(label in self.labels, label, "the number of a rule above")
+                return self.causes, ("causes",), self.labels[str(label)]
+        return self.head, (), "method"
+
+    def require(self, good: bool, token: Token, expected: str) -> None:
+        if not good:
+            self.source.fail(token, f"expected {expected}")
 
     def checked(self) -> RuleFile:
         for level, place in zip(LEVELS, self.peaks(FEAR), strict=True):
@@ -230,76 +165,76 @@ class _Reader:
         try:
             file = RuleFile.model_validate(data)
         except ValidationError as error:
-            raise self.words.wrong(self.place(error.errors()[0]["loc"]), _complaint(error, data)) from error
+            self.source.fail(self.place(error.errors()[0]["loc"]), _complaint(error, data))
         for index in range(len(self.rules)):
-            self.understood(index, file)
+            self.check_rule(index, file)
         return file
 
     def peaks(self, output: str) -> tuple[float, ...]:
-        """Where the terms of an output stand; each must reach down to its neighbours."""
+        """Positions of the terms of an output; each term must reach down to its neighbours."""
         if output not in self.outputs:
-            raise self.words.wrong(self.places[()], f"no output {output!r}: expected it in VAR_OUTPUT")
+            self.source.fail(None, f"no output {output!r}: expected it in VAR_OUTPUT")
         terms = self.outputs[output]
         missing = [level for level in LEVELS if level not in terms]
         if missing:
-            raise self.words.wrong(self.places[()], f"{output} has no TERM {missing[0]}")
+            self.source.fail(None, f"{output} has no TERM {missing[0]}")
         at = tuple(next((x for x, y in terms[level][1] if y == 1), float("nan")) for level in LEVELS)
         for level, shape in level_sets(at).items():
             token, corners = terms[level]
             if len(corners) != 1 and corners != points(shape):
-                expected = " ".join(f"({x:g}, {y})" for x, y in points(shape))
-                raise self.words.wrong(token, f"expected {level} to reach down to its neighbours: {expected}")
+                expected = " ".join(f"({x:g}, {y:g})" for x, y in points(shape))
+                self.source.fail(token, f"expected {level} to reach down to its neighbours: {expected}")
         if output != FEAR and at != DISTRUST_AT:
-            raise self.words.wrong(
-                terms["low"][0], f"expected trust at {', '.join(f'{x:g}' for x in DISTRUST_AT)}"
-            )
+            self.source.fail(terms["low"][0], f"expected trust at {', '.join(f'{x:g}' for x in DISTRUST_AT)}")
         return at
 
     def sentence(self, index: int) -> str:
         cause = self.causes.get(index)
         return self.rules[index][0] + (f" because {cause}" if cause else "")
 
-    def understood(self, index: int, file: RuleFile) -> None:
-        """Refuse a rule that says nothing, at the word where it goes wrong."""
+    def check_rule(self, index: int, file: RuleFile) -> None:
+        """Refuse a sentence that is not a rule, at its wrong word."""
         try:
             parse_rule(self.sentence(index), file.inputs, outputs=file.outputs)
         except SentenceError as error:
-            heard = [token for offset, token in self.rules[index][1] if offset <= error.offset]
-            raise self.words.wrong(heard[-1] if heard else self.places["rules", index], str(error)) from error
+            passed = [token for offset, token in self.rules[index][1] if offset <= error.offset]
+            self.source.fail(passed[-1] if passed else self.places["rules", index], str(error))
 
-    def place(self, path: tuple[str | int, ...]) -> Token:
-        """Where the part of the file at ``path``, or the nearest part around it, stood."""
-        while path not in self.places:
+    def place(self, path: tuple[str | int, ...]) -> Token | None:
+        """The token of the part of the file at ``path``, or of the nearest part around it."""
+        while path and path not in self.places:
             path = path[:-1]
-        return self.places[path]
+        return self.places.get(path)
 
 
-def _trapezoid(words: Words, level: Token, corners: list[Corner]) -> list[float]:
-    """The points of trimf or trapmf whose corners these are."""
-    top = [x for x, y in corners if y == 1]
-    rises, falls = (
-        corners[:1] != [(top[0], 1)] if top else True,
-        corners[-1:] != [(top[-1], 1)] if top else True,
-    )
-    if [y for _, y in corners] != [*[0] * rises, *[1] * len(top), *[0] * falls] or not 0 < len(top) <= 2:
-        raise words.wrong(
-            level, "expected points that rise from 0 to 1 once and fall to 0 once, or shoulders at 1"
-        )
-    return [corners[0][0], *top, corners[-1][0]]
+def _numbers(part: Tree[Any]) -> tuple[float, ...]:
+    return tuple(float(token) for token in part.children if token.type == "NUMBER")
+
+
+def _sentence(words: list[Any]) -> tuple[str, list[tuple[int, Token]]]:
+    """A rule as a sentence of the rule language, and the offset in it of every token."""
+    sentence, offsets = "", []
+    for token in words:
+        word = token.lower() if token.lower() in FCL_WORDS else str(token)
+        if token.type == "WITH":
+            word = "with weight"
+        sentence += " " * bool(sentence and not sentence.endswith("(") and word != ")")
+        offsets.append((len(sentence), token))
+        sentence += word
+    return sentence, offsets
 
 
 def _plain(token: Token) -> Any:
-    if token.kind == "number":
-        return float(token.text)
-    if token.kind == "text":
-        return re.sub(r"\$(.)", r"\1", token.text[1:-1])
-    return token.text
+    if token.type == "NUMBER":
+        return float(token)
+    if token.type == "TEXT":
+        return re.sub(r"\$(.)", r"\1", token[1:-1])
+    return str(token)
 
 
 def _complaint(error: ValidationError, data: Mapping[str, Any]) -> str:
     problem = error.errors()[0]
     if problem["type"] == "missing" and problem["loc"][-1] == "risk":
-        return (
-            f"which way is {problem['loc'][1]} a risk? Expected RISK {problem['loc'][1]} := rising; in OPTION"
-        )
+        name = problem["loc"][1]
+        return f"the direction of the risk {name} is missing: expected RISK {name} := rising; in OPTION"
     return config.complaint(error, data, RuleFile)
