@@ -5,7 +5,6 @@ import numpy as np
 from cockpit.pictures import plot
 from cockpit.pictures.plot import FIVE, GREY, INK, Axes
 from supervisor.rules.inference import FearRules
-from supervisor.rules.membership import Trapezoid
 from supervisor.rules.rule_file import LEVELS, Input
 from trepid.types import Column, Image
 
@@ -65,7 +64,7 @@ def surface(
 def shown_range(spec: Input) -> tuple[float, float]:
     """The part of the range in which the sets change, and a little of what goes on flat beyond."""
     low, high = spec.range
-    inner = [x for level in LEVELS for x in getattr(spec.sets, level) if low < x < high]
+    inner = [x for level in LEVELS for x, _ in spec.shape(level).corners() if low < x < high]
     tail = TAIL * (max(inner) - min(inner))
     far = min(inner) - low > FAR * (max(inner) - min(inner))
     return (min(inner) - tail if far else low), min(high, max(inner) + tail)
@@ -91,8 +90,8 @@ def _sets(canvas: Image, corner: tuple[float, float], name: str, spec: Input) ->
     colours = FIVE if spec.risk == "rising" else FIVE[::-1]
     x = np.linspace(*axes.x, 400)
     for level, colour in zip(LEVELS, colours, strict=True):
-        shape = Trapezoid(*spec.sets.trapezoid(level))
-        places = np.union1d(x, shape).clip(max(shape.a, axes.x[0]), min(shape.d, axes.x[1]))
+        shape = spec.shape(level)
+        places = np.union1d(x, shape[:4]).clip(max(shape.a, axes.x[0]), min(shape.d, axes.x[1]))
         degrees = np.array([shape.membership(float(u)) for u in places])
         plot.line(canvas, axes.at(places, degrees), colour, width=1.6)
 

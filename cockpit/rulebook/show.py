@@ -6,8 +6,8 @@ from rich.table import Table
 
 from cockpit.rulebook.figure import shown_range, surface
 from supervisor.rules.inference import FearRules
-from supervisor.rules.membership import Trapezoid
 from supervisor.rules.rule_file import LEVELS, Input
+from supervisor.rules.shapes import FuzzySet
 
 PLOT_COLUMNS = 44
 SURFACE_ROWS, SURFACE_COLUMNS = 17, 49  # odd, so that the middle is shown
@@ -53,14 +53,20 @@ def risk(spec: Input) -> str:
 def _set_table(spec: Input) -> Table:
     table = Table(box=None, show_header=False, padding=(0, 1))
     for level in LEVELS:
-        points = " ".join(f"{x:g}" for x in getattr(spec.sets, level))
-        table.add_row(f"  {level}", _curve(spec.sets.trapezoid(level), *shown_range(spec)), points)
+        table.add_row(f"  {level}", _curve(spec.shape(level), *shown_range(spec)), stated(spec, level))
     return table
 
 
-def _curve(points: tuple[float, float, float, float], low: float, high: float) -> str:
+def stated(spec: Input, level: str) -> str:
+    """A set as the file states it: its points, or its function with the parameters."""
+    stated = getattr(spec.sets, level)
+    if isinstance(stated, tuple):
+        return " ".join(f"{x:g}" for x in stated)
+    return f"{stated.function} {' '.join(str(x) for x in stated.parameters)}"
+
+
+def _curve(shape: FuzzySet, low: float, high: float) -> str:
     """A set as a row of bars."""
-    shape = Trapezoid(*points)
     places = [low + (high - low) * i / (PLOT_COLUMNS - 1) for i in range(PLOT_COLUMNS)]
     return "".join(BARS[round(8 * shape.membership(x))] for x in places)
 

@@ -39,5 +39,8 @@ def _special(case: list[Ramp], of: list[Ramp]) -> bool:
 def _no_earlier(ramp: Ramp, other: Ramp) -> bool:
     if ramp.input != other.input:
         return False
+    if ramp.knots or other.knots:
+        corners = [x for each in (ramp, other) for piece in each.pieces() for x in piece[:2]]
+        return all(ramp.degree(x) <= other.degree(x) for x in corners)
     sign = 1 if other.span > 0 else -1
-    return sign * ramp.zero >= sign * other.zero and sign * sum(ramp[1:]) >= sign * sum(other[1:])
+    return sign * ramp.zero >= sign * other.zero and sign * sum(ramp[1:3]) >= sign * sum(other[1:3])

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from supervisor.rules.mamdani import Mamdani
-from supervisor.rules.membership import level_sets, trapezoids
+from supervisor.rules.membership import fuzzy_sets, level_sets
 from supervisor.rules.monotone import Monotone, Strengths
 from supervisor.rules.rule_file import FEAR, LEVELS, TRUST_PREFIX, Input, RuleFile
 from supervisor.rules.sentence import Rule, load_rules
@@ -168,7 +168,7 @@ class FearRules:
         """Degrees of every input, and of fear itself, in their five sets (``skfuzzy.trimf``, ``trapmf``)."""
         x, _ = self.fear_voice.complete(values)
         degrees = {
-            name: {level: shape.membership(value) for level, shape in trapezoids(spec).items()}
+            name: {level: shape.membership(value) for level, shape in fuzzy_sets(spec).items()}
             for (name, spec), value in zip(self.inputs.items(), x, strict=True)
         }
         fear = self.evaluate(values).fear

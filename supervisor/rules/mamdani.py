@@ -10,10 +10,11 @@ only their two sets differ from 0, and the outline max(min(p, 1 - s), min(q, s))
 
 import itertools
 
-from supervisor.rules.membership import Trapezoid, trapezoids
+from supervisor.rules.membership import fuzzy_sets
 from supervisor.rules.monotone import Strengths
 from supervisor.rules.rule_file import LEVELS, Input
 from supervisor.rules.sentence import Rule
+from supervisor.rules.shapes import FuzzySet
 
 
 class Mamdani:
@@ -21,10 +22,10 @@ class Mamdani:
 
     def __init__(self, rules: tuple[Rule, ...], inputs: dict[str, Input], at: tuple[float, ...]) -> None:
         names = list(inputs)
-        sets = {name: trapezoids(spec) for name, spec in inputs.items()}
+        sets = {name: fuzzy_sets(spec) for name, spec in inputs.items()}
         self._at, self._harms = at, tuple(rule.harm for rule in rules)
         self._weights = tuple(rule.weight for rule in rules)
-        self._cases: list[list[list[tuple[int, Trapezoid, bool]]]] = [
+        self._cases: list[list[list[tuple[int, FuzzySet, bool]]]] = [
             [[(names.index(a.input), sets[a.input][a.set], a.negated) for a in case] for case in rule.cases]
             for rule in rules
         ]
@@ -46,7 +47,7 @@ class Mamdani:
         return centroid(self._at, truth)
 
 
-def _degree(x: float, shape: Trapezoid, negated: bool) -> float:
+def _degree(x: float, shape: FuzzySet, negated: bool) -> float:
     degree = shape.membership(x)
     return 1 - degree if negated else degree
 

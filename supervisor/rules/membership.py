@@ -1,38 +1,17 @@
-"""Fuzzy sets: trapezoids, with scikit-fuzzy's meaning of their points."""
-
-from typing import NamedTuple
+"""The fuzzy sets of inputs and outputs by name."""
 
 from supervisor.rules.rule_file import LEVELS, Input
+from supervisor.rules.shapes import FuzzySet
 
 
-class Trapezoid(NamedTuple):
-    """Points of a fuzzy set, as in scikit-fuzzy's ``trapmf``."""
-
-    a: float
-    b: float
-    c: float
-    d: float
-
-    def membership(self, x: float) -> float:
-        """Degree of ``x``, 0..1; equals ``skfuzzy.trapmf``."""
-        if self.b <= x <= self.c:
-            return 1.0
-        if self.a < x < self.b:
-            return (x - self.a) / (self.b - self.a)
-        if self.c < x < self.d:
-            return (self.d - x) / (self.d - self.c)
-        return 0.0
+def fuzzy_sets(spec: Input) -> dict[str, FuzzySet]:
+    """The five sets of an input by name, compiled."""
+    return {level: spec.shape(level) for level in LEVELS}
 
 
-def trapezoids(spec: Input) -> dict[str, Trapezoid]:
-    """The five sets of an input by name."""
-    return {level: Trapezoid(*spec.sets.trapezoid(level)) for level in LEVELS}
-
-
-def level_sets(at: tuple[float, ...]) -> dict[str, Trapezoid]:
-    """The five sets of an output: triangles on its places ``at``, down to 0 at the neighbours'."""
+def level_sets(at: tuple[float, ...]) -> dict[str, FuzzySet]:
+    """The five sets of an output: triangles at the positions ``at``, 0 at the positions of their neighbours."""
     last = len(at) - 1
     return {
-        name: Trapezoid(at[max(k - 1, 0)], at[k], at[k], at[min(k + 1, last)])
-        for k, name in enumerate(LEVELS)
+        name: FuzzySet(at[max(k - 1, 0)], at[k], at[k], at[min(k + 1, last)]) for k, name in enumerate(LEVELS)
     }

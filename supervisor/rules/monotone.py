@@ -1,18 +1,18 @@
-"""The default method: rules read as "this bad or worse", joined by a Choquet integral; monotone by construction.
+"""The default method: rules read as "S or worse", joined by a Choquet integral; monotone by construction.
 
-* In a rule that frightens, ``x is S`` reads "x is S or worse": the edge of S toward the calm side, then 1 (the
-  upper closure of S in the order of risk). In a rule for fear very_low it reads "S or calmer".
-* With t_k = the greatest strength among rules for level k or more (so t_1 >= t_2 >= ...) and a_k = where level k
-  stands on 0..1,
+* In a rule for more than very_low, ``x is S`` reads "x is S or worse": the edge of S toward the calm side, then 1
+  (the upper closure of S in the order of risk). In a rule for fear very_low it reads "S or calmer".
+* With t_k = the greatest strength among rules for level k or more (so t_1 >= t_2 >= ...) and a_k = the position
+  of level k on 0..1,
 
       fear = sum_k (a_k - a_{k-1}) * t_k,
 
   the Choquet integral of the levels (Sugeno, Theory of fuzzy integrals, 1974).
 
-Why more risk is never less fear, bit for bit: a degree is ``(x - zero) / span`` cut to 0..1; min, max and the
-product with a weight follow; then a sum of products with factors that are not negative, always in the same order.
-Each of these never falls when an operand rises, and rounding to the nearest number keeps order, so neither does the
-computed result.
+Fear never falls as a risk rises, bit for bit: a degree is ``(x - zero) / span`` cut to 0..1 and mapped by the knots
+of a curved edge; min, max and the product with a weight follow; then a sum of products with factors that are not
+negative, always in the same order. Each of these never falls when an operand rises, and rounding to the nearest
+number keeps order, so neither does the computed result.
 """
 
 import itertools
@@ -21,21 +21,33 @@ from typing import NamedTuple
 
 from supervisor.rules.rule_file import LEVELS, Input
 from supervisor.rules.sentence import Atom, Rule
+from supervisor.rules.shapes import Knots, curved, mirrored
 from trepid.bounds import at_least, at_most
 
 Strengths = dict[int, float]
 """Index of every rule that fires -> its strength, above 0 and at most 1."""
 
-NEVER = (math.inf, math.inf)
-ALWAYS = (-math.inf, -math.inf)
-
 
 class Ramp(NamedTuple):
-    """Degree of an atom: 0 at ``zero``, 1 at ``zero + span``, straight between, flat beyond."""
+    """Degree of an atom: 0 at ``zero``, through ``knots``, if any, 1 at ``zero + span``, flat beyond."""
 
     input: int  # index into the names
     zero: float
     span: float
+    knots: Knots = ()
+
+    def degree(self, x: float) -> float:
+        """The degree at ``x``."""
+        s = (x - self.zero) / self.span
+        return 0.0 if s <= 0 else 1.0 if s >= 1 else curved(s, self.knots)
+
+    def pieces(self) -> list[tuple[float, float, float]]:
+        """(from x, to x, slope |d degree / dx|) of every straight piece, from the foot up."""
+        corners = [(0.0, 0.0), *self.knots, (1.0, 1.0)]
+        return [
+            (self.zero + s0 * self.span, self.zero + s1 * self.span, (d1 - d0) / (s1 - s0) / abs(self.span))
+            for (s0, d0), (s1, d1) in itertools.pairwise(corners)
+        ]
 
 
 class _Case(NamedTuple):
@@ -72,6 +84,7 @@ class Monotone:
                 else:
                     self._always[index] = rule.weight
         self._slopes = _slopes(ramps)
+        self._curved = [(number, ramp.knots) for number, ramp in enumerate(ramps) if ramp.knots]
         self._flat = [0.0] * len(ramps)
 
     def _number(self, ramps: list[Ramp], ramp: Ramp) -> int:
@@ -93,6 +106,9 @@ class Monotone:
                         break
                     degrees[number] = degree if degree < 1.0 else 1.0
                     risen.append(number)
+        for number, knots in self._curved:
+            if 0.0 < degrees[number] < 1.0:
+                degrees[number] = curved(degrees[number], knots)
         strengths = self._always.copy()
         for number in risen:
             for rule, weight, others in self._cases[number]:
@@ -130,23 +146,29 @@ def cases(rule: Rule, inputs: dict[str, Input]) -> list[list[Ramp]]:
         edges = [(names.index(atom.input), edge(atom, inputs[atom.input], rule.harm)) for atom in case]
         if NEVER not in [ends for _, ends in edges]:
             rising = [(i, *ends) for i, ends in edges if ends != ALWAYS]
-            compiled.append([Ramp(i, zero, one - zero) for i, zero, one in rising])
+            compiled.append([Ramp(i, zero, one - zero, knots) for i, zero, one, knots in rising])
     return compiled
 
 
-def edge(atom: Atom, spec: Input, harm: int) -> tuple[float, float]:
-    """The edge (zero, one) of the closure of the atom's set: toward risk, or toward calm in a rule for very_low.
+Edge = tuple[float, float, Knots]
+"""Foot, shoulder and knots."""
+NEVER: Edge = (math.inf, math.inf, ())
+ALWAYS: Edge = (-math.inf, -math.inf, ())
+
+
+def edge(atom: Atom, spec: Input, harm: int) -> Edge:
+    """The edge of the closure of the atom's set: toward risk, or toward calm in a rule for very_low.
 
     Of a set a <= b <= c <= d, "S or more" rises from a to b, "S or less" falls from c to d, and ``not`` takes the
     complement of the other one, so that every atom of a rule moves the same way with risk.
     """
-    a, b, c, d = spec.sets.trapezoid(atom.set)
+    a, b, c, d, rise, fall = spec.shape(atom.set)
     upward = (spec.risk == "rising") == (harm > 0)
     if atom.negated:
-        zero, one = (c, d) if upward else (b, a)
-        return (zero, one) if zero != one else NEVER
-    zero, one = (a, b) if upward else (d, c)
-    return (zero, one) if zero != one else ALWAYS
+        found = (c, d, mirrored(fall)) if upward else (b, a, mirrored(rise))
+        return found if found[0] != found[1] else NEVER
+    found = (a, b, rise) if upward else (d, c, fall)
+    return found if found[0] != found[1] else ALWAYS
 
 
 def _slopes(ramps: list[Ramp]) -> tuple[_Slope, ...]:

@@ -1,21 +1,31 @@
-"""The rule file: inputs with five named sets each, rules as sentences, and what to do at each level of fear.
+"""The rule file: inputs with five named sets each, rules as sentences, and the action at each level of fear.
 
-Sets are given by the points of scikit-fuzzy's ``trimf`` (three) or ``trapmf`` (four). The language of the sentences
-is that of :mod:`supervisor.rules.sentence`.
+A set is given by the points of scikit-fuzzy's ``trimf`` (three) or ``trapmf`` (four), or by any other of its
+membership functions with its parameters. The language of the sentences is that of :mod:`supervisor.rules.sentence`.
 """
 
 import itertools
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Discriminator,
+    Field,
+    PrivateAttr,
+    Tag,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
+from supervisor.rules.shapes import Compiled, FuzzySet, compile_set, polyline
 from trepid.causes import Cause, known_causes, unknown_cause
 from trepid.config import Settings, wrong_at
 from trepid.messages import Mode
 from trepid.types import Share
 
 LEVELS = ("very_low", "low", "medium", "high", "very_high")
-"""The five intensities, of every input and of fear itself (inventory F02)."""
+"""The five intensities, of every input and of fear itself."""
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 Seconds = Annotated[float, Field(ge=0)]
@@ -31,58 +41,136 @@ Points = Annotated[tuple[float, ...], WithJsonSchema(_POINTS_SCHEMA)]
 Sentence = Annotated[str, WithJsonSchema(_SENTENCE_SCHEMA)]
 KEYWORDS = frozenset({"if", "then", "and", "or", "not", "is", "with", "weight", "because", FEAR})
 Method = Literal["monotone", "mamdani"]
-"""How rules become a number; :mod:`supervisor.rules.inference` says what each promises."""
+"""Inference methods; :mod:`supervisor.rules.inference` describes their properties."""
+
+
+Two = tuple[float, float]
+Three = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+
+
+class Membership(Settings):
+    """One membership function of scikit-fuzzy with its parameters, such as ``{gaussmf: [5.0, 0.8]}``."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+    trimf: Three | None = None
+    """Triangle: left foot, peak, right foot."""
+    trapmf: Four | None = None
+    """Trapezoid: left foot, left shoulder, right shoulder, right foot."""
+    gaussmf: Two | None = None
+    """Gaussian: mean, standard deviation."""
+    gauss2mf: Four | None = None
+    """Two Gaussians: mean and standard deviation of the left edge, then of the right edge."""
+    gbellmf: Three | None = None
+    """Generalised bell 1 / (1 + |(x - c) / a|^2b): a, b, c."""
+    sigmf: Two | None = None
+    """Sigmoid 1 / (1 + exp(-c (x - b))): b, c; it falls where c < 0."""
+    dsigmf: Four | None = None
+    """Difference of two sigmoids: b1, c1, b2, c2."""
+    psigmf: Four | None = None
+    """Product of two sigmoids: b1, c1, b2, c2."""
+    smf: Two | None = None
+    """S curve: foot, shoulder."""
+    zmf: Two | None = None
+    """Z curve: shoulder, foot."""
+    pimf: Four | None = None
+    """S curve and Z curve: left foot, left shoulder, right shoulder, right foot."""
+    piecemf: Three | None = None
+    """Two lines a, b, c that rise to 1 at c: b (x - a) / (c (b - a)) up to b, then x / c."""
+    polyline: Annotated[tuple[Two, ...], Field(min_length=2)] | None = None
+    """Corners [x, degree] of straight lines, from left to right. Not a function of scikit-fuzzy."""
+
+    @model_validator(mode="after")
+    def _is_one_function(self) -> "Membership":
+        if len(self.model_fields_set) != 1 or getattr(self, self.function) is None:
+            known = ", ".join(type(self).model_fields)
+            raise ValueError(f"expected one membership function with its parameters, of {known}")
+        return self
+
+    @property
+    def function(self) -> str:
+        """Name of the function in scikit-fuzzy."""
+        return next(iter(self.model_fields_set))
+
+    @property
+    def parameters(self) -> tuple[Any, ...]:
+        """Parameters of the function."""
+        return tuple(getattr(self, self.function))
+
+    def compiled(self, span: Two, tolerance: float) -> Compiled:
+        """The set as straight lines over the range ``span``. Raises ValueError."""
+        if self.function in ("trimf", "trapmf"):
+            return Compiled(FuzzySet(*_feet_and_shoulders(self.parameters)), 0.0)
+        if self.function == "polyline":
+            return Compiled(polyline(self.parameters), 0.0)
+        return compile_set(self.function, self.parameters, span, tolerance)
+
+
+def _kind(value: object) -> str:
+    return "Membership" if isinstance(value, dict | Membership) else "points"
+
+
+SetSpec = Annotated[
+    Annotated[Points, Tag("points")] | Annotated[Membership, Tag("Membership")], Discriminator(_kind)
+]
 
 
 class Sets(Settings):
-    """The five fuzzy sets of an input as the points of trimf (3) or trapmf (4), in order of the input's value."""
+    """The five fuzzy sets of an input, from low to high values: points of trimf or trapmf, or a function."""
 
-    very_low: Points
-    low: Points
-    medium: Points
-    high: Points
-    very_high: Points
+    very_low: SetSpec
+    low: SetSpec
+    medium: SetSpec
+    high: SetSpec
+    very_high: SetSpec
 
     @field_validator("*")
     @classmethod
-    def _is_a_shape(cls, points: Points) -> Points:
-        if len(points) not in (3, 4):
-            raise ValueError(f"expected 3 points (triangle) or 4 (trapezoid), got {len(points)}")
-        if list(points) != sorted(points):
-            raise ValueError(f"the points must not fall, got {list(points)}")
-        return points
+    def _is_a_shape(cls, spec: SetSpec) -> SetSpec:
+        if isinstance(spec, tuple):
+            _feet_and_shoulders(spec)
+        return spec
 
-    def trapezoid(self, level: str) -> tuple[float, float, float, float]:
-        """Feet and shoulders a <= b <= c <= d of a set; a triangle has b = c."""
-        points = getattr(self, level)
-        return points if len(points) == 4 else (points[0], points[1], points[1], points[2])
+
+def _feet_and_shoulders(points: Points) -> Four:
+    """Feet and shoulders a <= b <= c <= d of a triangle (b = c) or trapezoid. Raises ValueError."""
+    if len(points) not in (3, 4):
+        raise ValueError(f"expected 3 points (triangle) or 4 (trapezoid), got {len(points)}")
+    if list(points) != sorted(points):
+        raise ValueError(f"the points must not fall, got {list(points)}")
+    return (points[0], points[1], points[-2], points[-1])
 
 
 class Input(Settings):
-    """One thing that is feared."""
+    """A measured quantity with its fuzzy sets and the direction of its risk."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
     meaning: str
     unit: str
     range: tuple[float, float]
-    """The values that can be."""
+    """Smallest and greatest possible value."""
     risk: Literal["rising", "falling"]
-    """Which way it gets worse."""
+    """Direction in which the risk grows: rising values or falling values."""
     missing: Name = Cause.MISSING_DATA
-    """The cause when there is no value. Fear is 1 then."""
+    """The cause when the value is missing. Fear is 1 then."""
     beyond: Literal["broken", "end"] = "broken"
-    """What a value beyond the range is: broken data, as if missing, or as good as the end of the range."""
+    """Meaning of a value beyond the range. broken: as a missing value; end: as the end of the range."""
+    tolerance: Annotated[float, Field(gt=0, le=0.05)] = 0.001
+    """Greatest allowed difference in degree between a membership function and the lines it is compiled into."""
     sets: Sets
+
+    _compiled: dict[str, Compiled] = PrivateAttr(default_factory=dict)
 
     @property
     def worst(self) -> float:
-        """The end of the range that is feared most."""
+        """The end of the range with the greatest risk."""
         return self.range[1] if self.risk == "rising" else self.range[0]
 
     @property
     def calmest(self) -> float:
-        """The end of the range that is feared least."""
+        """The end of the range with the least risk."""
         return self.range[0] if self.risk == "rising" else self.range[1]
 
     @property
@@ -95,32 +183,58 @@ class Input(Settings):
         low, high = self.range
         if not low < high:
             raise ValueError(f"range must rise, got {list(self.range)}")
-        shapes = [self.sets.trapezoid(level) for level in LEVELS]
+        self._compiled.update({level: self._compile(level) for level in LEVELS})
+        shapes = [self.shape(level) for level in LEVELS]
         if shapes[0][:2] != (low, low):
             raise ValueError(f"very_low must start as a shoulder at {low}: [{low}, {low}, ...]")
-        if shapes[-1][2:] != (high, high):
+        if shapes[-1][2:4] != (high, high):
             raise ValueError(f"very_high must end as a shoulder at {high}: [..., {high}, {high}]")
         for (name, left), (next_name, right) in itertools.pairwise(zip(LEVELS, shapes, strict=True)):
             _check_neighbours(name, left, next_name, right)
         return self
 
+    def shape(self, level: str) -> FuzzySet:
+        """The set ``level``, compiled into straight lines."""
+        return self._compiled[level].shape
 
-def _check_neighbours(name: str, left: Points, next_name: str, right: Points) -> None:
-    if right[0] >= left[3]:
+    @property
+    def errors(self) -> dict[str, float]:
+        """Greatest difference in degree between each membership function and its lines; points have none."""
+        return {
+            level: found.error
+            for level, found in self._compiled.items()
+            if found.shape.rise or found.shape.fall
+        }
+
+    def _compile(self, level: str) -> Compiled:
+        spec = getattr(self.sets, level)
+        if isinstance(spec, tuple):
+            return Compiled(FuzzySet(*_feet_and_shoulders(spec)), 0.0)
+        try:
+            found: Compiled = spec.compiled(self.range, self.tolerance)
+        except ValueError as error:
+            raise wrong_at(("sets", level), str(error)) from error
+        return found
+
+
+def _check_neighbours(name: str, left: FuzzySet, next_name: str, right: FuzzySet) -> None:
+    if right.a >= left.d:
         raise ValueError(f"{name} and {next_name} leave a gap: they must overlap")
-    if right[1] <= left[1] or right[2] <= left[2] or right[0] < left[0] or right[3] < left[3]:
+    curved = left.rise or left.fall or right.rise or right.fall  # whose feet may lie far out, as a bell's do
+    feet_fall = not curved and (right.a < left.a or right.d < left.d)
+    if right.b <= left.b or right.c <= left.c or feet_fall:
         raise ValueError(f"{name} and {next_name} are not in order")
-    if left[2] == left[3] or right[0] == right[1]:
+    if left.c == left.d or right.a == right.b:
         raise ValueError(f"between {name} and {next_name} an edge is vertical: fear would jump")
 
 
 class Action(Settings):
-    """What one level of fear means: where it stands on 0..1, how fast to drive, in which mode."""
+    """The action at one level of fear: its position on 0..1, the speed factor and the mode."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
     at: Share
-    """Where the level stands on fear's scale, 0 to 1."""
+    """Position of the level on the scale of fear, 0 to 1."""
     speed_factor: Share
     """Share of the cruise speed; between levels it is interpolated."""
     mode: Literal[Mode.KEEP, Mode.CAUTION, Mode.STOP]
@@ -156,7 +270,7 @@ class Actions(Settings):
 
 
 class Hysteresis(Settings):
-    """How reluctantly fear is forgotten. Getting more afraid takes effect at once."""
+    """Delays of a fall of fear. A rise of fear takes effect at once."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
@@ -165,11 +279,11 @@ class Hysteresis(Settings):
     calm_after_s: Seconds
     """... and stay there this long."""
     stop_after_s: Seconds
-    """A level whose mode is STOP must last this long: one bad frame only slows down."""
+    """Time for which a level with the mode STOP must last: one bad frame only slows the vehicle down."""
     recovery_per_s: Annotated[float, Field(gt=0)]
     """Greatest rise of the speed factor [1/s] ..."""
     catch_up_per_s: Annotated[float, Field(gt=0)]
-    """... and while it is below the speed that the car still has."""
+    """... and while it is below the present speed of the vehicle."""
 
 
 class RuleFile(Settings):
@@ -178,21 +292,21 @@ class RuleFile(Settings):
     model_config = ConfigDict(use_attribute_docstrings=True)
 
     method: Method = "monotone"
-    """monotone: more risk is never less fear, and fear reaches 0 and 1. mamdani: as scikit-fuzzy, to compare."""
+    """monotone: fear never falls as a risk rises, and reaches 0 and 1. mamdani: as scikit-fuzzy, for comparison."""
     estimators: tuple[Name, ...] = ()
-    """Those whose trust the rules speak of."""
+    """Estimators with rules for their trust."""
     causes: dict[Name, str] = Field(default={})
     """Causes that only this file names, with their meaning; those of ``trepid.causes`` are known without."""
     inputs: Annotated[dict[Name, Input], Field(min_length=1)]
     rules: Annotated[tuple[Sentence, ...], Field(min_length=1)]
     """if A is SET and/or/not ... then fear (or trust_NAME) is LEVEL [with weight W] [because CAUSE]"""
     fear: Actions
-    """What each level of fear does."""
+    """Action at each level of fear."""
     hysteresis: Hysteresis
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """What a rule may speak of behind ``then``."""
+        """Names that may follow ``then`` in a rule."""
         return (FEAR, *(TRUST_PREFIX + name for name in self.estimators))
 
     @property
@@ -214,9 +328,9 @@ class RuleFile(Settings):
         for name in self.inputs:
             if name in KEYWORDS or name in self.outputs:
                 raise wrong_at(
-                    ("inputs", name), f"{name!r} is a word of the rule language; choose another name"
+                    ("inputs", name), f"{name!r} is a keyword of the rule language; choose another name"
                 )
         for index, name in enumerate(self.estimators):
             if name in self.estimators[:index]:
-                raise wrong_at(("estimators", index), f"{name!r} stands here twice")
+                raise wrong_at(("estimators", index), f"{name!r} is listed twice")
         return self

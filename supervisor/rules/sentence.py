@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from lark import Lark, Token, Tree
-from lark.exceptions import UnexpectedInput
+from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from supervisor.rules.rule_file import FEAR, LEVELS, RuleFile
 from trepid import config
@@ -135,7 +135,7 @@ def parse_rule(sentence: str, inputs: Iterable[str], *, outputs: tuple[str, ...]
             _check_token(token, known)
         tree = parser.feed_eof()
     except UnexpectedInput as error:
-        at_end = getattr(error, "token", None) is not None and error.token.type == "$END"
+        at_end = isinstance(error, UnexpectedToken) and error.token.type == "$END"
         offset = len(sentence) if at_end else int(error.pos_in_stream or 0)
         word = _WORD.match(sentence, offset)
         message = _expectation(word.group() if word else "", parser.accepts(), known)
@@ -194,7 +194,7 @@ def _cases(tree: Tree[Token], *, negated: bool, depth: int) -> Cases:
     if (tree.data == "disjunction") != negated:
         return tuple(itertools.chain(*parts))
     if math.prod(len(part) for part in parts) > MAX_CASES:
-        first = next(tree.scan_values(lambda value: isinstance(value, Token)))
+        first: Any = next(tree.scan_values(lambda value: isinstance(value, Token)))
         raise SentenceError(
             f"the rule has more than {MAX_CASES} cases; split it into several", first.start_pos
         )

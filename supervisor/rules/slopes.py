@@ -28,14 +28,17 @@ def lipschitz(rules: FearRules) -> dict[str, float]:
 
 
 def _steepest(ramps: list[tuple[int, float, Ramp]], steps: list[float]) -> float:
-    corners = sorted({x for _, _, ramp in ramps for x in (ramp.zero, ramp.zero + ramp.span)})
+    corners = sorted({x for _, _, ramp in ramps for piece in ramp.pieces() for x in piece[:2]})
     middles = [(a + b) / 2 for a, b in itertools.pairwise(corners)]
     return max((_slope(ramps, steps, x) for x in middles), default=0.0)
 
 
 def _slope(ramps: list[tuple[int, float, Ramp]], steps: list[float], x: float) -> float:
     here = [
-        (harm, weight / abs(ramp.span)) for harm, weight, ramp in ramps if 0 < (x - ramp.zero) / ramp.span < 1
+        (harm, weight * slope)
+        for harm, weight, ramp in ramps
+        for low, high, slope in ramp.pieces()
+        if min(low, high) < x < max(low, high)
     ]
     return sum(
         step * max((slope for harm, slope in here if harm >= level), default=0.0)

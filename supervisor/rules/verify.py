@@ -145,7 +145,7 @@ def _points(rules: FearRules) -> Iterator[Point]:
 
 def knots(spec: Input) -> list[float]:
     """Every corner of the sets of an input and the middles between, from calm to risk."""
-    corners = sorted({x for level in LEVELS for x in spec.sets.trapezoid(level)})
+    corners = sorted({x for level in LEVELS for x, _ in spec.shape(level).corners()})
     middles = [(a + b) / 2 for a, b in itertools.pairwise(corners)]
     return sorted([*corners, *middles], reverse=spec.risk == "falling")
 

@@ -8,9 +8,10 @@ import numpy as np
 from skfuzzy import control
 
 from supervisor.rules.inference import FearRules
-from supervisor.rules.membership import Trapezoid, level_sets, trapezoids
+from supervisor.rules.membership import fuzzy_sets, level_sets
 from supervisor.rules.rule_file import FEAR
 from supervisor.rules.sentence import Rule
+from supervisor.rules.shapes import FuzzySet
 
 
 def simulation(rules: FearRules, *, places: int = 101) -> Any:
@@ -21,7 +22,7 @@ def simulation(rules: FearRules, *, places: int = 101) -> Any:
     """
     inputs = {}
     for name, spec in rules.inputs.items():
-        shapes = trapezoids(spec)
+        shapes = fuzzy_sets(spec)
         inputs[name] = _variable(control.Antecedent, name, spec.range, shapes, places)
     at = tuple(action.at for action in rules.file.fear.all)
     fear = _variable(control.Consequent, FEAR, (0.0, 1.0), level_sets(at), places)
@@ -38,9 +39,9 @@ def fear_of(simulated: Any, point: dict[str, float]) -> float | None:
 
 
 def _variable(
-    kind: Any, name: str, ends: tuple[float, float], shapes: dict[str, Trapezoid], places: int
+    kind: Any, name: str, ends: tuple[float, float], shapes: dict[str, FuzzySet], places: int
 ) -> Any:
-    corners = [x for shape in shapes.values() for x in shape]
+    corners = [x for shape in shapes.values() for x, _ in shape.corners()]
     variable = kind(np.union1d(np.linspace(*ends, places), corners), name)
     for level, shape in shapes.items():
         variable[level] = np.array([shape.membership(x) for x in variable.universe])

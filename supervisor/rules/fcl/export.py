@@ -8,9 +8,10 @@ maker. ``docs/fear.md`` lists the mapping; :mod:`supervisor.rules.fcl.read` read
 import re
 
 from supervisor.rules.inference import DISTRUST_AT, FearRules
-from supervisor.rules.membership import Trapezoid, level_sets, trapezoids
+from supervisor.rules.membership import fuzzy_sets, level_sets
 from supervisor.rules.rule_file import FEAR, LEVELS, Input
 from supervisor.rules.sentence import Rule
+from supervisor.rules.shapes import FuzzySet
 
 FCL_WORDS = frozenset({"if", "then", "is", "and", "or", "not"})
 
@@ -35,26 +36,24 @@ def fcl(rules: FearRules) -> str:
     return "\n".join(lines) + "\n"
 
 
-def points(shape: Trapezoid) -> list[tuple[float, int]]:
-    """Corners (x, degree) of a set; a shoulder, where an edge is vertical at an end of the range, has one."""
-    a, b, c, d = shape
-    foot, rest = [(a, 0)] if a < b else [], [(d, 0)] if c < d else []
-    return [*foot, *dict.fromkeys([(b, 1), (c, 1)]), *rest]
+def points(shape: FuzzySet) -> list[tuple[float, float]]:
+    """Corners (x, degree) of a set, the whole degrees as integers."""
+    return [(x, int(y) if y in (0.0, 1.0) else y) for x, y in shape.corners()]
 
 
 def _variables(block: str, names: tuple[str, ...]) -> list[str]:
     return [block, *(f"  {name} : REAL;" for name in names), "END_VAR"]
 
 
-def _terms(sets: dict[str, Trapezoid]) -> list[str]:
+def _terms(sets: dict[str, FuzzySet]) -> list[str]:
     return [
-        f"  TERM {level} := {' '.join(f'({x!r}, {y})' for x, y in points(shape))};"
+        f"  TERM {level} := {' '.join(f'({x!r}, {y!r})' for x, y in points(shape))};"
         for level, shape in sets.items()
     ]
 
 
 def _fuzzify(name: str, spec: Input) -> list[str]:
-    return [f"FUZZIFY {name}", *_terms(trapezoids(spec)), "END_FUZZIFY"]
+    return [f"FUZZIFY {name}", *_terms(fuzzy_sets(spec)), "END_FUZZIFY"]
 
 
 def _defuzzify(name: str, at: tuple[float, ...]) -> list[str]:

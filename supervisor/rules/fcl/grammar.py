@@ -7,7 +7,7 @@ from functools import cache
 from typing import NoReturn
 
 from lark import Lark, Token, Tree
-from lark.exceptions import UnexpectedCharacters, UnexpectedInput
+from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
 from trepid.config import InputError
 
@@ -100,7 +100,7 @@ class Source:
         return str(token)
 
     def _refuse(self, error: UnexpectedInput, accepted: set[str]) -> NoReturn:
-        at_end = not isinstance(error, UnexpectedCharacters) and error.token.type == "$END"  # type: ignore[attr-defined]
+        at_end = isinstance(error, UnexpectedToken) and error.token.type == "$END"
         at = len(self._text) if at_end else int(error.pos_in_stream or 0)
         found = _NEXT.match(self._text, at)
         got = found.group() if found else ""

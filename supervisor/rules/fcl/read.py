@@ -19,6 +19,7 @@ from supervisor.rules.inference import DISTRUST_AT
 from supervisor.rules.membership import level_sets
 from supervisor.rules.rule_file import FEAR, LEVELS, TRUST_PREFIX, RuleFile
 from supervisor.rules.sentence import SentenceError, parse_rule
+from supervisor.rules.shapes import polyline
 from trepid import config
 
 Corner = tuple[float, float]
@@ -72,16 +73,17 @@ class _Reader:
 
     def fuzzify(self, parts: list[Any]) -> None:
         name = self.source.expect(parts[0], self.inputs)
-        spec = self.inputs[name]
+        spec, ends = self.inputs[name], dict[str, Corner]()
         for part in parts[1:]:
             if part.data == "range":
                 spec["range"] = _numbers(part)
                 continue
             level, corners = self.term(part)
-            spec["sets"][str(level)] = self.trapezoid(level, corners)
+            spec["sets"][str(level)] = self.shape(level, corners)
+            ends[str(level)] = corners[0][0], corners[-1][0]
             self.places["inputs", name, "sets", str(level)] = level
         if len(spec["sets"]) == len(LEVELS):
-            spec.setdefault("range", (spec["sets"]["very_low"][0], spec["sets"]["very_high"][-1]))
+            spec.setdefault("range", (ends["very_low"][0], ends["very_high"][1]))
 
     def defuzzify(self, parts: list[Any]) -> None:
         terms = self.outputs[self.source.expect(parts[0], self.outputs)]
@@ -95,23 +97,23 @@ class _Reader:
                 expected = "the default 1: where no rule fires, fear and trust are 1"
                 self.require(_numbers(part) == (1,), part.children[0], expected)
 
-    def term(self, part: Tree[Any]) -> tuple[Token, list[Corner]]:
+    def term(self, part: Any) -> tuple[Token, list[Corner]]:
         """``NAME := 0.5;`` or ``NAME := (x, y) (x, y) ...;``"""
         level, *corners = part.children
         self.source.expect(level, LEVELS)
         numbers = [_numbers(corner) for corner in corners]
         return level, [(pair[0], pair[1] if len(pair) > 1 else 1.0) for pair in numbers]
 
-    def trapezoid(self, level: Token, corners: list[Corner]) -> list[float]:
-        """The points of trimf or trapmf with these corners."""
+    def shape(self, level: Token, corners: list[Corner]) -> Any:
+        """The set with these corners: the points of trimf or trapmf, or a polyline."""
+        try:
+            found = polyline(tuple(corners))
+        except ValueError as error:
+            self.source.fail(level, str(error))
+        if found.rise or found.fall:
+            return {"polyline": corners}
         top = [x for x, y in corners if y == 1]
-        rises = not top or corners[0] != (top[0], 1)
-        falls = not top or corners[-1] != (top[-1], 1)
-        expected = [*[0] * rises, *[1] * len(top), *[0] * falls]
-        if [y for _, y in corners] != expected or not 0 < len(top) <= 2:
-            message = "expected points that rise from 0 to 1 once and fall to 0 once, or shoulders at 1"
-            self.source.fail(level, message)
-        return [corners[0][0], *top, corners[-1][0]]
+        return [found.a, *top, found.d]
 
     def ruleblock(self, parts: list[Any]) -> None:
         for part in parts[1:]:
@@ -128,7 +130,7 @@ class _Reader:
             self.places[(*around, key)] = value
             store[key] = _plain(value)
 
-    def stored(self, entry: Tree[Any]) -> tuple[dict[Any, Any], tuple[str, ...], Any]:
+    def stored(self, entry: Any) -> tuple[dict[Any, Any], tuple[str, ...], Any]:
         """Destination of the value of an option: a mapping, its place in the file, and the key."""
         match entry.data, entry.children[:-1]:
             case "of_input", [word, name]:
@@ -207,7 +209,7 @@ class _Reader:
         return self.places.get(path)
 
 
-def _numbers(part: Tree[Any]) -> tuple[float, ...]:
+def _numbers(part: Any) -> tuple[float, ...]:
     return tuple(float(token) for token in part.children if token.type == "NUMBER")
 
 

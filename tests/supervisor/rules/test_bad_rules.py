@@ -57,13 +57,13 @@ BAD: dict[str, tuple[str | bytes | None, str]] = {
     "rule that is a mapping": (with_rule("if a: b"), "rules.17: Input should be a valid string"),
     "no inputs": ("inputs: {}\n" + GOOD[GOOD.index("rules:\n") :], ":1:1: inputs: .*at least 1 item"),
     "unknown method": (GOOD + "method: sugeno\n", r":\d+:1: method: Input should be 'monotone' or 'mamdani'"),
-    "estimator twice": (GOOD + "estimators: [cv, cv]\n", "estimators.1: 'cv' stands here twice"),
+    "estimator twice": (GOOD + "estimators: [cv, cv]\n", "estimators.1: 'cv' is listed twice"),
     "estimator in capitals": (GOOD + "estimators: [CV]\n", "estimators.0: String should match pattern"),
     # Inputs.
-    "input as a keyword": (with_part("  brightness:\n", "  not:\n"), ":3: inputs.not: 'not' is a word"),
+    "input as a keyword": (with_part("  brightness:\n", "  not:\n"), ":3: inputs.not: 'not' is a keyword"),
     "input as an output": (
         with_part("  brightness:\n", "  trust_cv:\n") + "estimators: [cv]\n",
-        ":3: inputs.trust_cv: 'trust_cv' is a word",
+        ":3: inputs.trust_cv: 'trust_cv' is a keyword",
     ),
     "input in capitals": (with_part("  brightness:\n", "  Brightness:\n"), "String should match pattern"),
     "misspelt field": (with_part("risk: rising", "rsik: rising"), "unknown field .*rsik'; did you mean 'risk'"),

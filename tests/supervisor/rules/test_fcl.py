@@ -114,7 +114,7 @@ def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_tells() -> No
         ("TERM low := ", "TERM lwo := ", "expected one of very_low, low"),
         ("TERM low := (0.0, 0)", "TERM low := (0.0, 0.5)", ":13:8: expected points that rise from 0 to 1 once"),
         ("TERM low := (0.0, 0)", "TERM low := (0.0 0)", ":13:20: expected ',', got '0'"),
-        ("TERM low := (0.0, 0)", "TERM low := (0.3, 0)", ":13:8: inputs.a.sets.low: the points must not fall"),
+        ("TERM low := (0.0, 0)", "TERM low := (0.3, 0)", ":13:8: the points must not fall"),
         ("TERM low := (0.0, 0)", "TERM low := (-1.0, 0)", "not in order"),
         ("METHOD : COG;", "METHOD : MOM;", ": expected 'COG', got 'MOM'"),
         ("DEFAULT := 1;", "DEFAULT := 0;", "expected the default 1"),

@@ -105,7 +105,7 @@ def test_a_bad_word_in_a_rule_is_named_with_line_and_column(
         ("at: 0.5, ", "at: 0.2, ", "medium must stand above low"),
         ("at: 1.0, ", "at: 0.9, ", "very_high at 1"),
         ("mode: STOP", "mode: KEEP", "milder"),
-        ("  frame_age:\n", "  then:\n", "word of the rule language"),
+        ("  frame_age:\n", "  then:\n", "keyword of the rule language"),
         ("range: [0.0, 1.0]", "range: [0.0, .nan]", "finite"),
     ],
 )
