@@ -3,8 +3,9 @@
 import difflib
 import json
 import math
+import warnings
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -19,34 +20,51 @@ from supervisor.rules.inference import FearRules
 from supervisor.rules.verify import place, verify
 from trepid.config import InputError
 
+if TYPE_CHECKING:
+    from supervisor.rules.scikit import Agreement
+
 app = typer.Typer(no_args_is_help=True)
 app.command()(schema)
 app.command()(export)
 app.command("import")(import_)
 
 RuleFileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Rule file, e.g. config/fear.yaml.")]
+COMPARED_POINTS = 40
+SHOWN_ASSUMED = 4
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON only.")]
 
 
 @app.command()
 def check(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Rule files.")],
+    against_skfuzzy: Annotated[
+        bool,
+        typer.Option(
+            "--against-skfuzzy", help="Compare fear with scikit-fuzzy's control system; takes a minute."
+        ),
+    ] = False,
+    points: Annotated[
+        int, typer.Option(metavar="N", min=2, help="Number of points of that comparison.")
+    ] = COMPARED_POINTS,
     as_json: JsonOption = False,
 ) -> None:
-    """Check that the rules speak everywhere, are monotone, and reach 0 and 1. Exit 1 if not."""
-    passed = [_check(file, as_json=as_json) for file in files]
+    """Check that a rule fires at every point, that fear is monotone, and that it reaches 0 and 1. Exit 1 if not."""
+    passed = [_check(file, points if against_skfuzzy else 0, as_json=as_json) for file in files]
     if not all(passed):
         raise typer.Exit(1)
 
 
-def _check(file: Path, *, as_json: bool) -> bool:
-    """Tell what :func:`verify` finds in one file; whether it may drive."""
+def _check(file: Path, compared: int, *, as_json: bool) -> bool:
+    """Print the result of :func:`verify` for one file; False when the file has problems."""
     rules = FearRules.load(file)
     verdict = verify(rules)
+    agreement = _agreement(rules, compared) if compared else None
     if as_json:
         found = {"problems": verdict.problems, "notes": verdict.notes, "lipschitz": verdict.slopes}
         size = {"method": rules.file.method, "inputs": len(rules.inputs), "rules": len(rules.rules)}
-        typer.echo(json.dumps({"file": str(file), **size, **found}))
+        errors = {name: spec.errors for name, spec in rules.inputs.items() if spec.errors}
+        peer = {"skfuzzy": agreement._asdict()} if agreement else {}
+        typer.echo(json.dumps({"file": str(file), **size, **found, "approximation": errors, **peer}))
         return not verdict.problems
     for problem in verdict.problems:
         typer.echo(f"{file}:{place(file, problem, rules)}: {problem}", err=True)
@@ -54,11 +72,35 @@ def _check(file: Path, *, as_json: bool) -> bool:
         typer.echo(f"{file}:{place(file, note, rules)}: note: {note}", err=True)
     if not verdict.problems:
         extent = f"{len(rules.inputs)} inputs, {len(rules.rules)} rules"
-        typer.echo(f"{file}: {extent}: speaks everywhere, monotone, reaches 0 and 1")
+        typer.echo(f"{file}: {extent}: a rule fires everywhere, monotone, reaches 0 and 1")
         typer.echo("fear changes by at most")
         for name, slope in verdict.slopes.items():
             typer.echo(f"  {slope:8.3g} per {rules.inputs[name].unit} of {name}")
+    for name, spec in rules.inputs.items():
+        for level, error in spec.errors.items():
+            function = getattr(spec.sets, level).function
+            typer.echo(f"{name} is {level}: {function} as straight lines, within {error:.2g} of degree")
+    if agreement:
+        _print_agreement(agreement)
     return not verdict.problems
+
+
+def _agreement(rules: FearRules, points: int) -> "Agreement":
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of NumPy, inside scikit-fuzzy
+        from supervisor.rules.scikit import compare  # imports scikit-fuzzy, 0.5 s
+
+        return compare(rules, points=points)
+
+
+def _print_agreement(found: "Agreement") -> None:
+    tau = "undefined" if found.kendall_tau is None else f"{found.kendall_tau:.2f}"
+    typer.echo(f"against scikit-fuzzy's control system, {found.points} points:")
+    typer.echo(
+        f"  greatest difference of fear {found.greatest_difference:.2g}, rank agreement (Kendall) {tau}"
+    )
+    typer.echo(f"  with the method mamdani: greatest difference {found.greatest_difference_mamdani:.2g}")
+    typer.echo(f"  sets: greatest difference of degree {found.greatest_difference_of_degrees:.2g}")
 
 
 @app.command()
@@ -66,7 +108,9 @@ def show(
     file: RuleFileArgument,
     values: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME=VALUE...", help="Inputs of a surface that are not calm."),
+        typer.Argument(
+            metavar="NAME=VALUE...", help="Inputs of a surface that are not calm; nan: a missing value."
+        ),
     ] = None,
     surface: Annotated[
         tuple[str, str] | None, typer.Option(metavar="X Y", help="Show fear over these two inputs instead.")
@@ -91,29 +135,32 @@ def show(
 def explain(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A rule file, or the recording of a drive.")],
     values: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME=VALUE...", help="Inputs; nan: a missing value.")
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME=VALUE...", help="Inputs; nan: a missing value. Inputs that are not given are calm."
+        ),
     ] = None,
-    calm: Annotated[
-        bool, typer.Option("--calm", help="Inputs that are not given are calm, instead of missing.")
-    ] = False,
+    calm: Annotated[bool, typer.Option("--calm", hidden=True, help="The default.")] = False,
     at: Annotated[
-        float | None, typer.Option(metavar="T", help="Recording: why did it slow down at T seconds?")
+        float | None, typer.Option(metavar="T", help="Recording: explain the slow-down at T seconds.")
     ] = None,
     rules_file: Annotated[
-        Path | None, typer.Option("--rules", metavar="F.yaml", help="Recording: by these rules, not its own.")
+        Path | None,
+        typer.Option("--rules", metavar="F.yaml", help="Recording: use these rules, not its own."),
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option(metavar="F.png", help="Recording: draw what was seen at that moment.")
+        Path | None, typer.Option(metavar="F.png", help="Recording: draw the camera image of that moment.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Explain how afraid the rules are of these values, or why a recorded drive slowed down.
+    """Explain the fear that the rules infer from values, or why the vehicle in a recording slowed down.
 
-    Inputs that are not given are missing. Of a recording without --at, every slow-down is listed.
+    Inputs that are not given stand at the calm end of their range. For a recording without --at, every slow-down is
+    listed.
     """
     if is_recording(file):
         if values or calm:
-            raise InputError(f"{file}: a recording has its own values; ask --at which second")
+            raise InputError(f"{file}: a recording has its own values; give the time with --at")
         if not explain_drive(file, at, rules=rules_file, picture=picture, as_json=as_json):
             raise typer.Exit(1)
         return
@@ -121,34 +168,37 @@ def explain(
         raise InputError(f"{file}: --at, --rules and --picture are for recordings, and this is no MCAP file")
     rules = FearRules.load(file)
     given = _values(values or [], rules)
-    point = {name: given.get(name, spec.calmest if calm else None) for name, spec in rules.inputs.items()}
-    explained = explanation(rules, point)
+    explained = explanation(rules, {**calmest(rules), **given})
+    assumed = [name for name in rules.names if name not in given]
     if as_json:
-        typer.echo(json.dumps(explained))
+        typer.echo(json.dumps({**explained, "assumed_calm": assumed}))
         return
     summary = f"{explained['mode']}, speed x {explained['speed_factor']:.2f}, because of {explained['cause']}"
     typer.echo(f"fear {explained['fear']:.3f} ({explained['level']}): {summary}")
     for fired in explained["rules"]:
         typer.echo(f"  {fired['strength']:.2f}  {fired['text']}")
+    if assumed:
+        shown = ", ".join(assumed[:SHOWN_ASSUMED]) + (", ..." if len(assumed) > SHOWN_ASSUMED else "")
+        typer.echo(f"assumed calm, because not given: {len(assumed)} of {len(rules.names)} inputs ({shown})")
 
 
 def explanation(rules: FearRules, values: dict[str, float | None]) -> dict[str, Any]:
-    """What ``trepid fear explain --json`` prints. The mode is that of the level, without hysteresis."""
-    felt = rules.evaluate(values)
+    """The fields of ``trepid fear explain --json``. The mode is that of the level, without hysteresis."""
+    result = rules.evaluate(values)
     return {
-        "fear": felt.fear,
-        "level": felt.level,
+        "fear": result.fear,
+        "level": result.level,
         "memberships": rules.memberships(values),
-        "rules": [{"text": fired.text, "strength": fired.strength} for fired in felt.rules],
-        "cause": felt.cause,
-        "speed_factor": rules.speed_factor(felt.fear),
-        "mode": rules.mode(felt.fear).value,
+        "rules": [{"text": fired.text, "strength": fired.strength} for fired in result.rules],
+        "cause": result.cause,
+        "speed_factor": rules.speed_factor(result.fear),
+        "mode": rules.mode(result.fear).value,
         "trust": {name: trust.trust for name, trust in rules.trust(values).items()},
     }
 
 
 def _values(texts: list[str], rules: FearRules) -> dict[str, float | None]:
-    """name=value texts as numbers. Raises InputError for a name that the file does not know."""
+    """name=value texts as numbers. Raises InputError for a name that the file does not define."""
     values: dict[str, float | None] = {}
     for text in texts:
         name, equals, number = text.partition("=")

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from sim_harness.bench.fear.determinism import differing_processes, random_point
-from sim_harness.bench.fear.scikit import fear_of, simulation
 from supervisor.rules.coverage import Point
 from supervisor.rules.inference import FearRules
 from supervisor.rules.rule_file import LEVELS, Method, RuleFile
+from supervisor.rules.scikit import fear_of, simulation
 from supervisor.rules.sentence import parse_rule
 from trepid.config import CONFIG_DIR
 from trepid.types import Array

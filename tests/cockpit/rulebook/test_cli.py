@@ -26,8 +26,8 @@ def fear(*arguments: str) -> tuple[int, str]:
     return result.exit_code, result.stdout
 
 
-def explain(*values: str, calm: bool = True) -> dict[str, Any]:
-    code, out = fear("explain", str(FILE), *values, *(["--calm"] if calm else []), "--json")
+def explain(*values: str) -> dict[str, Any]:
+    code, out = fear("explain", str(FILE), *values, "--json")
     assert code == 0
     return json.loads(out)  # type: ignore[no-any-return]
 
@@ -35,7 +35,7 @@ def explain(*values: str, calm: bool = True) -> dict[str, Any]:
 def test_the_shipped_rules_pass_their_check() -> None:
     code, out = fear("check", str(FILE))
     assert code == 0
-    assert "speaks everywhere, monotone, reaches 0 and 1" in out
+    assert "a rule fires everywhere, monotone, reaches 0 and 1" in out
 
 
 @pytest.mark.parametrize(
@@ -98,10 +98,7 @@ def test_explain_gives_the_fields_of_the_design() -> None:
 
 
 def test_explain_of_all_calm_and_all_worst_values() -> None:
-    ends = [
-        explain(*(f"{n}={x}" for n, x in point.items()), calm=False)
-        for point in (calmest(RULES), worst(RULES))
-    ]
+    ends = [explain(*(f"{n}={x}" for n, x in point.items())) for point in (calmest(RULES), worst(RULES))]
     assert [(told["fear"], told["mode"], told["speed_factor"]) for told in ends] == [
         (0, "KEEP", 1),
         (1, "STOP", 0),
@@ -114,8 +111,19 @@ def test_explain_takes_no_number_for_missing(text: str) -> None:
     assert (told["fear"], told["cause"]) == (1, "image_statistics_lost")
 
 
-def test_explain_takes_what_is_not_given_for_missing() -> None:
-    assert explain("speed=3", calm=False)["fear"] == 1
+def test_explain_assumes_inputs_that_are_not_given_calm_and_lists_them() -> None:
+    told = explain("speed=3", "brightness=0.05")
+    assert (told["mode"], told["cause"]) == ("CAUTION", "dark")
+    assert told["assumed_calm"] == [n for n in RULES.names if n not in ("speed", "brightness")]
+    out = fear("explain", str(FILE), "speed=3", "brightness=0.05")[1]
+    assert f"assumed calm, because not given: {len(RULES.names) - 2} of {len(RULES.names)} inputs" in out
+    everything = [f"{name}={value}" for name, value in calmest(RULES).items()]
+    assert explain(*everything)["assumed_calm"] == []
+    assert "assumed" not in fear("explain", str(FILE), *everything)[1]
+
+
+def test_the_option_calm_of_earlier_versions_changes_nothing() -> None:
+    assert fear("explain", str(FILE), "speed=3", "--calm") == fear("explain", str(FILE), "speed=3")
 
 
 @pytest.mark.parametrize(
@@ -134,7 +142,7 @@ def test_explain_names_a_bad_value(value: str, message: str) -> None:
 
 
 def test_explain_in_words_says_what_why_and_what_to_do() -> None:
-    code, out = fear("explain", str(FILE), "frame_age=0.5", "--calm")
+    code, out = fear("explain", str(FILE), "frame_age=0.5")
     assert code == 0
     assert out.startswith("fear 1.000 (very_high): STOP, speed x 0.00, because of stale_data")
 
@@ -159,3 +167,27 @@ def test_every_problem_is_one_line() -> None:
     problems = verify(hole).problems
     assert problems
     assert all("\n" not in problem for problem in problems)
+
+
+def test_a_check_against_scikit_fuzzy_reports_differences_and_rank_agreement() -> None:
+    small = str(CONFIG_DIR / "fear" / "first_drive.yaml")
+    code, out = fear("check", small, "--against-skfuzzy", "--points", "12", "--json")
+    assert code == 0
+    found = json.loads(out)["skfuzzy"]
+    assert 2 <= found["points"] <= 12
+    assert found["greatest_difference_mamdani"] < 1e-4
+    assert found["greatest_difference_of_degrees"] < 1e-12
+    assert found["kendall_tau"] > 0.3
+    text = fear("check", small, "--against-skfuzzy", "--points", "3")[1]
+    assert "rank agreement (Kendall)" in text
+
+
+def test_a_check_reports_the_error_of_every_compiled_membership_function(tmp_path: Path) -> None:
+    path = tmp_path / "curved.yaml"
+    text = (CONFIG_DIR / "fear" / "first_drive.yaml").read_text(encoding="utf-8")
+    path.write_text(text.replace("low: [0.25, 0.35, 0.45]", "low: {gaussmf: [0.35, 0.04]}"), encoding="utf-8")
+    code, out = fear("check", str(path))
+    assert code == 0
+    assert "lateral_error is low: gaussmf as straight lines, within 0.000" in out
+    errors = json.loads(fear("check", str(path), "--json")[1])["approximation"]
+    assert 0 < errors["lateral_error"]["low"] <= 0.001

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rule_rig import FALLING, RISING, small_rules
 
-from sim_harness.bench.fear.scikit import fear_of, simulation
 from supervisor.rules.inference import SILENT, FearRules
 from supervisor.rules.mamdani import centroid
 from supervisor.rules.rule_file import LEVELS
+from supervisor.rules.scikit import fear_of, simulation
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning:skfuzzy")
 
