@@ -12,6 +12,7 @@ from io import TextIOWrapper
 from typing import Any
 
 import typer
+from rich.markup import escape
 from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
@@ -110,7 +111,18 @@ class Mounted(Mapping[str, Any]):
 def _mounted(name: str) -> Any:  # a command of Typer, whose type is private
     mount = typer.Typer()
     VERBS[name](mount)
-    return typer.main.get_group(mount).commands[name]
+    command = typer.main.get_group(mount).commands[name]
+    _escape_help(command)
+    return command
+
+
+def _escape_help(command: Any) -> None:
+    """Escape the help of ``command`` and below: Rich takes a unit such as [m] for a style and drops it."""
+    for described in (command, *command.params):
+        if getattr(described, "help", None):
+            described.help = escape(described.help)
+    for child in getattr(command, "commands", {}).values():
+        _escape_help(child)
 
 
 class Verbs(TyperGroup):

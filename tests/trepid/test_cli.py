@@ -1,12 +1,18 @@
 """The command line: every verb is there, and bad usage is one line and exit code 2."""
 
 import json
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
 from trepid import __version__
+from trepid.cli import app
 from trepid.cli import main as trepid_main
 from trepid.config import CONFIG_DIR, ROOT
 
@@ -26,6 +32,32 @@ def test_help_names_every_verb() -> None:
     shown = trepid("--help").stdout
     for verb in ("drive", "sim", "estimate", "fear", "vehicle", "train", "bench"):
         assert f"{verb} " in shown
+
+
+def commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:
+    """Every command below ``command`` that runs, with its full name."""
+    children = getattr(command, "commands", {})
+    if not children:
+        yield name, command
+    for child in children:
+        yield from commands(f"{name} {child}".strip(), children[child])
+
+
+def words(shown: str) -> str:
+    """The text of a help page without its frames and line breaks."""
+    return " ".join(shown.replace("│", " ").split())
+
+
+def test_the_help_of_every_verb_shows_its_texts_with_the_units_in_brackets() -> None:
+    with_brackets = 0
+    for name, command in commands("", typer.main.get_command(app)):
+        shown = words(CliRunner().invoke(app, [*name.split(), "--help"]).stdout)
+        for parameter in command.params:
+            brackets = re.findall(r"\[[^\]]*\]", (getattr(parameter, "help", None) or "").replace("\\", ""))
+            with_brackets += bool(brackets)
+            assert all(text in shown for text in brackets), f"trepid {name} --help: {parameter.help}"
+    assert with_brackets > 5
+    assert "Speed [m/s]; negative: reverse." in words(trepid("vehicle", "steer", "--help").stdout)
 
 
 def test_the_version_is_printed() -> None:
