@@ -55,6 +55,13 @@ CURVED_FALLING = Input(
     ),
 )
 INPUTS = {"a": CURVED, "b": CURVED_FALLING}
+CURVED_RULES = small_rules(
+    "if a is high and b is not high then fear is very_high",
+    "if a is low or b is medium then fear is medium with weight 0.7",
+    "if a is not very_low then fear is low",
+    "if a is very_low and b is very_high then fear is very_low",
+    inputs=INPUTS,
+)
 share = st.floats(0, 1, allow_subnormal=False)
 
 
@@ -110,16 +117,9 @@ def test_a_curved_edge_keeps_order_bit_for_bit(x: float, y: float, inner: list[t
 @settings(max_examples=200, deadline=None)
 @given(share, share, st.sampled_from("ab"), share)
 def test_fear_never_falls_as_a_risk_with_curved_sets_rises(a: float, b: float, name: str, x: float) -> None:
-    rules = small_rules(
-        "if a is high and b is not high then fear is very_high",
-        "if a is low or b is medium then fear is medium with weight 0.7",
-        "if a is not very_low then fear is low",
-        "if a is very_low and b is very_high then fear is very_low",
-        inputs=INPUTS,
-    )
     less, more = {"a": a, "b": b}, {"a": a, "b": b}
     more[name] = max(x, a) if name == "a" else min(x, b)
-    assert rules.evaluate(more).fear >= rules.evaluate(less).fear
+    assert CURVED_RULES.evaluate(more).fear >= CURVED_RULES.evaluate(less).fear
 
 
 def test_the_proofs_agree_with_a_grid_on_curved_sets() -> None:
@@ -186,5 +186,7 @@ def test_a_file_with_functions_passes_the_checks_and_uses_them(tmp_path: Path) -
     ],
 )
 def test_a_bad_function_is_refused_with_line_and_column(tmp_path: Path, function: str, message: str) -> None:
-    with pytest.raises(InputError, match=rf"fear\.yaml:76:\d+: .*{message}"):
-        FearRules.load(curved_file(tmp_path, function))
+    path = curved_file(tmp_path, function)
+    line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if f"low: {function}" in text)
+    with pytest.raises(InputError, match=rf"fear\.yaml:{line}:\d+: .*{message}"):
+        FearRules.load(path)
