@@ -87,6 +87,8 @@ def identify(
     car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
     renamed = dict(_renaming(text) for text in column or [])
     drive = read_log(log, renamed)
+    if not drive.complete:
+        print(f"trepid: {log}: cut short; read up to its last whole chunk", file=sys.stderr)
     steady = identify_understeer(drive, car, known_ratio=known_ratio, anyway=anyway)
     response = identify_response(drive, car)
     found = {**steady.parameters, **response.parameters}
@@ -112,15 +114,20 @@ def identify(
 @app.command()
 def margins(
     vehicle: Annotated[Path, typer.Option(help="Vehicle file.")] = CONFIG_DIR / "vehicle.yaml",
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="Draw Bode and step diagrams of the loop into this file (.png, .svg, .pdf)."),
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override a field of the vehicle file."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
 ) -> None:
-    """Bandwidth of the LQI steering loop over speed, and how wrong it may be before it is unstable."""
+    """Bandwidth [rad/s] and gain [dB], phase [deg], delay [s] and disk margins of the LQI loop over speed [m/s]."""
     from controller.controller import ControllerSettings
     from controller.laws.lqi import Lqi
+    from controller.laws.lqi_design import disk_margin
 
     car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
     lateral = load(CONFIG_DIR / "controller.yaml", ControllerSettings).lateral
@@ -132,9 +139,14 @@ def margins(
             "gain_margin_db": round(design.margins.gain_db, 1) if design.margins.gain < math.inf else None,
             "phase_margin_deg": round(math.degrees(design.margins.phase_rad), 1),
             "delay_margin_s": round(design.margins.delay_s, 3),
+            "disk_margin": round(disk_margin(design, lags), 3),
         }
-        for design in law.designs
+        for design, lags in zip(law.designs, law.lags, strict=True)
     ]
+    if picture is not None:
+        from controller.laws.lqi_picture import draw
+
+        draw(picture, law.designs, law.lags, title=f"LQI steering loop of {car.name}")
     if as_json:
         typer.echo(json.dumps(rows))
         return

@@ -16,23 +16,19 @@ Columns of a table (the first of each line that is there counts):
 
 import csv
 import math
-import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 
-from trepid.clock import seconds
 from trepid.config import InputError
 from trepid.messages import VehicleState
+from trepid.recording.reader import read_recording
 from trepid.topics import COMMAND, VEHICLE_STATE
 from trepid.types import Column
-from trepid.wire import WireError, from_cdr
 
 RAD = math.pi / 180.0
 # Our quantity: the names it may have in a table, and their factors to SI.
@@ -65,6 +61,7 @@ class DriveLog:
     at_steering_wheel: bool  # where angle and command are measured
     command_t_s: Column  # when each command was given; empty: the log has none
     command_rad: Column
+    complete: bool = True  # False: a recording that was cut short, read up to its last whole chunk
 
 
 def read_log(path: Path, renamed: Mapping[str, str] | None = None) -> DriveLog:
@@ -118,24 +115,16 @@ def log_of(
 
 
 def _from_recording(path: Path) -> DriveLog:
-    """States at the time of their measurement, commands at the time at which they were heard on the bus."""
-    states, orders = [], []
-    topics = [f"/{VEHICLE_STATE.key}", f"/{COMMAND.key}"]
-    try:
-        with path.open("rb") as file:
-            for _, channel, message in make_reader(file).iter_messages(topics=topics):
-                if channel.topic == topics[0]:
-                    states.append(_row(from_cdr(message.data, VEHICLE_STATE.type)))
-                else:
-                    command = from_cdr(message.data, COMMAND.type)
-                    orders.append((seconds(message.log_time), command.road_wheel_angle_rad))
-    except (McapError, WireError, struct.error) as error:
-        raise InputError(f"{path}: is no recording: {type(error).__name__} {error}".rstrip()) from error
-    # Late ones take their place; a simulator that waits sends several of one instant: the first counts.
+    """States at the time of their measurement, commands at the time of their arrival at the recorder."""
+    recorded = read_recording(path, VEHICLE_STATE.key, COMMAND.key)
+    states = [_row(state) for _, state in recorded.of(VEHICLE_STATE)]
+    orders = [(arrived_s, command.road_wheel_angle_rad) for arrived_s, command in recorded.of(COMMAND)]
+    # Late states are sorted in; of several states of one instant (a waiting simulator) the first counts.
     first = {row[0]: row for row in reversed(states)}
     table = np.array([first[t_s] for t_s in sorted(first)], dtype=np.float64).reshape(-1, 5)
     given = np.array(orders, dtype=np.float64).reshape(-1, 2)
-    return log_of(path, list(table.T), (given[:, 0], given[:, 1]))
+    log = log_of(path, list(table.T), (given[:, 0], given[:, 1]))
+    return replace(log, complete=recorded.complete)
 
 
 def _row(state: VehicleState) -> tuple[float, ...]:

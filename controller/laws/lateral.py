@@ -7,7 +7,8 @@ from pydantic import Field
 
 from controller.laws.feedforward import Feedforward, FeedforwardSettings
 from controller.laws.law import LateralLaw
-from controller.laws.lqi import Lqi, LqiSettings
+from controller.laws.lqi import Lqi
+from controller.laws.lqi_settings import LqiSettings
 from controller.laws.mpc import Mpc, MpcSettings
 from controller.laws.pure_pursuit import PurePursuit, PurePursuitSettings
 from controller.laws.stanley import Stanley, StanleySettings

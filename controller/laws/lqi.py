@@ -14,7 +14,7 @@ of zero takes its state away. κ_ff = κ(s + v·(T + τ)) undoes both lags on a 
 ω is the bandwidth, d raises the damping, and without integral and lags the poles are those of
 s² + √(2 + d²)·ω·s + ω². Like the pole placement of :mod:`controller.laws.feedforward` it is ω = min(ω_t, ω_s·v),
 slowed down further until the margins asked for hold with the prediction over the dead time in the loop
-(:mod:`controller.laws.lqr`): a vehicle file with slow steering gets a slow loop, never an unstable one.
+(:mod:`controller.laws.lqi_design`): a vehicle file with slow steering gets a slow loop, never an unstable one.
 
 Far from the centre, with r = |e| + |w|·k_w/k_e above r₀, the bandwidth falls by r₀/r, to a least one: a wheel
 whose jerk is limited cannot follow large errors as quickly as small ones (low-and-high gain: Lin and Saberi, IEEE
@@ -27,138 +27,17 @@ Anderson and Moore, Optimal Control (1990), sections 2.3 and 3.3; Hippe, Windup 
 """
 
 import math
-from functools import lru_cache
 from itertools import pairwise
-from typing import Annotated, NamedTuple
-
-import numpy as np
-from pydantic import Field
 
 from controller.laws.law import Acting
-from controller.laws.lqr import Margins, gains, loop, margins
+from controller.laws.lqi_gains import schedule
+from controller.laws.lqi_settings import SPEEDS_MPS, Gains, Lags, LqiSettings
 from controller.model.tyres import Tyres
 from trepid.bounds import at_least, at_most, within
 from trepid.clothoid import Lane
-from trepid.config import Settings
-from trepid.types import Array, NonNegative, Positive
 from trepid.vehicle import Vehicle
 
-SPEEDS_MPS = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0, 28.0, 40.0, 56.0, 80.0)
-_SLOWER = 0.92  # by which the bandwidth falls until the margins hold
 _MIN_SPEED_MPS = SPEEDS_MPS[0]
-_SHORTEST_LAG_S = 1e-3  # a quicker lag is none
-_OMEGA = np.geomspace(0.02, 200.0, 240)  # frequencies in bandwidths, on which margins are looked for
-
-
-class MarginSettings(Settings):
-    """``lateral.lqi.margins``: what the loop must bear before it is unstable."""
-
-    gain_db: NonNegative
-    phase_rad: Annotated[float, Field(ge=0, lt=math.pi / 2)]
-    delay_s: NonNegative
-    delay_share: NonNegative  # of dead time plus lags, on top
-
-
-class LqiSettings(Settings):
-    """``lateral.lqi`` in ``config/controller.yaml``."""
-
-    bandwidth_radpm: Positive  # ω_s
-    bandwidth_radps: Positive  # ω_t
-    damping: NonNegative  # d
-    integral: NonNegative  # i
-    max_integral_mps2: NonNegative  # that the integral may ask for
-    near_m: Positive  # r₀
-    far_radps: Positive  # bandwidth far from the centre
-    max_approach_rad: Annotated[float, Field(gt=0, lt=1.5)]
-    max_approach_mps: Positive
-    margins: MarginSettings
-
-
-class Gains(NamedTuple):
-    """u = -(integral·z + offset·e + sideways·w + path·p + wheel·q)."""
-
-    integral_1ps3: float
-    offset_1ps2: float
-    sideways_1ps: float
-    path: float
-    wheel: float
-
-
-class Design(NamedTuple):
-    """The loop at one speed."""
-
-    speed_mps: float
-    bandwidth_radps: float
-    gains: Gains
-    margins: Margins
-
-
-class Lags(NamedTuple):
-    """What the loop has to live with."""
-
-    dead_s: float
-    steering_s: float
-    tyres_s: float
-
-    def noticeable(self) -> "Lags":
-        """Without lags too short to matter, whose poles would only cost digits."""
-        lasting = (lag_s if lag_s > _SHORTEST_LAG_S else 0.0 for lag_s in (self.steering_s, self.tyres_s))
-        return Lags(self.dead_s, *lasting)
-
-
-def model(lags: Lags) -> tuple[Array, Array, list[int]]:
-    """A, B of (z, e, w, p, q), and which of the five states there are."""
-    a = np.zeros((5, 5))
-    b = np.zeros(5)
-    states = [0, 1, 2]
-    a[0, 1] = a[1, 2] = 1.0
-    into, rate = 2, 1.0
-    for state, lag_s in ((3, lags.tyres_s), (4, lags.steering_s)):
-        if lag_s > 0.0:
-            a[into, state] = rate
-            a[state, state] = -1.0 / lag_s
-            into, rate = state, 1.0 / lag_s
-            states.append(state)
-    b[into] = rate
-    return a[np.ix_(states, states)], b[states], states
-
-
-def design(speed_mps: float, lags: Lags, settings: LqiSettings) -> Design:
-    """The quickest loop at ``speed_mps``, up to the bandwidth in ``settings``, that has the margins."""
-    need, lags = settings.margins, lags.noticeable()
-    least_s = need.delay_s + need.delay_share * sum(lags)
-    omega = at_most(settings.bandwidth_radps, settings.bandwidth_radpm * speed_mps)
-    while True:
-        found = Design(speed_mps, omega, *_at(omega, lags, settings))
-        has = found.margins
-        if has.gain_db >= need.gain_db and has.phase_rad >= need.phase_rad and has.delay_s >= least_s:
-            return found
-        omega *= _SLOWER
-
-
-def _at(omega: float, lags: Lags, settings: LqiSettings) -> tuple[Gains, Margins]:
-    """Gains and margins at bandwidth ω. Time is counted in 1/ω, so that all numbers are near one."""
-    scaled = Lags(*(omega * lag_s for lag_s in lags))
-    a, b, states = model(scaled)
-    weights = np.diag([settings.integral**2, 1.0, settings.damping**2, 0.0, 0.0])[np.ix_(states, states)]
-    if settings.integral == 0.0:  # nothing asks for the integral then, and nothing would stabilise it
-        a, b, weights, states = a[1:, 1:], b[1:], weights[1:, 1:], states[1:]
-    k = gains(a, b, weights, 1.0)
-    found = margins(loop(a, b, k, scaled.dead_s, _OMEGA), _OMEGA)
-    full = np.zeros(5)
-    full[states] = k * omega ** np.array([3.0, 2.0, 1.0, 0.0, 0.0])[states]
-    return Gains(*full.tolist()), found._replace(delay_s=found.delay_s / omega)
-
-
-@lru_cache(maxsize=64)
-def schedule(
-    dead_s: float, steering_s: float, tyres_s: tuple[float, ...], settings: LqiSettings
-) -> tuple[Design, ...]:
-    """A design at each of ``SPEEDS_MPS``."""
-    return tuple(
-        design(speed_mps, Lags(dead_s, steering_s, lag_s), settings)
-        for speed_mps, lag_s in zip(SPEEDS_MPS, tyres_s, strict=True)
-    )
 
 
 class Lqi:
@@ -169,12 +48,11 @@ class Lqi:
         self._settings = settings
         self._tyres = Tyres(vehicle)
         self._lag_s = vehicle.steering_lag_s
-        self.designs = schedule(
-            command_delay_s + vehicle.steering_delay_s,
-            vehicle.steering_lag_s,
-            tuple(self._tyres.lag_s(speed_mps) for speed_mps in SPEEDS_MPS),
-            settings,
+        dead_s = command_delay_s + vehicle.steering_delay_s
+        self.lags = tuple(
+            Lags(dead_s, vehicle.steering_lag_s, self._tyres.lag_s(speed_mps)) for speed_mps in SPEEDS_MPS
         )
+        self.designs = schedule(self.lags, settings)
         self._integral_mps2 = 0.0  # what the integral asks for
 
     def curvature(self, at: Acting, *, dt_s: float) -> float:

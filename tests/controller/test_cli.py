@@ -68,3 +68,9 @@ def test_the_margins_of_the_steering_loop_are_those_asked_for_at_every_speed():
         assert row["delay_margin_s"] >= 0.05
     table = CliRunner().invoke(app, ["margins"]).stdout.splitlines()
     assert len(table) == len(rows) + 1
+
+
+def test_the_margins_are_drawn(tmp_path):
+    path = tmp_path / "margins.png"
+    assert CliRunner().invoke(app, ["margins", "--picture", str(path)]).exit_code == 0
+    assert path.read_bytes().startswith(b"\x89PNG")

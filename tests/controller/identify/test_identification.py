@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from controller_rig import vehicle
 from identification_rig import PER_DEG_PER_G, drive
-from mcap.writer import Writer
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 from typer.testing import CliRunner
@@ -22,9 +21,9 @@ from controller.identify.identification import identify_understeer, settling, st
 from controller.identify.steering_response import followed, identify_response
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.state import PlantState
-from trepid.clock import nanoseconds
 from trepid.config import ROOT, InputError
 from trepid.messages import Command, VehicleState
+from trepid.recording.writer import Recording
 from trepid.topics import COMMAND, VEHICLE_STATE
 from trepid.wire import to_cdr
 
@@ -246,29 +245,22 @@ def write_table(
 
 
 def write_recording(path, log):
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        channels = {
-            topic.key: writer.register_channel(f"/{topic.key}", "cdr", 0)
-            for topic in (VEHICLE_STATE, COMMAND)
-        }
-        rows = zip(log.t_s, log.speed_mps, log.angle_rad, log.yaw_rate_radps, log.command_rad, strict=True)
-        for t_s, speed_mps, angle_rad, yaw_rate_radps, given_rad in rows:
-            now_s = 1000.0 + float(t_s)
-            measured = VehicleState(
-                t_s=now_s,
-                speed_mps=float(speed_mps),
-                road_wheel_angle_rad=float(angle_rad),
-                yaw_rate_radps=float(yaw_rate_radps),
-                driver_override=False,
-            )
-            for topic, message in ((VEHICLE_STATE, measured), (COMMAND, command(float(given_rad)))):
-                stamp = nanoseconds(now_s + (0.02 if topic is VEHICLE_STATE else 0.0))  # states come late
-                writer.add_message(
-                    channels[topic.key], log_time=stamp, publish_time=stamp, data=to_cdr(message)
-                )
-        writer.finish()
+    arrivals = []
+    rows = zip(log.t_s, log.speed_mps, log.angle_rad, log.yaw_rate_radps, log.command_rad, strict=True)
+    for t_s, speed_mps, angle_rad, yaw_rate_radps, given_rad in rows:
+        now_s = 1000.0 + float(t_s)
+        measured = VehicleState(
+            t_s=now_s,
+            speed_mps=float(speed_mps),
+            road_wheel_angle_rad=float(angle_rad),
+            yaw_rate_radps=float(yaw_rate_radps),
+            driver_override=False,
+        )
+        arrivals.append((now_s + 0.02, VEHICLE_STATE.key, to_cdr(measured)))  # states come late
+        arrivals.append((now_s, COMMAND.key, to_cdr(command(float(given_rad)))))
+    with Recording(path) as recording:
+        for at_s, key, data in sorted(arrivals):
+            recording.add(key, data, at_s=at_s)
     return path
 
 
@@ -299,6 +291,19 @@ def test_a_recording_a_trace_and_a_table_of_one_drive_say_the_same(tmp_path, wea
         assert log.command_t_s - log.t_s[0] == pytest.approx(weave.command_t_s, abs=1e-6)
         for name in ("speed_mps", "angle_rad", "yaw_rate_radps", "command_rad"):
             assert getattr(log, name) == pytest.approx(getattr(weave, name), abs=1e-6)
+
+
+def test_a_recording_that_was_cut_short_is_identified_up_to_its_last_chunk(tmp_path, weave):
+    path = write_recording(tmp_path / "drive.mcap", weave)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(0.7 * len(whole))])
+    log = read_log(path)
+    assert not log.complete
+    assert 0.5 * len(weave.t_s) < len(log.t_s) < len(weave.t_s)
+    result = identify(path, "--json", "--set", "max_road_wheel_rate_radps=3.0")
+    assert result.return_value == 0
+    assert GRADIENT in json.loads(result.stdout)["parameters"]
+    assert "cut short" in result.stderr
 
 
 def test_columns_may_have_other_names_units_and_signs(tmp_path, weave):
@@ -361,7 +366,7 @@ def test_a_poor_log_ends_in_exit_code_1_and_one_line_per_reason(tmp_path):
         ),
         ("a.csv", "t_s,speed_mps,road_wheel_angle_rad,yaw_rate_dps\n0,1,2,3\n", "no two rows"),
         ("a.csv", "t_s,speed_mps,road_wheel_angle_rad,yaw_rate_dps\n0,1,2,3\n0,1,2,3\n", "does not go on"),
-        ("a.mcap", "nothing", "is no recording"),
+        ("a.mcap", "nothing", "not a recording"),
         ("a.npz", "nothing", "is no saved trace"),
         ("a.txt", "nothing", "expected a recording"),
     ],

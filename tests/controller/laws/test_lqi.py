@@ -1,108 +1,23 @@
-"""LQI against python-control: gains, poles and margins; and what it does on a lane."""
+"""Claims about the LQI law on a lane."""
 
 import math
 from itertools import pairwise
 
-import control
 import numpy as np
 import pytest
 from controller_rig import SETTINGS, SHUTTLE, drive, road, vehicle
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from controller.laws.lateral import LawName
 from controller.laws.law import Acting
-from controller.laws.lqi import SPEEDS_MPS, Lags, Lqi, design, model
-from controller.laws.lqr import exponential, gains, loop, margins
+from controller.laws.lqi import Lqi
+from controller.laws.lqi_settings import SPEEDS_MPS
 from sim_harness.world.plants.state import PlantState
 from trepid.clothoid import Lane
 
 LQI = SETTINGS.lateral.lqi
-NEED = LQI.margins
-lag = st.floats(0.0, 0.3)
 signed = st.floats(-0.3, 0.3)
-
-
-def weights(omega, states):
-    """Q of the cost in the docstring of the law, in its own units."""
-    return np.diag([(LQI.integral * omega) ** 2, 1.0, (LQI.damping / omega) ** 2, 0.0, 0.0])[
-        np.ix_(states, states)
-    ]
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.floats(0.5, 40.0), lag, lag, lag)
-def test_the_gains_are_those_of_python_control(speed_mps, dead_s, steering_s, tyres_s):
-    lags = Lags(dead_s, steering_s, tyres_s).noticeable()
-    found = design(speed_mps, lags, LQI)
-    omega = found.bandwidth_radps
-    a, b, states = model(lags)
-    theirs, _, poles = control.lqr(a, b[:, None], weights(omega, states), [[omega**-4]])
-    ours = np.array(found.gains)[states]
-    assert ours == pytest.approx(theirs[0], rel=1e-4, abs=1e-7)
-    assert (poles.real < 0.0).all()
-
-
-@settings(max_examples=8, deadline=None)
-@given(st.floats(0.5, 40.0), lag, lag, lag)
-def test_every_design_has_the_margins_asked_for_and_python_control_finds_the_same(
-    speed_mps, dead_s, steering_s, tyres_s
-):
-    lags = Lags(dead_s, steering_s, tyres_s).noticeable()
-    found = design(speed_mps, lags, LQI)
-    assert found.margins.gain_db >= NEED.gain_db
-    assert found.margins.phase_rad >= NEED.phase_rad
-    assert found.margins.delay_s >= NEED.delay_s + NEED.delay_share * sum(lags)
-    a, b, states = model(lags)
-    omega = found.bandwidth_radps * np.geomspace(0.02, 200.0, 1500)
-    response = loop(a, b, np.array(found.gains)[states], dead_s, omega)
-    gm, pm, _, _, _, _ = control.stability_margins(control.FRD(response, omega), returnall=True)
-    upwards = [one for one in gm if one > 1.0]
-    if upwards:
-        assert found.margins.gain == pytest.approx(min(upwards), rel=0.05)
-    assert math.degrees(found.margins.phase_rad) == pytest.approx(min(abs(pm)), abs=1.5)
-
-
-def test_the_loop_with_prediction_is_that_of_a_simulated_one():
-    """L at one frequency, from the response of plant and predictor to a sine, by steps of a millisecond."""
-    a, b, _ = model(Lags(0.2, 0.1, 0.0))
-    k, dead_s, omega, h = np.array([0.3, 4.0, 3.5, 0.4]), 0.2, 3.0, 0.001
-    n = round(dead_s / h)
-    step = exponential(np.block([[a, b[:, None]], [np.zeros((1, 5))]]) * h)
-    ad, bd = step[:4, :4], step[:4, 4]
-    tail = [np.linalg.matrix_power(ad, i) @ bd for i in range(n)]
-    # At steady state x(t) = Re(X·e^jωt) for the plant's input e^jω(t-T), and the predictor's own output is v.
-    z = np.exp(1j * omega * h)
-    x = np.linalg.solve(z * np.eye(4) - ad, bd) * z**-n
-    memory = sum(k @ tail[i] * z ** -(i + 1) for i in range(n))
-    v = -(k @ np.linalg.matrix_power(ad, n) @ x) / (1.0 + memory)
-    assert loop(a, b, k, dead_s, np.array([omega]))[0] == pytest.approx(-v, rel=0.01)
-
-
-def test_margins_of_a_double_integrator_with_lead_are_those_in_the_textbook():
-    omega = np.geomspace(0.01, 100.0, 2000)
-    s = 1j * omega
-    found = margins((1.0 + 2.0 * s) / s**2, omega)
-    crossing = math.sqrt(2.0 + math.sqrt(5.0))
-    assert found.gain == math.inf
-    assert found.phase_rad == pytest.approx(math.atan(2.0 * crossing), abs=1e-3)
-    assert found.delay_s == pytest.approx(math.atan(2.0 * crossing) / crossing, rel=1e-3)
-
-
-def test_the_exponential_is_that_of_scipy():
-    linalg = pytest.importorskip("scipy.linalg")
-    matrix = np.random.default_rng(7).normal(size=(5, 5)) * 3.0
-    assert exponential(matrix) == pytest.approx(linalg.expm(matrix), rel=1e-9)
-
-
-def test_a_double_integrator_has_butterworth_gains():
-    k = gains(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([0.0, 1.0]), np.diag([1.0, 0.0]), 1.0)
-    assert k == pytest.approx([1.0, math.sqrt(2.0)])
-
-
-def test_what_nothing_stabilises_is_an_error():
-    with pytest.raises(np.linalg.LinAlgError):
-        gains(np.zeros((2, 2)), np.array([0.0, 1.0]), np.eye(2), 1.0)
 
 
 def acting(offset=0.0, heading=0.0, curvature=0.0, rate=0.0, path=0.0, wheel=0.0, speed_mps=10.0):
