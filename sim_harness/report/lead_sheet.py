@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import typer
 
-from perception.lead.cli import SeenLead, drawn
+from perception.images.frames import FrameResult
+from perception.lead.cli import Leads, drawn
 from perception.lead.finder import LeadFinder, lead_settings, make_detector
 from sim_harness.scenarios.traffic import BODIES, Shape
 from sim_harness.world.render.renderer import Renderer
@@ -78,5 +79,5 @@ def _tile(renderer: Renderer, vehicle: Vehicle, gap_m: float, body: Body) -> Ima
     settings = lead_settings()
     finder = LeadFinder(make_detector(settings, camera), settings, camera, vehicle)
     lead = finder.step(Frame(t_s=0.0, image=image), None, [], now_s=0.0)
-    seen = SeenLead(Path("sheet"), 0, image, camera, lead, finder.detections, 0.0)
-    return np.asarray(cv2.resize(drawn(seen), TILE_PX, interpolation=cv2.INTER_AREA), np.uint8)
+    found = FrameResult(Path("sheet"), 0, image, camera, Leads(lead, finder.detections), 0.0)
+    return np.asarray(cv2.resize(drawn(found), TILE_PX, interpolation=cv2.INTER_AREA), np.uint8)

@@ -4,10 +4,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from drawn_road_rig import look, road
+from drawn_road_rig import CAMERA, look, road
 
 from perception.cli import as_row, estimate
 from perception.images.annotate import annotated
+from perception.images.frames import FrameResult
 from perception.images.sources import Clip, Still, sources
 from trepid.config import InputError
 
@@ -173,7 +174,7 @@ def test_the_annotation_changes_the_road_and_leaves_the_input_alone(picture):
 
 
 def test_a_row_of_json_is_finite_and_rounded(picture):
-    row = as_row(Path("x.png"), 0, look(picture))
+    row = as_row(FrameResult(Path("x.png"), 0, picture, CAMERA, look(picture), 1.0))
     json.dumps(row, allow_nan=False)
     assert all(round(x, 1) == x for x, _ in row["left_boundary_px"])
 

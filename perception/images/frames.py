@@ -1,0 +1,96 @@
+"""A node applied to every frame of images, folders and videos: results, annotated copies and tables."""
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from rich.console import Console
+from rich.table import Table
+
+from perception.images.annotate import AnnotationWriter
+from perception.images.sources import NOMINAL_FPS, VIDEO_SUFFIXES, Clip, Source, Still, sources
+from trepid.camera import Camera
+from trepid.messages import Frame
+from trepid.types import Image
+
+R = TypeVar("R")
+Step = Callable[[Frame], R]
+CameraFor = Callable[[Source, Image], Camera]
+PIPE_WIDTH = 200  # columns of a table that is not printed in a terminal
+
+
+@dataclass(frozen=True, slots=True)
+class FrameResult(Generic[R]):
+    """The result of one frame."""
+
+    path: Path
+    number: int  # of the frame in its file
+    image: Image
+    camera: Camera
+    result: R
+    latency_ms: float
+
+
+def results(
+    inputs: Iterable[Path], camera_for: CameraFor, build: Callable[[Camera], Step[R]]
+) -> Iterator[FrameResult[R]]:
+    """The result of every frame of every input.
+
+    A still gets a step of its own, a clip one step for all of its frames. Raises InputError at the first input that
+    cannot be read.
+    """
+    for path in inputs:
+        for source in sources(path):
+            yield from _of_source(source, camera_for, build)
+
+
+def _of_source(
+    source: Source, camera_for: CameraFor, build: Callable[[Camera], Step[R]]
+) -> Iterator[FrameResult[R]]:
+    images = [source.read()] if isinstance(source, Still) else source.read()
+    step: Step[R] | None = None
+    for number, image in enumerate(images):
+        if step is None:
+            camera = camera_for(source, image)
+            step = build(camera)
+        t_s = number / source.fps if isinstance(source, Clip) else 0.0
+        started_s = time.perf_counter()
+        result = step(Frame(t_s=t_s, image=image))
+        latency_ms = 1e3 * (time.perf_counter() - started_s)
+        yield FrameResult(source.path, number, image, camera, result, latency_ms)
+
+
+def written(
+    found: Iterator[FrameResult[R]], out: Path, draw: Callable[[FrameResult[R]], Image]
+) -> Iterator[FrameResult[R]]:
+    """``found``, each frame also written to ``out`` as ``draw`` gives it."""
+    writer = AnnotationWriter(out, fps=NOMINAL_FPS)
+    try:
+        for one in found:
+            writer.write(draw(one), one.path, is_clip=one.path.suffix.lower() in VIDEO_SUFFIXES)
+            yield one
+    finally:
+        writer.close()
+
+
+def print_json(rows: Iterable[dict[str, Any]]) -> None:
+    """One JSON object a line, each as soon as it is there."""
+    for row in rows:
+        print(json.dumps(row, allow_nan=False), flush=True)
+
+
+def print_table(columns: Iterable[str], left: set[str], rows: Iterable[list[str]]) -> None:
+    """A table with the columns of ``left`` aligned to the left; the rows before an error are printed too."""
+    table = Table(box=None, header_style="bold")
+    for name in columns:
+        table.add_column(name, justify="left" if name in left else "right")
+    try:
+        for row in rows:
+            table.add_row(*row)
+    finally:
+        if table.row_count:
+            Console(width=None if sys.stdout.isatty() else PIPE_WIDTH).print(table)
