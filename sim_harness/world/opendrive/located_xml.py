@@ -1,36 +1,61 @@
-"""XML whose elements know their place in the file, so that a bad value is reported as file:line:column."""
+"""XML elements that report errors with file:line:column, read by lxml.
+
+lxml gives a line but no column, and the line where a start tag ends rather than where it begins. The place is
+therefore taken from the text: the n-th start tag of the file belongs to the n-th element of the tree. Elements are
+found by local name, whatever namespace the file declares.
+"""
 
 import math
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass
 from pathlib import Path
-from xml.parsers import expat
+from typing import Any
+
+from lxml import etree
 
 from trepid.config import InputError
 
-LARGEST = 1e9  # beyond any coordinate on Earth [m]
+MAX_COORDINATE = 1e9  # beyond any coordinate on Earth [m]
+_START_TAG = re.compile(
+    r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>|<!DOCTYPE[^\[>]*(?:\[.*?\]\s*)?>|<(?=[^/!?])", re.S
+)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Element:
-    """An XML element; line and column count from 1."""
+    """An XML element of the file ``source``, whose text is ``text_of_file``."""
 
     source: Path
-    tag: str
-    attributes: dict[str, str]
-    line: int
-    column: int
-    children: list["Element"] = field(default_factory=list)
+    text_of_file: str
+    node: Any  # an lxml element
+
+    @property
+    def tag(self) -> str:
+        """The local name."""
+        return str(etree.QName(self.node).localname)
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """The attributes by name."""
+        return dict(self.node.attrib)
+
+    @property
+    def children(self) -> list["Element"]:
+        """The elements directly below, in the order of the file."""
+        return [self._like(child) for child in self.node.iterchildren("*")]
 
     def error(self, message: str) -> InputError:
         """``message`` with the place of this element."""
-        return InputError(f"{self.source}:{self.line}:{self.column}: <{self.tag}>: {message}")
+        number = next(n for n, node in enumerate(self.node.getroottree().iter("*")) if node is self.node)
+        starts = [m.start() for m in _START_TAG.finditer(self.text_of_file) if m.group() == "<"]
+        before = self.text_of_file[: starts[number]]
+        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
+        return InputError(f"{self.source}:{line}:{column}: <{self.tag}>: {message}")
 
     def all(self, path: str) -> list["Element"]:
         """The elements at ``path`` ("lanes/laneSection") below this one, in the order of the file."""
-        found = [self]
-        for tag in path.split("/"):
-            found = [child for element in found for child in element.children if child.tag == tag]
-        return found
+        anywhere = "/".join(f"{{*}}{tag}" for tag in path.split("/"))
+        return [self._like(node) for node in self.node.findall(anywhere)]
 
     def first(self, path: str) -> "Element | None":
         """The first element at ``path``, None without one."""
@@ -45,13 +70,16 @@ class Element:
 
     def text(self, name: str) -> str:
         """The attribute ``name``. Raises InputError when it is missing."""
-        if name not in self.attributes:
+        value = self.node.get(name)
+        if value is None:
             raise self.error(f"attribute {name!r} is missing")
-        return self.attributes[name]
+        return str(value)
 
-    def number(self, name: str, default: float | None = None, *, most: float = LARGEST) -> float:
-        """The attribute ``name`` as a finite number of at most ``most`` either way. Raises InputError."""
-        if default is not None and name not in self.attributes:
+    def number(
+        self, name: str, default: float | None = None, *, max_magnitude: float = MAX_COORDINATE
+    ) -> float:
+        """The attribute ``name`` as a finite number. Raises InputError."""
+        if default is not None and name not in self.node.attrib:
             return default
         text = self.text(name)
         try:
@@ -60,8 +88,8 @@ class Element:
             value = math.nan
         if not math.isfinite(value):
             raise self.error(f"{name}={text!r}: expected a finite number")
-        if abs(value) > most:
-            raise self.error(f"{name}={text!r}: expected at most {most:g}")
+        if abs(value) > max_magnitude:
+            raise self.error(f"{name}={text!r}: expected at most {max_magnitude:g}")
         return value
 
     def integer(self, name: str) -> int:
@@ -72,6 +100,9 @@ class Element:
         except ValueError:
             raise self.error(f"{name}={text!r}: expected a whole number") from None
 
+    def _like(self, node: Any) -> "Element":
+        return Element(self.source, self.text_of_file, node)
+
 
 def read_xml(path: Path) -> Element:
     """The root element of the XML file ``path``. Raises InputError with file:line:column."""
@@ -79,25 +110,14 @@ def read_xml(path: Path) -> Element:
         data = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    parser = expat.ParserCreate()
-    top = Element(path, "", {}, 1, 1)
-    open_elements = [top]
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        line, column = parser.CurrentLineNumber, parser.CurrentColumnNumber + 1
-        element = Element(path, tag, attributes, line, column)
-        open_elements[-1].children.append(element)
-        open_elements.append(element)
-
-    def end(_tag: str) -> None:
-        open_elements.pop()
-
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
+    parser = etree.XMLParser(resolve_entities=False, no_network=True)
     try:
-        parser.Parse(data, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:  # also encodings that nobody knows
-        line, column = parser.ErrorLineNumber, parser.ErrorColumnNumber + 1
-        what = expat.errors.messages.get(parser.ErrorCode) or str(error)
-        raise InputError(f"{path}:{line}:{column}: not valid XML: {what}") from error
-    return top.children[0]
+        root = etree.fromstring(data, parser)
+        text = data.decode(root.getroottree().docinfo.encoding or "utf-8")
+    except etree.XMLSyntaxError as error:
+        line, column = error.position
+        what = parser.error_log[0].message if len(parser.error_log) else str(error)
+        raise InputError(f"{path}:{line}:{max(column, 1)}: not valid XML: {what.strip()}") from error
+    except (LookupError, ValueError) as error:
+        raise InputError(f"{path}:1:1: not valid XML: {error}") from error
+    return Element(path, text.replace("\r\n", "\n"), root)

@@ -145,7 +145,7 @@ def _check_joint(here: Piece, there: Piece) -> None:
 
 
 def _piece(element: Element) -> Piece:
-    length_m = element.number("length", most=LONGEST_M)
+    length_m = element.number("length", max_magnitude=LONGEST_M)
     if length_m <= 0.0:
         raise element.error(f"length={length_m:g}: expected more than 0 m")
     origin = element.number("x"), element.number("y"), element.number("hdg")
@@ -160,9 +160,9 @@ def _shape(element: Element, length_m: float) -> Shape:
     if element.tag == "line":
         return Clothoid(0.0)
     if element.tag == "arc":
-        return Clothoid(element.number("curvature", most=SHARPEST_1PM))
+        return Clothoid(element.number("curvature", max_magnitude=SHARPEST_1PM))
     if element.tag == "spiral":
-        start, end = (element.number(name, most=SHARPEST_1PM) for name in ("curvStart", "curvEnd"))
+        start, end = (element.number(name, max_magnitude=SHARPEST_1PM) for name in ("curvStart", "curvEnd"))
         return Clothoid(start, (end - start) / length_m)
     if element.tag == "poly3":
         return Cubic(Polynomial([0.0, 1.0]), Polynomial([element.number(name) for name in "abcd"]), None)

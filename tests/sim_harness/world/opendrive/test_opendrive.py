@@ -260,8 +260,8 @@ def test_a_scenario_may_drive_on_an_opendrive_road(tmp_path):
 
 GOOD = geometry(0, 0, 0, 0, 50.0, "<line/>")
 BAD = {
-    "mismatched tag": "<OpenDRIVE><road></OpenDRIVE>",
-    "no element found": "",
+    "Opening and ending tag mismatch": "<OpenDRIVE><road></OpenDRIVE>",
+    "Document is empty": "",
     "expected <OpenDRIVE>": "<OpenSCENARIO/>",
     "at least one <road>": "<OpenDRIVE/>",
     "expected a <planView>": '<OpenDRIVE><road id="1"/></OpenDRIVE>',
@@ -305,6 +305,21 @@ def test_a_bad_element_is_refused_with_its_place(reason, tmp_path):
     with pytest.raises(InputError, match=re.escape(reason)) as error:
         read_opendrive(path)
     assert PLACE.search(str(error.value)) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("namespace", ["", ' xmlns="http://example.org/xodr"'])
+def test_the_place_of_an_error_is_where_the_start_tag_begins(namespace, tmp_path):
+    path = tmp_path / "bad.xodr"
+    path.write_text(
+        f"""<?xml version="1.0"?>
+<!DOCTYPE OpenDRIVE [ <!ENTITY other "<road>"> ]>
+<OpenDRIVE{namespace}><!-- <road> -->
+  <road
+     id="1"><planView><geometry s="0"
+       x="0"/></planView></road></OpenDRIVE>"""
+    )
+    with pytest.raises(InputError, match=r"bad.xodr:5:23: <geometry>: attribute 'length' is missing"):
+        read_opendrive(path)
 
 
 def test_a_lane_or_road_that_is_not_there_is_refused_with_those_that_are(tmp_path):
