@@ -65,29 +65,25 @@ class Distortion:
 
 
 def undistorted(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pixels (n, 2) of the undistorted image from those of the camera's own, by fixed-point steps as in OpenCV."""
-    k1, k2, p1, p2, k3 = (*camera.distortion, 0, 0, 0, 0, 0)[:5]
-    seen_x, seen_y = ((pixel - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)).T
-    x, y = seen_x, seen_y
-    for _ in range(FIXED_POINT_STEPS):
-        r2 = x * x + y * y
-        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        x, y = (
-            (seen_x - 2 * p1 * x * y - p2 * (r2 + 2 * x * x)) / radial,
-            (seen_y - p1 * (r2 + 2 * y * y) - 2 * p2 * x * y) / radial,
-        )
-    return np.column_stack([camera.fx_px * x + camera.cx_px, camera.fy_px * y + camera.cy_px])
+    """Pixels (n, 2) of the undistorted image from those of the camera's own image."""
+    criteria = (cv2.TERM_CRITERIA_COUNT, FIXED_POINT_STEPS, 0.0)
+    points = cv2.undistortPoints(
+        pixel[:, None], camera.intrinsics, _coefficients(camera), P=camera.intrinsics, criteria=criteria
+    )
+    return np.asarray(points[:, 0], np.float64)
 
 
 def distorted(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pixels (n, 2) of the camera's own image from those of the undistorted one. OpenCV, module calib3d."""
-    k1, k2, p1, p2, k3 = (*camera.distortion, 0, 0, 0, 0, 0)[:5]
-    x, y = ((pixel - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)).T
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    bent_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    bent_y = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    return np.column_stack([camera.fx_px * bent_x + camera.cx_px, camera.fy_px * bent_y + camera.cy_px])
+    """Pixels (n, 2) of the camera's own image from those of the undistorted image."""
+    normalised = (pixel - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
+    rays, zero = np.column_stack([normalised, np.ones(len(pixel))]), np.zeros(3)
+    points, _ = cv2.projectPoints(rays[:, None], zero, zero, camera.intrinsics, _coefficients(camera))
+    return np.asarray(points[:, 0], np.float64)
+
+
+def _coefficients(camera: Camera) -> NDArray[np.float64]:
+    """k1 k2 p1 p2 k3, with zeros for those that the camera leaves out: OpenCV takes no fewer than four."""
+    return np.array((*camera.distortion, 0, 0, 0, 0, 0)[:5], np.float64)
 
 
 class StrayLight:
