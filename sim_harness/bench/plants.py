@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from sim_harness.world.plants.batch import BatchPlant
+from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.kinematic import KinematicPlant
-from sim_harness.world.plants.plant import build_plant
 from sim_harness.world.plants.runge_kutta import rk4
 from sim_harness.world.plants.settings import Model, PlantSettings
 from trepid.config import CONFIG_DIR, load

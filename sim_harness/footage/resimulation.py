@@ -23,7 +23,8 @@ from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import entry_of
 from sim_harness.footage.clip import Drive
 from sim_harness.footage.reprojection import Reprojection, Shift
-from sim_harness.world.plants.plant import Plant, build_plant
+from sim_harness.world.plants.build import build_plant
+from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.config import InputError

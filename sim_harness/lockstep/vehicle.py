@@ -16,7 +16,7 @@ from sim_harness.lockstep.referee import Place, Referee, locate
 from sim_harness.lockstep.run_up import driven, first_state, rail
 from sim_harness.lockstep.traffic import Traffic
 from sim_harness.scenarios.scenario import Scenario
-from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.roads.road import Road
 from trepid.config import CONFIG_DIR, Settings, load

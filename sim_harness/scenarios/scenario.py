@@ -19,7 +19,7 @@ from sim_harness.judging.conditions.expect import Expect
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera
 from sim_harness.scenarios.traffic import TrafficVehicle
 from sim_harness.scenarios.vary import Variation, check_vary
-from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.road_file import ROAD_SUFFIXES, load_road_settings
 from sim_harness.world.roads.appearance import Section

@@ -7,7 +7,7 @@ from controller_rig import vehicle
 
 from controller.identify.drive_log import DriveLog
 from sim_harness.lockstep.vehicle import load_simulator
-from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
 from trepid.messages import Command
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.controller import Controller, ControllerSettings
-from sim_harness.world.plants.plant import Plant, build_plant
+from sim_harness.world.plants.build import build_plant
+from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.roads.road import Road, RoadSettings, Segment

@@ -27,7 +27,8 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from controller.limiter import Limiter, build
 from sim_harness.judging.comfort import JERK_WINDOW_S, R79_CUTOFF_HZ, R79_ORDER
-from sim_harness.world.plants.plant import Plant, build_plant
+from sim_harness.world.plants.build import build_plant
+from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import Model, PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.config import CONFIG_DIR, ROOT, load

@@ -14,7 +14,7 @@ from controller.speed.control import SpeedControl
 from controller.speed.limits import StopProfile
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import load_scenario
-from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Stop

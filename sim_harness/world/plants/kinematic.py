@@ -1,4 +1,4 @@
-"""The simulated vehicle whose tyres are always in steady state: kinematic bicycle with understeer.
+"""Kinematic bicycle with understeer: the tyres are in steady state at every instant.
 
 State at the centre of the rear axle: position (x, y) [m] and yaw [rad] in the plane of the road, speed [m/s].
 
@@ -19,21 +19,21 @@ import math
 
 from sim_harness.world.plants.actuators import Actuators, Motion, moved
 from sim_harness.world.plants.axles import ANTI_LOCK, GRAVITY_MPS2, axles_of
+from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.bounds import within
-from trepid.messages import Command
 from trepid.vehicle import Vehicle
 
 _NEWTON_STEPS = 20  # two or three in practice
-_LAST_STEP_RAD = 1e-9  # the error after a step is of the order of its square
+_LAST_STEP_RAD = 1e-9  # the error after a step is of the order of the step's square
 
 
-class KinematicPlant:
-    """Advances a :class:`PlantState`; remembers nothing of it but its own last answer."""
+class KinematicPlant(Plant):
+    """Kinematic bicycle. Stateless except for a cache of the last motion and its yaw rate."""
 
     def __init__(self, vehicle: Vehicle, settings: PlantSettings | None = None) -> None:
-        """``vehicle`` as it is in reality. Raises InputError when its axles cannot carry the load as described."""
+        """``vehicle``: the simulated one. Raises InputError when no axle stiffness fits its understeer and load."""
         settings = settings or PlantSettings()
         self.vehicle = vehicle
         self.wheelbase_m = vehicle.wheelbase_m
@@ -43,32 +43,10 @@ class KinematicPlant:
         self.bank_mps2 = GRAVITY_MPS2 * math.sin(settings.bank_rad)
         self.grip_mps2 = settings.friction * GRAVITY_MPS2 * math.cos(settings.bank_rad)
         self.actuators = Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * self.grip_mps2)
-        self._known: Motion | None = None  # the last motion, ...
-        self._known_rate = 0.0  # ... its yaw rate: a step begins where the last one ended, ...
-        self._last: PlantState | None = None  # ... and the state that was reached with it
-
-    def initial(
-        self,
-        x_m: float = 0.0,
-        y_m: float = 0.0,
-        yaw_rad: float = 0.0,
-        speed_mps: float = 0.0,
-        curvature_1pm: float = 0.0,
-    ) -> PlantState:
-        """Settled on ``curvature_1pm`` at constant speed."""
-        angle_rad = self.steady_angle_rad(curvature_1pm, speed_mps)
-        return PlantState(
-            x_m=x_m,
-            y_m=y_m,
-            yaw_rad=yaw_rad,
-            speed_mps=speed_mps,
-            road_wheel_angle_rad=angle_rad,
-            acting_demand_rad=angle_rad,
-        )
-
-    def step(self, state: PlantState, command: Command, dt_s: float) -> PlantState:
-        """State after ``dt_s`` under ``command``. Raises ValueError when a demand is not finite."""
-        return self.actuators.drive(state, command, dt_s, self.advance)
+        # Cache: a step begins with the motion at which the last one ended.
+        self._known: Motion | None = None
+        self._known_rate = 0.0  # yaw rate of that motion
+        self._last: PlantState | None = None  # state with that motion
 
     def curvature_1pm(self, tyre_angle_rad: float, speed_mps: float, accel_mps2: float = 0.0) -> float:
         """Path curvature κ at the rear axle that solves δ = atan(L·κ) + K_us·(κ·v² + g·sin φ), within the grip.
@@ -94,10 +72,6 @@ class KinematicPlant:
         if state is self._last:
             return self._known_rate
         return self._yaw_rate(self.actuators.at(state))
-
-    def lateral_accel_mps2(self, state: PlantState) -> float:
-        """v²·κ, positive to the left."""
-        return state.speed_mps * self.yaw_rate_radps(state)
 
     def steady_angle_rad(self, curvature_1pm: float, speed_mps: float) -> float:
         """Angle of the steering that holds ``curvature_1pm`` at ``speed_mps``, within the angle limit."""

@@ -1,24 +1,21 @@
-"""The one interface to every simulated vehicle, and the way to build one."""
+"""The interface of every simulated vehicle, and the parts that all of them share."""
 
-from typing import Protocol
+from abc import ABC, abstractmethod
 
-from pydantic import ValidationError
-
-from sim_harness.world.plants.commonroad import CommonRoadPlant
-from sim_harness.world.plants.highway_env import HighwayEnvPlant
-from sim_harness.world.plants.kinematic import KinematicPlant
-from sim_harness.world.plants.settings import Model, PlantSettings
-from sim_harness.world.plants.single_track import SingleTrackPlant
+from sim_harness.world.plants.actuators import Actuators
 from sim_harness.world.plants.state import PlantState
-from trepid.config import InputError
 from trepid.messages import Command
 from trepid.vehicle import Vehicle
 
 
-class Plant(Protocol):
-    """A vehicle on the road plane; the reference point is the centre of the rear axle."""
+class Plant(ABC):
+    """A vehicle on the road plane; the reference point is the centre of the rear axle.
+
+    A model implements ``advance``, ``yaw_rate_radps`` and ``steady_angle_rad``.
+    """
 
     vehicle: Vehicle
+    actuators: Actuators
 
     def initial(
         self,
@@ -28,44 +25,38 @@ class Plant(Protocol):
         speed_mps: float = 0.0,
         curvature_1pm: float = 0.0,
     ) -> PlantState:
-        """Settled on ``curvature_1pm`` at constant speed."""
-        ...
+        """The steady state on ``curvature_1pm`` at constant speed; ``yaw_rad`` of the vehicle, drift included."""
+        angle_rad = self.steady_angle_rad(curvature_1pm, speed_mps)
+        return PlantState(
+            x_m=x_m,
+            y_m=y_m,
+            yaw_rad=yaw_rad,
+            speed_mps=speed_mps,
+            road_wheel_angle_rad=angle_rad,
+            acting_demand_rad=angle_rad,
+            inner=self.settled(curvature_1pm, speed_mps),
+        )
 
     def step(self, state: PlantState, command: Command, dt_s: float) -> PlantState:
         """State after ``dt_s`` under ``command``. Raises ValueError when a demand is not finite."""
-        ...
-
-    def yaw_rate_radps(self, state: PlantState) -> float:
-        """ψ', positive to the left."""
-        ...
+        return self.actuators.drive(state, command, dt_s, self.advance)
 
     def lateral_accel_mps2(self, state: PlantState) -> float:
-        """Lateral acceleration in the plane of the road, positive to the left."""
-        ...
+        """Lateral acceleration v·ψ' in the plane of the road, positive to the left."""
+        return state.speed_mps * self.yaw_rate_radps(state)
 
+    def settled(self, _curvature_1pm: float, _speed_mps: float) -> tuple[float, ...]:
+        """``PlantState.inner`` of the steady state; () where tyres settle from rolling without slip."""
+        return ()
+
+    @abstractmethod
+    def advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
+        """``state`` after ``h`` [s] during which every demand is constant."""
+
+    @abstractmethod
+    def yaw_rate_radps(self, state: PlantState) -> float:
+        """ψ', positive to the left."""
+
+    @abstractmethod
     def steady_angle_rad(self, curvature_1pm: float, speed_mps: float) -> float:
         """Angle of the steering that holds ``curvature_1pm`` at ``speed_mps``, within the angle limit."""
-        ...
-
-
-def build_plant(settings: PlantSettings, vehicle: Vehicle) -> Plant:
-    """The plant of ``settings``; ``vehicle`` is what the car is believed to be. Raises InputError."""
-    real = real_vehicle(settings, vehicle)
-    match settings.model:
-        case Model.KINEMATIC:
-            return KinematicPlant(real, settings)
-        case Model.SINGLE_TRACK:
-            return SingleTrackPlant(real, settings)
-        case Model.COMMONROAD_DRIFT | Model.COMMONROAD_MULTI_BODY:
-            return CommonRoadPlant(real, settings)
-        case Model.HIGHWAY_ENV:
-            return HighwayEnvPlant(real, settings)
-
-
-def real_vehicle(settings: PlantSettings, vehicle: Vehicle) -> Vehicle:
-    """``vehicle`` with the fields that are different in reality. Raises InputError."""
-    try:
-        return Vehicle.model_validate(vehicle.model_dump() | settings.vehicle)
-    except ValidationError as error:
-        problem = error.errors()[0]
-        raise InputError(f"plant: vehicle.{'.'.join(map(str, problem['loc']))}: {problem['msg']}") from error

@@ -1,6 +1,6 @@
-"""The simulated vehicle with inertia and tyres that saturate: dynamic single track, seen from the rear axle.
+"""Dynamic single track at the rear axle: yaw inertia, and tyres that saturate.
 
-The state beside the pose is written as ratios to the speed u, so that nothing is singular at standstill:
+The state other than the pose is written as ratios to the speed u, so that nothing is singular at standstill:
 
     β = w/u   drift: lateral speed of the rear axle over its speed          κ = ψ'/u   yaw per metre [1/m]
 
@@ -11,8 +11,9 @@ The state beside the pose is written as ratios to the speed u, so that nothing i
     x' = u·(cos ψ - β·sin ψ)       y' = u·(sin ψ + β·cos ψ)       ψ' = u·κ
 
 With U = u these are the exact equations of the single track whose drive holds u' = a against the drag of the
-tyres. Below 1 m/s the tyres settle as fast as they do at 1 m/s (within some 10 ms) instead of ever faster: what
-they settle at stays exact, down to standstill, and fades into the kinematic model. Load transfer is left out.
+tyres. Below 1 m/s the tyres settle at the rate of 1 m/s (within some 10 ms), not at the growing rate of the
+equations: the steady state stays exact down to standstill, where it is that of the kinematic model. Load transfer
+is not modelled.
 
 Axle equations: Rajamani, Vehicle Dynamics and Control (2012), section 2.3. Tyres: magic formula with shape factor
 1.3 and no curvature, Pacejka, Tire and Vehicle Dynamics (2012), section 4.3.1.
@@ -23,11 +24,11 @@ import math
 from sim_harness.world.plants.actuators import Actuators, Motion, moved
 from sim_harness.world.plants.axles import ANTI_LOCK, GRAVITY_MPS2, Axles, axles_of
 from sim_harness.world.plants.kinematic import KinematicPlant
+from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.runge_kutta import rk4
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.bounds import within
-from trepid.messages import Command
 from trepid.vehicle import Vehicle
 
 SHAPE = 1.3  # of the magic formula, lateral
@@ -38,11 +39,11 @@ _STEADY_ROUNDS = 60  # the front angle as a fixed point; contracts by F_f/C_f·t
 _STEADY_RAD = 1e-14
 
 
-class SingleTrackPlant:
-    """Advances a :class:`PlantState` with ``inner`` = (β, κ); holds nothing but parameters."""
+class SingleTrackPlant(Plant):
+    """Dynamic single track. ``inner`` = (β, κ). Stateless."""
 
     def __init__(self, vehicle: Vehicle, settings: PlantSettings | None = None) -> None:
-        """``vehicle`` as it is in reality. Raises InputError when its tyres cannot be found."""
+        """``vehicle``: the simulated one. Raises InputError when no tyre stiffness fits its understeer."""
         settings = settings or PlantSettings()
         self.vehicle = vehicle
         self.axles = axles_of(vehicle, settings)
@@ -54,30 +55,9 @@ class SingleTrackPlant:
         fastest_radps = _fastest_mode_mps2(self.axles) / SETTLES_AS_AT_MPS
         self._max_step_s = min(MAX_STEP_S, STEP_OF_FASTEST_MODE / fastest_radps)
 
-    def initial(
-        self,
-        x_m: float = 0.0,
-        y_m: float = 0.0,
-        yaw_rad: float = 0.0,
-        speed_mps: float = 0.0,
-        curvature_1pm: float = 0.0,
-    ) -> PlantState:
-        """Settled on ``curvature_1pm`` at constant speed; ``yaw_rad`` is that of the vehicle, drift included."""
-        angle_rad, drift = self._steady(curvature_1pm, speed_mps)
-        angle_rad = within(angle_rad - self.actuators.offset_rad, self.actuators.max_angle_rad)
-        return PlantState(
-            x_m=x_m,
-            y_m=y_m,
-            yaw_rad=yaw_rad,
-            speed_mps=speed_mps,
-            road_wheel_angle_rad=angle_rad,
-            acting_demand_rad=angle_rad,
-            inner=(drift, curvature_1pm),
-        )
-
-    def step(self, state: PlantState, command: Command, dt_s: float) -> PlantState:
-        """State after ``dt_s`` under ``command``. Raises ValueError when a demand is not finite."""
-        return self.actuators.drive(state, command, dt_s, self._advance)
+    def settled(self, curvature_1pm: float, speed_mps: float) -> tuple[float, ...]:
+        """(β, κ) of the steady state on ``curvature_1pm``."""
+        return self._drift(curvature_1pm * speed_mps * speed_mps + self.bank_mps2), curvature_1pm
 
     def yaw_rate_radps(self, state: PlantState) -> float:
         """ψ' = u·κ."""
@@ -98,8 +78,8 @@ class SingleTrackPlant:
     def _steady(self, curvature_1pm: float, speed_mps: float) -> tuple[float, float]:
         """Angle of the front tyres [rad] and drift β in the steady state with yaw per metre ``curvature_1pm``.
 
-        There N = 0, so each axle carries its own mass through the bend: F_r = m_r·A, F_f·cos δ = m_f·A. A bend
-        that asks for more than the grip is answered by tyres at the peak of their force.
+        There N = 0, so each axle carries its own mass through the bend: F_r = m_r·A, F_f·cos δ = m_f·A. In a
+        bend beyond the grip the tyres are at the peak of their force.
         """
         axles = self.axles
         lateral_mps2 = curvature_1pm * speed_mps * speed_mps + self.bank_mps2
@@ -152,7 +132,7 @@ class SingleTrackPlant:
         )
 
     def _inner(self, state: PlantState) -> tuple[float, float]:
-        """β and κ; a state without them is settled on the bend that its wheels ask for."""
+        """β and κ; for a state without them those of the steady state at its wheel angle."""
         if state.inner:
             drift, curvature = state.inner
             return drift, curvature
@@ -166,8 +146,8 @@ class SingleTrackPlant:
             self._slip_rad(lateral_mps2, self.axles.rear_mass_kg, self.axles.rear_stiffness_nprad)
         )
 
-    def _advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
-        """Runge-Kutta steps over ``h`` [s] during which every demand is constant."""
+    def advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
+        """``state`` after Runge-Kutta steps over ``h`` [s] during which every demand is constant."""
         steps = math.ceil(h / self._max_step_s - 1e-6)
         for _ in range(steps):
             state = self._advance_once(state, accel_demand_mps2, h / steps)

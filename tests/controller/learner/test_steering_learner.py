@@ -14,7 +14,7 @@ from identification_rig import drive as weave
 from controller.identify.identification import identify_understeer
 from controller.learner.steering_learner import SteeringLearner, yaw_lag_s
 from controller.model.bicycle import angle_from_curvature
-from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import Model, PlantSettings
 from trepid.messages import VehicleState
 

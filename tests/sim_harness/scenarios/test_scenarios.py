@@ -11,7 +11,7 @@ from sim_harness.scenarios.scenario import (
     load_scenario,
     load_scenarios,
 )
-from sim_harness.world.plants.plant import real_vehicle
+from sim_harness.world.plants.build import real_vehicle
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
 from trepid.vehicle import Vehicle
 

@@ -6,7 +6,7 @@ from controller_rig import SETTINGS, SHUTTLE
 from sim_harness.bench.control.episode import drive
 from sim_harness.bench.control.ranking import VEHICLES
 from sim_harness.bench.control.speeds import LATERAL_MPS2, TIGHTEST_M, episodes
-from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.build import build_plant
 
 
 def test_every_bend_of_the_sweep_is_at_2_mps2_or_at_15_m():

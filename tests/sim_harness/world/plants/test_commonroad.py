@@ -5,8 +5,8 @@ import math
 import pytest
 from plant_rig import SHUTTLE, command, drive
 
+from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.commonroad import ROLLING_MPS, UNDERSTEER
-from sim_harness.world.plants.plant import build_plant
 from sim_harness.world.plants.settings import Chassis, Model, PlantSettings
 from sim_harness.world.plants.single_track import SingleTrackPlant
 from trepid.config import InputError
@@ -83,5 +83,5 @@ def test_the_drift_model_slides_where_the_road_has_no_more_grip():
 
 @pytest.mark.parametrize("model", FOREIGN)
 def test_a_bank_is_refused(model):
-    with pytest.raises(InputError, match="no bank"):
+    with pytest.raises(InputError, match="banked road"):
         build_plant(PlantSettings(model=model, bank_rad=0.05), SHUTTLE)

@@ -3,7 +3,7 @@
 import pytest
 from plant_rig import SHUTTLE, command, drive
 
-from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import Model, PlantSettings
 from sim_harness.world.plants.single_track import SingleTrackPlant
 from trepid.config import InputError
@@ -37,5 +37,5 @@ def test_it_drives_off_from_standstill_and_stops():
 
 @pytest.mark.parametrize("change", [{"bank_rad": 0.05}, {"friction": 0.5}])
 def test_what_it_does_not_know_is_refused(change):
-    with pytest.raises(InputError, match="neither bank nor friction"):
+    with pytest.raises(InputError, match="neither a banked road nor its friction"):
         build_plant(PlantSettings(model=Model.HIGHWAY_ENV, **change), SHUTTLE)

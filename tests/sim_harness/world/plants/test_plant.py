@@ -10,7 +10,7 @@ from plant_rig import SHUTTLE, command, drive
 
 from controller.laws.lateral import LawName
 from sim_harness.world.plants.axles import GRAVITY_MPS2
-from sim_harness.world.plants.plant import build_plant
+from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import Model, PlantSettings
 from trepid.config import InputError
 
