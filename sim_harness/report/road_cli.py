@@ -1,4 +1,4 @@
-"""The ``sim road`` verbs: roads to and from files."""
+"""The ``sim road`` verbs: show, export and import roads."""
 
 import sys
 from pathlib import Path
@@ -37,7 +37,7 @@ def import_verb(
         typer.Option(help="Id of the lane to keep; default: the innermost along the reference line."),
     ] = None,
 ) -> None:
-    """Make one lane of an OpenDRIVE road a road of Trepid."""
+    """Convert one lane of an OpenDRIVE road to a road file."""
     imported = read_opendrive(source, road=road, lane=lane)
     write_road(imported.settings, out)
     for note in imported.notes:
@@ -51,7 +51,7 @@ def import_verb(
 
 
 def write_road(settings: RoadSettings, path: Path) -> None:
-    """Write ``settings`` as YAML without what is default. Raises InputError."""
+    """Write ``settings`` as YAML without default values. Raises InputError."""
     data = settings.model_dump(mode="json", exclude_defaults=True)
     yaml = YAML()
     yaml.default_flow_style = None  # the innermost mappings on one line each

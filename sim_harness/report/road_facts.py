@@ -1,4 +1,4 @@
-"""What a road is, in words and as a picture."""
+"""Facts about a road as text, JSON and picture."""
 
 import json
 from pathlib import Path
@@ -26,10 +26,10 @@ def show_verb(
         list[float] | None, typer.Option(min=0, help="Draw the view from this station [m].")
     ] = None,
     count: Annotated[int, typer.Option(min=1, max=64, help="Views of each road, without --at.")] = 8,
-    seed: Annotated[int, typer.Option(min=0, help="Of the textures.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the textures.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON Lines.")] = False,
 ) -> int:
-    """Check roads, say what they are, and draw what the camera sees on them and how they look from above."""
+    """Check roads, print their facts, and draw camera views and a map of each."""
     roads = [load_road(Path(source) if source.endswith(".yaml") else source) for source in sources]
     for road in roads:
         print(json.dumps(facts(road)) if as_json else one_line(road))
@@ -39,7 +39,7 @@ def show_verb(
 
 
 def facts(road: Road) -> dict[str, object]:
-    """Length, radius, lanes, and the names of what stands on a road."""
+    """Length, radius, lanes, sections, marks and junctions of a road."""
     stations = np.arange(0, road.length_m, STEP_M)
     curvature = float(np.abs(road.poses(stations)[:, 3]).max())
     widths = road.widths_at(stations)
@@ -58,12 +58,12 @@ def facts(road: Road) -> dict[str, object]:
 
 
 def one_line(road: Road) -> str:
-    """A road in a line for people."""
-    told = facts(road)
-    bends = "straight" if told["min_radius_m"] is None else f"radii from {told['min_radius_m']} m"
+    """The facts of a road in one line of text."""
+    found = facts(road)
+    bends = "straight" if found["min_radius_m"] is None else f"radii from {found['min_radius_m']} m"
     return (
         f"{road.name}: {road.length_m:.1f} m, {'closed' if road.closed else 'open'}, {bends},"
-        f" {told['lanes_left']} lanes to the left and {told['lanes_right']} to the right of ours;"
+        f" {found['lanes_left']} lanes to the left and {found['lanes_right']} to the right of the kept lane;"
         f" {', '.join(section.name for section in road.sections)}"
     )
 

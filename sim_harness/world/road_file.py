@@ -1,4 +1,4 @@
-"""Roads from files: YAML in ``config/roads/`` or elsewhere, and OpenDRIVE."""
+"""Loads roads from YAML files, in ``config/roads/`` or elsewhere, and from OpenDRIVE files."""
 
 from pathlib import Path
 
@@ -8,10 +8,10 @@ from trepid.config import CONFIG_DIR, InputError, load
 ROAD_SUFFIXES = (".yaml", ".xodr")
 
 
-def load_road(source: str | Path) -> "Road":
+def load_road(source: str | Path) -> Road:
     """The road in the .yaml or .xodr file ``source``, or ``config/roads/<source>.yaml`` for a bare name.
 
-    Raises InputError when the file does not describe a road, or a closed one that does not close.
+    Raises InputError when the file does not describe a road, or when a closed road does not close.
     """
     path = Path(source)
     if isinstance(source, str) and not source.endswith(ROAD_SUFFIXES):
@@ -23,7 +23,7 @@ def load_road(source: str | Path) -> "Road":
 
 
 def load_road_settings(path: Path) -> RoadSettings:
-    """The road in a .yaml file, or in an OpenDRIVE file (.xodr) its first driving lane. Raises InputError."""
+    """The road in a .yaml file, or the first driving lane of an OpenDRIVE file (.xodr). Raises InputError."""
     if path.suffix != ".xodr":
         return load(path, RoadSettings)
     from sim_harness.world.opendrive.reader import read_opendrive  # lxml and scipy, for OpenDRIVE files only

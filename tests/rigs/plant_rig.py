@@ -1,4 +1,4 @@
-"""A vehicle, its commands, and a drive of a plant over time."""
+"""A vehicle, commands, and the simulation of a plant over time."""
 
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command

@@ -1,9 +1,9 @@
-"""Clothoids along any smooth curve: a lane centre beside a spiral is no spiral, but three of them come close.
+"""Fits clothoids along any smooth curve, such as the centre of a lane parallel to a spiral.
 
 Between two poses with given curvatures three clothoids make a curve of continuous curvature:
 Bertolazzi and Frego, Interpolating clothoid splines with curvature continuity, Math. Meth. Appl. Sci. 41 (2018)
-1723-1737; solved by pyclothoids. A span is halved until they stay within tolerance of the curve. Where curvature
-jumps, as where a line meets an arc, a short ramp on either side takes it to the mean of both.
+1723-1737; solved by pyclothoids. A span is halved until the fit stays within tolerance of the curve. At a jump of
+curvature, as between a line and an arc, a short ramp on either side leads to the mean of both curvatures.
 """
 
 import math
@@ -16,10 +16,10 @@ from pydantic import ValidationError
 from sim_harness.world.roads.road import Segment
 from trepid.config import InputError
 
-TOLERANCE_M = 1e-4  # a tenth of what a road is re-read within
-SHORTEST_M = 0.02
-LONGEST_RAMP_M = 1.0
-CHECKS = 9  # places within a span where the fit is held against the curve
+TOLERANCE_M = 1e-4  # a tenth of the error allowed between export and import
+MIN_SPAN_M = 0.02
+MAX_RAMP_M = 1.0
+CHECKS = 9  # places within a span where the fit is compared with the curve
 SAME_CURVATURE_1PM = 1e-10
 SAME_PLACE_M, SAME_HEADING_RAD = 1e-7, 1e-9
 
@@ -36,7 +36,7 @@ class Knot:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A smooth curve from ``start`` to ``end``; ``exact`` when it is one clothoid of this length [m]."""
+    """A smooth curve from ``start`` to ``end``; ``exact_m``: its length [m] if it is one clothoid."""
 
     start: float
     end: float
@@ -45,7 +45,7 @@ class Span:
 
 
 class NoFit(ValueError):
-    """No clothoids follow this span."""
+    """No clothoids follow a span within tolerance."""
 
     def __init__(self, span: Span) -> None:
         super().__init__(f"no clothoids follow this curve within {1e3 * TOLERANCE_M:g} mm")
@@ -53,7 +53,7 @@ class NoFit(ValueError):
 
 
 def fit(spans: Sequence[Span], *, closed: bool) -> list[list[Segment]]:
-    """Segments of continuous curvature along each span, within a tenth of a millimetre. Raises NoFit."""
+    """Segments of continuous curvature along each span, within TOLERANCE_M. Raises NoFit."""
     ends = [span.at(span.end) for span in spans]
     starts = [span.at(span.start) for span in spans]
     joints = [_mean(end, start) for end, start in zip(ends, starts[1:], strict=False)]
@@ -85,7 +85,7 @@ def _mean(a: Knot, b: Knot) -> Knot:
 
 
 def _span(span: Span, first: Knot, last: Knot) -> list[Segment]:
-    """Ramps where the ends differ from the curve, and the curve between."""
+    """Segments from ``first`` to ``last``: ramps where these differ from the curve, the fit between."""
     start, end = span.start, span.end
     head: list[Segment] = []
     tail: list[Segment] = []
@@ -105,9 +105,9 @@ def _same(a: Knot, b: Knot) -> bool:
 
 
 def _ramp(span: Span, knot: Knot, *, forward: bool) -> tuple[float, list[Segment]]:
-    """From ``knot`` onto the curve (or off it, to ``knot``), and where on the curve that is."""
-    run = min(LONGEST_RAMP_M, (span.end - span.start) / 3)
-    while run >= SHORTEST_M / 4:
+    """The place on the curve where a ramp from (or to) ``knot`` meets it, and the ramp."""
+    run = min(MAX_RAMP_M, (span.end - span.start) / 3)
+    while run >= MIN_SPAN_M / 4:
         place = span.start + run if forward else span.end - run
         pair = (knot, span.at(place)) if forward else (span.at(place), knot)
         segments = _three(*pair)
@@ -126,21 +126,21 @@ def _between(span: Span, start: float, end: float) -> list[Segment]:
     segments = _three(a, b)
     if segments is not None and _deviation_m(span, start, end, a, segments) < TOLERANCE_M:
         return segments
-    if end - start < SHORTEST_M:
+    if end - start < MIN_SPAN_M:
         raise NoFit(span)
     middle = (start + end) / 2
     return _between(span, start, middle) + _between(span, middle, end)
 
 
 def _three(a: Knot, b: Knot) -> list[Segment] | None:
-    """Three clothoids from ``a`` to ``b``; None when there are none, or only by a detour."""
+    """Three clothoids from ``a`` to ``b``; None when there are none or they are a detour."""
     chord_m = math.hypot(b.x_m - a.x_m, b.y_m - a.y_m)
     turned = a.heading_rad + math.remainder(b.heading_rad - a.heading_rad, math.tau)
     ends = (a.x_m, a.y_m, a.heading_rad, a.curvature_1pm), (b.x_m, b.y_m, turned, b.curvature_1pm)
     pieces = _pyclothoids().SolveG2(*ends[0], *ends[1])
     if not all(math.isfinite(piece.length) and piece.length > 0 for piece in pieces):
         return None
-    if sum(piece.length for piece in pieces) > 1.5 * chord_m + SHORTEST_M:
+    if sum(piece.length for piece in pieces) > 1.5 * chord_m + MIN_SPAN_M:
         return None
     return [clothoid(piece.length, piece.KappaStart, piece.KappaEnd) for piece in pieces]
 
@@ -150,7 +150,7 @@ def _pyclothoids() -> Any:
         import pyclothoids
     except ImportError as error:
         raise InputError(
-            "pyclothoids is not installed; lanes beside their reference line need it: pip install 'trepid[roads]'"
+            "pyclothoids is not installed; lanes off the reference line need it: pip install 'trepid[roads]'"
         ) from error
     return pyclothoids
 
@@ -161,18 +161,18 @@ def _deviation_m(span: Span, start: float, end: float, first: Knot, segments: Se
     run_m, worst_m = 0.0, 0.0
     length_m = sum(segment.length_m for segment in segments)
     for check in checks:
-        # Newton's method on (p - c(s))·t(s) = 0 along the fit; neighbours are close, so two steps do.
+        # Newton's method on (p - c(s))·t(s) = 0 along the fit; neighbours are close, so two steps suffice.
         for _ in range(2):
             here = along(first, segments, run_m)
-            ahead, aside = _seen_from(here, check)
+            ahead, aside = _relative(here, check)
             run_m = min(max(run_m + ahead, 0.0), length_m)
-        _, aside = _seen_from(along(first, segments, run_m), check)
+        _, aside = _relative(along(first, segments, run_m), check)
         worst_m = max(worst_m, abs(aside))
     return worst_m
 
 
-def _seen_from(here: Knot, point: Knot) -> tuple[float, float]:
-    """``point`` ahead of and to the left of ``here`` [m]."""
+def _relative(here: Knot, point: Knot) -> tuple[float, float]:
+    """Distances of ``point`` ahead of and to the left of ``here`` [m]."""
     dx, dy = point.x_m - here.x_m, point.y_m - here.y_m
     cos, sin = math.cos(here.heading_rad), math.sin(here.heading_rad)
     return dx * cos + dy * sin, dy * cos - dx * sin
@@ -204,7 +204,7 @@ def clothoid(length_m: float, start_1pm: float, end_1pm: float) -> Segment:
 
 
 def _continuous(fitted: list[list[Segment]], *, closed: bool) -> list[list[Segment]]:
-    """Every segment begins with the curvature, to the last bit, with which the one before ended."""
+    """The segments, each starting with exactly the end curvature of the one before it."""
     before = fitted[-1][-1].end_curvature_1pm if closed else fitted[0][0].start_curvature_1pm
     out: list[list[Segment]] = []
     for segments in fitted:

@@ -1,4 +1,4 @@
-"""What OpenDRIVE and Trepid both say of a section: widths and markings of the lanes beside one another."""
+"""The part of a section that OpenDRIVE and Trepid share: widths and markings of parallel lanes."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ Ends = tuple[float, float]  # a width at the start and at the end of the section
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """A lane and the marking on its far edge, seen from ours."""
+    """A neighbour lane and the marking on its far edge."""
 
     width_m: Ends
     marking: Marking
@@ -20,7 +20,7 @@ class Strip:
 
 @dataclass(frozen=True, slots=True)
 class CrossSection:
-    """Our lane, those beside it from ours outwards, and the carriageway beyond them."""
+    """The lane that the vehicle keeps, its neighbours from the inside outwards, and the carriageway beyond."""
 
     width_m: Ends
     left: Marking
@@ -31,7 +31,7 @@ class CrossSection:
     paved_right_m: float
 
     def update(self) -> dict[str, object]:
-        """The same as fields of a Section."""
+        """The cross section as fields of a Section."""
         return {
             "lane_width_m": _brief(self.width_m),
             "left": self.left,
@@ -44,7 +44,7 @@ class CrossSection:
         }
 
     def agrees_with(self, other: "CrossSection") -> bool:
-        """True when both are the same but for rounding."""
+        """True when both are equal within SAME_M."""
         return _names(self) == _names(other) and all(
             abs(a - b) < SAME_M for a, b in zip(_metres(self), _metres(other), strict=True)
         )
@@ -61,7 +61,7 @@ def cross_section(section: Section, lane_width_m: float) -> CrossSection:
 
     left_lanes = strips(section.lanes_to_the_left, 1)
     paved_left_m = section.paved_left_m
-    if not section.left_lanes:  # a lane that far_left stands for lies on paved_left_m
+    if not section.left_lanes:  # the lane of far_left lies on paved_left_m
         paved_left_m = max(paved_left_m - sum(max(strip.width_m) for strip in left_lanes), 0.0)
     return CrossSection(
         width_m=section.lane_width_m_at_ends(0, lane_width_m) or (lane_width_m, lane_width_m),
@@ -75,7 +75,7 @@ def cross_section(section: Section, lane_width_m: float) -> CrossSection:
 
 
 def plain(marking: Marking) -> Marking:
-    """The part of a marking that OpenDRIVE has words for."""
+    """The part of a marking that OpenDRIVE can express."""
     if marking.stroke == Stroke.NONE:
         return Marking(stroke=Stroke.NONE)
     kept: dict[str, object] = {name: getattr(marking, name) for name in ("stroke", "paint", "width_m")}
@@ -87,7 +87,7 @@ def plain(marking: Marking) -> Marking:
 
 
 def flipped(marking: Marking) -> Marking:
-    """The marking as those see it who come the other way."""
+    """The marking in the opposite direction."""
     return marking.model_copy(update={"stroke": FLIPPED.get(marking.stroke, marking.stroke)})
 
 

@@ -1,8 +1,9 @@
-"""Roads to OpenDRIVE 1.7 (.xodr), written by scenariogeneration.
+"""Writes roads as OpenDRIVE 1.7 (.xodr) with scenariogeneration.
 
-The reference line stays the centre of our lane, so that no geometry is converted: a <laneOffset> of half its width
-puts the road's centre line (lane 0) on its left edge, and our lane is lane -1 of a road with right-hand traffic.
-What OpenDRIVE has no words for (surface, wear, light, marks, junctions…) stands in <userData code="trepid">.
+The reference line is the centre of the kept lane, so no geometry is converted: a <laneOffset> of half its width
+puts the road's centre line (lane 0) on its left edge, and the kept lane is lane -1 of a road with right-hand
+traffic. Attributes that OpenDRIVE cannot express (surface, wear, light, marks, junctions…) are written to
+<userData code="trepid">.
 
 ASAM OpenDRIVE 1.7.0, chapters 7 (geometry), 9 (lanes) and 9.6 (road markings).
 """
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from scenariogeneration import xodr
 
 USER_DATA = "trepid"
-MARK_TYPES = {  # of two lines the left one is named first in both
+MARK_TYPES = {  # both name the left of two lines first
     Stroke.NONE: "none",
     Stroke.SOLID: "solid",
     Stroke.DASHED: "broken",
@@ -44,7 +45,7 @@ def write_opendrive(settings: RoadSettings, path: Path) -> None:
     file = xodr.OpenDrive(settings.name, revMajor="1", revMinor="7")
     file.add_road(road)
     root = file.get_element()
-    root.find("header").set("date", "2000-01-01T00:00:00")  # the same road gives the same file
+    root.find("header").set("date", "2000-01-01T00:00:00")  # equal roads give equal files
     _user_data_last(root)
     ET.indent(root)
     try:
@@ -102,7 +103,7 @@ def _lanes(settings: RoadSettings) -> "xodr.Lanes":
 
 
 def _link(sections: "list[xodr.LaneSection]") -> None:
-    """Each lane goes on as the lane of the same number, where there is one."""
+    """Link each lane to the lane of the same number in the next section, where there is one."""
     for here, there in pairwise(sections):
         for before, after in ((here.leftlanes, there.leftlanes), (here.rightlanes, there.rightlanes)):
             for lane, following in zip(before, after, strict=False):
@@ -127,7 +128,7 @@ def _lane_section(
     made.add_right_lane(lane(profile.width_m, profile.right))
     for strip in profile.right_lanes:
         made.add_right_lane(lane(strip.width_m, strip.marking))
-    for strip in profile.left_lanes:  # its words run from the inside outwards, that is from right to left
+    for strip in profile.left_lanes:  # OpenDRIVE names its lines from the inside outwards: from right to left
         made.add_left_lane(lane(strip.width_m, flipped(strip.marking)))
     if profile.paved_right_m:
         made.add_right_lane(lane((profile.paved_right_m,) * 2, nothing, xodr.LaneType.shoulder))
@@ -162,7 +163,7 @@ def _road_mark(marking: Marking) -> "xodr.RoadMark":
 
 
 def _user_data_last(root: ET.Element) -> None:
-    """Move <userData> behind its siblings, where the schema wants it (scenariogeneration writes it first)."""
+    """Move <userData> behind its siblings as the schema requires (scenariogeneration writes it first)."""
     for parent in list(root.iter()):
         for child in [child for child in parent if child.tag == "userData"]:
             parent.remove(child)

@@ -30,12 +30,12 @@ STROKES = {
     "grass": Stroke.NONE,
     "edge": Stroke.NONE,
 }
-LONGEST_DASH_M = 100.0
+MAX_DASH_M = 100.0
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """a + b·ds + c·ds² + d·ds³ from ``start_m`` on; goes on beyond its end."""
+    """a + b·ds + c·ds² + d·ds³ from ``start_m`` on; continues beyond its end."""
 
     element: Element
     start_m: float
@@ -46,11 +46,6 @@ class Record:
         a, b, c, d = self.coefficients
         ds = s - self.start_m
         return a + ds * (b + ds * (c + ds * d))
-
-    @property
-    def is_linear(self) -> bool:
-        """True without square and cube."""
-        return self.coefficients[2:] == (0.0, 0.0)
 
 
 def records(elements: Sequence[Element], place: str, origin_m: float = 0.0) -> list[Record]:
@@ -72,7 +67,7 @@ def records(elements: Sequence[Element], place: str, origin_m: float = 0.0) -> l
 
 
 def active(found: Sequence[Record], s: float) -> Record | None:
-    """The record that holds at ``s``: the last one that starts there or before."""
+    """The last record that starts at ``s`` or before."""
     return next((record for record in reversed(found) if record.start_m <= s), None)
 
 
@@ -80,7 +75,7 @@ class LaneSection:
     """One <laneSection>: its lanes by id, 0 being the line between left and right."""
 
     def __init__(self, element: Element) -> None:
-        """Raises InputError when the lane ids do not count outwards from 0."""
+        """Raises InputError when a lane id between 0 and another one is missing."""
         self.element = element
         self.start_m = element.number("s")
         groups = ("left", "center", "right")
@@ -105,7 +100,7 @@ class LaneSection:
     def width_at(self, lane_id: int, s: float, near: float) -> float:
         """Width [m] at ``s`` by the record that holds at ``near``."""
         record = active(self.widths(lane_id), near)
-        assert record is not None  # widths() has seen to it
+        assert record is not None  # checked by widths()
         return record.at(s)
 
     def centre_at(self, lane_id: int, s: float, near: float) -> float:
@@ -123,7 +118,7 @@ class LaneSection:
                 yield place
 
     def line(self, lane_id: int, side: int, near: float) -> Marking:
-        """The marking on the left (``side`` 1) or right (-1) edge of a lane at ``near``, left line first."""
+        """The marking on the left (``side`` 1) or right (-1) edge of a lane at ``near``; of a pair, left first."""
         owner = lane_id if _sign(lane_id) == side else lane_id - _sign(lane_id)
         lane = self.lanes.get(owner)
         marks = lane.all("roadMark") if lane else []
@@ -131,7 +126,7 @@ class LaneSection:
         return _marking(here[-1], outwards_is_left=owner > 0) if here else Marking(stroke=Stroke.NONE)
 
     def breaks_m(self) -> Iterator[float]:
-        """Stations within at which a width or a marking changes."""
+        """Stations at which a width or a marking changes."""
         for lane in self.lanes.values():
             for element in (*lane.all("width"), *lane.all("roadMark")):
                 yield self.start_m + element.number("sOffset")
@@ -142,7 +137,7 @@ def _sign(number: int) -> int:
 
 
 def _marking(mark: Element, *, outwards_is_left: bool) -> Marking:
-    """A <roadMark>. Of two lines it names the inner one first, on lane 0 the left one."""
+    """The marking of a <roadMark>, whose type names the inner of two lines first, on lane 0 the left one."""
     name = mark.text("type")
     if name not in STROKES:
         raise mark.error(f"type={name!r}: expected one of {', '.join(STROKES)}")
@@ -157,7 +152,7 @@ def _marking(mark: Element, *, outwards_is_left: bool) -> Marking:
     if 0.0 < width_m <= 0.5:
         values["width_m"] = width_m
     dashes = [line for line in lines if line.number("space") > 0.0]
-    if dashes and "dashed" in stroke and 0.0 < dashes[0].number("length") < LONGEST_DASH_M:
+    if dashes and "dashed" in stroke and 0.0 < dashes[0].number("length") < MAX_DASH_M:
         values |= {"dash_m": dashes[0].number("length"), "gap_m": dashes[0].number("space")}
     if len(lines) == 2 and width_m > 0.0:
         apart_m = abs(lines[0].number("tOffset") - lines[1].number("tOffset")) - width_m

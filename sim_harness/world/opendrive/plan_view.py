@@ -1,6 +1,6 @@
 """The reference line of an OpenDRIVE road: lines, arcs, spirals and cubic polynomials as functions of s.
 
-ASAM OpenDRIVE 1.7.0, chapter 7 (geometry). Every shape goes on smoothly beyond its own ends.
+ASAM OpenDRIVE 1.7.0, chapter 7 (geometry). Every shape continues smoothly beyond its ends.
 """
 
 import math
@@ -15,8 +15,8 @@ from sim_harness.world.roads.road import GAUSS_NODES, GAUSS_WEIGHTS
 
 QUADRATURE_STEP_M = 0.5  # three-point Gauss-Legendre: 1e-9 m per kilometre for radii above 5 m
 PARAMETER_STEPS = 6
-LONGEST_M = 1e5  # of one geometry
-SHARPEST_1PM = 1.0
+MAX_LENGTH_M = 1e5  # of one geometry
+MAX_CURVATURE_1PM = 1.0
 JOINT_M, JOINT_RAD = 0.01, 0.01  # gaps of files written with few digits
 SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 
@@ -131,21 +131,23 @@ def plan_view(road: Element) -> list[Piece]:
 
 
 def _check_joint(here: Piece, there: Piece) -> None:
-    """Raise InputError unless ``there`` goes on where ``here`` ends."""
+    """Raise InputError unless ``there`` starts at the end of ``here``."""
     end_m = here.start_m + here.length_m
     if abs(there.start_m - end_m) > JOINT_M:
-        raise there.element.error(f"s={there.start_m:g}: expected {end_m:g}, where the one before ends")
+        raise there.element.error(
+            f"s={there.start_m:g}: expected {end_m:g}, the end of the previous geometry"
+        )
     x, y, heading = here.pose(end_m)
     gap_m = math.hypot(there.origin[0] - x, there.origin[1] - y)
     turn_rad = abs(math.remainder(there.origin[2] - heading, math.tau))
     if gap_m > JOINT_M or turn_rad > JOINT_RAD:
         raise there.element.error(
-            f"starts {gap_m:.3f} m and {turn_rad:.3f} rad off the end of the one before"
+            f"starts {gap_m:.3f} m and {turn_rad:.3f} rad off the end of the previous geometry"
         )
 
 
 def _piece(element: Element) -> Piece:
-    length_m = element.number("length", max_magnitude=LONGEST_M)
+    length_m = element.number("length", max_magnitude=MAX_LENGTH_M)
     if length_m <= 0.0:
         raise element.error(f"length={length_m:g}: expected more than 0 m")
     origin = element.number("x"), element.number("y"), element.number("hdg")
@@ -160,9 +162,11 @@ def _shape(element: Element, length_m: float) -> Shape:
     if element.tag == "line":
         return Clothoid(0.0)
     if element.tag == "arc":
-        return Clothoid(element.number("curvature", max_magnitude=SHARPEST_1PM))
+        return Clothoid(element.number("curvature", max_magnitude=MAX_CURVATURE_1PM))
     if element.tag == "spiral":
-        start, end = (element.number(name, max_magnitude=SHARPEST_1PM) for name in ("curvStart", "curvEnd"))
+        start, end = (
+            element.number(name, max_magnitude=MAX_CURVATURE_1PM) for name in ("curvStart", "curvEnd")
+        )
         return Clothoid(start, (end - start) / length_m)
     if element.tag == "poly3":
         return Cubic(Polynomial([0.0, 1.0]), Polynomial([element.number(name) for name in "abcd"]), None)
@@ -174,5 +178,5 @@ def _shape(element: Element, length_m: float) -> Shape:
     v = Polynomial([element.number(f"{name}V") for name in "abcd"])
     cubic = Cubic(u, v, ranges[kind])
     if not all(math.hypot(u.deriv()(p), v.deriv()(p)) > 0.0 for p in (0.0, length_m * ranges[kind])):
-        raise element.error("this curve stands still at an end: expected bU or bV other than 0")
+        raise element.error("this curve has no direction at an end: expected bU or bV other than 0")
     return cubic

@@ -1,12 +1,12 @@
-"""Roads from OpenDRIVE files (.xodr): one lane of one road becomes the lane that the vehicle keeps.
+"""Reads a road from an OpenDRIVE file (.xodr): one lane of one road becomes the lane that the vehicle keeps.
 
-Its centre becomes the reference line, driven the way the lane is driven. Where that centre is the file's own
-reference line, its geometry is taken as it is; beside it, and along polynomials, clothoids are fitted within a
-tenth of a millimetre (clothoid_fit). Not read: elevation and superelevation (Trepid's roads are flat; said in the
-notes), objects, signals, junctions. Lane widths are linear along a Trepid section: cubic ones are cut into
-stretches that are linear within a centimetre.
+The lane's centre becomes the reference line, in the driving direction of the lane. Where the centre lies on the
+reference line of the file, the geometry is copied; elsewhere, and along polynomials, clothoids are fitted within
+0.1 mm (clothoid_fit). Lane widths are linear along a section of Trepid: cubic ones are cut into stretches that are
+linear within 1 cm. Elevation, superelevation, objects and signals are left out and listed in the notes; junctions
+are ignored.
 
-ASAM OpenDRIVE 1.7.0. Files of versions 1.4 to 1.8 differ in nothing that is read here.
+ASAM OpenDRIVE 1.7.0; the elements that are read are the same in versions 1.4 to 1.8.
 """
 
 import math
@@ -26,19 +26,18 @@ from sim_harness.world.opendrive.sections import Profile, mirrored, sections, us
 from sim_harness.world.roads.appearance import Section
 from sim_harness.world.roads.road import CLOSED_WITHIN_M, CLOSED_WITHIN_RAD, Road, RoadSettings, Segment
 
-SUFFIX = ".xodr"
 SAME_STATION_M = 1e-6
 HEADING_STEP_M = 1e-4  # of the central difference that gives the curvature of a lane of varying offset
 WIDTH_TOLERANCE_M = 0.01
-SHORTEST_STRETCH_M = 1.0
+MIN_STRETCH_M = 1.0
 CHECK_STEP_M = 5.0
-MOST_SLANT_RAD = 0.5
+MAX_SLANT_RAD = 0.5
 SAME_RATE_1PM2 = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """A road, and what of the file is not in it."""
+    """A road, and notes on the contents of the file that it leaves out."""
 
     settings: RoadSettings
     notes: tuple[str, ...]
@@ -69,7 +68,7 @@ def _choose(root: Element, road: str | None) -> Element:
 
 @dataclass(frozen=True, slots=True)
 class _Stretch:
-    """A piece of road in which one geometry and one record of everything holds."""
+    """A piece of road with one geometry and one record of every lane attribute."""
 
     start_m: float
     end_m: float
@@ -83,21 +82,21 @@ class _Stretch:
         return (self.start_m + self.end_m) / 2
 
     def centre_m(self, s: float) -> float:
-        """Offset of the lane's centre from the reference line."""
+        """Offset of the lane's centre from the reference line at station ``s``."""
         shift_m = self.offset.at(s) if self.offset else 0.0
         return shift_m + self.section.centre_at(self.lane, s, self.middle_m)
 
     def check(self) -> None:
-        """Raise InputError where the lane runs across the reference line rather than along it."""
+        """Raise InputError where the lane runs at more than MAX_SLANT_RAD to the reference line."""
         places = np.linspace(
             self.start_m, self.end_m, 2 + math.ceil((self.end_m - self.start_m) / CHECK_STEP_M)
         )
         slants = [self._slant(s) for s in places.tolist()]
-        if max(map(abs, slants)) > MOST_SLANT_RAD:
+        if max(map(abs, slants)) > MAX_SLANT_RAD:
             lane = self.section.lanes[self.lane]
             raise lane.error(
                 f"between s = {self.start_m:g} and {self.end_m:g} m this lane leaves the reference line by"
-                f" {max(map(abs, slants)):.2g} rad: expected at most {MOST_SLANT_RAD:g}"
+                f" {max(map(abs, slants)):.2g} rad: expected at most {MAX_SLANT_RAD:g}"
             )
 
     def knot(self, s: float) -> Knot:
@@ -108,13 +107,16 @@ class _Stretch:
         return Knot(x, y, heading + self._slant(s), self._curvature(s))
 
     def is_constant(self) -> bool:
-        """True when the lane keeps its distance from the reference line."""
+        """True when the lane's offset from the reference line is constant."""
         places = (self.start_m, self.start_m + 0.29 * (self.end_m - self.start_m), self.middle_m, self.end_m)
         offsets = [self.centre_m(s) for s in places]
         return max(offsets) - min(offsets) < 1e-9
 
     def exact_m(self) -> float | None:
-        """Length when the lane's centre is one clothoid: on the reference line, or beside a line or an arc."""
+        """Length of the lane's centre if it is one clothoid, else None.
+
+        It is one on the reference line and parallel to a line or an arc.
+        """
         shape, offset_m = self.piece.shape, self.centre_m(self.middle_m)
         if not isinstance(shape, Clothoid) or not self.is_constant():
             return None
@@ -148,10 +150,8 @@ class _Reader:
         self._sections = [LaneSection(element) for element in road.need("lanes").all("laneSection")]
         if not self._sections:
             raise road.need("lanes").error("expected at least one <laneSection>")
-        for section, least_m in zip(
-            self._sections, [0.0, *(s.start_m for s in self._sections)], strict=False
-        ):
-            if section.start_m < least_m or (section is self._sections[0] and section.start_m > 0.0):
+        for section, min_m in zip(self._sections, [0.0, *(s.start_m for s in self._sections)], strict=False):
+            if section.start_m < min_m or (section is self._sections[0] and section.start_m > 0.0):
                 raise section.element.error(f"s={section.start_m:g}: expected rising s from 0 on")
         self._offsets = records(road.all("lanes/laneOffset"), "s")
         rule = road.attributes.get("rule", "RHT")
@@ -196,20 +196,18 @@ class _Reader:
         return lane
 
     def _followed(self, lane: int) -> list[int]:
-        """The id of the lane in every section: its successor where one is named, else the same."""
+        """The id of the lane in every section: the linked successor, or the same id without a link."""
         lanes = [lane]
         for here, there in pairwise(self._sections):
             link = here.lanes[lanes[-1]].first("link/successor")
             following = link.integer("id") if link else lanes[-1]
             if following not in there.lanes or following * lane <= 0:
-                raise there.element.error(
-                    f"lane {lanes[-1]} does not go on here: expected a lane {following}"
-                )
+                raise there.element.error(f"lane {lanes[-1]} ends here: expected a lane {following}")
             lanes.append(following)
         return lanes
 
     def _stretches(self) -> list[_Stretch]:
-        """The road cut wherever anything changes."""
+        """The road cut at every change of geometry, offset, section, width or marking."""
         places = {piece.start_m for piece in self._pieces} | {record.start_m for record in self._offsets}
         places |= {section.start_m for section in self._sections}
         places |= {place for section in self._sections for place in section.breaks_m()}
@@ -230,7 +228,7 @@ class _Reader:
         return _Stretch(start_m, end_m, piece, section, lane, active(self._offsets, middle_m))
 
     def _linear_widths(self, stretch: _Stretch) -> list[_Stretch]:
-        """``stretch`` in halves until the lane widths are linear within a centimetre."""
+        """``stretch``, halved until the lane widths are linear within WIDTH_TOLERANCE_M."""
         start_m, middle_m, end_m = stretch.start_m, stretch.middle_m, stretch.end_m
         section = stretch.section
         for lane in (n for n in section.lanes if n and section.kind(n) in DRIVEN):
@@ -240,13 +238,13 @@ class _Reader:
                 for share in (0.25, 0.5, 0.75)
                 for chord in (ends[0] + share * (ends[1] - ends[0]),)
             )
-            if bent_m > WIDTH_TOLERANCE_M and end_m - start_m > SHORTEST_STRETCH_M:
+            if bent_m > WIDTH_TOLERANCE_M and end_m - start_m > MIN_STRETCH_M:
                 halves = (start_m, middle_m), (middle_m, end_m)
                 return [part for half in halves for part in self._linear_widths(self._stretch(*half))]
         return [stretch]
 
     def _closed(self, spans: list[Span]) -> bool:
-        """True when the road is its own successor and ends where it starts."""
+        """True when the road is its own successor. Raises InputError when its end misses its start."""
         link = self._road.first("link/successor")
         if link is None or link.attributes.get("elementId") != self._road.text("id"):
             return False
@@ -260,7 +258,7 @@ class _Reader:
         return True
 
     def _cross_section(self, stretch: _Stretch) -> CrossSection:
-        """The lanes of a stretch, seen along the reference line."""
+        """The lanes of a stretch in the direction of the reference line."""
         section, ours, near = stretch.section, stretch.lane, stretch.middle_m
 
         def ends(lane: int) -> tuple[float, float]:
@@ -297,18 +295,18 @@ class _Reader:
     def _settings(
         self, profiles: list[Profile], fitted: list[list[Segment]], *, closed: bool
     ) -> RoadSettings:
-        ours = self._is_as_exported
+        exported = self._is_as_exported
         values: dict[str, object] = {
             "name": self._road.attributes.get("name") or f"road_{self._road.text('id')}",
             "lane_width_m": profiles[0].lanes.width_m[0],
-            **(user_data(self._road) if ours else {}),
+            **(user_data(self._road) if exported else {}),
             "closed": closed,
             "segments": _merged(fitted),
             "sections": (Section(name="", start_m=0),),
         }
         try:
             width_m = RoadSettings.model_validate({**values, "marks": ()}).lane_width_m
-            values["sections"] = sections(profiles, width_m, with_user_data=ours)
+            values["sections"] = sections(profiles, width_m, with_user_data=exported)
             settings = RoadSettings.model_validate(values)
             Road(settings)
         except ValidationError as error:
@@ -321,7 +319,7 @@ class _Reader:
 
     @property
     def _is_as_exported(self) -> bool:
-        """True when the lane is the one that Trepid writes of: then its own words hold."""
+        """True when the lane is the one that export writes: its <userData> then applies."""
         return not self._backward and set(self._lanes) == {-1}
 
     def _notes(self) -> tuple[str, ...]:
@@ -339,12 +337,12 @@ class _Reader:
 
 
 def _turned(segment: Segment) -> Segment:
-    """``segment`` driven the other way."""
+    """``segment`` in the opposite direction."""
     return clothoid(segment.length_m, -segment.end_curvature_1pm, -segment.start_curvature_1pm)
 
 
 def _merged(fitted: list[list[Segment]]) -> tuple[Segment, ...]:
-    """Neighbours of one curvature rate as one."""
+    """The segments in one list; neighbours of equal curvature rate are joined."""
     out: list[Segment] = []
     for segment in (segment for segments in fitted for segment in segments):
         if out and abs(_rate(out[-1]) - _rate(segment)) < SAME_RATE_1PM2:

@@ -1,4 +1,4 @@
-"""From stretches of an OpenDRIVE road to the sections of a Trepid road."""
+"""Converts stretches of an OpenDRIVE road to the sections of a road of Trepid."""
 
 import json
 from collections.abc import Sequence
@@ -16,12 +16,12 @@ from sim_harness.world.opendrive.export import USER_DATA
 from sim_harness.world.opendrive.located_xml import Element
 from sim_harness.world.roads.appearance import Section
 
-JOINED_WITHIN_M = 0.01  # widths that differ by less where two sections meet are meant to be the same
+JOINED_WITHIN_M = 0.01  # widths that differ by less at a joint are taken as equal
 
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """A cross section from ``start_m`` over ``length_m`` of the new road, and the <laneSection> that says so."""
+    """A cross section from ``start_m`` over ``length_m`` of the new road, and its <laneSection>."""
 
     element: Element
     start_m: float
@@ -30,7 +30,7 @@ class Profile:
 
 
 def sections(profiles: Sequence[Profile], lane_width_m: float, *, with_user_data: bool) -> list[Section]:
-    """As few sections as say the same. Raises ValueError (pydantic) for what no section can be."""
+    """The fewest sections that describe ``profiles``. Raises ValueError (pydantic) for an invalid section."""
     groups: list[Profile] = []
     for profile in profiles:
         longer = _joined(groups[-1], profile) if groups else None
@@ -45,7 +45,7 @@ def sections(profiles: Sequence[Profile], lane_width_m: float, *, with_user_data
 
 
 def user_data(element: Element) -> dict[str, object]:
-    """What Trepid wrote there; empty when it did not. Raises InputError."""
+    """The <userData> that export wrote into ``element``; empty without one. Raises InputError."""
     found = [data for data in element.all("userData") if data.attributes.get("code") == USER_DATA]
     if not found:
         return {}
@@ -59,7 +59,7 @@ def user_data(element: Element) -> dict[str, object]:
 
 
 def mirrored(lanes: CrossSection) -> CrossSection:
-    """``lanes`` as those see them who come the other way."""
+    """``lanes`` in the opposite direction."""
 
     def turned(strips: tuple[Strip, ...]) -> tuple[Strip, ...]:
         return tuple(Strip(strip.width_m[::-1], flipped(strip.marking)) for strip in strips)
@@ -76,7 +76,7 @@ def mirrored(lanes: CrossSection) -> CrossSection:
 
 
 def _section(profile: Profile, lane_width_m: float, *, with_user_data: bool) -> Section:
-    """What the lanes say wins over what Trepid wrote, so that other tools may edit the file."""
+    """The section of ``profile``. The lanes override <userData>, so that other tools may edit the file."""
     place: dict[str, object] = {"name": f"at_{profile.start_m:.0f}", "start_m": profile.start_m}
     if with_user_data:
         own = user_data(profile.element)
@@ -88,7 +88,7 @@ def _section(profile: Profile, lane_width_m: float, *, with_user_data: bool) -> 
 
 
 def _joined(a: Profile, b: Profile) -> Profile | None:
-    """Both as one, None where they differ."""
+    """Both profiles as one, None where they differ."""
     if a.element is not b.element or len(_widths(a.lanes)) != len(_widths(b.lanes)):
         return None
     share = a.length_m / (a.length_m + b.length_m)
@@ -102,7 +102,7 @@ def _joined(a: Profile, b: Profile) -> Profile | None:
 
 
 def _meeting(before: CrossSection, after: CrossSection) -> CrossSection:
-    """``after`` with the widths with which ``before`` ended, where they are meant to be the same."""
+    """``after``, starting with the end widths of ``before`` where both are taken as equal."""
 
     def start(there: Ends, here: Ends) -> Ends:
         gap_m = abs(there[1] - here[0])
@@ -127,7 +127,7 @@ def _widths(lanes: CrossSection) -> list[Ends]:
 
 
 def _with_widths(lanes: CrossSection, widths: Sequence[Ends]) -> CrossSection:
-    """``lanes`` with other widths, in the order of _widths; the rest keep theirs."""
+    """``lanes`` with ``widths`` in the order of _widths; strips beyond them keep their width."""
     todo = iter(widths[1:])
 
     def strips(old: tuple[Strip, ...]) -> tuple[Strip, ...]:

@@ -1,6 +1,6 @@
-"""What lies between a command and the tyres: dead time, lag, limits, friction and offset of steering and drive.
+"""Actuators of every plant: dead time, lag, limits, friction and offset of steering and drive.
 
-Every plant shares this part. For a constant demand all of it has closed solutions, so nothing is integrated:
+For a constant demand they have closed solutions, so nothing is integrated:
 
     steering   δ_s' = clip((demand(t - T) - δ_s)/τ, ±rate)        first order with a rate limit, dead time T
     tyres      δ = δ_s + p + offset,  p follows δ_s by the play operator: δ_s + p moves only when |p| would pass
@@ -29,7 +29,7 @@ Advance = Callable[[PlantState, float, float], PlantState]
 
 
 class Motion(NamedTuple):
-    """What the actuators do at one instant: the inputs of the equations of motion."""
+    """Output of the actuators at one instant: the inputs of the equations of motion."""
 
     speed_mps: float
     accel_mps2: float
@@ -42,7 +42,7 @@ class Actuators:
     """Steering and drive of one vehicle."""
 
     def __init__(self, vehicle: Vehicle, settings: PlantSettings, *, grip_mps2: float) -> None:
-        """``grip_mps2`` is the acceleration that the tyres can pass on along the vehicle."""
+        """``grip_mps2``: the largest longitudinal acceleration that the tyres transmit."""
         chassis = settings.chassis
         loaded = chassis.mass_kg / (chassis.mass_kg + settings.load_kg)  # the drive's force does not grow
         self.max_accel_mps2 = min(vehicle.max_accel_mps2 * loaded, grip_mps2)
@@ -58,9 +58,9 @@ class Actuators:
     def drive(self, state: PlantState, command: Command, dt_s: float, advance: Advance) -> PlantState:
         """``state`` after ``dt_s`` under ``command``.
 
-        A steering demand acts exactly ``delay_s`` after it was given, also when that falls inside a step:
-        ``advance(state, acceleration demand, span)`` is called for spans of constant demand. Raises ValueError
-        when a demand is not finite.
+        A steering demand acts exactly ``delay_s`` after the command, also within a step: ``advance(state,
+        acceleration demand, span)`` is called for spans of constant demand. Raises ValueError when a demand is not
+        finite.
         """
         demand_rad, accel_mps2 = command.road_wheel_angle_rad, command.accel_mps2
         if not (math.isfinite(demand_rad) and math.isfinite(accel_mps2)):
@@ -93,7 +93,7 @@ class Actuators:
         return Motion(speed_mps, accel_mps2, tyre_rad, steering_rad, play_rad)
 
     def _speed(self, state: PlantState, demand_mps2: float, t: float) -> tuple[float, float]:
-        """Speed and acceleration after ``t`` [s] under a constant demand; brakes hold, they do not reverse."""
+        """Speed and acceleration after ``t`` [s] under a constant demand; the speed never becomes negative."""
         v0, a0, lag_s = state.speed_mps, state.accel_mps2, self.accel_lag_s
         if v0 == 0.0 and demand_mps2 <= 0.0:
             return 0.0, 0.0
@@ -118,7 +118,7 @@ class Actuators:
         return state.acting_demand_rad - error_then * math.exp((ramp_s - t) / self.lag_s)
 
     def _with(self, state: PlantState, demand_rad: float) -> Pending:
-        """What is on its way to the wheels when ``demand_rad`` is given at ``state``."""
+        """The pending demands after ``demand_rad`` is given at ``state``."""
         pending = state.pending
         newest_rad = pending[-1][1] if pending else state.acting_demand_rad
         if demand_rad == newest_rad:
@@ -147,7 +147,7 @@ def moved(
 
 
 def _take_due(state: PlantState, pending: Pending) -> tuple[PlantState, Pending]:
-    """``state`` with ``pending``, of which the newest demand whose dead time is over acts; and what is left."""
+    """``state`` with the newest demand of ``pending`` whose dead time is over, and the remaining demands."""
     now_s, acting_rad = state.clock_s + _SAME_INSTANT_S, state.acting_demand_rad
     while pending and pending[0][0] <= now_s:
         acting_rad = pending[0][1]
@@ -158,7 +158,7 @@ def _take_due(state: PlantState, pending: Pending) -> tuple[PlantState, Pending]
 
 
 def _steered(state: PlantState, acting_rad: float, pending: Pending) -> PlantState:
-    """``state`` with other demands; dataclasses.replace takes twice as long."""
+    """``state`` with other demands; twice as fast as dataclasses.replace."""
     return PlantState(
         x_m=state.x_m,
         y_m=state.y_m,

@@ -1,10 +1,10 @@
-"""How mass and tyre stiffness are shared between the axles, so that the vehicle understeers as its file says.
+"""Distribution of mass and tyre stiffness between the axles for a given understeer gradient.
 
     K_us = m_f/C_f - m_r/C_r        [rad/(m/s²)]    Rajamani, Vehicle Dynamics and Control (2012), section 3.3
 
 with the masses m_f, m_r on the axles and the cornering stiffnesses C_f, C_r [N/rad]. The rear stiffness is given,
-the front follows from K_us of the unloaded vehicle. A load moves the masses and leaves the stiffnesses (tyres gain
-some stiffness with load; leaving that out is the harder case).
+the front follows from K_us of the unloaded vehicle. A load changes the masses but not the stiffnesses (tyres
+gain some stiffness with load; leaving that out is the harder case).
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from trepid.config import InputError
 from trepid.vehicle import Vehicle
 
 GRAVITY_MPS2 = 9.80665
-ANTI_LOCK = 0.95  # of the grip is the most that brakes and drive use; the tyres go on steering
+ANTI_LOCK = 0.95  # largest share of the grip that brakes and drive use, so that the tyres still steer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +46,7 @@ class Axles:
 
 
 def axles_of(vehicle: Vehicle, settings: PlantSettings) -> Axles:
-    """The axles of ``vehicle`` under ``settings``. Raises InputError when no front tyre can oversteer that much."""
+    """The axles of ``vehicle`` under ``settings``. Raises InputError when no front stiffness fits the gradient."""
     chassis, wheelbase_m = settings.chassis, vehicle.wheelbase_m
     front_kg = chassis.mass_kg * chassis.front_share
     rear_kg = chassis.mass_kg - front_kg

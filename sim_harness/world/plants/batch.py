@@ -1,4 +1,4 @@
-"""Many kinematic plants at once: one array per quantity, one Runge-Kutta step for all.
+"""Vectorised kinematic plants: one array per quantity, one Runge-Kutta step for all.
 
 The equations are those of `sim_harness.world.plants.kinematic` and `sim_harness.world.plants.actuators`; each
 vehicle may have its own parameters; only the period is common, and dead times are whole numbers of periods.
@@ -31,7 +31,7 @@ class BatchState:
     road_wheel_angle_rad: Array
     acting_demand_rad: Array
     play_rad: Array
-    pending_rad: list[Array] = field(default_factory=list)  # demands on their way, the latest first
+    pending_rad: list[Array] = field(default_factory=list)  # demands within their dead time, the latest first
 
 
 class BatchPlant:
@@ -58,12 +58,12 @@ class BatchPlant:
         self._offset_rad = column([a.offset_rad for a in actuators])
         self._friction_rad = column([a.friction_rad for a in actuators])
         self._delay_periods = _whole_periods(column([a.delay_s for a in actuators]), period_s)
-        # Lag during which no time passes: a decay of 0 instead of exp(-t/0).
+        # Without lag the decay is 0 instead of exp(-t/0).
         self._decays = {t: _decay(t, self._accel_lag_s) for t in (period_s / 2, period_s)}
         self._safe_lag_s = np.where(self._lag_s > 0.0, self._lag_s, 1.0)
 
     def initial(self, speed_mps: Array) -> BatchState:
-        """Straight ahead from the origin, with the steering in its middle."""
+        """At the origin, straight ahead, with the steering centred."""
         zeros = [np.zeros_like(speed_mps) for _ in range(7)]
         pending = [np.zeros_like(speed_mps) for _ in range(int(self._delay_periods.max(initial=0)))]
         x_m, y_m, yaw_rad, accel_mps2, angle_rad, demand_rad, play_rad = zeros
@@ -104,7 +104,7 @@ class BatchPlant:
         state.road_wheel_angle_rad, state.play_rad = end_rad, end_play
 
     def _enqueue(self, state: BatchState, demand_rad: Array) -> None:
-        """Send ``demand_rad`` on its way; what was sent a dead time ago acts now."""
+        """Queue ``demand_rad``; the demand queued one dead time ago acts now."""
         state.pending_rad.insert(0, demand_rad)
         delays = self._delay_periods
         if (delays == delays[0]).all():

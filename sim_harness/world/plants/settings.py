@@ -1,4 +1,4 @@
-"""What moves the simulated vehicle: which model, and how reality differs from the vehicle file."""
+"""Settings of the simulated vehicle: its model, and how it differs from the vehicle file."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -10,7 +10,7 @@ from trepid.types import NonNegative, OpenShare, Positive
 
 
 class Model(StrEnum):
-    """The vehicle models, from the simplest to the most detailed, and a foreign one."""
+    """Vehicle models: two of Trepid from simple to detailed, and three of other packages."""
 
     KINEMATIC = "kinematic"
     SINGLE_TRACK = "single_track"
@@ -20,31 +20,29 @@ class Model(StrEnum):
 
 
 class Chassis(Settings):
-    """Mass and tyres, which the vehicle file leaves out as no process that drives needs them.
+    """Mass and tyres, which the vehicle file does not contain: only the simulation needs them.
 
-    The front tyres are not given: they follow from the understeer gradient of the vehicle file.
+    The front tyres follow from the understeer gradient of the vehicle file.
     """
 
     mass_kg: Positive = 700.0  # GEM e2, about 550 kg, and two people
     front_share: OpenShare = 0.45  # of the mass on the front axle; the batteries stand under the seats
-    yaw_inertia_index: Positive = 1.0  # I_z/(m·l_f·l_r); typical of cars; measure yours
+    yaw_inertia_index: Positive = 1.0  # I_z/(m·l_f·l_r); typical of cars, to be measured
     # C_r/F_zr of the unloaded axle: near p_ky1 = 21.9 of the tyres of CommonRoad's vehicles (ADAMS handbook).
     rear_stiffness_per_rad: Positive = 20.0
     load_front_share: Annotated[float, Field(ge=0, le=1)] = 0.2  # of the load on the front axle: a cargo bed
 
 
 class PlantSettings(Settings):
-    """How the simulated vehicle differs from what the controller believes; the default differs in nothing."""
+    """How the simulated vehicle differs from the vehicle file of the controller; by default in nothing."""
 
     model: Model = Model.KINEMATIC
     friction: Annotated[float, Field(gt=0, le=1.5)] = 1.0  # μ between tyres and road
-    bank_rad: Annotated[float, Field(gt=-0.3, lt=0.3)] = (
-        0.0  # of the road; + = left side up, pulls to the right
+    bank_rad: Annotated[float, Field(gt=-0.3, lt=0.3)] = 0.0  # of the road; + = left side up, pulls right
+    load_kg: NonNegative = 0.0  # added to the mass of the vehicle; the tyre stiffness is unchanged
+    steering_offset_rad: Annotated[float, Field(gt=-0.2, lt=0.2)] = (
+        0.0  # tyre angle minus measured steering angle
     )
-    load_kg: NonNegative = 0.0  # on top of the mass of the vehicle; its tyres stay as stiff as they were
-    steering_offset_rad: Annotated[float, Field(gt=-0.2, lt=0.2)] = 0.0  # tyres minus what the steering knows
     steering_friction_rad: Annotated[float, Field(ge=0, lt=0.2)] = 0.0  # half-width of stick and play
-    vehicle: dict[str, float] = Field(
-        default_factory=dict
-    )  # fields of the vehicle file that differ in reality
+    vehicle: dict[str, float] = Field(default_factory=dict)  # fields of the vehicle file to override
     chassis: Chassis = Chassis()

@@ -1,4 +1,4 @@
-"""Where a simulated vehicle is and how it moves."""
+"""The state of a simulated vehicle."""
 
 from dataclasses import dataclass
 
@@ -8,16 +8,16 @@ from trepid.frozen import quick
 @quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantState:
-    """Pose of the centre of the rear axle, motion along the vehicle, and the steering on its way to the tyres."""
+    """Pose of the centre of the rear axle, longitudinal motion, and the state of the steering."""
 
     x_m: float = 0.0
     y_m: float = 0.0
     yaw_rad: float = 0.0  # not wrapped: grows by 2π per left-hand lap
     speed_mps: float = 0.0  # along the vehicle; never negative
     accel_mps2: float = 0.0
-    road_wheel_angle_rad: float = 0.0  # as the sensor on the steering knows it
-    acting_demand_rad: float = 0.0  # the demand that the steering follows now
-    pending: tuple[tuple[float, float], ...] = ()  # (clock when it acts [s], demand [rad]), earliest first
+    road_wheel_angle_rad: float = 0.0  # as measured by the steering sensor
+    acting_demand_rad: float = 0.0  # the demand that acts on the steering
+    pending: tuple[tuple[float, float], ...] = ()  # (time at which it acts [s], demand [rad]), earliest first
     clock_s: float = 0.0  # time driven
-    play_rad: float = 0.0  # how far the tyres are ahead of the steering, within its friction
-    inner: tuple[float, ...] = ()  # what only the model knows; () = settled on what the wheels ask for
+    play_rad: float = 0.0  # tyre angle minus steering angle, within the friction
+    inner: tuple[float, ...] = ()  # further states of the model; () = steady state at the wheel angle

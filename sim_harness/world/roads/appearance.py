@@ -1,4 +1,4 @@
-"""What a stretch of road looks like: lanes, markings, surface and verge. Pure settings, no geometry."""
+"""Settings of a stretch of road: lanes, markings, surface, verge, light."""
 
 from enum import StrEnum
 from typing import Annotated, Self
@@ -18,7 +18,7 @@ class Paint(StrEnum):
 
 
 class Stroke(StrEnum):
-    """Pattern of a marking; of two lines side by side the left one is named first."""
+    """Pattern of a marking; of two parallel lines the left one is named first."""
 
     SOLID = "solid"
     DASHED = "dashed"
@@ -30,7 +30,7 @@ class Stroke(StrEnum):
 
 
 class Surface(StrEnum):
-    """What the carriageway is made of."""
+    """Material of the carriageway."""
 
     ASPHALT = "asphalt"
     CONCRETE = "concrete"
@@ -38,7 +38,7 @@ class Surface(StrEnum):
 
 
 class Verge(StrEnum):
-    """What lies beside the carriageway."""
+    """Ground next to the carriageway."""
 
     GRASS = "grass"
     DRY_GRASS = "dry_grass"
@@ -55,19 +55,17 @@ Stretch = tuple[NonNegative, NonNegative]  # from, to [m]: stations along the ro
 
 
 class Marking(Settings):
-    """One painted line or a pair of lines, centred on its place."""
+    """One painted line, or a pair of lines around its place."""
 
     stroke: Stroke = Stroke.SOLID
     paint: Paint = Paint.WHITE
     width_m: Annotated[float, Field(gt=0, le=0.5)] = 0.12  # 0.10 to 0.15 in most countries (RMS, MUTCD 3A)
     dash_m: Positive = 3.0
     gap_m: NonNegative = 6.0  # 3 m dash, 6 m gap: rural roads (German RMS-1)
-    wear: Share = 0.0  # share of the paint that is gone, in soft patches
+    wear: Share = 0.0  # share of the paint worn off, in soft patches
     damage: Share = 0.0  # share of the line that is cut out or crossed by cracks, with hard edges
-    gaps_m: tuple[Stretch, ...] = ()  # where the line is interrupted
-    spacing_m: Positive = (
-        0.12  # clear distance between the lines of a pair (RMS-1, MUTCD 3A: one line's width)
-    )
+    gaps_m: tuple[Stretch, ...] = ()  # interruptions of the line
+    spacing_m: Positive = 0.12  # clear distance within a pair (RMS-1, MUTCD 3A: one line's width)
 
     @model_validator(mode="after")
     def _gaps_run_forwards(self) -> Self:
@@ -78,11 +76,10 @@ class Marking(Settings):
 
 
 class NeighbourLane(Settings):
-    """A lane beside the one that the vehicle keeps."""
+    """A lane parallel to the one that the vehicle keeps."""
 
-    width_m: Width | tuple[Width, Width] | None = (
-        None  # constant, or (at the start, at the end); None: as ours
-    )
+    # Constant, or (at the start, at the end); None: that of the kept lane.
+    width_m: Width | tuple[Width, Width] | None = None
     marking: Marking = Marking(stroke=Stroke.NONE)  # on its far edge
 
 
@@ -93,55 +90,52 @@ class Section(Settings):
     start_m: NonNegative
     left: Marking = Marking(stroke=Stroke.DASHED)  # on the left edge of the lane
     right: Marking = Marking()  # on the right edge of the lane
-    far_left: Marking = Marking(stroke=Stroke.NONE)  # short for one left lane; paved_left_m must then pave it
-    lane_width_m: LaneWidth | tuple[LaneWidth, LaneWidth] | None = (
-        None  # as in NeighbourLane; None: the road's
-    )
-    left_lanes: tuple[NeighbourLane, ...] = ()  # from our lane outwards
+    far_left: Marking = Marking(stroke=Stroke.NONE)  # of one left lane, which lies on paved_left_m
+    # Constant, or (at the start, at the end); None: that of the road.
+    lane_width_m: LaneWidth | tuple[LaneWidth, LaneWidth] | None = None
+    left_lanes: tuple[NeighbourLane, ...] = ()  # from the kept lane outwards
     right_lanes: tuple[NeighbourLane, ...] = ()
     paved_left_m: NonNegative = 0.3  # carriageway beyond the left edge of the lane and of its left_lanes
     paved_right_m: NonNegative = 0.3
     edge_roughness_m: NonNegative = 0.03  # standard deviation of the edge of the carriageway
     edge_breaks: Share = 0.0  # share of the edge with pieces broken off, up to 0.6 m deep
-    kerb_m: Annotated[float, Field(ge=0, le=1)] = 0.0  # pale kerb or parapet along both edges, seen flat
+    kerb_m: Annotated[float, Field(ge=0, le=1)] = 0.0  # pale kerb or parapet along both edges, drawn flat
     surface: Surface = Surface.ASPHALT
     surface_grey: Share = 0.45  # mean grey of the carriageway in a well-exposed frame
     patchiness: Share = 0.3  # repairs, cracks, tar seams
     verge: Verge = Verge.GRASS
-    snow_left_m: NonNegative = (
-        0.0  # how far a ragged bank of snow reaches in from the edge of the carriageway
-    )
+    snow_left_m: NonNegative = 0.0  # width of a ragged bank of snow on the edge of the carriageway
     snow_right_m: NonNegative = 0.0
     snow_cover: Share = 0.0  # share of the carriageway, with its markings, under trodden snow
     wet: Share = 0.0  # 0 dry, 1 soaked: darker, smoother, with puddles
     shadows: Share = 0.0  # tree shadows across the road: 0 none, 1 dense
-    building_shadows: Share = 0.0  # a skyline from the right: 0 none, 1 across the whole road
+    building_shadows: Share = 0.0  # of houses on the right: 0 none, 1 across the whole road
     bridge_shadows: Share = 0.0  # bands across the road, one about every 50 m: 0 none, 1 wide and dark
     light: Light = Light()
 
     @model_validator(mode="after")
     def _the_left_lane_is_given_once(self) -> Self:
         if self.left_lanes and self.far_left.stroke != Stroke.NONE:
-            raise ValueError("far_left is short for one left lane; give its marking in left_lanes instead")
+            raise ValueError("far_left describes one left lane; with left_lanes, put its marking there")
         return self
 
     @property
     def lanes_to_the_left(self) -> tuple[NeighbourLane, ...]:
-        """``left_lanes``, or the one that ``far_left`` stands for."""
+        """``left_lanes``, or the one lane of ``far_left``."""
         if self.left_lanes or self.far_left.stroke == Stroke.NONE:
             return self.left_lanes
         return (NeighbourLane(marking=self.far_left),)
 
     def lane_width_m_at_ends(self, lane: int, default_m: float) -> tuple[float, float] | None:
-        """Width of a lane at the start and at the end: 0 is ours, 1 the next to the left, -1 the next to the right.
+        """Width of a lane at the start and at the end: 0 is the kept lane, 1 left of it, -1 right of it.
 
         ``default_m`` is the road's lane width. None where there is no such lane.
         """
-        ours = _ends(self.lane_width_m, (default_m, default_m))
+        kept = _ends(self.lane_width_m, (default_m, default_m))
         if lane == 0:
-            return ours
+            return kept
         lanes = self.lanes_to_the_left if lane > 0 else self.right_lanes
-        return _ends(lanes[abs(lane) - 1].width_m, ours) if abs(lane) <= len(lanes) else None
+        return _ends(lanes[abs(lane) - 1].width_m, kept) if abs(lane) <= len(lanes) else None
 
 
 def _ends(width_m: Width | tuple[Width, Width] | None, default_m: tuple[float, float]) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""What the grades of each disturbance mean in physical units: ``config/disturbances.yaml``."""
+"""The grades of each disturbance in physical units: ``config/disturbances.yaml``."""
 
 from functools import lru_cache
 
@@ -39,13 +39,13 @@ class Sun(Settings):
 
 
 class OverExposure(Settings):
-    """Too much exposure."""
+    """Over-exposure."""
 
     stops: Grades
 
 
 class TunnelExit(Settings):
-    """A dark tube with a bright end."""
+    """A dark tunnel with a bright exit."""
 
     inside: Grades
     stops: Grades
@@ -59,7 +59,7 @@ class Shadows(Settings):
 
 
 class Rain(Settings):
-    """Falling rain, and what it leaves behind."""
+    """Falling rain, drops on the windscreen and a wet road."""
 
     visibility_m: Grades
     daylight: Grades
@@ -75,7 +75,7 @@ class WetRoad(Settings):
 
 
 class Snow(Settings):
-    """Falling snow, and what it leaves behind."""
+    """Falling snow and snow on the road."""
 
     visibility_m: Grades
     daylight: Grades
@@ -103,7 +103,7 @@ class MotionBlur(Settings):
 
 
 class RollingShutter(Settings):
-    """Time from the first row to the last."""
+    """Readout time from the first row to the last."""
 
     readout_s: Grades
 
@@ -150,7 +150,7 @@ class DisturbanceTable(Settings):
     occlusion: Occlusion
 
 
-@lru_cache(maxsize=1)  # frozen settings: reading them once a process is enough
+@lru_cache(maxsize=1)  # frozen settings, read once a process
 def load_table() -> DisturbanceTable:
     """The table of ``config/disturbances.yaml``. Raises InputError."""
     return load(CONFIG_DIR / "disturbances.yaml", DisturbanceTable)

@@ -1,6 +1,6 @@
-"""What spoils a camera's picture: kinds of disturbance, graded 0 (none) to 5 (worst), by place. Pure settings.
+"""Settings of image disturbances: their kind, their grade from 0 (none) to 5 (worst), and their stretch of road.
 
-What each grade means in physical units stands in ``config/disturbances.yaml``.
+``config/disturbances.yaml`` defines the grades in physical units.
 """
 
 from bisect import bisect_right
@@ -15,12 +15,12 @@ from sim_harness.world.roads.disturbance_table import Grades, at, load_table
 from sim_harness.world.roads.road import RoadSettings
 from trepid.config import Settings
 
-RAMP_M = 10.0  # over which a disturbance comes and goes
+RAMP_M = 10.0  # over which the grade rises and falls
 MAX_GRADE = 5.0
 
 
 class DisturbanceKind(StrEnum):
-    """What spoils the picture."""
+    """Kinds of image disturbance: light, weather, lens, motion, sensor, codec, occlusion."""
 
     NIGHT = "night"
     LOW_SUN = "low_sun"
@@ -43,12 +43,12 @@ class DisturbanceKind(StrEnum):
 
 
 class Disturbance(Settings):
-    """One disturbance of a stretch of road; ``tunnel_exit`` is a tunnel from ``from_m`` to ``to_m``."""
+    """One disturbance on a stretch of road; ``tunnel_exit`` is a tunnel from ``from_m`` to ``to_m``."""
 
     kind: DisturbanceKind
     grade: Annotated[float, Field(ge=0, le=MAX_GRADE)]
     from_m: Annotated[float, Field(ge=0)] = 0.0  # station
-    to_m: Annotated[float, Field(gt=0)] | None = None  # without: to the end
+    to_m: Annotated[float, Field(gt=0)] | None = None  # default: to the end of the road
 
     @model_validator(mode="after")
     def _ends_after_it_starts(self) -> Self:
@@ -59,7 +59,7 @@ class Disturbance(Settings):
     def grade_at(self, station_m: float) -> float:
         """The grade for a camera at a station: rises and falls over RAMP_M inside the stretch.
 
-        From the very start of the road, and to its very end, there is no ramp.
+        There is no ramp at the start and at the end of the road.
         """
         rise = (station_m - self.from_m) / RAMP_M if self.from_m > 0 else 1.0
         fall = (self.to_m - station_m) / RAMP_M if self.to_m is not None else 1.0
@@ -67,7 +67,7 @@ class Disturbance(Settings):
 
 
 def grades_at(disturbances: Sequence[Disturbance], station_m: float) -> dict[DisturbanceKind, float]:
-    """The grade of each kind that there is at a station; of two of a kind, the higher."""
+    """The grade of each kind present at a station; of two of a kind, the higher."""
     grades: dict[DisturbanceKind, float] = {}
     for disturbance in disturbances:
         grade = disturbance.grade_at(station_m)
@@ -77,9 +77,9 @@ def grades_at(disturbances: Sequence[Disturbance], station_m: float) -> dict[Dis
 
 
 def disturbed(settings: RoadSettings, disturbances: Sequence[Disturbance]) -> RoadSettings:
-    """``settings`` with the disturbances that are painted on the ground; done twice it is as done once.
+    """``settings`` with the disturbances that are painted on the ground. Idempotent.
 
-    A disturbance that begins or ends within a section parts it; both parts keep its name.
+    A disturbance that begins or ends within a section splits it; both parts keep its name.
     """
     for disturbance in disturbances:
         changes = _painted(disturbance.kind, disturbance.grade)
@@ -89,7 +89,7 @@ def disturbed(settings: RoadSettings, disturbances: Sequence[Disturbance]) -> Ro
 
 
 def _painted(kind: DisturbanceKind, grade: float) -> dict[str, float]:
-    """Fields of a section and the least they are under a disturbance; empty for those in the air or the camera."""
+    """Fields of a section and their minimum under a disturbance; empty for disturbances of air or camera."""
     table = load_table()
     fields: dict[DisturbanceKind, tuple[str, Grades]] = {
         DisturbanceKind.TREE_SHADOWS: ("shadows", table.tree_shadows.share),
@@ -107,8 +107,8 @@ def _painted(kind: DisturbanceKind, grade: float) -> dict[str, float]:
 
 def _repainted(settings: RoadSettings, disturbance: Disturbance, changes: dict[str, float]) -> RoadSettings:
     length_m = sum(segment.length_m for segment in settings.segments)
-    sections, from_m = _parted(settings.sections, disturbance.from_m, length_m)
-    sections, to_m = _parted(sections, length_m if disturbance.to_m is None else disturbance.to_m, length_m)
+    sections, from_m = _split(settings.sections, disturbance.from_m, length_m)
+    sections, to_m = _split(sections, length_m if disturbance.to_m is None else disturbance.to_m, length_m)
     painted = tuple(
         _covered(section, disturbance.kind, changes) if from_m <= section.start_m < to_m else section
         for section in sections
@@ -119,16 +119,16 @@ def _repainted(settings: RoadSettings, disturbance: Disturbance, changes: dict[s
 def _covered(section: Section, kind: DisturbanceKind, changes: dict[str, float]) -> Section:
     update: dict[str, object] = {name: max(value, getattr(section, name)) for name, value in changes.items()}
     if kind == DisturbanceKind.SNOW:
-        update["verge"] = Verge.SNOW  # it lies on the grass first
+        update["verge"] = Verge.SNOW  # snow covers the verge first
     return section.model_copy(update=update)
 
 
-def _parted(
+def _split(
     sections: tuple[Section, ...], station_m: float, length_m: float
 ) -> tuple[tuple[Section, ...], float]:
-    """The sections with one that starts at ``station_m``, or up to a dash before it, and where it starts.
+    """The sections, cut at ``station_m`` or up to a dash before it, and the station of the cut.
 
-    Dashes are counted from the start of a section: a cut after a whole number of them leaves them in place.
+    Dashes are counted from the start of a section: a cut after a whole number of them does not move them.
     """
     if not 0 < station_m < length_m:
         return sections, station_m

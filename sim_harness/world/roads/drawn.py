@@ -1,4 +1,4 @@
-"""Roads drawn by lot: kinds of markings and surfaces, kinds of bends. For the benches of perception and fear."""
+"""Random roads by kind of marking or surface and by kind of bend, for the benches of perception and fear."""
 
 from enum import StrEnum
 
@@ -10,7 +10,8 @@ from sim_harness.world.roads.road import Road, RoadSettings, Segment
 NONE = Marking(stroke=Stroke.NONE)
 LEAD_IN_M, LEAD_OUT_M = 25.0, 90.0
 STRAIGHT_RADII_M, BEND_RADII_M, TIGHT_RADII_M = (300.0, 1500.0), (40.0, 120.0), (12.0, 30.0)
-SNOW_COVER = (0.3, 0.9)  # of roads that are snowed up
+SNOW_COVER = (0.3, 0.9)  # range, for roads under snow
+VERGES = (Verge.GRASS, Verge.DRY_GRASS, Verge.SOIL, Verge.PAVEMENT)
 VERGE_SHARES = (0.5, 0.2, 0.15, 0.15)
 MAX_RATE_1PM2 = 1 / 120  # of curvature along an entry: R = 12 m after 10 m
 ARC_RAD = (0.7, 1.3)  # turn of an arc, without its clothoids
@@ -18,19 +19,19 @@ SPEEDS_MPS = {"straight": 10.0, "bend": 8.0, "tight": 5.0}
 
 
 class Kind(StrEnum):
-    """What shows where the lane is."""
+    """Kinds of markings, and of surfaces without markings."""
 
     WHITE = "white"  # two lanes, dashed centre line, solid edges
     YELLOW = "yellow"  # solid yellow centre line
     DOUBLE = "double"  # two yellow lines side by side
     DASHED = "dashed"  # dashed on both sides, lanes on both sides
-    ONE_LINE = "one line"  # left or right only; no edge near on the other side
-    WORN = "worn"  # half of the paint gone, patched asphalt
+    ONE_LINE = "one line"  # left or right only; the edge of the other side is far away
+    WORN = "worn"  # half of the paint worn off, patched asphalt
     CONCRETE = "concrete"  # white on pale grey
     INTERRUPTED = "interrupted"  # pieces of 6 to 15 m missing
     MULTI_LANE = "multi-lane"  # four or five lanes
     ASPHALT = "unmarked asphalt"  # one carriageway of asphalt in grass
-    BROKEN = "broken asphalt"  # ragged edges, patches, soil beside
+    BROKEN = "broken asphalt"  # ragged edges, patches, soil verge
     GRAVEL = "gravel"  # gravel in dry grass
 
 
@@ -38,7 +39,7 @@ UNMARKED = (Kind.ASPHALT, Kind.BROKEN, Kind.GRAVEL)
 
 
 class Shape(StrEnum):
-    """How the road runs."""
+    """Kinds of bend."""
 
     STRAIGHT = "straight"  # R ≥ 300 m
     BEND = "bend"  # R = 40 to 120 m
@@ -60,8 +61,10 @@ def random_road(
     gap_m: tuple[float, float] | None = None,
     snow_cover: float = 0.0,
 ) -> Road:
-    """A road of this kind and shape; ``gap_m``: both lines of the lane are missing between these stations;
-    ``snow_cover``: the share of the carriageway under trodden snow.
+    """A random road of this kind and shape.
+
+    ``gap_m``: stations between which both lines of the lane are missing; ``snow_cover``: share of the carriageway
+    under trodden snow.
     """
     section = random_section(kind, rng)
     if snow_cover > 0:
@@ -102,7 +105,7 @@ def random_segments(
 
 
 def random_section(kind: Kind, rng: np.random.Generator) -> Section:
-    """What a road of this kind looks like."""
+    """A random section of a road of this kind."""
     line = _Lines(rng)
     solid, dashed = line(), line(Stroke.DASHED)
     shoulder_m = float(rng.uniform(0.1, 0.9))
@@ -151,12 +154,12 @@ def random_section(kind: Kind, rng: np.random.Generator) -> Section:
 
 
 def snow_on(cover: float) -> dict[str, object]:
-    """What trodden snow, over this share of the carriageway and over its edges, changes of a look."""
+    """Fields of a section under trodden snow, on this share of the carriageway and along its edges."""
     return {"verge": Verge.SNOW, "snow_cover": cover, "snow_left_m": 0.3, "snow_right_m": 0.3}
 
 
 class _Lines:
-    """Draws markings."""
+    """Random markings."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
@@ -178,7 +181,7 @@ class _Lines:
 
 
 def _gaps(rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
-    """Pieces of 6 to 15 m that are missing, one about every 25 m."""
+    """Gaps of 6 to 15 m, one about every 25 m."""
     starts = np.arange(5.0, 250.0, 25.0) + rng.uniform(0, 8, 10)
     return tuple(
         (start, start + length)
@@ -187,18 +190,16 @@ def _gaps(rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
 
 
 def _ordinary(rng: np.random.Generator) -> dict[str, object]:
-    """Asphalt in grass or soil."""
+    """Asphalt with a random verge."""
     return {
         "surface_grey": float(rng.uniform(0.28, 0.52)),
         "patchiness": float(rng.uniform(0, 0.5)),
-        "verge": [Verge.GRASS, Verge.DRY_GRASS, Verge.SOIL, Verge.PAVEMENT][
-            int(rng.choice(4, p=(0.5, 0.2, 0.15, 0.15)))
-        ],
+        "verge": VERGES[int(rng.choice(4, p=VERGE_SHARES))],
     }
 
 
 def _unmarked(kind: Kind, rng: np.random.Generator) -> dict[str, object]:
-    """The carriageway is the lane: what is seen are its edges."""
+    """A carriageway without markings, which is the lane."""
     look: dict[str, object] = {"left": NONE, "right": NONE, "paved_left_m": 0.0, "paved_right_m": 0.0}
     match kind:
         case Kind.ASPHALT:

@@ -1,4 +1,4 @@
-"""What stands at one place of a road: marks painted on it, side roads that join it. Pure settings, no geometry."""
+"""Settings of local features of a road: marks painted on it, side roads that join it."""
 
 from enum import StrEnum
 from typing import Annotated, Self
@@ -11,7 +11,7 @@ from trepid.types import NonNegative, Positive, Share
 
 
 class MarkKind(StrEnum):
-    """What is painted."""
+    """Kinds of painted marks."""
 
     ARROW_STRAIGHT = "arrow_straight"
     ARROW_LEFT = "arrow_left"
@@ -33,19 +33,17 @@ class RoadMark(Settings):
 
     kind: MarkKind
     at_m: NonNegative
-    lane: Annotated[int, Field(ge=-8, le=8)] = (
-        0  # 0 ours, 1 the next to the left, -1 to the right; a zebra: all
-    )
+    lane: Annotated[int, Field(ge=-8, le=8)] = 0  # 0 the kept lane, 1 left of it, -1 right; zebra: all
     text: Annotated[str, Field(max_length=12, pattern=r"^[ -~]*$")] = ""
-    length_m: Positive | None = None  # along the road; default: by kind
-    oncoming: bool = False  # turned round, for those who come towards us
+    length_m: Positive | None = None  # along the road; default by kind
+    oncoming: bool = False  # rotated, for oncoming traffic
     paint: Paint = Paint.WHITE
     wear: Share = 0.0
 
     @model_validator(mode="after")
     def _text_has_letters(self) -> Self:
         if (self.kind == MarkKind.TEXT) != bool(self.text.strip()):
-            raise ValueError("a mark of kind text needs its letters in text, and no other kind has any")
+            raise ValueError("text is required for a mark of kind text and not allowed for any other kind")
         return self
 
     @property
@@ -60,14 +58,14 @@ class RoadMark(Settings):
 
 
 class JunctionKind(StrEnum):
-    """How a side road joins."""
+    """Effect of a side road on the markings."""
 
     DRIVEWAY = "driveway"  # interrupts the edge line of its side
     INTERSECTION = "intersection"  # interrupts every line
 
 
 class Side(StrEnum):
-    """Where a side road leaves."""
+    """Side of a side road."""
 
     LEFT = "left"
     RIGHT = "right"
@@ -75,7 +73,7 @@ class Side(StrEnum):
 
 
 class Junction(Settings):
-    """A side road that leaves at right angles, its axis at station ``at_m``."""
+    """A side road at right angles, its axis at station ``at_m``."""
 
     kind: JunctionKind
     side: Side
@@ -83,7 +81,7 @@ class Junction(Settings):
     width_m: Annotated[float, Field(ge=2, le=20)] = 5.0
     radius_m: Annotated[float, Field(ge=0, le=15)] = 3.0  # of the rounded corners
     length_m: Annotated[float, Field(gt=0, le=80)] = 30.0  # from the edge of the carriageway
-    surface: Surface | None = None  # None: as the road has it there
+    surface: Surface | None = None  # None: that of the road
     centre_line: bool = False  # a dashed white line along its axis, and a stop line at its mouth
 
     @property

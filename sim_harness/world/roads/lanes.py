@@ -1,7 +1,7 @@
-"""Lanes beside the one that the vehicle keeps, each with the four methods of highway-env's ``AbstractLane``.
+"""Lanes parallel to the one that the vehicle keeps, with the four methods of highway-env's ``AbstractLane``.
 
-A lane's centre lies at the offset d(s) from the reference line, linear along each section. Its offsets are taken
-across the reference line, so that the lane's own coordinates and the road's share their stations.
+A lane's centre has the offset d(s) from the reference line, linear along each section. Offsets are measured
+perpendicular to the reference line, so lane and road coordinates have the same stations.
 Source of the four methods: Leurent, highway-env (2018), ``road/lane.py``.
 """
 
@@ -17,7 +17,7 @@ Ends = tuple[float, float]
 class RoadLane:
     """Lane ``index`` of a road: 0 the one that the vehicle keeps, 1 the next to the left, -1 the next to the right.
 
-    All methods give NaN at stations where the road has no such lane.
+    All methods return NaN at stations where the road has no such lane.
     """
 
     def __init__(self, road: Road, index: int) -> None:
@@ -30,7 +30,7 @@ class RoadLane:
             id(section): section.lane_width_m_at_ends(index, default_m) or ABSENT for section in road.sections
         }
         if all(math.isnan(start_m) for start_m, _ in self._widths.values()):
-            raise ValueError(f"{road.name} has no lane {index} anywhere")
+            raise ValueError(f"{road.name} has no lane {index} in any section")
 
     def position(self, station_m: float, offset_m: float) -> tuple[float, float]:
         """(x, y) of the point ``offset_m`` to the left of the lane's centre."""
@@ -75,7 +75,7 @@ def centre_m(section: Section, index: int, default_m: float) -> Ends:
 
 
 def edge_m(section: Section, index: int, default_m: float) -> Ends:
-    """Offset of a lane's far edge at the start and at the end of a section: of ours, the left one."""
+    """Offset of a lane's outer edge at the start and at the end of a section; of lane 0 the left edge."""
     centre, width = (
         centre_m(section, index, default_m),
         section.lane_width_m_at_ends(index, default_m) or ABSENT,

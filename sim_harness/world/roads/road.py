@@ -1,8 +1,8 @@
-"""The road: a reference line of clothoids, and what the road looks like along it.
+"""The road: a reference line of clothoids, and the road's appearance along it.
 
-The reference line is the centre of the lane that the vehicle keeps: the lane is [-w/2, w/2] around it. Stations
-run along the line, offsets are positive to the left. A closed road repeats with its length; an open road goes
-on straight beyond both ends.
+The reference line is the centre of the lane that the vehicle keeps, which spans the offsets [-w/2, w/2]. Stations
+run along the line, offsets are positive to the left. A closed road repeats with its length; an open road continues
+straight beyond both ends.
 
 On a clothoid the heading is θ(s) = θ₀ + κ₀ s + κ' s²/2 and the position is the integral of (cos θ, sin θ), taken
 here by three-point Gauss-Legendre quadrature over intervals of at most half a metre. For radii above 5 m that is
@@ -45,9 +45,8 @@ class Segment(Settings):
     """A piece of the reference line: line, arc or clothoid."""
 
     length_m: Annotated[float, Field(gt=0, le=100_000)]
-    curvature_1pm: Curvature | tuple[Curvature, Curvature] = (
-        0.0  # constant, or (at the start, at the end); + = bends left
-    )
+    # Constant, or (at the start, at the end); + = bends left.
+    curvature_1pm: Curvature | tuple[Curvature, Curvature] = 0.0
 
     @property
     def start_curvature_1pm(self) -> float:
@@ -61,11 +60,11 @@ class Segment(Settings):
 
 
 class RoadSettings(Settings):
-    """A road as it stands in ``config/roads/*.yaml``."""
+    """A road file, ``config/roads/*.yaml``."""
 
     name: str
     closed: bool
-    lane_width_m: LaneWidth  # of the lane that the vehicle keeps, unless a section has its own
+    lane_width_m: LaneWidth  # of the lane that the vehicle keeps; a section may override it
     sun_azimuth_rad: float = 0.0  # direction of the low sun in the road's coordinates (x east, y north)
     segments: Annotated[tuple[Segment, ...], Field(min_length=1)]
     sections: Annotated[tuple[Section, ...], Field(min_length=1)]
@@ -101,8 +100,10 @@ class RoadSettings(Settings):
     def _lanes_join(self) -> Self:
         following = self.sections[1:] + (self.sections[:1] if self.closed else ())
         for number, (here, there) in enumerate(zip(self.sections, following, strict=False), start=1):
-            most = max(len(lanes) for s in (here, there) for lanes in (s.lanes_to_the_left, s.right_lanes))
-            for lane in range(-most, most + 1):
+            outermost = max(
+                len(lanes) for s in (here, there) for lanes in (s.lanes_to_the_left, s.right_lanes)
+            )
+            for lane in range(-outermost, outermost + 1):
                 before = here.lane_width_m_at_ends(lane, self.lane_width_m)
                 after = there.lane_width_m_at_ends(lane, self.lane_width_m)
                 if before and after and abs(before[1] - after[0]) > 1e-9:
@@ -133,16 +134,16 @@ class RoadSettings(Settings):
 
 
 class FootPoint(NamedTuple):
-    """The point of the reference line that is nearest to a point beside it."""
+    """The point of the reference line nearest to a given point."""
 
     station_m: float
-    offset_m: float  # of the point, + = left
+    offset_m: float  # of the given point, + = left
     heading_rad: float  # of the line there
     curvature_1pm: float
 
 
 class Road:
-    """Reference line, lane and appearance. Immutable; starts in the origin, heading along x."""
+    """Reference line, lane and appearance. Immutable; starts at the origin, heading along x."""
 
     def __init__(self, settings: RoadSettings) -> None:
         """Raises ValueError when a closed road does not close within 1 mm and 1e-4 rad."""
@@ -168,10 +169,10 @@ class Road:
         gap_m, turn_rad = math.hypot(x, y), abs(math.remainder(heading, math.tau))
         if gap_m > CLOSED_WITHIN_M or turn_rad > CLOSED_WITHIN_RAD:
             raise ValueError(
-                f"{self.name} does not close: its end misses the start by {gap_m:.4f} m, {turn_rad:.6f} rad"
+                f"{self.name} does not close: its end misses its start by {gap_m:.4f} m, {turn_rad:.6f} rad"
             )
 
-    # One station at a time, for lock-step: plain floats are ten times faster than arrays of one.
+    # Scalar methods, for lock-step: floats are ten times faster than arrays of one element.
 
     def position(self, station_m: float, offset_m: float) -> tuple[float, float]:
         """(x, y) of the point ``offset_m`` to the left of the reference line."""
@@ -179,7 +180,7 @@ class Road:
         return x - offset_m * math.sin(heading), y + offset_m * math.cos(heading)
 
     def heading_at(self, station_m: float) -> float:
-        """Heading of the reference line, running on over full turns within one round."""
+        """Heading of the reference line, not wrapped within one lap."""
         station_m = self.wrapped(station_m)
         start, _, _, heading, curvature, rate = self._interval_at(station_m)
         run = station_m - start
@@ -208,7 +209,7 @@ class Road:
         return self._section_ends[index] - self._section_starts[index]
 
     def section_share(self, station_m: float) -> float:
-        """How far through its section a station is: 0 at the start, 1 at the end, held beyond an open road."""
+        """Position of a station within its section: 0 at the start, 1 at the end, clipped beyond an open road."""
         index = self._section_index(station_m)
         run_m = self.wrapped(station_m) - self._section_starts[index]
         return min(max(run_m / (self._section_ends[index] - self._section_starts[index]), 0.0), 1.0)
@@ -218,7 +219,7 @@ class Road:
         return bisect_right(self._section_starts, station_m) - 1
 
     def transition_at(self, station_m: float, ramp_m: float) -> tuple[Section, Section, float]:
-        """The section before, the section here, and the share (0..1) of this one, rising over ``ramp_m``."""
+        """The previous section, the section here, and its share (0..1), which rises over its first ``ramp_m``."""
         here = self.section_at(station_m)
         before = self.section_at(here.start_m - 1e-6)
         run = self.wrapped(station_m) - here.start_m
@@ -231,7 +232,7 @@ class Road:
         foot = self.foot_point(x_m, y_m, near_station_m=near_station_m)
         return foot.station_m, foot.offset_m
 
-    def foot_point(self, x_m: float, y_m: float, *, near_station_m: float | None = None) -> "FootPoint":
+    def foot_point(self, x_m: float, y_m: float, *, near_station_m: float | None = None) -> FootPoint:
         """The foot point on the reference line: near ``near_station_m``, else the nearest.
 
         Newton's method on (p - c(s))·t(s) = 0, whose derivative is κ·offset - 1. Its error after a step h is below
@@ -258,7 +259,7 @@ class Road:
         return self._pose(self._interval_at(station_m), station_m)
 
     def _interval_at(self, station_m: float) -> list[float]:
-        """The row of the table that a wrapped station lies in; an open road's first and last reach on."""
+        """The row of the table for a wrapped station; the first and last row extend beyond an open road."""
         index = bisect_right(self._stations, station_m) - 1
         return self._intervals[index if index > 0 else 0]
 
@@ -278,7 +279,7 @@ class Road:
     def _nearest_knot(self, x_m: float, y_m: float) -> float:
         return self._stations[int(self._knot_tree.query((x_m, y_m))[1])]
 
-    # Many stations at once.
+    # Vectorised methods.
 
     def poses(self, station_m: ArrayLike) -> Array:
         """x, y, heading, curvature of the reference line at n stations, shape (n, 4)."""
@@ -304,7 +305,7 @@ class Road:
         """
         points = np.asarray(points_m, float)
         knots = self._table[self._knot_tree.query(points)[1]]
-        station, pose = knots[:, 0], knots[:, 1:5]  # of a knot it stands in the table
+        station, pose = knots[:, 0], knots[:, 1:5]  # the table has the pose of a knot
         for step in range(steps):
             x, y, heading, curvature = (self.poses(station) if step else pose).T
             cos, sin = np.cos(heading), np.sin(heading)
@@ -325,7 +326,7 @@ class Road:
         return np.asarray(start_m + (end_m - start_m) * self.section_shares(station_m))
 
     def section_shares(self, station_m: ArrayLike) -> Array:
-        """How far through its section each of n stations is, 0 at the start to 1 at the end, shape (n,)."""
+        """``section_share`` at n stations, shape (n,)."""
         stations = np.asarray(station_m, float)
         stations = stations % self.length_m if self.closed else np.clip(stations, 0, self.length_m)
         here = self.section_indices(stations)
@@ -340,7 +341,7 @@ class Road:
 
     @cached_property
     def min_width_m(self) -> float:
-        """Width of the lane [m] where it is narrowest."""
+        """Smallest width of the lane [m]."""
         return min(min(ends) for ends in self._widths_m)
 
     @cached_property
@@ -372,7 +373,7 @@ def _table(segments: tuple[Segment, ...], *, closed: bool) -> Array:
 
 
 def _sum_before(values: Array) -> Array:
-    """Sum of all values before each one."""
+    """Cumulative sum of the preceding values, shape (n,)."""
     return np.concatenate([[0.0], np.cumsum(values)[:-1]])
 
 

@@ -1,4 +1,4 @@
-"""OpenDRIVE: what is written is valid and read back the same, also by others; what is odd is refused."""
+"""OpenDRIVE: exported files are valid and read back unchanged, also by another reader; bad files are refused."""
 
 import math
 import re
@@ -31,7 +31,7 @@ def exported(road: RoadSettings, folder: Path) -> Path:
 
 
 def bare(road: RoadSettings) -> RoadSettings:
-    """The road but for its line."""
+    """The road without its reference line."""
     return road.model_copy(update={"segments": ()})
 
 
@@ -43,11 +43,11 @@ def gap_m(a: RoadSettings, b: RoadSettings) -> float:
     return float(np.hypot(*(road_a.poses(stations) - road_b.poses(stations))[:, :2].T).max())
 
 
-# There and back.
+# Round trips.
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_road_comes_back_as_it_was(name, tmp_path):
+def test_export_and_import_return_every_shipped_road_unchanged(name, tmp_path):
     road = load_road(name).settings
     back = read_opendrive(exported(road, tmp_path)).settings
     assert bare(back) == bare(road)
@@ -64,7 +64,7 @@ def test_every_export_follows_the_schema(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_another_reader_sees_the_same_lane(name, tmp_path):
+def test_another_reader_finds_the_same_lane(name, tmp_path):
     network = pytest.importorskip("pyxodr.road_objects.network")
     road = load_road(name)
     seen = network.RoadNetwork(str(exported(road.settings, tmp_path)), resolution=0.1).get_roads()[0]
@@ -73,7 +73,7 @@ def test_another_reader_sees_the_same_lane(name, tmp_path):
         (ours,) = [lane for lane in section.lanes if lane.id == -1]
         edge = road.nearest_coordinates(np.asarray(ours.boundary_line)[:, :2])
         half_m = np.array([road.width_at(station) / 2 for station in edge[:, 0]])
-        sampling_m = 3 * np.abs(np.diff(half_m)).max()  # it takes a width where a sample is, not where s is
+        sampling_m = 3 * np.abs(np.diff(half_m)).max()  # it evaluates widths at its samples, not at s
         assert np.abs(edge[:, 1] + half_m).max() < 2e-4 + sampling_m
 
 
@@ -116,7 +116,7 @@ def roads(draw: st.DrawFn) -> RoadSettings:
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(roads())
-def test_any_road_comes_back_as_it_was(tmp_path, road):
+def test_export_and_import_return_any_road_unchanged(tmp_path, road):
     back = read_opendrive(exported(road, tmp_path)).settings
     assert bare(back) == bare(road)
     assert gap_m(back, road) < 1e-6
@@ -137,14 +137,14 @@ def offset_lane_gap_m(road: Road, lane: Road, offset_m: float, *, backward: bool
 
 
 @pytest.mark.parametrize("name", ["curve", "s_bend"])
-def test_the_oncoming_lane_runs_back_beside_ours_within_a_millimetre(name, tmp_path):
+def test_the_oncoming_lane_is_parallel_within_a_millimetre(name, tmp_path):
     road = load_road(name)
     imported = read_opendrive(exported(road.settings, tmp_path), lane=1).settings
     assert offset_lane_gap_m(road, Road(imported), 3.5, backward=True) < 1e-3
 
 
 @pytest.mark.parametrize("rule", ["RHT", "LHT"])
-def test_seen_from_the_oncoming_lane_left_and_right_are_swapped(rule, tmp_path):
+def test_the_oncoming_lane_has_left_and_right_swapped(rule, tmp_path):
     double = Marking(stroke=Stroke.SOLID_DASHED, paint=Paint.YELLOW)
     section = Section(
         name="only",
@@ -170,7 +170,7 @@ def test_seen_from_the_oncoming_lane_left_and_right_are_swapped(rule, tmp_path):
     assert (seen.paved_left_m, seen.paved_right_m) == (0.25, 1.0)
 
 
-# Files of others.
+# Files of other tools.
 
 
 def file(geometry: str, tmp_path: Path, lane: str = "", offset: str = "", link: str = "") -> Path:
@@ -235,7 +235,7 @@ def test_a_lane_that_widens_keeps_its_centre_and_its_width(tmp_path):
     assert np.abs([lane.width_at(s) for s in found[:, 0]] - width).max() < 0.02
 
 
-def test_what_another_tool_changed_wins_over_what_trepid_wrote(tmp_path):
+def test_a_marking_edited_by_another_tool_overrides_the_user_data(tmp_path):
     path = exported(load_road("straight").settings, tmp_path)
     path.write_text(path.read_text().replace('type="solid"', 'type="broken"'))
     (before,), (after,) = load_road("straight").sections, read_opendrive(path).settings.sections
@@ -243,7 +243,7 @@ def test_what_another_tool_changed_wins_over_what_trepid_wrote(tmp_path):
     assert after.surface_grey == before.surface_grey
 
 
-def test_slopes_are_said_to_be_left_out(tmp_path):
+def test_a_note_reports_that_elevation_is_left_out(tmp_path):
     path = file(geometry(0, 0, 0, 0, 50.0, "<line/>"), tmp_path)
     hill = '<elevationProfile><elevation s="0" a="1" b="0.1" c="0" d="0"/></elevationProfile><lanes>'
     path.write_text(path.read_text().replace("<lanes>", hill))
@@ -274,7 +274,7 @@ BAD_GEOMETRY = {
     "'curvature' is missing": GOOD.replace("line", "arc"),
     "expected a finite number": GOOD.replace('"50.0"', '"nan"'),
     "more than 0 m": GOOD.replace('"50.0"', '"-2"'),
-    "where the one before ends": GOOD + GOOD,
+    "the end of the previous geometry": GOOD + GOOD,
     "pRange='x'": GOOD.replace("line/", 'paramPoly3 pRange="x"/'),
     "starts 41.000 m and 0.000 rad off": GOOD + geometry(50, 90, 9, 0, 5.0, "<line/>"),
     "starts 0.000 m and 0.500 rad off": GOOD + geometry(50, 50, 0, 0.5, 5.0, "<line/>"),
@@ -291,7 +291,7 @@ BAD_LANE = {
 
 
 @pytest.mark.parametrize("reason", BAD)
-def test_a_file_that_is_no_road_is_refused_with_its_place(reason, tmp_path):
+def test_a_file_without_a_road_is_refused_with_its_place(reason, tmp_path):
     path = tmp_path / "bad.xodr"
     path.write_text(BAD[reason])
     with pytest.raises(InputError, match=re.escape(reason)) as error:
@@ -322,7 +322,7 @@ def test_the_place_of_an_error_is_where_the_start_tag_begins(namespace, tmp_path
         read_opendrive(path)
 
 
-def test_a_lane_or_road_that_is_not_there_is_refused_with_those_that_are(tmp_path):
+def test_an_unknown_lane_or_road_is_refused_with_the_known_ones(tmp_path):
     path = exported(load_road("curve").settings, tmp_path)
     with pytest.raises(InputError, match="there are 1, -1"):
         read_opendrive(path, lane=4)
@@ -350,7 +350,7 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path, data):
 # The verbs.
 
 
-def test_export_and_import_give_the_road_back_as_yaml(tmp_path):
+def test_the_verbs_export_and_import_return_the_road_as_yaml(tmp_path):
     xodr, yaml = tmp_path / "c.xodr", tmp_path / "c.yaml"
     for arguments in (["export", "circuit", str(xodr)], ["import", str(xodr), str(yaml)]):
         assert CliRunner().invoke(app, arguments).exit_code == 0
@@ -358,7 +358,7 @@ def test_export_and_import_give_the_road_back_as_yaml(tmp_path):
     assert gap_m(load_road(yaml).settings, load_road("circuit").settings) < 1e-6
 
 
-def test_a_folder_that_is_not_there_is_refused(tmp_path):
+def test_a_missing_folder_is_refused(tmp_path):
     with pytest.raises(InputError, match="cannot be written"):
         write_opendrive(load_road("curve").settings, tmp_path / "no" / "c.xodr")
     with pytest.raises(InputError, match="cannot be read"):

@@ -1,4 +1,4 @@
-"""Lanes beside ours: geometry in closed form, round trips, and widths that change."""
+"""Parallel lanes: closed-form geometry, round trips, varying widths."""
 
 import math
 
@@ -54,7 +54,7 @@ def test_a_neighbour_lane_of_a_circle_is_a_circle_with_the_same_centre():
 
 @settings(max_examples=60, deadline=None)
 @given(lane=st.sampled_from(LANES), share=st.floats(0, 0.999), offset_m=st.floats(-2, 2))
-def test_local_coordinates_undo_position(lane, share, offset_m):
+def test_local_coordinates_invert_position(lane, share, offset_m):
     station_m = share * lane.road.length_m
     if not math.isnan(lane.centre_at(station_m)):
         point = lane.position(station_m, offset_m)
@@ -85,18 +85,18 @@ def test_widths_change_linearly_and_without_a_jump():
     assert (TRACK.width_at(225.0), TRACK.width_at(1e4)) == pytest.approx((3.15, 2.7))
 
 
-def test_where_there_is_no_lane_its_place_is_not_a_number():
+def test_a_missing_lane_has_nan_coordinates():
     lane = RoadLane(DUAL, -1)
     assert all(map(math.isnan, (lane.width_at(100.0), lane.centre_at(100.0), *lane.position(100.0, 0.0))))
     assert math.isnan(lane.heading_at(100.0)) and math.isnan(lane.local_coordinates(100.0, 0.0)[1])
-    with pytest.raises(ValueError, match="dual_carriageway has no lane -2 anywhere"):
+    with pytest.raises(ValueError, match="dual_carriageway has no lane -2 in any section"):
         RoadLane(DUAL, -2)
 
 
-def test_far_left_stands_for_one_lane_of_our_width():
+def test_far_left_is_one_lane_of_the_kept_lanes_width():
     road = straight(bare(far_left=Marking()))
     assert (RoadLane(road, 1).centre_at(5.0), RoadLane(road, 1).width_at(5.0)) == (3.4, 3.4)
-    with pytest.raises(ValidationError, match="far_left is short for one left lane"):
+    with pytest.raises(ValidationError, match="far_left describes one left lane"):
         bare(far_left=Marking(), left_lanes=WIDE)
 
 
