@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_harness.judging.conditions.claims import Claim
-from sim_harness.judging.conditions.grammar import Word, parse
+from sim_harness.judging.conditions.meaning import Word, parse
 from sim_harness.judging.conditions.scopes import NothingToJudge, Scope
 from sim_harness.judging.conditions.signals import close_to
 from sim_harness.judging.trace import Trace
