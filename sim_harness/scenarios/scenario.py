@@ -6,8 +6,9 @@ list of them, in the variable ``scenarios``.
 
 import math
 import runpy
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from enum import StrEnum
+from itertools import permutations
 from pathlib import Path
 from typing import Annotated, Any, Self, get_type_hints
 
@@ -236,10 +237,10 @@ class Scenario(Settings):
         for number, fault in enumerate(self.faults):
             if isinstance(fault, FrozenCamera | BlackFrames) and self.sight is Sight.TRUTH:
                 return ("faults", number), f"{fault.kind}: with sight: truth there is no picture"
-        events = {section.name for section in road.sections} | {*self._events()}
+        known = self._names_in_conditions(road) if self.expect.conditions else {}
         for number, text in enumerate(self.expect.conditions):
             try:
-                parse_condition(text).check(events)
+                parse_condition(text).check(known)
             except ValueError as error:
                 return ("expect", "conditions", number), str(error)
         return None
@@ -249,11 +250,19 @@ class Scenario(Settings):
         """The kinds of phases that other vehicles have."""
         return [phase.kind for vehicle in self.traffic for phase in vehicle.phases]
 
-    def _events(self) -> Iterator[str]:
-        """What a condition may wait for: the kinds of faults, disturbances and manoeuvres."""
-        yield from (fault.kind for fault in self.faults)
-        yield from (disturbance.kind.value for disturbance in self.disturbances)
-        yield from self.manoeuvres
+    def _names_in_conditions(self, road: RoadSettings) -> dict[str, set[str]]:
+        """The names that a condition may use, by kind."""
+        sections = {section.name for section in road.sections}
+        happenings = {fault.kind for fault in self.faults} | {*self.manoeuvres}
+        happenings |= {disturbance.kind.value for disturbance in self.disturbances}
+        views = (*self.estimators, "memory")
+        fused = (group for n in range(1, len(views) + 1) for group in permutations(views, n))
+        return {
+            "event": sections | happenings,
+            "section": sections,
+            "estimator": {*self.estimators},
+            "path_source": {*map("+".join, fused), "lead", "none"},
+        }
 
     def _to_blame(self, error: ValueError) -> str:
         """The field of this scenario that an error of the road is about."""

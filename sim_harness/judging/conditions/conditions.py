@@ -11,6 +11,7 @@ Robustness ≥ 0 passes. Samples hold until the next one; where a signal is abse
 run never came to has not been passed: robustness -inf.
 """
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,8 @@ from sim_harness.judging.conditions.meaning import Word, parse
 from sim_harness.judging.conditions.scopes import NothingToJudge, Scope
 from sim_harness.judging.conditions.signals import close_to
 from sim_harness.judging.trace import Trace
+
+_UNKNOWN = {"event": "nothing called {name!r} happens here", "estimator": "no estimator {name!r} runs here"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +43,16 @@ class Condition:
     claim: Claim
     scope: Scope
     eventually: bool
-    events: tuple[Word, ...]  # faults, disturbances, manoeuvres and sections that it names
+    words: tuple[Word, ...]  # that must be known in the scenario
 
-    def check(self, events: set[str]) -> None:
-        """Raise ValueError when the condition names an event that is not one of ``events``."""
-        for word in self.events:
-            if word.text not in events:
-                raise ValueError(
-                    f"{self.text!r}, column {word.column}: nothing called {word.text!r} happens here"
-                    + close_to(word.text, sorted(events))
-                )
+    def check(self, known: Mapping[str, Collection[str]]) -> None:
+        """Raise ValueError for a word that is not among ``known``, the names of its kind (:class:`Word`)."""
+        for word in self.words:
+            names = known.get(word.kind)
+            if names is not None and word.text not in names:
+                message = _UNKNOWN.get(word.kind, "no {kind} {name!r}").format(kind=word.kind, name=word.text)
+                hint = close_to(word.text, sorted(names))
+                raise ValueError(f"{self.text!r}, column {word.column}: {message}{hint}")
 
     def robustness(self, trace: Trace) -> float:
         """By how much ``trace`` satisfies the condition; < 0: it does not."""
@@ -106,7 +109,7 @@ def parse_condition(text: str) -> Condition:
     Raises ValueError that says at which column what was found, and what was expected.
     """
     sentence = parse(text)
-    return Condition(text, sentence.claim, sentence.scope, sentence.eventually, sentence.events)
+    return Condition(text, sentence.claim, sentence.scope, sentence.eventually, sentence.words)
 
 
 def _amount(value: float, unit: str) -> str:

@@ -29,8 +29,9 @@ _LABEL_WORDS = {"mode": [mode.value for mode in Mode], "stop": [stop.value for s
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A word of a sentence and its column, from 1."""
+    """A name in a sentence that must be known in its scenario, and its column, from 1."""
 
+    kind: str  # event (a fault, disturbance, manoeuvre or section), estimator, or the label that has the word
     text: str
     column: int
 
@@ -42,7 +43,7 @@ class Sentence:
     claim: Claim
     scope: Scope
     eventually: bool
-    events: tuple[Word, ...]  # faults, disturbances, manoeuvres and sections that it names
+    words: tuple[Word, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +82,8 @@ def parse(text: str) -> Sentence:
         scope = replace(scope, **limit.fields)
     at_some_time = any(limit.word == "within" for limit in limits)
     eventually = quantifier == "eventually" or (quantifier is None and at_some_time)
-    events = sorted(meaning.events, key=lambda word: word.column)
-    return Sentence(claim.negated() if quantifier == "never" else claim, scope, eventually, tuple(events))
+    words = sorted(meaning.words, key=lambda word: word.column)
+    return Sentence(claim.negated() if quantifier == "never" else claim, scope, eventually, tuple(words))
 
 
 class _Meaning(Transformer_NonRecursive[Token, Any]):
@@ -91,7 +92,7 @@ class _Meaning(Transformer_NonRecursive[Token, Any]):
     def __init__(self, text: str) -> None:
         super().__init__()
         self._text = text
-        self.events: list[Word] = []
+        self.words: list[Word] = []
 
     def start(self, parts: list[Any]) -> list[Any]:
         return parts
@@ -116,14 +117,17 @@ class _Meaning(Transformer_NonRecursive[Token, Any]):
         return self._named(name)
 
     def _named(self, name: Token) -> Claim:
-        event = name.strip("'")
-        start = (name.start_pos or 0) + (name.type == "QUOTED")
-        self.events.append(Word(event, start + 1))
-        return Active(event)
+        return Active(self._noted("event", name))
+
+    def _noted(self, kind: str, name: Token) -> str:
+        """``name`` without quotes, kept as a word of the sentence."""
+        column = (name.start_pos or 0) + 1 + (name.type == "QUOTED")
+        self.words.append(Word(kind, name.strip("'"), column))
+        return name.strip("'")
 
     def label(self, parts: list[Any]) -> Claim:
         label, comparison, negated, token = parts
-        word = token.strip("'")
+        word = self._noted(str(label), token)
         known = _LABEL_WORDS.get(label)
         if known is not None:
             same = [name for name in known if name.lower() == word.lower()]
@@ -201,6 +205,8 @@ class _Meaning(Transformer_NonRecursive[Token, Any]):
         if signal is None:
             hint = close_to(name, [*signal_names(), *LEVELS])
             raise SentenceError(self._text, offset, f"no signal {str(name)!r}{hint}")
+        if signal.estimator:
+            self.words.append(Word("estimator", signal.estimator, offset + 1))
         signal = replace(signal, absolute=absolute)
         return _Operand(Sum(((1.0, signal),), 0.0), signal.unit, offset)
 

@@ -78,6 +78,12 @@ class Signal:
         """Unit of the values, "" for plain numbers."""
         return next((unit for suffix, unit in SUFFIXES.items() if self.column.endswith(suffix)), "")
 
+    @property
+    def estimator(self) -> str:
+        """Name of the estimator that the signal belongs to, "" for other signals."""
+        name = self.column.partition(".")[0]
+        return name if name in ESTIMATORS else ""
+
     def values(self, trace: Trace) -> Column:
         """One value per sample, NaN where absent. Raises KeyError when the run has no such column."""
         derived = DERIVED.get(self.column)

@@ -394,8 +394,8 @@ def test_events_that_a_scenario_does_not_have_are_found_before_it_runs():
     with pytest.raises(
         ValueError, match="column 26: nothing called 'glar' happens here; did you mean 'glare'"
     ):
-        condition.check({"glare", "worn"})
-    parse_condition("speed <= 5 within 2 s of glare").check({"glare", "worn"})
+        condition.check({"event": {"glare", "worn"}})
+    parse_condition("speed <= 5 within 2 s of glare").check({"event": {"glare", "worn"}})
 
 
 def test_every_unit_of_the_trace_can_be_written():

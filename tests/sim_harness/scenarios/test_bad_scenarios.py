@@ -132,6 +132,22 @@ BAD = {
         GOOD + "expect: {conditions: ['fear >= high within 1 s of glare']}\n",
         ":5:23: expect.conditions.0: .*nothing called 'glare' happens",
     ),
+    "sentence on an estimator that does not run": (
+        GOOD + "estimators: [cv]\nexpect: {conditions: ['cnn.confidence >= 0.5']}\n",
+        ":6:23: expect.conditions.0: .*column 1: no estimator 'cnn' runs here; there are cv",
+    ),
+    "sentence on an unknown mode": (
+        GOOD + "expect: {conditions: ['mode is STOPP']}\n",
+        ":5:23: expect.conditions.0: .*column 9: mode has no 'STOPP'.*did you mean 'STOP'",
+    ),
+    "sentence on an unknown path source": (
+        GOOD + "expect: {conditions: ['path_source is memry']}\n",
+        ":5:23: expect.conditions.0: .*column 16: no path_source 'memry'; did you mean 'memory'",
+    ),
+    "sentence on a section that the road lacks": (
+        GOOD + "expect: {conditions: ['section is wrn']}\n",
+        ":5:23: expect.conditions.0: .*column 12: no section 'wrn'",
+    ),
     # What varies.
     "varied field that is not there": (
         GOOD + "vary: {start.ofset_m: [0, 1]}\n",
