@@ -1,8 +1,6 @@
 """Whether fear was worth having: did it come before departures, and only then?"""
 
-from collections.abc import Iterable, Mapping
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,15 +80,6 @@ def fear_auroc(*traces: Trace) -> float | None:
     """AUROC of fear against a departure within 3 s, over the samples of all ``traces``."""
     pairs = [fear_and_departure(trace) for trace in traces]
     return auroc(np.concatenate([fear for fear, _ in pairs]), np.concatenate([left for _, left in pairs]))
-
-
-def run_auroc(rows: Iterable[Mapping[str, Any]]) -> float | None:
-    """AUROC of a run's greatest fear against its having a departure, over rows of ``sim run --json``."""
-    known = [row for row in rows if row["max_fear"] is not None]
-    return auroc(
-        np.array([row["max_fear"] for row in known], float),
-        np.array([row["departures"] > 0 for row in known], bool),
-    )
 
 
 def auroc(scores: Column, positive: Flags) -> float | None:

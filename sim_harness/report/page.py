@@ -7,7 +7,7 @@ tags=scenario.tags, command=…, detail=summary)``; at the end: ``page.write(pat
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -57,10 +57,6 @@ class Page:
     def __len__(self) -> int:
         return len(self._runs)
 
-    def wants_picture(self, status: str) -> bool:
-        """True while another run with this status would be shown with its worst frame."""
-        return self._left[status] > 0
-
     def add(
         self,
         row: Mapping[str, Any],
@@ -109,16 +105,6 @@ class Page:
         else:
             picture = None
         return {**detail, "edges": edges, "picture": picture}
-
-
-def write_report(
-    path: Path, title: str, runs: Iterable[tuple[Mapping[str, Any], Sequence[str], Detail | None]]
-) -> None:
-    """Write the page of ``runs``: row, tags and detail of each. Raises InputError."""
-    page = Page(title)
-    for row, tags, detail in runs:
-        page.add(row, tags=tags, detail=detail)
-    page.write(path)
 
 
 def _json(value: Any) -> str:

@@ -76,11 +76,6 @@ def grid_size(scenario: Scenario) -> int:
     return math.prod(len(variation.grid()) for variation in scenario.vary.values())
 
 
-def grid_sizes(scenarios: Sequence[Scenario]) -> dict[str, int]:
-    """The number of cases in the complete grid of each scenario, by name."""
-    return {scenario.name: grid_size(scenario) for scenario in scenarios}
-
-
 def case_seed(scenario: Scenario, index: int, seed: int) -> int:
     """The seed of case ``index``, below 2³²; neighbours of ``seed`` and ``index`` have nothing in common."""
     return int(_sequence(scenario, seed, _SEEDS, index).generate_state(1)[0])

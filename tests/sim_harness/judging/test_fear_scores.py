@@ -13,7 +13,6 @@ from sim_harness.judging.fear_scores import (
     fear_auroc,
     fear_lead_time_s,
     nuisance_slowdowns_per_km,
-    run_auroc,
 )
 from sim_harness.judging.trace import Trace
 
@@ -97,16 +96,6 @@ def test_auroc_is_the_share_of_pairs_in_the_right_order(samples):
     positive = np.array([flag for _, flag in samples])
     pairs = [(p > n) + 0.5 * (p == n) for p in scores[positive] for n in scores[~positive]]
     assert auroc(scores, positive) == (pytest.approx(np.mean(pairs)) if pairs else None)
-
-
-def test_over_runs_the_greatest_fear_is_held_against_departures():
-    rows = [
-        {"max_fear": 0.9, "departures": 1},
-        {"max_fear": 0.2, "departures": 0},
-        {"max_fear": 0.9, "departures": 0},
-        {"max_fear": None, "departures": 3},
-    ]
-    assert run_auroc(rows) == 0.75
 
 
 SLOW = dict(
