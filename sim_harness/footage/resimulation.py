@@ -11,7 +11,6 @@ judged. A driver drives at first (RUN_UP_S), until the supervisor may take over.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +22,13 @@ from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import entry_of
 from sim_harness.footage.clip import Drive
 from sim_harness.footage.reprojection import Reprojection, Shift
+from sim_harness.lockstep.stack import Perception, Stack
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.config import InputError
-from trepid.messages import Command, Decision, Frame, Mode, SteeringEstimate, VehicleState
+from trepid.messages import Command, Frame, Mode, SteeringEstimate, VehicleState
 from trepid.types import Array, Image
 from trepid.vehicle import Vehicle
 
@@ -113,7 +113,7 @@ def resimulate(
 
 
 class _Loop:
-    """Holds the newest message of each topic, as every live process does."""
+    """One run: plant and recorded frames around a :class:`Stack`."""
 
     def __init__(self, drive: Drive, vehicle: Vehicle, start: Shift, estimator: str, run_up_s: float) -> None:
         self._drive, self._start = drive, start
@@ -123,43 +123,37 @@ class _Loop:
         self._reprojection = Reprojection(drive.camera)
         self._name, self._estimator = estimator, entry_of(estimator).build(drive.camera, vehicle)
         self._statistician = ImageStatistician()
-        self._supervisor = supervisor.supervisor.build(cruise_speed_mps=float(drive.speed_mps.max()))
-        self._controller = controller.controller.build(vehicle)
+        self._stack = Stack(
+            supervisor.supervisor.build(cruise_speed_mps=float(drive.speed_mps.max())),
+            controller.controller.build(vehicle),
+            [estimator],
+            idle_period_s=None,
+        )
         self._limiter = controller.limiter.build(vehicle)
         self._plant: Plant = build_plant(PlantSettings(), vehicle)
         self._hand_over_s = run_up_s
         self._state = self._plant.initial(0.0, start.left_m, start.yaw_rad, float(drive.speed_mps[0]))
         self._interventions = 0
-        self._decision: Decision | None = None
         self._rows: list[tuple[float, ...]] = []
         self._views: list[Image] = []
         self._engaged: list[bool] = []
 
     def run(self) -> Resimulation:
         """Every frame in turn."""
-        end_s = self._drive.t_s[-1]
-        estimates: Mapping[str, SteeringEstimate | None] = {self._name: None}
-        statistics, command, commanded_s = None, None, None
-        due: list[tuple[float, SteeringEstimate]] = []
-        for tick in range(math.floor(end_s / PERIOD_S) + 1):
+        stack = self._stack
+        for tick in range(math.floor(self._drive.t_s[-1] / PERIOD_S) + 1):
             now_s = tick * PERIOD_S
             driven = now_s < self._hand_over_s
             state = self._measured(now_s, driven=driven)
             if tick % CAMERA_TICKS == 0:
-                view, unseen = self._view(now_s)
-                picture = Frame(t_s=now_s, image=view)
-                estimate = self._estimator.step(picture, state, now_s=now_s)
-                statistics = self._statistician.step(picture, now_s=now_s)
-                due.append((now_s + LATENCY_S, estimate))
-                self._note(now_s, estimate, unseen, view, driven=driven)
-            arrived = [estimate for at_s, estimate in due if at_s <= now_s + 1e-9]
-            if arrived:
-                due, estimates = due[len(arrived) :], {self._name: arrived[-1]}
-                self._decision = self._supervisor.step(estimates, statistics, None, state, now_s=now_s)
-            if arrived or tick % CONTROL_TICKS == 0:
-                command = self._controller.step(self._decision, state, now_s=now_s)
-                commanded_s = now_s
-            applied = self._limiter.step(command, commanded_s, state, now_s=now_s)
+                image, unseen = self._view(now_s)
+                frame = Frame(t_s=now_s, image=image)
+                estimate = self._estimator.step(frame, state, now_s=now_s)
+                statistics = self._statistician.step(frame, now_s=now_s)
+                stack.send(Perception(now_s + LATENCY_S, {self._name: estimate}, statistics, None))
+                self._note(now_s, estimate, unseen, image, driven=driven)
+            stack.step(state, command_due=tick % CONTROL_TICKS == 0, now_s=now_s)
+            applied = self._limiter.step(stack.command, stack.commanded_s, state, now_s=now_s)
             self._advance(applied, now_s, driven=driven)
         return self._result()
 
@@ -217,9 +211,10 @@ class _Loop:
             return
         offset_m = estimate.lateral_offset_m
         seen_m = math.nan if offset_m is None else offset_m
-        fear = self._decision.fear if self._decision else math.nan
+        decision = self._stack.decision
+        fear = decision.fear if decision else math.nan
         self._rows.append((now_s, self._state.y_m, self._state.yaw_rad, seen_m, unseen, fear))
-        self._engaged.append(self._decision is not None and self._decision.mode is not Mode.STOP)
+        self._engaged.append(decision is not None and decision.mode is not Mode.STOP)
         self._views = [*self._views[:1], view]
 
     def _result(self) -> Resimulation:

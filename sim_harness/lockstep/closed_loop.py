@@ -1,13 +1,12 @@
-"""Every step in one process on simulated time: the lock-step loop.
+"""The lock-step loop: every node in one process on simulated time.
 
-Per vehicle period, in this order: the vehicle advances under the last command; the camera takes a picture when one
-is due; what was seen reaches the supervisor ``latency_s`` after the capture; the controller commands. Nothing here
-reads a clock but for the real-time factor, so that a scenario and a seed give the same trace bit for bit.
+Per vehicle period, in this order: the vehicle advances under the last command; the camera takes a frame when one is
+due; the results of a frame reach the supervisor ``latency_s`` after its capture; the controller commands. The clock
+is read for the real-time factor only, so that a scenario and a seed give the same trace bit for bit.
 """
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Set
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -29,6 +28,7 @@ from sim_harness.judging.trace import Recorder, Trace
 from sim_harness.lockstep.camera import Shot, SimulatedCamera
 from sim_harness.lockstep.lead_model import LeadModel, build_lead_model
 from sim_harness.lockstep.oracle import Oracle, clear_view
+from sim_harness.lockstep.stack import NONE_LOST, Perception, Stack
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
 from sim_harness.scenarios.events import with_events, with_manoeuvres
 from sim_harness.scenarios.faults import EstimatorBias, LostLane, LostProcess
@@ -49,9 +49,6 @@ from trepid.messages import (
 )
 from trepid.vehicle import Vehicle
 
-_SAME_INSTANT_S = 1e-9
-NOBODY: frozenset[str] = frozenset()
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
@@ -63,20 +60,18 @@ class Parts:
     statistician: ImageStatistician
     supervisor: Supervisor
     controller: Controller
-    oracles: Mapping[str, Oracle] = field(
-        default_factory=dict
-    )  # instead of estimators, where sight is the truth
-    lead: LeadFinder | LeadModel | None = None  # None: the vehicle ahead is told of exactly
+    oracles: Mapping[str, Oracle] = field(default_factory=dict)  # instead of estimators, for sight: truth
+    lead: LeadFinder | LeadModel | None = None  # None: the exact distance of the vehicle ahead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Instant:
-    """What is known at the end of one vehicle period: the newest message of each topic."""
+    """The newest message of each topic at the end of one vehicle period."""
 
     now_s: float
     truth: SimTruth
     state: VehicleState
-    frame: Frame | None  # that arrived in this period
+    frame: Frame | None  # arrived in this period
     estimates: Mapping[str, SteeringEstimate | None]
     statistics: ImageStatistics | None
     lead: LeadVehicle | None
@@ -85,12 +80,12 @@ class Instant:
 
 
 Witness = Callable[[Instant], None]
-"""Is told of every instant of a run, the run-up included."""
+"""Called at every instant of a run, including the run-up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """One run: its verdict, its scores and its trace."""
+    """One run: its judgement, its scores and its trace."""
 
     scenario: str
     seed: int
@@ -116,9 +111,9 @@ class Result:
 def run(
     scenario: Scenario, *, seed: int = 0, parts: Parts | None = None, witness: Witness | None = None
 ) -> Result:
-    """Drive ``scenario`` once and judge it; ``parts`` instead of the real nodes are for tests.
+    """Drive ``scenario`` once and judge it; tests give their own ``parts`` instead of the real nodes.
 
-    Raises InputError when the scenario does not fit together.
+    Raises InputError for a scenario with values that exclude each other.
     """
     cv2.setNumThreads(1)
     simulator = load_simulator()
@@ -138,7 +133,7 @@ def run(
 
 
 def build_parts(scenario: Scenario, *, seed: int) -> Parts:
-    """The same nodes as the processes of a live drive run. Raises InputError."""
+    """The nodes that the processes of a live drive run. Raises InputError."""
     road = scenario.build_road()
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
@@ -170,18 +165,8 @@ def _lead_sensor(scenario: Scenario, *, seed: int) -> LeadFinder | LeadModel | N
             return None
 
 
-@dataclass(frozen=True, slots=True)
-class _Sight:
-    """What was seen in one frame, and when the supervisor gets it."""
-
-    due_s: float
-    estimates: dict[str, SteeringEstimate]
-    statistics: ImageStatistics
-    lead: LeadVehicle | None
-
-
 class ClosedLoop:
-    """One run. Holds the newest message of each topic, as every live process does."""
+    """One run: the vehicle and the camera around a :class:`Stack`, with the faults of the scenario."""
 
     def __init__(
         self,
@@ -194,19 +179,17 @@ class ClosedLoop:
         self._witness = witness
         self._parts = parts
         self._simulator = simulator
-        self._underway: deque[_Sight] = deque()
-        self._estimates: dict[str, SteeringEstimate | None] = dict.fromkeys(scenario.estimators)
-        self._statistics: ImageStatistics | None = None
-        self._lead: LeadVehicle | None = None
-        self._decision: Decision | None = None
-        self._command: Command | None = None
-        self._commanded_s: float | None = None
-        self._decide_by_s = -math.inf
-        self._gone = [fault for fault in scenario.faults if isinstance(fault, LostProcess)]
+        self._stack = Stack(
+            parts.supervisor,
+            parts.controller,
+            scenario.estimators,
+            idle_period_s=simulator.idle_decision_period_s,
+        )
+        self._lost_processes = [fault for fault in scenario.faults if isinstance(fault, LostProcess)]
 
     def drive(self) -> Trace:
         """Drive until the route or the duration is over. The trace begins at t = 0, after any run-up."""
-        recorder = Recorder(self._scenario.estimators)
+        recorder, stack = Recorder(self._scenario.estimators), self._stack
         manoeuvres: list[tuple[str, ...]] = []
         period_s, parts = self._simulator.period_s, self._parts
         shot_due = due_ticks(period_s, 1.0 / self._scenario.camera.rate_hz)
@@ -215,23 +198,17 @@ class ClosedLoop:
         for tick in range(first, math.floor(self._scenario.duration_s / period_s + 0.5) + 1):
             now_s = tick * period_s
             lost = self._lost(now_s)
-            state, truth = parts.vehicle.step(self._command, self._commanded_s, now_s=now_s)
+            state, truth = parts.vehicle.step(stack.command, stack.commanded_s, now_s=now_s)
             shot = None
             if shot_due(tick) and "camera" not in lost:
                 shot = parts.camera.shoot(truth, now_s=now_s)
                 if shot is not None:
-                    self._underway.append(self._look(shot, state, lost, now_s))
-            seen = bool(self._underway) and self._arrive(now_s)
-            decided = (seen or now_s >= self._decide_by_s - _SAME_INSTANT_S) and "supervisor" not in lost
-            if decided:
-                self._decide(state, now_s)
-            if (decided or command_due(tick)) and "controller" not in lost:
-                self._command = parts.controller.step(self._decision, state, now_s=now_s)
-                self._commanded_s = now_s
+                    stack.send(self._perceive(shot, state, lost, now_s))
+            stack.step(state, command_due=command_due(tick), now_s=now_s, lost=lost)
             if self._witness is not None:
                 self._witness(self._instant(now_s, truth, state, shot))
             if tick >= 0:
-                recorder.add(truth, state, self._command, self._decision, self._estimates)
+                recorder.add(truth, state, stack.command, stack.decision, stack.estimates)
                 manoeuvres.append(truth.manoeuvres)
             if truth.finished:
                 break
@@ -243,15 +220,15 @@ class ClosedLoop:
             truth=truth,
             state=state,
             frame=shot.frame if shot else None,
-            estimates=self._estimates,
-            statistics=self._statistics,
-            lead=self._lead,
-            decision=self._decision,
-            command=self._command,
+            estimates=self._stack.estimates,
+            statistics=self._stack.statistics,
+            lead=self._stack.lead,
+            decision=self._stack.decision,
+            command=self._stack.command,
         )
 
     def _with_events(self, trace: Trace, manoeuvres: list[tuple[str, ...]]) -> Trace:
-        """``trace`` with what happened when, for conditions to name."""
+        """``trace`` with columns for the faults, disturbances and manoeuvres that conditions may name."""
         scenario, road = self._scenario, self._parts.vehicle.road
         trace = with_events(
             trace,
@@ -262,59 +239,46 @@ class ClosedLoop:
         return with_manoeuvres(trace, scenario.manoeuvres, manoeuvres)
 
     def _lost(self, now_s: float) -> Set[str]:
-        """Processes that are gone now. Afterwards they go on where they were, as after SIGSTOP and SIGCONT."""
-        return {fault.process for fault in self._gone if fault.active(now_s)} if self._gone else NOBODY
+        """Processes that do not run now; they continue with their old state, as after SIGSTOP and SIGCONT."""
+        if not self._lost_processes:
+            return NONE_LOST
+        return {fault.process for fault in self._lost_processes if fault.active(now_s)}
 
-    def _look(self, shot: Shot, state: VehicleState, lost: Set[str], now_s: float) -> _Sight:
-        """What the estimators that are there make of ``shot``."""
+    def _perceive(self, shot: Shot, state: VehicleState, lost: Set[str], now_s: float) -> Perception:
+        """The results of the perception processes that run, for ``shot``."""
         parts, frame = self._parts, shot.frame
         if frame is not None:
-            seen = {
+            estimates = {
                 n: e.step(frame, state, now_s=now_s) for n, e in parts.estimators.items() if n not in lost
             }
         else:
-            seen = {name: o.step(shot.truth) for name, o in parts.oracles.items() if name not in lost}
-        return _Sight(
+            estimates = {name: o.step(shot.truth) for name, o in parts.oracles.items() if name not in lost}
+        return Perception(
             now_s + self._scenario.camera.latency_s,
-            {name: self._biased(name, estimate, now_s) for name, estimate in seen.items()},
+            {name: self._falsified(name, estimate, now_s) for name, estimate in estimates.items()},
             parts.statistician.step(frame, now_s=now_s) if frame else clear_view(shot.truth.t_s),
-            self._look_ahead(frame, state, now_s) if "lead" not in lost else None,
+            self._find_lead(frame, state, now_s) if "lead" not in lost else None,
         )
 
-    def _look_ahead(self, frame: Frame | None, state: VehicleState, now_s: float) -> LeadVehicle | None:
-        """The vehicle ahead; the detector knows the lanes of the frames before, as a process of its own does."""
+    def _find_lead(self, frame: Frame | None, state: VehicleState, now_s: float) -> LeadVehicle | None:
+        """The vehicle ahead; the detector uses the lanes of earlier frames, as a process of its own does."""
         match self._parts.lead:
             case LeadFinder() as finder:
-                return finder.step(frame, state, self._estimates.values(), now_s=now_s) if frame else None
+                lanes = self._stack.estimates.values()
+                return finder.step(frame, state, lanes, now_s=now_s) if frame else None
             case LeadModel() as model:
                 return model.step(self._parts.vehicle.sense_lead())
         return self._parts.vehicle.sense_lead()
 
-    def _biased(self, name: str, estimate: SteeringEstimate, now_s: float) -> SteeringEstimate:
-        """What the estimator says under the faults that it has now."""
+    def _falsified(self, name: str, estimate: SteeringEstimate, now_s: float) -> SteeringEstimate:
+        """``estimate`` under the faults of the estimator ``name`` that are active."""
         for fault in self._scenario.faults:
             if isinstance(fault, EstimatorBias | LostLane) and fault.active(now_s):
-                estimate = fault.told(estimate) if fault.estimator in (name, None) else estimate
+                estimate = fault.falsified(estimate) if fault.estimator in (name, None) else estimate
         return estimate
-
-    def _arrive(self, now_s: float) -> bool:
-        """Take in what has reached the supervisor by now; True when there is something new."""
-        seen = False
-        while self._underway and self._underway[0].due_s <= now_s + _SAME_INSTANT_S:
-            sight = self._underway.popleft()
-            self._estimates.update(sight.estimates)
-            self._statistics, self._lead = sight.statistics, sight.lead or self._lead
-            seen = True
-        return seen
-
-    def _decide(self, state: VehicleState, now_s: float) -> None:
-        self._decision = self._parts.supervisor.step(
-            self._estimates, self._statistics, self._lead, state, now_s=now_s
-        )
-        self._decide_by_s = now_s + self._simulator.idle_decision_period_s
 
 
 def due_ticks(period_s: float, every_s: float) -> Callable[[int], bool]:
-    """Whether a tick is the first in its span of ``every_s``."""
+    """A function of the tick: True for the first tick of each interval of ``every_s``."""
     spans = period_s / every_s
     return lambda tick: math.floor(tick * spans + 1e-6) > math.floor((tick - 1) * spans + 1e-6)

@@ -1,4 +1,4 @@
-"""What goes wrong in a run, and when: the camera, the processes, the estimators."""
+"""Faults of a run and their times: of the camera, the processes and the estimators."""
 
 from dataclasses import replace
 from typing import Annotated, Literal, Self
@@ -11,7 +11,7 @@ from trepid.types import NonNegative, Positive, Share
 
 
 class Span(Settings):
-    """A stretch of time, from the start of the run; without an end it lasts."""
+    """A time interval from the start of the run; without `to_s` it lasts to the end."""
 
     from_s: NonNegative
     to_s: Positive | None = None
@@ -23,7 +23,7 @@ class Span(Settings):
         return self
 
     def active(self, elapsed_s: float) -> bool:
-        """True within the span."""
+        """True within the interval."""
         return self.from_s <= elapsed_s and (self.to_s is None or elapsed_s < self.to_s)
 
 
@@ -40,23 +40,23 @@ class BlackFrames(Span):
 
 
 class LateFrames(Span):
-    """Frames arrive ``delay_s`` after their capture, rounded up to whole frames, with honest time stamps."""
+    """Frames arrive ``delay_s`` after their capture, rounded up to whole frames, with their true time stamps."""
 
     kind: Literal["late_frames"]
     delay_s: Positive
 
 
 class LostProcess(Span):
-    """A process is gone: it publishes nothing. Afterwards it goes on where it was, as after SIGSTOP, SIGCONT."""
+    """A process publishes nothing. Afterwards it continues with its old state, as after SIGSTOP and SIGCONT."""
 
     kind: Literal["lost_process"]
     process: str  # "camera", "supervisor", "controller" or the name of an estimator
 
 
 class EstimatorBias(Span):
-    """An estimator sees another lane than there is, and is as sure as ever, or as sure as ``confidence``.
+    """An estimator reports a wrong lane with its usual confidence, or with `confidence`.
 
-    It lies only about a lane that it sees. Two of these, one for each estimator, are wrong the same way.
+    Estimates without a lane stay as they are. With one such fault for each estimator both are wrong alike.
     """
 
     kind: Literal["estimator_bias"]
@@ -64,16 +64,16 @@ class EstimatorBias(Span):
     lateral_m: float = 0.0  # added to the lateral offset of the car in the lane
     heading_rad: float = 0.0  # ... to its heading error
     curvature_1pm: float = 0.0  # ... to the curvature of the lane
-    confidence: Share | None = None  # claimed instead of its own
+    confidence: Share | None = None  # instead of its own
 
     @model_validator(mode="after")
-    def _lies(self) -> Self:
+    def _changes_something(self) -> Self:
         if not (self.lateral_m or self.heading_rad or self.curvature_1pm or self.confidence is not None):
             raise ValueError("changes nothing; give lateral_m, heading_rad, curvature_1pm or confidence")
         return self
 
-    def told(self, estimate: SteeringEstimate) -> SteeringEstimate:
-        """What the estimator says instead of ``estimate``."""
+    def falsified(self, estimate: SteeringEstimate) -> SteeringEstimate:
+        """The estimate that is published instead of ``estimate``."""
         offset_m, heading_rad = estimate.lateral_offset_m, estimate.heading_error_rad
         curvature_1pm = estimate.curvature_1pm
         if offset_m is None or heading_rad is None or curvature_1pm is None:
@@ -88,13 +88,13 @@ class EstimatorBias(Span):
 
 
 class LostLane(Span):
-    """An estimator sees no lane, and says so: as under snow, or where the paint ends and the light is bad."""
+    """An estimator reports that it finds no lane."""
 
     kind: Literal["lost_lane"]
     estimator: str | None = None  # default: all of them
 
-    def told(self, estimate: SteeringEstimate) -> SteeringEstimate:
-        """What the estimator says instead of ``estimate``."""
+    def falsified(self, estimate: SteeringEstimate) -> SteeringEstimate:
+        """The estimate that is published instead of ``estimate``."""
         name, ahead_m = estimate.estimator, estimate.lookahead_m
         return SteeringEstimate.nothing(
             estimate.t_s, estimator=name, lookahead_m=ahead_m, reason="lost lane", kind=estimate.kind

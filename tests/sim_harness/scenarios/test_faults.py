@@ -35,19 +35,19 @@ def test_a_fault_is_there_from_its_beginning_until_just_before_its_end():
 
 
 def test_a_lie_shifts_turns_and_bends_the_lane_and_claims_its_confidence():
-    told = bias(lateral_m=0.5, heading_rad=-0.01, curvature_1pm=0.02, confidence=0.99).told(SEEN)
-    seen = (told.lateral_offset_m, told.heading_error_rad, told.curvature_1pm)
+    changed = bias(lateral_m=0.5, heading_rad=-0.01, curvature_1pm=0.02, confidence=0.99).falsified(SEEN)
+    seen = (changed.lateral_offset_m, changed.heading_error_rad, changed.curvature_1pm)
     assert seen == pytest.approx((0.6, 0.01, 0.03))
-    assert (told.confidence, told.t_s, told.lane_width_m) == (0.99, 1.0, 3.5)
+    assert (changed.confidence, changed.t_s, changed.lane_width_m) == (0.99, 1.0, 3.5)
 
 
 def test_without_a_claim_the_liar_is_as_sure_as_ever():
-    assert bias(lateral_m=0.5).told(SEEN).confidence == SEEN.confidence
+    assert bias(lateral_m=0.5).falsified(SEEN).confidence == SEEN.confidence
 
 
 def test_who_sees_no_lane_does_not_lie_about_one():
     nothing = SteeringEstimate.nothing(1.0, estimator="cv", lookahead_m=8.0, reason="dark")
-    assert bias(lateral_m=0.5, confidence=1.0).told(nothing) is nothing
+    assert bias(lateral_m=0.5, confidence=1.0).falsified(nothing) is nothing
 
 
 @pytest.mark.parametrize(
