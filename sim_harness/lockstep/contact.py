@@ -1,4 +1,4 @@
-"""How far apart two vehicles are, as rectangles on the ground."""
+"""The separation of two vehicles, as rectangles on the ground."""
 
 import math
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class Box:
         return self.x_m + x_m * cos - y_m * sin, self.y_m + x_m * sin + y_m * cos
 
     def corners(self) -> list[tuple[float, float]]:
-        """The four of them."""
+        """The four corners."""
         half_m = self.width_m / 2
         return [self.at(x, y) for x in (self.rear_m, self.front_m) for y in (-half_m, half_m)]
 
@@ -29,9 +29,9 @@ class Box:
 def separation_m(a: Box, b: Box) -> float:
     """The widest gap [m] between two boxes across any of their sides; ≤ 0 if and only if they touch.
 
-    Two convex shapes are apart if and only if a line along a side of one of them parts them (separating axis
-    theorem: Ericson, Real-Time Collision Detection (2005), section 5.2.1). Beside a side the gap is the distance;
-    over two corners it is at most √2 smaller.
+    Two convex shapes are apart if and only if a line along a side of one of them separates them (separating
+    axis theorem: Ericson, Real-Time Collision Detection (2005), section 5.2.1). Between two parallel sides the
+    gap is the distance; between two corners it is at most √2 smaller.
     """
     ax, ay = a.at((a.rear_m + a.front_m) / 2)
     bx, by = b.at((b.rear_m + b.front_m) / 2)
@@ -39,14 +39,14 @@ def separation_m(a: Box, b: Box) -> float:
     cos, sin = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
     gaps = []
     for one, other in ((a, b), (b, a)):
-        ahead_m, beside_m = _seen_along(bx - ax, by - ay, one.yaw_rad)
+        ahead_m, beside_m = along_and_across(bx - ax, by - ay, one.yaw_rad)
         half_m, other_half_m = (one.front_m - one.rear_m) / 2, (other.front_m - other.rear_m) / 2
         gaps.append(abs(ahead_m) - half_m - other_half_m * cos - other.width_m / 2 * sin)
         gaps.append(abs(beside_m) - one.width_m / 2 - other_half_m * sin - other.width_m / 2 * cos)
     return max(gaps)
 
 
-def _seen_along(dx_m: float, dy_m: float, yaw_rad: float) -> tuple[float, float]:
-    """A shift along and across a heading."""
+def along_and_across(dx_m: float, dy_m: float, yaw_rad: float) -> tuple[float, float]:
+    """The components of a displacement along and across a heading."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     return dx_m * cos + dy_m * sin, dy_m * cos - dx_m * sin

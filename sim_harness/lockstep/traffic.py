@@ -2,7 +2,7 @@
 
 On the road a vehicle is at a station and an offset; its rear axle moves along the road at its speed, on an offset
 line of a bend by ds = v·dt/(1 - κ·o). A turn-off is an arc, then a straight, in the plane. Both have closed forms
-for a constant acceleration, so nothing is integrated numerically but that quotient.
+for a constant acceleration, so only that quotient is integrated numerically.
 """
 
 import math
@@ -16,17 +16,17 @@ from sim_harness.world.roads.lanes import RoadLane
 from sim_harness.world.roads.road import Road
 
 INTO_LANE_M = 0.3
-"""How far a vehicle reaches over the edge of our lane before it is one in our lane: UN R157, 5.2.5.2 (cut-in)."""
-GONE_M = 40.0  # off the road by so much: no longer looked for
+"""A vehicle that reaches this far over the edge of the ego lane is in the lane: UN R157, 5.2.5.2 (cut-in)."""
+GONE_M = 40.0  # beyond this distance from the road a vehicle is no longer located on it
 MOVING_MPS = 0.01  # a vehicle that stands does not slide sideways
 _SAME_INSTANT_S = 1e-9
 
 
 class Actor:
-    """One other vehicle on its way."""
+    """One other vehicle."""
 
     def __init__(self, settings: TrafficVehicle, road: Road, *, nose_m: float, elapsed_s: float) -> None:
-        """``nose_m`` is the station of our front bumper at t = 0; ``elapsed_s`` ≤ 0 is the time now."""
+        """``nose_m``: station of the ego front bumper at t = 0; ``elapsed_s`` ≤ 0: the time now."""
         self.body = settings.body
         self.speed_mps = settings.speed_mps
         self._road = road
@@ -41,9 +41,7 @@ class Actor:
         self._free: tuple[float, float, float] | None = None  # x, y, yaw off the road
         self._turn_1pm, self._turn_left_rad = 0.0, 0.0
         self._waiting = list(settings.phases)
-        self._short: float | None = (
-            None  # how much the next phase's trigger is short of, when first looked at
-        )
+        self._short: float | None = None  # distance to the next phase's trigger at its first check
 
     def _first_station(self, settings: TrafficVehicle, nose_m: float) -> float:
         if settings.gap_m is None:
@@ -53,7 +51,7 @@ class Actor:
 
     @property
     def box(self) -> Box:
-        """Where it is, and how large."""
+        """The outline on the ground."""
         x_m, y_m, yaw_rad = self.pose
         return Box(x_m, y_m, yaw_rad, self.body.rear_m, self.body.front_m, self.body.width_m)
 
@@ -81,7 +79,7 @@ class Actor:
         return [kind for kind, is_so in under_way.items() if is_so]
 
     def ends(self) -> list[tuple[float, float]] | None:
-        """(station, offset) of the middles of its rear and front end; None when it has left the road."""
+        """(station, offset) of the middles of the rear and front end; None when the vehicle has left the road."""
         lengths_m = (self.body.rear_m, self.body.front_m)
         if self._free is None:
             cos, sin = math.cos(self._course_rad), math.sin(self._course_rad)
@@ -91,8 +89,8 @@ class Actor:
         return [foot_point(self._road, *self.box.at(x), self.station_m) for x in lengths_m]
 
     def step(self, elapsed_s: float, dt_s: float, gap_m: float | None) -> None:
-        """Move on from ``elapsed_s`` by ``dt_s``; ``gap_m`` is from our bumper to it, None when it is gone."""
-        if elapsed_s < -_SAME_INSTANT_S:  # before t = 0 everything rolls towards its place
+        """Move from ``elapsed_s`` by ``dt_s``; ``gap_m``: from the ego bumper, None off the road."""
+        if elapsed_s < -_SAME_INSTANT_S:  # before t = 0 every vehicle rolls towards its start
             ahead_s = min(0.0, elapsed_s + dt_s)
             self.station_m = self._origin_m + self._forwards * self.speed_mps * ahead_s
             return
@@ -161,8 +159,8 @@ class Actor:
         return x_m, y_m, turned_rad
 
 
-class Seen(NamedTuple):
-    """All other vehicles as the truth tells of them."""
+class Snapshot(NamedTuple):
+    """All other vehicles at one instant: the fields of SimTruth, one item a vehicle."""
 
     x_m: tuple[float, ...] = ()
     y_m: tuple[float, ...] = ()
@@ -171,7 +169,7 @@ class Seen(NamedTuple):
     manoeuvres: tuple[str, ...] = ()
 
 
-EMPTY = Seen()
+EMPTY = Snapshot()
 
 
 class Traffic:
@@ -180,27 +178,27 @@ class Traffic:
     def __init__(
         self, vehicles: Sequence[TrafficVehicle], road: Road, *, nose_m: float, elapsed_s: float = 0.0
     ) -> None:
-        """``nose_m`` is the station of our front bumper at t = 0; ``elapsed_s`` ≤ 0 is the time now."""
+        """``nose_m``: station of the ego front bumper at t = 0; ``elapsed_s`` ≤ 0: the time now."""
         self._road = road
         self.actors = [Actor(vehicle, road, nose_m=nose_m, elapsed_s=elapsed_s) for vehicle in vehicles]
 
     def step(self, elapsed_s: float, dt_s: float, *, nose_m: float) -> None:
-        """Move every vehicle on from ``elapsed_s`` by ``dt_s``."""
+        """Move every vehicle from ``elapsed_s`` by ``dt_s``."""
         for actor in self.actors:
             ends = actor.ends()
             actor.step(elapsed_s, dt_s, None if ends is None else self._gap_m(ends, nose_m))
 
-    def seen(self) -> Seen:
-        """Where they are, how fast, and the kinds of phases that are under way."""
+    def snapshot(self) -> Snapshot:
+        """Poses and speeds, and the kinds of phases that are under way."""
         if not self.actors:
             return EMPTY
         x_m, y_m, yaw_rad = zip(*(actor.pose for actor in self.actors), strict=True)
         speeds_mps = tuple(actor.speed_mps for actor in self.actors)
         manoeuvres = tuple(kind for actor in self.actors for kind in actor.manoeuvres)
-        return Seen(x_m, y_m, yaw_rad, speeds_mps, manoeuvres)
+        return Snapshot(x_m, y_m, yaw_rad, speeds_mps, manoeuvres)
 
     def ahead(self, nose_m: float) -> tuple[Actor, float] | None:
-        """The nearest vehicle in our lane whose middle is before our bumper, and the gap to it [m]."""
+        """The nearest vehicle in the ego lane with its middle before the ego bumper, and the gap to it [m]."""
         edge_m = self._road.width_at(nose_m) / 2 - INTO_LANE_M
         nearest: tuple[Actor, float] | None = None
         for actor in self.actors:
@@ -216,13 +214,13 @@ class Traffic:
         return nearest
 
     def _gap_m(self, ends: list[tuple[float, float]], nose_m: float) -> float:
-        """From our bumper to the nearer end; on a closed road the short way round."""
+        """From the ego bumper to the nearer end; on a closed road along the shorter way."""
         gap_m = min(station for station, _ in ends) - nose_m
         return math.remainder(gap_m, self._road.length_m) if self._road.closed else gap_m
 
 
 def lane_centre_m(road: Road, lane: int, station_m: float) -> float:
-    """Offset of the centre of a lane; where the road has none, as if one as wide as ours were there."""
+    """Offset of the centre of a lane; where the road has no such lane, of one with the ego lane's width."""
     section = road.section_at(station_m)
     if section.lane_width_m_at_ends(lane, road.settings.lane_width_m) is None:
         return lane * road.width_at(station_m)

@@ -1,7 +1,7 @@
 """The simulated vehicle as a node: latest command in, vehicle state and truth out.
 
-The lock-step loop and the vehicle process of a live drive call the same ``step``. The limiter stands here, next to
-the actuator, as in a real vehicle.
+The lock-step loop and the vehicle process of a live drive call the same ``step``. The limiter is part of it, next
+to the actuator, as in a real vehicle.
 """
 
 import math
@@ -12,6 +12,7 @@ import numpy as np
 
 from controller.limiter import Limiter
 from sim_harness.lockstep.contact import Box, separation_m
+from sim_harness.lockstep.lead_range import from_axle, measured_lead
 from sim_harness.lockstep.referee import Place, Referee, locate
 from sim_harness.lockstep.run_up import driven, first_state, rail
 from sim_harness.lockstep.traffic import Traffic
@@ -47,7 +48,7 @@ def load_simulator() -> SimulatorSettings:
 
 
 def _standard_normal(seed: int) -> Iterator[list[float]]:
-    """Threes of independent numbers, drawn many at a time."""
+    """Triples of independent standard normal numbers, drawn in blocks."""
     generator = np.random.default_rng((seed, 0))
     while True:
         yield from generator.standard_normal((1000, 3)).tolist()
@@ -66,7 +67,7 @@ class SimulatedVehicle:
         *,
         seed: int,
     ) -> None:
-        """``vehicle`` is what the car is believed to be; the scenario says how its plant differs."""
+        """``vehicle`` is the nominal vehicle; the scenario holds the deviations of its plant."""
         self.road = road
         self._plant = build_plant(scenario.plant, vehicle)
         self._vehicle = self._plant.vehicle
@@ -83,15 +84,15 @@ class SimulatedVehicle:
         nose_m = scenario.start.station_m + self._nose_m
         self._traffic = Traffic(scenario.traffic, road, nose_m=nose_m, elapsed_s=self._elapsed_s)
         self._origin_s: float | None = None  # t = 0 of the run
-        self._applied: Command | None = None  # what the limiter let through last: the actuators hold it
+        self._applied: Command | None = None  # output of the limiter, held by the actuators
 
     def step(
         self, command: Command | None, received_s: float | None, *, now_s: float
     ) -> tuple[VehicleState, SimTruth]:
-        """Advance in whole periods up to ``now_s`` under what was applied last, then apply ``command``.
+        """Advance in whole periods up to ``now_s`` under the last applied command, then apply ``command``.
 
-        ``received_s`` is when ``command`` arrived. The first call only looks and applies; it begins the run-up of a
-        start at speed, else the run.
+        ``received_s`` is the time of arrival of ``command``. The first call does not advance: it begins the run-up
+        of a start at speed, else the run.
         """
         period_s = self._period_s
         if self._origin_s is None:
@@ -104,46 +105,22 @@ class SimulatedVehicle:
         return self._limiter.report(state), self._truth()
 
     def wait(self, *, now_s: float) -> tuple[VehicleState, SimTruth]:
-        """Look, but let nothing begin: the first :meth:`step` will."""
+        """State and truth before the run begins, which is the first call of :meth:`step`."""
         self._origin_s = now_s - self._elapsed_s
-        looked = self._measure(), self._truth()
+        measured = self._measure(), self._truth()
         self._origin_s = None
-        return looked
+        return measured
 
     def sense_lead(self) -> LeadVehicle | None:
-        """The nearest vehicle in our lane as a range sensor on the front bumper would see it.
-
-        Confidence 0 where there is none within ``lead_range_m``; None in a run without other vehicles, where no
-        such sensor runs.
-        """
-        if not self._traffic.actors:
-            return None
-        ahead = self._traffic.ahead(self._place.station_m + self._nose_m)
-        nothing = LeadVehicle(
-            t_s=self._now_s, distance_m=None, lateral_m=None, speed_mps=None, confidence=0.0
-        )
-        if ahead is None:
-            return nothing
-        actor, _ = ahead
-        box = actor.box
-        ends = [self._from_axle(*box.at(x_m)) for x_m in (box.rear_m, box.front_m)]
-        distance_m = min(self._from_axle(*corner)[0] for corner in box.corners()) - self._nose_m
-        if distance_m > self._settings.lead_range_m:
-            return nothing
-        return LeadVehicle(
+        """The vehicle ahead as an exact range sensor measures it, see :func:`measured_lead`."""
+        return measured_lead(
+            self._traffic,
+            self._pose,
+            station_m=self._place.station_m,
+            nose_m=self._nose_m,
+            range_m=self._settings.lead_range_m,
             t_s=self._now_s,
-            distance_m=distance_m,
-            lateral_m=min(ends)[1],  # of the middle of the nearer end
-            speed_mps=actor.speed_mps * math.cos(box.yaw_rad - self._pose.yaw_rad),
-            confidence=1.0,
         )
-
-    def _from_axle(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """A point in the axes of our vehicle."""
-        pose = self._pose
-        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        dx_m, dy_m = x_m - pose.x_m, y_m - pose.y_m
-        return dx_m * cos + dy_m * sin, dy_m * cos - dx_m * sin
 
     @property
     def _elapsed_s(self) -> float:
@@ -155,7 +132,7 @@ class SimulatedVehicle:
         return (self._origin_s or 0.0) + self._elapsed_s
 
     def _advance(self, applied: Command) -> None:
-        """One period of everything that moves, and the referee's verdict on where it ends."""
+        """One period of all motion, then the referee's judgement."""
         period_s = self._period_s
         self._traffic.step(self._elapsed_s, period_s, nose_m=self._place.station_m + self._nose_m)
         self._ticks += 1
@@ -174,14 +151,14 @@ class SimulatedVehicle:
             self._pose = self._recentred(self._pose, self._place)
 
     def _touch(self) -> None:
-        """Count contacts; whoever runs into a vehicle is no faster than it from then on."""
+        """Count contacts; on a contact ahead the speed is limited to that of the other vehicle."""
         if not self._traffic.actors:
             return
         boxes = [actor.box for actor in self._traffic.actors]
         separations_m = [separation_m(self._box, box) for box in boxes]
         self._referee.judge_contacts(separations_m)
         for actor, box, separation in zip(self._traffic.actors, boxes, separations_m, strict=True):
-            middle_m = self._from_axle(*box.at((box.rear_m + box.front_m) / 2))[0]
+            middle_m = from_axle(self._pose, *box.at((box.rear_m + box.front_m) / 2))[0]
             if separation <= 0.0 and middle_m > self._vehicle.wheelbase_m / 2:
                 along_mps = actor.speed_mps * math.cos(box.yaw_rad - self._pose.yaw_rad)
                 speed_mps = min(self._pose.speed_mps, max(0.0, along_mps))
@@ -193,7 +170,7 @@ class SimulatedVehicle:
         return Box(pose.x_m, pose.y_m, pose.yaw_rad, -vehicle.rear_overhang_m, self._nose_m, vehicle.track_m)
 
     def _first(self) -> tuple[PlantState, Place]:
-        """Standing at the start, or rolling towards it."""
+        """The first pose: at rest at the start, or rolling towards it."""
         start = self._start
         if not self._run_up_ticks:
             place = Place(start.station_m, start.offset_m, start.heading_rad)
@@ -204,7 +181,7 @@ class SimulatedVehicle:
         return self._placed(first_state(self._plant, here, start.speed_mps), place), place
 
     def _run_up(self) -> None:
-        """Where the driver has the car at the end of this period."""
+        """One period of the run-up, in which a driver steers along the rail."""
         here = rail(self._start, self.road, self._elapsed_s)
         pose = driven(self._plant, self._pose, here, self._settings.period_s, self._start.speed_mps)
         self._place = Place(here.station_m, here.offset_m, here.course_rad)
@@ -217,7 +194,7 @@ class SimulatedVehicle:
         return replace(pose, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
     def _recentred(self, pose: PlantState, place: Place) -> PlantState:
-        """``pose`` put back at ``place`` with the same speed and the wheels along the lane, as a driver would."""
+        """``pose`` moved to ``place`` at the same speed, with the wheels steered along the lane."""
         curvature_1pm = self.road.curvature_at(place.station_m)
         angle_rad = self._plant.steady_angle_rad(curvature_1pm, pose.speed_mps)
         pose = replace(
@@ -226,7 +203,7 @@ class SimulatedVehicle:
         return self._placed(pose, place)
 
     def _measure(self) -> VehicleState:
-        """What the sensors say: white noise, except that a standing wheel is known to stand."""
+        """The sensor readings: true values with white noise; the speed noise is proportional to the speed."""
         pose, settings = self._pose, self._settings
         speed, angle, rate = next(self._noise)
         return VehicleState(
@@ -239,7 +216,7 @@ class SimulatedVehicle:
 
     def _truth(self) -> SimTruth:
         pose, (station_m, offset_m, heading_error_rad) = self._pose, self._place
-        referee, traffic = self._referee, self._traffic.seen()
+        referee, traffic = self._referee, self._traffic.snapshot()
         lead = self._traffic.ahead(station_m + self._nose_m) if self._traffic.actors else None
         lead_x_m, lead_y_m, lead_yaw_rad = lead[0].pose if lead else (None, None, None)
         return SimTruth(

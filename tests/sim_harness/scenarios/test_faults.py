@@ -34,14 +34,14 @@ def test_a_fault_is_there_from_its_beginning_until_just_before_its_end():
     assert BlackFrames(kind="black_frames", from_s=2).active(1e6)
 
 
-def test_a_lie_shifts_turns_and_bends_the_lane_and_claims_its_confidence():
+def test_a_bias_changes_offset_heading_curvature_and_confidence():
     changed = bias(lateral_m=0.5, heading_rad=-0.01, curvature_1pm=0.02, confidence=0.99).falsified(SEEN)
-    seen = (changed.lateral_offset_m, changed.heading_error_rad, changed.curvature_1pm)
-    assert seen == pytest.approx((0.6, 0.01, 0.03))
+    shifted = (changed.lateral_offset_m, changed.heading_error_rad, changed.curvature_1pm)
+    assert shifted == pytest.approx((0.6, 0.01, 0.03))
     assert (changed.confidence, changed.t_s, changed.lane_width_m) == (0.99, 1.0, 3.5)
 
 
-def test_without_a_claim_the_liar_is_as_sure_as_ever():
+def test_a_bias_without_confidence_keeps_that_of_the_estimate():
     assert bias(lateral_m=0.5).falsified(SEEN).confidence == SEEN.confidence
 
 
