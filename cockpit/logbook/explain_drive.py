@@ -9,7 +9,7 @@ from cockpit.logbook.moment import moment_figure
 from cockpit.logbook.recall import Recall, recall
 from cockpit.logbook.story import overview, story
 from cockpit.logbook.story_text import listed, told
-from cockpit.pictures.plot import save
+from cockpit.pictures.style import save
 from trepid.config import InputError
 
 MAGIC = b"\x89MCAP"

@@ -1,25 +1,29 @@
-"""A moment of a recording as a picture: what the camera saw, where the lane was seen in it, what was feared."""
+"""A moment of a recording as a figure: the camera image, the lane boundaries in it, and the rules that fired."""
+
+import textwrap
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 
 from cockpit.logbook.recall import Recall
 from cockpit.logbook.story import Story
-from cockpit.pictures import plot
-from cockpit.pictures.plot import BLUE, FIVE, GREEN, ORANGE, PAPER, SCALE, SKY
+from cockpit.pictures.style import BLUE, FIVE, GREEN, ORANGE, SKY, new_figure
 from supervisor.rules.rule_file import LEVELS
 from trepid.config import InputError
 from trepid.messages import SteeringEstimate
-from trepid.types import Image
 
-WIDTH_PX, PANEL_PX = 640, 118
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDTH_IN, PANEL_IN = 8.0, 1.6
 SHOWN_RULES = 3
 _LINES = (BLUE, ORANGE, GREEN, SKY)  # of the estimators
-_WRAP = 96  # characters of a rule
+_WRAP = 124  # characters of a rule
 
 
-def moment_figure(drive: Recall, story: Story) -> Image:
-    """The moment that ``story`` explains. Raises InputError when no picture of it was recorded."""
+def moment_figure(drive: Recall, story: Story) -> "Figure":
+    """The moment that ``story`` explains. Raises InputError when no camera image of it was recorded."""
     index = drive.index_at(story["moment_s"])
     frame = drive.frame_at(index)
     if frame is None:
@@ -27,45 +31,46 @@ def moment_figure(drive: Recall, story: Story) -> Image:
     image = cv2.imdecode(np.frombuffer(frame.jpeg, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise InputError(f"{drive.recorded.path}: the picture near {story['moment_s']:.1f} s is no JPEG")
-    height = round(WIDTH_PX * image.shape[0] / image.shape[1])
-    canvas = plot.blank(WIDTH_PX, height + PANEL_PX)
-    canvas[: height * SCALE] = cv2.resize(
-        image, (WIDTH_PX * SCALE, height * SCALE), interpolation=cv2.INTER_CUBIC
+    height, width = image.shape[:2]
+    image_in = WIDTH_IN * height / width
+    figure = new_figure(WIDTH_IN, image_in + PANEL_IN)
+    share = image_in / (image_in + PANEL_IN)
+    camera = figure.add_axes((0.0, 1.0 - share, 1.0, share))
+    camera.imshow(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), interpolation="bicubic", aspect="auto")
+    for (name, estimate), colour in zip(drive.estimates_of(frame).items(), _LINES, strict=False):
+        _draw_lane(camera, estimate, name, colour)
+    camera.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
+    camera.set_axis_off()
+    if camera.get_legend_handles_labels()[0]:
+        camera.legend(loc="upper left", fontsize=9, framealpha=1.0, edgecolor="white")
+    _draw_panel(figure.add_axes((0.0, 0.0, 1.0, 1.0 - share)), story)
+    return figure
+
+
+def _draw_lane(axes: Any, estimate: SteeringEstimate, name: str, colour: str) -> None:
+    """The boundaries of an estimate, on white so that they stand out on any road."""
+    reason = f", {estimate.reason}" if estimate.reason else ""
+    axes.plot(
+        [], [], color=colour, linewidth=3, label=f"{name}: confidence {estimate.confidence:.2f}{reason}"
     )
-    for number, (name, estimate) in enumerate(drive.estimates_of(frame).items()):
-        _lane(canvas, estimate, WIDTH_PX / image.shape[1], number, name)
-    _panel(canvas, story, height)
-    return canvas
-
-
-def _lane(canvas: Image, estimate: SteeringEstimate, scale: float, number: int, name: str) -> None:
-    """The boundaries that an estimator saw, dark below light so that they stand out on any road."""
-    colour = _LINES[number % len(_LINES)]
     for boundary in (estimate.left_boundary_px, estimate.right_boundary_px):
         if len(boundary) > 1:
-            points = np.array(boundary, float) * scale
-            plot.line(canvas, points, PAPER, width=4.0)
-            plot.line(canvas, points, colour, width=2.4)
-    x, y = 12.0, 22.0 + 20 * number
-    told = f"{name}: confidence {estimate.confidence:.2f}" + (
-        f", {estimate.reason}" if estimate.reason else ""
-    )
-    corner, end = (round((x - 6) * SCALE), round((y - 15) * SCALE)), x + 26 + plot.text_width(told)
-    cv2.rectangle(canvas, corner, (round(end * SCALE), round((y + 5) * SCALE)), PAPER, -1)
-    plot.line(canvas, np.array([[x, y - 4], [x + 14, y - 4]]), colour, width=3.0)
-    plot.write(canvas, told, x + 20, y)
+            x, y = np.array(boundary, float).T
+            axes.plot(x, y, color="white", linewidth=4.5)
+            axes.plot(x, y, color=colour, linewidth=2.5)
 
 
-def _panel(canvas: Image, story: Story, top: int) -> None:
+def _draw_panel(axes: Any, story: Story) -> None:
+    """A bar as long as fear, mode and cause, and the rules that add most to fear."""
     level = LEVELS.index(story["level"]) if "level" in story else 0
-    bar = round(WIDTH_PX * SCALE * min(story["fear"], 1.0))
-    cv2.rectangle(canvas, (0, top * SCALE), (bar, (top + 8) * SCALE), FIVE[level], -1)
-    what = f"{story['moment_s']:.2f} s   {story['mode']}   fear {story['fear']:.2f} of {story['cause']}"
-    plot.write(canvas, what, 12, top + 32, size=16, bold=True)
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    axes.set_axis_off()
+    axes.barh(0.96, min(story["fear"], 1.0), height=0.08, color=FIVE[level])
+    what = f"{story['moment_s']:.2f} s   {story['mode']}   fear {story['fear']:.2f}, cause {story['cause']}"
+    axes.text(0.015, 0.74, what, fontsize=13, fontweight="bold", va="center")
     course = story["slow_down"]
     allowed = f"allowed {course['cap_before_mps']:.1f} to {course['cap_lowest_mps']:.1f} m/s"
-    plot.write(canvas, allowed, WIDTH_PX - 12, top + 32, anchor="right")
+    axes.text(0.985, 0.74, allowed, fontsize=10, ha="right", va="center")
     for number, rule in enumerate(story.get("rules", [])[:SHOWN_RULES]):
-        text = f"{rule['adds']:.2f}  {rule['text']}"
-        shown = text if len(text) <= _WRAP else text[: _WRAP - 1] + "…"
-        plot.write(canvas, shown, 12, top + 58 + 20 * number, size=12)
+        text = textwrap.shorten(f"{rule['adds']:.2f}  {rule['text']}", _WRAP, placeholder=" …")
+        axes.text(0.015, 0.5 - 0.19 * number, text, fontsize=9, va="center")

@@ -1,1 +1,1 @@
-"""Plots."""
+"""Style and files of figures."""

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 from cockpit.logbook.explain_drive import explain_drive, is_recording
-from cockpit.pictures.plot import save
+from cockpit.pictures.style import save
 from cockpit.rulebook.figure import sets_figure, surface_figure
 from cockpit.rulebook.files_cli import export, import_, schema
 from cockpit.rulebook.show import show_rules, show_surface
