@@ -1,7 +1,7 @@
 """Labelled frames of random roads in random light, to train and to test lane estimators.
 
-One seed is one road with its own curves, looks and sky, so that seed ranges can be shared out between processes.
-The labels are the road's own geometry at the pose that was drawn, never measured in the image.
+A seed determines one road with its curves, appearance and sky, so seed ranges can be divided between
+processes. Labels are the geometry of the road at the drawn pose; nothing is measured in the image.
 """
 
 import math
@@ -27,7 +27,7 @@ E = TypeVar("E", bound=StrEnum)
 
 AHEAD_M = 10.0  # over which the curvature rate is taken
 MIN_RADIUS_M, MAX_RADIUS_M = 12.0, 120.0
-MAX_HEADING_RAD = 1.4  # of the road to its first metre, so that it never crosses itself
+MAX_HEADING_RAD = 1.4  # relative to the start, so that the road never crosses itself
 ENTRY_M = (5.0, 12.0)  # shortest clothoids …
 ARC_RAD = (0.3, 1.2)  # turn of an arc, without its clothoids
 MAX_RATE_1PM2 = 1 / 60  # … and longer where this asks for it: 2.8 m/s³ at 5.5 m/s
@@ -38,14 +38,14 @@ CAMERAS_PER_ROAD = 4
 PITCH_JITTER_RAD, HEIGHT_JITTER_M = 0.012, 0.04
 MAX_OFFSET_M, MAX_HEADING_ERROR_RAD = 1.2, 0.3
 LEAD_SHARE, GLARE_SHARE, BLIND_SHARE = 0.12, 0.08, 0.04
-DRAWN_SHARE = 0.5  # of the roads: of one kind of the benches; the others change every SECTION_M
+DRAWN_SHARE = 0.5  # share of roads of one kind of the benches; the others change every SECTION_M
 DISTURBED_SHARE, SNOWED_UP_SHARE = 0.4, 0.06  # of the roads
 DISTURBANCES = tuple(kind for kind in DisturbanceKind if kind is not DisturbanceKind.TUNNEL_EXIT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaneSample:
-    """A frame and the truth about it, in the terms of SteeringEstimate with the look-ahead at the rear axle."""
+    """A frame and its true lane, as in SteeringEstimate with the look-ahead at the rear axle."""
 
     image: Image
     lateral_offset_m: float
@@ -53,7 +53,7 @@ class LaneSample:
     curvature_1pm: float  # at the rear axle
     curvature_rate_1pm2: float  # mean over the AHEAD_M metres of lane ahead
     lane_width_m: float
-    visible: bool  # False: the light hides the lane; no estimator should claim to see it
+    visible: bool  # False: the light hides the lane; an estimate would be wrong
 
 
 def samples(seeds: Iterable[int], camera: Camera, *, frames_per_road: int = 300) -> Iterator[LaneSample]:
@@ -63,7 +63,7 @@ def samples(seeds: Iterable[int], camera: Camera, *, frames_per_road: int = 300)
 
 
 def road_samples(seed: int, camera: Camera, *, frames: int) -> Iterator[LaneSample]:
-    """``frames`` frames of the one road that belongs to ``seed``."""
+    """``frames`` frames of the road of ``seed``."""
     rng = np.random.default_rng((seed, 10))
     road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
     disturbed_now = rng.random() < DISTURBED_SHARE
@@ -84,7 +84,7 @@ def road_samples(seed: int, camera: Camera, *, frames: int) -> Iterator[LaneSamp
 def _sample(
     renderer: Renderer, station_m: float, rng: np.random.Generator, *, index: int, mirror: bool
 ) -> LaneSample:
-    """A frame at a random pose near ``station_m``; mirrored, it shows the road's mirror image."""
+    """A frame at a random pose near ``station_m``, or its mirror image."""
     road = renderer.road
     offset_m = _near_zero(rng, 0.25, MAX_OFFSET_M)
     heading_error = _near_zero(rng, 0.05, MAX_HEADING_ERROR_RAD)
@@ -172,7 +172,7 @@ def _random_segments(rng: np.random.Generator) -> list[Segment]:
             target * (ENTRY_M[1] + abs(target) / MAX_RATE_1PM2) / 2
         )  # until the road is straight again
         if abs(after + unwinding) > MAX_HEADING_RAD:
-            continue  # turns too far: draw again; a straight always fits
+            continue  # turns too far: draw another; a straight always fits
         segments.append(Segment(length_m=entry_m, curvature_1pm=(curvature, target)))
         segments.append(Segment(length_m=arc_m, curvature_1pm=target))
         curvature, heading, length_m = target, after, length_m + entry_m + arc_m
@@ -180,7 +180,7 @@ def _random_segments(rng: np.random.Generator) -> list[Segment]:
 
 
 def _random_curvature(rng: np.random.Generator) -> float:
-    """Zero, or ±1/R with R over its whole range, small ones more often: they fill little of a road."""
+    """Zero, or ±1/R; small radii are drawn more often, because their arcs are short."""
     if rng.random() < 0.2:
         return 0.0
     radius_m = MIN_RADIUS_M * (MAX_RADIUS_M / MIN_RADIUS_M) ** (rng.random() ** 2)
@@ -236,7 +236,7 @@ def _random_marking(rng: np.random.Generator, wear: float, *, solid: float = 0.4
 
 
 def _random_light(rng: np.random.Generator) -> tuple[Light, bool]:
-    """Light, and whether the lane can be seen in it."""
+    """Light, and whether the lane is visible in it."""
     if rng.random() < BLIND_SHARE:
         return _blinding_light(rng), False
     light = Light(
@@ -251,7 +251,7 @@ def _random_light(rng: np.random.Generator) -> tuple[Light, bool]:
 
 
 def _blinding_light(rng: np.random.Generator) -> Light:
-    """Darkness, over-exposure or fog in which no lane is left."""
+    """Darkness, over-exposure or fog that hides the lane."""
     noise = float(rng.uniform(2, 10))
     return (
         Light(gain=float(rng.uniform(0.005, 0.03)), noise=noise),
@@ -269,7 +269,7 @@ def _random_lead(road: Road, station_m: float, rng: np.random.Generator) -> tupl
 
 
 def _near_zero(rng: np.random.Generator, sigma: float, limit: float) -> float:
-    """Mostly near zero, sometimes anywhere within the limit."""
+    """Mostly near zero, sometimes uniform within the limit."""
     if rng.random() < 0.6:
         return float(np.clip(rng.normal(0, sigma), -limit, limit))
     return float(rng.uniform(-limit, limit))
@@ -282,7 +282,7 @@ def _jittered(camera: Camera, rng: np.random.Generator) -> Camera:
 
 
 def _mirrored(camera: Camera) -> Camera:
-    """The camera whose image, flipped left to right, is what ``camera`` sees of the mirrored world."""
+    """The camera whose image, flipped left to right, is that of ``camera`` in the mirrored world."""
     cx_px = camera.width_px - 1 - camera.cx_px
     return camera.model_copy(update={"cx_px": cx_px, "y_m": -camera.y_m, "yaw_rad": -camera.yaw_rad})
 

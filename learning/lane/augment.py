@@ -1,4 +1,4 @@
-"""Training images made harder, and images that show no road at all. Pure: randomness comes in as a Generator."""
+"""Augmentation of training images, and images without a road. All randomness comes from a given Generator."""
 
 from typing import Annotated
 
@@ -38,16 +38,16 @@ class Augmentation(Settings):
 
 
 class Augmenter:
-    """Makes training images harder and keeps their lanes true."""
+    """Augmentation that changes the label with the image."""
 
     def __init__(self, settings: Augmentation, canonical: Camera, *, lookahead_m: float) -> None:
-        """``canonical``: the camera of all images; ``lookahead_m``: where the fourth number of a lane holds."""
+        """``canonical``: the camera of all images; ``lookahead_m``: look-ahead of the fourth number of a lane."""
         self._settings = settings
         self._camera = canonical
         self._lookahead_m = lookahead_m
 
     def __call__(self, image: Image, lane: Floats, rng: np.random.Generator) -> tuple[Image, Floats]:
-        """A harder image and its lane, (4,). A mirrored image has the mirrored lane, −lane."""
+        """An augmented image and its lane, (4,). A mirrored image has the lane −lane."""
         settings = self._settings
         if rng.random() < settings.flip:
             image, lane = _pixels(cv2.flip(image, 1)), -lane
@@ -68,9 +68,9 @@ class Augmenter:
         return image, lane
 
     def lane_from(self, lane: Floats, raised: float) -> Floats:
-        """The lane that the network shall believe to see from ``raised`` times the canonical height.
+        """The label for an image taken from ``raised`` times the canonical height.
 
-        The opposite of :meth:`perception.net.canonical.CanonicalView.lane` for a camera at that height.
+        The inverse of :meth:`perception.net.canonical.CanonicalView.lane` for a camera at that height.
         """
         ahead_m, left_m = (1 - raised) * self._camera.x_m, (1 - raised) * self._camera.y_m
         seen = scaled(lane_of_row(lane, self._lookahead_m).seen_from(ahead_m, left_m), 1 / raised)
@@ -82,7 +82,7 @@ class Augmenter:
         return project @ np.diag([1, 1, raised]) @ np.linalg.inv(project)
 
     def _moved(self, image: Image, raised: float, rng: np.random.Generator) -> Image:
-        """From another height; then rolled and shifted along the columns as by a rolling and pitching body."""
+        """Another camera height; then roll and a shift along the columns, as of a rolling and pitching body."""
         height, width = image.shape[:2]
         roll_deg = float(np.rad2deg(self._settings.roll_rad * rng.normal()))
         turn = np.eye(3)
@@ -116,7 +116,7 @@ def _shade(image: Image, rng: np.random.Generator) -> Image:
 
 
 def _erase(image: Image, size: float, rng: np.random.Generator) -> Image:
-    """One or two blocks of one colour: something stands before the road (Zhong et al., Random Erasing, 2020)."""
+    """One or two blocks of one colour: an occlusion (Zhong et al., Random Erasing, 2020)."""
     image = image.copy()
     height, width = image.shape[:2]
     for _ in range(rng.integers(1, 3)):
@@ -127,7 +127,7 @@ def _erase(image: Image, size: float, rng: np.random.Generator) -> Image:
 
 
 def _narrow(image: Image, size: float, rng: np.random.Generator) -> Image:
-    """Black borders: what a camera with a narrower field of view leaves of the canonical image."""
+    """Black borders, as of a camera with a narrower field of view."""
     height, width = image.shape[:2]
     left, right = (rng.uniform(0, size, 2) * width).astype(int)
     bottom = int(rng.uniform(0, size) * height)
@@ -137,14 +137,14 @@ def _narrow(image: Image, size: float, rng: np.random.Generator) -> Image:
 
 
 def _add_noise(image: Image, sigma_grey: float, rng: np.random.Generator) -> Image:
-    """Uniform white noise: ten times cheaper to draw than normal noise, and a sensor's is as white."""
+    """Uniform white noise: ten times cheaper to draw than normal noise."""
     noise = rng.integers(0, 256, image.shape, np.uint8)
     gain = sigma_grey / UNIFORM_SIGMA
     return _pixels(cv2.addWeighted(image, 1, noise, gain, -127.5 * gain))
 
 
 def nonsense(road: Image, rng: np.random.Generator) -> Image:
-    """An image of the size of ``road`` without a road: plain, shaded, noise, clouds, shapes, or a road torn up."""
+    """An image of the size of ``road`` without a road: plain, shaded, noise, clouds, shapes, or a shuffled road."""
     kinds = (_plain, _gradient, _noise, _clouds, _shapes, _upside_down, _shuffled, _sky_only, _flat_road)
     image = kinds[rng.integers(len(kinds))](road, rng)
     if rng.random() < 0.5:
@@ -196,7 +196,7 @@ def _upside_down(road: Image, rng: np.random.Generator) -> Image:
 
 
 def _shuffled(road: Image, rng: np.random.Generator) -> Image:
-    """The road cut into strips and tiles that are put together in another order."""
+    """The road cut into strips and tiles in another order."""
     columns = np.array_split(np.arange(road.shape[1]), rng.integers(6, 20))
     rows = np.array_split(np.arange(road.shape[0]), rng.integers(3, 8))
     rng.shuffle(columns)
@@ -205,12 +205,12 @@ def _shuffled(road: Image, rng: np.random.Generator) -> Image:
 
 
 def _sky_only(road: Image, rng: np.random.Generator) -> Image:
-    """The topmost rows over the whole picture: a camera that looks up."""
+    """The topmost rows over the whole image, as of a camera that points up."""
     return _stretched(np.ascontiguousarray(road[: max(2, road.shape[0] // 12)]), road)
 
 
 def _flat_road(road: Image, rng: np.random.Generator) -> Image:
-    """A patch of the ground over the whole picture: a camera that looks down, or something right before it."""
+    """A patch of the ground over the whole image, as of a camera that points down or is covered."""
     height, width = road.shape[:2]
     top, left = rng.integers(height // 2, height - 6), rng.integers(0, width - 12)
     return _stretched(np.ascontiguousarray(road[top : top + 6, left : left + 12]), road)
@@ -221,5 +221,5 @@ def _stretched(image: Image, like: Image) -> Image:
 
 
 def _pixels(image: cv2.typing.MatLike) -> Image:
-    """``image``, whose type OpenCV does not tell, as what it is."""
+    """``image`` with its type, which OpenCV does not declare."""
     return np.asarray(image, np.uint8)

@@ -1,4 +1,4 @@
-"""Fits the lane network to labelled frames. Needs torch (extra ``[train]``); works on arrays only."""
+"""Fit of the lane network to labelled frames. Needs torch (extra ``[train]``)."""
 
 import copy
 import math
@@ -18,6 +18,7 @@ from torch import Tensor
 from learning.lane.augment import Augmentation, Augmenter, nonsense
 from learning.lane.network import Exported, SteerNetwork, loss
 from learning.lane.scores import Labelled
+from learning.schedule import warm_up_cosine
 from perception.net.steer_net import Network
 from trepid.camera import Camera
 from trepid.config import InputError, Settings
@@ -30,7 +31,7 @@ GRADIENT_NORM = 5.0
 
 
 class Crop(Settings):
-    """Rows of the default camera that the network sees, and the size that it sees them at."""
+    """Rows of the default camera that are the input of the network, and its input size."""
 
     top_px: Annotated[int, Field(ge=0)]
     bottom_px: Count
@@ -64,7 +65,7 @@ class Recipe(Settings):
 
 @dataclass(slots=True)
 class Progress:
-    """Where the training stands; everything that a checkpoint must hold besides weights and optimiser."""
+    """Progress of a training: the content of a checkpoint besides weights and optimiser."""
 
     epoch: int = 0
     best_epoch: int = 0
@@ -90,9 +91,7 @@ def train(
     Raises InputError when the checkpoint is of another recipe.
     """
     torch.manual_seed(recipe.seed)
-    torch.set_num_threads(
-        max(1, (os.cpu_count() or 1) - 1)
-    )  # one core augments; more threads only wait in circles
+    torch.set_num_threads(max(1, (os.cpu_count() or 1) - 1))  # one core augments
     network = build(recipe, data)
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=recipe.learning_rate, weight_decay=recipe.weight_decay
@@ -135,13 +134,14 @@ def _epoch(
     data: Labelled,
     epoch: int,
 ) -> float:
-    """One pass over ``data``; the mean loss."""
+    """One pass over ``data``; returns the mean loss."""
     network.train()
     steps = math.ceil(len(data) / recipe.batch)
     losses = []
     for step, (images, lanes, visible) in enumerate(_ahead(_batches(recipe, canonical, data, epoch))):
         for group in optimiser.param_groups:
-            group["lr"] = _learning_rate(recipe, (epoch + step / steps) / recipe.epochs)
+            done = (epoch + step / steps) / recipe.epochs
+            group["lr"] = recipe.learning_rate * warm_up_cosine(done, warm_up=recipe.warm_up)
         optimiser.zero_grad()
         value = loss(network, _raw(recipe, network, images), lanes, visible, beta=recipe.beta)
         value.backward()
@@ -152,7 +152,7 @@ def _epoch(
 
 
 def _evaluate(recipe: Recipe, network: SteerNetwork, data: Labelled) -> float:
-    """Mean loss over ``data`` as it is, as plain NLL."""
+    """Mean negative log likelihood over ``data`` without augmentation."""
     network.eval()
     parts = [slice(i, i + EVALUATION_BATCH) for i in range(0, len(data), EVALUATION_BATCH)]
     with torch.no_grad():
@@ -164,13 +164,6 @@ def _evaluate(recipe: Recipe, network: SteerNetwork, data: Labelled) -> float:
 def _raw(recipe: Recipe, network: SteerNetwork, images: Tensor) -> Tensor:
     with torch.autocast("cpu", torch.bfloat16, enabled=recipe.bfloat16):
         return network(images).float()
-
-
-def _learning_rate(recipe: Recipe, done: float) -> float:
-    """Linear rise over the warm-up, then half a cosine down to zero; ``done`` is the share of all steps."""
-    if done < recipe.warm_up:
-        return recipe.learning_rate * done / recipe.warm_up
-    return recipe.learning_rate * (1 + math.cos(math.pi * (done - recipe.warm_up) / (1 - recipe.warm_up))) / 2
 
 
 def _batches(recipe: Recipe, canonical: Camera, data: Labelled, epoch: int) -> Iterator[Batch]:
@@ -191,7 +184,7 @@ def _batches(recipe: Recipe, canonical: Camera, data: Labelled, epoch: int) -> I
 
 
 def _ahead(batches: Iterator[Batch]) -> Iterator[Batch]:
-    """The same batches, each prepared while the one before is used."""
+    """The same batches, each prepared in a thread while the former is used."""
     with ThreadPoolExecutor(max_workers=1) as thread:
         pending = thread.submit(next, batches, None)
         while (batch := pending.result()) is not None:
@@ -218,7 +211,7 @@ def _save(
 
 def _restore(path: Path, recipe: Recipe, network: SteerNetwork, optimiser: torch.optim.Optimizer) -> Progress:
     if not path.is_file():
-        return Progress()  # it was interrupted before its first epoch ended
+        return Progress()  # interrupted before the end of the first epoch
     saved: dict[str, Any] = torch.load(path, weights_only=True)
     if saved["recipe"] != recipe.model_dump_json():
         raise InputError(f"{path}: was made by another recipe; train without --resume")

@@ -20,7 +20,7 @@ from sim_harness.world.road_file import load_road
 from trepid.camera import Camera
 from trepid.clothoid import Lane
 
-ROADS_PER_SEED = 1_000_000  # every seed of a training has its own million roads, shared out below
+ROADS_PER_SEED = 1_000_000  # every training seed has a million roads of its own, divided below
 FIRST_ROAD = {"train": 0, "validation": 800_000, "test": 900_000}
 CIRCUIT_STEP_M = 1.0
 OFFSET_M, HEADING_RAD = 0.3, 0.03  # standard deviations of the poses on the circuit: a lively drive
@@ -29,10 +29,10 @@ Report = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """How frames are taken and labelled."""
+    """Cameras and label of training frames."""
 
-    camera: Camera  # that takes them
-    canonical: Camera  # as which they are kept
+    camera: Camera  # that renders the frames
+    canonical: Camera  # whose images are kept
     lookahead_m: float  # of the fourth label
     frames_per_road: int
 
@@ -55,9 +55,9 @@ class Shot:
 def random_frames(
     shot: Shot, split: str, count: int, *, seed: int, folder: Path, reuse: bool, report: Report
 ) -> Labelled:
-    """``count`` frames of random roads that belong to ``split`` alone, rendered by all cores into ``folder``.
+    """``count`` frames of random roads of ``split``, rendered by all cores into ``folder``; splits share no road.
 
-    With ``reuse``, roads that an earlier call for the same cameras left there are taken as they are.
+    With ``reuse``, roads that an earlier call for the same cameras rendered are read from there.
     """
     folder = folder / f"{split}-seed{seed}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -81,7 +81,7 @@ def random_frames(
 
 
 def _clear_unless(reuse: bool, folder: Path, key: str) -> None:
-    """Leave only roads in ``folder`` that were rendered for ``key``; none without ``reuse``."""
+    """Delete the roads in ``folder`` that were not rendered for ``key``; all of them without ``reuse``."""
     stored = folder / "shot.txt"
     if not (reuse and stored.is_file() and stored.read_text(encoding="utf-8") == key):
         for old in folder.glob("*.npz"):
@@ -90,7 +90,7 @@ def _clear_unless(reuse: bool, folder: Path, key: str) -> None:
 
 
 def _road(shot: Shot, folder: Path, seed: int) -> Path:
-    """File with the frames of the road ``seed``, rendered now unless it is there."""
+    """File with the frames of the road ``seed``, rendered unless it exists."""
     path = folder / f"{seed}.npz"
     if not path.is_file():
         cv2.setNumThreads(1)

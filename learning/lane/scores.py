@@ -1,4 +1,4 @@
-"""How good a lane network is, on labelled frames: errors, calibration of its confidence, nonsense it falls for."""
+"""Scores of a lane network on labelled frames: errors, calibration, false positives on images without a road."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from trepid.types import Array, Image
 
 Flags = NDArray[np.bool_]
 PREDICT_BATCH = 64
-MIN_SLOPE = 1e-3  # a larger σ never makes an estimate more trustworthy
+MIN_SLOPE = 1e-3  # a larger σ never raises the confidence
 ECE_BINS = 10
 
 
@@ -22,7 +22,7 @@ class Labelled:
 
     images: Image  # (n, height, width, 3)
     lanes: NDArray[np.float32]  # (n, 4): offset [m], heading [rad], curvature at the axle and ahead [1/m]
-    visible: Flags  # (n,): whether there is a road to be seen
+    visible: Flags  # (n,): whether a road is visible
 
     def __len__(self) -> int:
         return len(self.images)
@@ -34,7 +34,7 @@ class Labelled:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What the lane is used for: pure pursuit by a vehicle."""
+    """Use of the lane: pure pursuit by a vehicle."""
 
     wheelbase_m: float
     command_row: Array  # r with κ_cmd = r·lane
@@ -131,7 +131,7 @@ def scores(network: Network, data: Labelled, task: Task, calibration: Calibratio
 
 
 def nonsense_seen(network: Network, data: Labelled, *, seed: int) -> dict[str, float]:
-    """Share of images without a road, and of frames blinded by light, in which the network sees a road."""
+    """False positives: share of images without a road, and of over-exposed frames, with an estimate."""
     rng = np.random.default_rng((seed, 2))
     images = np.stack([nonsense(image, rng) for image in data.images[data.visible]])
     blind = data.images[~data.visible]

@@ -33,12 +33,16 @@ VERSIONS = ("torch", "onnx", "onnxruntime", "numpy", "opencv-python-headless")
 def train(
     frames: Annotated[int | None, typer.Option(min=1, help="Frames rendered for training.")] = None,
     epochs: Annotated[int | None, typer.Option(min=1, help="Passes over the frames.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of roads, augmentation and first weights.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of roads, augmentation and initial weights.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for frames and checkpoint.")] = Path("out/train"),
     weights: Annotated[
         Path, typer.Option(help="Folder for the weights.", show_default="perception/weights")
     ] = SHIPPED,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from frames and checkpoint.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue from existing frames and checkpoint.")
+    ] = False,
 ) -> None:
     """Train the CNN estimator on rendered roads and write its weights; needs the extra 'train'."""
     if importlib.util.find_spec("torch") is None:
@@ -126,7 +130,7 @@ def _export(network: object, path: Path) -> Network:
 
 
 def _calibrated(recipe: "Recipe", network: Network, validation: Labelled) -> tuple[Task, Calibration]:
-    """What the lane is used for, and how sure the network may be of being good enough for it."""
+    """The task of the network, and the calibration of its confidence."""
     from learning.lane.network import command_row
 
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)

@@ -1,4 +1,4 @@
-"""Fits the lead network to labelled strips. Needs torch (extra ``[train]``); works on arrays only."""
+"""Fit of the lead network to labelled strips. Needs torch (extra ``[train]``)."""
 
 import math
 import time
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from learning.lead.network import LeadNetwork, Targets, loss
+from learning.schedule import warm_up_cosine
 from perception.lead.view import DISTANCES_M, RATIO, STRIPS, Strips
 
 LEARNING_RATE, WEIGHT_DECAY, WARM_UP = 4e-3, 1e-4, 0.05
@@ -17,7 +18,7 @@ BATCH = 24
 GRADIENT_NORM = 5.0
 TINT_SIGMA, NOISE_GREY = 0.15, 6.0
 AHEAD, LEFT = 0, 1  # columns of the label
-STRIPS_PER_FRAME = 8  # that are looked at in an epoch: those at vehicles and some others
+STRIPS_PER_FRAME = 8  # used in an epoch: those with vehicles and some others
 NEAR_STEPS = 2.5
 
 
@@ -43,7 +44,7 @@ def fit(
         losses = []
         for step, (images, labels, looked) in enumerate(_batches(strips, vehicles, seed=seed, epoch=epoch)):
             for group in optimiser.param_groups:
-                group["lr"] = learning_rate((epoch + step / steps) / epochs)
+                group["lr"] = LEARNING_RATE * warm_up_cosine((epoch + step / steps) / epochs, warm_up=WARM_UP)
             optimiser.zero_grad()
             raw = network(images.flatten(0, 1)).unflatten(0, images.shape[:2])
             row = torch.arange(len(looked))[:, None]
@@ -55,13 +56,6 @@ def fit(
         left_s = (time.monotonic() - started_s) * (epochs - epoch - 1) / (epoch + 1)
         report(f"epoch {epoch + 1}/{epochs}  loss {np.mean(losses):.3f}  {left_s / 60:.1f} min left")
     return network.eval()
-
-
-def learning_rate(done: float) -> float:
-    """Linear rise over the warm-up, then half a cosine down to zero; ``done`` is the share of all steps."""
-    if done < WARM_UP:
-        return LEARNING_RATE * done / WARM_UP
-    return LEARNING_RATE * (1 + math.cos(math.pi * (done - WARM_UP) / (1 - WARM_UP))) / 2
 
 
 def _batches(
@@ -86,7 +80,7 @@ def _batches(
 
 
 def _looked(vehicles: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.int64]:
-    """Strips (n, STRIPS_PER_FRAME) to learn from: those near vehicles first, then any."""
+    """Indices (n, STRIPS_PER_FRAME) of the strips of an epoch: those near vehicles first, then random ones."""
     ahead_m = np.where(vehicles[:, :, AHEAD] > 0.1, vehicles[:, :, AHEAD], np.inf)
     steps = np.abs(np.log(ahead_m[:, :, None] / DISTANCES_M)).min(axis=1) / math.log(RATIO)
     rank = rng.random((len(vehicles), STRIPS)) - 0.6 * (steps < NEAR_STEPS)

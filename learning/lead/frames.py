@@ -27,7 +27,7 @@ from trepid.types import Image
 MAX_VEHICLES = 6
 LABEL = ("ahead_m", "left_m", "width_m", "visible")
 NEAREST_M, FARTHEST_M = 2.2, 60.0
-PITCH_DOUBT_RAD = 0.004  # of the calibration, and of the body's pitching: 0.23 deg
+PITCH_DOUBT_RAD = 0.004  # uncertainty of the calibration and of body pitch: 0.23 deg
 DISTURBED_SHARE, EMPTY_SHARE, CLUTTER_SHARE = 0.45, 0.2, 0.3
 CAMERAS_PER_ROAD = 3
 MOST_GRADE = 3.5
@@ -38,10 +38,10 @@ KINDS = tuple(
 
 @dataclass(frozen=True, slots=True)
 class LeadSample:
-    """The strips of a frame and the nearer ends of the vehicles in it, seen from the camera."""
+    """The strips of a frame and the nearer ends of its vehicles in the camera frame."""
 
     strips: Strips
-    vehicles: NDArray[np.float32]  # (MAX_VEHICLES, LABEL): NaN rows are none; visible is a share of the end
+    vehicles: NDArray[np.float32]  # (MAX_VEHICLES, LABEL): NaN rows are empty; visible is a share of the end
 
 
 def lead_samples(seed: int, camera: Camera, *, frames: int) -> list[LeadSample]:
@@ -86,7 +86,7 @@ def _sample(
 
 
 def labels(camera: Camera, vehicles: list[tuple[Pose, Body]]) -> NDArray[np.float32]:
-    """The nearer end of each vehicle: ahead and left of the camera, width, and the share of it that is seen."""
+    """The nearer end of each vehicle: ahead and left of the camera, width, and its visible share."""
     out = np.full((MAX_VEHICLES, len(LABEL)), np.nan, np.float32)
     nearest_first = sorted(vehicles, key=lambda vehicle: math.hypot(*vehicle[0][:2]))
     hidden = np.zeros((camera.height_px, camera.width_px), np.uint8)
@@ -103,7 +103,7 @@ def labels(camera: Camera, vehicles: list[tuple[Pose, Body]]) -> NDArray[np.floa
         inside = np.clip(
             (min(right_px, camera.width_px) - max(left_px, 0)) / max(right_px - left_px, 1), 0, 1
         )
-        inside *= foot_px < camera.height_px  # where it stands on the road must be seen
+        inside *= foot_px < camera.height_px  # its lower edge must be in the image
         free = 1.0 - float((mask & hidden).sum()) / max(int(mask.sum()), 1)
         out[row] = ahead_m, left_m, body.width_m, inside * free
         hidden |= mask
@@ -111,7 +111,7 @@ def labels(camera: Camera, vehicles: list[tuple[Pose, Body]]) -> NDArray[np.floa
 
 
 def near_end(pose: Pose, body: Body) -> tuple[float, float]:
-    """The middle of the end of a vehicle that is nearer to us, in our frame."""
+    """The centre of the nearer end of a vehicle in the ego frame."""
     x_m, y_m, yaw_rad = pose
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     return min((x_m + end_m * cos, y_m + end_m * sin) for end_m in (body.rear_m, body.front_m))
@@ -138,7 +138,7 @@ def random_body(rng: np.random.Generator) -> Body:
 def cluttered(
     image: Image, camera: Camera, vehicles: list[tuple[Pose, Body]], rng: np.random.Generator
 ) -> Image:
-    """``image`` with posts, walls and signs beside the vehicles: upright, on the ground, of no vehicle's size."""
+    """``image`` with posts, walls and signs beside the vehicles: upright, not of the size of a vehicle."""
     image = image.copy()
     taken = [near_end(pose, body) for pose, body in vehicles]
     for _ in range(int(rng.integers(1, 6))):
@@ -162,7 +162,7 @@ def cluttered(
 
 
 def _random_pose(road: Road, station_m: float, rng: np.random.Generator) -> Pose:
-    """On our lane mostly, else beside it; along the road, against it, or, seldom, anyhow."""
+    """A pose mostly on the ego lane, else beside it; along the road, oncoming, or seldom at a random angle."""
     ahead_m = NEAREST_M + 2.0 + (FARTHEST_M - NEAREST_M) * float(rng.random()) ** 1.6
     lane = float(rng.choice([0.0, 1.0, -1.0], p=[0.6, 0.28, 0.12]))
     offset_m = lane * road.width_at(station_m) + float(rng.normal(0, 0.5))
@@ -184,7 +184,7 @@ def _random_light(rng: np.random.Generator) -> Light:
 
 
 def _random_camera(camera: Camera, rng: np.random.Generator) -> Camera:
-    """Another focal length, height and tilt, and a place a little off the middle."""
+    """Another focal length, height and tilt, and a small lateral shift."""
     zoom = math.exp(float(rng.normal(0, 0.2)))
     return camera.model_copy(
         update=dict(
@@ -198,7 +198,7 @@ def _random_camera(camera: Camera, rng: np.random.Generator) -> Camera:
 
 
 def _relative(pose: Pose, origin: Pose) -> Pose:
-    """``pose`` seen from ``origin``."""
+    """``pose`` in the frame of ``origin``."""
     dx, dy = pose[0] - origin[0], pose[1] - origin[1]
     cos, sin = math.cos(origin[2]), math.sin(origin[2])
     return cos * dx + sin * dy, cos * dy - sin * dx, pose[2] - origin[2]

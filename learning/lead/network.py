@@ -17,13 +17,13 @@ from perception.lead.view import (
 )
 
 OUTPUTS = ("logit", "ahead", "left", "log_width")
-"""Per cell: whether the end of a vehicle is here; ln(its distance over the strip's) in units of ln RATIO; metres
+"""Per cell: existence of the end of a vehicle; ln(its distance over the strip's) in units of ln RATIO; metres
 to the left of the cell; ln(width over USUAL_WIDTH_M)."""
 USUAL_WIDTH_M = 1.8
-FLOOR_GREY = 8.0  # added to the contrast of a strip [grey levels]: a black one stays black
-NEAR_STEPS, NEAR_LEFT_M = 0.75, 0.4  # cells this close to the end of a vehicle answer for it …
-CLOSE_STEPS, CLOSE_LEFT_M = 2.5, 1.2  # … these may or may not: they are not asked
-MIN_VISIBLE, HIDDEN = 0.6, 0.15  # less than the first: not asked; less than the last: none
+FLOOR_GREY = 8.0  # added to the contrast of a strip [grey levels]: a black strip stays black
+NEAR_STEPS, NEAR_LEFT_M = 0.75, 0.4  # cells this close to the end of a vehicle are positive …
+CLOSE_STEPS, CLOSE_LEFT_M = 2.5, 1.2  # … cells this close do not count in the loss
+MIN_VISIBLE, HIDDEN = 0.6, 0.15  # below the first: not in the loss; below the second: no vehicle
 POSITIVE_WEIGHT, BOX_WEIGHT = 4.0, 2.0
 FOCUS = 2.0  # Lin et al., Focal Loss for Dense Object Detection (ICCV 2017)
 
@@ -61,7 +61,7 @@ class LeadNetwork(nn.Module):
 
 
 class Targets(nn.Module):
-    """What the cells of a frame should say of its vehicles."""
+    """Targets of the cells of a frame."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -69,7 +69,7 @@ class Targets(nn.Module):
         self.register_buffer("left_m", torch.from_numpy(CELLS_LEFT_M).float()[None, :, None])
 
     def forward(self, vehicles: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Of vehicles (n, m, LABEL): wanted outputs (n, STRIPS, OUTPUTS, CELL_COLUMNS), positive, asked cells."""
+        """Targets (n, STRIPS, OUTPUTS, CELL_COLUMNS), positive and counted cells of vehicles (n, m, LABEL)."""
         ahead, left, width, visible = vehicles[:, None, None].unbind(-1)
         there = torch.isfinite(ahead) & (ahead > 0) & (visible > HIDDEN)
         steps = (ahead.clamp(min=0.1).log() - self.log_m[None]) / float(np.log(RATIO))
@@ -90,7 +90,7 @@ class Targets(nn.Module):
 
 
 def loss(raw: Tensor, wanted: Tensor, positive: Tensor, asked: Tensor) -> Tensor:
-    """Focal cross-entropy over the asked cells plus the absolute error of place and width of positive ones."""
+    """Focal cross-entropy over the counted cells plus the absolute error of place and width of positive ones."""
     logit = raw[:, :, 0]
     entropy = nn.functional.binary_cross_entropy_with_logits(logit, wanted[:, :, 0], reduction="none")
     wrong = (wanted[:, :, 0] - torch.sigmoid(logit)).abs() ** FOCUS

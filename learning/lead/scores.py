@@ -1,4 +1,4 @@
-"""How good a lead detector is: matches of what it found with what is there, and the calibration of its sureness."""
+"""Scores of a lead detector: detections matched with true vehicles, and the calibration of its confidence."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from perception.lead.detection import Platt
 
 SAME_RATIO, SAME_ASIDE_M, SAME_ASIDE_PER_M = 1.25, 0.8, 0.02
-"""An answer is right when its distance is within this ratio of the true one and its place so near aside."""
+"""Bounds of a right detection: ratio of distances, and lateral error."""
 MIN_VISIBLE = 0.6
 BESIDE_M = 7.5  # the strips end half a metre farther out
 Found = tuple[float, float, float, float]
@@ -19,15 +19,15 @@ Found = tuple[float, float, float, float]
 
 
 class Match(NamedTuple):
-    """A vehicle, or an answer, and its counterpart, if any."""
+    """A true vehicle or a detection, and its counterpart, if any."""
 
     true: NDArray[np.float32] | None  # its label: ahead, left, width [m], visible share
     found: Found | None
-    asked: bool  # False: hardly visible or out of range, neither right nor wrong
+    asked: bool  # False: hardly visible or out of range, not scored
 
 
 def match(truth: NDArray[np.float32], found: Sequence[Found], *, reach_m: float) -> list[Match]:
-    """Pairs of true vehicles (m, LABEL) and answers, the surest first; the rest stands alone."""
+    """Pairs of true vehicles (m, LABEL) and detections in falling order of confidence; the rest is unpaired."""
     free = [row for row in truth if np.isfinite(row[0]) and row[0] > 0]
     pairs = []
     for answer in sorted(found, key=lambda f: -f[3]):
@@ -50,7 +50,7 @@ def _asked(row: NDArray[np.float32], reach_m: float) -> bool:
 
 
 def calibrate(matches: Iterable[Match]) -> Platt:
-    """Platt's bias and slope that make the answers' probabilities most likely."""
+    """Maximum-likelihood bias and slope of Platt scaling."""
     asked = [m for m in matches if m.found is not None and m.asked]
     p = np.clip([m.found[3] for m in asked if m.found], 1e-6, 1 - 1e-6)
     right = np.array([m.true is not None for m in asked])
@@ -65,7 +65,7 @@ def calibrate(matches: Iterable[Match]) -> Platt:
 
 
 def scores(matches: Sequence[Match], *, min_probability: float) -> dict[str, float]:
-    """Recall, precision and errors of the answers of at least ``min_probability``."""
+    """Recall, precision and errors of the detections of at least ``min_probability``."""
     sure = [m for m in matches if m.found is None or m.found[3] >= min_probability or m.true is not None]
     hit = [m for m in sure if m.true is not None and m.found is not None and m.found[3] >= min_probability]
     asked_hits = [m for m in hit if m.asked]

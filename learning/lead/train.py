@@ -20,7 +20,8 @@ import typer
 from learning.lane.train import SHIPPED, VERSIONS
 from learning.lead.frames import lead_samples
 from learning.lead.scores import Match, calibrate, match, scores
-from perception.lead.detection import Platt, Record, peaks, session
+from perception.lead.detection import Platt, Record, peaks
+from perception.net.session import open_session
 from sim_harness.sweep.pool import imap
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
@@ -29,7 +30,7 @@ FRAMES_PER_ROAD = 60
 FIRST_ROAD = {"train": 0, "validation": 800_000, "test": 900_000}
 ROADS_PER_SEED = 1_000_000
 HELD_BACK_SHARE = 10  # one road in so many for validation, and as many for the test
-MIN_PROBABILITY = 0.3  # of a cell that is looked at
+MIN_PROBABILITY = 0.3  # least output of a cell that counts
 SURE = 0.5
 REACH_M = 40.0
 
@@ -37,12 +38,12 @@ REACH_M = 40.0
 def train_lead(
     roads: Annotated[int, typer.Option(min=10, help="Random roads rendered for training.")] = 150,
     epochs: Annotated[int, typer.Option(min=1, help="Passes over the frames.")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="Of roads, augmentation and first weights.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of roads, augmentation and initial weights.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for frames.")] = Path("out/train_lead"),
     weights: Annotated[
         Path, typer.Option(help="Folder for the weights.", show_default="perception/weights")
     ] = SHIPPED,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from frames that are there.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue from existing frames.")] = False,
 ) -> None:
     """Train the lead detector on rendered vehicles and write its weights; needs the extra 'train'."""
     if importlib.util.find_spec("torch") is None:
@@ -78,7 +79,7 @@ def train_lead(
 
 
 def _rendered(split: str, count: int, seed: int, folder: Path, *, resume: bool) -> list[Path]:
-    """Files with the frames of ``count`` roads that belong to ``split`` alone, rendered by all cores."""
+    """Files with the frames of ``count`` roads of ``split``, rendered by all cores; splits share no road."""
     folder.mkdir(parents=True, exist_ok=True)
     first = seed * ROADS_PER_SEED + FIRST_ROAD[split]
     paths, started_s = [], time.monotonic()
@@ -114,7 +115,7 @@ def _loaded(paths: Iterable[Path]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _matches(network: Path, paths: Iterable[Path]) -> list[Match]:
-    runner = session(network.read_bytes(), network)
+    runner = open_session(network.read_bytes(), network)
     found: list[Match] = []
     for path in paths:
         for strips, vehicles in zip(*_loaded([path]), strict=True):
@@ -124,7 +125,7 @@ def _matches(network: Path, paths: Iterable[Path]) -> list[Match]:
 
 
 def _scores(matches: list[Match], calibration: Platt) -> dict[str, float]:
-    """Scores of the answers whose calibrated probability is at least SURE."""
+    """Scores of the detections whose calibrated probability is at least SURE."""
     calibrated = [
         m._replace(found=(*m.found[:3], calibration(m.found[3]))) if m.found else m for m in matches
     ]

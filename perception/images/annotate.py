@@ -1,4 +1,4 @@
-"""Pictures that show what an estimator saw: boundaries, lane, lane centre and the numbers."""
+"""Annotated images: boundaries, lane, lane centre and the numbers of an estimate."""
 
 import math
 from pathlib import Path
@@ -15,12 +15,12 @@ Colour = tuple[int, int, int]
 
 LEFT: Colour = (255, 170, 60)
 RIGHT: Colour = (60, 170, 255)
-SURE: Colour = (110, 200, 70)
-DOUBTFUL: Colour = (50, 190, 240)
-AFRAID: Colour = (70, 70, 230)
+HIGH: Colour = (110, 200, 70)
+MEDIUM: Colour = (50, 190, 240)
+LOW: Colour = (70, 70, 230)
 WHITE: Colour = (245, 245, 245)
 PANEL: Colour = (32, 26, 22)
-MIN_WIDTH_PX = 640  # smaller images are enlarged, so that the text can be read
+MIN_WIDTH_PX = 640  # smaller images are enlarged for legible text
 SINGLE_IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".bmp"})
 
 
@@ -41,7 +41,7 @@ def annotated(image: Image, estimate: SteeringEstimate) -> Image:
 
 
 def enlarged(image: Image) -> tuple[Image, float]:
-    """A copy of ``image``, at least 640 px wide, and by how much it is larger."""
+    """A copy of ``image``, at least 640 px wide, and the factor of enlargement."""
     scale = max(1.0, MIN_WIDTH_PX / image.shape[1])
     size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
     return cv2.resize(image, size, interpolation=cv2.INTER_CUBIC).astype(np.uint8, copy=False), scale
@@ -49,8 +49,8 @@ def enlarged(image: Image) -> tuple[Image, float]:
 
 def _confidence_colour(confidence: float) -> Colour:
     if confidence >= 0.6:
-        return SURE
-    return DOUBTFUL if confidence >= 0.25 else AFRAID
+        return HIGH
+    return MEDIUM if confidence >= 0.25 else LOW
 
 
 def _common_rows(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,7 +78,7 @@ def _polyline(canvas: Image, line: NDArray[np.float64], colour: Colour, thicknes
 
 
 def _centre(canvas: Image, left: NDArray[np.float64], right: NDArray[np.float64], thickness: int) -> None:
-    """The lane centre as dots: the middle of a row is the middle on a flat road."""
+    """Dots along the lane centre: on a flat road the middle of an image row is the middle of the lane."""
     for x_left, x_right, y in _common_rows(left, right).tolist():
         at = (round((x_left + x_right) / 2), round(y))
         radius = max(1, round(abs(x_right - x_left) / 120))
@@ -123,14 +123,14 @@ def _number(value: float | None, pattern: str) -> str:
 
 
 def text(canvas: Image, words: str, at: tuple[int, int], size: float, colour: Colour) -> None:
-    """Write ``words`` with a dark edge, so that they can be read on anything."""
+    """Draw ``words`` with a dark edge, legible on any background."""
     thickness = max(1, round(size * 1.6))
     cv2.putText(canvas, words, at, cv2.FONT_HERSHEY_SIMPLEX, size, PANEL, thickness + 2, cv2.LINE_AA)
     cv2.putText(canvas, words, at, cv2.FONT_HERSHEY_SIMPLEX, size, colour, thickness, cv2.LINE_AA)
 
 
 class AnnotationWriter:
-    """Writes annotated frames to one image file, one video, or a folder (one picture a still, one video a clip)."""
+    """Writer of annotated frames: an image file, a video, or a folder (an image per still, a video per clip)."""
 
     def __init__(self, out: Path, *, fps: float) -> None:
         self._out, self._fps = out, fps

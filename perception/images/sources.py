@@ -1,4 +1,4 @@
-"""What a user may hand to ``trepid estimate``: images, folders of images, videos. Frames come out, in order."""
+"""Image sources: images, folders of images, videos, read as frames in order."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from trepid.types import Image
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"})
 VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
 INDEXED_SUFFIXES = frozenset({".mp4", ".m4v", ".mov", ".avi"})
-NOMINAL_FPS = 25.0  # for videos that do not say
+NOMINAL_FPS = 25.0  # for videos without a frame rate
 
 
 @dataclass(frozen=True, slots=True)
 class Still:
-    """One image, to be judged by itself."""
+    """One image, independent of others."""
 
     path: Path
 
@@ -29,14 +29,14 @@ class Still:
 
 @dataclass(frozen=True, slots=True)
 class Clip:
-    """A video, to be tracked from frame to frame."""
+    """A video, whose frames are tracked."""
 
     path: Path
     frames: int
     fps: float
 
     def read(self) -> Iterator[Image]:
-        """Its frames. Raises InputError when it ends before its container says."""
+        """Its frames. Raises InputError when it ends before the announced number of frames."""
         capture = cv2.VideoCapture(str(self.path))
         decoded = 0
         try:
@@ -52,7 +52,7 @@ class Clip:
 
     @property
     def _unsure_frames(self) -> int:
-        """How far the announced number of frames may be off: only an index counts, a duration estimates."""
+        """Tolerance of the announced number of frames: exact with an index, an estimate from the duration else."""
         return 1 if self.path.suffix.lower() in INDEXED_SUFFIXES else 2 + self.frames // 50
 
     def sample(self, count: int) -> list[Image]:
@@ -79,7 +79,7 @@ Source = Still | Clip
 
 
 def sources(path: Path) -> list[Source]:
-    """What ``path`` holds: an image, a video, or a folder's images in order of name. Raises InputError."""
+    """The sources in ``path``: an image, a video, or the images of a folder by name. Raises InputError."""
     if path.is_dir():
         return _folder(path)
     if not path.exists():
@@ -90,7 +90,7 @@ def sources(path: Path) -> list[Source]:
     if suffix in IMAGE_SUFFIXES:
         return [Still(path)]
     known = " ".join(sorted(IMAGE_SUFFIXES | VIDEO_SUFFIXES))
-    raise InputError(f"{path}: not a kind of file that can be estimated; known: {known}")
+    raise InputError(f"{path}: unknown kind of file; known: {known}")
 
 
 def _folder(path: Path) -> list[Source]:
@@ -108,12 +108,12 @@ def _clip(path: Path) -> Clip:
     finally:
         capture.release()
     if frames <= 0:
-        raise InputError(f"{path}: not a video that can be read; it may be truncated")
+        raise InputError(f"{path}: cannot be read as a video; it may be truncated")
     return Clip(path=path, frames=frames, fps=fps if 0 < fps < 1000 else NOMINAL_FPS)
 
 
 def read_image(path: Path) -> Image:
-    """The image in ``path``, shape (height, width, 3). Raises InputError when it is none or is truncated."""
+    """The image in ``path``, shape (height, width, 3). Raises InputError when it is not an image or truncated."""
     try:
         data = path.read_bytes()
     except OSError as error:

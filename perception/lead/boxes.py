@@ -1,7 +1,7 @@
-"""Vehicles from any box detector in an ONNX or TensorFlow Lite file, for the real world.
+"""Vehicles from a box detector in an ONNX or TensorFlow Lite file.
 
-A box tells the place on the road by its lower edge, where the vehicle stands: the camera's geometry turns that into
-metres (Stein, Mano and Shashua, Vision-based ACC with a Single Camera, IEEE Intelligent Vehicles 2003).
+The lower edge of a box is where the vehicle stands on the road; the camera geometry turns it into metres
+ (Stein, Mano and Shashua, Vision-based ACC with a Single Camera, IEEE Intelligent Vehicles 2003).
 """
 
 import importlib.util
@@ -15,7 +15,8 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from perception.lead.detection import Detection, session
+from perception.lead.detection import Detection
+from perception.net.session import open_session
 from trepid.camera import Camera
 from trepid.config import InputError, Settings
 from trepid.types import Floats, Image, OpenShare
@@ -24,7 +25,7 @@ Boxes = tuple[Floats, Floats]
 """Corners (n, 4) as left, top, right, bottom in shares of the picture, and scores (n,)."""
 Model = Callable[[Floats], list[Floats]]
 NMS_OVERLAP = 0.5
-WIDTH_M = (1.0, 4.0)  # of vehicles, as the road says; a motorcycle to a truck seen askew
+WIDTH_M = (1.0, 4.0)  # of vehicles: a motorcycle to a truck at an angle
 FARTHEST_M = 120.0
 
 
@@ -34,14 +35,14 @@ class BoxSettings(Settings):
     layout: Literal["ssd", "yolo"]
     classes: Annotated[tuple[int, ...], Field(min_length=1)]
     min_score: OpenShare
-    tile_share: Annotated[float, Field(gt=0, le=1)]  # 1: no second look
+    tile_share: Annotated[float, Field(gt=0, le=1)]  # 1: no second detection around the horizon
 
 
 class BoxDetector:
-    """A box detector and the camera that it looks through."""
+    """A box detector for one camera."""
 
     def __init__(self, path: Path, settings: BoxSettings, camera: Camera) -> None:
-        """Raises InputError when the file is missing, none of the two kinds, or its runtime is not installed."""
+        """Raises InputError when the file is missing, of another kind, or its runtime is not installed."""
         if not path.is_file():
             raise InputError(f"{path}: no such detector")
         readers = {".onnx": _onnx, ".tflite": _tflite}
@@ -52,7 +53,7 @@ class BoxDetector:
         self._decode = {"ssd": ssd_boxes, "yolo": yolo_boxes}[settings.layout]
 
     def __call__(self, image: Image) -> list[Detection]:
-        """The vehicles in ``image``, the surest first."""
+        """The vehicles in ``image``, in falling order of confidence."""
         found: list[tuple[Floats, float]] = []
         for left, top, right, bottom in self._tiles():
             corners, scores = self._look(image[top:bottom, left:right])
@@ -64,7 +65,7 @@ class BoxDetector:
         return sorted(filter(None, seen), key=lambda detection: -detection.confidence)
 
     def _tiles(self) -> list[tuple[int, int, int, int]]:
-        """The whole picture, and a part of it around the horizon in which far vehicles are larger."""
+        """The whole image, and a part around the horizon in which far vehicles are larger."""
         width, height = self._camera.width_px, self._camera.height_px
         tiles = [(0, 0, width, height)]
         share = self._settings.tile_share
@@ -90,7 +91,7 @@ class BoxDetector:
 
 
 def on_road(camera: Camera, corners: Sequence[float] | Floats, score: float) -> Detection | None:
-    """The vehicle of a box [px]; None where it cannot stand on the road or would be of no vehicle's width."""
+    """The vehicle of a box [px]; None where it would not stand on the road or not have the width of a vehicle."""
     left, _, right, bottom = (float(c) for c in corners)
     feet = camera.road_from_pixel([(left, bottom), (right, bottom)])
     ahead_m, left_m = feet.mean(axis=0).tolist()
@@ -149,7 +150,7 @@ def yolo_boxes(outputs: list[Floats], classes: Sequence[int], size: tuple[int, i
 
 
 def _suppressed(found: list[tuple[Floats, float]], min_score: float) -> list[int]:
-    """Of boxes that overlap, the surest: their places in ``found``."""
+    """Indices in ``found`` of the boxes that non-maximum suppression keeps."""
     if not found:
         return []
     boxes = [(b[0], b[1], b[2] - b[0], b[3] - b[1]) for b, _ in found]
@@ -158,7 +159,7 @@ def _suppressed(found: list[tuple[Floats, float]], min_score: float) -> list[int
 
 
 def _onnx(path: Path) -> tuple[Model, tuple[int, ...]]:
-    runner = session(path.read_bytes(), path)
+    runner = open_session(path.read_bytes(), path)
     entry = runner.get_inputs()[0]
     if len(entry.shape) != 4 or not all(isinstance(side, int) for side in entry.shape[1:]):
         raise InputError(f"{path}: takes {entry.shape}, not one image of a fixed size")

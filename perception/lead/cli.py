@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import cv2
 
-from perception.images.annotate import PANEL, SURE, WHITE, enlarged, text
+from perception.images.annotate import HIGH, PANEL, WHITE, enlarged, text
 from perception.images.frames import CameraFor, FrameResult, Step, print_json, print_table, results, written
 from perception.lead.detection import Detection
 from perception.lead.finder import LeadFinder, LeadSettings, lead_settings, make_detector
@@ -61,7 +61,7 @@ def drawn(one: FrameResult[Leads]) -> Image:
         if box is None or detection.confidence < LEAD_STILL_CONFIDENCE:
             continue
         left, top, right, bottom = (round(value * scale) for value in box)
-        colour = SURE if _is_lead(detection, one.result.lead) else OTHER
+        colour = HIGH if _is_lead(detection, one.result.lead) else OTHER
         cv2.rectangle(canvas, (left, top), (right, bottom), PANEL, 2 + max(1, round(unit)), cv2.LINE_AA)
         cv2.rectangle(canvas, (left, top), (right, bottom), colour, max(1, round(unit)), cv2.LINE_AA)
         label = f"{detection.ahead_m:.0f} m  {detection.confidence:.2f}"

@@ -1,4 +1,4 @@
-"""Vehicles in one frame: what detectors answer, and the embedded one.
+"""Vehicles in one frame: the detector interface and the embedded detector.
 
 The embedded detector is a network of 17 000 weights on strips of one scale (:mod:`perception.lead.view`). It gives
 for each cell of each strip the probability that the nearer end of a vehicle stands there, and where exactly.
@@ -10,30 +10,30 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 
 from perception.lead.view import CELLS_LEFT_M, DISTANCES_M, RATIO, LeadView
+from perception.net.session import open_session
 from trepid.camera import Camera
 from trepid.config import InputError, Settings, load
 from trepid.types import Image
 
 USUAL_WIDTH_M = 1.8
-SAME_AHEAD, SAME_LEFT_M = 1.35, 1.1  # two answers this near (ratio of distances; aside) are one vehicle
+SAME_AHEAD, SAME_LEFT_M = 1.35, 1.1  # two detections this near (ratio of distances; lateral) are one vehicle
 Cells = NDArray[np.float32]
-"""Answers of the network, shape (STRIPS, 4, CELL_COLUMNS): probability, ahead [ln RATIO], left [m], ln(w/1.8 m)."""
+"""Outputs of the network, shape (STRIPS, 4, CELL_COLUMNS): probability, ahead [ln RATIO], left [m], ln(w/1.8 m)."""
 
 
 class Detection(NamedTuple):
-    """The nearer end of a vehicle, on the road, seen from our rear axle."""
+    """The nearer end of a vehicle on the road, in the frame of the ego rear axle."""
 
     ahead_m: float
     left_m: float
     width_m: float
-    confidence: float  # probability that there is one, calibrated
+    confidence: float  # calibrated probability of a vehicle
 
     def pixels(self, camera: Camera, height_m: float = 1.5) -> tuple[float, float, float, float] | None:
-        """Upright box (left, top, right, bottom) [px] around it; None when it is not before the camera."""
+        """Upright box (left, top, right, bottom) [px] around it; None when it is behind the camera."""
         depth_m = self.ahead_m - camera.x_m
         if depth_m <= 0.1:
             return None
@@ -46,10 +46,10 @@ class Detection(NamedTuple):
 
 
 class Detector(Protocol):
-    """Finds vehicles in a frame of the camera that it was made for. Remembers nothing."""
+    """Vehicles in a single frame of one camera; stateless."""
 
     def __call__(self, image: Image) -> list[Detection]:
-        """The vehicles in ``image``, the surest first."""
+        """The vehicles in ``image``, in falling order of confidence."""
         ...
 
 
@@ -60,18 +60,18 @@ class Platt(Settings):
     slope: float
 
     def __call__(self, probability: float) -> float:
-        """The share of answers of this ``probability`` that are right."""
+        """The calibrated probability for an output ``probability``."""
         p = min(max(probability, 1e-6), 1 - 1e-6)
         return 1 / (1 + math.exp(-(self.bias + self.slope * math.log(p / (1 - p)))))
 
 
 class Record(Settings):
-    """``lead_net.json``: what the weights beside it are, how they came about and how good they are."""
+    """``lead_net.json``: provenance, calibration and scores of the weights in the same folder."""
 
     sha256: str  # of the ONNX file
     parameters: int
     calibration: Platt
-    min_probability: float  # of a cell that is looked at
+    min_probability: float  # least output of a cell that counts
     command: str
     date: str
     versions: dict[str, str]
@@ -90,11 +90,11 @@ class StripDetector:
         network = weights.read_bytes()
         if hashlib.sha256(network).hexdigest() != self._record.sha256:
             raise InputError(f"{weights.with_suffix('.json')}: describes other weights than {weights.name}")
-        self._session = session(network, weights)
+        self._session = open_session(network, weights)
         self._view, self._camera = LeadView(camera), camera
 
     def __call__(self, image: Image) -> list[Detection]:
-        """The vehicles in ``image``, the surest first."""
+        """The vehicles in ``image``, in falling order of confidence."""
         cells = self._session.run(None, {"strips": self._view.strips(image)})[0]
         camera, record = self._camera, self._record
         return [
@@ -104,10 +104,10 @@ class StripDetector:
 
 
 def peaks(cells: Cells, min_probability: float) -> list[tuple[float, float, float, float]]:
-    """Vehicles (ahead [m], left [m], width [m], probability) seen from the camera, the surest first.
+    """Vehicles (ahead [m], left [m], width [m], probability) in the camera frame, in falling order of probability.
 
-    The surest cell stands for a vehicle and takes all cells with it that mean the same one; its place is their
-    mean, weighted by probability.
+    The cell with the highest probability and all cells near its place are one vehicle, whose place is their mean
+    weighted by probability.
     """
     probability = cells[:, 0]
     strip, column = np.nonzero(probability >= min_probability)
@@ -134,15 +134,3 @@ def peaks(cells: Cells, min_probability: float) -> list[tuple[float, float, floa
             )
         )
     return found
-
-
-def session(network: bytes, path: Path) -> onnxruntime.InferenceSession:
-    """An ONNX network on one thread, deterministic. Raises InputError when ``network`` is none."""
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
-    options.use_deterministic_compute = True
-    try:
-        return onnxruntime.InferenceSession(network, options, providers=["CPUExecutionProvider"])
-    except onnxruntime.capi.onnxruntime_pybind11_state.InvalidProtobuf as error:
-        raise InputError(f"{path}: not an ONNX network") from error

@@ -1,4 +1,4 @@
-"""The vehicle ahead as the camera sees it: detection, tracks, and the choice of the one that is ahead of us."""
+"""The leader from camera images: detection, tracks, and the choice of the vehicle ahead."""
 
 import math
 from collections.abc import Iterable
@@ -17,8 +17,8 @@ from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.types import OpenShare, Positive
 from trepid.vehicle import Vehicle
 
-MAX_STEP_S = 0.5  # longer between two frames: what was known of the vehicles is forgotten
-SLOW_MPS = 1.0  # below, the yaw rate says less of our arc than the wheels
+MAX_STEP_S = 0.5  # a longer gap between two frames drops all tracks
+SLOW_MPS = 1.0  # below, the wheel angle gives the arc more exactly than the yaw rate
 
 
 class ChoiceSettings(Settings):
@@ -51,7 +51,7 @@ def lead_settings() -> LeadSettings:
 
 
 class LeadFinder:
-    """Node: frames in, the vehicle ahead out."""
+    """Node: frames to the vehicle ahead."""
 
     def __init__(self, detector: Detector, settings: LeadSettings, camera: Camera, vehicle: Vehicle) -> None:
         self._detect, self._settings, self._vehicle = detector, settings, vehicle
@@ -67,7 +67,7 @@ class LeadFinder:
 
     @property
     def detections(self) -> list[Detection]:
-        """What was found in the last frame."""
+        """Detections in the last frame."""
         return self._detections
 
     def step(
@@ -78,10 +78,10 @@ class LeadFinder:
         *,
         now_s: float,
     ) -> LeadVehicle:
-        """The vehicle ahead in ``frame``; confidence 0 when there is none, or none can be seen.
+        """The vehicle ahead in ``frame``; confidence 0 without one.
 
-        ``state`` takes our own motion out; without it a vehicle has a place but no speed. The surest of ``lanes``,
-        the newest estimates, says which of the vehicles drive where we shall; without one our own arc does.
+        ``state`` gives the ego motion; without it a vehicle has a place but no speed. The most confident of
+        ``lanes``, the newest estimates, defines the corridor; without one, the arc that the ego vehicle drives.
         """
         gap_s = math.inf if self._t_s is None else frame.t_s - self._t_s
         if not 0 <= gap_s <= MAX_STEP_S:
@@ -99,7 +99,7 @@ class LeadFinder:
         return self._message(frame.t_s, self._ahead, moves=motion is not None)
 
     def _choose(self, corridor: "Corridor") -> Track | None:
-        """The nearest vehicle in our lane. The one ahead stays it, also where it is a little farther out."""
+        """The nearest vehicle in the corridor; the present leader may be ``keep_m`` farther out."""
         choice, odometry = self._settings.choice, self._tracker.odometry
         nearest, nearest_m = None, math.inf
         for track in self._tracker.tracks:
@@ -130,7 +130,7 @@ class LeadFinder:
         )
 
     def _arc_1pm(self, state: VehicleState | None) -> float:
-        """Curvature that we drive: r/v, at a crawl tan δ/L (ISO 15622 calls it the predicted path); 0 unknown."""
+        """Curvature of the ego path: r/v, at low speed tan δ/L (predicted path of ISO 15622); 0 when unknown."""
         if state is None:
             return 0.0
         if state.speed_mps is not None and state.yaw_rate_radps is not None and state.speed_mps > SLOW_MPS:
@@ -141,7 +141,7 @@ class LeadFinder:
 def usable_lane(
     settings: ChoiceSettings, lanes: Iterable[SteeringEstimate | None], *, t_s: float
 ) -> SteeringEstimate | None:
-    """The surest of the fresh ``lanes`` that is sure enough; None without one."""
+    """The most confident of the fresh ``lanes`` above ``min_lane_confidence``; None without one."""
     fresh = [
         lane
         for lane in lanes
@@ -165,7 +165,7 @@ def _motion(state: VehicleState | None) -> tuple[float, float] | None:
 
 
 class Corridor:
-    """Where we shall drive: the lane if it is seen, else our own arc."""
+    """The strip of road ahead of the ego vehicle: the estimated lane, else the arc that it drives."""
 
     def __init__(
         self,
@@ -176,7 +176,7 @@ class Corridor:
         *,
         t_s: float,
     ) -> None:
-        """``lane`` is usable and may be older than ``t_s``: since then we have gone on with ``motion``."""
+        """``lane`` may be older than ``t_s``; ``motion`` moves it to now."""
         self._settings = settings
         self._width_m = settings.lane_width_m
         self._lane = Lane(0.0, 0.0, arc_1pm, 0.0)
@@ -196,14 +196,14 @@ class Corridor:
         self._gone_m, self._turned_rad = speed_mps * (t_s - lane.t_s), yaw_rate_radps * (t_s - lane.t_s)
 
     def centre_m(self, ahead_m: float) -> float:
-        """Its middle at ``ahead_m``, + left; beyond ``lane_reach_m`` it goes on along its tangent."""
+        """Lateral place of its centre at ``ahead_m``, + left; beyond ``lane_reach_m`` along its tangent."""
         along_m = ahead_m + self._gone_m
         near_m = min(along_m, self._settings.lane_reach_m)
         slope = self._lane.slope_at(near_m)
         return self._lane.y_m(near_m) + slope * (along_m - near_m) - self._turned_rad * ahead_m
 
     def reaches_in_m(self, ahead_m: float, left_m: float, width_m: float) -> float:
-        """How much farther a vehicle reaches into it than it must to be in our lane."""
+        """How far a vehicle reaches into it beyond the ``into_lane_m`` that make it a leader."""
         beside_m = abs(left_m - self.centre_m(ahead_m)) - width_m / 2
         return self._width_m / 2 - self._settings.into_lane_m - beside_m
 

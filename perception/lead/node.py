@@ -8,7 +8,7 @@ from trepid.topics import CAMERA_IMAGE, LEAD_VEHICLE, VEHICLE_STATE, estimate_to
 
 
 def run(me: Process) -> None:
-    """Read the newest frame, find the vehicle ahead, publish; nothing is queued."""
+    """Publish the vehicle ahead in the newest frame."""
     frames, state = me.bus.latest(CAMERA_IMAGE), me.bus.latest(VEHICLE_STATE)
     lanes = [me.bus.latest(estimate_topic(name)) for name in me.options["estimators"]]
     send = me.bus.publisher(LEAD_VEHICLE)

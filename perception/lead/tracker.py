@@ -36,12 +36,12 @@ class TrackSettings(Settings):
     bearing_sigma_rad: Positive  # ρ_b
     aside_floor_m: Positive  # ρ_1
     accel_mps2: Positive  # a
-    first_speed_sigma_mps: Positive  # of a vehicle that has just been seen: it may stand, or come towards us
+    first_speed_sigma_mps: Positive  # of a new track: it may stand or be oncoming
     gate_sigmas: Positive
     miss_log_odds: Annotated[float, Field(lt=0)]
     max_log_odds: Positive
-    lost_log_odds: float  # a track below this is given up
-    new_confidence: Annotated[float, Field(gt=0, lt=1)]  # of a detection that begins a track
+    lost_log_odds: float  # a track below this is dropped
+    new_confidence: Annotated[float, Field(gt=0, lt=1)]  # least confidence of a detection that starts a track
     max_coast_s: Positive
 
 
@@ -62,16 +62,16 @@ class Track:
 
     @property
     def confidence(self) -> float:
-        """Probability that the vehicle is there."""
+        """Probability that the vehicle exists."""
         return 1 / (1 + math.exp(-self.log_odds))
 
     @property
     def speed_sigma_mps(self) -> float:
-        """Greatest standard deviation of the speed."""
+        """Largest standard deviation of the speed."""
         return float(math.sqrt(np.linalg.eigvalsh(self.covariance[2:, 2:])[-1]))
 
     def predict(self, dt_s: float) -> None:
-        """On by ``dt_s`` at constant velocity."""
+        """Predict by ``dt_s`` at constant velocity."""
         if dt_s <= 0:
             return
         step = EYE.copy()
@@ -88,7 +88,7 @@ class Track:
         return float(math.sqrt(off @ np.linalg.solve(self.covariance[:2, :2] + noise, off)))
 
     def correct(self, at: Vector, noise: Vector, detection: Detection) -> None:
-        """Take a detection in (Joseph's form keeps the covariance symmetric and positive)."""
+        """Update with a detection (Joseph's form keeps the covariance symmetric and positive)."""
         gain = np.linalg.solve(self.covariance[:2, :2] + noise, self.covariance[:2]).T
         self.state = self.state + gain @ (at - self.state[:2])
         kept = EYE.copy()
@@ -99,7 +99,7 @@ class Track:
         self.unseen_s = 0.0
 
     def miss(self) -> None:
-        """It should have been seen and was not."""
+        """Lower the existence after a frame without a detection."""
         self._believe(self._settings.miss_log_odds)
 
     def _believe(self, log_odds: float) -> None:
@@ -108,13 +108,13 @@ class Track:
 
 
 class Odometry:
-    """Where we are in the frame in which we were at the start: the chord of an arc for each step."""
+    """Ego pose in the frame of the first step: the chord of an arc for each step."""
 
     def __init__(self) -> None:
         self.x_m = self.y_m = self.yaw_rad = 0.0
 
     def move(self, speed_mps: float, yaw_rate_radps: float, dt_s: float) -> None:
-        """Drive for ``dt_s``."""
+        """Move the ego vehicle for ``dt_s``."""
         middle_rad = self.yaw_rad + yaw_rate_radps * dt_s / 2
         self.x_m += speed_mps * dt_s * math.cos(middle_rad)
         self.y_m += speed_mps * dt_s * math.sin(middle_rad)
@@ -122,24 +122,24 @@ class Odometry:
 
     @property
     def turn(self) -> Vector:
-        """Rotation from our axes to the odometry frame."""
+        """Rotation from the vehicle frame to the odometry frame."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return np.array([[cos, -sin], [sin, cos]])
 
     def from_vehicle(self, x_m: float, y_m: float) -> Vector:
-        """A point in our axes, in the odometry frame."""
+        """A point of the vehicle frame in the odometry frame."""
         return self.turn @ (x_m, y_m) + (self.x_m, self.y_m)
 
     def to_vehicle(self, point: Vector) -> Vector:
-        """A point in the odometry frame, in our axes."""
+        """A point of the odometry frame in the vehicle frame."""
         return np.asarray(self.turn.T @ (point - (self.x_m, self.y_m)))
 
 
 class Tracker:
-    """The tracks of all vehicles that are seen."""
+    """The tracks of all detected vehicles."""
 
     def __init__(self, settings: TrackSettings, *, eye_m: float) -> None:
-        """``eye_m``: where the camera is, ahead of the rear axle."""
+        """``eye_m``: distance of the camera ahead of the rear axle."""
         self._settings, self._eye_m = settings, eye_m
         self.odometry = Odometry()
         self.tracks: list[Track] = []
@@ -147,7 +147,7 @@ class Tracker:
     def step(
         self, detections: Sequence[Detection], *, speed_mps: float, yaw_rate_radps: float, dt_s: float
     ) -> None:
-        """Move on by ``dt_s`` and take the ``detections`` in, the surest first."""
+        """Predict by ``dt_s`` and update with ``detections``, given in falling order of confidence."""
         self.odometry.move(speed_mps, yaw_rate_radps, dt_s)
         for track in self.tracks:
             track.predict(dt_s)
@@ -165,7 +165,7 @@ class Tracker:
         self.tracks = [track for track in self.tracks if self._lives(track)]
 
     def _begin(self, at: Vector, noise: Vector, detection: Detection, speed_mps: float) -> None:
-        """Most vehicles ahead drive about as fast as we."""
+        """A new track at the speed of the ego vehicle."""
         own = self.odometry.turn @ (speed_mps, 0.0)
         track = Track(at, noise, own, detection.width_m, self._settings)
         track.log_odds = math.log(detection.confidence / (1 - detection.confidence))

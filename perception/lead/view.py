@@ -1,10 +1,9 @@
-"""What the lead detector looks at: upright strips of the road ahead, all at one scale.
+"""Input of the lead detector: upright strips of the road ahead, all at one scale.
 
-A vehicle stands on the road, so its distance says where in the image its lower edge is and how large it appears.
-For each of a row of distances the image is therefore sampled on an upright plane across the road: there every
-vehicle has the same size in cells, whatever its distance, the lens or the size of the image, and a small network
-need learn one size only. Distances grow by a constant ratio, so that neither is a vehicle between two strips much
-smaller or larger than one on a strip.
+A vehicle stands on the road, so its distance determines the row of its lower edge and its size in the image.
+The image is sampled on upright planes across the road at distances of constant ratio. On every plane a
+vehicle has the same size in cells for any distance, lens and image size, so a small network has to learn one
+size only.
 """
 
 import math
@@ -17,19 +16,19 @@ from trepid.camera import Camera
 from trepid.types import Image
 
 FIRST_M, RATIO, STRIPS = 2.5, 1.13, 25
-"""Distances from the camera: 2.5 m (the road right before the bumper) to 47 m (a car of 7 px at 320 px)."""
+"""Distances from the camera: 2.5 m (in front of the bumper) to 47 m (a car is 7 px wide at 320 px)."""
 ROW_M, ROWS, LOWEST_M = 0.1, 20, -0.35
 COLUMN_M, COLUMNS = 0.2, 80
-CELL_COLUMNS = COLUMNS // 2  # of the network's answer
+CELL_COLUMNS = COLUMNS // 2  # of the network's output
 CELL_M = 2 * COLUMN_M
-FINEST_PX_PER_M = 14.0  # of what is sampled: finer pictures are averaged first
+FINEST_PX_PER_M = 14.0  # finer images are averaged before sampling
 
 Strips = NDArray[np.uint8]
 """Sampled strips, shape (STRIPS, ROWS, COLUMNS, 3): near to far, top to bottom, left to right, BGR."""
 
 DISTANCES_M = FIRST_M * RATIO ** np.arange(STRIPS)
 CELLS_LEFT_M = (CELL_COLUMNS / 2 - 0.5 - np.arange(CELL_COLUMNS)) * CELL_M
-"""Where the columns of the answer lie: metres to the left of the camera, from left to right."""
+"""Lateral place of the output columns [m], + left of the camera, from left to right."""
 
 
 class LeadView:
@@ -50,7 +49,7 @@ class LeadView:
                 self._maps[level] = cv2.convertMaps(x, y, cv2.CV_16SC2)
 
     def strips(self, image: Image) -> Strips:
-        """``image`` of the camera on every plane; what the camera does not see is black."""
+        """``image`` sampled on every plane; black outside the image."""
         out = np.zeros((STRIPS, ROWS, COLUMNS, 3), np.uint8)
         for level, members in self._levels:
             if level:

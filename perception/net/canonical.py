@@ -1,4 +1,4 @@
-"""Any camera's image as the one camera that the network knows would have seen it.
+"""Images of any camera, warped to the canonical camera of the network.
 
 Turning a camera about its centre moves pixels by the homography K_c·R·K⁻¹ whatever the scene (Hartley and
 Zisserman, Multiple View Geometry, 2004, section 8.4), so pitch, yaw, focal length and distortion are undone
@@ -14,7 +14,7 @@ from trepid.camera import Camera
 from trepid.clothoid import Lane
 from trepid.types import Image
 
-SUPERSAMPLE = 2  # per axis; then averaged, so that thin far lines survive the shrinking
+SUPERSAMPLE = 2  # per axis; then averaged, so that thin far lines survive the reduction
 
 
 def lane_of_row(row: ArrayLike, lookahead_m: float) -> Lane:
@@ -63,7 +63,7 @@ class CanonicalView:
         )
 
     def image(self, image: Image) -> Image:
-        """What the canonical camera would see, shape (canonical height, canonical width, 3); black where unseen."""
+        """The image in the canonical camera, shape (canonical height, width, 3); black outside ``image``."""
         if self._shrink > 1:
             image = np.asarray(cv2.resize(image, self._size, interpolation=cv2.INTER_AREA), np.uint8)
         fine = cv2.remap(image, self._map, self._fractions, cv2.INTER_LINEAR)
@@ -71,7 +71,7 @@ class CanonicalView:
         return np.asarray(cv2.resize(fine, size, interpolation=cv2.INTER_AREA), np.uint8)
 
     def lane(self, canonical_lane: Lane) -> Lane:
-        """The lane at the vehicle's rear axle, from the one that the network believes to see at the canonical one.
+        """The lane at the vehicle's rear axle, from the lane in the canonical frame that the network returns.
 
         In the true world the canonical axle lies s·x_c behind the camera, on the camera's own line.
         """
@@ -82,5 +82,5 @@ class CanonicalView:
 
     @property
     def scale(self) -> float:
-        """s = h/h_c: how many times larger the true world is than the network believes."""
+        """s = h/h_c: ratio of the camera height to the canonical height."""
         return self.camera.height_m / self.canonical.height_m

@@ -1,10 +1,9 @@
 """The CNN estimator: a PilotNet-sized network that reads the lane from one frame, run by ONNX Runtime.
 
-Bojarski et al., End to End Learning for Self-Driving Cars (2016) give its shape. It does not learn the steering
-angle itself but the lane state, so that vehicle, look-ahead and camera can change without training; and, after
-Kendall and Gal, What Uncertainties Do We Need (NIPS 2017), how far off it expects to be. That becomes the
-confidence: the probability, calibrated on roads it was not trained on, that the road-wheel angle is less than
-``tolerance_rad`` wrong.
+Layers as in Bojarski et al., End to End Learning for Self-Driving Cars (2016). The outputs are the lane
+state, so that vehicle, look-ahead and camera can change without training, and its standard deviation (Kendall
+and Gal, What Uncertainties Do We Need, NIPS 2017). Confidence is the probability, calibrated on roads outside
+the training set, that the error of the road-wheel angle is below ``tolerance_rad``.
 """
 
 import hashlib
@@ -14,11 +13,11 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 from pydantic import Field
 
 from perception.net.canonical import CanonicalView, lane_of_row
+from perception.net.session import open_session
 from trepid.camera import Camera
 from trepid.clothoid import Lane
 from trepid.config import ROOT, InputError, Settings, load
@@ -48,13 +47,13 @@ class Calibration(Settings):
     slope: Annotated[float, Field(gt=0)]
 
     def probability(self, sigma_rad: float) -> float:
-        """Probability that an estimate with the predicted standard deviation ``sigma_rad`` is good enough."""
+        """Probability of an error below ``tolerance_rad`` at the predicted deviation ``sigma_rad``."""
         logit = self.bias + self.slope * math.log(self.tolerance_rad / sigma_rad)
         return 1 / (1 + math.exp(-max(min(logit, 50.0), -50.0)))
 
 
 class Record(Settings):
-    """``steer_net.json``: what the weights beside it are, how they came about and how good they are."""
+    """``steer_net.json``: provenance, calibration and scores of the weights in the same folder."""
 
     sha256: str  # of the ONNX file
     parameters: int
@@ -70,22 +69,13 @@ class Record(Settings):
 
 
 class Network:
-    """The ONNX graph: images of the canonical camera in, lane, its uncertainty and visibility out."""
+    """The ONNX graph: images of the canonical camera to lane, standard deviation and visibility."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError when the file is missing or no network."""
+        """Raises InputError when the file is missing or is not a network."""
         if not path.is_file():
             raise InputError(f"{path}: no weights of the CNN estimator; `trepid train` makes them")
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
-        options.use_deterministic_compute = True
-        try:
-            self._session = onnxruntime.InferenceSession(
-                path.read_bytes(), options, providers=["CPUExecutionProvider"]
-            )
-        except onnxruntime.capi.onnxruntime_pybind11_state.InvalidProtobuf as error:
-            raise InputError(f"{path}: not an ONNX network") from error
+        self._session = open_session(path.read_bytes(), path)
 
     def __call__(self, images: Image) -> Outputs:
         """Of images (n, height, width, 3): lane (n, 4), σ of κ_cmd [1/m] (n,), probability of a road (n,).
@@ -106,7 +96,7 @@ def load_record(weights: Path) -> Record:
 
 
 class SteerNet:
-    """Estimator ``cnn``. It finds no lines, so it reports no boundaries, no lane width and 0 lanes detected."""
+    """Estimator ``cnn``. It reports no boundaries, no lane width and 0 detected lanes."""
 
     def __init__(self, settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> None:
         """Raises InputError when the weights are missing or do not agree with their record."""
@@ -119,7 +109,7 @@ class SteerNet:
         self._shape = (camera.height_px, camera.width_px, 3)
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
-        """The lane in ``frame``, or why there is none. Each frame stands alone: nothing is remembered."""
+        """The lane in ``frame``, or the reason for its absence. Stateless."""
         image = frame.image
         if image.dtype != np.uint8 or image.shape != self._shape:
             return self._nothing(frame, f"image is {image.dtype} {image.shape}, not uint8 {self._shape}")
@@ -136,7 +126,7 @@ class SteerNet:
         return self._seen(frame, self._view.lane(lane), confidence)
 
     def _probability(self, command_sigma_1pm: float) -> float:
-        """Probability that δ = atan(L·κ_cmd) is good enough; σ_δ ≈ L·σ_κ, at its largest straight ahead."""
+        """Calibrated probability for δ = atan(L·κ_cmd), with σ_δ ≈ L·σ_κ (its largest value, straight ahead)."""
         sigma_rad = self._vehicle.wheelbase_m * command_sigma_1pm / self._view.scale
         return self._record.calibration.probability(sigma_rad)
 
