@@ -15,16 +15,16 @@ from trepid.vehicle import Vehicle
 
 
 class Estimator(Protocol):
-    """Sees the lane in a frame. Its only state is what earlier steps gave it."""
+    """Measures the lane, or a steering angle, in a frame. Its only state comes from earlier steps."""
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
-        """The lane in ``frame``; all None with a reason when there is none to be seen."""
+        """The estimate of ``frame``; all None with a reason where nothing was found."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """How to build an estimator, what it is in a line and where it comes from."""
+    """The description, constructor and source of an estimator."""
 
     description: str
     build: Callable[[Camera, Vehicle], Estimator]
@@ -33,7 +33,7 @@ class Entry:
     stages: tuple[str, ...] = ()  # of a pipeline
 
 
-@cache  # reading YAML costs as much as estimating ten frames, and a folder of stills builds one for each
+@cache  # reading YAML takes as long as ten frames, and every still builds an estimator
 def lane_cv_settings() -> LaneCvSettings:
     """``config/perception.yaml``. Raises InputError."""
     return load(CONFIG_DIR / "perception.yaml", LaneCvSettings)
@@ -44,7 +44,7 @@ def _lane_cv(camera: Camera, vehicle: Vehicle) -> Estimator:
 
 
 def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
-    # Imported here: ONNX Runtime costs 0.2 s and 40 MB that the other estimators need not pay.
+    # Imported here: ONNX Runtime takes 0.2 s and 40 MB, which the other estimators do not need.
     from perception.net.steer_net import SteerNet, SteerNetSettings
 
     return SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
@@ -62,12 +62,12 @@ ESTIMATORS = {
         source="R [87] and later; config/steer_net.yaml",
     ),
 }
-"""What is driven with; :func:`estimators` adds the pipelines."""
+"""The estimators of the default drive; :func:`estimators` adds the pipelines."""
 
 
 def estimators() -> dict[str, Entry]:
-    """Every estimator by name: our own, and the pipelines of config/pipelines.yaml. Raises InputError."""
-    # Imported here: their stages take 0.4 s that what is driven with need not pay.
+    """Every estimator by name: ``ESTIMATORS`` and the pipelines of config/pipelines.yaml. Raises InputError."""
+    # Imported here: the stages take 0.4 s, which ESTIMATORS do not need.
     from perception.techniques.pipeline import Pipeline
     from perception.techniques.recipe import recipes
 
@@ -84,9 +84,9 @@ def estimators() -> dict[str, Entry]:
 
 
 def entry_of(name: str) -> Entry:
-    """The estimator called ``name``. Raises InputError that tells the others.
+    """The estimator called ``name``. Raises InputError with the known names.
 
-    What is driven with does not depend on the file of the pipelines, nor waits for it.
+    ``ESTIMATORS`` do not depend on the file of the pipelines.
     """
     known = ESTIMATORS if name in ESTIMATORS else estimators()
     if name not in known:

@@ -12,7 +12,7 @@ from trepid.topics import CAMERA_IMAGE, IMAGE_STATISTICS, VEHICLE_STATE, estimat
 
 
 def run(me: Process) -> None:
-    """Read the newest frame, estimate, publish; nothing is queued."""
+    """Estimate on the newest frame and publish. Frames are not queued."""
     name = me.options["estimator"]
     frames, state = me.bus.latest(CAMERA_IMAGE), me.bus.latest(VEHICLE_STATE)
     send_estimate = me.bus.publisher(estimate_topic(name))

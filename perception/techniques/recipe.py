@@ -1,4 +1,4 @@
-"""``config/pipelines.yaml``: named pipelines as short lists of stages, checked when they are read."""
+"""``config/pipelines.yaml``: named pipelines as short lists of stages, checked on reading."""
 
 import difflib
 import inspect
@@ -15,6 +15,7 @@ from ruamel.yaml.comments import CommentedMap
 from perception.techniques.stages import KINDS
 from trepid.config import CONFIG_DIR, InputError, Settings, located, parse, read, read_text
 from trepid.messages import EstimateKind
+from trepid.types import Positive, PositiveShare
 
 PIPELINES = CONFIG_DIR / "pipelines.yaml"
 ORDER = {name: number for number, name in enumerate(KINDS)} | {"prepare": 0, "warp": 0, "region": 0}
@@ -26,11 +27,11 @@ NEEDED = ("features", "model", "state")
 class Written(Settings):
     """One pipeline as it stands in the file."""
 
-    source: Annotated[str, Field(min_length=1)]  # where it comes from
+    source: Annotated[str, Field(min_length=1)]
     description: Annotated[str, Field(min_length=1)]
-    trust: Annotated[float, Field(gt=0, le=1)] = 1.0  # how far its confidence may go: from the bench
-    width_m: Annotated[float, Field(gt=0)] = 3.4  # of the lanes it is for: 2.7 to 3.75 m between lines
-    width_sigma_m: Annotated[float, Field(gt=0)] = 0.6
+    trust: PositiveShare = 1.0  # greatest confidence, from the benchmark
+    width_m: Positive = 3.4  # of its lanes; between lines 2.7 to 3.75 m
+    width_sigma_m: Positive = 0.6
     stages: Annotated[tuple[str | dict[str, dict[str, Any] | None], ...], Field(min_length=1)]
 
 
@@ -44,7 +45,7 @@ class Stage:
     settings: Mapping[str, Any]
 
     def bound(self) -> Callable[..., Any]:
-        """What is called for every frame; a stage with memory begins with none."""
+        """The callable for every frame; a stage with memory begins without any."""
         if not inspect.isclass(self.entry):
             return partial(self.entry, **self.settings)
         step: Callable[..., Any] = self.entry(**self.settings).step  # type: ignore[attr-defined]
@@ -53,7 +54,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Recipe:
-    """A pipeline: what it is, where it comes from and its stages."""
+    """A pipeline with its description, its source and its stages."""
 
     name: str
     source: str
@@ -78,7 +79,7 @@ def recipes(path: Path = PIPELINES) -> dict[str, Recipe]:
     return _recipes(path, read_text(path))
 
 
-@lru_cache(maxsize=8)  # by content, as trepid.config does it: reading YAML is slow
+@lru_cache(maxsize=8)  # by content, as trepid.config: reading YAML is slow
 def _recipes(path: Path, text: str) -> dict[str, Recipe]:
     data = read(path)
     return {str(name): _recipe(str(name), data, path) for name in data}
@@ -135,7 +136,7 @@ def settings_of(entry: Callable[..., Any]) -> type[Settings]:
 
 
 def _misfit(recipe: Recipe) -> tuple[list[int], str] | None:
-    """What is wrong with the order or number of stages, and where below ``stages``; None when all fits."""
+    """The place below ``stages`` and the text of an error in the order or number of stages; None without one."""
     kinds = [stage.kind for stage in recipe.stages]
     for number, (before, after) in enumerate(pairwise(kinds), start=1):
         if ORDER[after] < ORDER[before]:

@@ -1,13 +1,13 @@
 """The tables of stages by kind: a pipeline names them, in the order of the kinds.
 
-What a stage of each kind is given and gives; its settings are its keyword-only parameters. A stage that must
-remember something is a class: its settings are those of its constructor, and its ``step`` is called.
+Signatures by kind. The settings of a stage are its keyword-only parameters. A stage with memory is a class: its
+settings are those of its constructor, and its ``step`` is called.
 
 ============  ==========================================================================================
 ``prepare``   ``(image, view) -> image`` of the same size
 ``warp``      ``(image, view) -> (image, view)``: another picture of the same road
 ``region``    ``(view, predicted, speed_mps) -> Region``: the picture is cut to its box, features to its mask
-``features``  ``(image, view) -> Features``; several: what all of them see
+``features``  ``(image, view) -> Features``; several are joined by "and"
 ``outliers``  ``(features, view, predicted) -> Features``
 ``model``     ``(features, view, predicted, rng) -> Boundaries``
 ``track``     ``step(boundaries, motion) -> Boundaries``
@@ -16,11 +16,11 @@ remember something is a class: its settings are those of its constructor, and it
 ``rule``      ``(boundaries, view, dt_s) -> RuleAngle | None``: a printed steering rule
 ============  ==========================================================================================
 
-``predicted`` are the boundaries of the last frame moved to where the vehicle is now; None when there are none.
-``view`` of ``state`` and ``rule`` is that of the whole working image. ``prepare``, ``warp`` and ``region`` may
-come in any order before the features; ``track`` may be left out; of several trackers, each is given the boundaries
-of the one before. A pipeline has a ``steer`` or a ``rule``, not both; without either it steers by ``pursuit``. The
-estimate of a pipeline with a ``rule`` is of kind ``angle``: its lane state only goes into its confidence.
+``predicted``: the boundaries of the last frame in the present vehicle frame; None without any. ``view`` of ``state``
+and ``rule`` is that of the whole working image. ``prepare``, ``warp`` and ``region`` may come in any order before the
+features; ``track`` may be left out; several trackers are chained. A pipeline has a ``steer`` or a ``rule``, not both;
+without either it steers by ``pursuit``. The estimate of a pipeline with a ``rule`` is of kind ``angle``: its lane
+state only goes into its confidence.
 """
 
 from collections.abc import Callable

@@ -1,17 +1,17 @@
-"""Aly's fast urban detector: Bezier curves by random samples over a filtered picture (inventory B32; R [61])."""
+"""Aly's fast urban detector: Bezier curves by random samples of a filtered picture (inventory B32; R [61])."""
 
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from perception.techniques.boundaries.evidence import Points, both, by_side, road_points, support
+from perception.techniques.boundaries.evidence import Points, each_side, support
 from perception.techniques.boundaries.ransac import STEP_M
 from perception.techniques.image.picture import Boundaries, Boundary, Features, View
 from trepid.types import Array, Positive
 
 BERNSTEIN = np.array([[1, 0, 0, 0], [-3, 3, 0, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], float)  # from 1, t, t², t³
-STRAIGHT = 0.4  # price of an angle between the legs of the control polygon, against its length
+STRAIGHT = 0.4  # weight of the angles of the control polygon, relative to its length
 
 
 def bezier_points(control_m: Array, t: Array) -> Array:
@@ -43,12 +43,9 @@ def ransac_bezier(
 
     The score is Aly's: evidence under the curve, more for long and for straight curves. Use after ``bird_eye`` and
     ``oriented``, his selective Gaussian. Source: R [61]; Aly, Real Time Detection of Lane Markers in Urban Streets
-    (2008). Cannot see: what begins outside of its corridor; the score has no memory.
+    (2008). Limit: lines that begin outside of its corridor; the score has no memory.
     """
-    found: list[Boundary | None] = []
-    for points in by_side(road_points(features, view), predicted):
-        found.append(None if points is None else _best(points, rng, inlier_m, tries, samples))
-    return both(*found)
+    return each_side(features, view, predicted, lambda points: _best(points, rng, inlier_m, tries, samples))
 
 
 def _best(
@@ -80,13 +77,13 @@ def _score(curve: Array, legs: Array, points: Points, inlier_m: float) -> float:
 
 
 def _at(curve: Array, x_m: Array) -> Array:
-    """y of the curve at ``x_m``; NaN, which agrees with nothing, beyond its ends."""
+    """y of the curve at ``x_m``; NaN beyond its ends."""
     order = np.argsort(curve[:, 0])
     return np.interp(x_m, curve[order, 0], curve[order, 1], left=np.nan, right=np.nan)
 
 
 def _refined(points: Points) -> Boundary:
-    """The Bezier curve through all points that agreed."""
+    """The Bezier curve through all inliers."""
     curve = bezier_points(control_points(np.column_stack([points.x_m, points.y_m])), np.linspace(0, 1, 60))
     near, far = float(points.x_m[0]), float(points.x_m[-1])
     x_m = np.linspace(near, far, max(3, round((far - near) / STEP_M)))

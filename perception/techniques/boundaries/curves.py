@@ -7,13 +7,21 @@ import numpy as np
 from pydantic import Field
 from scipy.interpolate import PchipInterpolator
 
-from perception.techniques.boundaries.evidence import BENDS, Points, both, by_side, road_points, support
+from perception.techniques.boundaries.evidence import (
+    BENDS,
+    Points,
+    both,
+    by_side,
+    each_side,
+    road_points,
+    support,
+)
 from perception.techniques.boundaries.lines import NEAR_M, Segments, nearest_pair, on_road
 from perception.techniques.boundaries.ransac import STEP_M, Curve, along, polynomial
 from perception.techniques.image.picture import Boundaries, Boundary, Features, View
 from trepid.types import Array, Positive
 
-STRONGEST = 200  # lines of the standard Hough transform that are looked at
+STRONGEST = 200  # lines of the standard Hough transform that are used
 NODE_M = 3.0  # between the nodes of interpolation: one dash
 
 
@@ -30,7 +38,7 @@ def robust(points: Points, basis_values: Array, *, scale_m: float, rounds: int =
 
 
 def agreed(points: Points, basis_values: Array, coefficients: Array, *, scale_m: float) -> Curve | None:
-    """The curve with the points that lie within 2·``scale_m`` of it; None when these are few."""
+    """The curve with its points within 2·``scale_m``; None with too few."""
     residual = points.y_m - basis_values @ coefficients
     close = np.abs(residual) < 2 * scale_m
     if np.count_nonzero(close) < max(8, 0.2 * len(points)):
@@ -50,9 +58,8 @@ def hough_standard(
 ) -> Boundaries:
     """The nearest pair among the strongest lines of the standard Hough transform (B08).
 
-    ρ = x·cosθ + y·sinθ; lines with less than ``share`` of the strongest one's votes do not count. Source: R
-    [58]–[64]. It joins dashes of any gap. Cannot see: where a line begins and ends, curves, and that arrows and
-    text are none.
+    ρ = x·cosθ + y·sinθ; lines with less than ``share`` of the votes of the strongest do not count. Source: R
+    [58]–[64]. It joins dashes over any gap. Limit: the ends of a line; curves; arrows and text.
     """
     ahead = view.ahead_m
     rows = np.flatnonzero((ahead > 0) & (ahead < 25.0))
@@ -73,7 +80,7 @@ def hough_standard(
 
 
 def _apart(segments: Segments, *, least_m: float = 0.6) -> Segments:
-    """Of lines, the strongest first, those that lie ``least_m`` from all stronger ones at the near road."""
+    """The lines (strongest first) that lie ``least_m`` from all stronger ones at ``NEAR_M``."""
     place = segments.place_m(NEAR_M)
     kept: list[int] = []
     for number, here in enumerate(place):
@@ -91,12 +98,12 @@ def near_line_far_parabola(
     near_m: Positive = 12.0,
     scale_m: Positive = 0.12,
 ) -> Boundaries:
-    """A Hough line near, then least squares of the far points with a parabola that leaves the line smoothly (B27).
+    """A Hough line near, and a parabola far that leaves it smoothly, by least squares (B27).
 
     y = a + bx up to x₀ = ``near_m``, + c(x − x₀)² beyond. Source: R [78], top view. Unlike B21 the near line is
-    fixed first and the far points only bend it. Cannot see: anything when the near line is wrong.
+    fixed first and the far points only bend it. Limit: a wrong near line.
     """
-    far = ~(view.ahead_m <= near_m)  # with the rows that show no road
+    far = ~(view.ahead_m <= near_m)  # and above the horizon
     near = features.response.copy()
     near[far] = 0
     lines = hough_standard(Features(near, features.kind), view, predicted, rng, votes=8)
@@ -112,7 +119,7 @@ def near_line_far_parabola(
 
 
 def _common_bend(lines: list[tuple[float, float]], points: Points, near_m: float) -> float:
-    """c of :data:`BENDS` for which most far points lie on a line bent by it: both sides of a road bend alike."""
+    """c of :data:`BENDS` with most far points on a bent line: both sides of a road bend alike."""
     far = points.where(points.x_m > near_m)
     if not lines or not len(far):
         return 0.0
@@ -123,7 +130,7 @@ def _common_bend(lines: list[tuple[float, float]], points: Points, near_m: float
 
 
 def _bent(a: float, b: float, c: float, points: Points, near_m: float, scale_m: float) -> Boundary | None:
-    """The line, and the parabola beyond that the points about the common bend agree with."""
+    """The line, and beyond it the parabola of the points about the common bend."""
     beyond, off = np.maximum(0.0, points.x_m - near_m), points.y_m - a - b * points.x_m
     far = (beyond > 0) & (np.abs(off - c * beyond**2) < 0.3 + 0.0015 * beyond**2)
     if np.count_nonzero(far) >= 8:
@@ -137,7 +144,7 @@ def _bent(a: float, b: float, c: float, points: Points, near_m: float, scale_m: 
 
 
 def _near_line(line: Boundary, points: Points, near_m: float, scale_m: float) -> tuple[float, float]:
-    """The Hough line again, by least squares through the points up to ``near_m`` alone."""
+    """The Hough line refined by least squares through the points up to ``near_m``."""
     a, b = line.polynomial(1)
     close = (points.x_m < near_m) & (np.abs(points.y_m - a - b * points.x_m) < 0.5)
     if np.count_nonzero(close) < 8:
@@ -155,24 +162,25 @@ def histogram_cubic(
     *,
     scale_m: Positive = 0.15,
 ) -> Boundaries:
-    """From the peaks of the histogram across the road, window by window ahead, then y = a + bx + cx² + dx³ (B29).
+    """Windows ahead from the peaks of the histogram across the road, then y = a + bx + cx² + dx³ (B29).
 
-    Printed in pixels from above, x = ay³ + by² + cy + d, the same curve. Source: R [80]. Each window starts where
-    the last two point to. Cannot see: the difference between a line and anything else as long and as thin.
+    Printed in pixels from above, x = ay³ + by² + cy + d, the same curve. Source: R [80]. Each window starts at the
+    extrapolation of the last two. Limit: anything as long and as thin as a line.
     """
-    found: list[Boundary | None] = []
-    for points in by_side(road_points(features, view), predicted):
-        followed = _followed(points) if points is not None else None
-        curve = None
-        if followed is not None:
-            basis = polynomial(3)(followed.x_m)
-            curve = agreed(followed, basis, robust(followed, basis, scale_m=scale_m), scale_m=scale_m)
-        found.append(along(curve, polynomial(3)))
-    return both(*found)
+
+    def fitted(points: Points) -> Boundary | None:
+        followed = _followed(points)
+        if followed is None:
+            return None
+        basis = polynomial(3)(followed.x_m)
+        coefficients = robust(followed, basis, scale_m=scale_m)
+        return along(agreed(followed, basis, coefficients, scale_m=scale_m), polynomial(3))
+
+    return each_side(features, view, predicted, fitted)
 
 
 def _followed(points: Points, *, window_m: float = 2.0, half_m: float = 0.45) -> Points | None:
-    """The points in windows that follow each other's medians from near to far."""
+    """The points in windows about the extrapolated median, from near to far."""
     near = points.where(points.x_m < points.x_m.min() + 2 * window_m)
     place, slope, kept = float(np.median(near.y_m)), 0.0, np.zeros(len(points), bool)
     last_x: float | None = None
@@ -200,21 +208,17 @@ def hyperbola(
 ) -> Boundaries:
     """The hyperbola of the picture, u = k/(v − h) + b(v − h) + c, with h the row of the horizon (B30).
 
-    On the road of a level camera it is exactly the parabola y = c₀ + c₁x + c₂x²: k ∝ c₂, c ∝ c₁, b ∝ c₀. What
-    differs is what counts as near: pixels, so the residual at x is weighted by 1/x. Source: R [14], [41].
-    Cannot see: S-bends.
+    On the road of a level camera it is exactly the parabola y = c₀ + c₁x + c₂x²: k ∝ c₂, c ∝ c₁, b ∝ c₀. The
+    residual is in pixels, so it is weighted by 1/x. Source: R [14], [41].
+    Limit: S-bends.
     """
-    found: list[Boundary | None] = []
-    for points in by_side(road_points(features, view), predicted):
-        curve = None
-        if points is not None:
-            curve = _in_pixels(points, view, scale_m)
-        found.append(along(curve, polynomial(2)))
-    return both(*found)
+    return each_side(
+        features, view, predicted, lambda points: along(_in_pixels(points, view, scale_m), polynomial(2))
+    )
 
 
 def _in_pixels(points: Points, view: View, scale_m: float) -> Curve | None:
-    """y/x = c₀/x + c₁ + c₂x by robust least squares: what the camera measures, up to its focal length."""
+    """y/x = c₀/x + c₁ + c₂x by robust least squares: pixels, up to the focal length."""
     ahead = np.maximum(points.x_m - view.camera.x_m, 0.5)
     tangent = Points(points.x_m, points.y_m / ahead)
     basis = polynomial(2)(points.x_m)
@@ -235,7 +239,7 @@ def pchip(
 
     Source: R [60], 87–98 %, the best of linear, cubic spline and PCHIP; Fritsch and Carlson, Monotone Piecewise
     Cubic Interpolation, SIAM J. Numer. Anal. 17(2), 1980. A node every ``NODE_M``: the median of the segments'
-    points there. Cannot see: noise from shape; it goes through every node.
+    points there. Limit: noise, since it interpolates every node.
     """
     binary = np.asarray(features.response > 0, np.uint8)
     found = cv2.HoughLinesP(binary, 1, np.pi / 180, 8, None, 5.0, 3.0)
@@ -247,7 +251,7 @@ def pchip(
 
 
 def _sampled(segments: Segments) -> Points:
-    """Points every 0.2 m of all segments that run along the road, near to far."""
+    """Points every 0.2 m of all segments along the road, near to far."""
     segments = segments.where(np.abs(segments.slope) < 0.7)
     pieces = [
         first + np.linspace(0, 1, max(2, round(length / 0.2)))[:, None] * (last - first)
@@ -260,7 +264,7 @@ def _sampled(segments: Segments) -> Points:
 
 
 def _interpolated(points: Points | None) -> Boundary | None:
-    """PCHIP through the medians of the points of each ``NODE_M``, along which they follow each other."""
+    """PCHIP through the medians of the followed points of each ``NODE_M``."""
     followed = _followed(points, window_m=NODE_M) if points is not None else None
     if followed is None:
         return None

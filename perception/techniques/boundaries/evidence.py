@@ -1,5 +1,6 @@
-"""From features to points on the road, and to those that may be the left and the right boundary."""
+"""From features to points on the road, and to the candidates for the left and the right boundary."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,18 +9,18 @@ from perception.techniques.image.picture import Boundaries, Boundary, Features, 
 from trepid.types import Array, Mask
 
 REACH_M = 35.0  # ahead of the rear axle: beyond it, a pixel of a 320 × 240 picture is longer than a dash
-ASIDE_M = 7.0  # to either side: own lane and the next
-SLICE_M, MOST = 0.5, 60  # road points are thinned out to so many in each slice of the road
-BIN_M = 0.15  # of the histogram across the road: as wide as a line
+ASIDE_M = 7.0  # to either side: the ego lane and the next
+SLICE_M, MOST = 0.5, 60  # greatest number of road points in each slice of the road
+BIN_M = 0.15  # of the histogram across the road: the width of a line
 BINS = round(2 * ASIDE_M / BIN_M) + 1
 APART_M, ALIKE = 0.9, 1.5
-SIDE_AT_M = 6.0  # where a line is left or right of the car: the nearest road that most cameras show
+SIDE_AT_M = 6.0  # where a line is left or right of the car: the nearest road of most cameras
 LEAST = 8  # points of a boundary
-COURSE_M, COURSE_MOST, COURSE_BIN_M = 22.0, 300, 0.3  # what the search for the course of the road looks at
+COURSE_M, COURSE_MOST, COURSE_BIN_M = 22.0, 300, 0.3  # reach, points and bins of the search for the course
 HEADINGS = np.linspace(-0.2, 0.2, 17)
 BENDS = np.array([0.0, 0.003, 0.006, 0.01, 0.015, 0.021, 0.03, 0.045])
 BENDS = np.concatenate([-BENDS[:0:-1], BENDS])
-# Of two roads that explain as much, the plainer one.
+# prefers the straighter of two roads with equal evidence
 PLAIN = (1 - 0.3 * np.abs(HEADINGS)[:, None] - 2.0 * np.abs(BENDS)).ravel()
 CELL_M = 1.0  # support is counted in pieces of this length
 
@@ -32,7 +33,7 @@ class Points:
     y_m: Array
 
     def where(self, kept: Mask) -> "Points":
-        """Those that ``kept`` is true for."""
+        """The points selected by the mask ``kept``."""
         return Points(self.x_m[kept], self.y_m[kept])
 
     def __len__(self) -> int:
@@ -40,10 +41,10 @@ class Points:
 
 
 def road_points(features: Features, view: View) -> Points:
-    """Where the response is above a third of its greatest, on the road, near to far.
+    """Road points of the pixels above a third of the greatest response, near to far.
 
-    Rows near the car show far less road a pixel than rows far ahead, so their points would outvote the others: of
-    each ``SLICE_M`` of road at most ``MOST`` points are kept, evenly. Regions must be outlined before.
+    A pixel near the car covers far less road than one far ahead, so near points would outvote the others: each
+    ``SLICE_M`` of road keeps at most ``MOST`` points, evenly spread. Regions must be outlined first.
     """
     top = float(features.response.max(initial=0))
     rows, columns = np.nonzero(features.response > top / 3 if top > 0 else np.zeros((1, 1), bool))
@@ -66,10 +67,10 @@ def by_side(
     gate_m: float = 0.8,
     spread: float = 0.05,
 ) -> tuple[Points | None, Points | None]:
-    """The points that may belong to the left and to the right boundary; None: nothing there to begin with.
+    """The candidates for the left and for the right boundary; None: no place to begin with.
 
-    Within ``gate_m`` + ``spread``·x of the predicted boundary. Where there is none, of the course of the road by
-    :func:`course`, set to the nearest peak of the histogram across it on that side.
+    Points within ``gate_m`` + ``spread``·x of the predicted boundary; without one, of the course of the road by
+    :func:`course` through the nearest peak of the histogram across it on that side.
     """
     before = (predicted.left, predicted.right) if predicted is not None else (None, None)
     heading, bend = (0.0, 0.0) if None not in before else course(points)
@@ -88,10 +89,10 @@ def by_side(
 
 
 def course(points: Points) -> tuple[float, float]:
-    """Heading ψ [rad] and bend κ [1/m] of the road for which y − ψx − κx²/2 gathers in the sharpest peaks.
+    """Heading ψ [rad] and bend κ [1/m] of the road with the sharpest peaks of y − ψx − κx²/2.
 
-    The histogram across the road (B29) sees only straight roads straight ahead: this is the same one for every
-    road of a grid, and Σ count² tells how sharp it is. Boundaries are parallel, so both vote for one road.
+    The histogram across the road (B29) suits only straight roads straight ahead; here it is computed for every
+    road of a grid, with Σ count² as its sharpness. Boundaries are parallel, so both vote for one road.
     """
     near = points.where(points.x_m < COURSE_M)
     if len(near) < 8:
@@ -112,10 +113,10 @@ def course(points: Points) -> tuple[float, float]:
 
 
 def histogram_peaks(points: Points, *, least: float = 0.25) -> list[float]:
-    """Places y [m] of the peaks of the histogram across the road, those above ``least`` of the highest (B29).
+    """Places y [m] of the peaks of the histogram across the road above ``least`` of the highest (B29).
 
-    Each metre ahead counts once a bin, so that one long arrow is no more than one dash of its length. Of peaks
-    closer than lines are painted, ``APART_M``, those much lower are clutter of the highest.
+    Each metre ahead counts once a bin, so that a long arrow counts as a dash of its length. Within ``APART_M``,
+    the least distance of painted lines, much lower peaks are clutter of the highest.
     """
     near = points.where(points.x_m < COURSE_M)
     if not len(near):
@@ -123,7 +124,7 @@ def histogram_peaks(points: Points, *, least: float = 0.25) -> list[float]:
     column = np.clip((near.y_m + ASIDE_M) / BIN_M, 0, BINS - 1).astype(int)
     cells = np.unique(column * 1000 + np.floor(near.x_m / CELL_M).astype(int)) // 1000
     count = np.bincount(cells, minlength=BINS).astype(float)
-    count[[0, -1]] = 0.0  # what lies outside
+    count[[0, -1]] = 0.0  # points outside
     smooth = np.convolve(count, [0.5, 1.0, 0.5], mode="same")
     before, after = np.r_[0.0, smooth[:-1]], np.r_[smooth[1:], 0.0]
     top = (smooth > before) & (smooth >= after) & (smooth >= max(2.0, least * smooth.max()))
@@ -151,18 +152,29 @@ def _about(
 
 
 def evenly(points: Points) -> Array:
-    """Weights with which every piece of road counts alike, n^−½ for the n points of its ``SLICE_M``."""
+    """Weights that count every piece of road alike, n^−½ for the n points of its ``SLICE_M``."""
     cell = np.floor(points.x_m / SLICE_M).astype(int)
     return 1 / np.sqrt(np.bincount(cell)[cell])
 
 
 def support(x_m: Array, near_m: float, far_m: float) -> float:
-    """Share of the metres from ``near_m`` to ``far_m`` that hold a point."""
+    """Share of the metres from ``near_m`` to ``far_m`` with a point."""
     cells = max(1.0, (far_m - near_m) / CELL_M)
     return min(1.0, len(np.unique(np.floor(x_m / CELL_M))) / cells)
 
 
-def both(left: Boundary | None, right: Boundary | None) -> Boundaries:
-    """The pair with the reason for what is missing."""
+def each_side(
+    features: Features,
+    view: View,
+    predicted: Boundaries | None,
+    fitted: Callable[[Points], Boundary | None],
+) -> Boundaries:
+    """The boundary that ``fitted`` returns for the candidates of each side."""
+    sides = by_side(road_points(features, view), predicted)
+    return both(*(None if points is None else fitted(points) for points in sides))
+
+
+def both(left: Boundary | None, right: Boundary | None, *, kind: str = "line") -> Boundaries:
+    """The pair with the reason for a missing side."""
     missing = [name for name, side in (("left", left), ("right", right)) if side is None]
-    return Boundaries(left, right, f"no {' and no '.join(missing)} line" if missing else "")
+    return Boundaries(left, right, f"no {' and no '.join(missing)} {kind}" if missing else "")

@@ -10,7 +10,7 @@ from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLa
 from trepid.clothoid import Lane
 from trepid.types import Array
 
-LINE_M = 0.15  # scatter that halves the weight of a boundary: as wide as a line
+LINE_M = 0.15  # scatter that halves the weight of a boundary: the width of a line
 
 
 def ground_curve(
@@ -20,19 +20,16 @@ def ground_curve(
     degree: Annotated[int, Field(ge=1, le=3)] = 2,
     width_m: Annotated[float, Field(gt=0)] = 3.4,
 ) -> MeasuredLane | None:
-    """The lane whose two sides, ±W/2 along the normal of one polynomial, fit both boundaries best.
-
-    Source: derived, as S18. :func:`parallel_sides` for the pipelines. Cannot see: lanes that widen.
-    """
+    """The stage of :func:`parallel_sides`. Source: derived, as S18. Limit: lanes that widen."""
     return parallel_sides(boundaries, degree=degree, width_m=width_m)
 
 
 def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 3.4) -> MeasuredLane | None:
-    """The lane of one polynomial and one width that both boundaries fit; None without a boundary.
+    """The lane of one polynomial and one width that fits both boundaries best; None without a boundary.
 
-    y(x) = c₀ + c₁x + c₂x² (+ c₃x³) ± W/2·√(1 + y'²): least squares, linear once the root is known, so three times.
+    y(x) = c₀ + c₁x + c₂x² (+ c₃x³) ± W/2·√(1 + y'²): least squares, linear for a given root, iterated three times.
     At the rear axle ψ = −atan(c₁), e = −c₀·cosψ, κ = 2c₂·cos³ψ, κ' = 6c₃·cos⁴ψ. With one boundary W is ``width_m``
-    and not known.
+    and the measured width None.
     """
     sides = [(boundaries.left, 1.0), (boundaries.right, -1.0)]
     seen = [(boundary, sign) for boundary, sign in sides if boundary is not None]
@@ -62,7 +59,7 @@ def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 
 
 
 def _weights(boundary: Boundary) -> Array:
-    """Each boundary counts by its support and its scatter, whatever its number of points."""
+    """The weight of each boundary: its support over its scatter, shared by its points."""
     trust = max(boundary.support, 0.05) / (1 + (boundary.residual_m / LINE_M) ** 2)
     return np.full(len(boundary.x_m), trust / len(boundary.x_m))
 

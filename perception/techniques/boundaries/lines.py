@@ -7,16 +7,17 @@ import cv2
 import numpy as np
 from pydantic import Field
 
+from perception.techniques.boundaries.evidence import both
 from perception.techniques.image.picture import Boundaries, Boundary, Features, View
 from trepid.types import Array, Positive
 
-NEAR_M = 6.0  # where the places of lines are compared: the nearest road that most cameras show
+NEAR_M = 6.0  # where the places of lines are compared: the nearest road of most cameras
 STEP_M = 0.5
 
 
 @dataclass(frozen=True)
 class Segments:
-    """Straight pieces on the road, shape (n, 2, 2): ends (x, y) [m], the nearer one first."""
+    """Straight pieces on the road, shape (n, 2, 2): ends (x, y) [m], the nearer end first."""
 
     ends_m: Array
 
@@ -36,7 +37,7 @@ class Segments:
         return np.hypot(*(self.ends_m[:, 1] - self.ends_m[:, 0]).T)
 
     def where(self, kept: np.ndarray) -> "Segments":
-        """Those that ``kept`` is true for."""
+        """The segments selected by the mask ``kept``."""
         return Segments(self.ends_m[kept])
 
 
@@ -54,9 +55,8 @@ def hough(
 ) -> Boundaries:
     """The nearest line on each side among the segments of the probabilistic Hough transform (B08, B09).
 
-    ρ = x·cosθ + y·sinθ. Segments that do not run along the road (±``max_heading_rad``) are left out, the others
-    are joined where they lie on one line on the road. Source: R [58]–[64], R 1.1. Cannot see: curves (it
-    gives their chord), and it takes arrows, text and the edges of shadows for lines.
+    ρ = x·cosθ + y·sinθ. Segments along the road (±``max_heading_rad``) on one line are joined. Source: R [58]–[64],
+    R 1.1. Limit: curves, which become chords; arrows, text and the edges of shadows, which become lines.
     """
     found = cv2.HoughLinesP(
         np.asarray(features.response > 0, np.uint8), 1, np.pi / 360, votes, None, min_length_px, max_gap_px
@@ -69,7 +69,7 @@ def hough(
 
 
 def on_road(ends_px: Array, view: View) -> Segments:
-    """Segments of the picture, shape (n, 2, 2), on the road; those that reach the horizon are left out."""
+    """Segments of the picture, shape (n, 2, 2), on the road, without those that reach the horizon."""
     ends = view.ground(ends_px.reshape(-1, 2)).reshape(-1, 2, 2)
     ends = ends[np.isfinite(ends).all(axis=(1, 2))]
     order = np.argsort(ends[:, :, 0], axis=1)
@@ -77,20 +77,19 @@ def on_road(ends_px: Array, view: View) -> Segments:
 
 
 def nearest_pair(segments: Segments, *, min_length_m: float, join_m: float = 0.3) -> Boundaries:
-    """The nearest line to the left and to the right of the vehicle; pieces within ``join_m`` are one line.
+    """The nearest line to the left and to the right of the vehicle, of pieces within ``join_m``.
 
-    A line must have ``min_length_m`` of pieces: one dash is 3 m long. The pair is chosen by the place ``NEAR_M``
-    ahead, where a line must be on its side.
+    A line has at least ``min_length_m`` of pieces (a dash is 3 m long). Its side is that of its place ``NEAR_M``
+    ahead.
     """
     place = segments.place_m(NEAR_M)
     left = _line(segments, place, min_length_m=min_length_m, join_m=join_m)
     right = _line(segments, -place, min_length_m=min_length_m, join_m=join_m)
-    missing = [name for name, side in (("left", left), ("right", right)) if side is None]
-    return Boundaries(left, right, f"no {' and no '.join(missing)} line" if missing else "")
+    return both(left, right)
 
 
 def _line(segments: Segments, aside_m: Array, *, min_length_m: float, join_m: float) -> Boundary | None:
-    """The nearest group of pieces ``aside_m`` > 0 that is long enough, as one straight line."""
+    """The nearest group of pieces with ``aside_m`` > 0 and the least length, as one straight line."""
     for number in np.argsort(np.where(aside_m > 0, aside_m, np.inf)):
         if aside_m[number] <= 0:
             return None
@@ -103,7 +102,7 @@ def _line(segments: Segments, aside_m: Array, *, min_length_m: float, join_m: fl
 def _fitted(group: Segments) -> Boundary:
     """The least-squares line y = a + b·x through points every ``STEP_M`` of the pieces.
 
-    A pixel is as wide on the road as it is far away, so points weigh 1/x; so does their residual.
+    The width of a pixel on the road grows with x, so points and residuals are weighted by 1/x.
     """
     pieces = [
         first + np.linspace(0, 1, max(2, round(length / STEP_M)))[:, None] * (last - first)

@@ -1,4 +1,4 @@
-"""Which way the picture runs at every pixel, and the vanishing point that most of it points to (R [73]; S17)."""
+"""The direction of the texture at every pixel, and the vanishing point with most votes of it (R [73]; S17)."""
 
 from typing import Annotated
 
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from perception.techniques.boundaries.evidence import both
 from perception.techniques.boundaries.lines import NEAR_M
 from perception.techniques.image.colour import grey
 from perception.techniques.image.picture import Boundaries, Boundary, Features, Kind, View
@@ -15,20 +16,20 @@ from trepid.types import Array, Floats, Image, OpenShare, Positive
 ORIENTATIONS_RAD = np.deg2rad([0.0, 45.0, 90.0, 135.0])
 EVEN_GREY = 2.0  # amplitude of a filter on sensor noise: no direction
 MOST_VOTERS = 4000
-STEP_M, NEAREST_SIDE_M = 0.1, 0.4  # between the lines that are tried; a vehicle is wider than that
-SHALLOW = 0.25  # sine; perspective lays the grain of any ground flat, and what is flat points to no road
+STEP_M, NEAREST_SIDE_M = 0.1, 0.4  # between tested lines; least distance of an edge
+SHALLOW = 0.25  # sine; perspective flattens the grain of any ground, so flat directions show no road
 EVIDENCE_M = 0.4  # across a boundary
 
 
 def gabor(
     image: Image, view: View, *, wavelength_px: Positive = 12.0, least: Annotated[float, Field(ge=0)] = 0.35
 ) -> Features:
-    """Direction of the texture by four Gabor filters, and how sure it is: the response.
+    """Direction of the texture by four Gabor filters; the response is its consistency.
 
     Energies E_k = |I ∗ g_k|² of the complex filters at θ_k = 0, 45, 90, 135°; direction of the stripes
-    φ = ½·atan2(Σ E_k·sin 2θ_k, Σ E_k·cos 2θ_k), sure by |Σ E_k·e^{2iθ_k}|/Σ E_k where that is above ``least``.
+    φ = ½·atan2(Σ E_k·sin 2θ_k, Σ E_k·cos 2θ_k), response |Σ E_k·e^{2iθ_k}|/Σ E_k where that is above ``least``.
     Source: Kong, Audibert, Ponce, CVPR 2009 (36 filters there); four and their joint direction: Moghadam,
-    Starzyk, Wijesoma, IEEE T. Image Processing 21 (2012). Cannot see: where the picture is even.
+    Starzyk, Wijesoma, IEEE T. Image Processing 21 (2012). Limit: even pictures.
     """
     plain = np.asarray(grey(image, view), np.float32)
     size = 2 * round(wavelength_px) + 1
@@ -47,7 +48,7 @@ def gabor(
 
 
 def _filter(along_rad: float, phase_rad: float, wavelength_px: float, size: int) -> Floats:
-    """The Gabor filter of stripes along ``along_rad``, without answer to an even picture."""
+    """The Gabor filter of stripes along ``along_rad``, with sum 0."""
     kernel = cv2.getGaborKernel(
         (size, size), wavelength_px / 4, along_rad + np.pi / 2, wavelength_px, 1.0, phase_rad, cv2.CV_32F
     )
@@ -67,13 +68,13 @@ def dominant_edges(
     widest_m: Positive = 6.0,
     least: OpenShare = 0.25,
 ) -> Boundaries:
-    """The vanishing point by soft voting, then the two straight edges to it that the texture follows most.
+    """The vanishing point by soft voting, then the two straight edges to it with most texture along them.
 
-    Pixel p votes for a point v of the horizon by its sureness · (1 − |∠(v − p) − φ_p|/``agree_rad``); only the
-    columns of the horizon stand for election, the camera's pitch being known. Of all parallel lines on the road
-    with that heading, a side is the one with the greatest share of pixels that run along it (the orientation
-    consistency ratio), if that is above ``least``. Source: Kong, Audibert, Ponce, IEEE T. Image Processing 19
-    (2010). Cannot see: curves (it gives the tangent that most of the picture follows); ruts look like edges.
+    Pixel p votes for a point v of the horizon with its response · (1 − |∠(v − p) − φ_p|/``agree_rad``); the pitch
+    of the camera is known, so only the columns of the horizon are candidates. Of all parallel lines on the road
+    with that heading, a side has the greatest share of pixels along it (the orientation
+    consistency ratio), at least ``least``. Source: Kong, Audibert, Ponce, IEEE T. Image Processing 19
+    (2010). Limit: curves, which become a tangent; ruts, which look like edges.
     """
     if features.direction_rad is None:
         return Boundaries(None, None, "no directions: gabor must be the only feature")
@@ -85,8 +86,7 @@ def dominant_edges(
         _side(features, features.direction_rad, view, slope, sign * aside_m, agree_rad, reach_m, least)
         for sign in (1.0, -1.0)
     )
-    missing = [name for name, side in (("left", left), ("right", right)) if side is None]
-    return Boundaries(left, right, f"no {' and no '.join(missing)} edge" if missing else "")
+    return both(left, right, kind="edge")
 
 
 def _heading(
@@ -107,7 +107,7 @@ def _heading(
         rows, columns = rows[chosen], columns[chosen]
     slopes = np.linspace(-steepest, steepest, 121)
     far = view.pixel_from_ground @ np.stack([np.ones_like(slopes), slopes, np.zeros_like(slopes)])
-    ends_px = (far[:2] / far[2]).T  # where parallel lines of these slopes meet
+    ends_px = (far[:2] / far[2]).T  # vanishing points of these slopes
     towards = np.arctan2(ends_px[None, :, 1] - rows[:, None], ends_px[None, :, 0] - columns[:, None])
     away = _between(towards, direction_rad[rows, columns][:, None])
     sure = features.response[rows, columns][:, None]
@@ -126,7 +126,7 @@ def _side(
     reach_m: float,
     least: float,
 ) -> Boundary | None:
-    """The line of this slope, ``aside_m`` beside us ``NEAR_M`` ahead, that the texture follows most."""
+    """The line of this slope with most texture along it, of those ``aside_m`` to the left ``NEAR_M`` ahead."""
     x_m = np.arange(
         max(float(np.nanmin(np.where(view.ahead_m > 0, view.ahead_m, np.nan))), 1.0), reach_m, 0.25
     )

@@ -1,4 +1,4 @@
-"""What is no boundary taken out of the features (inventory A02, B01, B06, B12, B13)."""
+"""Removal of features that are no boundary (inventory A02, B01, B06, B12, B13)."""
 
 import math
 from dataclasses import replace
@@ -16,10 +16,10 @@ from perception.techniques.image.rows import width_px
 from perception.techniques.image.surface import patch
 from trepid.types import Array, Mask, Positive
 
-HALF = 0.5  # a response of a region that is rather road than not
-SOLID = 0.75  # share of a road that looks like road: markings, cracks and shadows are the rest
+HALF = 0.5  # response of a region above which a pixel is road
+SOLID = 0.75  # least share of road pixels in a road; the rest are markings, cracks and shadows
 MIDDLE_M = 6.0  # where lines are compared
-MOST_PIECES = 400  # the hierarchy costs the square of them
+MOST_PIECES = 400  # the cost of the hierarchy is quadratic
 
 
 def near_prediction(
@@ -30,9 +30,9 @@ def near_prediction(
     half_width_m: Positive = 0.4,
     growth: Annotated[float, Field(ge=0)] = 0.02,
 ) -> Features:
-    """Only what lies within ``half_width_m`` + ``growth``·x of the boundaries of the last frame (A02).
+    """Features within ``half_width_m`` + ``growth``·x of the boundaries of the last frame (A02).
 
-    All of it while a side is unknown. Cannot see: a boundary that jumps.
+    All features while a side is unknown. Limit: a boundary that jumps.
     """
     if predicted is None or predicted.left is None or predicted.right is None:
         return features
@@ -48,10 +48,10 @@ def along_road(
     max_heading_rad: Annotated[float, Field(gt=0, lt=1.5)] = 0.4,
     min_length_m: Positive = 1.0,
 ) -> Features:
-    """Connected pieces that run along the road: within ``max_heading_rad`` of ahead, ``min_length_m`` long (B06).
+    """Connected pieces along the road: within ``max_heading_rad`` of ahead, ``min_length_m`` long (B06).
 
     The direction is that of the line y(x) through the piece on the road. A slope limit in the picture, as printed,
-    would take the outer lines of a wide road away. Source: R [56]. Cannot see: sharp bends as one piece.
+    would remove the outer lines of a wide road. Source: R [56]. Limit: sharp bends as one piece.
     """
     labels, pieces = _pieces(features, view)
     good = [
@@ -70,10 +70,9 @@ def as_wide_as_paint(
     widest_m: Positive = 0.4,
     least_px: Positive = 2.5,
 ) -> Features:
-    """Runs of a row no wider than ``widest_m`` on the road: arrows, zebras, patches and glare go (B12 guard).
+    """Runs of a row no wider than ``widest_m`` on the road; removes arrows, zebras, patches, glare (B12 guard).
 
-    Runs up to ``least_px`` are always kept: far paint is as thin as an edge. Cannot see: text written in thin
-    strokes.
+    Runs up to ``least_px`` are always kept: far paint is as thin as an edge. Limit: text in thin strokes.
     """
     high = features.response > 0
     limit = np.maximum(width_px(view, widest_m), least_px)[:, None]
@@ -88,12 +87,12 @@ def middle_to_side(
     step_m: Positive = 0.35,
     from_m: Positive = 0.3,
 ) -> Features:
-    """In every row, from near to far, the first response left and right of the middle that follows the row below.
+    """In every row the first response left and right of the middle that continues the row below (B12).
 
-    The scan starts in the middle of the predicted lane, or before the vehicle; a row links when its place on the
-    road is within ``step_m`` of the row below, and starts anew after a gap of a dash. Source: R [72] (B12), whose
-    scan fails when the first pair is an artefact: nothing within ``from_m`` of the middle begins a boundary.
-    Cannot see: a second line on the same side; an arrow in the middle still stops a side that has no line yet.
+    The scan goes from near to far and starts in the middle of the predicted lane, or before the vehicle. A row
+    links within ``step_m`` of the row below on the road, + 0.2 m a metre of gap. Source: R [72], whose scan fails
+    when the first pair is an artefact: no boundary begins within ``from_m`` of the middle.
+    Limit: a second line on the same side; an arrow in the middle, which blocks a side without a line.
     """
     high = features.response > 0
     kept = np.zeros_like(high)
@@ -112,10 +111,10 @@ def clusters(
     join_rad: Positive = 0.12,
     min_length_m: Positive = 3.0,
 ) -> Features:
-    """Pieces joined to lines by their place and heading; lines of less than ``min_length_m`` go (B06).
+    """Pieces joined to lines by their place and heading, without lines shorter than ``min_length_m`` (B06).
 
     Agglomerative clustering, single linkage, of (place at 6 m / ``join_m``, heading / ``join_rad``), cut at 1; the
-    length of a line is the sum of its pieces ahead. Source: R [56]. Cannot see: one short dash on its own.
+    length of a line is the sum of its pieces ahead. Source: R [56]. Limit: a single short dash.
     """
     labels, pieces = _pieces(features, view)
     pieces = [(number, ground) for number, ground in pieces if np.ptp(ground[:, 0]) > 0.1][:MOST_PIECES]
@@ -133,9 +132,9 @@ def clusters(
 def patch_component(
     features: Features, view: View, predicted: Boundaries | None, *, close_m: Positive = 0.3
 ) -> Features:
-    """The connected part of a region that the vehicle stands on; gaps of a row up to ``close_m`` are closed (B13).
+    """The connected part of a region below the vehicle; gaps of a row up to ``close_m`` are closed (B13).
 
-    Source: R 1.2. Cannot see: a side road or a pavement that is connected with it.
+    Source: R 1.2. Limit: a connected side road or pavement.
     """
     road = features.response > HALF
     between = (
@@ -151,15 +150,15 @@ def patch_component(
     own = labels == np.bincount(below).argmax()
     whole = _filled(own)
     if np.mean(features.response[whole] > HALF) < SOLID:
-        return _kept(features, np.zeros(road.shape, bool))  # noise: more hole than road
+        return _kept(features, np.zeros(road.shape, bool))  # noise: mostly holes
     return Features(whole.astype(np.float32), Kind.REGION)
 
 
 def outline(features: Features, view: View, predicted: Boundaries | None) -> Features:
-    """The left and the right border of a region in every row, as line features: from the middle outwards (B13).
+    """The left and the right border of a region in every row, as line features (B13).
 
-    In each row the run of road that holds, or is next to, the middle of the run below. A border of the picture is
-    no border of the road. Cannot see: the road beyond a vehicle that covers its full width.
+    In each row the run of road at, or next to, the middle of the run below. A border of the picture is no border of
+    the road. Limit: the road beyond a vehicle that covers its full width.
     """
     road = features.response > HALF
     line = np.zeros(road.shape, np.uint8)
@@ -178,7 +177,7 @@ def outline(features: Features, view: View, predicted: Boundaries | None) -> Fea
         if last < road.shape[1] - 1:
             line[row, last] = 255
         column = (first + last) / 2
-    if view.seen is not None:  # nor is the border of what the camera shows
+    if view.seen is not None:  # nor is the border of the camera image
         line[cv2.erode(view.seen.astype(np.uint8), np.ones((5, 5), np.uint8)) == 0] = 0
     return Features(line, Kind.LINE)
 
@@ -219,7 +218,7 @@ def _runs(row: Mask) -> NDArray[np.int64]:
 
 
 def _run_lengths(high: Mask) -> NDArray[np.int64]:
-    """For every pixel the length of the run of True in its row that it belongs to; 0 outside."""
+    """For every pixel the length of its run of True in the row; 0 outside of runs."""
     flat = np.pad(high, ((0, 0), (1, 1))).ravel()
     change = np.flatnonzero(np.diff(flat.astype(np.int8)))
     lengths = np.zeros(flat.size, np.int64)
@@ -229,7 +228,7 @@ def _run_lengths(high: Mask) -> NDArray[np.int64]:
 
 
 def _middle(predicted: Boundaries | None) -> float:
-    """y of the middle of the predicted lane before the vehicle; 0 when that is not known."""
+    """y of the middle of the predicted lane before the vehicle; 0 without a prediction."""
     if predicted is None or predicted.left is None or predicted.right is None:
         return 0.0
     return float(predicted.left.y_m[0] + predicted.right.y_m[0]) / 2
@@ -262,7 +261,7 @@ def _linked(
 
 
 def _filled(region: Mask) -> Mask:
-    """The region without holes: what cannot be reached from its outside."""
+    """The region with its holes filled."""
     contours, _ = cv2.findContours(region.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     full = np.zeros(region.shape, np.uint8)
     cv2.drawContours(full, contours, -1, 1, cv2.FILLED)

@@ -1,4 +1,4 @@
-"""Curves through points with outliers, by consensus, for any linear family of curves (inventory B17–B19, B21).
+"""Curves through points with outliers, by consensus, for any linear family (inventory B17–B19, B21).
 
 Fischler and Bolles, Random Sample Consensus, Communications of the ACM 24(6), 1981.
 """
@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 from scipy.interpolate import BSpline
 
-from perception.techniques.boundaries.evidence import Points, both, by_side, evenly, road_points, support
+from perception.techniques.boundaries.evidence import Points, each_side, evenly, support
 from perception.techniques.image.picture import Boundaries, Boundary, Features, View
 from trepid.types import Array, Mask, Positive
 
@@ -20,15 +20,15 @@ Basis = Callable[[Array], Array]  # x, shape (n,), to the values of k basis func
 
 RIDGE = 1e-9  # two equal points would make a sample singular
 VOTERS = 240  # points that vote on samples
-REFINED = 4  # samples: the best is often only nearly clean (Chum et al., LO-RANSAC, 2003)
+REFINED = 4  # samples: the best is often not quite free of outliers (Chum et al., LO-RANSAC, 2003)
 STEP_M = 0.5  # between the points of a boundary
-KNOT_M = (12.0, 22.0)  # inner knots of the B-spline: the road bends once in what can be seen
-BENDS_M = (0.0, 6.0, 12.0, 18.0)  # where the straight section may end (B21)
+KNOT_M = (12.0, 22.0)  # inner knots of the B-spline: one change of curvature within reach
+BENDS_M = (0.0, 6.0, 12.0, 18.0)  # candidate ends of the straight section (B21)
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve y = basis(x)·c and the points that agree with it."""
+    """A curve y = basis(x)·c and its inliers."""
 
     coefficients: Array
     agreed: Points
@@ -45,12 +45,12 @@ def consensus(
     tries: int,
     least: float = 0.2,
 ) -> Curve | None:
-    """Least squares through the points that agree best on one curve, to ``inlier_m``; None below ``least`` of all.
+    """Least squares through the largest consensus within ``inlier_m``; None below the share ``least``.
 
     All samples are drawn and solved at once; a sample takes one point from each of ``size`` equal pieces of the
-    road, because close points say nothing about the course. With a share p of inliers the chance that no sample
-    is clean is (1 − p^size)^n: 3·10⁻⁶ for p = 0.5, n = 100 and a parabola. The seed is in ``rng``: the same one
-    gives the same curve.
+    road, because close points do not determine the course. With a share p of inliers the probability that every
+    sample has an outlier is (1 − p^size)^n: 3·10⁻⁶ for p = 0.5, n = 100 and a parabola. Deterministic for a seed
+    of ``rng``.
     """
     if len(points) < 2 * size:
         return None
@@ -89,8 +89,8 @@ def consensus(
 def _refined(
     points: Points, whole: Array, weight: Array, kept: Mask, *, inlier_m: float, least: float
 ) -> Curve | None:
-    """Least squares through the points ``kept``, and again through those that agree with it."""
-    for _ in range(3):  # the sample's curve only found the crowd
+    """Least squares through the points ``kept``, iterated with the inliers of each solution."""
+    for _ in range(3):
         if np.count_nonzero(kept) < least:
             return None
         turned = whole[kept].T * weight[kept]
@@ -107,7 +107,7 @@ def _refined(
 
 
 def along(curve: Curve | None, basis: Basis) -> Boundary | None:
-    """The curve from its first to its last point."""
+    """The curve from its first to its last inlier."""
     if curve is None or len(curve.agreed) < 2:
         return None
     near, far = float(curve.agreed.x_m[0]), float(curve.agreed.x_m[-1])
@@ -124,7 +124,7 @@ def polynomial(degree: int) -> Basis:
 
 
 def two_sections(bend_m: float) -> Basis:
-    """1, x, max(0, x − x₀)²: a straight line up to x₀ and a parabola that goes on from it smoothly (B21)."""
+    """1, x, max(0, x − x₀)²: a straight line up to x₀ and a smooth parabola beyond (B21)."""
     return lambda x_m: np.column_stack([np.ones_like(x_m), x_m, np.maximum(0.0, x_m - bend_m) ** 2])
 
 
@@ -144,20 +144,19 @@ def _pair(
     inlier_m: float,
     tries: int,
 ) -> Boundaries:
-    """For each side the curve, of all ``families``, that most of the road agrees with."""
-    found: list[Boundary | None] = []
-    for points in by_side(road_points(features, view), predicted):
+    """For each side the curve, of all ``families``, with the largest consensus."""
+
+    def fitted(points: Points) -> Boundary | None:
         best: Boundary | None = None
         most = 0.0
         for basis in families:
-            curve = None
-            if points is not None:
-                curve = consensus(points, basis, rng, size=size, inlier_m=inlier_m, tries=tries)
+            curve = consensus(points, basis, rng, size=size, inlier_m=inlier_m, tries=tries)
             agreed = float(evenly(curve.agreed).sum()) if curve is not None else 0.0
             if agreed > most:
                 best, most = along(curve, basis), agreed
-        found.append(best)
-    return both(*found)
+        return best
+
+    return each_side(features, view, predicted, fitted)
 
 
 def ransac_line(
@@ -169,7 +168,7 @@ def ransac_line(
     inlier_m: Positive = 0.15,
     tries: Tries = 60,
 ) -> Boundaries:
-    """A straight line y = a + bx a side (B17, B18). Source: R [81], [62], [70]. Cannot see: curves."""
+    """A straight line y = a + bx a side (B17, B18). Source: R [81], [62], [70]. Limit: curves."""
     return _pair(features, view, predicted, rng, polynomial(1), size=2, inlier_m=inlier_m, tries=tries)
 
 
@@ -182,9 +181,7 @@ def ransac_parabola(
     inlier_m: Positive = 0.15,
     tries: Tries = 100,
 ) -> Boundaries:
-    """A parabola y = a + bx + cx² a side: an arc of R = 1/2c (B17, B18). Source: R [81]. Cannot see: the far
-    S-bend.
-    """
+    """A parabola y = a + bx + cx² a side: an arc of R = 1/2c (B17, B18). Source: R [81]. Limit: S-bends."""
     return _pair(features, view, predicted, rng, polynomial(2), size=3, inlier_m=inlier_m, tries=tries)
 
 
@@ -199,7 +196,7 @@ def ransac_bspline(
 ) -> Boundaries:
     """A cubic B-spline with two inner knots a side (B19). Source: R [59], 92 % and at most 72 ms a frame there.
 
-    Cannot see: where nothing is painted; between dashes it is as free as its six coefficients.
+    Limit: gaps without paint, which do not constrain its six coefficients.
     """
     return _pair(features, view, predicted, rng, cubic_spline, size=6, inlier_m=inlier_m, tries=tries)
 
@@ -215,9 +212,9 @@ def straight_curve(
 ) -> Boundaries:
     """Straight near, curved far, one smooth curve in two sections: y = a + bx + c·max(0, x − x₀)² (B21).
 
-    Source: R [64], 92–93 %, where the sections meet in a fixed row, are fitted one after the other, and
-    intrusions on the near line spoil both; here both share one consensus, and x₀ is the best of ``BENDS_M``.
-    Cannot see: S-bends.
+    Source: R [64], 92–93 %, where the sections meet in a fixed row and are fitted one after the other, so that
+    intrusions on the near line spoil both; here both share one consensus, with the best x₀ of ``BENDS_M``.
+    Limit: S-bends.
     """
     families = [two_sections(bend_m) for bend_m in BENDS_M]
     return _pair(features, view, predicted, rng, *families, size=3, inlier_m=inlier_m, tries=tries)

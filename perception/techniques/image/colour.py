@@ -1,4 +1,4 @@
-"""Colour images to the one channel that the later stages work on (inventory A04, A06, A08, B10)."""
+"""Colour images to the single channel of the later stages (inventory A04, A06, A08, B10)."""
 
 import math
 from typing import Annotated, Literal
@@ -20,27 +20,27 @@ CHANNELS = {
     "yuv": (cv2.COLOR_BGR2YUV, "yuv"),
     "lab": (cv2.COLOR_BGR2Lab, "lab"),
 }
-ROAD_GREY, TEXTURE_GREY = 96.0, 12.0  # what road is mapped to, and one standard deviation of it
+ROAD_GREY, TEXTURE_GREY = 96.0, 12.0  # grey level of the road, and of one standard deviation of it
 MIN_SAMPLES = 30  # of paint; fewer are noise
-SENSOR_GREY = 2.0  # standard deviation that every camera has: keeps the scatter invertible
-USUAL = 80.0  # percentile of the top-hat that texture and noise reach
-OUTSTANDING = 5.0  # times that much makes paint
+SENSOR_GREY = 2.0  # standard deviation of sensor noise: keeps the scatter invertible
+USUAL = 80.0  # percentile of the top-hat reached by texture and noise
+OUTSTANDING = 5.0  # multiple of it from which a pixel is paint
 
 
 def grey(image: Image, view: View) -> Image:
     """Luminance, Y = 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601) (A04).
 
-    Source: R [8]–[12]. Cannot see: yellow paint on concrete, which has the same luminance.
+    Source: R [8]–[12]. Limit: yellow paint on concrete, which has the same luminance.
     """
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 def binary(image: Image, view: View) -> Image:
-    """White where it is brighter than the threshold that splits the grey levels best, else black (A06).
+    """White above the threshold that separates the grey levels best, else black (A06).
 
     Otsu, A Threshold Selection Method from Gray-Level Histograms (1979): the threshold with the greatest variance
-    between the two classes. Source: R [14], [58], [64]. Cannot see: paint in a picture with sky, or with sun and
-    shadow; a region and a marking channel must come before.
+    between the two classes. Source: R [14], [58], [64]. Limit: paint in a picture with sky, or with sun and
+    shadow; a region and a channel for markings must come first.
     """
     return np.asarray(cv2.threshold(grey(image, view), 0, 255, cv2.THRESH_OTSU)[1], np.uint8)
 
@@ -54,7 +54,7 @@ def channel(
 ) -> Image:
     """One channel of a colour space; of YCbCr, "b" and "r" are Cb and Cr (A08).
 
-    Source: R [67]–[70]. V of HSV and L of HLS see white, b of Lab and Cb see yellow. Cannot see: the respective
+    Source: R [67]–[70]. V of HSV and L of HLS respond to white, b of Lab and Cb to yellow. Limit: the respective
     other colour. Raises InputError when the space has no such channel.
     """
     code, letters = CHANNELS[space]
@@ -70,7 +70,7 @@ def hsi(image: Image) -> tuple[Floats, Floats, Floats]:
     """Hue [rad, −π..π, 0 = red], saturation and intensity, 0..1 each, of a BGR image (A07).
 
     I = (R+G+B)/3, S = 1 − min(R,G,B)/I, H = atan2(√3·(G−B), 2R−G−B). Source: R [15], [66] ("HIS"); Gonzalez and
-    Woods, Digital Image Processing, section 6.2. Hue means nothing where S is near 0.
+    Woods, Digital Image Processing, section 6.2. Hue is noise where S is near 0.
     """
     blue, green, red = np.moveaxis(image.astype(np.float32) / 255, 2, 0)
     intensity = (blue + green + red) / 3
@@ -81,14 +81,14 @@ def hsi(image: Image) -> tuple[Floats, Floats, Floats]:
 
 
 def adaptive_grey(image: Image, view: View, *, marking_m: Annotated[float, Field(gt=0)] = 0.15) -> Image:
-    """The projections of colour in which white and yellow paint differ most from the road of this frame (B10).
+    """Projections of colour in which white and yellow paint differ most from the road of this frame (B10).
 
     Fisher's discriminant g = wᵀ·(R,G,B) with w = S_w⁻¹·(μ_paint − μ_road), once for white and once for yellow
-    paint; road becomes grey 96 ± 12, the brighter of both projections counts. Paint for learning is what stands
-    out of its row (top-hat of ``marking_m`` in any channel), parted into white and yellow by its blue. Printed:
-    "random vectors", an error of writing for adaptive ones. Source: R [65]; Fisher, The Use of Multiple
-    Measurements in Taxonomic Problems (1936). Luminance where no paint stands out. Cannot see: paint of the
-    road's own colour and brightness.
+    paint; road becomes grey 96 ± 12, the brighter of both projections counts. The samples of paint are pixels that
+    stand out of their row (top-hat of ``marking_m`` in any channel), separated into white and yellow by their blue.
+    Printed: "random vectors", an error for adaptive ones. Source: R [65]; Fisher, The Use of Multiple
+    Measurements in Taxonomic Problems (1936). Luminance without samples of paint. Limit: paint of the
+    colour and brightness of the road.
     """
     if image.ndim == 2:
         return image
@@ -108,7 +108,7 @@ def adaptive_grey(image: Image, view: View, *, marking_m: Annotated[float, Field
 
 
 def _white_and_yellow(found: Floats, ground: Floats) -> list[Floats]:
-    """The paint, parted by how much less its blue has risen above the road than its red and green."""
+    """White and yellow paint; the blue of yellow rises less above the road than its red and green."""
     rise = found - ground.mean(axis=0)
     yellow = rise[:, 0] < 0.5 * rise[:, 1:].mean(axis=1)
     return [part for part in (found[~yellow], found[yellow]) if len(part) >= MIN_SAMPLES // 2]

@@ -1,4 +1,4 @@
-"""Gradients and the edges they make (inventory B03–B07, A16)."""
+"""Edges by gradients (inventory B03–B07, A16)."""
 
 import cv2
 import numpy as np
@@ -16,8 +16,8 @@ STROKE = 255
 def canny(image: Image, view: View, *, low: Positive = 50.0, high: Positive = 150.0) -> Features:
     """Edges of one pixel: gradient, non-maximum suppression, two thresholds [Sobel grey levels] (B03, B09).
 
-    Source: R [43]–[51]; Canny, A Computational Approach to Edge Detection (1986). Cannot see: which edge is paint;
-    every shadow and crack with enough contrast is one too. Fixed thresholds go blind in the dark.
+    Source: R [43]–[51]; Canny, A Computational Approach to Edge Detection (1986). Limit: shadows and cracks
+    with enough contrast are edges too; fixed thresholds miss dark pictures.
     """
     return Features(np.asarray(cv2.Canny(image, low, high), np.uint8), Kind.LINE)
 
@@ -25,8 +25,8 @@ def canny(image: Image, view: View, *, low: Positive = 50.0, high: Positive = 15
 def canny_auto(image: Image, view: View, *, factor: Positive = 6.0, least: Positive = 12.0) -> Features:
     """Canny with thresholds that follow the light: high = ``factor`` medians of |∂x| + |∂y|, low half of it (B15).
 
-    The median gradient of a picture is that of the asphalt's texture and the sensor's noise. Source: R [74] on
-    thresholds that must follow the illumination. Cannot see: paint weaker than ``factor`` times the texture.
+    The median gradient of a picture is that of the asphalt's texture and of sensor noise. Source: R [74] on
+    thresholds that must follow the illumination. Limit: paint weaker than ``factor`` times the texture.
     """
     dx, dy = (cv2.Sobel(grey(image, view), cv2.CV_16S, *order) for order in ((1, 0), (0, 1)))
     texture = float(np.median(np.abs(dx[::2, ::2]).astype(np.int32) + np.abs(dy[::2, ::2])))
@@ -37,8 +37,8 @@ def canny_auto(image: Image, view: View, *, factor: Positive = 6.0, least: Posit
 def sobel(image: Image, view: View, *, least: Positive = 12.0) -> Features:
     """Upright edges: peaks along the row of |∂x| above ``least`` [grey/px], by (1, 2, 1) × (−1, 0, 1)/8 (B04).
 
-    Only ∂x, so the edge of a shadow across the road gives nothing (A16; the printed "vertical gradient" is the
-    gradient of upright edges). Source: R [24], [52]–[54]. Cannot see: which upright edge is paint.
+    Only ∂x, so the edge of a shadow across the road gives no response (A16; the printed "vertical gradient" is the
+    gradient of upright edges). Source: R [24], [52]–[54]. Limit: upright edges that are no paint.
     """
     slope = cv2.Sobel(grey(image, view), cv2.CV_32F, 1, 0, scale=1 / 8)
     return _upright(np.asarray(np.abs(slope), np.float32), least)
@@ -47,7 +47,7 @@ def sobel(image: Image, view: View, *, least: Positive = 12.0) -> Features:
 def prewitt(image: Image, view: View, *, least: Positive = 12.0) -> Features:
     """Upright edges as :func:`sobel`, with equal weights: (1, 1, 1) × (−1, 0, 1)/6 (B05).
 
-    Source: R [55]. Cannot see: what Sobel cannot; it blurs as much up and down, and so keeps slanted edges less.
+    Source: R [55]. Limit: as Sobel; and slanted edges, blurred by equal weights up and down.
     """
     slope = cv2.filter2D(grey(image, view), cv2.CV_32F, PREWITT)
     return _upright(np.asarray(np.abs(slope), np.float32), least)
@@ -60,9 +60,9 @@ def _upright(slope: Floats, least: float) -> Features:
 def edlines(image: Image, view: View) -> Features:
     """Straight line segments, drawn one pixel wide (B06).
 
-    Segments are those of LSD, which validates like EDLines (a segment counts when noise would hardly ever make
-    it, Helmholtz's principle) and, as that, has no threshold to set; EDLines itself is not in OpenCV's main
-    package. Source: R [56]; Akinlar and Topal, EDLines (2011). Cannot see: curves but as chords.
+    Segments are those of LSD, which validates like EDLines (a segment counts when noise hardly ever produces it,
+    Helmholtz's principle) and like it has no threshold; EDLines is not in OpenCV's main package. Source: R [56];
+    Akinlar and Topal, EDLines (2011). Limit: curves, which become chords.
     """
     lines = np.zeros(image.shape[:2], np.uint8)
     for ends in road_segments_px(grey(image, view), view):

@@ -1,4 +1,4 @@
-"""Light and contrast made even (inventory A18–A20)."""
+"""Equalised light and contrast (inventory A18–A20)."""
 
 from typing import Annotated
 
@@ -22,7 +22,7 @@ def clahe(
     """Histogram equalisation in tiles, with limited gain (A18); of colour images the lightness.
 
     Source: R [27]–[29], after smoothing; Zuiderveld, Contrast Limited Adaptive Histogram Equalization, Graphics
-    Gems IV (1994). Cannot see: what is noise; it raises that as well.
+    Gems IV (1994). Limit: noise is raised as well.
     """
     equaliser = cv2.createCLAHE(clip, (tiles, tiles))
     if image.ndim == 2:
@@ -33,11 +33,10 @@ def clahe(
 
 
 def low_light(image: Image, view: View, *, road_grey: Level = 90.0, most: Positive = 8.0) -> Image:
-    """Dark pictures lifted: v·g, with the gain g from 1 to ``most`` that takes the road to ``road_grey`` (A19).
+    """Brighter dark pictures: v·g, with the gain g from 1 to ``most`` that takes the road to ``road_grey`` (A19).
 
     The median below the horizon counts as the road. The published form trains a network to restyle night as day;
-    this is its plain part, the exposure. Daylight is left alone. Source: R [30]. Cannot see: what the sensor has
-    lost in its noise, which is lifted as well; lamps saturate.
+    this is its exposure alone. Daylight is unchanged. Source: R [30]. Limit: noise; lamps, which saturate.
     """
     road = grey(image, view)[np.isfinite(view.pixel_m)]
     gain = min(road_grey / max(float(np.median(road)), 1.0), most) if road.size else 1.0
@@ -47,9 +46,9 @@ def low_light(image: Image, view: View, *, road_grey: Level = 90.0, most: Positi
 def match_histogram(image: Image, view: View, *, mean: Level = 110.0, deviation: Positive = 45.0) -> Image:
     """Grey levels mapped so that their histogram becomes the reference: a normal one of these moments (A20).
 
-    See :func:`matching`. Deep Steer takes the histogram of a picture from its training set; a normal one needs no
+    See :func:`matching`. Deep Steer takes the histogram of a picture of its training set; a normal one needs no
     picture. Colour images are mapped by the histogram of their luminance. Source: D 4.2, eq. 1–3, [14], [15].
-    Cannot see: that half of the picture lies in shadow; and it makes a contrast out of an empty road's noise.
+    Limit: pictures half in shadow; the noise of an empty road, which becomes contrast.
     """
     levels = np.arange(LEVELS)
     reference = np.exp(-0.5 * ((levels - mean) / deviation) ** 2)
@@ -58,7 +57,7 @@ def match_histogram(image: Image, view: View, *, mean: Level = 110.0, deviation:
 
 
 def matching(counts: NDArray[np.number], reference: NDArray[np.number]) -> NDArray[np.uint8]:
-    """The table of grey levels that gives a picture of histogram ``counts`` the histogram ``reference``.
+    """The table of grey levels that maps the histogram ``counts`` to ``reference``.
 
     h(i) = n_i/N, H(j) = Σ_{i≤j} h(i), T(j) = ⌊(K−1)·H(j)⌋ with K = 256 for both; v goes to the smallest z with
     T_ref(z) ≥ T(v). Printed: the index runs "0 … 245, 255", and the step back through T_ref stands in words only.

@@ -1,8 +1,8 @@
-"""What the stages of a pipeline hand to each other: only data, and the geometry of one plane picture.
+"""The data that stages pass on, and the geometry of a plane picture.
 
 Every picture (the camera image, a part of it, the road from above) is a plane image of a flat road, so one
-homography says all of its geometry. Boundaries live on the road, in the vehicle frame (x forward, y left): no stage
-needs to know in which picture another one has seen them.
+homography holds all of its geometry. Boundaries are points on the road in the vehicle frame (x forward, y left),
+independent of the picture in which they were found.
 """
 
 from dataclasses import dataclass, replace
@@ -24,14 +24,12 @@ AT_HORIZON = 1e-9
 class View:
     """A picture as the plane projection of the flat road."""
 
-    camera: (
-        Camera  # that took it: mounting above the road; its size and focal length may not be the picture's
-    )
+    camera: Camera  # its mounting; its size and focal length may differ from those of the picture
     width_px: int
     height_px: int
     pixel_from_ground: Array  # homography from road points (x, y, 1) [m], shape (3, 3)
     from_above: bool = False  # a bird's-eye view: rows go forward, columns to the left
-    seen: Mask | None = None  # which pixels the camera shows; None: all
+    seen: Mask | None = None  # pixels inside of the camera image; None: all
 
     @cached_property
     def ground_from_pixel(self) -> Array:
@@ -48,7 +46,7 @@ class View:
         """Road points (x, y) [m], shape (n, 2), of pixels, shape (n, 2); NaN at and above the horizon."""
         points = np.atleast_2d(np.asarray(pixel, float))
         x, y, depth = self.ground_from_pixel @ np.column_stack([points, np.ones(len(points))]).T
-        sign = self.ground_from_pixel[2] @ [(self.width_px - 1) / 2, 1e6, 1.0]  # far below: surely road
+        sign = self.ground_from_pixel[2] @ [(self.width_px - 1) / 2, 1e6, 1.0]  # far below: always road
         depth = np.where(depth * np.sign(sign) > AT_HORIZON, depth, np.nan)
         return np.column_stack([x / depth, y / depth])
 
@@ -61,7 +59,7 @@ class View:
 
     @cached_property
     def pixel_m(self) -> Array:
-        """Metres across the road that one pixel covers, for every row, in its middle; NaN above the horizon."""
+        """Width on the road [m] of the middle pixel of every row; NaN above the horizon."""
         rows, middle = np.arange(self.height_px, dtype=float), (self.width_px - 1) / 2
         left = self.ground(np.column_stack([np.full_like(rows, middle - 0.5), rows]))
         right = self.ground(np.column_stack([np.full_like(rows, middle + 0.5), rows]))
@@ -69,7 +67,7 @@ class View:
 
     @cached_property
     def ahead_m(self) -> Array:
-        """Distance x ahead of the rear axle of every row, in its middle; NaN above the horizon."""
+        """Distance x [m] ahead of the rear axle of the middle of every row; NaN above the horizon."""
         rows = np.arange(self.height_px, dtype=float)
         return self.ground(np.column_stack([np.full_like(rows, (self.width_px - 1) / 2), rows]))[:, 0]
 
@@ -129,34 +127,32 @@ class Box:
 
 @dataclass(frozen=True)
 class Region:
-    """The part of a picture that is looked at: a box, and which of its pixels count (None: all)."""
+    """The part of a picture that is processed: a box, and its pixels that count (None: all)."""
 
     box: Box
     mask: Mask | None = None
 
 
 class Kind(StrEnum):
-    """What a response is high on."""
+    """The places of a high response."""
 
     LINE = "line"  # edges or stripes along the boundaries
     REGION = "region"  # the surface of the road between them
-    TEXTURE = "texture"  # whatever has a direction
+    TEXTURE = "texture"  # pixels with a direction
 
 
 @dataclass(frozen=True)
 class Features:
-    """How much each pixel of a picture looks like a boundary or like road."""
+    """The response of each pixel of a picture: boundary, or road."""
 
-    response: NDArray[np.uint8] | NDArray[np.float32]  # (height, width); 0 = not at all
+    response: NDArray[np.uint8] | NDArray[np.float32]  # (height, width); 0 = none
     kind: Kind
-    direction_rad: NDArray[np.float32] | None = (
-        None  # of the texture in the picture, from its columns to its rows
-    )
+    direction_rad: NDArray[np.float32] | None = None  # of texture, from columns to rows
 
 
 @dataclass(frozen=True)
 class Boundary:
-    """One side of the lane on the road: points in the vehicle frame from near to far, and what it rests on."""
+    """One side of the lane: points in the vehicle frame from near to far, and their evidence."""
 
     x_m: Array
     y_m: Array
@@ -164,7 +160,7 @@ class Boundary:
     support: float  # 0..1, share of its length where there is evidence
 
     def at(self, x_m: ArrayLike) -> Array:
-        """y [m] at ``x_m``; NaN outside of what it covers."""
+        """y [m] at ``x_m``; NaN beyond the ends."""
         return np.interp(np.asarray(x_m, float), self.x_m, self.y_m, left=np.nan, right=np.nan)
 
     def polynomial(self, degree: int) -> Array:
@@ -175,15 +171,15 @@ class Boundary:
 
 @dataclass(frozen=True)
 class Boundaries:
-    """The two sides of the lane; None: not seen."""
+    """The two sides of the lane; None: not found."""
 
     left: Boundary | None
     right: Boundary | None
-    reason: str = ""  # why one or both are missing
+    reason: str = ""  # for a missing side
 
     @property
     def seen(self) -> int:
-        """How many there are: 0, 1 or 2."""
+        """The number of sides: 0, 1 or 2."""
         return (self.left is not None) + (self.right is not None)
 
 
@@ -197,7 +193,7 @@ class MeasuredLane:
 
 @dataclass(frozen=True)
 class Motion:
-    """How the vehicle has moved since the last frame; None: it does not say."""
+    """The motion of the vehicle since the last frame; None: not reported."""
 
     dt_s: float
     speed_mps: float | None
@@ -205,17 +201,17 @@ class Motion:
 
     @property
     def moved_m(self) -> float:
-        """Distance travelled; 0 when the speed is not known."""
+        """Distance travelled; 0 for an unknown speed."""
         return (self.speed_mps or 0.0) * self.dt_s
 
     @property
     def turned_rad(self) -> float:
-        """Angle turned to the left; 0 when the yaw rate is not known."""
+        """Angle turned to the left; 0 for an unknown yaw rate."""
         return (self.yaw_rate_radps or 0.0) * self.dt_s
 
 
 def moved(boundaries: Boundaries, motion: Motion) -> Boundaries:
-    """The same boundaries on the road, seen from where ``motion`` has brought the vehicle."""
+    """The same boundaries on the road, in the frame of the vehicle after ``motion``."""
     return replace(boundaries, left=_moved(boundaries.left, motion), right=_moved(boundaries.right, motion))
 
 

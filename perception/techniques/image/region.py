@@ -1,4 +1,4 @@
-"""Which part of the picture is looked at (inventory A01–A03)."""
+"""The part of the picture that is processed (inventory A01–A03)."""
 
 from typing import Annotated
 
@@ -8,7 +8,7 @@ from pydantic import Field
 from perception.techniques.image.picture import Boundaries, Boundary, Box, Region, View
 from trepid.types import Mask, Positive
 
-MIN_PX = 16  # a smaller part holds nothing to be seen
+MIN_PX = 16  # least height and width of a part
 
 
 def roi_fixed(
@@ -17,7 +17,7 @@ def roi_fixed(
     """The lower part of the picture, down from the row that shows the road ``reach_m`` ahead (A01).
 
     y ≥ y(reach). The printed rule wants the intersection of the boundaries inside too; it follows from the lines
-    and lies on the horizon, a few rows above. Source: R II.A, [7]. Cannot see: hills, where the road goes on
+    and lies on the horizon, a few rows above. Source: R II.A, [7]. Limit: hills, where the road goes on
     above the row.
     """
     return Region(_rows(view, reach_m))
@@ -32,10 +32,10 @@ def roi_tracked(
     half_width_m: Positive = 0.5,
     growth: Annotated[float, Field(ge=0)] = 0.02,
 ) -> Region:
-    """Bands around the two boundaries of the last frame, or everything below ``reach_m`` without them (A02).
+    """Bands around the two boundaries of the last frame; without them all rows up to ``reach_m`` (A02).
 
-    |y − y_b(x)| < ``half_width_m`` + ``growth``·x on the road, the growth for what a heading error of about a
-    degree makes of it. Source: R II.A. Cannot see: a boundary that jumps, such as a new lane, until it is lost.
+    |y − y_b(x)| < ``half_width_m`` + ``growth``·x on the road; the growth covers a heading error of about a
+    degree. Source: R II.A. Limit: a boundary that jumps, such as a new lane, until it is lost.
     """
     box = _rows(view, reach_m)
     if predicted is None or predicted.seen < 2:  # the missing side may be anywhere
@@ -55,10 +55,10 @@ def roi_speed(
     half_width_m: Positive = 0.5,
     growth: Annotated[float, Field(ge=0)] = 0.02,
 ) -> Region:
-    """As far as is driven in ``seconds``, in bands around the line equations when there are some (A03, DROI).
+    """The road of the next ``seconds``, in bands around the boundaries of the last frame (A03, DROI).
 
-    reach = v·t, within limits; the farthest one when the speed is not known. Source: R Tab. 2 [76]. Cannot see:
-    what comes later than that, so a bend is met late at low speed.
+    reach = v·t, within limits; ``max_reach_m`` for an unknown speed. Source: R Tab. 2 [76]. Limit: bends farther
+    ahead at low speed.
     """
     known_m = max_reach_m if speed_mps is None else speed_mps * seconds
     reach_m = min(max(known_m, min_reach_m), max_reach_m)
@@ -66,18 +66,18 @@ def roi_speed(
 
 
 def near(view: View, sides: list[Boundary], *, half_width_m: float, growth: float) -> Mask:
-    """Pixels within ``half_width_m`` + ``growth``·x of one of ``sides``, which go on straight beyond their ends."""
+    """Pixels within ``half_width_m`` + ``growth``·x of one of ``sides``, extended straight at both ends."""
     rows = np.arange(view.height_px, dtype=float)
     columns = np.arange(view.width_px, dtype=float)
     mask = np.zeros((view.height_px, view.width_px), bool)
     reach_px = (half_width_m + growth * np.maximum(view.ahead_m, 0)) / view.pixel_m
     for side in sides:
         pixels = view.pixels(_extended(side))
-        seen = np.isfinite(pixels).all(axis=1)
-        if not seen.any():
+        pixels = pixels[np.isfinite(pixels).all(axis=1)]
+        if not len(pixels):
             continue
-        order = np.argsort(pixels[seen, 1])
-        middle = np.interp(rows, pixels[seen][order, 1], pixels[seen][order, 0])
+        order = np.argsort(pixels[:, 1])
+        middle = np.interp(rows, pixels[order, 1], pixels[order, 0])
         with np.errstate(invalid="ignore"):  # rows above the horizon are NaN: not near
             mask |= np.abs(columns - middle[:, None]) < reach_px[:, None]
     return mask

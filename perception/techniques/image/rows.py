@@ -1,4 +1,4 @@
-"""Filters along image rows, as wide as a length on the road is there: no warp of the picture is needed."""
+"""Filters along image rows whose width is a length on the road at that row; they need no warp of the picture."""
 
 from itertools import pairwise
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from perception.techniques.image.picture import View
 from trepid.types import Floats, Image, Mask
 
-MAX_HAT_PX = 41  # wider paint than that is nearer than any camera sees
+MAX_HAT_PX = 41  # wider paint is nearer than the nearest row
 
 
 def width_px(view: View, width_m: float) -> NDArray[np.float64]:
@@ -20,7 +20,7 @@ def width_px(view: View, width_m: float) -> NDArray[np.float64]:
 def row_means(image: Image, edges_m: tuple[float, ...], view: View) -> list[Floats]:
     """Means of the boxes between neighbours of ``edges_m``, which lie that far to the left of every pixel.
 
-    Exact between pixels; edges beside the picture are put on its border. 0 above the horizon.
+    Exact between pixels; edges outside of the picture are moved to its border. 0 above the horizon.
     """
     road = np.flatnonzero(np.isfinite(view.pixel_m))
     first = int(road[0]) if len(road) else image.shape[0]
@@ -51,7 +51,7 @@ def _between(running: Floats, place: Floats) -> Floats:
 def row_top_hat(image: Image, view: View, width_m: float) -> Image:
     """Image minus its opening along the row by ``width_m``: bright stripes narrower than that remain.
 
-    Rows are filtered in groups of the same odd kernel, so that the width follows the distance.
+    Rows with the same odd kernel are filtered together, so that the width follows the distance.
     """
     sizes = 2 * np.ceil(width_px(view, width_m) / 2).astype(int) + 1
     sizes = np.minimum(sizes, min(MAX_HAT_PX, image.shape[1] // 2 * 2 - 1))

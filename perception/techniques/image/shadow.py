@@ -1,4 +1,4 @@
-"""Cast shadows taken out of the picture (inventory A14)."""
+"""Removal of cast shadows (inventory A14)."""
 
 import cv2
 import numpy as np
@@ -9,13 +9,13 @@ from perception.techniques.image.picture import View
 from perception.techniques.image.rows import row_top_hat
 from trepid.types import Array, Floats, Image, Mask, Positive
 
-DARK = 4.0  # grey levels added before the logarithm: below, colour is noise
+DARK = 4.0  # grey levels added before the logarithm: colour below is noise
 ANGLES = np.deg2rad(np.arange(0.0, 91.0, 5.0))  # sky light is bluer: ln R/G falls while ln B/G rises
 BINS = 64
-SUNNY = 75.0  # percentile of brightness above which pixels lie in the sun, if any do
-NEAR_PX = 2  # a shadow's edge is this soft
-TOGETHER = 0.4  # share of the strongest step of a channel that the weakest has at the edge of a shadow
-STRIPE_GREY = 8.0  # a stripe that stands out so far is paint
+SUNNY = 75.0  # percentile of brightness above which pixels lie in the sun
+NEAR_PX = 2  # width of the penumbra
+TOGETHER = 0.4  # least step of a channel at the edge of a shadow, as a share of the greatest
+STRIPE_GREY = 8.0  # least contrast of paint
 
 
 def without_shadows(
@@ -26,21 +26,21 @@ def without_shadows(
     material: Positive = 0.06,
     marking_m: Positive = 0.30,
 ) -> Image:
-    """The picture without cast shadows: their edges are zeroed and the rest integrated again (A14).
+    """The picture without cast shadows: zero their edges, then integrate the gradient again (A14).
 
-    1. Invariant g = cosθ·ln(R/G) + sinθ·ln(B/G): one axis of it does not change from sun to sky light; θ is where
-       the entropy of g is least.
-    2. Shadow edges: ∇ln I above ``step`` in all channels alike, where ∇g is below ``material``. White paint on
+    1. Invariant g = cosθ·ln(R/G) + sinθ·ln(B/G): one axis does not change from sun to sky light: the θ with
+       the least entropy of g.
+    2. Shadow edges: ∇ln I above ``step`` in all channels alike with ∇g below ``material``. White paint on
        grey asphalt has no step in g either, so a stripe as narrow as a marking is never a shadow edge.
     3. Re-integration: the picture whose gradient is ∇ln I without those edges, min ‖∇u − p‖² (Poisson, with no flow
        through the border), solved by the discrete cosine transform.
 
     Source: R [21]; Finlayson, Hordley, Lu and Drew, On the Removal of Shadows from Images, IEEE PAMI 28(1), 2006.
-    Cannot see: where one road ends and another grey begins (asphalt to concrete): that edge is smoothed too.
+    Limit: the edge between two grey surfaces (asphalt and concrete), which is removed too.
     """
     if image.ndim == 2:
         return image
-    road = np.isfinite(view.pixel_m)  # the sky stays as it is
+    road = np.isfinite(view.pixel_m)  # the sky is unchanged
     shadow = shadow_edges(image, view, step=step, material=material, marking_m=marking_m)[road]
     if not shadow.any():
         return image
@@ -66,7 +66,7 @@ def shadow_edges(image: Image, view: View, *, step: float, material: float, mark
 
 
 def _dims_all(logs: Floats, step: float) -> Mask:
-    """Where ln I steps by more than ``step`` and every channel has a fair share of it, in the same direction."""
+    """Pixels where ln I steps by more than ``step`` and every channel has a share of it in the same direction."""
     dx, dy = cv2.Sobel(logs, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(logs, cv2.CV_32F, 0, 1, scale=1 / 8)
     mean_x, mean_y = dx.mean(axis=2), dy.mean(axis=2)
     size = np.maximum(np.hypot(mean_x, mean_y), 1e-6)
@@ -85,7 +85,7 @@ def invariant(logs: Floats) -> Floats:
 def _entropy(values: NDArray[np.floating]) -> float:
     """−Σ p·ln p of the middle 90 % of ``values`` in bins by Scott's rule, in nats, plus the log of the bin.
 
-    The width of the bins belongs to it: otherwise a narrow distribution would be as uncertain as a wide one.
+    The width of the bins is part of it: otherwise a narrow distribution would have the entropy of a wide one.
     """
     low, high = np.percentile(values, [5, 95])
     if high - low < 1e-6:

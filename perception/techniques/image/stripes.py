@@ -13,7 +13,7 @@ from perception.techniques.image.rows import row_means, row_peaks, row_top_hat, 
 from trepid.types import Floats, Image, OpenShare, Positive
 
 BLUR_PX = 1.2
-LEAST_GREY = 4.0  # contrast that sensor noise does not make in a region
+LEAST_GREY = 4.0  # contrast of a region above sensor noise
 YELLOW_RAD = 0.87  # hue of yellow paint, 50° from red: traffic yellow RAL 1023 has 48°
 HUE_RAD = 0.44  # 25° to both sides
 
@@ -23,9 +23,9 @@ def dark_bright_dark(
 ) -> Features:
     """Contrast [grey levels] of a stripe ``marking_m`` wide against the brighter of its neighbours (B02).
 
-    With box means of that width on the road at −w, 0, +w: mean(0) − max(mean(−w), mean(+w)), where it is greatest
-    in its row and above ``least`` and ``noise`` mean absolute responses. A step edge gives nothing. Source: R 1.1.
-    Cannot see: wide or worn-out paint, and the dark outline of kerbs.
+    With box means of that width on the road at −w, 0, +w: mean(0) − max(mean(−w), mean(+w)), at its maxima
+    in the row and above ``least`` and ``noise`` mean absolute responses. A step edge gives 0. Source: R 1.1.
+    Limit: wide or worn-out paint, and the dark outline of kerbs.
     """
     edges_m = (1.5 * marking_m, 0.5 * marking_m, -0.5 * marking_m, -1.5 * marking_m)
     left, middle, right = row_means(grey(image, view), edges_m, view)
@@ -40,8 +40,8 @@ def dark_bright_dark(
 def top_hat(image: Image, view: View, *, marking_m: Positive = 0.25, least: Positive = 8.0) -> Features:
     """Stripes brighter than the opening of their row by ``marking_m``, above Otsu's threshold and ``least`` (B25).
 
-    Image − opening; the structuring element follows the distance. Source: R [75]. Cannot see: the width below
-    ``marking_m``: gravel and arrows remain as well.
+    Image − opening; the structuring element follows the distance. Source: R [75]. Limit: widths
+    below ``marking_m``: gravel and arrows remain.
     """
     hat = row_top_hat(grey(image, view), view, marking_m)
     threshold, _ = (
@@ -62,9 +62,9 @@ def oriented(
     """Second derivative of a Gaussian across the road, Gaussian along it; the highest ``1 − share`` of it (B32).
 
     f(u) ∝ exp(−u²/2σ²)·(1 − u²/σ²) across and exp(−v²/2σ_v²) along, with zero mean, σ half a marking and σ_v
-    ``along_m``; scaled so that a stripe of contrast c gives about c. Meant for the view from above; elsewhere the
-    width is that of the middle row. Source: R [61]; Aly, Real time Detection of Lane Markers in Urban Streets, IV
-    2008. Cannot see: lines at an angle to the vehicle of more than about 10°.
+    ``along_m``; scaled so that a stripe of contrast c gives about c. For the view from above; elsewhere the width
+    is that of the middle row. Source: R [61]; Aly, Real time Detection of Lane Markers in Urban Streets, IV
+    2008. Limit: lines at an angle to the vehicle of more than about 10°.
     """
     metre_px = 1 / float(np.nanmedian(view.pixel_m))
     across = _ricker(max(marking_m * metre_px / 2, 0.6))
@@ -90,14 +90,14 @@ def wavelet(
     upright: Annotated[float, Field(ge=0, le=4)] = 1.6,
     level: Annotated[float, Field(ge=0, le=1)] = 0.15,
 ) -> Image:
-    """Wavelet details of upright edges times ``upright``, of level ones times ``level``, put together again (B11).
+    """Wavelet reconstruction with details of upright edges times ``upright``, of level ones times ``level`` (B11).
 
-    After the view from above, where markings are upright and the edges of shadows across the road are level. With
-    the spline smoothing S along rows (x) and columns (y), its taps 2^j pixels apart, the approximation a parts into
+    For the view from above, where markings are upright and the edges of shadows across the road are level. The
+    spline smoothing S along rows (x) and columns (y), its taps 2^j pixels apart, splits the approximation a into
     S_xS_y·a, upright details (1 − S_x)S_y·a, level ones S_x(1 − S_y)·a and diagonal ones (1 − S_x)(1 − S_y)·a:
-    gains of 1 give the picture back. No decimation, which would leave blocks on slanted lines. Source: R [71];
-    Holschneider et al., algorithme à trous (1989). Cannot see: level details of paint, such as the ends of dashes
-    and stop lines, go too.
+    gains of 1 restore the picture. No decimation, which leaves blocks on slanted lines. Source: R [71];
+    Holschneider et al., algorithme à trous (1989). Limit: level details of paint, such as the ends of
+    dashes and stop lines, are damped too.
     """
     smooth = grey(image, view).astype(np.float32)
     details = np.zeros_like(smooth)
@@ -128,8 +128,8 @@ def paint_colour(
 ) -> Features:
     """White: ``brighter`` than the road and pale; yellow: of that hue and coloured. Loose limits in HSI (A07, B23).
 
-    Intensity is compared with the median below the horizon, so the limit follows the light. Source: R [15],
-    [66], [70]. Cannot see: form; pale gravel, white vehicles and sunlit patches are paint to it.
+    Intensity is compared with the median below the horizon, so that the limit follows the light. Source: R [15],
+    [66], [70]. Limit: pale gravel, white vehicles and sunlit patches.
     """
     if image.ndim == 2:
         return Features(np.zeros(image.shape, np.uint8), Kind.LINE)
@@ -155,10 +155,10 @@ def mser_blue(
 ) -> Features:
     """Stable bright regions, slim as paint, of the blue channel (white) and of its enhanced form (yellow) (A15).
 
-    A maximally stable region hardly changes while the threshold moves by ``delta`` levels, whatever the light:
-    paint in shadow is one as well. Blue, because sky light keeps it bright in shadow; yellow paint is dark there,
-    hence the enhanced channel 2·((R+G)/2 − B). Kept are regions up to ``widest_m`` wide on the road and
-    ``slimness`` times longer. Source: R [22], [23]; Matas et al. (2002). Cannot see: paint broken into crumbs.
+    A maximally stable region hardly changes while the threshold moves by ``delta`` levels, in any light. Blue stays
+    bright in shadow by sky light; yellow paint is dark in it, hence the enhanced channel 2·((R+G)/2 − B). Kept are
+    regions up to ``widest_m`` wide on the road and
+    ``slimness`` times longer. Source: R [22], [23]; Matas et al. (2002). Limit: crumbled paint.
     """
     if image.ndim == 2:
         return Features(np.zeros(image.shape, np.uint8), Kind.LINE)
@@ -188,7 +188,7 @@ def _yellowness(image: Image) -> Image:
 def _is_stripe(
     region: NDArray[np.int32], widest_px: NDArray[np.float64], slimness: float, plane: Image
 ) -> bool:
-    """Narrow in its rows, long along its axis, and brighter than what lies beside it."""
+    """Narrow in its rows, long along its axis, and brighter than both sides of it."""
     columns, rows = region[:, 0], region[:, 1]
     top, bottom = int(rows.min()), int(rows.max())
     if bottom - top < 3:

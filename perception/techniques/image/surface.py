@@ -1,4 +1,4 @@
-"""How much each pixel looks like the road ahead of the vehicle (inventory B13, B15, B16)."""
+"""Similarity of each pixel to the road ahead of the vehicle (inventory B13, B15, B16)."""
 
 from typing import Annotated
 
@@ -11,15 +11,15 @@ from perception.techniques.image.colour import grey
 from perception.techniques.image.picture import Features, Kind, View
 from trepid.types import Floats, Image, Mask, Positive
 
-PATCH_M = 6.0  # length of the patch, from the nearest road that is seen
-PATCH_HALF_M = 0.8  # a vehicle on the road has road before its wheels
-REST_HALF_M = 3.0  # beyond this much may be something else
-LEAST_GREY = 3.0  # sensor noise: no road is more even
+PATCH_M = 6.0  # length of the patch, from the nearest visible road
+PATCH_HALF_M = 0.8  # half its width: the road between the wheels
+REST_HALF_M = 3.0  # farther aside lies mostly no road
+LEAST_GREY = 3.0  # sensor noise
 REST_PX = 100
 
 
 def patch(view: View, *, half_width_m: float = PATCH_HALF_M, length_m: float = PATCH_M) -> Mask:
-    """The road surely there: ``length_m`` from the nearest row, ``half_width_m`` to both sides of the vehicle."""
+    """Certain road: ``length_m`` from the nearest row, ``half_width_m`` to both sides of the vehicle."""
     ahead = view.ahead_m[view.ahead_m > 0]
     mask = np.zeros((view.height_px, view.width_px), np.uint8)
     if not len(ahead):
@@ -34,7 +34,7 @@ def brightness(image: Image, view: View, *, spread: Positive = 3.0) -> Features:
     """Road where the grey level is within ``spread`` deviations of that of the patch ahead (B13, B15).
 
     |I − median| < k·max(1.48·MAD, 3), both of the patch, so the threshold follows the illumination; response 1 or
-    0. Source: R 1.2, [74]. Cannot see: an edge of the same brightness; shadow on the road is no road.
+    0. Source: R 1.2, [74]. Limit: edges of the same brightness; shadows on the road.
     """
     plain = cv2.GaussianBlur(grey(image, view), (0, 0), 1.5)
     inside = patch(view)
@@ -58,8 +58,8 @@ def patch_colour(
     """Probability of road by the colour of the patch ahead against that of the sides of the picture (B16).
 
     1/(1 + exp(−Λ)) of the log-likelihood ratio Λ of smoothed CIELAB histograms
-    (:mod:`perception.lane.detection.surface`).
-    Source: R 1.3, "colour in every method". Cannot see: a verge of the colour of the road.
+    (:mod:`perception.lane.detection.surface`). Source: R 1.3, "colour in every method". Limit: verges of the colour
+    of the road.
     """
     inside = patch(view)
     outside = np.isfinite(view.pixel_m)[:, None] & ~patch(view, half_width_m=REST_HALF_M, length_m=60.0)
@@ -74,11 +74,11 @@ def patch_colour(
 
 
 def texture(image: Image, view: View, *, window_px: Annotated[int, Field(ge=3, le=31)] = 9) -> Features:
-    """Road where the local contrast is that of the patch ahead: 1 on it, less with every deviation more (B13).
+    """Road where the local contrast is that of the patch ahead: 1, falling with the deviation (B13).
 
     Local contrast t = ln(1 + √(mean of the squared Laplacian in a square)); response exp(−½·((t − t₀)/σ)²) for
-    rougher places, 1 for smoother ones. Source: R 1.2. Cannot see: verges as smooth as the road, such as snow; and
-    paint is rough to it.
+    rougher places, 1 for smoother ones. Source: R 1.2. Limit: verges as smooth as the road, such as snow; paint,
+    which is rough.
     """
     curvature = cv2.Laplacian(grey(image, view), cv2.CV_32F)
     rough = np.log1p(np.sqrt(cv2.boxFilter(curvature * curvature, -1, (window_px, window_px))))

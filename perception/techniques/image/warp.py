@@ -1,4 +1,4 @@
-"""Other pictures of the same road: smaller, or from above (inventory A05, A23, A24)."""
+"""Warped pictures of the same road: smaller, or from above (inventory A05, A23, A24)."""
 
 import math
 from dataclasses import replace
@@ -12,9 +12,9 @@ from perception.techniques.image.colour import grey
 from perception.techniques.image.picture import View
 from trepid.types import Array, Image, Positive
 
-EDGE_PX = 3  # as far as filters of the picture feel its border
-MIN_SEGMENT_PX = 12.0  # shorter ones have no direction
-SLANTED = 0.15  # sine of the least slope to the rows: the others are horizontal things
+EDGE_PX = 3  # reach of the filters at the border of the picture
+MIN_SEGMENT_PX = 12.0  # shorter segments have no reliable direction
+SLANTED = 0.15  # sine of the least slope to the rows
 MIN_SEGMENTS = 4
 FIT_ROUNDS = 8
 
@@ -22,9 +22,9 @@ FIT_ROUNDS = 8
 def area_resize(
     image: Image, view: View, *, scale: Annotated[float, Field(gt=0, le=1)] = 0.5
 ) -> tuple[Image, View]:
-    """The picture made smaller by averaging areas, so that its mean grey stays (A05, A21).
+    """The picture scaled down by averaging areas, which keeps its mean grey (A05, A21).
 
-    Source: R [13]; D 4.1. Cannot keep: lines that become thinner than a pixel lose contrast (A09).
+    Source: R [13]; D 4.1. Limit: lines thinner than a pixel lose contrast (A09).
     """
     size = (max(16, round(view.width_px * scale)), max(16, round(view.height_px * scale)))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), view.resized(*size)
@@ -40,9 +40,9 @@ def bird_eye(
 ) -> tuple[Image, View]:
     """The road from above, by inverse perspective mapping with the known camera (A23).
 
-    x' ~ H·x with H from K, pitch and height: parallel lines are parallel and equally wide everywhere. What the
-    camera does not see is filled from its border and gives no features. Source: R II.A.2 [31]–[41].
-    Cannot see: hills and pitching, which bend the lines apart or together; vehicles become long smears.
+    x' ~ H·x with H from K, pitch and height: parallel lines are parallel and equally wide everywhere. Pixels
+    outside of the camera image are filled from its border and give no features. Source: R II.A.2 [31]–[41].
+    Limit: hills and pitching, which bend the lines apart or together; vehicles, which become long smears.
     """
     above = view_from_above(view, reach_m=reach_m, half_width_m=half_width_m, pixel_m=pixel_m)
     source_from_above = view.pixel_from_ground @ above.ground_from_pixel
@@ -56,13 +56,13 @@ def bird_eye(
 
 
 def view_from_above(view: View, *, reach_m: float, half_width_m: float, pixel_m: float) -> View:
-    """From the nearest road that ``view`` shows, in its middle, to ``reach_m``; the top row is the farthest."""
+    """From the nearest road in the middle of ``view`` to ``reach_m``; the top row is the farthest."""
     nearest_m = float(np.nanmin(np.where(view.ahead_m > 0, view.ahead_m, np.nan)))
     reach_m = max(reach_m, nearest_m + 16 * pixel_m)
     corner_x, corner_y = (
         reach_m - pixel_m / 2,
         half_width_m - pixel_m / 2,
-    )  # road below the middle of pixel (0, 0)
+    )  # road at the centre of pixel (0, 0)
     matrix = np.array(
         [[0, -1 / pixel_m, corner_y / pixel_m], [-1 / pixel_m, 0, corner_x / pixel_m], [0, 0, 1.0]]
     )
@@ -76,7 +76,7 @@ def view_from_above(view: View, *, reach_m: float, half_width_m: float, pixel_m:
 
 
 class BirdEyeSelf:
-    """The road from above with the pitch that the picture itself tells (A24)."""
+    """The road from above, with the pitch estimated from the picture (A24)."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class BirdEyeSelf:
         memory: Annotated[float, Field(ge=0, lt=1)] = 0.8,
         most_rad: Annotated[float, Field(gt=0, lt=0.3)] = 0.06,
     ) -> None:
-        """``memory``: share of the old pitch; ``most_rad``: how far it may be from that of the camera file."""
+        """``memory``: share of the old pitch; ``most_rad``: greatest change from the pitch of the camera file."""
         self._size = {"reach_m": reach_m, "half_width_m": half_width_m, "pixel_m": pixel_m}
         self._memory, self._most_rad = memory, most_rad
         self._change_rad: float | None = None
@@ -95,12 +95,12 @@ class BirdEyeSelf:
     def step(self, image: Image, view: View) -> tuple[Image, View]:
         """As :func:`bird_eye`, after :func:`pitched` by the smoothed change of pitch.
 
-        Source: R [39]. Cannot see: which lines belong to the road; on a picture with few of them the pitch stays.
+        Source: R [39]. Limit: lines that are not of the road; with few lines the pitch is kept.
         """
-        seen = pitch_change_rad(image, view)
-        if seen is not None and abs(seen) <= self._most_rad:
-            old = seen if self._change_rad is None else self._change_rad
-            self._change_rad = self._memory * old + (1 - self._memory) * seen
+        change = pitch_change_rad(image, view)
+        if change is not None and abs(change) <= self._most_rad:
+            old = change if self._change_rad is None else self._change_rad
+            self._change_rad = self._memory * old + (1 - self._memory) * change
         return bird_eye(image, pitched(view, self._change_rad or 0.0), **self._size)
 
 
@@ -112,9 +112,9 @@ def pitched(view: View, change_rad: float) -> View:
 
 
 def pitch_change_rad(image: Image, view: View) -> float | None:
-    """How much farther down the camera looks than its file says [rad]; None when the picture does not tell.
+    """Pitch of the camera [rad, + down] minus that of its file; None when it cannot be measured.
 
-    The lines of the road meet at the horizon, v = cy − f·tan(pitch), so Δ = pitch(v seen) − pitch(v assumed).
+    The lines of the road meet at the horizon, v = cy − f·tan(pitch), so Δ = pitch(v found) − pitch(v assumed).
     """
     ends = road_segments_px(grey(image, view), view)
     point = meeting_point(ends, np.array([(view.width_px - 1) / 2, view.horizon_px]))
@@ -142,7 +142,7 @@ def road_segments_px(grey_image: Image, view: View) -> Array:
 
 
 def meeting_point(ends: Array, start: Array, *, scale_px: float = 3.0) -> Array | None:
-    """The point (x, y) that most of the lines through ``ends`` pass, near ``start``; None with too few of them.
+    """The point (x, y) near ``start`` on most of the lines through ``ends``; None with too few lines.
 
     Least squares of the distances n·(p − a), each weighted by the length of its segment and by Cauchy's
     1/(1 + (r/s)²), with s falling from 8 to 1 times ``scale_px``.
@@ -156,7 +156,7 @@ def meeting_point(ends: Array, start: Array, *, scale_px: float = 3.0) -> Array 
         weight = length / (1 + ((normal @ point - offset) / scale) ** 2)
         matrix = (normal * weight[:, None]).T @ normal
         if np.linalg.cond(matrix) > 1e3:
-            return None  # all in one direction: they meet nowhere
+            return None  # all in one direction
         point = np.linalg.solve(matrix, (normal * weight[:, None]).T @ offset)
     agreed = np.abs(normal @ point - offset) < scale_px
     return point if np.count_nonzero(agreed) >= MIN_SEGMENTS else None

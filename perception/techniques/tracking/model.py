@@ -1,8 +1,8 @@
-"""What all trackers believe of a lane: how it moves past the vehicle, and how its boundaries look (T01–T06, B26).
+"""The model of all trackers: the motion of the lane, and the places of its boundaries (T01–T06, B26).
 
 State x = (e, ψ, κ, W): offset, heading, curvature at the rear axle and width, as in
-trepid.clothoid. The two boundaries share all of it: that is the structure of the road, and
-why one line or an old one is enough.
+trepid.clothoid. The two boundaries share all of it, which is the structure of the road; so one boundary, or an old
+one, is enough.
 """
 
 import math
@@ -16,15 +16,15 @@ from trepid.clothoid import Lane, advanced
 from trepid.types import Array
 
 E, PSI, KAPPA, WIDTH = range(4)
-LOOKS_M = np.array([5.0, 8.0, 12.0, 17.0, 23.0])  # where boundaries are compared with the state
-FIRST = np.array([0.0, 0.0, 0.0, 3.4])  # what a lane is before it is seen …
-FIRST_SIGMA = np.array([1.0, 0.15, 0.02, 0.5])  # … and how surely
+SAMPLES_M = np.array([5.0, 8.0, 12.0, 17.0, 23.0])  # ahead: where boundaries are compared with the state
+PRIOR = np.array([0.0, 0.0, 0.0, 3.4])  # a lane before the first measurement …
+PRIOR_SIGMA = np.array([1.0, 0.15, 0.02, 0.5])  # … and its σ
 # σ a √m of (e, ψ, κ, W): slip, pitch and yaw of the car, joins of arcs, varying width
 NOISE = np.array([0.015, 0.003, 0.0012, 0.01])
-STILL_M = 0.05  # a standing or a blind vehicle drifts as much in a frame
-MEASURED = np.array([0.08, 0.015, 0.004, 0.12])  # σ of (e, ψ, κ, W) that ground_curve finds in a clear frame
+STILL_M = 0.05  # drift of a standing vehicle in a frame
+MEASURED = np.array([0.08, 0.015, 0.004, 0.12])  # σ of (e, ψ, κ, W) of ground_curve in a clear frame
 LINE_M, LINE_PER_M = 0.06, 0.008  # σ of a boundary's place: a constant, and a share of the distance (pitch)
-FORGET_M, FORGET_S = 40.0, 4.0  # unseen for so long, the lane is given up
+FORGET_M, FORGET_S = 40.0, 4.0  # a track expires when it is unseen for longer
 NEAR_M, FAR_M = 3.0, 25.0
 
 
@@ -53,7 +53,7 @@ def process_noise(motion: Motion) -> Array:
 
 
 @dataclass(frozen=True)
-class Look:
+class Samples:
     """Places of boundaries: y [m] at x [m], the side (+1 left, −1 right) and σ [m]; arrays of shape (n,)."""
 
     x_m: Array
@@ -65,22 +65,20 @@ class Look:
         return len(self.x_m)
 
 
-def look(boundaries: Boundaries) -> Look:
-    """The boundaries at ``LOOKS_M``, as far as they reach; what errs along one is of one piece, so n count as
-    two.
-    """
+def samples_of(boundaries: Boundaries) -> Samples:
+    """The boundaries at ``SAMPLES_M``, as far as they reach; their errors are correlated, so n count as two."""
     parts = []
     for boundary, side in ((boundaries.left, 1.0), (boundaries.right, -1.0)):
         if boundary is not None:
-            inside = LOOKS_M[(boundary.x_m[0] <= LOOKS_M) & (boundary.x_m[-1] >= LOOKS_M)]
+            inside = SAMPLES_M[(boundary.x_m[0] <= SAMPLES_M) & (boundary.x_m[-1] >= SAMPLES_M)]
             sigma = np.hypot(np.hypot(LINE_M, boundary.residual_m), LINE_PER_M * inside)
             sigma *= math.sqrt(max(1.0, len(inside) / 2))
             parts.append(np.stack([inside, boundary.at(inside), np.full(len(inside), side), sigma]))
     x_m, y_m, side_of, sigma_m = np.concatenate(parts, axis=1) if parts else np.empty((4, 0))
-    return Look(x_m, y_m, side_of, sigma_m)
+    return Samples(x_m, y_m, side_of, sigma_m)
 
 
-def expected(state: Array, seen: Look) -> Array:
+def expected(state: Array, seen: Samples) -> Array:
     """y of the boundaries at ``seen``: −e/cosψ − x·tanψ + κx²/2cos³ψ ± W/2·√(1+y'²); shape (…, n) of (…, 4)."""
     e, psi, kappa, width = (state[..., i, None] for i in range(4))
     cos = np.cos(psi)
@@ -89,15 +87,15 @@ def expected(state: Array, seen: Look) -> Array:
     return np.asarray(centre + seen.side * width / 2 * np.sqrt(1 + slope**2), float)
 
 
-def expected_slope(state: Array, seen: Look, *, step: float = 1e-5) -> Array:
+def expected_slope(state: Array, seen: Samples, *, step: float = 1e-5) -> Array:
     """∂(expected)/∂(state) by central differences, shape (n, 4)."""
     nudge = step * np.eye(4)
     return (expected(state + nudge, seen) - expected(state - nudge, seen)).T / (2 * step)
 
 
 @dataclass(frozen=True)
-class Belief:
-    """Mean and covariance of the state, shapes (4,) and (4, 4), and how long the lane has not been seen."""
+class TrackState:
+    """Mean and covariance of the state, shapes (4,) and (4, 4), and the time and way since a measurement."""
 
     mean: Array
     covariance: Array
@@ -105,7 +103,7 @@ class Belief:
     unseen_m: float = 0.0
 
     def boundaries(self, reason: str) -> Boundaries:
-        """The lane drawn from the mean; its support fades with what was driven and waited unseen."""
+        """The lane drawn from the mean; its support falls with the unseen way and time."""
         e, psi, kappa, width_m = self.mean.tolist()
         lane = Lane(e, psi, kappa, 0.0)
         support = math.exp(-self.unseen_s / FORGET_S - self.unseen_m / FORGET_M)
@@ -114,17 +112,17 @@ class Belief:
         return Boundaries(both.left, both.right, reason)
 
 
-def first(boundaries: Boundaries) -> Belief | None:
-    """What one frame says: its curve where it was measured, ``FIRST`` where not; None without boundaries."""
+def initial(boundaries: Boundaries) -> TrackState | None:
+    """The state of one frame alone: its curve, ``PRIOR`` where not measured; None without boundaries."""
     measured = parallel_sides(boundaries)
     if measured is None:
         return None
-    sigma = np.where([True, True, True, measured.width_m is not None], 2 * MEASURED, FIRST_SIGMA)
-    width_m = measured.width_m if measured.width_m is not None else FIRST[WIDTH]
+    sigma = np.where([True, True, True, measured.width_m is not None], 2 * MEASURED, PRIOR_SIGMA)
+    width_m = measured.width_m if measured.width_m is not None else PRIOR[WIDTH]
     mean = np.array([*measured.lane[:3], width_m])
-    return Belief(mean, np.diag(sigma**2))
+    return TrackState(mean, np.diag(sigma**2))
 
 
-def forgotten(belief: Belief) -> bool:
-    """Whether the lane has been out of sight for too long to be believed."""
-    return belief.unseen_s > FORGET_S or belief.unseen_m > FORGET_M
+def expired(track: TrackState) -> bool:
+    """Whether the lane has been unseen for too long."""
+    return track.unseen_s > FORGET_S or track.unseen_m > FORGET_M

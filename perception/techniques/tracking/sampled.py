@@ -1,4 +1,4 @@
-"""Lanes between frames as many guesses: particles and a grid (inventory T03, T04)."""
+"""Lanes between frames by sampled distributions: particles and a grid (inventory T03, T04)."""
 
 from typing import Annotated
 
@@ -8,45 +8,45 @@ from scipy.ndimage import gaussian_filter
 
 from perception.techniques.image.picture import Boundaries, Motion
 from perception.techniques.tracking.model import (
-    FIRST_SIGMA,
     KAPPA,
     MEASURED,
     NOISE,
+    PRIOR_SIGMA,
     PSI,
     STILL_M,
     WIDTH,
-    Belief,
     E,
+    TrackState,
     expected,
-    first,
-    forgotten,
-    look,
+    expired,
+    initial,
     moved_state,
+    samples_of,
 )
 from trepid.types import Array
 
-OUTLIER = 0.2  # likelihood of a side that fits nothing: a wrong line kills no guess at once
+OUTLIER = 0.2  # likelihood of a side far from a particle: a single wrong line removes no particle
 
 
-class _Memory:
-    """How long a lane has not been seen."""
+class _Unseen:
+    """Time and way since a measurement."""
 
     def __init__(self) -> None:
         self.unseen_s = self.unseen_m = 0.0
 
     def after(self, boundaries: Boundaries, motion: Motion) -> None:
-        """Counts this frame."""
+        """Count this frame."""
         seen = boundaries.seen > 0
         self.unseen_s = 0.0 if seen else self.unseen_s + motion.dt_s
         self.unseen_m = 0.0 if seen else self.unseen_m + abs(motion.moved_m)
 
 
 class Particles:
-    """Particle filter: ``count`` guesses of (e, ψ, κ, W), weighted by how well they explain the boundaries (T03).
+    """Particle filter: ``count`` particles (e, ψ, κ, W), weighted by the likelihood of the boundaries (T03).
 
     p(y | x) = Π over sides of (exp(−Σ(y − expected)²/2σ²) + outlier), systematic resampling; a share ``fresh``
-    of the guesses is drawn anew from the frame, so that the other lane is found after a swap. Several lanes may
-    be believed; the answer is the mean about the place with most of them. Gordon, Salmond and Smith (1993).
+    of the particles is drawn from the frame, so that the other lane is found after a swap. The result is the
+    mean about the greatest mode. Gordon, Salmond and Smith (1993).
     Source: R [42], [68]. The seed is fixed.
     """
 
@@ -58,58 +58,58 @@ class Particles:
         seed: int = 0,
     ) -> None:
         self._count, self._fresh, self._rng = count, fresh, np.random.default_rng(seed)
-        self._guesses: Array | None = None
-        self._memory = _Memory()
+        self._particles: Array | None = None
+        self._unseen = _Unseen()
 
     def step(self, boundaries: Boundaries, motion: Motion) -> Boundaries:
         """The tracked lane, as for the Kalman filters."""
-        self._memory.after(boundaries, motion)
-        if self._guesses is None:
-            self._guesses = self._from(boundaries, self._count)
+        self._unseen.after(boundaries, motion)
+        if self._particles is None:
+            self._particles = self._from(boundaries, self._count)
             return boundaries
-        self._guesses = moved_state(self._guesses, motion)
+        self._particles = moved_state(self._particles, motion)
         sigma = NOISE * np.sqrt(abs(motion.moved_m) + STILL_M)
-        self._guesses += sigma * self._rng.standard_normal(self._guesses.shape)
+        self._particles += sigma * self._rng.standard_normal(self._particles.shape)
         weight = np.full(self._count, 1 / self._count)
         if boundaries.seen:
             new = self._from(boundaries, round(self._fresh * self._count))
             if new is not None and len(new):
-                self._guesses[: len(new)] = new
-            weight = likelihood(self._guesses, boundaries)
-        belief = self._belief(weight)
-        self._guesses = self._guesses[resampled(weight, self._rng)]
-        self._rng.shuffle(self._guesses)  # the first ones will be replaced
-        if forgotten(belief):
-            self._guesses = None
+                self._particles[: len(new)] = new
+            weight = likelihood(self._particles, boundaries)
+        track = self._track(weight)
+        self._particles = self._particles[resampled(weight, self._rng)]
+        self._rng.shuffle(self._particles)  # the first of them are replaced in the next step
+        if expired(track):
+            self._particles = None
             return boundaries
-        return belief.boundaries(boundaries.reason)
+        return track.boundaries(boundaries.reason)
 
     def _from(self, boundaries: Boundaries, count: int) -> Array | None:
-        """Guesses about what this frame alone says."""
-        belief = first(boundaries)
-        if belief is None:
+        """Particles about the lane of this frame alone."""
+        track = initial(boundaries)
+        if track is None:
             return None
-        sigma = np.sqrt(np.diag(belief.covariance))
-        return belief.mean + sigma * self._rng.standard_normal((count, 4))
+        sigma = np.sqrt(np.diag(track.covariance))
+        return track.mean + sigma * self._rng.standard_normal((count, 4))
 
-    def _belief(self, weight: Array) -> Belief:
-        """Mean and covariance of the guesses within half a metre of where most of their weight lies."""
-        assert self._guesses is not None
-        offset = self._guesses[:, E]
+    def _track(self, weight: Array) -> TrackState:
+        """Mean and covariance of the particles within half a metre of the offset with most weight."""
+        assert self._particles is not None
+        offset = self._particles[:, E]
         mass, edges = np.histogram(offset, bins=24, range=(-3.0, 3.0), weights=weight)
         best = int(np.argmax(np.convolve(mass, [1, 1, 1], mode="same")))
         near = np.abs(offset - (edges[best] + edges[best + 1]) / 2) < 0.5
-        if not near.any():  # all of them far off the road
+        if not near.any():  # all of them off the road
             near = np.full(len(weight), True)
         share = weight[near] / weight[near].sum()
-        mean = share @ self._guesses[near]
-        off = self._guesses[near] - mean
-        return Belief(mean, (off * share[:, None]).T @ off, self._memory.unseen_s, self._memory.unseen_m)
+        mean = share @ self._particles[near]
+        off = self._particles[near] - mean
+        return TrackState(mean, (off * share[:, None]).T @ off, self._unseen.unseen_s, self._unseen.unseen_m)
 
 
 def likelihood(states: Array, boundaries: Boundaries) -> Array:
     """Normalised weights, shape (n,), of states (n, 4) given the boundaries."""
-    seen = look(boundaries)
+    seen = samples_of(boundaries)
     if not len(seen):
         return np.full(len(states), 1 / len(states))
     off = ((expected(states, seen) - seen.y_m) / seen.sigma_m) ** 2 / 2
@@ -119,7 +119,7 @@ def likelihood(states: Array, boundaries: Boundaries) -> Array:
 
 
 def resampled(weight: Array, rng: np.random.Generator) -> Array:
-    """Indices of n guesses drawn by weight, systematically: one random number for all (Kitagawa 1996)."""
+    """Indices of n particles drawn systematically by weight: one random number for all (Kitagawa 1996)."""
     places = (np.arange(len(weight)) + rng.random()) / len(weight)
     return np.searchsorted(np.cumsum(weight) / weight.sum(), places).clip(0, len(weight) - 1)
 
@@ -129,7 +129,7 @@ class Bayes:
 
     Prediction moves the whole grid with the vehicle and blurs it; the frame multiplies it with its likelihood.
     κ and W are smoothed values of the frames. Thrun, Burgard and Fox, Probabilistic Robotics (2005), section
-    4.1. Cannot see: two lanes of different bend at once.
+    4.1. Limit: two lanes of different curvature.
     """
 
     OFFSETS = np.linspace(-2.4, 2.4, 61)
@@ -139,12 +139,12 @@ class Bayes:
         self._smoothing = smoothing
         self._grid: Array | None = None
         self._shape = np.zeros(2)  # κ and W
-        self._memory = _Memory()
+        self._unseen = _Unseen()
 
     def step(self, boundaries: Boundaries, motion: Motion) -> Boundaries:
         """The tracked lane, as for the Kalman filters."""
-        self._memory.after(boundaries, motion)
-        seen = first(boundaries)
+        self._unseen.after(boundaries, motion)
+        seen = initial(boundaries)
         if self._grid is None:
             if seen is None:
                 return boundaries
@@ -153,15 +153,15 @@ class Bayes:
         else:
             self._grid = self._moved(self._grid, motion)
         if seen is not None:
-            known = np.array([1.0, seen.covariance[WIDTH, WIDTH] < FIRST_SIGMA[WIDTH] ** 2])
+            known = np.array([1.0, seen.covariance[WIDTH, WIDTH] < PRIOR_SIGMA[WIDTH] ** 2])
             self._shape = self._shape + self._smoothing * known * (seen.mean[[KAPPA, WIDTH]] - self._shape)
             self._grid = self._grid * likelihood(self._states(), boundaries).reshape(self._grid.shape)
-        self._grid = self._grid / self._grid.sum() + 1e-6 / self._grid.size  # nothing is ever impossible
-        belief = self._belief(self._grid)
-        if forgotten(belief):
+        self._grid = self._grid / self._grid.sum() + 1e-6 / self._grid.size  # no cell is impossible
+        track = self._track(self._grid)
+        if expired(track):
             self._grid = None
             return boundaries
-        return belief.boundaries(boundaries.reason)
+        return track.boundaries(boundaries.reason)
 
     def _states(self) -> Array:
         e, psi = np.meshgrid(self.OFFSETS, self.HEADINGS, indexing="ij")
@@ -169,7 +169,7 @@ class Bayes:
         return np.stack([e, psi, kappa, width], axis=-1).reshape(-1, 4)
 
     def _moved(self, grid: Array, motion: Motion) -> Array:
-        """The grid where the vehicle's motion takes every cell, bilinearly, and blurred by the noise of the way."""
+        """The grid with every cell moved by the motion, bilinearly, and blurred by the noise of the way."""
         states = moved_state(self._states(), motion)
         rows = (states[:, E] - self.OFFSETS[0]) / (self.OFFSETS[1] - self.OFFSETS[0])
         columns = (states[:, PSI] - self.HEADINGS[0]) / (self.HEADINGS[1] - self.HEADINGS[0])
@@ -185,7 +185,7 @@ class Bayes:
         cells = noise / [self.OFFSETS[1] - self.OFFSETS[0], self.HEADINGS[1] - self.HEADINGS[0]]
         return np.asarray(gaussian_filter(after, cells, mode="constant"), float)
 
-    def _belief(self, grid: Array) -> Belief:
+    def _track(self, grid: Array) -> TrackState:
         """Mean and covariance about the best cell, within half a metre."""
         best = self.OFFSETS[np.unravel_index(int(np.argmax(grid)), grid.shape)[0]]
         near = grid * (np.abs(self.OFFSETS - best) < 0.5)[:, None]
@@ -195,4 +195,4 @@ class Bayes:
         spread_psi = near.sum(axis=0) @ (self.HEADINGS - psi) ** 2
         covariance = np.diag([spread_e, spread_psi, *MEASURED[[KAPPA, WIDTH]] ** 2])
         mean = np.array([e, psi, *self._shape])
-        return Belief(mean, covariance, self._memory.unseen_s, self._memory.unseen_m)
+        return TrackState(mean, covariance, self._unseen.unseen_s, self._unseen.unseen_m)

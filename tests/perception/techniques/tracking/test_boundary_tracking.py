@@ -1,4 +1,4 @@
-"""Tracking: lanes through gaps, dropouts, wrong looks and swaps (inventory T01–T06, B26)."""
+"""Tracking: lanes through gaps, dropouts, wrong predicted and swaps (inventory T01–T06, B26)."""
 
 import math
 from itertools import pairwise
@@ -13,7 +13,7 @@ from perception.techniques.image.picture import Boundaries, Motion
 from perception.techniques.tracking.kalman import Extended, Kalman, Unscented, nis, spread, update
 from perception.techniques.tracking.model import (
     E,
-    Look,
+    Samples,
     expected,
     expected_slope,
     moved_state,
@@ -182,7 +182,7 @@ def test_the_motion_and_its_matrix_agree_for_small_changes(e, psi, kappa):
 
 
 def test_the_slope_of_the_look_is_known_exactly_when_centred():
-    look = Look(np.array([5.0, 20.0]), np.zeros(2), np.array([1.0, -1.0]), np.ones(2))
+    look = Samples(np.array([5.0, 20.0]), np.zeros(2), np.array([1.0, -1.0]), np.ones(2))
     slope = expected_slope(np.array([0.0, 0.0, 0.0, 3.5]), look)
     assert slope == pytest.approx(
         np.array([[-1, -5, 12.5, 0.5], [-1, -20, 200, -0.5]]), abs=1e-4
