@@ -16,11 +16,11 @@ settings are those of its constructor, and its ``step`` is called.
 ``rule``      ``(boundaries, view, dt_s) -> RuleAngle | None``: a printed steering rule
 ============  ==========================================================================================
 
-``predicted``: the boundaries of the last frame in the present vehicle frame; None without any. ``view`` of ``state``
-and ``rule`` is that of the whole working image. ``prepare``, ``warp`` and ``region`` may come in any order before the
-features; ``track`` may be left out; several trackers are chained. A pipeline has a ``steer`` or a ``rule``, not both;
-without either it steers by ``pursuit``. The estimate of a pipeline with a ``rule`` is of kind ``angle``: its lane
-state only goes into its confidence.
+``predicted``: the boundaries of the last frame in the present vehicle frame; None without any. ``view`` of
+``state`` and ``rule`` is that of the whole working image. ``prepare``, ``warp`` and ``region`` may come in any
+order before the features; ``track`` may be left out; several trackers are chained. A pipeline has a ``steer`` or a
+``rule``, not both; without either it steers by ``pursuit``. The estimate of a pipeline with a ``rule`` is of kind
+``angle``: its lane state only goes into its confidence.
 """
 
 from collections.abc import Callable

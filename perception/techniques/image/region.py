@@ -1,5 +1,6 @@
 """The part of the picture that is processed (inventory A01–A03)."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -12,15 +13,24 @@ MIN_PX = 16  # least height and width of a part
 
 
 def roi_fixed(
-    view: View, predicted: Boundaries | None, speed_mps: float | None, *, reach_m: Positive = 40.0
+    view: View,
+    predicted: Boundaries | None,
+    speed_mps: float | None,
+    *,
+    reach_m: Positive = 40.0,
+    margin_px: Positive = 6.0,
 ) -> Region:
-    """The lower part of the picture, down from the row that shows the road ``reach_m`` ahead (A01).
+    """The picture from ``margin_px`` above the horizon down; features count up to ``reach_m`` ahead (A01).
 
-    y ≥ y(reach). The printed rule wants the intersection of the boundaries inside too; it follows from the lines
-    and lies on the horizon, a few rows above. Source: R II.A, [7]. Limit: hills, where the road goes on
-    above the row.
+    y ≥ y_horizon − margin: both boundaries and their junction, which the steering rules use, lie inside. Farther
+    than ``reach_m`` a pixel is longer than a dash. Source: R II.A, [7]. Limit: hills, which move the horizon.
     """
-    return Region(_rows(view, reach_m))
+    near = _rows(view, reach_m)
+    junction_px = view.horizon_px - margin_px if np.isfinite(view.horizon_px) else near.top_px
+    box = replace(near, top_px=max(0, min(near.top_px, int(junction_px))))
+    mask = np.zeros((view.height_px, view.width_px), bool)
+    mask[near.rows] = True
+    return Region(box, mask)
 
 
 def roi_tracked(

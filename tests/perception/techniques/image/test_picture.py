@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,6 +17,7 @@ from perception.techniques.image.warp import (
     view_from_above,
 )
 from perception.techniques.steering.lane import beside, exact_pair
+from perception.techniques.steering.straight_lane import ImageLine, meeting_point
 
 ABOVE = view_from_above(VIEW, reach_m=30.0, half_width_m=8.0, pixel_m=0.08)
 CROP = VIEW.cropped(Box(100, 240, 20, 300))
@@ -123,9 +126,30 @@ def test_a_hidden_line_is_put_at_the_width_of_a_lane_not_at_the_border_of_the_pi
     assert beside(both.left, -3.4).y_m == pytest.approx(both.right.y_m, abs=1e-6)
 
 
-def test_the_fixed_region_holds_the_road_up_to_its_reach_and_no_sky():
-    box = roi_fixed(VIEW, None, None, reach_m=40.0).box
-    assert VIEW.horizon_px < box.top_px < VIEW.horizon_px + 12 and box.bottom_px == 240
+@settings(max_examples=200, deadline=None)
+@given(psi=st.floats(-0.3, 0.3), pitch_rad=st.floats(-0.015, 0.015))
+def test_the_fixed_region_contains_the_junction_of_the_boundaries(psi, pitch_rad):
+    """Also while the vehicle pitches, which the camera file does not hold."""
+    box = roi_fixed(VIEW, None, None).box
+    camera = CAMERA.model_copy(update={"pitch_down_rad": CAMERA.pitch_down_rad + pitch_rad})
+    left, right = (
+        camera.pixel_from_road([[x, y - np.tan(psi) * x] for x in (500.0, 1000.0)]) for y in (1.7, -1.7)
+    )
+    lines = []
+    for (u0, v0), (u1, v1) in (left, right):
+        m = (u1 - u0) / (v1 - v0)
+        lines.append(ImageLine(m, u0 - m * v0))
+    x_px, y_px = meeting_point(*lines)
+    assert box.top_px <= y_px < box.bottom_px and box.left_px <= x_px < box.right_px
+
+
+def test_features_of_the_fixed_region_count_up_to_its_reach():
+    region = roi_fixed(VIEW, None, None, reach_m=40.0)
+    counted = np.flatnonzero(region.mask.any(axis=1))
+    assert VIEW.horizon_px < counted[0] < VIEW.horizon_px + 12 and counted[-1] == 239
+    assert region.box.bottom_px == 240 and region.box.top_px > VIEW.horizon_px - 10
+    above = replace(VIEW, from_above=True)  # without a horizon
+    assert roi_fixed(above, None, None).box.top_px == counted[0]
 
 
 def test_bands_around_the_prediction_hold_its_lines_in_less_than_half_of_the_picture():
