@@ -61,7 +61,8 @@ def make_view(settings: LaneCvSettings, camera: Camera) -> View | None:
 
 def unusable(image: NDArray[np.uint8]) -> str:
     """The reason why ``image`` cannot be processed; empty when it can."""
-    if image.dtype != np.uint8 or image.ndim not in (2, 3):
+    channels = image.shape[2] if image.ndim == 3 else 1
+    if image.dtype != np.uint8 or image.ndim not in (2, 3) or channels not in (1, 3, 4):
         return f"not an 8-bit image: {image.dtype} {image.shape}"
     return "image too small" if min(image.shape[:2]) < MIN_SIZE_PX else ""
 

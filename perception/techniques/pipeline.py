@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.lane.view import as_bgr, unusable
 from perception.techniques.boundaries.pixel_path import boundary_path
 from perception.techniques.confidence import clarity, lane_score
 from perception.techniques.image.picture import (
@@ -30,7 +31,6 @@ from trepid.types import Image, Mask
 from trepid.vehicle import Vehicle
 
 WORKING_WIDTH_PX = 320  # as the default estimator, so that times compare
-MIN_SIZE_PX = 32  # the smallest image
 LOOKAHEAD_M = 8.0  # where the curvature of the estimate holds, as config/perception.yaml
 MAX_GAP_S = 1.0  # longest time between frames over which boundaries are predicted
 
@@ -55,7 +55,7 @@ class Pipeline:
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane in ``frame``; ``state`` gives the motion of the vehicle since the last one."""
-        problem = _unusable(frame.image)
+        problem = unusable(frame.image)
         if problem:
             return self._nothing(frame.t_s, problem)
         picture, view = self._working(frame.image)
@@ -174,24 +174,6 @@ class Pipeline:
 def _bound(stages: tuple[Stage, ...]) -> list[Callable[..., Any]]:
     """The callables of ``stages``; those with memory start without any."""
     return [stage.bound() for stage in stages]
-
-
-def as_bgr(image: NDArray[np.uint8]) -> Image:
-    """The image with three channels; grey and BGRA images are converted."""
-    if image.ndim == 2 or image.shape[2] == 1:
-        return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
-    return image if image.shape[2] == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGRA2BGR), np.uint8)
-
-
-def _unusable(image: NDArray[np.uint8]) -> str:
-    """Why this is no camera image; "" for a camera image."""
-    if (
-        image.dtype != np.uint8
-        or image.ndim not in (2, 3)
-        or (image.ndim == 3 and image.shape[2] not in (1, 3, 4))
-    ):
-        return f"not an 8-bit image: {image.dtype} {image.shape}"
-    return "image too small" if min(image.shape[:2]) < MIN_SIZE_PX else ""
 
 
 def _within(region: Region, picture: Image, view: View, mask: Mask | None) -> tuple[Image, View, Mask | None]:
