@@ -1,4 +1,4 @@
-"""The command line: every verb of Trepid, mounted from the package that does the work.
+"""The command line: every verb of Trepid, mounted from the package that implements it.
 
 Exit codes: 0 good, 1 ran and failed its criterion, 2 bad usage, configuration or input (one clear line).
 With ``--json`` standard output carries JSON only; progress and logs go to standard error.
@@ -53,7 +53,7 @@ def _fear(mount: typer.Typer) -> None:
     import cockpit.rulebook.cli
     from sim_harness.tuning.cli import tune
 
-    cockpit.rulebook.cli.app.command("tune")(tune)  # by the harness, which the supervisor does not know
+    cockpit.rulebook.cli.app.command("tune")(tune)
     mount.add_typer(cockpit.rulebook.cli.app, name="fear", help="Check, show and explain fuzzy rule files.")
 
 
@@ -95,7 +95,7 @@ VERBS: dict[str, Callable[[typer.Typer], None]] = {
 
 
 class Mounted(Mapping[str, Any]):
-    """The verbs by name, each imported when it is first asked for."""
+    """The verbs by name, each imported at its first use."""
 
     def __getitem__(self, name: str) -> Any:  # a command of Typer, whose type is private
         return _mounted(name)
@@ -126,10 +126,7 @@ def _escape_help(command: Any) -> None:
 
 
 class Verbs(TyperGroup):
-    """The group of all verbs. One of them need not wait for the imports of the others.
-
-    All together take 2.5 s of processor time; ``drive`` takes a fifth of that.
-    """
+    """The group of all verbs, each imported when it is used."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings | {"commands": Mounted()})
@@ -156,7 +153,7 @@ def root(version: bool = typer.Option(False, "--version", help="Print the versio
 def main() -> int:
     """Run the command line; return the exit code."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):  # names may hold what a terminal cannot show
+        if isinstance(stream, TextIOWrapper):  # names may contain characters that the terminal cannot print
             stream.reconfigure(errors="backslashreplace")
     try:
         check_packages()
@@ -167,7 +164,7 @@ def main() -> int:
     except (KeyboardInterrupt, typer.Abort):
         return 130
     except BrokenPipeError:
-        # The reader of our output left, e.g. `| head`: nothing more can be written, not even at exit.
+        # The reader of the output has ended, e.g. `| head`: discard all further output, also at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return result if isinstance(result, int) else 0

@@ -1,4 +1,4 @@
-"""YAML files to frozen, validated settings; an error says file:line:column, what, and what was expected."""
+"""YAML files as frozen, validated settings; errors give file:line:column, the fault and the expected value."""
 
 import copy
 import difflib
@@ -26,14 +26,14 @@ class Settings(BaseModel):
 
 
 class InputError(Exception):
-    """The user's input or configuration is wrong: one line for them, exit code 2."""
+    """Wrong input or configuration: one line for the user, exit code 2."""
 
 
 S = TypeVar("S", bound=BaseModel)
 
 
 def wrong_at(path: Sequence[str | int], message: str) -> PydanticCustomError:
-    """For validators of a whole model: an error about the part at ``path`` below it, so that its place is told."""
+    """An error for validators of a whole model: its place is the part at ``path`` below the model."""
     return PydanticCustomError("wrong_at", "{message}", {"message": message, "path": tuple(path)})
 
 
@@ -69,7 +69,7 @@ def read_text(path: Path) -> str:
 def _mapping(text: str, path: Path) -> CommentedMap:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ReusedAnchorWarning)  # the last one counts, as YAML has it
+            warnings.simplefilter("ignore", ReusedAnchorWarning)  # YAML takes the last one
             yaml = YAML(typ="rt")
             yaml.Constructor = _PlainConstructor
             data = yaml.load(text)
@@ -96,7 +96,7 @@ class _PlainConstructor(RoundTripConstructor):
     def construct_non_recursive_object(self, node: Any, tag: str | None = None) -> Any:
         name = str(node.tag).removeprefix("tag:yaml.org,2002:")
         if node.ctag.handle is not None or name not in _PLAIN_TAGS[node.id]:
-            raise ConstructorError(None, None, f"the tag {node.tag} means nothing here", node.start_mark)
+            raise ConstructorError(None, None, f"unknown tag {node.tag}", node.start_mark)
         for key, _ in node.value if node.id == "mapping" else ():
             if key.id != "scalar":
                 raise ConstructorError(None, None, f"a {key.id} cannot name a value", key.start_mark)
@@ -123,7 +123,7 @@ def parse(
 
 
 def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
-    """``KEY=VALUE`` texts of ``--set`` as a mapping. Raises InputError."""
+    """The ``KEY=VALUE`` texts of ``--set`` as a mapping. Raises InputError."""
     overrides = {}
     for text in texts:
         key, sign, value = text.partition("=")
@@ -134,9 +134,9 @@ def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
 
 
 def put(data: Any, dotted: str, value: object) -> None:
-    """Set the field ``dotted`` of mappings and lists, such as ``faults.0.from_s``; mappings on the way are made.
+    """Set the field ``dotted`` of mappings and lists, such as ``faults.0.from_s``; missing mappings are created.
 
-    Raises LookupError when there is no such item of a list, or nothing below a part of the way.
+    Raises LookupError for a list item that does not exist, and below a value that is neither mapping nor list.
     """
     *parents, name = dotted.split(".")
     place = data
@@ -181,7 +181,7 @@ def _explain(
 def located(
     path: Sequence[str | int], what: str, data: CommentedMap, source: Path | str, overrides: Mapping[str, str]
 ) -> str:
-    """``what`` is wrong with the field at ``path``, as one line with its place."""
+    """One line with the place of the field at ``path`` and its fault ``what``."""
     return f"{_where(path, data, source, overrides)}: {'.'.join(map(str, path))}: {what}"
 
 
@@ -196,7 +196,7 @@ def _where(
 
 
 def complaint(error: ValidationError, data: object, model: type[BaseModel]) -> str:
-    """What the first problem of ``error`` about ``data`` is, in one line, without its place."""
+    """The first problem of ``error`` about ``data`` in one line, without its place."""
     problem = _first(error)
     path = _without_tags(problem["loc"], data)
     dotted = ".".join(map(str, path))
@@ -212,14 +212,14 @@ def complaint(error: ValidationError, data: object, model: type[BaseModel]) -> s
 
 
 def _first(error: ValidationError) -> Any:
-    """A misspelt field is reported before the field that is missing because of it."""
+    """The problem to report: a misspelt field comes before the field that is missing because of it."""
     problem = min(error.errors(), key=lambda found: found["type"] != "extra_forbidden")
     further = problem["ctx"]["path"] if problem["type"] == "wrong_at" else ()
     return {**problem, "loc": (*problem["loc"], *further)}
 
 
 def _without_tags(path: Sequence[str | int], data: object) -> list[str | int]:
-    """The parts of ``path`` that stand in the data: pydantic puts the names of union members between them."""
+    """The parts of ``path`` that exist in the data: pydantic adds the names of union members."""
     kept: list[str | int] = []
     for part in path:
         if _has(data, part):
@@ -235,7 +235,7 @@ def _has(data: object, part: str | int) -> bool:
 
 
 def position(data: Any, path: Sequence[str | int]) -> tuple[int, int]:
-    """Line and column, from 1, of the deepest part of ``path`` that stands in the file."""
+    """Line and column, from 1, of the deepest part of ``path`` that exists in the file."""
     line, column = 1, 1
     for part in path:
         if not _has(data, part):
@@ -244,13 +244,13 @@ def position(data: Any, path: Sequence[str | int]) -> tuple[int, int]:
             place = (data.lc.key if isinstance(data, CommentedMap) else data.lc.item)(part)
             line, column = place[0] + 1, place[1] + 1
         except (KeyError, TypeError, AttributeError):
-            break  # set from the command line: it has no place in the file
+            break  # from the command line: no place in the file
         data = data[part]
     return line, column
 
 
 def _field_names(model: type[BaseModel], path: Sequence[str | int]) -> list[str]:
-    """Names of the fields of the model at ``path`` below ``model``, as far as it can be followed."""
+    """Names of the fields of the model at ``path`` below ``model``, or of the last model that ``path`` reaches."""
     models = [model]
     for part in path:
         holders = [m for m in models if part in m.model_fields]

@@ -1,8 +1,7 @@
-"""Frozen dataclasses that are made quickly: the messages of every step, a thousand a second and more.
+"""Frozen dataclasses with a fast constructor, for messages.
 
-A frozen dataclass fills itself through ``object.__setattr__``, field by field, past the very lock that it puts on
-its attributes; with thirty fields that takes longer than all else about it. Here an object is filled while it is of
-a twin class with the same slots and no lock, and becomes one of its own class when it is complete.
+The constructor of a frozen dataclass calls ``object.__setattr__`` for every field. The constructor made here fills
+the object while its class is a mutable twin with the same slots, and then sets the class to the frozen one.
 """
 
 from dataclasses import MISSING, fields
@@ -15,7 +14,7 @@ def quick(cls: type[T]) -> type[T]:
     """``cls``, a frozen dataclass with slots and keyword-only fields, with an ``__init__`` of half the cost.
 
     It takes the same arguments. ``fields``, ``replace``, comparison, hash, repr, copies and pickles are those of
-    the dataclass. Raises TypeError for a class that it cannot speak for.
+    the dataclass. Raises TypeError for another kind of class.
     """
     known = fields(cast(Any, cls))
     lock = getattr(cls, "__dataclass_params__").frozen  # noqa: B009
@@ -30,7 +29,7 @@ def quick(cls: type[T]) -> type[T]:
     body += [f"    self.{f.name} = {f.name}" for f in known]
     body += ["    self.__class__ = _Class"]
     scope: dict[str, Any] = {"_become": object.__setattr__, "_Draft": draft, "_Class": cls, **defaults}
-    exec("\n".join(body), scope)  # as the dataclasses module makes its own
+    exec("\n".join(body), scope)  # as in the dataclasses module
     made = scope["__init__"]
     made.__qualname__ = f"{cls.__qualname__}.__init__"
     made.__module__ = cls.__module__

@@ -5,7 +5,7 @@ The ROS 2 types and their ``.msg`` text are derived from these classes (see :mod
 Signs: ISO 8855, positive to the left. ``t_s`` is the capture time of the camera frame that a message goes
 back to, carried unchanged from the frame to the command, so that age and latency can be read off anywhere.
 
-Absence is explicit: ``None`` means "not seen" or "not known" (NaN on the wire). It is never 0.0 and never the
+Absence is explicit: ``None`` means "not detected" or "not known" (NaN on the wire). It is never 0.0 and never the
 previous value.
 """
 
@@ -22,16 +22,16 @@ PixelPath = tuple[tuple[float, float], ...]
 
 
 class Mode(StrEnum):
-    """What the supervisor asks of the vehicle."""
+    """The driving mode that the supervisor demands."""
 
     KEEP = "KEEP"  # keep the lane at the planned speed
     CAUTION = "CAUTION"  # keep the lane, slower
-    FOLLOW = "FOLLOW"  # the road is lost: follow the path of the vehicle ahead
+    FOLLOW = "FOLLOW"  # no estimator detects the road: follow the path of the vehicle ahead
     STOP = "STOP"  # minimal-risk manoeuvre; latched until standstill
 
 
 class Stop(StrEnum):
-    """How a STOP is driven."""
+    """Deceleration of a STOP."""
 
     NONE = "none"
     COMFORT = "comfort"  # -1 m/s²
@@ -59,7 +59,7 @@ class CompressedFrame:
 @quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImageStatistics:
-    """What the pixels alone say about how far the frame can be trusted."""
+    """Statistics of the pixels of a frame, for the trust in it."""
 
     t_s: float
     brightness: float  # mean grey level, 0..1
@@ -67,8 +67,8 @@ class ImageStatistics:
     over_exposed: float  # share of pixels at or near white, 0..1
     under_exposed: float  # share of pixels at or near black, 0..1
     sharpness: float  # variance of the Laplacian of grey in [0, 255]² units; small = blurred
-    frozen_s: float  # how long no new image has come, only repeated ones [s]; 0 for a new one
-    spots: float  # share of the tiles that hold a dark spot which stands still, 0..1: dirt on the lens
+    frozen_s: float  # time since the last image that is not a repetition [s]; 0 for a new image
+    spots: float  # share of the tiles with a stationary dark spot, 0..1: dirt on the lens
 
 
 class EstimateKind(StrEnum):
@@ -100,10 +100,10 @@ class SteeringEstimate:
     lookahead_m: float  # where curvature_1pm holds
     road_wheel_angle_rad: float | None  # atan(L·κ_cmd): free of speed and of understeer
     confidence: float  # 0..1, calibrated: 0 = no estimate
-    lanes_detected: int  # boundaries of the ego lane that were seen: 0, 1 or 2
+    lanes_detected: int  # detected boundaries of the ego lane: 0, 1 or 2
     lane_width_m: float | None
     latency_ms: float | None  # time spent computing this estimate; filled by the shell, None in lock-step
-    reason: str  # why there is no estimate or why confidence is low; "" when all is well
+    reason: str  # why there is no estimate or why confidence is low; "" without a reason
     left_boundary_px: PixelPath
     right_boundary_px: PixelPath
     marked: bool | None = None  # the boundaries are painted lines; False: edges of the road; None: not known
@@ -143,11 +143,11 @@ class SteeringEstimate:
 @quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeadVehicle:
-    """The vehicle ahead, in the frame of our rear axle."""
+    """The vehicle ahead, relative to the rear axle of the ego vehicle."""
 
     t_s: float
-    distance_m: float | None  # along x, from our front bumper to its rear
-    lateral_m: float | None  # + = left of our axis
+    distance_m: float | None  # along x, from the front bumper of the ego vehicle to the rear of the other
+    lateral_m: float | None  # + = left of the axis of the ego vehicle
     speed_mps: float | None
     confidence: float
 
@@ -155,36 +155,36 @@ class LeadVehicle:
 @quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState:
-    """What the vehicle reports of itself. ``t_s`` is the time of measurement."""
+    """The measured state of the vehicle. ``t_s`` is the time of measurement."""
 
     t_s: float
     speed_mps: float | None
     road_wheel_angle_rad: float | None
     yaw_rate_radps: float | None
-    driver_override: bool  # the driver has the car: told by it, or seen by the limiter
+    driver_override: bool  # the driver steers: reported by the vehicle or detected by the limiter
     driver_torque_nm: float | None = None  # at the steering wheel, + = to the left; None: not measured
-    saturated: bool | None = None  # the limiter keeps cutting the steering demand; None: nobody watches
+    saturated: bool | None = None  # the limiter cuts the steering demand continuously; None: not monitored
 
 
 @quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """What the supervisor makes of the estimates: how afraid it is, why, and what path to drive how fast."""
+    """The decision of the supervisor: fear and its cause, mode, path and speed."""
 
     t_s: float | None  # capture time of the newest frame; None: no frame yet
-    decided_s: float  # when this was decided; a supervisor that lives decides even without frames
+    decided_s: float  # time of the decision; a running supervisor also decides without frames
     mode: Mode
     stop: Stop
     fear: float  # 0..1
     level: str  # very_low, low, medium, high, very_high
-    cause: str  # what fear is about; "none" when calm
-    part: str = ""  # where that lies: "camera", "lens", "traffic", "road", "vehicle", an estimator
+    cause: str  # cause of the fear; "none" when calm
+    part: str = ""  # part concerned: "camera", "lens", "traffic", "road", "vehicle", an estimator
     rules: tuple[str, ...]  # the rules that fired, strongest first
     rule_strengths: tuple[float, ...]
-    inputs: tuple[str, ...]  # what the rules were asked about ...
+    inputs: tuple[str, ...]  # names of the inputs of the rules ...
     input_values: tuple[
         float | None, ...
-    ]  # ... and what it was: with the rule file this gives the fear again
+    ]  # ... and their values, from which the rule file gives the same fear
     # The fused path, in the terms of SteeringEstimate and valid at path_t_s; all None when there is no path.
     path_t_s: float | None
     lateral_offset_m: float | None
@@ -194,7 +194,7 @@ class Decision:
     lookahead_m: float
     path_source: str  # e.g. "cv+cnn", "cv", "memory", "lead", "none"
     sources: tuple[str, ...]  # estimator names …
-    trust: tuple[float, ...]  # … and their weights in the fusion, sum 1 (empty when nothing was fused)
+    trust: tuple[float, ...]  # … and their weights in the fusion, sum 1 (empty without fusion)
     disagreement_mps2: float | None  # |Δκ_cmd|·v² between estimators
     speed_factor: float  # 0..1, non-increasing in fear
     speed_cap_mps: float
@@ -203,12 +203,12 @@ class Decision:
 @quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """What the vehicle is told (ackermann_msgs/AckermannDriveStamped)."""
+    """The command to the vehicle (ackermann_msgs/AckermannDriveStamped)."""
 
-    t_s: float | None  # capture time of the frame this goes back to; None: no frame yet
+    t_s: float | None  # capture time of the underlying frame; None: no frame yet
     road_wheel_angle_rad: float
     road_wheel_rate_radps: float  # 0 = as fast as the limits allow, as in AckermannDrive
-    speed_mps: float  # where the speed is going
+    speed_mps: float  # target speed
     accel_mps2: float  # the demand; negative brakes
     jerk_mps3: float
 
@@ -216,7 +216,7 @@ class Command:
 @quick
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimTruth:
-    """What only a simulator knows: the true pose on the road. No driving process may read it."""
+    """The true pose on the road, from the simulator. No driving process may read it."""
 
     t_s: float
     x_m: float
@@ -233,11 +233,11 @@ class SimTruth:
     interventions: int  # so far
     collisions: int  # so far
     section: str  # name of the part of the road, e.g. "unmarked"
-    lead_gap_m: float | None  # bumper to bumper, to the nearest vehicle in our lane
+    lead_gap_m: float | None  # bumper to bumper, to the nearest vehicle in the lane of the ego vehicle
     lead_x_m: float | None
     lead_y_m: float | None
     lead_yaw_rad: float | None
-    finished: bool  # the route is driven to its end
+    finished: bool  # the end of the route is reached
     elapsed_s: float | None = None  # time of the run; negative before it begins
     speed_mps: float | None = None
     yaw_rate_radps: float | None = None
@@ -245,7 +245,7 @@ class SimTruth:
     traffic_y_m: tuple[float, ...] = ()
     traffic_yaw_rad: tuple[float, ...] = ()
     traffic_speed_mps: tuple[float, ...] = ()
-    manoeuvres: tuple[str, ...] = ()  # kinds of phases of theirs that are under way
+    manoeuvres: tuple[str, ...] = ()  # kinds of their current phases
 
 
 class Health(StrEnum):

@@ -1,4 +1,4 @@
-"""Our packages must be ours: `perception`, `supervisor` and `controller` also exist on PyPI."""
+"""Check of the packages: `perception`, `supervisor` and `controller` also exist on PyPI."""
 
 import importlib.util
 from pathlib import Path
@@ -9,12 +9,12 @@ PACKAGES = ("trepid", "perception", "supervisor", "controller", "sim_harness", "
 
 
 def check_packages() -> None:
-    """Raise InputError naming the intruder when a package does not come from this checkout."""
+    """Raise InputError when a package is not imported from this checkout."""
     for name in PACKAGES:
         spec = importlib.util.find_spec(name)
         origin = spec.origin if spec else None
         if origin is None or Path(origin).resolve().parent != ROOT / name:
             raise InputError(
                 f"package {name!r} is imported from {origin}, expected {ROOT / name}; "
-                "uninstall the namesake or use a fresh virtual environment"
+                "uninstall the other package or use a fresh virtual environment"
             )

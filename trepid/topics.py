@@ -21,13 +21,13 @@ M = TypeVar("M")
 
 @dataclass(frozen=True, slots=True)
 class Topic(Generic[M]):
-    """A key expression and the one message type that it carries."""
+    """A key expression and its message type."""
 
     key: str
     type: type[M]
     rate_hz: float
     flow: str  # who publishes -> who reads
-    urgent: bool = True  # goes before images and diagnostics
+    urgent: bool = True  # has priority over images and diagnostics
 
 
 CAMERA_IMAGE = Topic("camera/image", Frame, 25, "camera -> perception", urgent=False)

@@ -1,4 +1,4 @@
-"""What a vehicle is: dimensions, steering and limits. Numbers live in ``config/vehicle.yaml``."""
+"""Dimensions, steering and limits of a vehicle: ``config/vehicle.yaml``."""
 
 import math
 from typing import Annotated, Any, Self
@@ -31,7 +31,7 @@ def understeer_gradient(
 
 
 class Chassis(Settings):
-    """Mass and tyres, for a vehicle whose understeer gradient nobody has measured."""
+    """Mass and tyres, for a vehicle whose understeer gradient is not measured."""
 
     mass_kg: Positive
     cg_to_front_m: Positive  # centre of gravity to front axle
@@ -71,13 +71,13 @@ class Vehicle(Settings):
     steering_lag_s: NonNegative  # first-order time constant of the steering actuator
     chassis: Chassis | None = Field(
         default=None, exclude=True
-    )  # instead of the next; excluded: it is used up
+    )  # alternative to the next two; excluded from dumps
     # K_us in δ = atan(L·κ) + K_us·κ·v²
     understeer_gradient_rad_per_mps2: float = Field(default_factory=_gradient)
     # R: in a bend the course of the rear axle lies R·κ·v² outside of the heading; 0: not known, or rigid tyres
     rear_slip_gradient_rad_per_mps2: NonNegative = Field(default_factory=_rear_slip)
     max_accel_mps2: Positive
-    max_decel_mps2: Positive  # what the brakes can do
+    max_decel_mps2: Positive  # of the brakes
     accel_lag_s: NonNegative  # first-order time constant of drive and brakes
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Messages to and from ROS 2 CDR, so that ROS 2 and MCAP tools read the topics with no ROS here.
+"""Messages to and from ROS 2 CDR: ROS 2 and MCAP tools read the topics; Trepid needs no ROS.
 
 Frames, Command and Diagnostic travel as the standard types of the field; every other message of
 :mod:`trepid.messages` becomes ``trepid_msgs/msg/<Name>``, derived from its dataclass:
@@ -67,12 +67,12 @@ ACKERMANN_DRIVE_STAMPED = "std_msgs/Header header\nackermann_msgs/AckermannDrive
 
 
 class WireError(Exception):
-    """Bytes on a topic are not the message that the topic carries."""
+    """Bytes that are not a message of the type of their topic."""
 
 
 @dataclass(frozen=True, slots=True)
 class FieldCodec:
-    """How one Python field type travels."""
+    """ROS 2 representation of one Python field type."""
 
     ros_type: str
     encode: Callable[[Any], Any]
@@ -152,7 +152,7 @@ def ros_name(message_type: type) -> str:
 
 
 def definition(message_type: type) -> str:
-    """The ROS 2 definition of a message class with all that it contains, as recordings carry it."""
+    """The ROS 2 definition of a message class with all types that it contains, for recordings."""
     text, _ = STORE.generate_msgdef(ros_name(message_type), ros_version=2)
     return str(text)
 
@@ -269,7 +269,7 @@ def _derived_to_ros(message: Message) -> Any:
 
 
 def derived_from_ros(ros: Any, message_type: type[M]) -> M:
-    """The message of a derived type in a ROS object, which may be of an older version: what it lacks is absent.
+    """The message of a derived type in a ROS object, which may be of an older version: missing fields are absent.
 
     Raises WireError when it lacks what cannot be absent.
     """
@@ -286,7 +286,7 @@ def derived_from_ros(ros: Any, message_type: type[M]) -> M:
 
 
 def _absent(field: Field[Any]) -> Any:
-    """The value of a field of which nothing was said. Raises WireError when it must have one."""
+    """The value of a missing field. Raises WireError when the field must have a value."""
     if field.default is not MISSING:
         return field.default
     if type(None) in get_args(field.type):
@@ -333,5 +333,5 @@ def from_cdr(data: bytes, message_type: type[M]) -> M:
         return derived_from_ros(ros, message_type)
     except WireError:
         raise
-    except Exception as error:  # rosbags lets through whatever numpy and struct raise on foreign bytes
+    except Exception as error:  # rosbags does not catch the exceptions of numpy and struct for foreign bytes
         raise WireError(f"not a {ros_name(message_type)}: {type(error).__name__}: {error}") from error

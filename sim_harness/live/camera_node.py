@@ -1,4 +1,4 @@
-"""Simulated-camera process: photographs the road from the true pose."""
+"""Simulated-camera process: renders the road from the true pose."""
 
 import cv2
 
@@ -12,7 +12,7 @@ from trepid.processes.process import Process, Ticker, process
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, SIM_TRUTH
 
 JPEG_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
-STALE_TRUTH_S = 0.2  # without a vehicle there is nothing to photograph
+STALE_TRUTH_S = 0.2  # older poses are not rendered
 
 
 def run(me: Process) -> None:
@@ -31,10 +31,10 @@ def run(me: Process) -> None:
     me.ready()
     ticker, compressed_ticker = Ticker(scenario.camera.rate_hz), Ticker(CAMERA_COMPRESSED.rate_hz)
     while me.running():
-        me.bus.wait(timeout_s=0.1)  # look right after the vehicle has moved: its pose is then fresh
+        me.bus.wait(timeout_s=0.1)  # render right after the vehicle has moved
         now_s, newest = me.now_s(), truth.refresh()
         if newest is None or now_s - newest.t_s > STALE_TRUTH_S:
-            me.alive(Health.WARN, "no vehicle to look from")
+            me.alive(Health.WARN, "no pose of the vehicle")
             continue
         if not ticker.due():
             continue

@@ -1,8 +1,8 @@
-"""The main job: every process of the car over Zenoh, started, watched and judged.
+"""A live drive: starts all processes over Zenoh, monitors them and evaluates the drive.
 
-The launcher drives nothing. It starts the processes, listens, shows what it hears, starts again what dies (so
-that the stop that follows stays steered), and ends the drive: at the end of the route, after the asked duration,
-once the car stands after a process was lost, or on a signal.
+The launcher receives and displays messages and restarts processes that ended, so that the stop after a failure is
+steered. It ends the drive at the end of the route, after the requested duration, at standstill after the loss of a
+process, or on a signal.
 """
 
 import signal
@@ -29,7 +29,7 @@ from trepid.recording.writer import BusRecorder
 from trepid.types import Positive
 
 Show = Callable[[DriveLog, Fleet, float], None]
-"""Shows the drive so far: log, processes, elapsed time [s]."""
+"""Displays the drive so far: log, processes, elapsed time [s]."""
 
 
 class DriveSettings(Settings):
@@ -50,7 +50,7 @@ def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
     return (
         ProcessSpec(
             "vehicle", "sim_harness.live.vehicle_node", simulated, restart=False
-        ),  # it would jump to the start
+        ),  # a restart would place the car at the start
         ProcessSpec("camera", "sim_harness.live.camera_node", simulated),
         *(
             ProcessSpec(
@@ -74,16 +74,16 @@ def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
 
 def _lead_processes(scenario: Scenario) -> tuple[ProcessSpec, ...]:
     if scenario.leads_by is not LeadSensor.CAMERA:
-        return ()  # the vehicle process tells of it
+        return ()  # the vehicle process publishes it
     return (ProcessSpec("lead", "perception.lead.node", {"estimators": scenario.estimators}),)
 
 
 def drive(
     scenario: Scenario, settings: DriveSettings, *, seed: int, show: Show, record: Path | None = None
 ) -> dict[str, Any]:
-    """Drive ``scenario`` live and return its row of design §7 with ``processes`` and ``latency_ms``.
+    """Drive ``scenario`` live and return its row of ``drive --json``.
 
-    Raises InputError for a scenario that only the lock-step loop can act out.
+    Raises InputError for a scenario that only the lock-step loop can simulate.
     """
     for what in lockstep_only(scenario):
         raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
@@ -109,7 +109,7 @@ def drive(
 
 
 def lockstep_only(scenario: Scenario) -> Iterator[str]:
-    """What of ``scenario`` no live drive can act out."""
+    """The parts of ``scenario`` that a live drive cannot simulate."""
     if scenario.sight is Sight.TRUTH:
         yield "sight: truth"
     if scenario.leads_by is LeadSensor.MODELLED:
@@ -118,7 +118,7 @@ def lockstep_only(scenario: Scenario) -> Iterator[str]:
 
 
 class Referee:
-    """Watches one drive from the side and judges it."""
+    """Monitors one drive and evaluates it."""
 
     def __init__(
         self,
@@ -140,17 +140,17 @@ class Referee:
         self._problems: list[str] = []
         self._began_s = clock()
         self._shown_s = self._began_s
-        self._lost_s: float | None = None  # when the first process was lost
-        self._paused: set[str] = set()  # processes that the scenario has lost
-        self._resumed_s: dict[str, float] = {}  # when those went on
+        self._lost_s: float | None = None  # time of the first loss of a process
+        self._paused: set[str] = set()  # processes that a fault of the scenario has paused
+        self._resumed_s: dict[str, float] = {}  # time of their resumption
 
     def wait_until_ready(self, signals: list[str]) -> bool:
-        """Wait until every process has reported, there is a first decision, and any run-up is over.
+        """Wait for a heartbeat of every process, a first decision, and the end of any run-up.
 
         False when that fails.
         """
         while not signals and not self._problems:
-            self._listen()
+            self._receive()
             self._problems += [f"{exited} before the drive began" for exited in self._fleet.collect_exits()]
             missing = [name for name in self._fleet.children if name not in self._log.diagnostics]
             if not missing and self._log.decision is not None and self._begun():
@@ -162,23 +162,23 @@ class Referee:
             if self._elapsed_s() > self._settings.ready_timeout_s:
                 waited = f"after {self._settings.ready_timeout_s:.0f} s"
                 self._problems.append(
-                    f"not ready {waited}: heard nothing of {', '.join(missing) or 'decisions'}"
+                    f"not ready {waited}: nothing received of {', '.join(missing) or 'decisions'}"
                 )
         self._problems += signals
         return False
 
     def watch(self, signals: list[str]) -> None:
-        """Watch until the route or the duration is driven, the car stands after a loss, or a signal came."""
+        """Monitor until the end of the route or the duration, standstill after a loss, or a signal."""
         while not signals:
-            self._listen()
-            self._act_out_losses()
+            self._receive()
+            self._simulate_losses()
             self._end_silent_processes()
             for exited in self._fleet.collect_exits():
                 self._problems.append(f"{exited} at {self._elapsed_s():.1f} s")
                 self._log.diagnostics.pop(exited.name, None)
                 self._lost_s = self._lost_s or self._elapsed_s()
                 if exited.name == "vehicle":
-                    return  # the simulated car is gone with it: there is nothing left to watch
+                    return  # it contains the simulated car
             if (
                 self._elapsed_s() >= self._scenario.duration_s
                 or self._finished()
@@ -188,12 +188,12 @@ class Referee:
         self._problems += signals
 
     def row(self, seed: int) -> dict[str, Any]:
-        """The run as design §7 has it."""
+        """The result of the run as a row of ``drive --json``."""
         trace = self._trace()
         row: dict[str, Any] = {"scenario": self._scenario.name, "seed": seed}
         reasons = list(self._problems)
         if len(trace) < 2:
-            return row | {"status": "failed", "reasons": reasons or ["nothing was driven"]}
+            return row | {"status": "failed", "reasons": reasons or ["no samples were recorded"]}
         metrics = measure(trace)
         reasons += judge(self._scenario.expect, metrics, trace)
         row |= {"status": "failed" if reasons else "passed", "reasons": reasons, **asdict(metrics)}
@@ -202,7 +202,12 @@ class Referee:
             "trace_sha256": trace.sha256,
             "final_speed_mps": self._log.state.speed_mps if self._log.state else None,
             "processes": {
-                name: {"pid": child.popen.pid, "restarts": child.restarts, **self._log.load(name)}
+                name: {
+                    "pid": child.popen.pid,
+                    "restarts": child.restarts,
+                    **self._log.load(name),
+                    "malformed": self._log.malformed(name),
+                }
                 for name, child in self._fleet.children.items()
             },
             "latency_ms": {name: latency.summary() for name, latency in self._log.latency.items()},
@@ -210,7 +215,7 @@ class Referee:
         return row
 
     def _trace(self) -> Trace:
-        """The drive so far, with what happened when."""
+        """The drive so far, with its events."""
         trace, scenario = self._log.trace(), self._scenario
         if len(trace) == 0:
             return trace
@@ -223,8 +228,8 @@ class Referee:
         )
         return with_manoeuvres(trace, scenario.manoeuvres, self._log.manoeuvres)
 
-    def _act_out_losses(self) -> None:
-        """Pause the processes that the scenario has lost now, and let go on those that it has no more."""
+    def _simulate_losses(self) -> None:
+        """Pause the processes that a fault of the scenario loses now, and resume the others."""
         losses = [fault for fault in self._scenario.faults if isinstance(fault, LostProcess)]
         lost = {fault.process for fault in losses if fault.active(self._elapsed_s())}
         for name in lost - self._paused:
@@ -234,8 +239,8 @@ class Referee:
             self._resumed_s[name] = self._clock()
         self._paused = lost
 
-    def _listen(self) -> None:
-        self._log.listen(timeout_s=0.02)
+    def _receive(self) -> None:
+        self._log.receive(timeout_s=0.02)
         if self._recording is not None:
             self._recording.write()
         now_s = self._clock()
@@ -247,7 +252,7 @@ class Referee:
         return self._clock() - self._began_s
 
     def _begun(self) -> bool:
-        """The car is at its start, or beyond it; before a start at speed a driver brings it there."""
+        """True from the start of the run on; before a start at speed a driver brings the car there."""
         truth = self._log.truth
         return truth is not None and truth.elapsed_s is not None and truth.elapsed_s >= 0.0
 
@@ -255,9 +260,9 @@ class Referee:
         return self._log.truth is not None and self._log.truth.finished
 
     def _end_silent_processes(self) -> None:
-        """A process that runs but is silent is as good as dead: end it, so that it is started again."""
-        for name, heard in self._log.diagnostics.items():
-            silent_s = self._clock() - max(heard.t_s, self._resumed_s.get(name, heard.t_s))
+        """End processes that run without heartbeats, so that they are started again."""
+        for name, beat in self._log.diagnostics.items():
+            silent_s = self._clock() - max(beat.t_s, self._resumed_s.get(name, beat.t_s))
             if name in self._paused:
                 continue
             if silent_s > self._settings.silence_s and self._fleet.children[name].popen.poll() is None:
@@ -265,7 +270,7 @@ class Referee:
                 self._fleet.kill(name)
 
     def _stopped_after_loss(self) -> bool:
-        """True once the car stands after a process was lost, or has had more than enough time for it."""
+        """True at standstill after the loss of a process, or after the time limit for it."""
         if self._lost_s is None or self._log.state is None or self._log.state.speed_mps is None:
             return False
         if self._log.state.speed_mps < self._settings.standstill_mps:
@@ -281,7 +286,7 @@ class Referee:
 
 @contextmanager
 def caught_signals() -> Iterator[list[str]]:
-    """A list that fills with the names of the signals that ask this process to end."""
+    """A list of the termination signals received so far, as text."""
     caught: list[str] = []
     names = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

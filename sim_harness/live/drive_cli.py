@@ -27,12 +27,15 @@ def drive(
     scenario: Annotated[str, typer.Option(help="Scenario name or file.")] = "circuit",
     duration: Annotated[float | None, typer.Option(min=1.0, help="Stop after this long [s].")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of textures and noise.")] = 0,
-    changes: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE")] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Another value for a field of the scenario."),
+    ] = None,
     dashboard: Annotated[bool, typer.Option(help="Live status in the terminal.")] = True,
     record: Annotated[Path | None, typer.Option(help="Record every topic to this MCAP file.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> int:
-    """Drive: camera, perception, supervisor, controller and vehicle as processes over Zenoh."""
+    """Drive with all processes (camera, perception, supervisor, controller, vehicle) over Zenoh."""
     what = load_scenario(scenario, parse_overrides(changes or []))
     what.check()
     if duration is not None:
@@ -49,7 +52,7 @@ def drive(
 
 @contextmanager
 def shown(dashboard: bool) -> Iterator[Show]:
-    """How the drive is shown: a live table in a terminal, else a line every few seconds, on standard error."""
+    """Display of the drive on standard error: a live table in a terminal, else a line every few seconds."""
     console = Console(stderr=True)
     if dashboard and console.is_terminal:
         with Live(console=console, auto_refresh=False, transient=True) as live:
@@ -69,7 +72,7 @@ def shown(dashboard: bool) -> Iterator[Show]:
 
 
 def summary(row: dict[str, Any]) -> Table:
-    """The run as a table for people."""
+    """The result as a table."""
     verdict = "[green]passed[/]" if row["status"] == "passed" else "[red]failed[/]"
     table = Table(title=f"{row['scenario']} (seed {row['seed']}): {verdict}", title_justify="left", box=None)
     table.add_column("what", style="dim")

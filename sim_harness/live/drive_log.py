@@ -1,4 +1,4 @@
-"""What the launcher hears of a live drive: the trace, the latencies and how the processes are."""
+"""Messages of a live drive as received by the launcher: trace, latencies, heartbeats."""
 
 from dataclasses import dataclass, field
 
@@ -8,25 +8,25 @@ from sim_harness.judging.trace import Recorder, Trace
 from trepid.bus import Bus
 from trepid.clock import Clock
 from trepid.messages import Command, Decision, Diagnostic, SimTruth, SteeringEstimate, VehicleState
-from trepid.processes.process import READY
+from trepid.processes.process import MALFORMED, READY
 from trepid.topics import COMMAND, DECISION, DIAGNOSTICS, SIM_TRUTH, VEHICLE_STATE, estimate_topic
 
 
 @dataclass(slots=True)
 class Latency:
-    """Ages of what was heard, from the capture of its frame: one number per frame."""
+    """Age of messages since the capture of their frame: one number per frame."""
 
-    newest_t_s: float  # frames up to this one do not count
+    newest_t_s: float  # earlier frames do not count
     samples_ms: list[float] = field(default_factory=list)
 
-    def add(self, t_s: float | None, heard_s: float) -> None:
-        """Take the first message that goes back to a new frame; later ones repeat it."""
+    def add(self, t_s: float | None, received_s: float) -> None:
+        """Count the first message of a new frame; later ones repeat it."""
         if t_s is not None and t_s > self.newest_t_s:
             self.newest_t_s = t_s
-            self.samples_ms.append(1e3 * (heard_s - t_s))
+            self.samples_ms.append(1e3 * (received_s - t_s))
 
     def summary(self) -> dict[str, float] | None:
-        """Median, 99th percentile and maximum [ms]; None when nothing was heard."""
+        """Median, 99th percentile and maximum [ms]; None without messages."""
         if not self.samples_ms:
             return None
         p50, p99 = np.percentile(self.samples_ms, [50, 99])
@@ -34,7 +34,7 @@ class Latency:
 
 
 class DriveLog:
-    """Listens to every topic; one trace sample for each truth of the simulated vehicle."""
+    """Receives all topics; one trace sample for each truth of the simulated vehicle."""
 
     def __init__(self, bus: Bus, clock: Clock, estimators: tuple[str, ...]) -> None:
         self.now_s = clock
@@ -55,7 +55,7 @@ class DriveLog:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the trace and the latencies: the drive begins now."""
+        """Discard trace and latencies at the begin of the drive."""
         self._recorder = Recorder(self._estimators)
         self.manoeuvres: list[tuple[str, ...]] = []  # of the other vehicles, one item per sample of the trace
         self._beats: dict[str, list[Diagnostic]] = {}
@@ -64,19 +64,19 @@ class DriveLog:
     def _latency_names(self) -> list[str]:
         return [*(f"frame_to_{name}" for name in self._estimators), "frame_to_decision", "frame_to_command"]
 
-    def listen(self, timeout_s: float) -> None:
-        """Wait for messages up to ``timeout_s``, then take in all that came."""
+    def receive(self, timeout_s: float) -> None:
+        """Wait for messages up to ``timeout_s``, then add all received ones."""
         self._bus.wait(timeout_s)
         for name, stream in self._estimates.items():
-            for estimate, heard_s in stream.drain():
+            for estimate, received_s in stream.drain():
                 self.estimates[name] = estimate
-                self.latency[f"frame_to_{name}"].add(estimate.t_s, heard_s)
-        for decision, heard_s in self._decisions.drain():
+                self.latency[f"frame_to_{name}"].add(estimate.t_s, received_s)
+        for decision, received_s in self._decisions.drain():
             self.decision = decision
-            self.latency["frame_to_decision"].add(decision.t_s, heard_s)
-        for command, heard_s in self._commands.drain():
+            self.latency["frame_to_decision"].add(decision.t_s, received_s)
+        for command, received_s in self._commands.drain():
             self.command = command
-            self.latency["frame_to_command"].add(command.t_s, heard_s)
+            self.latency["frame_to_command"].add(command.t_s, received_s)
         for diagnostic, _ in self._diagnostics.drain():
             self.diagnostics[diagnostic.process] = diagnostic
             self._beats.setdefault(diagnostic.process, []).append(diagnostic)
@@ -88,12 +88,17 @@ class DriveLog:
                 self.manoeuvres.append(truth.manoeuvres)
 
     def load(self, process: str) -> dict[str, float | None]:
-        """Mean steps per second and share of a core [%] of a process over the drive; None if never heard."""
+        """Mean steps per second and share of a core [%] of a process over the drive; None without heartbeats."""
         beats = [dict(beat.values) for beat in self._beats.get(process, []) if beat.message != READY]
         return {
             key: round(float(np.mean([float(beat[key]) for beat in beats])), 1) if beats else None
             for key in ("rate_hz", "cpu_percent")
         }
+
+    def malformed(self, process: str) -> int:
+        """Number of malformed messages that a process has reported over its life."""
+        beat = self.diagnostics.get(process)
+        return sum(int(count) for key, count in beat.values if key.startswith(MALFORMED)) if beat else 0
 
     def trace(self) -> Trace:
         """The drive so far."""

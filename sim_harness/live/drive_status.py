@@ -17,21 +17,21 @@ FEAR_COLOURS = {
 
 
 def status(log: DriveLog, fleet: Fleet, *, elapsed_s: float) -> Group:
-    """Processes with rates and ages, and below them what the car does and how afraid it is."""
+    """Table of the processes with rates and ages, and below it a line about the car and its fear."""
     table = Table(box=None, pad_edge=False)
-    for heading in ("process", "pid", "steps/s", "heard ago", "cpu %", "restarts", "says"):
-        table.add_column(heading, justify="left" if heading in ("process", "says") else "right")
+    for heading in ("process", "pid", "steps/s", "last beat", "cpu %", "restarts", "message"):
+        table.add_column(heading, justify="left" if heading in ("process", "message") else "right")
     for name, child in fleet.children.items():
-        heard = log.diagnostics.get(name)
-        values = dict(heard.values) if heard else {}
+        beat = log.diagnostics.get(name)
+        values = dict(beat.values) if beat else {}
         table.add_row(
             name,
             str(child.popen.pid),
             values.get("rate_hz", "-"),
-            f"{log.now_s() - heard.t_s:.1f} s" if heard else "-",
+            f"{log.now_s() - beat.t_s:.1f} s" if beat else "-",
             values.get("cpu_percent", "-"),
             str(child.restarts),
-            heard.message if heard else "starting",
+            beat.message if beat else "starting",
         )
     return Group(table, driving_line(log, elapsed_s=elapsed_s))
 

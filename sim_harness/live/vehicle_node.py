@@ -10,10 +10,10 @@ from trepid.vehicle import Vehicle
 
 
 def run(me: Process) -> None:
-    """Advance in real time at the period of the plant, whether commands come or not.
+    """Advance in real time at the period of the plant, with and without commands.
 
-    The run begins with the first command that goes back to a frame: until then processes are still starting, and
-    the other vehicles wait for them.
+    The run begins with the first command that is based on a frame; until then the processes start, and the other
+    vehicles stand.
     """
     scenario, settings = Scenario.model_validate(me.options["scenario"]), load_simulator()
     command = me.bus.latest(COMMAND)
@@ -27,7 +27,7 @@ def run(me: Process) -> None:
         settings,
         seed=me.options["seed"],
     )
-    tells_of_lead = scenario.leads_by is LeadSensor.TRUTH
+    publishes_lead = scenario.leads_by is LeadSensor.TRUTH
     me.ready()
     begun = False
     ticker, lead_ticker = Ticker(1 / settings.period_s), Ticker(LEAD_VEHICLE.rate_hz)
@@ -42,7 +42,7 @@ def run(me: Process) -> None:
             state, truth = simulated.wait(now_s=me.now_s())
         send_state(state)
         send_truth(truth)
-        lead = simulated.sense_lead() if tells_of_lead else None
+        lead = simulated.sense_lead() if publishes_lead else None
         if lead is not None and lead_ticker.due():
             send_lead(lead)
         me.stepped()

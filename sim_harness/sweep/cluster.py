@@ -1,8 +1,8 @@
-"""Cases on a Dask cluster: many machines, the same results.
+"""Cases on a Dask cluster of several machines.
 
 Start one with ``dask scheduler``, and ``dask worker ADDRESS --nthreads 1`` for every core of every machine that has
-Trepid (with ``--nworkers N`` for several at once). The scheduler gives the case of a worker that is lost to another
-one; a case that has cost four workers their life is a crashed one. Needs extra ``cluster``.
+Trepid (with ``--nworkers N`` for several at once). The scheduler moves the case of a lost worker to another
+worker; a case that ended four workers has crashed. Needs the extra ``cluster``.
 """
 
 import logging
@@ -22,14 +22,14 @@ from sim_harness.sweep.plan import Plan
 from trepid.config import InputError
 
 CONNECT_S = 10.0
-WORKERS_S = 30.0  # so long may it take until the first worker is there
+WORKERS_S = 30.0  # until the first worker is connected
 
 
 def on_cluster(plan: Plan, address: str, *, detailed: bool = False) -> Iterator[tuple[str, Outcome]]:
     """Run the cases on the cluster at ``address``; outcomes come as they finish.
 
-    Closing the iterator withdraws the cases that have not started. Raises InputError when there is no cluster of
-    our versions, and ClusterLost.
+    Closing the iterator cancels the cases that have not started. Raises InputError when there is no cluster with
+    the same versions, and ClusterLost.
     """
     with _connected(address) as client:
         check_same_code(client, address)
@@ -39,7 +39,7 @@ def on_cluster(plan: Plan, address: str, *, detailed: bool = False) -> Iterator[
             key = futures.pop(future)
             if future.status == "finished":
                 outcome: Outcome = future.result()
-                _check_code({outcome.code}, address)  # of a worker that joined later
+                _check_code({outcome.code}, address)  # a worker may have joined later
             elif isinstance(error := future.exception(timeout=CONNECT_S), KilledWorker):
                 outcome = crashed(plan[key], f"crashed: it has killed {error.allowed_failures + 1} workers")
             else:
@@ -50,12 +50,12 @@ def on_cluster(plan: Plan, address: str, *, detailed: bool = False) -> Iterator[
 
 @contextmanager
 def _connected(address: str) -> Iterator[Client]:
-    """A client that says what is wrong in an exception, not in logs. Raises InputError."""
+    """A client that reports errors as InputError instead of in logs."""
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with warnings.catch_warnings(), configured({"distributed.comm.timeouts.connect": CONNECT_S}):
-        warnings.simplefilter("ignore")  # on versions; they are checked below, those that matter
+        warnings.simplefilter("ignore")  # about versions, which check_same_code checks
         try:
-            parse_host_port(parse_address(address)[1])  # what a client says of a bad address comes too late
+            parse_host_port(parse_address(address)[1])  # a client reports a bad address too late
             client = Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise InputError(f"--cluster {address}: no Dask scheduler answers there: {error}") from error
@@ -64,7 +64,7 @@ def _connected(address: str) -> Iterator[Client]:
 
 
 def check_same_code(client: Client, address: str) -> None:
-    """Raise InputError unless there are workers, all with our code, configuration and versions."""
+    """Raise InputError unless there are workers and all have the same code, configuration and versions."""
     try:
         client.wait_for_workers(1, timeout=WORKERS_S)
     except TimeoutError as error:
@@ -86,6 +86,6 @@ def _check_code(fingerprints: set[str], address: str) -> None:
     strange = fingerprints - {fingerprint()}
     if strange:
         raise InputError(
-            f"--cluster {address}: a worker has other code, configuration or libraries ({strange.pop()}) than we"
-            f" ({fingerprint()}); install the same, and start it again"
+            f"--cluster {address}: a worker has other code, configuration or libraries ({strange.pop()}) than"
+            f" this process ({fingerprint()}); install the same and restart it"
         )

@@ -15,18 +15,18 @@ from trepid.config import InputError, parse_overrides
 
 def limits_verb(
     source: Annotated[str, typer.Argument(metavar="S", help="A scenario name or .yaml file.")],
-    seed: Annotated[int, typer.Option(min=0, help="The seed that the cases' seed is derived from.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed from which the seed of the cases is derived.")] = 0,
     tolerance: Annotated[
-        float, typer.Option(min=1e-4, max=0.5, help="How exactly, as a share of the way to the end.")
+        float, typer.Option(min=1e-4, max=0.5, help="Resolution as a share of the range.")
     ] = TOLERANCE,
-    corners: Annotated[int, typer.Option(min=0, help="Search towards this many random corners too.")] = 0,
+    corners: Annotated[int, typer.Option(min=0, help="Number of random corners to search as well.")] = 0,
     settings: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON Lines.")] = False,
 ) -> int:
-    """Search how far each range in `vary` may go until the scenario fails; exit code 1 when nothing passes."""
+    """Search the limit of each range in `vary` at which the scenario fails; exit code 1 when no case passes."""
     scenario = load_scenario(source, parse_overrides(settings or []))
     if not scenario.vary:
-        raise InputError(f"scenario {scenario.name}: nothing in vary")
+        raise InputError(f"scenario {scenario.name}: no ranges under vary")
     found = limits(scenario, passes, seed=seed, tolerance=tolerance, corners=corners)
     any_passes = False
     for limit in found:
@@ -36,7 +36,7 @@ def limits_verb(
 
 
 def passes(case: Case) -> bool:
-    """Runs a case; tells about it on standard error."""
+    """Run a case, report it on standard error, return whether it passed."""
     result = run(case.scenario, seed=case.seed)
     values = ", ".join(f"{name} = {value}" for name, value in case.parameters.items())
     print(f"{'failed' if result.reasons else 'passed'}: {values}", file=sys.stderr, flush=True)
@@ -55,11 +55,11 @@ def row(limit: Limit) -> dict[str, Any]:
 
 
 def sentence(limit: Limit) -> str:
-    """A limit in a line for people."""
+    """A limit as one line of text."""
     if limit.fails is None:
         return f"{limit.ray}: passes to the end of the range"
     if limit.passes is None:
-        return f"{limit.ray}: passes nowhere"
+        return f"{limit.ray}: no case passes"
     good, bad = limit.passes.parameters, limit.fails.parameters
     changes = [f"{name} between {good[name]} and {bad[name]}" for name in good if good[name] != bad[name]]
     return f"{limit.ray}: passes, then fails, with {', '.join(changes)}"

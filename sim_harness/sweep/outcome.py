@@ -1,4 +1,4 @@
-"""What comes of one case, wherever it runs."""
+"""The outcome of one case, in any process."""
 
 import ctypes
 import traceback
@@ -17,26 +17,26 @@ _MALLOC_TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc only
 
 
 class ClusterLost(Exception):
-    """The cluster is gone; what had finished has been given out."""
+    """The connection to the cluster is lost; finished outcomes were yielded before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """The row of a case, and what its page in a report is drawn from."""
+    """The row of a case and the data of its page in a report."""
 
     row: Row
-    detail: Detail | None = None  # None: not asked for, or there is no result
+    detail: Detail | None = None  # None: not requested, or no result
     code: str  # fingerprint of the process that ran it
 
 
 def execute(case: Case, *, detailed: bool = False) -> Outcome:
-    """Run a case. Whatever it raises becomes the reason why it failed: one case does not end a sweep."""
+    """Run a case. An exception becomes the reason of its failure, so that it does not end the sweep."""
     try:
         return perform(case, detailed=detailed)[1]
     except Exception as error:  # noqa: BLE001
         return crashed(case, _reason(error))
     finally:
-        _give_memory_back()
+        _trim_memory()
 
 
 def perform(case: Case, *, detailed: bool = False, witness: Witness | None = None) -> tuple[Result, Outcome]:
@@ -71,18 +71,18 @@ def is_complete(row: Row) -> bool:
 
 
 def with_parameters(case: Case, row: Row) -> Row:
-    """``row``, with the values of a sampled case."""
+    """``row`` with the values of a sampled case."""
     return {**row, "parameters": case.parameters} if case.parameters else row
 
 
-def _give_memory_back() -> None:
-    """To the system, what a run has freed: glibc keeps the scraps of the renderer's arrays, about 50 MB a run."""
+def _trim_memory() -> None:
+    """Return freed memory to the system: glibc otherwise keeps fragments of the arrays of the renderer."""
     if _MALLOC_TRIM is not None:
         _MALLOC_TRIM(0)
 
 
 def _reason(error: Exception) -> str:
-    """One line: what was raised, and where."""
+    """Exception and place in one line."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
     what = " ".join(str(error).split())
     return f"crashed: {type(error).__name__}: {what} ({Path(frame.filename).name}:{frame.lineno})"

@@ -15,7 +15,7 @@ PARAMETERS = "parameters"
 
 
 def write(rows: Sequence[Row], path: Path) -> None:
-    """Write ``rows`` to ``path``, all at once or not at all.
+    """Write ``rows`` to ``path`` atomically.
 
     A column for every field; one ``parameters.<name>`` for every parameter that was sampled; ``modes`` and
     ``causes`` are maps.
@@ -41,5 +41,5 @@ def _column(name: str, values: list[Any]) -> pa.Array:
         return pa.array(values, pa.list_(pa.string()))
     try:
         return pa.array(values)
-    except (pa.ArrowInvalid, pa.ArrowTypeError):  # choices of several kinds, e.g. numbers and words
+    except (pa.ArrowInvalid, pa.ArrowTypeError):  # values of several types, e.g. numbers and words
         return pa.array([None if value is None else json.dumps(value) for value in values])

@@ -1,4 +1,4 @@
-"""What a sweep runs: cases in an order, each under a key that depends on nothing but the case."""
+"""The plan of a sweep: cases in order, each with a key that depends only on the case."""
 
 import hashlib
 import shlex
@@ -13,7 +13,7 @@ from trepid.config import InputError
 ALL = "all"
 """The source that stands for every scenario of ``config/scenarios/``."""
 KEY_DIGITS = 24
-_NOT_IN_KEY = {"description", "tags", "vary"}  # what a run does not depend on
+_NOT_IN_KEY = {"description", "tags", "vary"}  # fields without influence on a run
 
 Plan = dict[str, Case]
 """Key -> case, in the order of the sweep."""
@@ -21,10 +21,10 @@ Plan = dict[str, Case]
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Scenarios, and what they were called on the command line."""
+    """Scenarios and their sources on the command line."""
 
     scenarios: tuple[Scenario, ...]
-    sources: Mapping[str, str]  # name of a scenario -> name or file that it came from
+    sources: Mapping[str, str]  # name of a scenario -> its name or file on the command line
     settings: Mapping[str, str]  # of --set
 
     def command(self, case: Case) -> str:
@@ -48,7 +48,7 @@ def select(sources: Sequence[str], tags: Sequence[str], overrides: Mapping[str, 
     if not chosen:
         raise InputError(f"no scenario has the tag {' or '.join(tags)}")
     for scenario, name in chosen:
-        if name.endswith(".py"):  # files are checked as they are loaded
+        if name.endswith(".py"):  # YAML files are checked when they are loaded
             scenario.check()
     return Selection(tuple(s for s, _ in chosen), {s.name: name for s, name in chosen}, overrides)
 
@@ -62,7 +62,7 @@ def _tagged(scenario: Scenario, tags: Sequence[str]) -> bool:
 
 
 def by_seeds(scenarios: Iterable[Scenario], seeds: Sequence[int]) -> Iterator[Case]:
-    """Every scenario as it is written, with every seed."""
+    """Every scenario, unchanged, with every seed."""
     for scenario in scenarios:
         for index, seed in enumerate(seeds):
             yield Case(scenario=scenario, index=index, seed=seed, parameters={})
@@ -71,13 +71,13 @@ def by_seeds(scenarios: Iterable[Scenario], seeds: Sequence[int]) -> Iterator[Ca
 def by_sampling(
     scenarios: Iterable[Scenario], method: Method, count: int | None, *, seed: int
 ) -> Iterator[Case]:
-    """``count`` cases of each scenario, chosen by ``method`` from what may vary in it. Raises InputError."""
+    """``count`` cases of each scenario, sampled by ``method`` from its ranges. Raises InputError."""
     for scenario in scenarios:
         yield from cases(scenario, method, count, seed=seed)
 
 
 def plan(cases: Iterable[Case]) -> Plan:
-    """The cases by key. A case that comes twice is run once: the second run could only be the same."""
+    """The cases by key. Equal cases are run once."""
     planned: Plan = {}
     for case in cases:
         planned.setdefault(case_key(case), case)
@@ -85,7 +85,7 @@ def plan(cases: Iterable[Case]) -> Plan:
 
 
 def case_key(case: Case) -> str:
-    """Hash of what a run depends on besides code and configuration: scenario, seed, its own road and rules."""
+    """Hash of the scenario, its road and rule files, and the seed; without code and configuration."""
     digest = hashlib.sha256(case.scenario.model_dump_json(exclude=_NOT_IN_KEY).encode())
     digest.update(f"\0{case.seed}\0".encode())
     if case.scenario.road.endswith(".yaml"):

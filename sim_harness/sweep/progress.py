@@ -1,4 +1,4 @@
-"""How far a sweep is, on standard error: a bar in a terminal, now and then a line elsewhere."""
+"""Progress of a sweep on standard error: a bar in a terminal, else a line every few seconds."""
 
 import sys
 import time
@@ -9,11 +9,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 LINE_EVERY_S = 5.0
-_WHOLE_SWEEP_S = 1e6  # the speed is that of the whole sweep: cases differ too much for less
+_WHOLE_SWEEP_S = 1e6  # average the speed over the whole sweep, because cases differ
 
 
 class SweepProgress:
-    """Counts cases; time is foretold by the simulated seconds that are left. Use it as a context."""
+    """Counts cases and estimates the time left from the simulated seconds left. Use as a context manager."""
 
     def __init__(self, cases: int, simulated_s: float) -> None:
         self._cases, self._simulated_s = cases, simulated_s
@@ -35,7 +35,7 @@ class SweepProgress:
         self._started_s = self._line_s = time.monotonic()
 
     def step(self, simulated_s: float) -> None:
-        """Another case is done, which may take up to ``simulated_s``."""
+        """Count a finished case of at most ``simulated_s``."""
         self._done += 1
         self._done_s += simulated_s
         self._bar.update(self._task, advance=simulated_s, description=self._counted())

@@ -1,1 +1,1 @@
-"""Rule files tuned over scenarios: ``trepid fear tune``."""
+"""Optimisation of rule files over scenarios: ``trepid fear tune``."""

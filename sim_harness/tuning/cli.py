@@ -1,4 +1,4 @@
-"""``trepid fear tune``: a better rule file, by trying many over scenarios."""
+"""``trepid fear tune``: search for a better rule file over scenarios."""
 
 import json
 import sys
@@ -26,47 +26,47 @@ SETTINGS = CONFIG_DIR / "tune.yaml"
 def tune(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The rule file to start from.")],
     scenarios: Annotated[
-        list[str] | None, typer.Option(metavar="S", help="Tune over this scenario; again for more.")
+        list[str] | None, typer.Option(metavar="S", help="Tune over this scenario; may be repeated.")
     ] = None,
     unseen: Annotated[
-        list[str] | None, typer.Option(metavar="S", help="Judge on this scenario too; again for more.")
+        list[str] | None, typer.Option(metavar="S", help="Evaluate on this scenario too; may be repeated.")
     ] = None,
-    cases: Annotated[int | None, typer.Option(min=1, help="Cases drawn of each scenario.")] = None,
+    cases: Annotated[int | None, typer.Option(min=1, help="Number of random cases of each scenario.")] = None,
     changes: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Another value for a field of the scenarios."),
     ] = None,
     vary: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=LOW..HIGH", help="Tune this number of the file; again for more."),
+        typer.Option(metavar="NAME=LOW..HIGH", help="Tune this number of the file; may be repeated."),
     ] = None,
-    trials: Annotated[int, typer.Option(min=1, help="Until the study has this many.")] = 50,
+    trials: Annotated[int, typer.Option(min=1, help="Number of trials in the study at its end.")] = 50,
     workers: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = 1,
     storage: Annotated[
         str | None,
-        typer.Option(metavar="URL|F.journal", help="Where trials are kept; default: beside --out."),
+        typer.Option(metavar="URL|F.journal", help="Storage of the trials; default: next to --out."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the cases to tune over, and of the search.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the cases to tune over and of the search.")] = 0,
     unseen_seed: Annotated[
-        int | None, typer.Option(min=0, help="Of the cases to judge by; default: drawn now and printed.")
+        int | None, typer.Option(min=0, help="Seed of the cases to evaluate on; default: random, printed.")
     ] = None,
-    settings: Annotated[Path, typer.Option(help="What is tuned, and what harm costs.")] = SETTINGS,
+    settings: Annotated[Path, typer.Option(help="Parameters to tune and costs.")] = SETTINGS,
     out: Annotated[
         Path | None, typer.Option(metavar="NEW.yaml", help="The new rule file; default: FILE with _tuned.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> int:
-    """Tune numbers of a rule file over scenarios, and judge the result on cases that it has not seen.
+    """Optimise numbers of a rule file over scenarios and evaluate the result on other cases.
 
-    The same command goes on after an interruption; on one storage several may work at once. Exit code 1 when
-    nothing better was found, or it is not better on unseen cases.
+    The same command continues after an interruption; several commands may share a storage. Exit code 1 when no
+    better file was found, or when it is not better on the other cases.
     """
     if find_spec("optuna") is None:
         raise InputError("trepid fear tune needs Optuna: pip install 'trepid[tune]'")
     given = load(settings, TuneSettings)
     target = out or file.with_name(f"{file.stem}_tuned.yaml")
     if target.exists():
-        raise InputError(f"{target}: is there already; --out names another file")
+        raise InputError(f"{target}: exists already; name another file with --out")
     if not target.parent.is_dir():
         raise InputError(f"{target}: there is no folder {target.parent}")
     overrides = parse_overrides(changes or [])
@@ -80,12 +80,12 @@ def tune(
     judged = drawn([*names, *held_out], overrides, count, fresh)
     if set(seen) & set(judged):
         raise InputError(
-            f"--unseen-seed {fresh} draws cases that are tuned over; scenarios that vary need another"
+            f"--unseen-seed {fresh} gives cases of the tuning; choose another seed, or scenarios with ranges"
         )
     from sim_harness.tuning.study import Task
 
     try:
-        say(f"{len(seen)} cases without fear, to compare with")
+        say(f"{len(seen)} reference drives without fear")
         from sim_harness.tuning.compare import references
 
         task = Task(
@@ -100,12 +100,12 @@ def tune(
         )
         return _tuned(task, target, judged, fresh, workers, as_json=as_json)
     except KeyboardInterrupt:
-        say("interrupted: what is finished is kept; the same command goes on from there")
+        say("interrupted: finished trials are stored; the same command continues")
         return INTERRUPTED
 
 
 def check_start(file: Path, parameters: dict[str, Span]) -> None:
-    """Raise InputError unless ``file`` may drive and its numbers lie where they may go."""
+    """Raise InputError unless ``file`` passes its check and its numbers lie within their spans."""
     from supervisor.rules.inference import FearRules
     from supervisor.rules.verify import verify
 
@@ -116,9 +116,7 @@ def check_start(file: Path, parameters: dict[str, Span]) -> None:
     for name, span in parameters.items():
         value = text.value(name)
         if not span.low <= value <= span.high:
-            raise InputError(
-                f"{file}: {name} is {value:g}, outside {span.low:g}..{span.high:g}, where it may go"
-            )
+            raise InputError(f"{file}: {name} is {value:g}, outside {span.low:g}..{span.high:g}, its span")
     text.changed({name: text.value(name) for name in parameters})
 
 
@@ -136,12 +134,12 @@ def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *
     say(
         f"study {task.name} in {task.storage}, {len(task.parameters)} numbers, {len(task.planned)} cases a trial"
     )
-    trials = search(task, workers, Progress(task.trials).tell)
+    trials = search(task, workers, Progress(task.trials).report)
     found = complete(trials)
     start = next((trial for trial in found if START in trial.user_attrs), None)
     if start is None:
         raise InputError(
-            f"{task.storage}: {task.rules.name} itself was not driven; is another session at it?"
+            f"{task.storage}: {task.rules.name} was not driven itself; is another session using the storage?"
         )
     best = min(found, key=cost)
     text = NumberedText(task.rules)
@@ -156,7 +154,9 @@ def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *
         "out": None,
     }
     if not better:
-        return _tell(result, f"no better than {task.rules.name} in {len(found)} trials", as_json=as_json)
+        return _print_result(
+            result, f"no better than {task.rules.name} in {len(found)} trials", as_json=as_json
+        )
     target.write_text(text.changed(values), encoding="utf-8")
     say(f"wrote {target}; judging it on {len(judged)} unseen cases, seed {fresh}")
     before, after = both(task.rules, target, judged, task.costs, workers)
@@ -173,21 +173,21 @@ def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *
     return 0 if after.cost < before.cost else 1
 
 
-def _tell(result: dict[str, Any], text: str, *, as_json: bool) -> int:
+def _print_result(result: dict[str, Any], text: str, *, as_json: bool) -> int:
     print(json.dumps(result) if as_json else text)
     return 1
 
 
 class Progress:
-    """A line for each finished trial, with the time that is left."""
+    """Prints a line for each finished trial, with the time left."""
 
     def __init__(self, wanted: int) -> None:
         self._wanted = wanted
         self._began_s = time.monotonic()
-        self._had: int | None = None  # trials that were there before
+        self._had: int | None = None  # trials of earlier sessions
 
-    def tell(self, trials: list[Any]) -> None:
-        """Say where the search is."""
+    def report(self, trials: list[Any]) -> None:
+        """Print the state of the search."""
         values = [trial.value for trial in trials if trial.state.name == "COMPLETE"]
         start = [
             trial.value for trial in trials if trial.state.name == "COMPLETE" and "start" in trial.user_attrs
@@ -203,5 +203,5 @@ class Progress:
 
 
 def say(text: str) -> None:
-    """Tell the user how it goes."""
+    """Print a line of progress on standard error."""
     print(f"trepid fear tune: {text}", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""Before and after: two rule files on the same cases, and what changed between them."""
+"""Comparison of two rule files on the same cases."""
 
 import difflib
 from functools import partial
@@ -14,7 +14,7 @@ from sim_harness.tuning.settings import Costs
 
 
 def references(rules: Path, planned: Plan, workers: int) -> list[Fearless]:
-    """The drives of a plan without fear, in its order. Raises what a run raises."""
+    """Reference drives of a plan without fear, in its order. Raises what a run raises."""
     with TemporaryDirectory() as folder:
         return list(imap(reference, driven_by(fearless(rules, Path(folder)), planned), workers))
 
@@ -28,7 +28,7 @@ def both(before: Path, after: Path, planned: Plan, costs: Costs, workers: int) -
 
 
 def changes(before: str, after: str, before_name: str, after_name: str) -> str:
-    """A unified diff without context: numbers only have changed."""
+    """A unified diff without context lines."""
     lines = difflib.unified_diff(
         before.splitlines(), after.splitlines(), before_name, after_name, n=0, lineterm=""
     )
@@ -36,7 +36,7 @@ def changes(before: str, after: str, before_name: str, after_name: str) -> str:
 
 
 def score_table(columns: dict[str, Score]) -> Table:
-    """Scores side by side."""
+    """A table with one column a score."""
     table = Table("", *columns, box=None)
     for name in ("cost", "runs", "departures", "nuisance_per_km", "speed_loss", "auroc", "mean_speed_mps"):
         values = [getattr(of, name) for of in columns.values()]

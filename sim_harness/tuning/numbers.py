@@ -1,10 +1,10 @@
-"""Numbers of a YAML file, found by dotted names and changed in its text: all else stays as it is, byte for byte.
+"""Numbers of a YAML file by dotted names, replaced in its text; all other bytes stay the same.
 
-Besides the plain way to a number, such as ``fear.medium.speed_factor`` or ``inputs.speed.sets.low.1``, there are
+Besides the path of a number, such as ``fear.medium.speed_factor`` or ``inputs.speed.sets.low.1``, there are
 
-* ``inputs.NAME.corner.K``: the K-th corner of the sets of an input, counted from 0 in rising order. It stands in
-  several sets, whose edges meet there, and changes in all of them: the sets stay a partition.
-* ``rules.N.weight``: the weight of a sentence, 1 where it names none.
+* ``inputs.NAME.corner.K``: the K-th corner of the sets of an input, counted from 0 in rising order. Several
+  sets meet there; it changes in all of them, so that the sets stay a partition.
+* ``rules.N.weight``: the weight of a sentence; 1 when it has none.
 """
 
 import math
@@ -23,7 +23,7 @@ _BEFORE_WEIGHT = re.compile(r"(\s+because\s+\w+\s*)?$")
 
 
 class _Spot(NamedTuple):
-    """A stretch of the text, and what it says."""
+    """A range of the text and its content."""
 
     start: int
     end: int
@@ -31,7 +31,7 @@ class _Spot(NamedTuple):
 
 
 class NumberedText:
-    """A rule file as text whose numbers can be changed."""
+    """The text of a rule file with replaceable numbers."""
 
     def __init__(self, path: Path) -> None:
         """Raises InputError when ``path`` is no YAML."""
@@ -45,7 +45,7 @@ class NumberedText:
             raise InputError(f"{path}: not valid YAML: {str(error).splitlines()[0]}") from error
 
     def value(self, name: str) -> float:
-        """The number that ``name`` stands for. Raises InputError when there is none."""
+        """The number called ``name``. Raises InputError when there is none."""
         spots = self._spots(name)
         weight = _WEIGHT.search(spots[0].text)
         if name.startswith("rules."):
@@ -53,7 +53,7 @@ class NumberedText:
         return float(spots[0].text)
 
     def changed(self, values: Mapping[str, float]) -> str:
-        """The text with other numbers. Raises InputError for a name that is none."""
+        """The text with other numbers. Raises InputError for an unknown name."""
         edits: dict[tuple[int, int], str] = {}
         for name, value in values.items():
             for spot in self._spots(name):
@@ -77,7 +77,7 @@ class NumberedText:
         return [self._number(name, self._node(name, parts))]
 
     def _corner(self, name: str, of: str, which: str) -> list[_Spot]:
-        """Every place in the sets of an input where its ``which``-th corner stands."""
+        """All places of the ``which``-th corner of an input in its sets."""
         sets = self._node(name, ["inputs", of, "sets"])
         spots = [self._number(name, point) for _, points in sets.value for point in points.value]
         corners = sorted({float(spot.text) for spot in spots})
@@ -92,7 +92,7 @@ class NumberedText:
         return node
 
     def _below(self, name: str, node: Any, part: str, begins: int) -> tuple[Any, int]:
-        """The node called ``part`` in ``node``, and where the entry that holds it begins in the text."""
+        """The node called ``part`` in ``node``, and the position of its entry in the text."""
         if node.id == "mapping":
             for key, value in node.value:
                 if key.value == part:
@@ -100,7 +100,7 @@ class NumberedText:
                     if value.start_mark.index < at:
                         anchor = f"*{value.anchor}" if value.anchor else "an alias"
                         raise InputError(
-                            f"{self.path}: {name}: {part} is {anchor}, written elsewhere: change it there"
+                            f"{self.path}: {name}: {part} is {anchor}, defined elsewhere: change it there"
                         )
                     return value, at
             known = ", ".join(key.value for key, _ in node.value)
@@ -126,7 +126,7 @@ def _spot(node: Any) -> _Spot:
 
 
 def _reweighted(sentence: str, weight: float) -> str:
-    """A rule with another weight; the quotes that may stand around it stay."""
+    """A rule with another weight; quotes around the rule are kept."""
     if _WEIGHT.search(sentence):
         return _WEIGHT.sub(f"with weight {weight:g}", sentence)
     quote = sentence[-1] if sentence[-1:] in "'\"" else ""

@@ -1,11 +1,11 @@
-"""How good a rule file is: what it costs to drive scenarios by it.
+"""Cost of a rule file: the cost of driving scenarios with it.
 
     cost = departure·D + nuisance_per_km·N + speed_loss·V + missed_warning·(1 - A)
 
-with D the departures and collisions of the average run, N the slow-downs per km that nothing called for, V the mean
-speed lost where there is nothing to fear, against the same drives without fear, and A the AUROC of fear against a
-departure within 3 s. A is judged on drives without fear: fear that works prevents the departures that it is judged
-by. There the rules are asked about every decision as it was, which costs no run.
+with D the departures and collisions of the average run, N the slow-downs without a cause per km, V the
+relative loss of mean speed on calm roads against drives without fear, A the AUROC of fear and departures in 3 s.
+A is computed on the drives without fear, because fear prevents departures: the rules are evaluated on the recorded
+inputs of every decision, which needs no run.
 """
 
 from collections.abc import Iterable
@@ -29,12 +29,12 @@ from trepid.messages import Decision, Mode
 
 
 class RunCrashed(Exception):
-    """A run of a candidate crashed: that says nothing of the rules."""
+    """A run of a candidate crashed, so that it has no score."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fearless:
-    """A drive on which fear had no consequences."""
+    """A drive in which fear had no consequences."""
 
     mean_speed_mps: float
     t_s: tuple[float, ...]  # of each decision
@@ -43,8 +43,8 @@ class Fearless:
     inputs: tuple[str, ...]
     values: tuple[tuple[float | None, ...], ...]  # of the inputs, a row for each decision
 
-    def felt(self, rules: FearRules) -> Trace:
-        """What fear ``rules`` would have had."""
+    def fear_trace(self, rules: FearRules) -> Trace:
+        """Fear by ``rules`` at every decision of the drive."""
         fear = [rules.evaluate(dict(zip(self.inputs, row, strict=True))).fear for row in self.values]
         columns = {
             "t_s": self.t_s,
@@ -57,14 +57,14 @@ class Fearless:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """What came of driving a plan by one rule file."""
+    """Results of driving a plan with one rule file."""
 
     cost: float
     runs: int
     departures: int  # and collisions
     nuisance_per_km: float
     speed_loss: float  # share; negative: faster than without fear
-    auroc: float | None  # None: without fear nobody departed, or everybody all the time
+    auroc: float | None  # None: the drives without fear have no departures, or nothing else
     mean_speed_mps: float
 
 
@@ -99,7 +99,7 @@ def reference(case: Case) -> Fearless:
 
 
 def driven_by(rules: Path, planned: Plan) -> list[Case]:
-    """The cases of a plan, in its order, with these rules."""
+    """The cases of a plan, in its order, with the rule file ``rules``."""
     return [
         Case(
             scenario=case.scenario.model_copy(update={"rules": str(rules)}),
@@ -112,7 +112,7 @@ def driven_by(rules: Path, planned: Plan) -> list[Case]:
 
 
 def score(rules: Path, planned: Plan, references: list[Fearless], costs: Costs) -> Score:
-    """Drive ``planned`` by ``rules``; ``references`` are its drives without fear. Raises RunCrashed."""
+    """Drive ``planned`` with ``rules``; ``references`` are its drives without fear. Raises RunCrashed."""
     cases = driven_by(rules, planned)
     rows = [outcome.row for _, outcome in in_this_process(plan(cases))]
     for row in rows:
@@ -123,19 +123,19 @@ def score(rules: Path, planned: Plan, references: list[Fearless], costs: Costs) 
         "departures": sum(row["departures"] + row["collisions"] for row in rows),
         "nuisance_per_km": _nuisance_per_km(rows),
         "speed_loss": _speed_loss(cases, rows, references),
-        "auroc": fear_auroc(*(drive.felt(loaded) for drive in references)),
+        "auroc": fear_auroc(*(drive.fear_trace(loaded) for drive in references)),
         "mean_speed_mps": float(np.mean([row["mean_speed_mps"] for row in rows])),
     }
     return Score(cost=_cost(parts, len(rows), costs), runs=len(rows), **parts)
 
 
 def scored(record: dict[str, Any]) -> Score:
-    """The score in what :func:`dataclasses.asdict` made of it."""
+    """The score with the fields ``record``."""
     return Score(**record)
 
 
 def record(of: Score) -> dict[str, Any]:
-    """A score as plain values."""
+    """The fields of a score."""
     return asdict(of)
 
 

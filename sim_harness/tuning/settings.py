@@ -1,4 +1,4 @@
-"""What is tuned, by what measure: ``config/tune.yaml``."""
+"""Parameters and costs of the tuning: ``config/tune.yaml``."""
 
 import math
 from typing import Annotated
@@ -8,20 +8,20 @@ from pydantic import Field, model_validator
 from trepid.config import InputError, Settings
 from trepid.types import NonNegative
 
-DIGITS = 3  # of a parameter's span: finer differences mean nothing
+DIGITS = 3  # resolution within the span of a parameter
 
 
 class Costs(Settings):
-    """What each harm costs; their sum is minimised. See :mod:`sim_harness.tuning.score`."""
+    """Costs, whose sum is minimised. See :mod:`sim_harness.tuning.score`."""
 
     departure: NonNegative  # or collision, of the average run
-    nuisance_per_km: NonNegative  # of slow-downs that nothing called for
+    nuisance_per_km: NonNegative  # of slow-downs without a cause
     speed_loss: NonNegative  # of the mean speed on calm roads, as a share
     missed_warning: NonNegative  # 1 - AUROC of fear against departures of drives without fear
 
 
 class Span(Settings):
-    """Where a number may go."""
+    """Range of a number."""
 
     low: float
     high: float
@@ -33,7 +33,7 @@ class Span(Settings):
         return self
 
     def rounded(self, value: float) -> float:
-        """``value`` to a thousandth of the span, as somebody would write it."""
+        """``value`` rounded to a thousandth of the span."""
         step = 10.0 ** round(math.log10((self.high - self.low) / 10**DIGITS))
         return min(max(round(round(value / step) * step, 12), self.low), self.high)
 
@@ -42,10 +42,10 @@ class TuneSettings(Settings):
     """The contents of ``config/tune.yaml``."""
 
     scenarios: tuple[str, ...]
-    unseen: tuple[str, ...]  # more scenarios, on which the result is judged beside fresh cases of the former
+    unseen: tuple[str, ...]  # further scenarios for the evaluation, besides new cases of the others
     cases: Annotated[int, Field(ge=1)]  # of each scenario
     costs: Costs
-    parameters: dict[str, Span]  # name of a number (see tuning/numbers.py) -> where it may go
+    parameters: dict[str, Span]  # name of a number (see tuning/numbers.py) -> its range
 
 
 def parse_vary(texts: list[str]) -> dict[str, Span]:

@@ -1,8 +1,8 @@
-"""The search: workers that try candidates on one storage, which outlives them.
+"""The search: worker processes that evaluate candidates on one shared storage.
 
-Optuna's tree-structured Parzen estimator proposes; each worker asks, checks, drives and tells by itself, so that
-workers of any number of sessions, here or on other machines, go on with the same study. A candidate that fails the
-checks of a rule file is never driven. Who is killed loses one candidate.
+Optuna's tree-structured Parzen estimator proposes candidates. Each worker requests, checks, drives and reports its
+own candidates, so that several sessions, also on other machines, can share a study. A candidate that fails the
+check of a rule file is not driven. A killed worker loses one candidate.
 
 Watanabe, Tree-structured Parzen estimator: understanding its algorithm components and their roles for better
 empirical performance (2023).
@@ -36,16 +36,16 @@ from supervisor.rules.verify import verify
 from trepid.config import InputError
 
 POLL_S = 0.2
-LOCKED_S = 60.0  # a worker waits this long for the database that others write to
-MOST_INVALID = 50  # candidates in a row: the spans hold next to no valid file
+LOCKED_S = 60.0  # a worker waits this long for a database in use
+MOST_INVALID = 50  # candidates in a row before a worker gives up
 SCORE, INVALID, SESSION, START = "score", "invalid", "session", "start"  # user attributes of a trial
 Tell = Callable[[list[FrozenTrial]], None]
-"""Is told of every trial so far whenever one has finished."""
+"""Called with all trials so far whenever one has finished."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """What a worker needs; can be sent to another process."""
+    """The parameters of a worker; picklable."""
 
     rules: Path
     parameters: dict[str, Span]
@@ -53,12 +53,12 @@ class Task:
     references: list[Fearless]
     costs: Costs
     storage: str
-    trials: int  # complete ones in the study, whoever made them
+    trials: int  # complete ones in the study, of all sessions
     seed: int
 
     @property
     def name(self) -> str:
-        """Of the study: what is tuned from where, over what, by which measure. Other questions, other studies."""
+        """Name of the study: a hash of rules, parameters, cases and costs."""
         spans = {name: [span.low, span.high] for name, span in self.parameters.items()}
         about = [self.rules.read_text(encoding="utf-8"), spans, list(self.planned), self.costs.model_dump()]
         digest = hashlib.sha256(json.dumps(about).encode()).hexdigest()
@@ -76,7 +76,7 @@ def open_storage(url: str) -> BaseStorage:
             arguments = {"connect_args": {"timeout": LOCKED_S}} if url.startswith("sqlite") else {}
             return RDBStorage(url, engine_kwargs=arguments)
         return JournalStorage(JournalFileBackend(url))
-    except Exception as error:  # whatever the driver of that database raises
+    except Exception as error:  # each database driver has its own exceptions
         what = str(error).splitlines()[0]
         raise InputError(f"--storage {url}: cannot be used: {what}") from error
 
@@ -95,7 +95,7 @@ def candidate(task: Task, values: dict[str, float], folder: Path) -> Path:
 
 
 def search(task: Task, workers: int, tell: Tell) -> list[FrozenTrial]:
-    """Search until the study has its trials; the trials. Interrupting leaves in the storage what is finished."""
+    """Search until the study has its trials; returns them. An interrupt leaves finished trials in the storage."""
     study = _opened(task)
     session = os.urandom(8).hex()
     processes: list[SpawnProcess] = []
@@ -117,17 +117,17 @@ def search(task: Task, workers: int, tell: Tell) -> list[FrozenTrial]:
     failed = [process.exitcode for process in processes if process.exitcode not in (0, None)]
     trials = study.get_trials()
     if failed and len(complete(trials)) < task.trials:
-        raise InputError(f"the workers ended with exit codes {failed}; their messages stand above")
+        raise InputError(f"the workers ended with exit codes {failed}; see their messages above")
     return trials
 
 
 def complete(trials: list[FrozenTrial]) -> list[FrozenTrial]:
-    """Those that were driven."""
+    """The trials that were driven."""
     return [trial for trial in trials if trial.state == TrialState.COMPLETE]
 
 
 def _opened(task: Task) -> optuna.Study:
-    """The study in its storage; a new one begins with the values that the file has."""
+    """The study in its storage; a new study begins with the values of the file."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     study = optuna.create_study(study_name=task.name, storage=open_storage(task.storage), load_if_exists=True)
     waits_or_done = (TrialState.WAITING, TrialState.RUNNING, TrialState.COMPLETE)
@@ -139,22 +139,22 @@ def _opened(task: Task) -> optuna.Study:
 
 
 def cost(trial: FrozenTrial) -> float:
-    """What a complete trial came to."""
+    """Cost of a complete trial."""
     return float(trial.user_attrs[SCORE]["cost"])
 
 
 def _give_up(study: optuna.Study, session: str) -> None:
-    """What workers of this session had begun is failed."""
+    """Mark the unfinished trials of this session as failed."""
     for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
         if trial.user_attrs.get(SESSION) == session:
             study.tell(trial.number, state=TrialState.FAIL)
 
 
 def _work(task: Task, number: int, session: str) -> None:
-    """One worker: candidates until there are enough."""
+    """One worker: evaluate candidates until the study is complete."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     study = optuna.load_study(study_name=task.name, storage=open_storage(task.storage))
-    begun = len(study.get_trials(deepcopy=False))  # who goes on must not draw the same numbers again
+    begun = len(study.get_trials(deepcopy=False))  # a continued study needs other random numbers
     seed = int(np.random.SeedSequence((task.seed, number, begun)).generate_state(1)[0])
     study.sampler = TPESampler(seed=seed, multivariate=True, constant_liar=True)
     invalid = 0
@@ -162,7 +162,7 @@ def _work(task: Task, number: int, session: str) -> None:
         while invalid < MOST_INVALID and _wanted(study, task, session):
             trial = study.ask()
             trial.set_user_attr(SESSION, session)
-            invalid = 0 if _tried(study, trial, task, Path(folder)) else invalid + 1
+            invalid = 0 if _evaluated(study, trial, task, Path(folder)) else invalid + 1
 
 
 def _wanted(study: optuna.Study, task: Task, session: str) -> bool:
@@ -171,8 +171,8 @@ def _wanted(study: optuna.Study, task: Task, session: str) -> bool:
     return len(complete(trials)) + len(under_way) < task.trials
 
 
-def _tried(study: optuna.Study, trial: optuna.Trial, task: Task, folder: Path) -> bool:
-    """Try one candidate; False when it is none."""
+def _evaluated(study: optuna.Study, trial: optuna.Trial, task: Task, folder: Path) -> bool:
+    """Evaluate one candidate; False when it is invalid."""
     values = suggested(trial, task.parameters)
     try:
         found = score(candidate(task, values, folder), task.planned, task.references, task.costs)
@@ -190,7 +190,7 @@ def _tried(study: optuna.Study, trial: optuna.Trial, task: Task, folder: Path) -
 
 
 def suggested(trial: Any, parameters: dict[str, Span]) -> dict[str, float]:
-    """The values that a trial proposes, rounded to what somebody would write."""
+    """The values that a trial proposes, rounded to a readable number of digits."""
     return {
         name: span.rounded(trial.suggest_float(name, span.low, span.high))
         for name, span in parameters.items()

@@ -27,6 +27,7 @@ Values = tuple[tuple[str, str], ...]
 
 HEARTBEAT_PERIOD_S = 1.0
 READY = "ready"
+MALFORMED = "malformed "  # beginning of the names of values, followed by the key of a topic
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
 EXIT_GRACE_S = 1.0  # from the end of the launcher to the end of a process whose main thread is stuck
 
@@ -102,7 +103,7 @@ class Process:
             ("pid", str(os.getpid())),
             ("rate_hz", f"{self._steps / wall_s:.1f}"),
             ("cpu_percent", f"{100 * cpu_s / wall_s:.1f}"),
-            *((f"malformed {key}", str(count)) for key, count in malformed.items()),
+            *((f"{MALFORMED}{key}", str(count)) for key, count in malformed.items()),
             *self._further(),
         )
         self._send(

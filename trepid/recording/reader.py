@@ -1,7 +1,7 @@
-"""Reading recordings: the messages of an MCAP file that :mod:`trepid.recording.writer` wrote, by topic.
+"""Reads the messages of an MCAP file of :mod:`trepid.recording.writer` by topic.
 
-A recording that was cut short, by a crash or a loss of power, is read up to its last whole chunk. One of an older
-version of Trepid is read by the definitions that it carries; what its messages did not say is absent.
+A recording that was cut short, by a crash or a loss of power, is read up to its last complete chunk. A recording of
+an older version of Trepid is decoded by the definitions in the file; fields that it lacks are absent.
 """
 
 import math
@@ -27,19 +27,19 @@ from trepid.wire import DERIVED, WireError, definition, derived_from_ros, from_c
 
 M = TypeVar("M")
 _BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError, MemoryError, OverflowError)
-"""What the MCAP library raises where a file ends in the middle of a record or holds something else."""
+"""Exceptions of the MCAP library for a truncated record and for other content."""
 Decoder = Callable[[bytes], Any]
 
 
 @dataclass(slots=True)
 class Recorded:
-    """What was read of a recording. Times are those of arrival at the recorder [s]."""
+    """The content of a recording. Times are those of arrival at the recorder [s]."""
 
     path: Path
     messages: dict[str, list[tuple[float, Any]]] = field(default_factory=dict)
     """Key of a topic -> arrival and message, in order of arrival."""
     files: dict[str, bytes] = field(default_factory=dict)
-    began_s: float | None = None  # when the drive began; None: the recording does not say
+    began_s: float | None = None  # start of the drive; None: not recorded
     first_s: float = math.nan  # arrival of the first message of any topic ...
     last_s: float = math.nan  # ... and of the last
     complete: bool = False  # False: cut short, or broken somewhere
@@ -50,9 +50,9 @@ class Recorded:
 
 
 def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: float = math.inf) -> Recorded:
-    """The messages that came from ``from_s`` to ``to_s`` on topics whose keys fit one of ``keys`` (with ``*``).
+    """The messages that arrived from ``from_s`` to ``to_s`` on topics that match one of ``keys`` (with ``*``).
 
-    Raises InputError when ``path`` is no MCAP file, or holds something else where a topic of ours should be.
+    Raises InputError when ``path`` is no MCAP file, or holds other types on the topics of Trepid.
     """
     recorded = Recorded(path)
     schemas: dict[int, Schema] = {}
@@ -85,7 +85,7 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
 
 
 def _records(path: Path) -> Iterator[McapRecord]:
-    """The records up to the first that is not whole. Raises InputError when ``path`` is no MCAP file."""
+    """The records up to the first incomplete one. Raises InputError when ``path`` is no MCAP file."""
     found = False
     try:
         with path.open("rb") as file:
@@ -113,7 +113,7 @@ def _began_s(notes: Mapping[str, str]) -> float | None:
 
 
 def _decoder(topic: Topic[Any], schema: Schema | None, path: Path) -> Decoder:
-    """How to read the messages of a channel. Raises InputError when they are of another type."""
+    """Decoder of the messages of a channel. Raises InputError for messages of another type."""
     name = ros_name(topic.type)
     if schema is None or schema.name != name:
         held = schema.name if schema else "messages without a definition"
@@ -125,12 +125,12 @@ def _decoder(topic: Topic[Any], schema: Schema | None, path: Path) -> Decoder:
 
 
 def _older(message_type: type, text: str, path: Path) -> Decoder:
-    """Reads messages by the definition ``text`` of another version of Trepid."""
+    """Decoder by the definition ``text`` of another version of Trepid."""
     name, store = ros_name(message_type), get_typestore(Stores.EMPTY)
     try:
         store.register(get_types_from_msg(text, name))
-    except Exception as error:  # rosbags lets through whatever its parser raises on foreign text
-        raise InputError(f"{path}: the definition of {name} that it carries cannot be read") from error
+    except Exception as error:  # the exceptions of the parser in rosbags are not documented
+        raise InputError(f"{path}: its definition of {name} cannot be read") from error
 
     def decode(data: bytes) -> Any:
         try:

@@ -1,10 +1,10 @@
 """Recordings: MCAP files with the ROS 2 CDR bytes exactly as they were on the bus.
 
-They open in Foxglove, Lichtblick and `ros2 bag` with no knowledge of Trepid: every channel carries its definition.
-The camera is recorded compressed; the raw images stay on the bus. Settings files that decided how it drove are
-attached, and a note says when the drive began.
+They open in Foxglove, Lichtblick and `ros2 bag` without Trepid: every channel contains its definition. The camera
+is recorded as JPEG, without raw images. Settings files of the drive are attached, and a metadata record gives the
+start of the drive.
 
-A recording survives a crash up to the last second: see FLUSH_S, and `trepid.recording.reader`, which reads it.
+After a crash at most the last second is missing: see FLUSH_S and :mod:`trepid.recording.reader`.
 """
 
 from collections.abc import Iterable
@@ -29,7 +29,7 @@ RECORDED = (
     "vehicle/**",
     "sim/**",
 )
-DRIVE, BEGAN = "trepid.drive", "began_ns"  # a metadata record, and what stands in it
+DRIVE, BEGAN = "trepid.drive", "began_ns"  # name of the metadata record and its field
 FLUSH_S = 1.0  # chunks are closed and handed to the operating system at least this often; costs 5 % in size
 
 
@@ -59,11 +59,11 @@ class Recording:
         self._file.close()
 
     def began(self, t_s: float) -> None:
-        """Note that the drive began at ``t_s``; what is recorded before is the start of the processes."""
+        """Record that the drive began at ``t_s``; earlier messages belong to the start of the processes."""
         self._writer.add_metadata(DRIVE, {BEGAN: str(nanoseconds(t_s))})
 
     def add(self, key: str, data: bytes, *, at_s: float) -> None:
-        """Write the CDR bytes of a message that came at ``at_s``, in order of time."""
+        """Write the CDR bytes of a message that arrived at ``at_s``, in order of time."""
         stamp_ns = nanoseconds(at_s)
         self._writer.add_message(
             channel_id=self._channel(key), log_time=stamp_ns, publish_time=stamp_ns, data=data
@@ -77,7 +77,7 @@ class Recording:
     def _channel(self, key: str) -> int:
         if key not in self._channels:
             topic = topic_of(key)
-            schema = 0  # a topic that we do not know is kept without a definition
+            schema = 0  # an unknown topic is recorded without a definition
             if topic is not None:
                 text = definition(topic.type).encode()
                 schema = self._writer.register_schema(ros_name(topic.type), "ros2msg", text)
@@ -86,7 +86,7 @@ class Recording:
 
 
 class BusRecorder:
-    """Records everything on a bus. Use as a context manager. Raises InputError when the file cannot be created."""
+    """Records all topics of a bus. Use as a context manager. Raises InputError when the file cannot be created."""
 
     def __init__(self, path: Path, bus: Bus, files: Iterable[Path] = ()) -> None:
         self._recording = Recording(path, files)
@@ -102,10 +102,10 @@ class BusRecorder:
         self._recording.__exit__(kind, error, trace)
 
     def began(self, t_s: float) -> None:
-        """Note that the drive began at ``t_s``."""
+        """Record that the drive began at ``t_s``."""
         self._recording.began(t_s)
 
     def write(self) -> None:
-        """Write everything that came since the last call."""
+        """Write all messages since the last call."""
         for key, data, received_s in self._tap.drain():
             self._recording.add(key, data, at_s=received_s)

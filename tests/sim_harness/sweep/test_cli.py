@@ -97,7 +97,7 @@ def test_a_sweep_that_was_killed_goes_on_where_it_was(files, start, capsys):
     fingerprint.cache_clear()  # as in a new process
     assert sim("run", files / "second.yaml", "--seeds", 5, "--out", stored, "--resume", "--json") == 0
     out, err = capsys.readouterr()
-    assert "3 of 5 cases are there and not run again" in err
+    assert "3 of 5 cases are stored and not run again" in err
     assert "[5/5] second seed 4: passed" in err and "second seed 2:" not in err
     assert hashes(out)[:3] == expected[:3]
     assert [json.loads(line)["seed"] for line in out.splitlines()] == [0, 1, 2, 3, 4]
@@ -112,7 +112,7 @@ def test_ctrl_c_ends_all_processes_and_keeps_what_is_done(files, start):
     os.killpg(command.pid, signal.SIGINT)
     out, err = command.communicate(timeout=PATIENCE_S)
     assert command.returncode == 130
-    assert f"interrupted: 2 of 4 cases are done, kept in {stored}; --resume goes on from there" in err
+    assert f"interrupted: 2 of 4 cases are done, stored in {stored}; --resume continues" in err
     assert "Traceback" not in err
     assert [row[0] for row in hashes(out)] == [0, 1]
     wait_until_gone(command.pid)
@@ -172,7 +172,7 @@ def test_a_report_holds_every_run_also_those_of_an_earlier_sweep(files, capsys):
         (["straight", "--cases", "3"], "--cases needs --sample"),
         (["straight", "--sample", "grid", "--seeds", "2"], "--seeds cannot be given too"),
         (["straight", "--resume"], "--resume needs --out"),
-        (["straight", "--resume", "--out", "x.jsonl", "--seed", "random"], "seeds that are drawn anew"),
+        (["straight", "--resume", "--out", "x.jsonl", "--seed", "random"], "--resume needs fixed seeds"),
         (["straight", "--jobs", "2", "--cluster", "tcp://localhost:1"], "--jobs cannot be given too"),
         (["straight", "--seed", "-1"], "--seed -1: expected a whole number"),
         (["straight", "--seed", "1e3"], "--seed 1e3: expected a whole number"),

@@ -1,4 +1,4 @@
-"""Tuning changes only numbers, never drives what fails its check, goes on after an interruption, and is honest."""
+"""Tuning changes only numbers, drives only checked candidates, continues after an interruption, judges fairly."""
 
 import json
 import os
@@ -97,7 +97,7 @@ def test_a_weight_in_the_shipped_file_can_be_set_and_is_understood(tmp_path: Pat
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("inputs.cnn_confidence.corner.1", r"sets is \*confidence, written elsewhere"),
+        ("inputs.cnn_confidence.corner.1", r"sets is \*confidence, defined elsewhere"),
         ("inputs.nope.corner.1", "nothing is called 'nope' here; known: frame_age"),
         ("inputs.speed.corner.0", "the inner corners of speed are 1 to 5"),
         ("inputs.speed.corner.x", "the inner corners of speed are 1 to 5"),
@@ -126,16 +126,16 @@ def test_values_are_rounded_but_stay_where_they_may_go(low: float, width: float,
     assert abs(rounded - value) <= width / 100
 
 
-def test_the_reference_drives_without_the_consequences_of_fear_and_remembers_what_was_felt(
+def test_the_reference_drives_without_the_consequences_of_fear_and_records_the_inputs_of_its_fear(
     tmp_path: Path,
 ) -> None:
     path = fearless(FILE, tmp_path)
     assert FearRules.load(path).speed_factor(0.99) == 1.0
     (case,) = driven_by(path, quick_plan())
     drive = reference(case)
-    felt = drive.felt(FearRules.load(FILE))["decision.fear"]
-    assert len(felt) == len(drive.t_s) > 150
-    assert felt[np.array(drive.t_s) < 4.9].max() < 0.25 < felt[np.array(drive.t_s) > 5.2].max()
+    fear = drive.fear_trace(FearRules.load(FILE))["decision.fear"]
+    assert len(fear) == len(drive.t_s) > 150
+    assert fear[np.array(drive.t_s) < 4.9].max() < 0.25 < fear[np.array(drive.t_s) > 5.2].max()
 
 
 def test_a_score_counts_what_fear_costs(tmp_path: Path) -> None:
@@ -155,7 +155,7 @@ def test_a_score_counts_what_fear_costs(tmp_path: Path) -> None:
     assert score(braver, planned, drives, costs).cost < found.cost
 
 
-def test_fear_that_foretells_departures_costs_less() -> None:
+def test_fear_follows_the_recorded_inputs_of_a_drive() -> None:
     """A drive that departs just after the estimators had disagreed."""
     rules = FearRules.load(FILE)
     calm = {name: spec.calmest for name, spec in rules.inputs.items()}
@@ -163,7 +163,7 @@ def test_fear_that_foretells_departures_costs_less() -> None:
     rows = tuple(tuple({**calm, "disagreement": 4.0 if 10 < t < 12 else 0.0}.values()) for t in t_s)
     departures = tuple(int(t > 12.1) for t in t_s)
     drive = Fearless(8.0, t_s, departures, (8.0,) * len(t_s), tuple(calm), rows)
-    fear = drive.felt(rules)["decision.fear"]
+    fear = drive.fear_trace(rules)["decision.fear"]
     assert fear[260] > 0.5 > fear[100]
 
 
@@ -190,7 +190,7 @@ def test_what_cannot_be_tuned_is_refused_before_anything_runs(tmp_path: Path) ->
     broken = tmp_path / "broken.yaml"
     broken.write_text(TEXT.text.replace("then fear is very_high", "then fear is high"))
     for arguments, message in (
-        ({"file": FILE, "out": there}, "is there already"),
+        ({"file": FILE, "out": there}, "exists already"),
         ({"file": FILE, "out": tmp_path / "nowhere" / "x.yaml"}, "there is no folder"),
         ({"file": broken}, "must pass its check before it is tuned"),
         (
@@ -200,7 +200,7 @@ def test_what_cannot_be_tuned_is_refused_before_anything_runs(tmp_path: Path) ->
         ({"file": FILE, "out": tmp_path / "x.yaml", "scenarios": ["nope"]}, "no scenario 'nope'"),
         (
             {"file": FILE, "out": tmp_path / "x.yaml", "scenarios": ["lying_cv"], "unseen_seed": 0},
-            "cases that are tuned over",
+            "gives cases of the tuning",
         ),
     ):
         options = dict(settings=CONFIG_DIR / "tune.yaml", seed=0, unseen_seed=None, trials=1, workers=1)
@@ -257,7 +257,7 @@ def test_two_workers_tune_on_one_storage_are_interrupted_and_go_on(tmp_path: Pat
     os.killpg(first.pid, signal.SIGINT)  # as a terminal does it: to everyone
     rest = first.stderr.read()
     assert first.wait(30) == 130
-    assert "the same command goes on" in rest and "Traceback" not in rest
+    assert "the same command continues" in rest and "Traceback" not in rest
     assert not new.exists()
     second = subprocess.run(
         [*command, "--trials", "6"], cwd=ROOT, capture_output=True, text=True, check=False

@@ -149,7 +149,7 @@ def test_an_estimate_recorded_without_a_kind_is_one_of_the_lane(tmp_path: Path) 
     ("name", "text", "message"),
     [
         ("std_msgs/msg/String", "string data\n", "holds std_msgs/msg/String, expected trepid_msgs"),
-        (ros_name(m.SteeringEstimate), "float64", "the definition of .* cannot be read"),
+        (ros_name(m.SteeringEstimate), "float64", "its definition of .* cannot be read"),
         (ros_name(m.SteeringEstimate), "string data\n", "not a .*SteeringEstimate|it says nothing of"),
     ],
 )
