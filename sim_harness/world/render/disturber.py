@@ -1,4 +1,4 @@
-"""The way of a disturbed frame: scene, motion, light, air, lens, exposure, sensor, codec, in this order."""
+"""Applies disturbances to a frame, in this order: scene, motion, light, air, lens, exposure, sensor, codec."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -38,12 +38,12 @@ LIGHT = frozenset(
         Kind.DIRT,
     )
 )
-"""What needs the picture as light."""
-SEEN_M = 70.0  # from how far standing vehicles are drawn
+"""Kinds that are computed in linear light."""
+STANDING_WITHIN_M = 70.0  # distance within which standing vehicles are drawn
 
 
 class Disturber:
-    """The disturbances of one road for one camera. ``eye`` draws the scene, ``camera`` has the lens."""
+    """The disturbances of one road for one camera. ``eye``: the pinhole of the scene; ``camera``: with its lens."""
 
     def __init__(
         self,
@@ -90,16 +90,16 @@ class Disturber:
         return Windscreen(self._camera, seed=self._seed)
 
     def grades(self, station_m: float) -> dict[DisturbanceKind, float]:
-        """The grade of each kind that there is at a station."""
+        """The grade of each kind present at a station."""
         return grades_at(self._disturbances, station_m)
 
     def standing_near(self, pose: Pose) -> list[tuple[Pose, Body]]:
-        """The standing vehicles that may be seen from ``pose``, in the world."""
+        """World poses and bodies of the standing vehicles near ``pose``."""
         away = np.hypot(*(self._standing_at - pose[:2]).T)
-        return [self._standing[i] for i in np.flatnonzero(away < SEEN_M)]
+        return [self._standing[i] for i in np.flatnonzero(away < STANDING_WITHIN_M)]
 
     def move(self, image: Image, shot: Shot, grades: Grade) -> Image:
-        """The scene as it moves while the shutter is open: first every row at its time, then each for its time."""
+        """``image`` with motion blur over the exposure and with a rolling shutter."""
         readout_s = at(self._table.rolling_shutter.readout_s, grades.get(Kind.ROLLING_SHUTTER, 0))
         exposure_s = at(self._table.motion_blur.exposure_s, grades.get(Kind.MOTION_BLUR, 0))
         if exposure_s > 0:
@@ -109,7 +109,7 @@ class Disturber:
         return image
 
     def needs_light(self, station_m: float, grades: Grade) -> bool:
-        """Whether anything changes the light, the air or the lens here."""
+        """Whether a disturbance here is computed in linear light."""
         near = any(extent(d)[0] - 160 < station_m < extent(d)[1] + 120 for d in self._tunnels)
         return near or not LIGHT.isdisjoint(grades)
 
@@ -172,14 +172,14 @@ class Disturber:
         return vignetted(light, vignette)
 
     def develop(self, light: FloatImage, shot: Shot, grades: Grade) -> Image:
-        """Grey levels of the light on the sensor."""
+        """Exposure: grey levels of the light on the sensor."""
         stops = self._stops(shot, grades)
         if stops != 0:
             light = light * np.float32(2**stops)
         return grey_of(bloomed(light) if light.max() > 1 else light)
 
     def _stops(self, shot: Shot, grades: Grade) -> float:
-        """How much longer the exposure is than that of a frame in even daylight."""
+        """Exposure relative to even daylight, in stops."""
         table = self._table
         stops = at(table.over_exposure.stops, grades.get(Kind.OVER_EXPOSURE, 0))
         stops -= at(table.glare.stops, grades.get(Kind.GLARE, 0))
@@ -188,7 +188,7 @@ class Disturber:
         return stops + sum(exposure_stops(d, shot.station_m, table.tunnel_exit) for d in self._tunnels)
 
     def finish(self, image: Image, shot: Shot, grades: Grade) -> Image:
-        """What sensor and codec do."""
+        """``image`` after sensor noise and JPEG coding."""
         table = self._table
         gain = max(
             at(table.noise.gain, grades.get(Kind.NOISE, 0)), at(table.night.gain, grades.get(Kind.NIGHT, 0))

@@ -1,9 +1,9 @@
-"""What the camera on the vehicle sees of the road.
+"""Renders camera frames of a road.
 
-The ground is flat, so a frame is the view from above, bent by the camera's homography. It is cut into bands of
-distance; each takes the level of the ground whose pixels are about as wide as its own, and is drawn with several
-rows for one where a row of the image spans many pixels of the ground, so that the distance does not flicker.
-Until the ground is drawn the frame has a fourth channel: OpenCV warps four channels twice as fast as three.
+The ground is flat: a frame is an image from above, warped by the camera's homography. The image is split into bands
+of distance. Each band reads the level of the ground with pixels of about its own width, and averages several drawn
+rows where one row of the image spans many pixels of the ground (anti-aliasing). The frame has four channels until
+the ground is drawn, because OpenCV warps four channels twice as fast as three.
 """
 
 import math
@@ -32,11 +32,11 @@ from trepid.types import Image
 Matrix = NDArray[np.float64]
 
 REACH = ((0, 0.9), (0, 1.2), (1, 1.2), (2, 1.2), (3, 1.2), (4, math.inf))
-"""Bands from near to far: level, and reach by the width of the image's pixels there over that of the level's."""
+"""Bands from near to far: level, and reach as the ratio of image pixel to level pixel on the ground."""
 MAX_ROWS_PER_ROW = 6
 HAZE_REACH_M = 220.0
-PAINT_AHEAD_M = 7.0  # where tiles are painted, one a frame, before they are needed
-LIGHT_RAMP_M = 10.0  # over which the light changes from one section to the next
+PAINT_AHEAD_M = 7.0  # distance at which tiles are painted in advance, one a frame
+LIGHT_RAMP_M = 10.0  # over which the light changes between sections
 LEAD = Body()
 
 
@@ -49,11 +49,11 @@ class Band:
     level: int
     rows_per_row: int
     road_from_pixel: Matrix  # from pixels of the drawn band to homogeneous road points
-    corners_m: Matrix  # of what it shows, road frame, (4, 2)
+    corners_m: Matrix  # of the ground it shows, road frame, (4, 2)
 
 
 class Renderer:
-    """Draws frames of one road for one camera. The same seed, pose and time give the same bytes."""
+    """Renders frames of one road for one camera. Equal seed, pose and time give equal bytes."""
 
     def __init__(
         self,
@@ -64,9 +64,9 @@ class Renderer:
         ground: Ground | None = None,
         disturbances: Sequence[Disturbance] = (),
     ) -> None:
-        """``ground`` may be shared between the cameras of one road; it is then painted as it is.
+        """``ground``: shared between the cameras of one road; disturbances do not repaint it.
 
-        Raises ValueError for a distortion that folds the picture over, InputError for a bad table of disturbances.
+        Raises ValueError for a distortion that is not one-to-one, InputError for a bad table of disturbances.
         """
         if ground is None and disturbances:
             road = Road(disturbed(road.settings, disturbances))
@@ -102,11 +102,11 @@ class Renderer:
         motion: Motion = STILL,
         light: Light | None = None,
     ) -> Image:
-        """The frame of a vehicle whose rear axle stands at (x, y, yaw).
+        """The frame of a vehicle with its rear axle at (x, y, yaw).
 
-        ``station_m``: where on the road that is, if known; ``lead``: x, y, yaw of the rear axle of the vehicle
-        ahead; ``vehicles``: of any others, with what they look like; ``motion``: of the own vehicle, for what
-        blurs; ``light``: instead of that of the road's section.
+        ``station_m``: its station, if known; ``lead``: x, y, yaw of the rear axle of the vehicle ahead;
+        ``vehicles``: poses and bodies of others; ``motion``: of the own vehicle, for motion blur and rolling
+        shutter; ``light``: replaces that of the road's section.
         """
         if station_m is None and (light is None or self._disturber):
             station_m = self.road.local_coordinates(x_m, y_m)[0]
@@ -156,11 +156,13 @@ class Renderer:
         light: Light,
         grades: Mapping[DisturbanceKind, float],
     ) -> Image:
-        """The frame of ``image``, ground and sky, under the disturbances ``grades``."""
+        """The frame from ``image`` (ground and sky) under the disturbances ``grades``."""
         still = _far_first(disturber.standing_near(shot.pose), shot.pose)
         for pose, body in still:
             draw_lead(image, self._eye, body, pose)
-        image = disturber.move(image, shot, grades)  # others move about as fast as we: they stay sharp
+        image = disturber.move(
+            image, shot, grades
+        )  # vehicles drawn after this stay sharp: their speed is close to our own
         self._draw_vehicles(image, shot)
         shot = replace(shot, vehicles=tuple(sorted((*still, *shot.vehicles), key=_distance, reverse=True)))
         with_light = disturber.needs_light(shot.station_m, grades)
@@ -174,7 +176,7 @@ class Renderer:
         return disturber.finish(self._expose(image, shot, light, vignetted=with_light), shot, grades)
 
     def prepaint(self) -> None:
-        """Paint the whole carriageway and the distance now, so that no later frame has to wait for it."""
+        """Paint the whole carriageway and its surroundings now, so that no later frame waits for it."""
         self._ground.prepaint()
 
     def _draw_ground(self, image: Image, x_m: float, y_m: float, yaw_rad: float) -> None:
@@ -194,7 +196,7 @@ class Renderer:
             far[:] = cv2.blendLinear(far, self._far_haze, 1 - self._far_share, self._far_share)
 
     def _paint_ahead(self, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """Paint at most one tile that will soon be seen, so that no frame has to paint many."""
+        """Paint at most one tile of the ground ahead, so that no frame has to paint many."""
         x_m, y_m = x_m + PAINT_AHEAD_M * math.cos(yaw_rad), y_m + PAINT_AHEAD_M * math.sin(yaw_rad)
         lows, highs = self._footprints(x_m, y_m, yaw_rad)
         for band, low, high in zip(self._bands[:3], lows, highs, strict=False):
@@ -202,7 +204,7 @@ class Renderer:
                 return
 
     def _footprints(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[Matrix, Matrix]:
-        """Lowest and highest x and y that each band shows, (bands, 2) each."""
+        """Minimum and maximum x and y of the ground in each band, (bands, 2) each."""
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         corners = self._corners_m @ np.array([[cos, sin], [-sin, cos]]) + (x_m, y_m)
         return corners.min(axis=1), corners.max(axis=1)
@@ -217,9 +219,9 @@ class Renderer:
 
 
 def _far_first(vehicles: Sequence[tuple[Pose, Body]], origin: Pose) -> tuple[tuple[Pose, Body], ...]:
-    """``vehicles`` seen from ``origin``, the farthest first."""
-    seen = ((_relative(pose, origin), body) for pose, body in vehicles)
-    return tuple(sorted(seen, key=_distance, reverse=True))
+    """``vehicles`` relative to ``origin``, the farthest first."""
+    relative = ((_relative(pose, origin), body) for pose, body in vehicles)
+    return tuple(sorted(relative, key=_distance, reverse=True))
 
 
 def _distance(vehicle: tuple[Pose, Body]) -> float:
@@ -228,7 +230,7 @@ def _distance(vehicle: tuple[Pose, Body]) -> float:
 
 
 def _relative(pose: Pose, origin: Pose) -> Pose:
-    """``pose`` seen from ``origin``."""
+    """``pose`` relative to ``origin``."""
     dx, dy = pose[0] - origin[0], pose[1] - origin[1]
     cos, sin = math.cos(origin[2]), math.sin(origin[2])
     return cos * dx + sin * dy, cos * dy - sin * dx, pose[2] - origin[2]
@@ -247,7 +249,7 @@ def _bands(camera: Camera, first_row: int) -> list[Band]:
 
 
 def _row_at(camera: Camera, depth_m: float) -> int:
-    """First row that shows no more than ``depth_m`` of depth: depth = height / (tan of the row's angle)."""
+    """First row with a depth of at most ``depth_m``: depth = height / tan of the row's angle."""
     return math.ceil(camera.horizon_row_px + camera.fy_px * camera.height_m / depth_m)
 
 
@@ -268,13 +270,13 @@ def _band(camera: Camera, top: int, bottom: int, level: int) -> Band:
 
 
 def _depth(camera: Camera, row: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance ahead that a row shows."""
+    """Distance of the ground in each row [m]."""
     pixels = np.column_stack([np.full(len(row), camera.cx_px), row])
     return np.hypot(*(camera.road_from_pixel(pixels) - (camera.x_m, camera.y_m)).T)
 
 
 def _rows_averaged(image: Image, count: int) -> Image:
-    """The mean, rounded, of every ``count`` rows."""
+    """The rounded mean of every ``count`` rows."""
     if count == 1:
         return image
     total = image.reshape(len(image) // count, count, *image.shape[1:]).sum(axis=1, dtype=np.uint16)
@@ -282,7 +284,7 @@ def _rows_averaged(image: Image, count: int) -> Image:
 
 
 def _far(camera: Camera, first_row: int) -> tuple[slice, NDArray[np.float32]]:
-    """The rows that fade into the haze of the distance, and how much each pixel does, (rows, columns)."""
+    """The rows below the horizon that fade into haze, and the share of haze in each pixel, (rows, columns)."""
     last = min(first_row + 24, camera.height_px)
     share = 1 - np.exp(-_depth(camera, np.arange(first_row, last, dtype=float)) / HAZE_REACH_M)
     return slice(first_row, last), np.repeat(share[:, None].astype(np.float32), camera.width_px, axis=1)

@@ -1,7 +1,7 @@
-"""Paints one tile of the flat world from above: verge and carriageway.
+"""Paints tiles of the ground: verge and carriageway.
 
-Every pixel of a tile asks the road for its station and offset (on a coarse grid, interpolated in between: wrong
-by at most step²/(8 R), 1.3 mm at R = 15 m on the finest level) and looks its colour up in the unrolled road.
+The station and offset of every pixel are computed on a coarse grid and interpolated (error at most step²/(8 R),
+1.3 mm at R = 15 m on the finest level); the colour is read from the unrolled road at that place.
 """
 
 import math
@@ -20,9 +20,9 @@ from sim_harness.world.roads.road import Road
 from trepid.types import Image
 
 STEP_PX = (16, 16, 8, 4, 4)  # of the coarse grid
-FIRST_LARGE_LEVEL, GROUP = 3, 4  # from this level on, points far from the road are asked for by groups
+FIRST_LARGE_LEVEL, GROUP = 3, 4  # from this level on, points far from the road are computed in groups
 VERGE_PX = 1024  # period of the verge at the finest level
-OUTSIDE = -1e4  # a source coordinate that lies in no image
+OUTSIDE = -1e4  # a source coordinate outside every image
 
 VERGE_BGR = {
     Verge.GRASS: (72, 124, 104),
@@ -33,11 +33,11 @@ VERGE_BGR = {
     Verge.PAVEMENT: (146, 152, 156),
     Verge.WATER: (112, 100, 84),
 }
-GREY = {Verge.PAVEMENT, Verge.WATER}  # whose hue does not vary
+GREY = {Verge.PAVEMENT, Verge.WATER}  # verges of constant hue
 
 
 class GroundPainter:
-    """Paints tiles around a road. The same seed paints the same tiles in any order."""
+    """Paints tiles around a road. Equal seeds paint equal tiles, in any order."""
 
     def __init__(self, road: Road, *, seed: int) -> None:
         self.road = road
@@ -57,7 +57,7 @@ class GroundPainter:
     def paint(self, level: int, column: int, row: int) -> Image:
         """The tile in this column and row of a level, (TILE_PX, TILE_PX, 4)."""
         size, step = TILE_PX, STEP_PX[level]
-        cells = size // step + 2  # one beyond each side, for the interpolation
+        cells = size // step + 2  # one more on each side, for the interpolation
         points = _cell_centres(level, column, row, cells)
         station, offset = self._coordinates(level, points)
         tile = self._verge_tile(level, column, row, points, station)
@@ -80,8 +80,8 @@ class GroundPainter:
     def _coordinates(self, level: int, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Station and offset of a tile's grid of points, (cells, cells, 2) -> twice (cells, cells).
 
-        On a large tile most of them lie far from the road and give only the colour of the land, so those take the
-        coordinates of a point among each GROUP² neighbours, unless the colour changes somewhere in the tile.
+        On a large tile most points lie far from the road and determine only the colour of the verge. They take the
+        coordinates of one point among GROUP² neighbours, unless the colour changes within the tile.
         """
         cells = len(points)
         if level < FIRST_LARGE_LEVEL:
@@ -95,7 +95,7 @@ class GroundPainter:
         reach_m = max(self.strip.grid.left_m, -self.strip.grid.right_m)
         spare_m = (
             (2 + GROUP) * STEP_PX[level] * LEVELS_M[level]
-        )  # no point is GROUP steps from its group's middle
+        )  # a point is within GROUP steps of its middle
         close = np.abs(offset) < reach_m + spare_m
         close |= (colours != colours[0]).any()
         station[close], offset[close] = self.road.nearest_coordinates(points[close], steps=2).T
@@ -126,7 +126,7 @@ class GroundPainter:
         near: NDArray[np.bool_],
         columns: NDArray[np.float32],
     ) -> None:
-        """Lay the carriageway of a run of blocks onto the tile."""
+        """Paint the carriageway of a run of blocks onto the tile."""
         strip, length_m = self.strip, count * self.strip.block_m
         along = station - first * strip.block_m
         if self.road.closed:
@@ -148,7 +148,7 @@ class GroundPainter:
     def _verge_tile(
         self, level: int, column: int, row: int, points: NDArray[np.float64], station: NDArray[np.float64]
     ) -> Image:
-        """The land beside the road."""
+        """The verge of a tile."""
         a, b, c, d = self._phase
         x, y = np.moveaxis(points, 2, 0)
         wave = (
@@ -160,7 +160,7 @@ class GroundPainter:
         return np.asarray(cv2.multiply(cv2.convertScaleAbs(tint, beta=-0.5), grain, scale=1 / 128), np.uint8)
 
     def _grain(self, level: int, column: int, row: int) -> Image:
-        """The periodic texture of the land, around 128, on one tile."""
+        """The periodic texture of the verge, around 128, on one tile."""
         noise, size = self._verge[level], TILE_PX
         top, left = row * size % len(noise), column * size % len(noise)
         return noise[top : top + size, left : left + size]
@@ -190,7 +190,7 @@ def _spread(values: NDArray[np.float64], step: int) -> NDArray[np.float32]:
 
 
 def _box(near: NDArray[np.bool_], step: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """The part of the coarse grid that is near, with a margin for the interpolation, and its pixels."""
+    """The part of the coarse grid near the road, with a margin for the interpolation, and its pixels."""
     spans = [np.flatnonzero(near.any(axis=axis)) for axis in (1, 0)]
     rows, columns = (
         slice(max(int(span[0]) - 2, 0), min(int(span[-1]) + 3, size))

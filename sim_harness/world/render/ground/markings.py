@@ -1,4 +1,4 @@
-"""Lines along the road: solid, dashed and double ones, worn, damaged and interrupted."""
+"""Paints lines along the road: solid, dashed, double; worn, damaged, interrupted."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -29,13 +29,13 @@ PAIRS = {
     Stroke.SOLID_DASHED: (Stroke.SOLID, Stroke.DASHED),
     Stroke.DASHED_SOLID: (Stroke.DASHED, Stroke.SOLID),
 }
-CUT_EVERY_M = 1.6  # the line is cut at most once in each such piece
+CUT_EVERY_M = 1.6  # piece of the line with at most one cut
 CRACKS_PER_M = 1.5  # at damage 1
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a section with its offset at the section's start and end, and the side whose edge it is."""
+    """A line of a section: its offset at the section's start and end; its side if it is an edge line."""
 
     marking: Marking
     ends_m: tuple[float, float]
@@ -43,7 +43,7 @@ class Line:
 
 
 def lines_of(section: Section, lane_width_m: float) -> list[Line]:
-    """All painted lines: those of our lane, of the lanes to the left, of those to the right."""
+    """All painted lines: of the kept lane, of the lanes to the left, of the lanes to the right."""
     lefts, rights = section.lanes_to_the_left, section.right_lanes
     left = edge_m(section, 0, lane_width_m)
     lines = [
@@ -95,14 +95,14 @@ class LinePainter:
         colour[:, columns, :3] = np.clip(bare + cover * (paint - bare), 0, 255)
 
     def _uninterrupted(self, line: Line, station: Array) -> Array | None:
-        """Share of each row outside all gaps and junctions; None where there are none."""
+        """Share of each row outside all gaps and junctions; None without any."""
         gaps = [((a + b) / 2, b - a) for a, b in (*line.marking.gaps_m, *self._mouths(line))]
         away = [(distance_along(self._road, station, centre), length) for centre, length in gaps]
         covers = [coverage(d, 0.0, length, PIXEL_M) for d, length in away if np.abs(d).min() < length]
         return 1 - np.maximum.reduce(covers) if covers else None
 
     def _mouths(self, line: Line) -> Iterator[tuple[float, float]]:
-        """Stations between which side roads interrupt the line."""
+        """Intervals of stations in which side roads interrupt the line."""
         for junction in self._road.settings.junctions:
             if line.side is not None:
                 hit = junction.side in (line.side, Side.BOTH)
@@ -114,7 +114,7 @@ class LinePainter:
     def _intact(
         self, here: Stretch, columns: slice, centre: Array, marking: Marking, number: int
     ) -> NDArray[np.float32]:
-        """1 where the line is whole, 0 where it is cut out or cracked; the same for every part of a block."""
+        """1 where the line is intact, 0 where it is cut out or cracked; equal for every part of a block."""
         rng = np.random.default_rng((self._seed, 4, here.index % 2**32, number))
         whole = np.ones((ROWS, columns.stop - columns.start), np.float32)
         piece = round(CUT_EVERY_M / PIXEL_M)

@@ -1,4 +1,4 @@
-"""Periodic noise images that textures are made of."""
+"""Periodic noise images for textures."""
 
 import cv2
 import numpy as np
@@ -8,7 +8,7 @@ FloatImage = NDArray[np.float32]
 
 
 def smooth_noise(rng: np.random.Generator, shape: tuple[int, int], cell: tuple[int, int]) -> FloatImage:
-    """Noise of mean 0 and deviation 1 that varies over ``cell`` pixels and repeats seamlessly.
+    """Periodic noise of mean 0 and standard deviation 1 that varies over ``cell`` pixels.
 
     ``cell`` must divide ``shape``; (1, 1) gives white noise.
     """

@@ -1,4 +1,4 @@
-"""Arrows, letters, zebra crossings and stop lines on the carriageway."""
+"""Paints arrows, letters, zebra crossings and stop lines."""
 
 import cv2
 import numpy as np
@@ -19,16 +19,16 @@ from trepid.types import Array, Image
 
 ARROW_WIDTH_M = 1.7  # raster around the arrow; the straight head is 0.6 m wide (RMS-1)
 LETTER_WIDTH_M = 0.62
-MOST_OF_LANE = 0.85  # that a text may fill
+MAX_TEXT_SHARE = 0.85  # of the lane's width
 STRIPE_M = 0.5  # of a zebra crossing, and its gaps: StVO sign 293
-FINER = 4  # symbols are drawn at so many times the resolution
+FINER = 4  # factor of the resolution at which symbols are drawn
 
 # Polygons: (share of the length, metres to the left).
 SHAFT = ((0.0, 0.075), (0.62, 0.075), (0.62, -0.075), (0.0, -0.075))
 HEAD = ((0.60, 0.30), (1.0, 0.0), (0.60, -0.30))
 BEND = ((0.0, 0.075), (0.42, 0.075), (0.55, 0.42), (0.66, 0.42), (0.5, -0.075), (0.0, -0.075))
 LEFT_HEAD = ((0.46, 0.38), (0.76, 0.38), (0.64, 0.82))
-FORK_M = -0.22  # share of the length by which a bend lies lower beside a straight head
+FORK_M = -0.22  # shift of a bend next to a straight head, as a share of the length
 LOW_BEND, LOW_HEAD = (tuple((max(x + FORK_M, 0.0), y) for x, y in part) for part in (BEND, LEFT_HEAD))
 ARROWS = {
     MarkKind.ARROW_STRAIGHT: (SHAFT, HEAD),
@@ -42,14 +42,14 @@ MIRRORED = {
 
 
 class MarkPainter:
-    """Paints the marks of a road; each is drawn once, when it is first met."""
+    """Paints the marks of a road; each is drawn once, on first use."""
 
     def __init__(self, road: Road, grid: Grid, textures: Textures) -> None:
         self._road, self._grid, self._textures = road, grid, textures
         self._drawn: dict[int, tuple[Image, float]] = {}
 
     def paint(self, colour: Image, index: int, station: Array) -> None:
-        """Paint what lies on block ``index``."""
+        """Paint the marks on block ``index``."""
         for number, mark in enumerate(self._road.settings.marks):
             run = distance_along(self._road, station, mark.at_m + mark.extent_m / 2) + mark.extent_m / 2
             rows = np.flatnonzero((run >= 0) & (run < mark.extent_m))
@@ -63,7 +63,7 @@ class MarkPainter:
     def _lay(
         self, colour: Image, index: int, rows: np.ndarray, mask: Image, right_m: float, mark: RoadMark
     ) -> None:
-        """Lay rows of a mask, columns from ``right_m`` to the left, onto the block."""
+        """Paint rows of a mask onto the block; its columns run from ``right_m`` to the left."""
         first = round((right_m - self._grid.right_m) / PIXEL_M)
         inside = slice(max(first, 0), min(first + mask.shape[1], self._grid.columns))
         cover = mask[:, inside.start - first : inside.stop - first].astype(np.float32) / 255
@@ -88,14 +88,14 @@ class MarkPainter:
         symbol = _letters(mark.text) if mark.kind == MarkKind.TEXT else _arrow(mark.kind, mark.extent_m)
         size_m = ARROW_WIDTH_M
         if mark.kind == MarkKind.TEXT:
-            size_m = min(LETTER_WIDTH_M * len(mark.text), MOST_OF_LANE * width_m)
+            size_m = min(LETTER_WIDTH_M * len(mark.text), MAX_TEXT_SHARE * width_m)
         size = (round(size_m / PIXEL_M), round(mark.extent_m / PIXEL_M))
         mask = cv2.resize(symbol, size, interpolation=cv2.INTER_AREA)
-        mask = mask if mark.oncoming else mask[::-1, ::-1]  # drawn as the driver sees it
+        mask = mask if mark.oncoming else mask[::-1, ::-1]  # drawn in the driver's view
         return np.ascontiguousarray(mask, np.uint8), (right_m + left_m - size_m) / 2
 
     def _reach(self, mark: RoadMark) -> tuple[float, float]:
-        """Offsets of the right and left edge of what the mark spans: its lane, or all lanes."""
+        """Offsets of the right and left edge of the mark's lane, or of all lanes."""
         section = self._road.section_at(mark.at_m)
         lanes = (mark.lane, mark.lane)
         if mark.kind == MarkKind.ZEBRA:
@@ -108,7 +108,7 @@ class MarkPainter:
 
 
 def _arrow(kind: MarkKind, length_m: float) -> Image:
-    """An arrow as the driver sees it: far end up, left to the left."""
+    """An arrow in the driver's view: far end up, left to the left."""
     if kind in MIRRORED:
         return np.asarray(_arrow(MIRRORED[kind], length_m)[:, ::-1], np.uint8)
     pixel_m = PIXEL_M / FINER
@@ -120,7 +120,7 @@ def _arrow(kind: MarkKind, length_m: float) -> Image:
 
 
 def _letters(text: str) -> Image:
-    """A line of text, cut out to its ink."""
+    """A line of text, cropped to its letters."""
     (width, height), base = cv2.getTextSize(text, cv2.FONT_HERSHEY_DUPLEX, 4.0, 16)
     image = np.zeros((height + 2 * base, width + 40), np.uint8)
     cv2.putText(image, text, (20, height + base // 2), cv2.FONT_HERSHEY_DUPLEX, 4.0, 255, 16)

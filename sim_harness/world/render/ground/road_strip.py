@@ -1,8 +1,7 @@
-"""The carriageway unrolled: painted straight, in blocks along the station, before it is bent into the world.
+"""The unrolled carriageway: painted straight, in blocks along the station, before it is warped into the world.
 
-A block is an image whose rows run along the station and whose columns run from right to left. It carries colour,
-a mask of where there is carriageway, and the shade on it. Coarser levels are area averages, so that a line
-thinner than a pixel fades instead of flickering.
+The rows of a block run along the station, its columns from right to left. It has colour, a mask of the carriageway
+and its shade. Coarser levels are area averages, so that a line thinner than a pixel fades (anti-aliasing).
 """
 
 from collections import OrderedDict
@@ -25,7 +24,7 @@ __all__ = ["LEVELS_M", "Block", "RoadStrip"]
 T = TypeVar("T")
 
 NOMINAL_BLOCK_M = ROWS * LEVELS_M[0]
-MAX_FINEST, MAX_COARSER = 32, 128  # blocks kept: 2 MB each at the finest level, 0.7 MB for all others
+MAX_FINEST, MAX_COARSER = 32, 128  # cached blocks: 2 MB each at the finest level, 0.7 MB for all others
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +35,12 @@ class Block:
     shade: Image | None
 
     def rows(self, part: slice) -> "Block":
-        """A part of it."""
+        """The rows ``part`` of the block."""
         return Block(self.colour[part], None if self.shade is None else self.shade[part])
 
 
 class RoadStrip:
-    """Blocks of a road, painted when first asked for. The same seed paints the same blocks in any order."""
+    """Blocks of a road, painted on demand. Equal seeds paint equal blocks, in any order."""
 
     def __init__(self, road: Road, *, seed: int) -> None:
         self.road = road
@@ -64,7 +63,7 @@ class RoadStrip:
         return np.floor(station_m / self.block_m).astype(np.int64)
 
     def run(self, first: int, level: int, rows: slice) -> Block:
-        """``rows`` of a level, counted from the start of block ``first`` on; they may lie in many blocks."""
+        """``rows`` of a level, counted from the start of block ``first``; they may span several blocks."""
         height = ROWS >> level
         pieces = []
         for start in range(rows.start // height * height, rows.stop, height):
@@ -88,7 +87,7 @@ class RoadStrip:
         return self._finest[index] if level == 0 else self._coarser[index][level - 1]
 
     def _paint(self, index: int) -> Block:
-        """Block ``index`` at the finest level: the bare surface, lines, marks, then what covers them."""
+        """Block ``index`` at the finest level: bare surface, lines, marks, then kerbs, puddles and snow."""
         station = (index + (np.arange(ROWS) + 0.5) / ROWS) * self.block_m
         rng = np.random.default_rng((self.seed, 2, index % 2**32))
         colour = np.empty((ROWS, self.grid.columns, 4), np.uint8)
@@ -103,10 +102,10 @@ class RoadStrip:
         return Block(colour, self._shadows.shade(index, station))
 
 
-def _keep(cache: OrderedDict[int, T], index: int, item: T, most: int) -> None:
-    """Put ``item`` into the cache and drop the oldest when there are too many."""
+def _keep(cache: OrderedDict[int, T], index: int, item: T, max_items: int) -> None:
+    """Put ``item`` into the cache and drop the oldest beyond ``max_items``."""
     cache[index] = item
-    if len(cache) > most:
+    if len(cache) > max_items:
         cache.popitem(last=False)
 
 

@@ -1,6 +1,6 @@
-"""Shadows on the carriageway: of trees, of a row of buildings, of bridges. 255 in the sun.
+"""Shadows of trees, buildings and bridges on the carriageway. 255 = full sun.
 
-They fade out towards the sides of the painted strip: the land beside the road is always in the sun.
+They fade out towards the sides of the painted strip: the land beside the road is never in shadow.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from sim_harness.world.render.ground.strip_grid import ROWS, Grid, edges_m, tape
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Image
 
-DEPTH = 0.62  # share of the light that a shadow takes
+DEPTH = 0.62  # share of the light lost in a shadow
 FADE_M = 1.5
 HOUSE_M, HOUSE_SKEW = 14.0, 0.4  # length of a house; stations by which a metre to the left shifts its shadow
 BRIDGE_EVERY_M, BRIDGE_SKEW = 50.0, 0.15
@@ -20,7 +20,7 @@ HOUSES = 256
 
 
 class Shadows:
-    """Shade of every block. Draws from ``rng`` for trees only where a road has any."""
+    """Shade of every block. Uses ``rng`` only for roads with tree shadows."""
 
     def __init__(self, road: Road, grid: Grid, rng: np.random.Generator, *, seed: int) -> None:
         self._road, self._grid = road, grid
@@ -33,7 +33,7 @@ class Shadows:
         self._alleys = (0.3 * table[:, 1]).astype(np.float32)
 
     def shade(self, index: int, station: Array) -> Image | None:
-        """Shade of a block, (rows, columns), or None where all of it is in the sun."""
+        """Shade of a block, (rows, columns), or None without any shadow."""
         layers = [
             self._trees(index, station),
             self._buildings(station) if self._has_houses else None,
@@ -58,7 +58,7 @@ class Shadows:
         )
 
     def _buildings(self, station: Array) -> FloatImage | None:
-        """Houses stand on the right; each throws a straight-edged shadow as far as it is high."""
+        """Straight-edged shadows of houses on the right, as long as each house is high."""
         amount = tapered(self._road, station, lambda section: section.building_shadows)
         if not amount.any():
             return None
@@ -87,7 +87,7 @@ class Shadows:
 
 
 def _leaves(rng: np.random.Generator, columns: int) -> FloatImage:
-    """Density of foliage: trunks and crowns thrown across the road, with a ragged rim."""
+    """Density of the shadows of trunks and crowns across the road, with a ragged rim."""
     shape = (4 * ROWS, columns)
     crowns = 0.85 * smooth_noise(rng, shape, (64, 128)) + 0.4 * smooth_noise(rng, shape, (16, 16))
     return np.asarray(crowns + 0.12 * smooth_noise(rng, shape, (4, 4)), np.float32)

@@ -1,4 +1,4 @@
-"""Side roads: straight arms that leave the carriageway at right angles, painted beneath it into the ground."""
+"""Side roads: straight arms at right angles to the carriageway, painted on the ground below it."""
 
 import math
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from sim_harness.world.roads.features import Junction, Side
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Image
 
-UNDER_M = 1.0  # how far an arm reaches below the carriageway
+UNDER_M = 1.0  # overlap of an arm with the carriageway
 LINE_M, DASH_M, GAP_M = 0.12, 3.0, 3.0  # its centre line, short dashes as before junctions (RMS-1)
 STOP_M, SET_BACK_M = 0.5, 1.0  # stop line, and its distance from the edge of the carriageway
 
@@ -73,7 +73,7 @@ def lay_arm(tile: Image, arm: Arm, x_m: Array, y_m: Array, grain: Image) -> None
 
 
 def _window(arm: Arm, places_m: Array, axis: int) -> slice | None:
-    """The part of a tile's columns (axis 0) or rows (axis 1) that an arm may touch."""
+    """The range of a tile's columns (axis 0) or rows (axis 1) that an arm may touch."""
     wide_m = arm.junction.width_m / 2 + arm.junction.radius_m + 1
     ends = arm.origin_m[axis] + arm.outwards[axis] * np.array([0.0, arm.reach_m])
     near = np.flatnonzero((places_m > ends.min() - wide_m) & (places_m < ends.max() + wide_m))
@@ -90,7 +90,7 @@ def _inside(arm: Arm, u: Array, v: Array) -> Array:
 
 
 def _painted(arm: Arm, u: Array, v: Array, pixel_m: float) -> Array:
-    """Share of paint: a dashed centre line, and a stop line on the half of those who drive towards the road."""
+    """Share of paint: a dashed centre line, and a stop line for traffic towards the main road."""
     run = u - arm.edge_m - SET_BACK_M
     keep_right = v * (arm.outwards[1] * arm.forwards[0] - arm.outwards[0] * arm.forwards[1])
     dash = _cover(DASH_M / 2 - np.abs((run - STOP_M) % (DASH_M + GAP_M) - DASH_M / 2), pixel_m)

@@ -1,4 +1,4 @@
-"""The raster of the unrolled road and what its painters share: columns, textures, stripes, tapers."""
+"""The raster of the unrolled road: columns, textures, stripes, tapers."""
 
 import math
 from collections.abc import Callable
@@ -17,10 +17,10 @@ from trepid.types import Array
 LEVELS_M = (0.025, 0.05, 0.1, 0.2, 0.4)  # pixel sizes
 PIXEL_M = LEVELS_M[0]
 ROWS = 1024  # of a block at the finest level
-RIGHT_M, LEFT_M = -4.8, 8.0  # what of the road's width is painted, where it is no wider
-WIDEN_M = 3.2  # the step of a wider strip: 128 columns, the largest cell of the noises
-SPARE_M = 1.0  # painted beyond the edge of the carriageway at least
-TAPER_M = 12.0  # over which a number of the sections changes
+RIGHT_M, LEFT_M = -4.8, 8.0  # smallest painted width
+WIDEN_M = 3.2  # increment of the width: 128 columns, the largest cell of the noises
+SPARE_M = 1.0  # smallest painted margin beyond the carriageway
+TAPER_M = 12.0  # over which a field of the sections changes
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Grid:
 
     @cached_property
     def columns(self) -> int:
-        """Their number."""
+        """Number of columns."""
         return round((self.left_m - self.right_m) / PIXEL_M)
 
     @cached_property
@@ -41,14 +41,14 @@ class Grid:
         return np.asarray(self.right_m + (np.arange(self.columns) + 0.5) * PIXEL_M, np.float64)
 
     def touched(self, right_m: float, left_m: float) -> slice:
-        """Columns between two offsets, with one to spare on each side."""
+        """Columns between two offsets, plus one on each side."""
         first = (right_m - PIXEL_M - self.right_m) / PIXEL_M
         last = (left_m + PIXEL_M - self.right_m) / PIXEL_M
         return slice(max(math.floor(first), 0), min(max(math.ceil(last), 0), self.columns))
 
 
 def grid_of(road: Road) -> Grid:
-    """A raster that holds the carriageway of every section."""
+    """A raster that contains the carriageway of every section."""
     right_m, left_m = (float(edge.max()) + SPARE_M for edge in edges_m(road, _ends_of_sections(road)))
     return Grid(
         RIGHT_M - WIDEN_M * max(0, math.ceil((right_m + RIGHT_M) / WIDEN_M)),
@@ -57,7 +57,7 @@ def grid_of(road: Road) -> Grid:
 
 
 class Textures:
-    """Periodic noises that all blocks share."""
+    """Periodic noises of all blocks."""
 
     def __init__(self, rng: np.random.Generator, columns: int) -> None:
         self.grain = smooth_noise(rng, (2 * ROWS, columns), (1, 1))
@@ -77,7 +77,7 @@ class Stretch:
     section: Section
 
     def part(self, noise: FloatImage) -> FloatImage:
-        """The rows of a periodic noise that belong here."""
+        """The rows of a periodic noise at this stretch."""
         start = self.index * ROWS % len(noise)
         return noise[start + self.rows.start : start + self.rows.stop]
 
@@ -93,12 +93,12 @@ def stretches(road: Road, index: int, station: Array) -> list[Stretch]:
 
 
 def coverage(x: Array, centre: float | Array, width_m: float, pixel_m: float) -> Array:
-    """Share of each pixel at ``x`` that a stripe covers."""
+    """Share of each pixel at ``x`` covered by a stripe."""
     return np.asarray(np.clip((width_m / 2 - np.abs(x - centre)) / pixel_m + 0.5, 0, 1), np.float64)
 
 
 def paint_left(fine: FloatImage, long: FloatImage, wear: float) -> FloatImage:
-    """Share of the paint left at every pixel, after ``wear``; of a blotch and a wave."""
+    """Share of the paint left at every pixel after ``wear``, from a fine and a long noise."""
     rank = ndtr(0.6 * fine + 0.8 * long)
     return np.asarray(np.clip((rank - wear) / 0.15 + 0.5 + 0.5 * (wear == 0), 0, 1), np.float32)
 
@@ -112,7 +112,7 @@ def distance_along(road: Road, station: Array, at_m: float) -> Array:
 
 
 def tapered(road: Road, station: Array, number: Callable[[Section], float | tuple[float, float]]) -> Array:
-    """A number of the sections, or one at the start and at the end, eased in over TAPER_M after each start."""
+    """A field of the sections (constant or linear) at each station, blended over TAPER_M after each start."""
     ends = np.array([np.broadcast_to(number(section), 2) for section in road.sections], float)
     starts = np.array([section.start_m for section in road.sections])
     here = road.section_indices(station)
@@ -134,7 +134,7 @@ def edges_m(road: Road, station: Array) -> tuple[Array, Array]:
 
 
 def _beyond_m(road: Road, section: Section, side: int) -> tuple[float, float]:
-    """Carriageway beyond our lane on one side, at the start and at the end of a section."""
+    """Width of the carriageway beyond the kept lane on one side, at the start and the end of a section."""
     lanes, paved_m = (
         (section.left_lanes, section.paved_left_m)
         if side > 0
@@ -148,6 +148,6 @@ def _beyond_m(road: Road, section: Section, side: int) -> tuple[float, float]:
 
 
 def _ends_of_sections(road: Road) -> Array:
-    """Stations at which the carriageway may be widest: the ends of all sections and of all tapers."""
+    """Stations where the carriageway may be widest: the ends of all sections and tapers."""
     starts = np.array([section.start_m for section in road.sections])
     return np.concatenate([starts, starts - 1e-6, starts + TAPER_M, [road.length_m - 1e-6]])

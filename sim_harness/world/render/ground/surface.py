@@ -1,4 +1,4 @@
-"""The bare carriageway: where it lies, how bright it is, and what nature does to it."""
+"""Paints the carriageway without markings: its edges, brightness, repairs, kerbs, puddles and snow."""
 
 import cv2
 import numpy as np
@@ -33,11 +33,11 @@ BREAK_M = 0.6  # depth of the deepest piece broken off the edge
 KERB_BGR, KERB_STONE_M = (168, 174, 176), 1.0
 SNOW_BGR = (246, 240, 236)
 SNOW_SOFTNESS_M = 0.12
-SNOW_RAGGED_M = 0.35  # deviation of the rim of a bank, at most half of how far it reaches in
+SNOW_RAGGED_M = 0.35  # standard deviation of the rim of a bank, at most half its width
 WET_DARKENING = 0.38  # of soaked asphalt: about half the albedo, Lekner & Dorf (1988)
-PUDDLE_BGR = (150, 142, 134)  # a grey sky, mirrored
+PUDDLE_BGR = (150, 142, 134)  # reflection of a grey sky
 WHEELS_M = (-0.75, 0.75)
-ROUGH_M = 0.5  # more than an edge is rough
+ROUGH_M = 0.5  # bound of the roughness of an edge
 
 
 class SurfacePainter:
@@ -46,12 +46,12 @@ class SurfacePainter:
     def __init__(self, road: Road, grid: Grid, textures: Textures, *, tint: Array, seed: int) -> None:
         self._road, self._grid, self._textures, self._tint = road, grid, textures, tint
         rng = np.random.default_rng((seed, 5))
-        self._rim = smooth_noise(rng, (4 * ROWS, 2), (64, 1))  # of broken edges and of snow
+        self._rim = smooth_noise(rng, (4 * ROWS, 2), (64, 1))  # noise of broken edges and of snow banks
         self._is_wet = any(section.wet for section in road.sections)
         self._tracks = {id(section): self._wheel_tracks(section) for section in road.sections}
 
     def mask(self, index: int, station: Array) -> Image:
-        """Where a block has carriageway or kerb, with rough edges."""
+        """Mask of carriageway and kerb of a block, with rough edges."""
         start = index * ROWS % len(self._rim)
         rough, rim = (noise[start : start + ROWS] for noise in (self._textures.edge, self._rim))
         amount = tapered(self._road, station, lambda section: section.edge_roughness_m)
@@ -71,7 +71,7 @@ class SurfacePainter:
         return np.clip(inside, 0, 255, out=inside).astype(np.uint8)
 
     def paint(self, colour: Image, here: Stretch, rng: np.random.Generator) -> None:
-        """Asphalt, concrete or gravel, with its wear and its water."""
+        """Paint asphalt, concrete or gravel, with wear and wetness."""
         tone = self._tone(here, rng)
         if self._is_wet:
             tone *= (1 - WET_DARKENING * self._wet(here)).astype(np.float32)
@@ -80,21 +80,21 @@ class SurfacePainter:
             colour[:, :, channel] = cv2.convertScaleAbs(tone, alpha=tint[channel])
 
     def cover(self, colour: Image, here: Stretch) -> None:
-        """What lies above the markings: kerbs, puddles, snow."""
+        """Paint what covers the markings: kerbs, puddles, snow."""
         section = here.section
         if section.kerb_m:
-            self._lay_kerbs(colour, here)
+            self._paint_kerbs(colour, here)
         if self._is_wet and (wet := self._wet(here)).any():
             long, fine = here.part(self._textures.wave), here.part(self._textures.blotch)
             puddles = np.clip((wet.astype(np.float32) - 2.1 - 0.9 * long - 0.05 * fine) / 0.15, 0, 0.8)
             _blend(colour, puddles * np.clip(5 * wet, 0, 1), PUDDLE_BGR)
         if section.snow_cover:
-            self._lay_trodden_snow(colour, here)
+            self._paint_trodden_snow(colour, here)
         if section.snow_left_m or section.snow_right_m:
-            self._lay_banks(colour, here)
+            self._paint_banks(colour, here)
 
     def _wet(self, here: Stretch) -> Array:
-        """How wet each row is, (rows, 1)."""
+        """Wetness of each row, (rows, 1)."""
         return tapered(self._road, here.station, lambda section: section.wet)[:, None]
 
     def _tone(self, here: Stretch, rng: np.random.Generator) -> FloatImage:
@@ -112,7 +112,7 @@ class SurfacePainter:
         return tone
 
     def _wheel_tracks(self, section: Section) -> FloatImage:
-        """Relative darkening where wheels roll in our lane and in those beside it, per column."""
+        """Relative darkening by wheel tracks in all lanes, per column."""
         beside = (*range(1, len(section.left_lanes) + 1), *range(-len(section.right_lanes), 0))
         width_m = self._road.settings.lane_width_m
         centres = [0.0, *(sum(centre_m(section, lane, width_m)) / 2 for lane in beside)]
@@ -121,7 +121,7 @@ class SurfacePainter:
         return np.asarray(-0.05 * tracks, np.float32)
 
     def _kerb(self, station: Array, side: int) -> Array:
-        """Width of the kerb on the right (0) or left (1), none where a side road joins."""
+        """Width of the kerb on the right (0) or left (1); 0 at side roads."""
         kerb = np.array([section.kerb_m for section in self._road.sections])
         if not kerb.any():
             return np.zeros(len(station))
@@ -134,7 +134,7 @@ class SurfacePainter:
                 )
         return np.asarray(width, np.float64)
 
-    def _lay_kerbs(self, colour: Image, here: Stretch) -> None:
+    def _paint_kerbs(self, colour: Image, here: Stretch) -> None:
         stone = 1 - 0.25 * (here.station % KERB_STONE_M < 0.04)[:, None]
         for side, sign, edge in _sides(edges_m(self._road, here.station)):
             columns = self._beyond(sign, edge, here.section.kerb_m)
@@ -143,20 +143,20 @@ class SurfacePainter:
             _blend(colour[:, columns], (beyond & has_kerb).astype(np.float32), KERB_BGR, stone)
 
     def _beyond(self, sign: int, edge: Array, width_m: float) -> slice:
-        """Columns from the inmost edge of one side to ``width_m`` beyond its outmost one, roughness included."""
+        """Columns from the innermost edge of one side to ``width_m`` beyond the outermost one, plus ROUGH_M."""
         ends = sign * (float(edge.min()) - ROUGH_M), sign * (float(edge.max()) + width_m + ROUGH_M)
         return self._grid.touched(min(ends), max(ends))
 
-    def _lay_trodden_snow(self, colour: Image, here: Stretch) -> None:
-        """Snow in soft patches, thinner where wheels roll."""
+    def _paint_trodden_snow(self, colour: Image, here: Stretch) -> None:
+        """Paint snow in soft patches, thinner in the wheel tracks."""
         rank = ndtr(0.5 * here.part(self._textures.blotch) + 0.87 * here.part(self._textures.wave))
         share = here.section.snow_cover * (
             1 + 12 * self._tracks[id(here.section)] * (1 - here.section.snow_cover)
         )
         _blend(colour, 0.9 * np.clip((share - rank) / 0.15 + 0.5 * (share > 0.98), 0, 1), SNOW_BGR)
 
-    def _lay_banks(self, colour: Image, here: Stretch) -> None:
-        """Banks of snow that reach raggedly in from the edges."""
+    def _paint_banks(self, colour: Image, here: Stretch) -> None:
+        """Paint banks of snow with a ragged rim along the edges."""
         rim, blotch = here.part(self._rim), here.part(self._textures.blotch)
         fields = (lambda section: section.snow_right_m), (lambda section: section.snow_left_m)
         for side, sign, edge in _sides(edges_m(self._road, here.station)):
@@ -171,7 +171,7 @@ class SurfacePainter:
 
 
 def _sides(edges: tuple[Array, Array]) -> tuple[tuple[int, int, Array], tuple[int, int, Array]]:
-    """Number, sign of the offsets and edge of the right and of the left side."""
+    """Index, sign of the offsets and edge of the right and the left side."""
     return (0, -1, edges[0]), (1, 1, edges[1])
 
 
@@ -194,7 +194,7 @@ def _blend(
 
 
 def _bite(rim: FloatImage, share: Array) -> Array:
-    """How much of the edge has broken off [m]."""
+    """Depth of the pieces broken off the edge [m]."""
     if not share.any():
         return share
     depth = np.clip((rim - ndtri(1 - np.clip(share, 1e-6, 1 - 1e-6))) / 0.8, 0, 1)

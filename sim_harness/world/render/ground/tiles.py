@@ -1,4 +1,4 @@
-"""Square tiles of one pixel size, painted on demand, and crops of what they show together."""
+"""Square tiles of one pixel size, painted on demand, and crops across tiles."""
 
 import math
 from collections import OrderedDict, deque
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trepid.types import Image
 
 TILE_PX = 256
-MOSAICS = 3  # kept: one for each band of the picture that is drawn from the same level
+MOSAICS = 3  # cached: one for each band of the image that uses the same level
 
 Point = NDArray[np.float64]
 Cell = tuple[int, int]  # column, row
@@ -28,24 +28,24 @@ class Mosaic:
     image: Image
 
     def covers(self, c0: int, r0: int, c1: int, r1: int) -> bool:
-        """Whether it holds all of these tiles."""
+        """Whether the mosaic contains all of these tiles."""
         return self.c0 <= c0 and self.r0 <= r0 and c1 <= self.c1 and r1 <= self.r1
 
 
 class Tiles:
     """The tiles of one level. Tile (column, row) begins at ``TILE_PX * pixel_m`` times (column, row)."""
 
-    def __init__(self, paint: Callable[[int, int], Image], *, pixel_m: float, most: int) -> None:
-        """``paint`` gives a tile (TILE_PX, TILE_PX, 4); ``most`` of them are kept."""
-        self._paint, self._pixel_m, self._most = paint, pixel_m, most
+    def __init__(self, paint: Callable[[int, int], Image], *, pixel_m: float, max_tiles: int) -> None:
+        """``paint`` returns a tile (TILE_PX, TILE_PX, 4); ``max_tiles`` are cached."""
+        self._paint, self._pixel_m, self._max_tiles = paint, pixel_m, max_tiles
         self._tiles: OrderedDict[Cell, Image] = OrderedDict()
         self._mosaics: deque[Mosaic] = deque(maxlen=MOSAICS)
 
     def crop(self, low: Point, high: Point) -> tuple[Image, float, float]:
         """Image of the rectangle from ``low`` to ``high`` (x, y), and the x and y of its first pixel's centre.
 
-        It is a view of tiles laid side by side once for many frames: copying them anew for each costs more than
-        drawing it.
+        The image is a view of a mosaic of tiles, which is built once for many frames: building it for each frame
+        would cost more than drawing the frame.
         """
         c0, r0, c1, r1 = self._pixels(low, high)
         mosaic = self._mosaic(*_cells(c0, r0, c1, r1))
@@ -54,7 +54,7 @@ class Tiles:
         return image, (c0 + 0.5) * self._pixel_m, (r0 + 0.5) * self._pixel_m
 
     def paint_one(self, low: Point, high: Point) -> bool:
-        """Paint the first missing tile of the rectangle from ``low`` to ``high``; whether there was one."""
+        """Paint the first missing tile of the rectangle. Returns whether there was one."""
         missing = next((cell for cell in self._between(low, high) if cell not in self._tiles), None)
         if missing is not None:
             self._tile(missing)
@@ -88,11 +88,11 @@ class Tiles:
             self._tiles.move_to_end(cell)
         else:
             self._tiles[cell] = self._paint(*cell)
-            if len(self._tiles) > self._most:
+            if len(self._tiles) > self._max_tiles:
                 self._tiles.popitem(last=False)
         return self._tiles[cell]
 
 
 def _cells(c0: int, r0: int, c1: int, r1: int) -> tuple[int, int, int, int]:
-    """The range of tiles that a range of pixels lies in."""
+    """The range of tiles that contains a range of pixels."""
     return c0 // TILE_PX, r0 // TILE_PX, -(-c1 // TILE_PX), -(-r1 // TILE_PX)

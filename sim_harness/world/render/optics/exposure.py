@@ -1,4 +1,4 @@
-"""From the light in front of the lens to grey levels: glare, haze, exposure, blur, noise."""
+"""Exposure of a frame under the section's light: vignette, haze, gain, gamma, glare, blur, noise."""
 
 import math
 from functools import cached_property, lru_cache
@@ -36,9 +36,9 @@ class Exposure:
         seed: tuple[int, int],
         vignetted: bool = False,
     ) -> Image:
-        """The frame; ``sun_bearing_rad`` is left of the camera's axis, ``seed`` picks the noise.
+        """The exposed frame; ``sun_bearing_rad``: left of the camera's axis; ``seed``: of the noise.
 
-        ``vignetted``: the corners of ``image`` have lost their light already.
+        ``vignetted``: vignetting is already applied to ``image``.
         """
         if not vignetted:
             image = np.asarray(cv2.multiply(image, self.vignette, scale=1 / 255), np.uint8)
@@ -56,10 +56,10 @@ class Exposure:
 
     @cached_property
     def _glare(self) -> NDArray[np.float32]:
-        return _glare(self._camera)  # most drives never see it
+        return _glare(self._camera)
 
     def _sun(self, strength: float, bearing_rad: float) -> Image:
-        """What a low sun adds to every pixel."""
+        """Grey levels that a low sun adds."""
         width = self._camera.width_px
         bearing = math.remainder(bearing_rad, math.tau)
         if abs(bearing) > 1.2:
@@ -95,7 +95,7 @@ def _curve(gain: float, gamma: float) -> Image:
 
 
 def _vignette(camera: Camera) -> Image:
-    """Relative light of every pixel, 255 in the middle."""
+    """Relative light of every pixel, 255 at the image centre."""
     u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
     radius2 = ((u - camera.cx_px) / camera.width_px) ** 2 + ((v - camera.cy_px) / camera.height_px) ** 2
     light = 255 * (1 - VIGNETTE * radius2 / 0.5)
@@ -103,9 +103,9 @@ def _vignette(camera: Camera) -> Image:
 
 
 def _glare(camera: Camera) -> NDArray[np.float32]:
-    """What the strongest low sun adds, (height, 3 width, 3) grey levels, the sun in the middle column.
+    """Grey levels that a low sun adds at full strength, (height, 3 width, 3), the sun in the middle column.
 
-    A saturated disc with a wide halo, its reflection on the road below, and a veil over the whole picture.
+    A saturated disc with a wide halo, its reflection on the road, and veiling glare over the whole image.
     """
     unit = camera.fx_px
     u, v = np.meshgrid(np.arange(3 * camera.width_px), np.arange(camera.height_px))

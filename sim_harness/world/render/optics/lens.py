@@ -1,4 +1,4 @@
-"""What the lens does to the light: distortion, stray light of the sun, drops, dirt, vignette."""
+"""Lens effects: distortion, stray light of the sun, drops and dirt on the windscreen, bloom, vignetting."""
 
 import math
 from typing import Any
@@ -13,39 +13,40 @@ from trepid.camera import Camera
 from trepid.types import Image
 
 FIXED_POINT_STEPS = 40
-COARSE = 4  # stray light is soft: it is computed for one pixel in 16
+COARSE = 4  # stray light is smooth: it is computed for one pixel in 16
 SUN_BGR = (0.62, 0.88, 1.0)
-SUN_RAD = 0.028  # of the bloomed disc
+SUN_RAD = 0.028  # radius of the bloomed disc
 STRAY_SPREAD_RAD = 1.0
 GHOSTS = ((-0.35, 0.05, 0.05), (-0.7, 0.10, 0.025), (0.45, 0.035, 0.06), (-1.15, 0.16, 0.02))
-"""Place between the sun (1) and its mirror image in the middle (-1), radius, strength."""
-DROPS_LAST_S = 1.6  # between two wipes
-MOST_DROPS = 64
-DROP_FIELD = 0.42  # of the picture's width in half a drop
+"""Place between the sun (1) and its point reflection through the image centre (-1), radius, strength."""
+WIPE_PERIOD_S = 1.6  # of the wipers
+MAX_DROPS = 64
+DROP_FIELD = 0.42  # of the image width in half a drop
 MUD_BGR = (0.55, 0.72, 0.85)
 MUD_CELL_PX = 8
 
 
 class Distortion:
-    """Brown (1966) and Conrady (1919) as OpenCV has it: k1 k2 p1 p2 k3.
+    """Distortion of Brown (1966) and Conrady (1919) in OpenCV's form: k1 k2 p1 p2 k3.
 
-    The picture is drawn by ``pinhole``, an undistorted camera that sees all the lens sees, and then bent.
+    The scene is rendered by ``pinhole``, an undistorted camera that covers the field of view of the lens, and then
+    warped.
     """
 
     def __init__(self, camera: Camera) -> None:
-        """Raises ValueError when the lens folds its picture over, or sees 10 times wider than it should."""
+        """Raises ValueError when the distortion is not one-to-one or spreads the image over 10 times its size."""
         u, v = np.meshgrid(np.arange(camera.width_px, dtype=float), np.arange(camera.height_px, dtype=float))
-        seen = np.column_stack([u.ravel(), v.ravel()])
-        with np.errstate(all="ignore"):  # it diverges where the lens folds; that is refused below
-            straight = undistorted(camera, seen)
-        if not np.isfinite(straight).all() or np.abs(distorted(camera, straight) - seen).max() > 0.05:
-            raise ValueError(f"distortion {camera.distortion} does not map the picture one to one")
+        pixels = np.column_stack([u.ravel(), v.ravel()])
+        with np.errstate(
+            all="ignore"
+        ):  # it diverges where the distortion is not one-to-one, which is refused below
+            straight = undistorted(camera, pixels)
+        if not np.isfinite(straight).all() or np.abs(distorted(camera, straight) - pixels).max() > 0.05:
+            raise ValueError(f"distortion {camera.distortion} does not map the image one to one")
         low, high = np.floor(straight.min(axis=0)) - 1, np.ceil(straight.max(axis=0)) + 2
         size = (high - low).astype(int)
         if (size > 10 * np.array([camera.width_px, camera.height_px])).any():
-            raise ValueError(
-                f"distortion {camera.distortion} spreads the picture over {size.tolist()} pixels"
-            )
+            raise ValueError(f"distortion {camera.distortion} spreads the image over {size.tolist()} pixels")
         self.pinhole = camera.model_copy(
             update={
                 "distortion": (),
@@ -60,7 +61,7 @@ class Distortion:
         self._columns, self._rows = cv2.convertMaps(columns, rows, cv2.CV_16SC2)
 
     def bend(self, image: NDArray[Any]) -> NDArray[Any]:
-        """The picture of ``pinhole`` as the lens shows it."""
+        """The image of ``pinhole``, distorted by the lens."""
         return np.asarray(cv2.remap(image, self._columns, self._rows, cv2.INTER_LINEAR))
 
 
@@ -87,7 +88,7 @@ def _coefficients(camera: Camera) -> NDArray[np.float64]:
 
 
 class StrayLight:
-    """A low sun in or near the picture: its disc, the veil around it, ghosts, and its glitter on the road."""
+    """A low sun in or near the image: its disc, veiling glare, ghosts, and its reflection on the road."""
 
     def __init__(self, camera: Camera) -> None:
         self._camera = camera
@@ -131,7 +132,7 @@ class StrayLight:
         return total
 
     def _glitter(self, x: FloatImage, elevation_rad: float) -> FloatImage:
-        """Forward-scattering asphalt below the sun: brightest where it is seen at the sun's own elevation."""
+        """Forward scattering of the asphalt below the sun, brightest at the sun's elevation below the horizon."""
         down = (self._v - self._camera.horizon_row_px) / self._camera.fy_px
         across = np.exp(-0.5 * (x / (0.05 + 0.40 * np.maximum(down, 0))) ** 2)
         along = np.exp(-0.5 * ((down - elevation_rad) / 0.20) ** 2)
@@ -139,7 +140,7 @@ class StrayLight:
 
 
 class Windscreen:
-    """Dirt and drops before the lens, far out of focus."""
+    """Dirt and drops on the windscreen, out of focus."""
 
     def __init__(self, camera: Camera, *, seed: int) -> None:
         self._camera = camera
@@ -148,7 +149,7 @@ class Windscreen:
         self._drops: tuple[tuple[int, int], tuple[FloatImage, FloatImage], FloatImage] | None = None
 
     def dirty(self, light: FloatImage, cover: float, veil: float) -> FloatImage:
-        """Spots that cover a share of the picture, the same ones at every cover, and a film that scatters."""
+        """Spots over a share of the image, nested for growing ``cover``, and a film that scatters light."""
         threshold = np.float32(np.quantile(self._mud, 1 - min(cover, 0.999)))
         opaque = 0.75 * np.clip((self._mud - threshold) / 0.8 + 0.45, 0, 1)
         spots = in_colour(
@@ -160,8 +161,8 @@ class Windscreen:
         return np.asarray(hazy + spots * (mud - hazy), np.float32)
 
     def wet(self, light: FloatImage, count: float, t_s: float) -> FloatImage:
-        """Drops: each shows the scene small, upside down and blurred."""
-        maps, cover = self._drop_maps(math.floor(t_s / DROPS_LAST_S), round(count))
+        """``light`` with drops, each of which images the scene small, upside down and blurred."""
+        maps, cover = self._drop_maps(math.floor(t_s / WIPE_PERIOD_S), round(count))
         size = (light.shape[1] // COARSE, light.shape[0] // COARSE)
         small = cv2.blur(cv2.resize(light, size, interpolation=cv2.INTER_AREA), (3, 3))
         columns, rows = maps
@@ -169,13 +170,13 @@ class Windscreen:
         return np.asarray(light + (inside - light) * in_colour(cover), np.float32)
 
     def _drop_maps(self, epoch: int, count: int) -> tuple[tuple[FloatImage, FloatImage], FloatImage]:
-        """Where the pixels of drops look in the small picture, and how opaque the drops are."""
+        """Source pixels in the reduced image of the pixels of drops, and the opacity of the drops."""
         if self._drops is not None and self._drops[0] == (epoch, count):
             return self._drops[1:]
         rows, columns = self._camera.height_px, self._camera.width_px
         rng = np.random.default_rng((self._seed, 31, epoch % 2**31))
-        places = rng.random((MOST_DROPS, 2)) * (columns, rows)
-        radii = self._camera.fx_px * (0.016 + 0.06 * rng.random(MOST_DROPS) ** 2.5)
+        places = rng.random((MAX_DROPS, 2)) * (columns, rows)
+        radii = self._camera.fx_px * (0.016 + 0.06 * rng.random(MAX_DROPS) ** 2.5)
         horizon = self._camera.horizon_row_px
         maps = (np.zeros((rows, columns), np.float32), np.zeros((rows, columns), np.float32))
         cover = np.zeros((rows, columns), np.float32)
@@ -183,7 +184,7 @@ class Windscreen:
             r0, r1 = max(int(v - 2 * radius), 0), min(int(v + 2 * radius) + 2, rows)
             c0, c1 = max(int(u - 2 * radius), 0), min(int(u + 2 * radius) + 2, columns)
             y, x = np.mgrid[r0:r1, c0:c1].astype(np.float32)
-            wide = DROP_FIELD * columns / radius  # the whole scene in every drop, upside down
+            wide = DROP_FIELD * columns / radius  # every drop images the whole scene, upside down
             away = np.hypot(x - u, (y - v) * 0.88) / radius
             alpha = 0.8 / (1 + np.exp(np.clip((away - 0.9) * 9, -30, 30)))
             chosen = alpha > cover[r0:r1, c0:c1]
@@ -197,7 +198,7 @@ class Windscreen:
 
 
 def _mud(camera: Camera, seed: int) -> FloatImage:
-    """How soon each pixel is covered: splashes of several sizes, denser below."""
+    """Order in which pixels are covered: splashes of several sizes, denser towards the bottom."""
     rng = np.random.default_rng((seed, 32))
     rows = -(-camera.height_px // 32) * 32
     columns = -(-camera.width_px // 32) * 32
@@ -211,7 +212,7 @@ def _mud(camera: Camera, seed: int) -> FloatImage:
 
 
 def bloomed(light: FloatImage) -> FloatImage:
-    """Saturated areas spill into their neighbourhood."""
+    """``light`` with bloom: saturated areas spill into their neighbourhood."""
     over = np.clip(light - 1, 0, 6)
     small = cv2.resize(
         over, (light.shape[1] // COARSE, light.shape[0] // COARSE), interpolation=cv2.INTER_AREA
@@ -221,6 +222,6 @@ def bloomed(light: FloatImage) -> FloatImage:
 
 
 def vignetted(light: FloatImage, vignette: Image) -> FloatImage:
-    """The light that the corners lose, of grey levels relative to 255."""
+    """``light`` with vignetting; ``vignette``: relative grey levels, 255 = no loss."""
     share = np.asarray(vignette, np.float32) / np.float32(255)
     return np.asarray(light * share * share, np.float32)

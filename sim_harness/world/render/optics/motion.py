@@ -1,8 +1,8 @@
-"""What the vehicle's motion does while rows are read out and the shutter is open.
+"""Motion blur and rolling shutter.
 
-Over τ the vehicle drives the arc of its speed and yaw rate. A point of the ground that is seen at pixel p at time τ
-was at G(τ)·p at time 0, with the homography G(τ) = H·T(τ)·H⁻¹ of the ground (H: pixel from road). Such arcs form a
-group, G(a + b) = G(a)·G(b), so n warps blur over 2ⁿ moments. The sky only turns. The frame's time is the start of
+Over τ the vehicle drives the arc of its speed and yaw rate. A point of the ground at pixel p at time τ was at
+G(τ)·p at time 0, with the homography G(τ) = H·T(τ)·H⁻¹ of the ground (H: pixel from road). Such arcs form a group,
+G(a + b) = G(a)·G(b), so n warps average over 2ⁿ moments. The sky only rotates. The time of a frame is the start of
 the exposure of its first row.
 """
 
@@ -17,7 +17,7 @@ from trepid.camera import Camera
 from trepid.types import Image
 
 Matrix = NDArray[np.float64]
-FINEST_PX = 1.5  # between the moments that a blur is averaged from, at the fastest pixel
+FINEST_PX = 1.5  # motion of the fastest pixel between two averaged moments
 MAX_WARPS = 5
 
 
@@ -36,7 +36,7 @@ def road_after(motion: Motion, tau_s: ArrayLike) -> Matrix:
 
 
 class Shake:
-    """The motion of one camera's picture."""
+    """The image motion of one camera."""
 
     def __init__(self, camera: Camera, horizon_row: int) -> None:
         """Rows from ``horizon_row`` on show the ground."""
@@ -52,12 +52,12 @@ class Shake:
         return np.asarray(self._pixel_from_road @ road_after(motion, tau_s) @ self._road_from_pixel)
 
     def sky(self, motion: Motion, tau_s: ArrayLike) -> Matrix:
-        """The same for what is infinitely far: K·R(τ)·K⁻¹."""
+        """G(τ) for infinitely distant points: K·R(τ)·K⁻¹."""
         turn = road_after(Motion(0.0, motion.yaw_rate_radps), tau_s)
         return np.asarray(self._pixel_from_vehicle @ turn @ self._vehicle_from_pixel)
 
     def roll(self, image: Image, motion: Motion, readout_s: float) -> Image:
-        """``image`` read out row by row over ``readout_s``: each row is warped to its own time."""
+        """``image`` with a rolling shutter: each row is warped to its own time within ``readout_s``."""
         rows, columns = image.shape[:2]
         u = np.arange(columns, dtype=np.float32)
         tau_s = readout_s * np.arange(rows) / rows
@@ -88,7 +88,7 @@ class Shake:
         return np.asarray(cv2.convertScaleAbs(total), np.uint8)
 
     def _warps(self, motion: Motion, exposure_s: float) -> int:
-        """Enough that the fastest pixel does not jump."""
+        """Number of warps that keeps the steps of the fastest pixel below FINEST_PX."""
         height, width = self._camera.height_px, self._camera.width_px
         corners = np.array([(0, height - 1, 1), (width - 1, height - 1, 1), (0, self._horizon, 1)], float).T
         moved = self.ground(motion, exposure_s) @ corners

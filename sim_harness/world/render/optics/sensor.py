@@ -17,7 +17,7 @@ FULL_WELL = 9000.0  # electrons
 READ_NOISE = 4.0  # electrons
 POOL = 768
 DARKEST = 0.12  # √light below which a sensor's black level clips
-CHROMA_PX = 3  # webcams smooth colour noise
+CHROMA_PX = 3  # width over which webcams smooth colour noise
 
 
 def noise_sigma(gain: float) -> FloatImage:
@@ -29,7 +29,7 @@ def noise_sigma(gain: float) -> FloatImage:
 
 
 def noisy(image: Image, gain: float, seed: tuple[int, ...]) -> Image:
-    """``image`` as a sensor with that gain sees it."""
+    """``image`` with the noise of a sensor at ``gain``."""
     rng = np.random.default_rng(seed)
     rows, columns = image.shape[:2]
     row, column = rng.integers(POOL - rows % POOL), rng.integers(POOL - columns % POOL)
@@ -51,7 +51,7 @@ def noisy(image: Image, gain: float, seed: tuple[int, ...]) -> Image:
 
 @lru_cache(maxsize=1)
 def _pool() -> FloatImage:
-    """Noise of deviation 1, mostly in the brightness, (POOL, POOL, 3)."""
+    """Noise of standard deviation 1, mostly in brightness, (POOL, POOL, 3)."""
     rng = np.random.default_rng(1)
     grey = rng.standard_normal((POOL, POOL, 1), dtype=np.float32)
     colour = cv2.GaussianBlur(rng.standard_normal((POOL, POOL, 3), dtype=np.float32), (0, 0), CHROMA_PX / 3)
@@ -60,6 +60,6 @@ def _pool() -> FloatImage:
 
 
 def coded(image: Image, quality: float) -> Image:
-    """``image`` after a JPEG codec of that quality, 1..100."""
+    """``image`` after JPEG coding at ``quality``, 1..100."""
     _, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, round(quality)])
     return np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), np.uint8)

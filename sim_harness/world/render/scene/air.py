@@ -1,7 +1,7 @@
-"""What floats in the air: fog, drizzle and spray, falling rain and snow.
+"""Fog, drizzle, spray, rain and snow between scene and camera.
 
-Koschmieder (1924): L = L₀·exp(-β d) + A·(1 - exp(-β d)), with the extinction β = 3 / visibility and the light A of
-the air itself; d is the distance to the ground by row, to a vehicle, and far for the sky.
+Koschmieder (1924): L = L₀·exp(-β d) + A·(1 - exp(-β d)), with the extinction β = 3 / visibility and the
+airlight A; d is the distance to the ground by row, to a vehicle, or to the far sky.
 """
 
 import math
@@ -14,14 +14,14 @@ from sim_harness.world.render.scene.vehicles import outline
 from sim_harness.world.render.scene.view import SHIFT, FloatImage, Shot, View, in_colour, polygon
 
 AIRLIGHT_BGR = (0.66, 0.64, 0.62)  # of fog by day: grey 205
-NEAREST_M, FARTHEST_M = 0.8, 10.0  # single drops and flakes are seen within
+NEAREST_M, FARTHEST_M = 0.8, 10.0  # range in which single drops and flakes are drawn
 RAIN_MPS, SNOW_MPS = 7.0, 1.2  # Gunn and Kinzer (1949): 2.5 mm drops; Langleben (1954): aggregates
 RAIN_SHUTTER_S, SNOW_SHUTTER_S = 1 / 50, 1 / 80
 STREAK_LIGHT = 0.8
 
 
 def distances(view: View, shot: Shot) -> FloatImage:
-    """From the lens to what is seen, (rows, columns) [m]."""
+    """Distance from the lens to the visible surface, (rows, columns) [m]."""
     shapes = [(pose, outline(view.camera, body, pose), body) for pose, body in shot.vehicles]
     if all(shape is None for _, shape, _ in shapes):
         return view.distance_m
@@ -43,7 +43,7 @@ def through_air(
 
 
 def rain(light: FloatImage, view: View, shot: Shot, count: float, exposure_s: float) -> FloatImage:
-    """Streaks of ``count`` drops."""
+    """``light`` with streaks of ``count`` drops."""
     rng = np.random.default_rng((shot.seed, shot.frame, 11))
     shutter_s = max(RAIN_SHUTTER_S, exposure_s)
     ends, depth = _paths(view, shot, rng, round(count), RAIN_MPS, shutter_s)
@@ -57,7 +57,7 @@ def rain(light: FloatImage, view: View, shot: Shot, count: float, exposure_s: fl
 
 
 def snowfall(light: FloatImage, view: View, shot: Shot, count: float, exposure_s: float) -> FloatImage:
-    """``count`` flakes, near ones large and soft."""
+    """``light`` with ``count`` flakes, near ones large and soft."""
     rng = np.random.default_rng((shot.seed, shot.frame, 12))
     ends, depth = _paths(view, shot, rng, round(count), SNOW_MPS, max(SNOW_SHUTTER_S, exposure_s))
     mask = np.zeros(light.shape[:2], np.uint8)
@@ -78,17 +78,19 @@ def snowfall(light: FloatImage, view: View, shot: Shot, count: float, exposure_s
 def _paths(
     view: View, shot: Shot, rng: np.random.Generator, count: int, fall_mps: float, shutter_s: float
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """What ``count`` particles, evenly in the air, draw while the shutter is open: ends (n, 2, 2) and depths."""
+    """Paths of ``count`` random particles while the shutter is open: ends (n, 2, 2) and depths."""
     rows, columns = view.distance_m.shape
     u, v = rng.integers(columns, size=count), rng.integers(rows, size=count)
-    depth = FARTHEST_M * rng.random(count) ** (1 / 2)  # not 1/3: near ones are what a picture shows
+    depth = FARTHEST_M * rng.random(count) ** (
+        1 / 2
+    )  # not 1/3: near particles are over-represented, as in images
     gust = rng.normal(0, 0.15, (count, 3)) * fall_mps
     low = np.minimum(depth, view.distance_m[v, u])
-    seen = (depth > NEAREST_M) & (low == depth)  # not below the ground
+    visible = (depth > NEAREST_M) & (low == depth)  # not below the ground
     camera = view.camera
     eye = np.array([camera.x_m, camera.y_m, camera.height_m])
     middle = view.rays[:, v, u].T.astype(float) * depth[:, None] + eye
     half = 0.5 * shutter_s * (np.array([-shot.motion.speed_mps, 0, -fall_mps]) + gust)
     ends, depths = zip(*(view.pixels(middle + sign * half) for sign in (-1, 1)), strict=True)
-    seen &= np.minimum(*depths) > 0.3
-    return polygon(np.stack(ends, axis=1)[seen]), depth[seen]
+    visible &= np.minimum(*depths) > 0.3
+    return polygon(np.stack(ends, axis=1)[visible]), depth[visible]

@@ -1,4 +1,4 @@
-"""Everything above the horizon: sky, hills and trees on a cylinder around the world."""
+"""Sky, hills and trees, as a panorama on a cylinder around the world."""
 
 import math
 from functools import cached_property, lru_cache
@@ -12,9 +12,9 @@ from trepid.types import Image
 
 WIDTH = 1280  # columns of the panorama for a full turn
 HEIGHT = 320
-LAND = 64  # rows of the panorama that hills may reach into, from below
-GROUND_BELOW_PX = 2.5  # the ground starts this far below the horizon: 110 m ahead of the default camera
-MIRROR_MARGIN_PX = 24  # rows above the ground that its mirror image goes on, for blurring
+LAND = 64  # rows above the lower end in which hills lie
+GROUND_BELOW_PX = 2.5  # distance of the first ground row from the horizon: 110 m ahead of the default camera
+MIRROR_MARGIN_PX = 24  # rows by which the mirror image extends above the ground, for blurring
 BELOW = 8  # rows of the panorama below the horizon
 SKIES_BGR = (  # zenith, horizon
     ((205, 150, 100), (235, 225, 210)),
@@ -24,7 +24,7 @@ SKIES_BGR = (  # zenith, horizon
 
 
 class Backdrop:
-    """The panorama as one camera sees it: the first ``rows`` rows of its image."""
+    """The panorama in the first ``rows`` rows of the image of one camera."""
 
     def __init__(self, camera: Camera, *, seed: int) -> None:
         self._camera = camera
@@ -50,7 +50,7 @@ class Backdrop:
             )
 
     def mirrored(self, yaw_rad: float) -> Image:
-        """The backdrop upside down below the horizon, BGR, black above: as still water mirrors it."""
+        """The backdrop mirrored below the horizon as in still water, BGR, black above."""
         ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
         columns, rows = self._mirror
         image = np.zeros((self._camera.height_px, self._camera.width_px, 3), np.uint8)

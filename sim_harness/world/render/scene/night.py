@@ -1,4 +1,4 @@
-"""Light and darkness: headlights, lamps of other vehicles, the tunnel."""
+"""Night: ambient light, headlights, tail lamps of other vehicles."""
 
 import math
 
@@ -10,15 +10,16 @@ from sim_harness.world.render.scene.view import SHIFT, FloatImage, Shot, View, i
 from sim_harness.world.roads.disturbance_table import Night, at
 
 LAMP_AHEAD_M, LAMP_SIDE_M, LAMP_UP_M = 1.0, 0.55, 0.65  # from the camera, from the middle, above the road
-AXIS_M = 10.0  # where the beam's brightness is counted
+AXIS_M = 10.0  # distance at which the beam has brightness 1
 SPREAD_RAD = 0.30  # of the beam to each side, standard deviation
-DROP_RAD = 0.075  # below the cut-off the beam weakens by e
+DROP_RAD = 0.075  # angle below the cut-off over which the beam weakens by e
 CUT_OFF_RAD = -0.010  # UN R112: 1 % below the horizon ...
 KINK = 0.268  # ... rising by 15 degrees to the right
 KINK_RAD = 0.02
 STRAY = 0.012  # light above the cut-off
-RETRO = 1.35  # glass beads throw light back: R_L of markings is 5 to 10 times asphalt's (EN 1436), diffuse 3 times
-SKY_SHARE = 0.35  # of the ambient light that the night sky itself shows
+# Exponent of retroreflection by glass beads: R_L of markings is 5 to 10 times asphalt's (EN 1436), diffuse 3 times.
+RETRO = 1.35
+SKY_SHARE = 0.35  # brightness of the night sky relative to the ambient light
 LAMP_BGR = (0.78, 0.92, 1.0)
 TAIL_BGR = (0.08, 0.06, 1.0)
 NIGHT_BGR = (1.12, 1.0, 0.88)
@@ -36,7 +37,7 @@ class Headlights:
         self._ground = np.where(view.rays[2] < 0, ground, 0).astype(np.float32)
 
     def light(self, scene: FloatImage, shot: Shot, settings: Night, grade: float) -> FloatImage:
-        """``scene`` by night: what is left of the daylight, and the beams. Illuminance falls with 1/distance²."""
+        """``scene`` by night: the ambient light and the beams, whose illuminance falls with 1/distance²."""
         ambient, lamp = at(settings.ambient, grade), at(settings.headlight, grade)
         beams = self._ground * np.float32(lamp)
         for pose, body in shot.vehicles:
@@ -54,7 +55,7 @@ class Headlights:
         return self._tail_lamps(dark + lit, shot, 1 - ambient)
 
     def _tail_lamps(self, light: FloatImage, shot: Shot, share: float) -> FloatImage:
-        """Red lamps with their halo."""
+        """``light`` with red tail lamps and their halo."""
         for (x, y, yaw), body in shot.vehicles:
             for side in (-1, 1):
                 across = side * (body.width_m / 2 - 0.16)
@@ -70,7 +71,7 @@ class Headlights:
 
 
 def _beams(ahead_m: FloatImage, left_m: FloatImage, up_m: FloatImage) -> FloatImage:
-    """Illuminance of a surface facing the lamps, by both of them."""
+    """Illuminance by both lamps of a surface that faces them."""
     total = np.zeros_like(ahead_m, dtype=np.float32)
     for side in (-LAMP_SIDE_M, LAMP_SIDE_M):
         forward = np.maximum(ahead_m - LAMP_AHEAD_M, 0.2)
@@ -88,7 +89,7 @@ _AXIS = 0.47  # of a beam 10 m ahead on the road: 3.1 degrees below the cut-off
 
 
 def _glow(light: FloatImage, pixel: np.ndarray, radius_px: float, share: float) -> None:
-    """Add a lamp with its halo in place."""
+    """Add a lamp with its halo to ``light`` in place."""
     reach = int(min(6 * radius_px + 6, 60))
     u, v = round(float(pixel[0])), round(float(pixel[1]))
     rows = slice(max(v - reach, 0), max(v + reach + 1, 0))

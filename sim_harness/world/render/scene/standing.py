@@ -1,4 +1,4 @@
-"""Vehicles that stand over the markings: parked on the right, queueing on the left."""
+"""Standing vehicles over the markings: parked on the right, queueing on the left."""
 
 from collections.abc import Sequence
 
@@ -19,7 +19,7 @@ VANS = 0.2  # share
 def standing(
     road: Road, disturbance: Disturbance, settings: Occlusion, *, seed: int
 ) -> Sequence[tuple[Pose, Body]]:
-    """World poses and bodies. A higher grade keeps those of a lower one, moves them inwards and adds more."""
+    """World poses and bodies. Higher grades keep the vehicles of lower ones, move them inwards and add more."""
     end_m = min(disturbance.to_m or road.length_m, road.length_m)
     full = at(settings.vehicles_per_100m, disturbance.grade) / SLOTS_PER_100M
     over_m = at(settings.over_line_m, disturbance.grade)

@@ -1,6 +1,6 @@
-"""A tunnel: dark walls with lamps, a bright mouth, and an automatic exposure that comes late.
+"""A tunnel: dark walls with lamps, a bright exit, and an automatic exposure with delay.
 
-The tube is drawn as rings of its cross-section from near to far; inside the last ring the picture stays as it is.
+The tube is drawn as rings of its cross-section from near to far; inside the last ring the image is unchanged.
 """
 
 import math
@@ -18,16 +18,16 @@ from sim_harness.world.roads.disturbances import Disturbance
 
 LENGTH_M = 80.0  # of a tunnel without an end
 HALF_M, WALL_M, CROWN_M = 5.2, 3.4, 5.6  # half width, straight wall, crown
-SEEN_M = 150.0  # from how far its mouth is seen
+DRAWN_WITHIN_M = 150.0  # distance of the entry
 WALL_LIGHT = 0.28  # of the wall in the tunnel's own light, relative to white
-MOUTH_REACH_M = 4.5  # how far daylight falls in
+MOUTH_REACH_M = 4.5  # decay length of the daylight inside
 LAMP_EVERY_M, LAMP_M = 12.0, 2.0
-RING_SHARE = 0.10  # distance between rings by that from the eye
+RING_SHARE = 0.10  # distance between rings relative to that from the camera
 FALLEN_IN = 0.6  # share of the daylight that reaches the floor of the mouth
 FACADE_LIGHT, FOOTWAY_LIGHT = 0.30, 0.16
 WALL_BGR = (0.80, 0.94, 1.0)
 UNTOUCHED = -1.0
-BACK_OFF_M = 8.0  # over which the exposure has opened after the entry
+BACK_OFF_M = 8.0  # over which the exposure opens after the entry
 
 
 def extent(disturbance: Disturbance) -> tuple[float, float]:
@@ -37,7 +37,7 @@ def extent(disturbance: Disturbance) -> tuple[float, float]:
 
 
 def exposure_stops(disturbance: Disturbance, station_m: float, settings: TunnelExit) -> float:
-    """How far the automatic exposure is open: it opens inside, and closes only behind the mouth."""
+    """Stops by which the automatic exposure is open: it opens inside and closes behind the exit."""
     start_m, end_m = extent(disturbance)
     full = at(settings.stops, disturbance.grade)
     if station_m < start_m:
@@ -53,11 +53,11 @@ def in_tunnel(
     """``light`` with the tunnel around the camera or ahead of it."""
     start_m, end_m = extent(disturbance)
     station_m = shot.station_m + view.camera.x_m
-    if station_m >= end_m or start_m - station_m > SEEN_M:
+    if station_m >= end_m or start_m - station_m > DRAWN_WITHIN_M:
         return light
     inside = at(settings.inside, disturbance.grade)
     first_m = max(start_m, station_m + 0.8)
-    last_m = min(end_m, station_m + SEEN_M)
+    last_m = min(end_m, station_m + DRAWN_WITHIN_M)
     walls = np.full(light.shape[:2], UNTOUCHED, np.float32)
     if start_m > station_m:
         for facade in _outlines(view, shot, [start_m], _facade()):
@@ -83,7 +83,7 @@ def _lit(
     mouth_m: float,
     inside: float,
 ) -> FloatImage:
-    """``light`` on the floor, and on vehicles, of the tunnel, with its walls."""
+    """``light`` with the walls, and with floor and vehicles in the light of the tunnel."""
     fallen_in = FALLEN_IN * (1 - inside) * np.exp(-np.maximum(mouth_m - view.distance_m, 0) / MOUTH_REACH_M)
     shade = np.where(floor & (view.distance_m < mouth_m), inside + fallen_in, 1).astype(np.float32)
     wall = (walls != UNTOUCHED) & ~floor
@@ -109,7 +109,7 @@ def _lit(
 
 
 def _rings(first_m: float, last_m: float, eye_m: float) -> list[float]:
-    """Stations of cross-sections, the closer the nearer they are."""
+    """Stations of cross-sections, denser near the camera."""
     rings = [first_m]
     while rings[-1] < last_m:
         rings.append(rings[-1] + max(RING_SHARE * (rings[-1] - eye_m), 0.15))
@@ -156,7 +156,7 @@ def _floor(view: View, shot: Shot, from_m: float, to_m: float, *, whole: bool) -
     mask = np.zeros(view.distance_m.shape, np.uint8)
     if len(edges) < 3:
         return mask > 0
-    if whole:  # the tube goes on below the picture
+    if whole:  # the tube extends below the image
         (left, _), (right, _) = edges[0], edges[-1]
         low = 4.0 * len(mask)
         edges = np.vstack([(left + 4 * (left - right), low), edges, (right - 4 * (left - right), low)])

@@ -1,4 +1,4 @@
-"""The vehicle ahead, drawn as a plain car."""
+"""Draws vehicles as plain cars."""
 
 import math
 from dataclasses import dataclass
@@ -35,9 +35,9 @@ class Body:
 
 
 def draw_lead(image: Image, camera: Camera, body: Body, pose: Pose, *, mirrored: bool = False) -> None:
-    """Draw ``body`` at ``pose`` in the vehicle frame of the camera into ``image``; nothing when it is behind.
+    """Draw ``body`` at ``pose`` in the camera's vehicle frame into ``image``; nothing when it is behind.
 
-    ``mirrored``: as it is seen in a wet road, upside down and without a shadow.
+    ``mirrored``: as the reflection on a wet road, upside down and without a shadow.
     """
     if pose[0] + math.hypot(body.front_m, body.width_m) < camera.x_m + NEAR_M:
         return
@@ -58,8 +58,8 @@ def draw_lead(image: Image, camera: Camera, body: Body, pose: Pose, *, mirrored:
 
 
 def _draw_front(painter: "_Painter", body: Body, half: float) -> None:
-    """Grille and headlamps."""
-    if not painter.sees_front(body.front_m):
+    """Draw bumper, grille and headlamps."""
+    if not painter.faces_front(body.front_m):
         return
     x = body.front_m
     painter.face(_rear(x, -half, half, body.clearance_m, 0.40), (38, 38, 40))
@@ -69,8 +69,8 @@ def _draw_front(painter: "_Painter", body: Body, half: float) -> None:
 
 
 def _draw_rear(painter: "_Painter", body: Body, half: float) -> None:
-    """Lamps, plate and bumper."""
-    if not painter.sees_rear(body.rear_m):
+    """Draw bumper, lamps and number plate."""
+    if not painter.faces_rear(body.rear_m):
         return
     x = body.rear_m
     painter.face(_rear(x, -half, half, body.clearance_m, 0.42), (38, 38, 40))
@@ -84,7 +84,7 @@ def _rear(x: float, y0: float, y1: float, z0: float, z1: float) -> list[tuple[fl
 
 
 class _Painter:
-    """Projects polygons of the car's own axes into the image."""
+    """Projects polygons in the car's axes into the image."""
 
     def __init__(self, image: Image, camera: Camera, pose: Pose, *, mirrored: bool = False) -> None:
         self._image, self._camera = image, camera
@@ -95,22 +95,22 @@ class _Painter:
         self._shift = np.array([x, y, 0.0]) - (camera.x_m, camera.y_m, camera.height_m)
         self._eye = self._turn.T @ -self._shift  # the camera in the car's axes
 
-    def sees_rear(self, x_m: float) -> bool:
-        """Whether the camera stands behind the plane ``x_m`` ahead of the rear axle."""
+    def faces_rear(self, x_m: float) -> bool:
+        """Whether the camera is behind the plane ``x_m`` ahead of the rear axle."""
         return bool(self._eye[0] < x_m)
 
-    def sees_front(self, x_m: float) -> bool:
-        """Whether the camera stands before the plane ``x_m`` ahead of the rear axle."""
+    def faces_front(self, x_m: float) -> bool:
+        """Whether the camera is in front of the plane ``x_m`` ahead of the rear axle."""
         return bool(self._eye[0] > x_m)
 
     def face(self, corners: list[tuple[float, float, float]], bgr: tuple[float, ...]) -> None:
-        """A filled convex polygon."""
+        """Draw a filled convex polygon."""
         polygon = self._project(np.array(corners))
         if len(polygon) > 2:
             cv2.fillConvexPoly(self._image, polygon, bgr, cv2.LINE_AA, SHIFT)
 
     def shadow(self, rear_m: float, front_m: float, half_m: float) -> None:
-        """Darken the road below the car, softly."""
+        """Draw a soft shadow on the road below the car."""
         corners = [(rear_m, -half_m, 0), (rear_m, half_m, 0), (front_m, half_m, 0), (front_m, -half_m, 0)]
         polygon = self._project(np.array(corners, float))
         if len(polygon) < 3:
@@ -134,7 +134,7 @@ class _Painter:
         z: tuple[float, float],
         bgr: tuple[int, int, int],
     ) -> None:
-        """The faces of an upright box that the camera sees; half widths ``lower`` and ``upper``."""
+        """Draw the visible faces of an upright box; half widths ``lower`` and ``upper``."""
         (x0, x1), (z0, z1) = x, z
         for side in (-1, 1):
             if side * self._eye[1] > lower:
@@ -149,24 +149,24 @@ class _Painter:
             self.face(
                 [(x0, -upper, z1), (x1, -upper, z1), (x1, upper, z1), (x0, upper, z1)], _shaded(bgr, 1.25)
             )
-        if not (self.sees_rear(x0) or self.sees_front(x1)):
+        if not (self.faces_rear(x0) or self.faces_front(x1)):
             return
-        end = x0 if self.sees_rear(x0) else x1
+        end = x0 if self.faces_rear(x0) else x1
         corners = [(end, -lower, z0), (end, lower, z0), (end, upper, z1), (end, -upper, z1)]
         self.face(corners, _shaded(bgr, 0.95))
 
     def cabin(self, body: Body, half_m: float) -> None:
-        """Windows and roof."""
+        """Draw windows and roof."""
         x = (body.rear_m + 0.25, body.front_m - 1.5)
         roof_half, glass = half_m - 0.16, (58, 52, 48)
         self.box(x, half_m - 0.05, roof_half, (body.waist_m, body.height_m - 0.08), glass)
         self.box(x, roof_half + 0.02, roof_half, (body.height_m - 0.08, body.height_m), body.bgr)
 
     def _project(self, corners: Points) -> NDArray[np.int32]:
-        """A polygon in the car's axes, shape (n, 3), to fixed-point pixels of what is before the lens."""
+        """Fixed-point pixels of a polygon in the car's axes, (n, 3), clipped to the part in front of the lens."""
         points = (self._turn @ (corners * self._upside).T).T + self._shift
-        seen = _before(points @ self._camera.optical_from_vehicle.T, NEAR_M)
-        pixel = self._camera.intrinsics[:2] @ (seen / seen[:, 2:]).T
+        clipped = _before(points @ self._camera.optical_from_vehicle.T, NEAR_M)
+        pixel = self._camera.intrinsics[:2] @ (clipped / clipped[:, 2:]).T
         return np.round(np.clip(pixel.T, -MAX_PX, MAX_PX) * 2**SHIFT).astype(np.int32)
 
 
@@ -184,7 +184,7 @@ def _before(polygon: Points, depth_m: float) -> Points:
 
 
 def outline(camera: Camera, body: Body, pose: Pose) -> NDArray[np.int32] | None:
-    """Fixed-point convex outline of the box around a vehicle; None when it is not before the lens."""
+    """Fixed-point convex outline of the box around a vehicle; None when it is behind the lens."""
     painter = _Painter(np.empty((0, 0, 3), np.uint8), camera, pose)
     half = body.width_m / 2
     ends = [

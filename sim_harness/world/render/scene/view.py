@@ -1,7 +1,7 @@
-"""What each pixel of a pinhole camera looks at, and one frame on its way through light, lens and sensor.
+"""Rays of a pinhole camera, linear light, and the data of one frame.
 
-Light is linear, 1 is a well-exposed white; grey levels are 255·√light (gamma 2, within 4 % of sRGB), so that a
-factor on the light is its root on the grey levels.
+Light is linear, 1 is a well-exposed white; grey levels are 255·√light (gamma 2, within 4 % of sRGB), so a
+factor on the light is its square root on the grey levels.
 """
 
 import math
@@ -19,7 +19,7 @@ from trepid.types import Image
 
 FloatImage = NDArray[np.float32]
 
-SKY_M = 1500.0  # how far hills and sky are for what lies in the air
+SKY_M = 1500.0  # distance of hills and sky for fog, rain and snow
 AHEAD_M = np.concatenate([np.arange(0, 12, 0.5), np.arange(12, 40, 1.5), np.arange(40, 121, 8.0)])
 
 
@@ -58,21 +58,21 @@ class View:
 
     @cached_property
     def fresnel(self) -> FloatImage:
-        """Share of light that still water on the ground mirrors: Schlick (1994), n = 1.33; 0 above the ground."""
+        """Reflectance of still water on the ground: Schlick (1994), n = 1.33; 0 above the horizon."""
         upright = np.clip(-self.rays[2], 0, 1)
         return np.where(self.rays[2] < 0, 0.02 + 0.98 * (1 - upright) ** 5, 0).astype(np.float32)
 
     def pixels(self, points_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pixels (n, 2) and depths (n,) of points (x, y, z) in vehicle axes, (n, 3)."""
         camera = self.camera
-        seen = camera.optical_from_vehicle @ (points_m - (camera.x_m, camera.y_m, camera.height_m)).T
-        depth = np.maximum(seen[2], 1e-3)
-        return (camera.intrinsics[:2] @ (seen / depth)).T, seen[2]
+        optical = camera.optical_from_vehicle @ (points_m - (camera.x_m, camera.y_m, camera.height_m)).T
+        depth = np.maximum(optical[2], 1e-3)
+        return (camera.intrinsics[:2] @ (optical / depth)).T, optical[2]
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """How the vehicle moves while the shutter is open."""
+    """Motion of the vehicle while the shutter is open."""
 
     speed_mps: float = 0.0
     yaw_rate_radps: float = 0.0
@@ -83,20 +83,20 @@ STILL = Motion()
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """All there is to know of one frame."""
+    """The data of one frame."""
 
     road: Road
     pose: Pose  # of the rear axle
     station_m: float
     t_s: float
     motion: Motion
-    vehicles: tuple[tuple[Pose, Body], ...]  # seen from the own vehicle, from far to near
+    vehicles: tuple[tuple[Pose, Body], ...]  # poses in vehicle axes, from far to near
     sun_bearing_rad: float  # left of the camera's axis
     seed: int
 
     @property
     def frame(self) -> int:
-        """A number of the frame, for its noise."""
+        """A number of the frame, which seeds its noise."""
         return round(self.t_s * 1e4) % 2**63
 
     def from_world(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:

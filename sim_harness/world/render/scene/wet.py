@@ -1,4 +1,4 @@
-"""The wet carriageway as a mirror: sky, hills and vehicles upside down, as strong as Fresnel has it."""
+"""Reflections of sky, hills and vehicles on a wet carriageway, weighted by the Fresnel equations."""
 
 import math
 
@@ -21,12 +21,12 @@ from sim_harness.world.render.scene.view import (
 )
 from trepid.camera import Camera
 
-PUDDLE_PX, PUDDLE_M = 256, 0.2  # period and pixel of the pattern of puddles
-ROUGH_PX = (0.006, 0.035)  # blur of the mirror across and along, in focal lengths: wet asphalt is no mirror
+PUDDLE_PX, PUDDLE_M = 256, 0.2  # period and pixel size of the pattern of puddles
+ROUGH_PX = (0.006, 0.035)  # blur across and along, in focal lengths: wet asphalt is rough
 
 
 class WetRoad:
-    """What one camera sees mirrored."""
+    """Reflections on the wet road in the image of one camera."""
 
     def __init__(self, view: View, backdrop: Backdrop, *, seed: int) -> None:
         self._view = view
@@ -39,21 +39,21 @@ class WetRoad:
         self._ground = (view.rays[2] < -0.02).astype(np.float32)
 
     def mirror(self, light: FloatImage, shot: Shot, wet: float) -> FloatImage:
-        """``light`` with the reflections of a road that is ``wet`` by 0..1, in place."""
+        """``light`` with the reflections of a road of wetness ``wet`` (0..1), in place."""
         share = self._view.fresnel * self._shine(shot, wet)
         mirrored = self._backdrop.mirrored(shot.pose[2])
         for pose, body in shot.vehicles:
             draw_lead(mirrored, self._view.camera, body, pose, mirrored=True)
         size = self._view.camera.fy_px
         rows = slice(max(self._backdrop.rows - MIRROR_MARGIN_PX, 0), None)
-        seen, blur_px = light_of(mirrored[rows]), (ROUGH_PX[0] * size, ROUGH_PX[1] * size)
-        soft = cv2.GaussianBlur(seen, (0, 0), blur_px[0], sigmaY=blur_px[1])
+        reflected, blur_px = light_of(mirrored[rows]), (ROUGH_PX[0] * size, ROUGH_PX[1] * size)
+        soft = cv2.GaussianBlur(reflected, (0, 0), blur_px[0], sigmaY=blur_px[1])
         below = light[rows]
         light[rows] = below + cv2.multiply(cv2.subtract(soft, below), in_colour(share[rows]))
         return light
 
     def _shine(self, shot: Shot, wet: float) -> FloatImage:
-        """How much of still water's reflection each pixel of the carriageway gives, (rows, columns)."""
+        """Reflectance of each pixel of the carriageway relative to still water, (rows, columns)."""
         mask = np.zeros(self._ground.shape, np.uint8)
         outline = carriageway(self._view.camera, shot)
         if outline is not None:
@@ -70,7 +70,7 @@ class WetRoad:
 
 
 def carriageway(camera: Camera, shot: Shot, *, inset_m: float = 0.0) -> NDArray[np.int32] | None:
-    """Fixed-point outline of the carriageway ahead in the image; None when it cannot be seen."""
+    """Fixed-point outline of the carriageway ahead in the image; None when it is out of view."""
     section = shot.road.section_at(shot.station_m)
     half = shot.road.width_at(shot.station_m) / 2
     sides = []
@@ -86,7 +86,7 @@ def carriageway(camera: Camera, shot: Shot, *, inset_m: float = 0.0) -> NDArray[
     return polygon(outline) if len(outline) > 3 else None
 
 
-def _width(width_m: float | tuple[float, float] | None, ours_m: float) -> float:
+def _width(width_m: float | tuple[float, float] | None, kept_m: float) -> float:
     if width_m is None:
-        return ours_m
+        return kept_m
     return max(width_m) if isinstance(width_m, tuple) else width_m
