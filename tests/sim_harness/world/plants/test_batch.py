@@ -1,4 +1,4 @@
-"""The batch drives every one of its vehicles as the scalar plant does."""
+"""Every vehicle of a batch moves as the scalar plant."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ DIFFERENT = {
 
 
 def vehicles(count, seed):
-    """Vehicles that differ in everything that a batch may mix."""
+    """Vehicles with different parameters."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
         changes = {name: float(rng.choice(values)) for name, values in DIFFERENT.items()}
@@ -35,7 +35,7 @@ def vehicles(count, seed):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_each_vehicle_of_a_batch_drives_as_the_scalar_plant_does(seed):
+def test_each_vehicle_of_a_batch_moves_as_the_scalar_plant(seed):
     """Through rate limits, slides, stops, standstill and new starts."""
     rng = np.random.default_rng(seed)
     plants = list(vehicles(12, seed))
@@ -63,7 +63,7 @@ def test_a_dead_time_between_two_periods_is_refused():
         BatchPlant([KinematicPlant(vehicle)], period_s=0.01)
 
 
-def test_a_demand_that_is_not_a_number_is_refused():
+def test_a_demand_that_is_not_finite_is_refused():
     batch = BatchPlant([KinematicPlant(SHUTTLE)], period_s=0.01)
     with pytest.raises(ValueError, match="finite"):
         batch.step(batch.initial(np.array([5.0])), np.array([np.nan]), np.array([0.0]))

@@ -1,4 +1,4 @@
-"""CommonRoad's models as plants, and as independent oracles of ours."""
+"""CommonRoad's models as plants, and as independent references for SingleTrackPlant."""
 
 import math
 
@@ -31,7 +31,7 @@ def settled(model, speed_mps, curvature_1pm, seconds=1.2):
 
 
 @pytest.mark.parametrize("model", FOREIGN)
-def test_the_understeer_is_the_one_that_is_stated(model):
+def test_the_understeer_gradients_are_measured_again(model):
     """Left and right bends together, as the tyres of the multi-body model are not quite symmetrical."""
     speed_mps, gradients = 20.0, []
     for side in (1, -1):
@@ -45,8 +45,8 @@ def test_the_understeer_is_the_one_that_is_stated(model):
 
 @pytest.mark.parametrize("model", FOREIGN)
 @pytest.mark.parametrize("speed_mps", [5.0, 15.0])
-def test_our_dynamic_plant_with_their_mass_and_tyres_turns_as_they_do(model, speed_mps):
-    """Yaw rate through a step of the wheel to 2 m/s², to 1 % (drift) and 3 % (multi-body: ours does not roll)."""
+def test_single_track_with_their_mass_and_tyres_has_their_yaw_rate(model, speed_mps):
+    """Yaw rate through a step of the wheel to 2 m/s², to 1 % (drift) and 3 % (multi-body, which rolls)."""
     neutral = SHUTTLE.model_copy(update=dict(understeer_gradient_rad_per_mps2=UNDERSTEER[model]))
     ours = SingleTrackPlant(neutral, PlantSettings(chassis=Chassis(**BMW)))
     theirs = build_plant(PlantSettings(model=model), SHUTTLE)
@@ -74,7 +74,7 @@ def test_they_drive_off_from_standstill_turn_and_stop(model):
     assert (later.x_m, later.y_m, later.yaw_rad) == (stopped.x_m, stopped.y_m, stopped.yaw_rad)
 
 
-def test_the_drift_model_slides_where_the_road_has_no_more_grip():
+def test_the_drift_model_slides_on_a_slippery_road():
     plant = build_plant(PlantSettings(model=Model.COMMONROAD_DRIFT, friction=0.3), SHUTTLE)
     end = drive(plant, plant.initial(speed_mps=10.0), command(0.3), 1.5)
     peak = 1.0489 * 0.3 * 9.81
@@ -82,6 +82,6 @@ def test_the_drift_model_slides_where_the_road_has_no_more_grip():
 
 
 @pytest.mark.parametrize("model", FOREIGN)
-def test_a_bank_is_refused(model):
+def test_a_banked_road_is_refused(model):
     with pytest.raises(InputError, match="banked road"):
         build_plant(PlantSettings(model=model, bank_rad=0.05), SHUTTLE)

@@ -1,4 +1,4 @@
-"""highway-env's vehicle as a plant: a linear single track that is not ours."""
+"""highway-env's vehicle as a plant: an independent linear single track."""
 
 import pytest
 from plant_rig import SHUTTLE, command, drive
@@ -13,8 +13,8 @@ pytest.importorskip("highway_env", reason="highway-env is in the extra [bench]")
 
 @pytest.mark.parametrize("speed_mps", [5.0, 15.0])
 @pytest.mark.parametrize("load_kg", [0.0, 300.0])
-def test_our_dynamic_plant_and_theirs_drive_the_same_path_while_tyres_are_linear(speed_mps, load_kg):
-    """A step of the wheel at 0.5 m/s²; theirs holds the middle of the wheel's angle over each step."""
+def test_single_track_and_highway_env_drive_the_same_path_while_tyres_are_linear(speed_mps, load_kg):
+    """A step of the wheel at 0.5 m/s²; highway-env holds the mean wheel angle over each step."""
     settings = PlantSettings(model=Model.HIGHWAY_ENV, load_kg=load_kg)
     ours, theirs = SingleTrackPlant(SHUTTLE, settings), build_plant(settings, SHUTTLE)
     angle_rad = ours.steady_angle_rad(0.5 / speed_mps**2, speed_mps)
@@ -36,6 +36,6 @@ def test_it_drives_off_from_standstill_and_stops():
 
 
 @pytest.mark.parametrize("change", [{"bank_rad": 0.05}, {"friction": 0.5}])
-def test_what_it_does_not_know_is_refused(change):
+def test_bank_and_friction_are_refused(change):
     with pytest.raises(InputError, match="neither a banked road nor its friction"):
         build_plant(PlantSettings(model=Model.HIGHWAY_ENV, **change), SHUTTLE)

@@ -1,4 +1,4 @@
-"""The plant against closed forms and its own mirror image."""
+"""The kinematic plant against closed forms and its mirror image."""
 
 import math
 from dataclasses import replace
@@ -163,6 +163,6 @@ def test_mirrored_demands_drive_the_mirrored_path(angles, speed_mps):
     assert (right.x_m, right.y_m, right.yaw_rad) == (left.x_m, -left.y_m, -left.yaw_rad)
 
 
-def test_a_demand_that_is_not_a_number_is_refused():
+def test_a_demand_that_is_not_finite_is_refused():
     with pytest.raises(ValueError, match="finite"):
         KinematicPlant(SHUTTLE).step(PlantState(), replace(command(), road_wheel_angle_rad=math.nan), 0.01)

@@ -1,4 +1,4 @@
-"""Every plant behind the one interface, and our controller on our plants."""
+"""Every plant behind the one interface, and the controller on the plants of Trepid."""
 
 import math
 from dataclasses import replace
@@ -29,14 +29,14 @@ def plant(request):
     return build_plant(PlantSettings(model=request.param), SHUTTLE)
 
 
-def test_every_plant_rolls_straight_on_at_constant_speed(plant):
+def test_every_plant_rolls_straight_at_constant_speed(plant):
     end = drive(plant, plant.initial(1.0, 2.0, math.pi / 2, 10.0), command(), 1.0)
     assert (end.x_m, end.y_m) == (pytest.approx(1.0, abs=0.02), pytest.approx(12.0, abs=0.05))
     assert end.speed_mps == pytest.approx(10.0, abs=0.05)
     assert plant.lateral_accel_mps2(end) == pytest.approx(0.0, abs=0.02)
 
 
-def test_every_plant_settles_on_the_bend_of_the_steady_angle(plant):
+def test_every_plant_settles_on_the_curvature_of_the_steady_angle(plant):
     """To 3 %: the tyres of single track and multi-body are not quite linear."""
     start = plant.initial(speed_mps=10.0, curvature_1pm=0.02)
     assert start.acting_demand_rad == plant.steady_angle_rad(0.02, 10.0)
@@ -48,24 +48,24 @@ def test_every_plant_settles_on_the_bend_of_the_steady_angle(plant):
 def test_every_plant_turns_left_for_a_positive_angle_and_mirrors_it(plant):
     left, right = (drive(plant, plant.initial(speed_mps=5.0), command(a), 1.0) for a in (0.1, -0.1))
     assert left.y_m > 0.1
-    assert right.y_m == pytest.approx(-left.y_m, rel=0.03)  # the multi-body model is not quite symmetrical
+    assert right.y_m == pytest.approx(-left.y_m, rel=0.03)  # the multi-body model is slightly asymmetrical
     assert right.yaw_rad == pytest.approx(-left.yaw_rad, rel=0.03)
 
 
-def test_every_plant_repeats_itself_bit_for_bit_and_leaves_the_given_state_alone(plant):
+def test_every_plant_is_deterministic_and_does_not_modify_the_given_state(plant):
     start = plant.initial(speed_mps=8.0)
     first, second = (drive(plant, start, command(0.1, 0.5), 0.3) for _ in range(2))
     assert first == second
     assert start == plant.initial(speed_mps=8.0)
 
 
-def test_every_plant_refuses_a_demand_that_is_not_a_number(plant):
+def test_every_plant_refuses_a_demand_that_is_not_finite(plant):
     with pytest.raises(ValueError, match="finite"):
         plant.step(plant.initial(), replace(command(), accel_mps2=math.inf), 0.01)
 
 
 @pytest.mark.parametrize("model", [Model.KINEMATIC, Model.SINGLE_TRACK])
-def test_fields_of_the_vehicle_file_may_differ_in_reality(model):
+def test_settings_override_fields_of_the_vehicle_file(model):
     real = build_plant(PlantSettings(model=model, vehicle={"wheelbase_m": 2.5}), SHUTTLE)
     assert real.vehicle.wheelbase_m == 2.5
     assert real.steady_angle_rad(0.1, 0.0) == pytest.approx(math.atan(0.25))
@@ -91,12 +91,12 @@ TYRED = SHUTTLE.model_copy(update=dict(rear_slip_gradient_rad_per_mps2=REAR_SLIP
         (LawName.LQI, Model.SINGLE_TRACK, TYRED, 20.0, 0.03),
     ],
 )
-def test_our_laws_keep_an_s_clothoid_at_2_mps2_on_our_plants(law, model, known, speed_mps, bound_m):
+def test_the_laws_follow_an_s_clothoid_at_2_mps2(law, model, known, speed_mps, bound_m):
     assert _s_worst_m(law, model, known, speed_mps) <= bound_m
 
 
-def test_a_heading_laid_along_the_lane_where_tyres_drift_misses_it():
-    """What a vehicle file without ``rear_slip_gradient_rad_per_mps2`` costs on tyres."""
+def test_without_the_rear_slip_gradient_the_path_is_missed_on_tyres():
+    """Lateral error with a vehicle file without ``rear_slip_gradient_rad_per_mps2``."""
     assert _s_worst_m(LawName.FEEDFORWARD, Model.SINGLE_TRACK, SHUTTLE, 20.0) > 0.2
 
 

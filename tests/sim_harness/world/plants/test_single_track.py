@@ -1,4 +1,4 @@
-"""The dynamic plant against closed forms, scipy's integrator, the kinematic plant and its own mirror image."""
+"""The dynamic plant against closed forms, scipy's integrator, the kinematic plant and its mirror image."""
 
 import math
 from itertools import pairwise
@@ -26,14 +26,14 @@ IDEAL = SHUTTLE.model_copy(
 
 
 def settled(plant, angle_rad, speed_mps, seconds=12.0):
-    """The state after a constant angle was held for ``seconds``."""
+    """The state after ``seconds`` at a constant angle."""
     start = PlantState(speed_mps=speed_mps, road_wheel_angle_rad=angle_rad, acting_demand_rad=angle_rad)
     return drive(plant, start, command(angle_rad), seconds)
 
 
 @pytest.mark.parametrize("gradient", [0.0, 0.00356, 0.009, -0.002])
 @pytest.mark.parametrize("speed_mps", [5.0, 12.0, 20.0])
-def test_in_steady_state_it_understeers_as_the_vehicle_file_says(gradient, speed_mps):
+def test_the_steady_state_has_the_understeer_of_the_vehicle_file(gradient, speed_mps):
     """For small accelerations δ - L·κ = K_us·v²·κ."""
     vehicle = IDEAL.model_copy(update=dict(understeer_gradient_rad_per_mps2=gradient))
     plant = SingleTrackPlant(vehicle)
@@ -44,8 +44,8 @@ def test_in_steady_state_it_understeers_as_the_vehicle_file_says(gradient, speed
 
 
 @pytest.mark.parametrize("lateral_mps2", [2.0, -5.0, 8.0])
-def test_near_the_grip_it_understeers_more_as_the_reversed_magic_formula_says(lateral_mps2):
-    """Both axles use the same part of their grip, so the whole difference of slip angles grows by one factor."""
+def test_near_the_grip_understeer_grows_as_the_inverse_magic_formula(lateral_mps2):
+    """Both axles use the same share of their grip, so the difference of slip angles grows by one factor."""
     plant, speed_mps = SingleTrackPlant(IDEAL), 15.0
     curvature = lateral_mps2 / speed_mps**2
     angle_rad = plant.steady_angle_rad(curvature, speed_mps)
@@ -59,8 +59,8 @@ def test_near_the_grip_it_understeers_more_as_the_reversed_magic_formula_says(la
 
 
 @pytest.mark.parametrize("speed_mps", [0.3, 1.0, 2.0])
-def test_at_low_speed_it_drives_as_the_kinematic_plant(speed_mps):
-    """What is left is the drift, which grows with the square of the speed."""
+def test_at_low_speed_it_moves_as_the_kinematic_plant(speed_mps):
+    """The remaining difference is the drift, which grows with the square of the speed."""
     seconds, demand = 4.0, command(0.2)
     start = PlantState(speed_mps=speed_mps)
     dynamic = drive(SingleTrackPlant(SHUTTLE), start, demand, seconds)
@@ -109,7 +109,7 @@ def test_the_tyres_never_accelerate_the_car_by_more_than_the_grip(friction, spee
 
 
 def test_a_coasting_car_gains_no_energy_from_steering():
-    """Kinetic energy with u' given: the tyres can only take from the lateral and the yaw motion."""
+    """Kinetic energy with u' given: the tyres can only reduce the energy of the lateral and the yaw motion."""
     plant = SingleTrackPlant(IDEAL)
     axles, state = plant.axles, plant.initial(speed_mps=15.0, curvature_1pm=0.02)
     energies = []
@@ -158,7 +158,7 @@ def test_halving_the_step_divides_the_error_by_sixteen():
 
 
 def test_scipys_integrator_drives_the_textbook_equations_to_the_same_place():
-    """Rajamani's equations in lateral speed and yaw rate at the centre of gravity, written out anew."""
+    """Rajamani's equations in lateral speed and yaw rate at the centre of gravity, written independently."""
     plant, vehicle = SingleTrackPlant(SHUTTLE), SHUTTLE
     axles, front_m, rear_m = plant.axles, plant.axles.cg_to_front_m, plant.axles.cg_to_rear_m
 
@@ -194,8 +194,8 @@ def test_scipys_integrator_drives_the_textbook_equations_to_the_same_place():
 
 @pytest.mark.parametrize("kind", [KinematicPlant, SingleTrackPlant])
 @pytest.mark.parametrize("bank_rad", [0.06, -0.03])
-def test_a_bank_shifts_the_angle_that_goes_straight_by_the_weight_across(kind, bank_rad):
-    """δ = K_us·g·sin φ, to 2 % for the tyres that are not quite linear."""
+def test_a_bank_shifts_the_straight_ahead_angle_by_the_lateral_weight(kind, bank_rad):
+    """δ = K_us·g·sin φ, to 2 % for the nonlinear tyres."""
     plant = kind(SHUTTLE, PlantSettings(bank_rad=bank_rad))
     angle_rad = plant.steady_angle_rad(0.0, 12.0)
     shift_rad = SHUTTLE.understeer_gradient_rad_per_mps2 * G * math.sin(bank_rad)
@@ -206,7 +206,7 @@ def test_a_bank_shifts_the_angle_that_goes_straight_by_the_weight_across(kind, b
     assert math.copysign(1.0, pulled.yaw_rad) == -math.copysign(1.0, bank_rad)  # downhill
 
 
-def test_a_load_at_the_rear_takes_understeer_away_and_leaves_the_empty_vehicle_as_its_file_says():
+def test_a_load_at_the_rear_reduces_understeer_and_the_empty_vehicle_keeps_that_of_its_file():
     empty, loaded = (axles_of(SHUTTLE, PlantSettings(load_kg=load_kg)) for load_kg in (0.0, 300.0))
     gradient = SHUTTLE.understeer_gradient_rad_per_mps2
     assert empty.understeer_gradient_rad_per_mps2 == pytest.approx(gradient, rel=1e-12)

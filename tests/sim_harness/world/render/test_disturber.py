@@ -1,4 +1,4 @@
-"""Disturbed pictures: none at grade 0, worse with every grade, the same in any order, physics by its laws."""
+"""Disturbed images: no effect at grade 0, stronger with every grade, deterministic, by physical laws."""
 
 from itertools import pairwise
 
@@ -37,7 +37,7 @@ DRIVING = Motion(speed_mps=8.0, yaw_rate_radps=0.2)
 
 
 def renderer(*disturbances: Disturbance, camera: Camera = CAMERA, seed: int = 3) -> Renderer:
-    """On ground that is painted once; what would be painted on it is left out."""
+    """Rendered on shared ground, without the disturbances that are painted on it."""
     return Renderer(ROAD, camera, seed=seed, ground=GROUND, disturbances=disturbances)
 
 
@@ -57,7 +57,7 @@ def of(kind: str, grade: float, **where) -> Disturbance:
 
 
 def marking(image: np.ndarray, ahead_m: float) -> float:
-    """Michelson contrast of the right line against the lane beside it, that far ahead."""
+    """Michelson contrast of the right line against the adjacent lane surface at that distance."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(float)
     (u, v), (inner, _) = CAMERA.pixel_from_road([(ahead_m, -WIDTH_M / 2), (ahead_m, -WIDTH_M / 2 + 0.5)])
     row = grey[round(v) - 1 : round(v) + 2].mean(axis=0)
@@ -89,20 +89,20 @@ EFFECTS = {  # each falls with every grade
 }
 
 
-def test_grade_0_leaves_every_byte_as_it_is():
+def test_grade_0_changes_no_byte():
     for kind in DisturbanceKind:
         assert np.array_equal(frame(of(kind, 0)), CLEAR), kind
 
 
 @pytest.mark.parametrize("kind", EFFECTS)
-def test_every_grade_is_worse_than_the_one_before(kind):
+def test_every_grade_changes_the_image_more_than_the_previous_one(kind):
     tunnel = {"to_m": STATION_M + 35} if kind == "tunnel_exit" else {}
     effects = [EFFECTS[kind](frame(of(kind, grade, **tunnel))) for grade in (1, 2, 3, 4, 5)]
     effects = [EFFECTS[kind](CLEAR), *effects]
     assert all(worse < better for better, worse in pairwise(effects)), effects
 
 
-def test_painted_kinds_have_no_effect_on_ground_that_is_shared():
+def test_painted_kinds_have_no_effect_on_shared_ground():
     for kind in ("tree_shadows", "building_shadows", "bridge_shadows"):
         assert np.array_equal(frame(of(kind, 5)), CLEAR)
 
@@ -110,7 +110,7 @@ def test_painted_kinds_have_no_effect_on_ground_that_is_shared():
 ALL = [of(kind, 3) for kind in DisturbanceKind if kind != "tunnel_exit"]
 
 
-def test_the_same_seed_pose_and_time_give_the_same_bytes_in_any_order():
+def test_equal_seed_pose_and_time_give_equal_bytes_in_any_order():
     one, other = renderer(*ALL), renderer(*ALL)
     times = (0.0, 2.0, 7.3)
     forwards = [shot(one, t_s=t) for t in times]
@@ -119,14 +119,14 @@ def test_the_same_seed_pose_and_time_give_the_same_bytes_in_any_order():
     assert not np.array_equal(forwards[0], forwards[1])
 
 
-def test_another_seed_gives_other_drops_flakes_dirt_and_vehicles():
+def test_the_seed_changes_drops_flakes_dirt_and_vehicles():
     for kind in ("rain", "snow", "dirt", "noise", "occlusion"):
         one, other = (shot(renderer(of(kind, 4), seed=seed)) for seed in (3, 4))
         plain = shot(renderer(seed=4))
         assert not np.array_equal(one.astype(int) - CLEAR, other.astype(int) - plain), kind
 
 
-def test_before_and_behind_its_stretch_a_disturbance_is_not_there():
+def test_a_disturbance_has_no_effect_outside_its_stretch():
     stretch = of("fog", 5, from_m=80, to_m=120)
     assert np.array_equal(frame(stretch, station_m=70.0), frame(station_m=70.0))
     assert np.array_equal(frame(stretch, station_m=121.0), frame(station_m=121.0))
@@ -168,7 +168,7 @@ def test_by_night_the_road_is_lit_near_and_dark_far_and_to_the_sides():
     assert night[105:110, :20].mean() < 0.6 * night[105:110, 150:170].mean()
 
 
-def test_the_sun_blinds_only_those_who_drive_towards_it():
+def test_the_low_sun_dazzles_only_when_driving_towards_it():
     low = of("low_sun", 5)
     towards = frame(low)
     away = renderer(low).render(STATION_M, 0.0, np.pi, t_s=1.0, station_m=STATION_M, light=PLAIN)
@@ -176,7 +176,7 @@ def test_the_sun_blinds_only_those_who_drive_towards_it():
     assert (away >= 250).mean() < 0.001
 
 
-def test_a_tunnel_is_dark_with_a_blinding_mouth_and_blinds_behind_it():
+def test_a_tunnel_is_dark_and_its_exit_is_over_exposed():
     tunnel = of("tunnel_exit", 4, to_m=STATION_M + 20)
     inside = frame(tunnel)
     assert inside[150:, 100:220].mean() < 0.9 * CLEAR[150:, 100:220].mean()
@@ -195,7 +195,7 @@ def test_a_wet_road_mirrors_the_vehicle_ahead():
     assert np.abs(wet - without)[below, 150:170].mean() > 4
 
 
-def test_more_vehicles_stand_further_over_the_line_with_every_grade():
+def test_every_grade_adds_standing_vehicles_and_moves_them_inwards():
     half_m = WIDTH_M / 2
     crowds = [standing(ROAD, of("occlusion", grade), TABLE.occlusion, seed=3) for grade in (1, 2, 3, 4, 5)]
     assert all(len(more) > len(fewer) > 0 for fewer, more in pairwise(crowds))
@@ -208,7 +208,7 @@ def test_more_vehicles_stand_further_over_the_line_with_every_grade():
     assert 0.1 < np.mean(hidden) < 0.9
 
 
-def test_a_distorted_camera_sees_all_disturbances():
+def test_a_distorted_camera_renders_all_disturbances():
     camera = CAMERA.model_copy(update={"distortion": (-0.2, 0.03)})
     image = shot(renderer(*ALL, camera=camera))
     assert image.shape == CLEAR.shape and image.std() > 5

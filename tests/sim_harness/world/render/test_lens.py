@@ -1,4 +1,4 @@
-"""Lens distortion against OpenCV, sensor noise against its model, vehicles against the pinhole."""
+"""Lens distortion, sensor noise against its model, vehicles against the pinhole."""
 
 import cv2
 import numpy as np
@@ -18,7 +18,7 @@ COEFFICIENT = st.floats(-0.15, 0.15)
 
 @settings(max_examples=30, deadline=None)
 @given(COEFFICIENT, st.floats(-0.02, 0.02), st.floats(-0.003, 0.003), st.floats(-0.003, 0.003))
-def test_distortion_is_opencvs_and_its_inverse_undoes_it(k1, k2, p1, p2):
+def test_distortion_is_opencvs_and_undistortion_inverts_it(k1, k2, p1, p2):
     camera = CAMERA.model_copy(update={"distortion": (k1, k2, p1, p2)})
     pixels = np.random.default_rng(0).uniform((20, 20), (300, 220), (40, 2))
     rays = np.linalg.solve(camera.intrinsics, np.column_stack([pixels, np.ones(40)]).T).T
@@ -29,7 +29,7 @@ def test_distortion_is_opencvs_and_its_inverse_undoes_it(k1, k2, p1, p2):
     assert undistorted(camera, distorted(camera, pixels)) == pytest.approx(pixels, abs=1e-3)
 
 
-def test_the_pinhole_behind_a_lens_sees_all_that_the_lens_sees():
+def test_the_pinhole_covers_the_field_of_view_of_the_lens():
     camera = CAMERA.model_copy(update={"distortion": (-0.3, 0.08)})
     pinhole = Distortion(camera).pinhole
     shift = (pinhole.cx_px - camera.cx_px, pinhole.cy_px - camera.cy_px)
@@ -39,7 +39,7 @@ def test_the_pinhole_behind_a_lens_sees_all_that_the_lens_sees():
 
 
 @pytest.mark.parametrize("pose", [(9.0, 0.0, 0.0), (16.0, 1.2, 0.0), (30.0, -2.0, 0.0), (14.0, 2.5, 0.3)])
-def test_a_vehicle_fills_the_box_that_the_pinhole_gives_it(pose):
+def test_a_vehicle_fills_its_projected_box(pose):
     body = Body(bgr=(255, 255, 255))
     image = np.zeros((240, 320, 3), np.uint8)
     draw_lead(image, CAMERA, body, pose)
@@ -56,7 +56,7 @@ def test_a_vehicle_fills_the_box_that_the_pinhole_gives_it(pose):
     assert (columns[0], columns[-1]) == pytest.approx((low[0], high[0]), abs=1)
 
 
-def test_a_vehicle_is_as_high_as_the_pinhole_has_it():
+def test_a_vehicle_has_its_projected_height():
     body, image = Body(bgr=(255, 255, 255)), np.zeros((240, 320, 3), np.uint8)
     draw_lead(image, CAMERA, body, (15.0, 0.0, 0.0))
     for height_m, rows in ((body.height_m, np.flatnonzero((image > 60).any(axis=(1, 2)))[0]),):
@@ -77,7 +77,7 @@ def test_the_road_below_a_vehicle_lies_in_its_shadow():
     assert image[v, 100:110].mean() == 120 == image[v + 15, 155:165].mean()
 
 
-def test_a_vehicle_beside_the_camera_is_drawn_as_far_as_it_is_ahead():
+def test_a_vehicle_beside_the_camera_is_clipped_at_the_image_plane():
     image = np.zeros((240, 320, 3), np.uint8)
     draw_lead(image, CAMERA, Body(bgr=(255, 255, 255)), (0.5, 2.6, 0.0))
     assert image[:, :80].any() and not image[:, 160:].any()
@@ -85,7 +85,7 @@ def test_a_vehicle_beside_the_camera_is_drawn_as_far_as_it_is_ahead():
 
 @pytest.mark.parametrize("gain", [4.0, 30.0])
 @pytest.mark.parametrize("level", [60, 120, 190])
-def test_noise_is_as_strong_as_shot_and_read_noise_have_it(gain, level):
+def test_noise_has_the_deviation_of_shot_and_read_noise(gain, level):
     even = np.full((240, 320, 3), level, np.uint8)
     noise = noisy(even, gain, (1, 2, 3)).astype(float) - level
     assert noise.std() == pytest.approx(noise_sigma(gain)[level], rel=0.05)
@@ -96,7 +96,7 @@ def test_shot_noise_is_the_root_of_the_electrons():
     assert noise_sigma(1.0)[255] == pytest.approx(255 * 0.5 / 9000**0.5, rel=0.01)
 
 
-def test_a_codec_of_full_quality_changes_little():
+def test_jpeg_of_full_quality_changes_little():
     image = cv2.GaussianBlur(
         np.random.default_rng(0).integers(0, 255, (64, 64, 3)).astype(np.uint8), (9, 9), 0
     )

@@ -1,4 +1,4 @@
-"""Painted lines lie where the settings say, with the pattern, the colour and the damage that they say."""
+"""Painted lines have the place, pattern, colour, wear and damage of their settings."""
 
 import math
 from itertools import pairwise
@@ -32,7 +32,7 @@ def test_the_lines_of_all_lanes_lie_at_their_edges():
 
 
 @pytest.mark.parametrize("curvature_1pm", [0.0, 1 / 60, -1 / 60])
-def test_the_line_of_a_neighbour_lane_is_seen_where_the_camera_model_puts_it(curvature_1pm):
+def test_the_line_of_a_neighbour_lane_is_rendered_where_the_camera_model_predicts(curvature_1pm):
     section = bare(left_lanes=(NeighbourLane(width_m=2.8, marking=SOLID),), paved_left_m=1)
     road = straight(section, segments=(Segment(length_m=100, curvature_1pm=curvature_1pm),))
     x_m, y_m = road.position(20.0, 0.0)
@@ -77,7 +77,7 @@ def test_dashes_have_the_stated_period_from_the_start_of_their_section():
     assert np.diff(centres_m(dashes, seen.x_m)) == pytest.approx(7.5, abs=0.03)
 
 
-def test_gaps_are_empty_and_nothing_else_is():
+def test_only_gaps_are_empty():
     line = Marking(gaps_m=((10.0, 14.0), (20.0, 21.5)))
     seen = plan(straight(bare(left=line, right=SOLID, paved_right_m=1)), to_m=36)
     missing = ~seen.white()[seen.row(HALF_M)]
@@ -91,7 +91,7 @@ def test_yellow_paint_is_yellow():
     assert seen.yellow()[seen.row(HALF_M + 0.12)].mean() > 0.99 and not seen.white().any()
 
 
-def test_damage_takes_pieces_with_hard_edges_and_more_of_them_the_more_there_is():
+def test_damage_removes_pieces_with_hard_edges_in_proportion():
     shares = []
     for damage in (0.0, 0.4, 0.9):
         seen = plan(straight(bare(left=Marking(width_m=0.2, damage=damage))), to_m=50)
@@ -101,7 +101,7 @@ def test_damage_takes_pieces_with_hard_edges_and_more_of_them_the_more_there_is(
     assert shares[0] == 1 and all(a > b + 0.1 for a, b in pairwise(shares))
 
 
-def test_a_line_follows_a_width_that_changes():
+def test_a_line_follows_a_varying_width():
     section = bare(lane_width_m=(2.4, 4.4), left=SOLID, right=SOLID, paved_left_m=1, paved_right_m=1)
     seen = plan(straight(section), to_m=100)
     for station_m in (10, 50, 90):
@@ -121,7 +121,7 @@ def test_the_mirror_image_of_a_road_has_the_mirror_image_of_its_lines():
     assert here.sum() > 1000 and not (here & ~grown[1]).any() and not (there & ~grown[0]).any()
 
 
-def test_what_is_new_at_one_place_leaves_the_rest_of_the_road_as_it_was():
+def test_a_local_change_leaves_the_rest_of_the_road_unchanged():
     sections = (bare(left=SOLID), bare("far", 60, left=SOLID))
     changed = (sections[0], sections[1].model_copy(update={"left": Marking(damage=0.5), "kerb_m": 0.3}))
     mark = {"kind": "stop_line", "at_m": 70}
@@ -147,6 +147,6 @@ def test_a_closed_road_interrupts_its_lines_across_its_seam():
 
 
 @pytest.mark.parametrize("gap_m", [(5.0, 5.0), (7.0, 3.0)])
-def test_a_gap_that_does_not_end_beyond_its_start_is_refused(gap_m):
+def test_a_gap_of_no_length_is_refused(gap_m):
     with pytest.raises(ValidationError, match="a gap must end beyond its start"):
         Marking(gaps_m=(gap_m,))

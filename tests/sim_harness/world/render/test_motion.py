@@ -1,4 +1,4 @@
-"""What the vehicle's motion does to a picture, against the geometry of rigid motion."""
+"""Motion blur and rolling shutter against the geometry of rigid motion."""
 
 import math
 
@@ -32,14 +32,14 @@ def test_the_vehicle_drives_the_arc_of_its_speed_and_yaw_rate():
     assert math.atan2(after[1, 0], after[0, 0]) == pytest.approx(turn)
 
 
-def test_a_point_of_the_ground_moves_as_the_camera_model_has_it():
+def test_a_point_of_the_ground_moves_as_the_camera_model_predicts():
     later = np.array([[9.0, 1.5]])  # in the vehicle's axes after 40 ms
     before = road_after(BEND, 0.04) @ (*later[0], 1.0)
     expected = CAMERA.pixel_from_road([before[:2]])[0]
     assert moved(SHAKE.ground(BEND, 0.04), CAMERA.pixel_from_road(later)[0]) == pytest.approx(expected)
 
 
-def test_two_motions_in_a_row_are_one():
+def test_consecutive_motions_multiply():
     both = SHAKE.ground(BEND, 0.01) @ SHAKE.ground(BEND, 0.02)
     assert both == pytest.approx(SHAKE.ground(BEND, 0.03), abs=1e-9 * np.abs(both).max())
 
@@ -55,13 +55,13 @@ def test_a_pole_leans_while_the_vehicle_turns(yaw_rate_radps):
     assert columns == pytest.approx(expected, abs=0.3)
 
 
-def test_a_standing_vehicle_blurs_nothing():
+def test_a_standing_vehicle_has_no_blur():
     image = np.random.default_rng(0).integers(0, 255, (240, 320, 3)).astype(np.uint8)
     assert np.array_equal(SHAKE.blur(image, Motion(), 0.05), image)
     assert np.abs(SHAKE.roll(image, Motion(), 0.05).astype(int) - image).max() <= 8
 
 
-def test_a_point_is_smeared_over_its_path():
+def test_a_point_is_blurred_along_its_path():
     image = np.zeros((240, 320, 3), np.uint8)
     image[150, 230] = 255
     speed = Motion(10.0, 0.0)
@@ -71,6 +71,6 @@ def test_a_point_is_smeared_over_its_path():
     assert lit[:, 1].max() == pytest.approx(end[0], abs=3) and lit[:, 0].max() == pytest.approx(end[1], abs=3)
 
 
-def test_a_smear_keeps_the_light_of_an_even_picture():
+def test_motion_blur_keeps_the_brightness_of_a_uniform_image():
     image = np.full((240, 320, 3), 120, np.uint8)
     assert np.abs(SHAKE.blur(image, BEND, 0.08).astype(int) - 120).max() <= 1

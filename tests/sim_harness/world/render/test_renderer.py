@@ -1,4 +1,4 @@
-"""The renderer: geometry that the camera model predicts, determinism, and light."""
+"""The renderer: geometry against the camera model, determinism, light."""
 
 import math
 
@@ -106,7 +106,7 @@ def test_without_markings_the_carriageway_ends_at_the_lane():
     assert edges == pytest.approx([-WIDTH_M / 2, WIDTH_M / 2], abs=0.06)
 
 
-def test_the_mirror_image_of_a_bend_is_seen_in_the_mirror():
+def test_a_mirrored_bend_gives_a_mirrored_image():
     left = frame(Renderer(bend(1 / 20), CAMERA, seed=1), 30.0, 0.5, turn_rad=0.1, light=PLAIN)
     right = frame(Renderer(bend(-1 / 20), CAMERA, seed=1), 30.0, -0.5, turn_rad=-0.1, light=PLAIN)
     ours, theirs = (im[100:].min(axis=2) > 165 for im in (left[:, 1:], right[:, :0:-1]))
@@ -115,14 +115,14 @@ def test_the_mirror_image_of_a_bend_is_seen_in_the_mirror():
     assert (theirs & grown[0]).sum() > 0.95 * theirs.sum()
 
 
-def test_the_same_seed_pose_and_time_give_the_same_bytes_in_any_order():
+def test_equal_seed_pose_and_time_give_equal_bytes_in_any_order():
     one, other = ON_CIRCUIT, Renderer(CIRCUIT, CAMERA, seed=7)
     frame(other, 700.0, t_s=3.0)
     stations = (20.0, 420.0, 760.0)
     assert all(np.array_equal(frame(one, s, t_s=s / 5), frame(other, s, t_s=s / 5)) for s in stations)
 
 
-def test_a_picture_survives_that_its_tiles_were_dropped_and_painted_again(monkeypatch):
+def test_tiles_that_are_dropped_and_repainted_give_the_same_image(monkeypatch):
     expected = frame(ON_STRAIGHT, 60.0)
     monkeypatch.setattr("sim_harness.world.render.ground.ground.MAX_TILES", (4, 4, 4, 4, 12))
     monkeypatch.setattr("sim_harness.world.render.ground.tiles.MOSAICS", 1)
@@ -132,7 +132,7 @@ def test_a_picture_survives_that_its_tiles_were_dropped_and_painted_again(monkey
     assert np.array_equal(frame(renderer, 60.0), expected)
 
 
-def test_another_seed_gives_another_picture_and_another_time_other_noise():
+def test_the_seed_changes_the_image_and_the_time_changes_the_noise():
     one, other = ON_STRAIGHT, Renderer(STRAIGHT, CAMERA, seed=8)
     assert not np.array_equal(frame(one, 20.0, light=PLAIN), frame(other, 20.0, light=PLAIN))
     assert np.array_equal(frame(one, 20.0, light=PLAIN), frame(one, 20.0, light=PLAIN, t_s=1.0))
@@ -147,7 +147,7 @@ def test_glare_and_darkness_change_the_exposure():
     assert night.mean() < 0.25 * frame(renderer, 60.0).mean()
 
 
-def test_haze_and_blur_take_away_contrast():
+def test_haze_and_blur_reduce_contrast():
     renderer = ON_STRAIGHT
     clear = frame(renderer, 20.0, light=PLAIN)
     hazy = frame(renderer, 20.0, light=Light(noise=0, haze=0.5))
@@ -179,7 +179,7 @@ def test_a_camera_that_looks_down_fills_its_image_with_ground():
     assert frame(Renderer(STRAIGHT, camera, seed=1), 20.0).std() > 5
 
 
-def test_a_lens_that_folds_its_picture_over_is_refused():
+def test_a_distortion_that_is_not_one_to_one_is_refused():
     with pytest.raises(ValueError, match="one to one"):
         Renderer(STRAIGHT, CAMERA.model_copy(update={"distortion": (-2.0, 0.0)}), seed=1)
 
@@ -205,7 +205,7 @@ def test_a_distorted_line_appears_where_opencv_puts_it():
     assert np.abs(errors_px).max() < 1.2 and abs(np.mean(errors_px)) < 0.25
 
 
-def test_a_lens_without_distortion_shows_what_the_pinhole_shows():
+def test_a_lens_without_distortion_renders_as_the_pinhole():
     camera = CAMERA.model_copy(update={"distortion": (1e-9,)})
     bent = frame(Renderer(STRAIGHT, camera, seed=7), 20.0, light=PLAIN).astype(int)
     assert np.abs(bent - frame(ON_STRAIGHT, 20.0, light=PLAIN))[:, 1:-1].mean() < 1.0

@@ -1,4 +1,4 @@
-"""Arrows, letters, zebra crossings and stop lines are where the settings say, and face who should read them."""
+"""Arrows, letters, zebra crossings and stop lines have the place and direction of their settings."""
 
 import cv2
 import numpy as np
@@ -32,7 +32,7 @@ def test_an_arrow_lies_in_its_lane_between_its_stations(kind, lane, centre_m):
     assert np.abs(y - centre_m).max() < 0.9
 
 
-def test_an_arrow_points_where_it_says():
+def test_an_arrow_points_in_its_direction():
     tip = {kind: painted(kind=kind) for kind in MarkKind if kind.name.startswith("ARROW")}
     assert tip[MarkKind.ARROW_STRAIGHT][0].max() == pytest.approx(15.0, abs=0.15)
     assert np.abs(tip[MarkKind.ARROW_STRAIGHT][1]).max() < 0.35
@@ -51,12 +51,12 @@ def test_left_and_right_arrows_are_mirror_images():
         assert (xl.mean(), yl.mean()) == pytest.approx((xr.mean(), -yr.mean()), abs=0.02)
 
 
-def test_a_mark_for_those_who_come_towards_us_is_turned_round():
+def test_an_oncoming_mark_is_rotated():
     (x, y), (xo, yo) = painted(kind="arrow_left"), painted(kind="arrow_left", oncoming=True)
     assert (25.0 - xo.mean(), -yo.mean()) == pytest.approx((x.mean(), y.mean()), abs=0.03)
 
 
-def test_a_stop_line_spans_its_lane_and_nothing_else():
+def test_a_stop_line_spans_only_its_lane():
     x, y = painted(kind="stop_line", lane=1)
     assert (x.min(), x.max()) == pytest.approx((10.0, 10.5), abs=0.03)
     assert (y.min(), y.max()) == pytest.approx((HALF_M, HALF_M + 3.0), abs=0.03)
@@ -74,7 +74,7 @@ def test_a_zebra_crossing_has_stripes_of_half_a_metre_across_all_lanes():
     assert (seen.x_m[along].min(), seen.x_m[along].max()) == pytest.approx((10, 13), abs=0.03)
 
 
-def test_text_is_read_by_the_driver():
+def test_text_is_upright_for_the_driver():
     """The letter L has its upright on the left and its foot at the near end."""
     x, y = painted(kind="text", text="L")
     assert (x.min(), x.max()) == pytest.approx((10.0, 12.4), abs=0.06)
@@ -89,7 +89,7 @@ def test_yellow_and_worn_marks():
     assert len(painted(kind="stop_line", wear=0.7)[0]) < 0.75 * len(painted(kind="stop_line")[0])
 
 
-def test_a_mark_is_seen_through_the_camera():
+def test_a_mark_is_rendered_in_the_camera_image():
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     marks = ({"kind": "stop_line", "at_m": 20.0},)
     with_mark, without = (

@@ -1,4 +1,4 @@
-"""Shadows of trees, buildings and bridges: dark, crisp, more of them the larger the share, and only there."""
+"""Shadows of trees, buildings and bridges: dark, sharp, growing with their share, only in their section."""
 
 import numpy as np
 import pytest
@@ -23,13 +23,13 @@ def shade(road: Road, *, blocks: int = 4) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_larger_share_throws_more_shadow_and_none_throws_none(kind):
+def test_shadows_grow_with_their_share_from_none_at_0(kind):
     dark = [(shade(straight(bare(**{kind: share}))) < 150).mean() for share in (0.0, 0.4, 1.0)]
     assert dark[0] == 0 and 0.02 < dark[1] < dark[2] <= 1.0
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_shadow_is_seen_on_the_ground_where_it_falls(kind):
+def test_a_shadow_darkens_the_ground_at_its_place(kind):
     lit, shaded = (
         plan(straight(bare(**{kind: share})), 15, 40, right_m=-1.7, left_m=1.7) for share in (0.0, 1.0)
     )
@@ -37,7 +37,7 @@ def test_a_shadow_is_seen_on_the_ground_where_it_falls(kind):
     assert np.percentile(ratio, 2) == pytest.approx(0.38, abs=0.05) and (ratio < 0.5).mean() > 0.05
 
 
-def test_houses_throw_their_shadows_from_the_right():
+def test_shadows_of_houses_come_from_the_right():
     across = (shade(straight(bare(building_shadows=0.5))) < 150).mean(axis=0)
     assert across[:20].mean() > 0.6 and across[-20:].mean() < 0.45
 
@@ -50,7 +50,7 @@ def test_a_bridge_shadow_crosses_the_whole_road_about_every_fifty_metres():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_shadow_of_one_section_does_not_reach_back_into_the_one_before(kind):
+def test_a_shadow_does_not_reach_back_into_the_previous_section(kind):
     seen = shade(straight(bare(), bare("dark", 60, **{kind: 1.0})))
     start = round(60 / PIXEL_M)
     assert (seen[:start] == 255).all() and (seen[start:] < 150).any()

@@ -1,4 +1,4 @@
-"""Side roads leave where they should, open the edge, and interrupt the lines that they should."""
+"""Side roads: place, width, rounded corners, interrupted lines and kerbs."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def seen_with(**junction):
 
 
 @pytest.mark.parametrize(("side", "edge_m"), [("right", -HALF_M - 0.3), ("left", HALF_M + 3.3)])
-def test_a_side_road_is_as_wide_as_stated_and_leaves_to_its_side(side, edge_m):
+def test_a_side_road_has_its_width_and_side(side, edge_m):
     seen = seen_with(side=side)
     dark = seen.dark()
     beyond = edge_m + np.sign(edge_m) * 3.0
@@ -61,7 +61,7 @@ def test_the_kerb_is_open_at_the_mouth():
     assert kerb[: seen.column(15)].mean() > 0.9 and kerb[seen.column(25) :].mean() > 0.9
 
 
-def test_those_who_come_from_the_side_stop_on_their_right_half():
+def test_the_stop_line_of_a_side_road_spans_its_right_half():
     for side, sign in (("right", -1), ("left", 1)):
         seen = seen_with(kind="intersection", side=side, centre_line=True)
         edge_m = HALF_M + 0.3 + (3 if side == "left" else 0)
@@ -70,7 +70,7 @@ def test_those_who_come_from_the_side_stop_on_their_right_half():
         assert len(stations) > 80 and (np.sign(stations) == -sign).mean() > 0.97
 
 
-def test_a_side_road_of_another_surface_shows_it():
+def test_a_side_road_may_have_another_surface():
     asphalt, gravel = seen_with(), seen_with(surface="gravel")
     place = (slice(asphalt.row(-9), asphalt.row(-7)), slice(asphalt.column(19), asphalt.column(21)))
     redness = [

@@ -1,4 +1,4 @@
-"""What nature and builders do to a carriageway: snow, water, broken edges, kerbs, bridges."""
+"""Snow, water, broken edges, kerbs and bridges on the carriageway."""
 
 import gc
 import weakref
@@ -22,7 +22,7 @@ def paved_m(seed: int = 0, **section) -> np.ndarray:
     ) * 0.025
 
 
-def test_snow_reaches_in_raggedly_from_its_side_by_what_is_stated():
+def test_a_bank_of_snow_has_its_width_and_a_ragged_rim():
     seen = plan(straight(bare(snow_right_m=0.8, **SNOW)), to_m=70, from_m=15)
     dark = seen.dark()
     right = np.array([seen.y_m[column].min() for column in dark.T])
@@ -39,7 +39,7 @@ def test_snow_hides_the_line_under_it():
     assert (just_inside > 150).mean() > 0.5
 
 
-def test_trodden_snow_covers_about_its_share_and_less_where_wheels_roll():
+def test_trodden_snow_covers_about_its_share_and_less_in_wheel_tracks():
     for cover in (0.2, 0.5, 0.8):
         seen = plan(straight(bare(snow_cover=cover, **SNOW)), 0, 70, right_m=-1.9, left_m=1.9)
         white = seen.bgr.min(axis=2) > 140
@@ -48,7 +48,7 @@ def test_trodden_snow_covers_about_its_share_and_less_where_wheels_roll():
         assert np.mean(tracks) < white.mean()
 
 
-def test_broken_edges_bite_into_the_carriageway_and_leave_the_rest():
+def test_broken_edges_change_only_the_edge():
     sound, few, many = (paved_m(edge_breaks=share) for share in (0.0, 0.2, 0.7))
     assert sound == pytest.approx(2 * EDGE_M, abs=0.2)
     assert (few < sound - 0.1).mean() < (
@@ -57,7 +57,7 @@ def test_broken_edges_bite_into_the_carriageway_and_leave_the_rest():
     assert many.min() > 2 * (EDGE_M - 0.6) - 0.15 and (few > 2 * EDGE_M - 0.1).mean() > 0.4
 
 
-def test_a_wet_road_is_darker_and_has_puddles_only_where_it_is_wet():
+def test_only_a_wet_road_is_darker_and_has_puddles():
     dry, wet = (plan(straight(bare(wet=wet)), 15, 60, right_m=-1.9, left_m=1.9) for wet in (0.0, 1.0))
     ratio = np.median(wet.bgr) / np.median(dry.bgr)
     assert ratio == pytest.approx(0.62, abs=0.05)
@@ -85,7 +85,7 @@ def test_the_carriageway_of_a_wide_road_is_painted_to_its_edges():
 
 
 @pytest.mark.parametrize("name", ["town", "winter"])
-def test_the_same_seed_paints_the_same_bytes_in_any_order(name):
+def test_equal_seeds_paint_equal_bytes_in_any_order(name):
     road = load_road(name)
     places = [np.array(road.position(s, 0.0)) for s in (115.0, road.length_m - 30)]
     one, other = Ground(road, seed=5), Ground(road, seed=5)
@@ -95,7 +95,7 @@ def test_the_same_seed_paints_the_same_bytes_in_any_order(name):
     assert not np.array_equal(forwards[0], Ground(road, seed=6).crop(1, places[0] - 6, places[0] + 6)[0])
 
 
-def test_what_was_painted_is_freed_with_its_ground_and_waits_for_no_garbage_collector():
+def test_painted_tiles_are_freed_with_their_ground_without_a_garbage_collection():
     ground = Ground(load_road("town"), seed=5)
     ground.crop(1, np.array([0.0, -6.0]), np.array([12.0, 6.0]))
     gone = weakref.ref(ground)

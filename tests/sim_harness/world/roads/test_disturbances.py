@@ -1,4 +1,4 @@
-"""Settings of disturbances: where they are, and what they change of the road."""
+"""Settings of disturbances: their stretch, their grades, their changes to the road."""
 
 import json
 from itertools import pairwise
@@ -32,7 +32,7 @@ def test_a_disturbance_of_the_whole_road_has_no_ramp():
     assert {fog.grade_at(s) for s in (-5.0, 0.0, 1.0, 1e4)} == {4}
 
 
-def test_of_two_of_a_kind_the_worse_counts():
+def test_of_two_disturbances_of_a_kind_the_higher_grade_applies():
     fogs = [Disturbance(kind="fog", grade=grade) for grade in (2, 4, 3)]
     assert grades_at(fogs, 10.0) == {DisturbanceKind.FOG: 4}
 
@@ -40,16 +40,16 @@ def test_of_two_of_a_kind_the_worse_counts():
 @pytest.mark.parametrize(
     "wrong", [{"grade": 5.1}, {"grade": -1}, {"kind": "mist"}, {"from_m": 20, "to_m": 20}]
 )
-def test_what_makes_no_sense_is_refused(wrong):
+def test_invalid_settings_are_refused(wrong):
     with pytest.raises(ValidationError):
         Disturbance.model_validate({"kind": "fog", "grade": 1} | wrong)
 
 
-def test_every_kind_has_its_line_in_the_table():
+def test_every_kind_has_an_entry_in_the_table():
     assert set(DisturbanceTable.model_fields) == {str(kind) for kind in DisturbanceKind}
 
 
-def test_quantities_lie_on_straight_lines_between_the_grades():
+def test_quantities_are_linear_between_the_grades():
     stops = load_table().over_exposure.stops
     assert at(stops, 2.5) == pytest.approx((stops[2] + stops[3]) / 2)
     assert [at(stops, g) for g in range(6)] == list(stops)
@@ -57,14 +57,14 @@ def test_quantities_lie_on_straight_lines_between_the_grades():
 
 @settings(max_examples=25, deadline=None)
 @given(KINDS, st.floats(0.1, 5), st.floats(0, 900), st.floats(5, 400))
-def test_painting_a_disturbance_twice_is_painting_it_once_and_gives_a_valid_road(kind, grade, from_m, run_m):
+def test_painting_a_disturbance_is_idempotent_and_gives_a_valid_road(kind, grade, from_m, run_m):
     disturbance = Disturbance(kind=kind, grade=grade, from_m=from_m, to_m=from_m + run_m)
     once = disturbed(CIRCUIT, [disturbance])
     assert disturbed(once, [disturbance]) == once
     assert RoadSettings.model_validate({**dict(once)}) == once
 
 
-def test_grade_0_and_what_is_in_the_air_leave_the_road_as_it_is():
+def test_grade_0_and_kinds_in_the_air_leave_the_road_unchanged():
     assert disturbed(CIRCUIT, [Disturbance(kind=kind, grade=0) for kind in DisturbanceKind]) == CIRCUIT
     assert (
         disturbed(CIRCUIT, [Disturbance(kind=kind, grade=5) for kind in ("fog", "night", "noise")]) == CIRCUIT
@@ -82,7 +82,7 @@ def test_grade_0_and_what_is_in_the_air_leave_the_road_as_it_is():
         ("snow", "snow_cover"),
     ],
 )
-def test_what_lies_on_the_ground_is_painted_in_its_stretch_and_grows_with_the_grade(kind, field):
+def test_kinds_on_the_ground_are_painted_in_their_stretch_and_grow_with_the_grade(kind, field):
     shares = []
     for grade in range(1, 6):
         road = Road(disturbed(CIRCUIT, [Disturbance(kind=kind, grade=grade, from_m=60, to_m=120)]))
@@ -92,7 +92,7 @@ def test_what_lies_on_the_ground_is_painted_in_its_stretch_and_grows_with_the_gr
     assert shares[0] > 0 and all(b >= a for a, b in pairwise(shares))
 
 
-def test_a_parted_section_keeps_its_name_its_dashes_and_its_widths():
+def test_a_split_section_keeps_its_name_its_dashes_and_its_widths():
     section = CIRCUIT.sections[0].model_copy(update={"lane_width_m": (3.4, 3.0), "start_m": 0})
     road = CIRCUIT.model_copy(update={"sections": (section,)})
     parted = disturbed(road, [Disturbance(kind="wet_road", grade=3, from_m=300, to_m=500)])

@@ -1,4 +1,4 @@
-"""The road: closure, continuity, and the two ways between road and world."""
+"""The road: closure, continuity, road and world coordinates."""
 
 import math
 from itertools import pairwise
@@ -37,7 +37,7 @@ def test_the_circuit_closes_in_position_and_heading():
     assert end[2] - start[2] == pytest.approx(2 * math.pi, abs=1e-4)
 
 
-def test_the_circuit_is_what_the_main_job_asks_for():
+def test_the_circuit_has_the_length_bends_and_sections_of_the_main_job():
     curvature = CIRCUIT.poses(np.arange(0, CIRCUIT.length_m, 0.1))[:, 3]
     names = {section.name for section in CIRCUIT.sections}
     assert 1000 <= CIRCUIT.length_m <= 1300
@@ -84,7 +84,7 @@ def test_an_arc_lies_on_its_circle():
     hint_error_m=st.floats(-3, 3),
     road=st.sampled_from(ROADS),
 )
-def test_local_coordinates_undo_position(share, offset_m, hint_error_m, road):
+def test_local_coordinates_invert_position(share, offset_m, hint_error_m, road):
     station_m = share * road.length_m
     point = road.position(station_m, offset_m)
     for hint in (None, station_m + hint_error_m):
@@ -95,7 +95,7 @@ def test_local_coordinates_undo_position(share, offset_m, hint_error_m, road):
         assert offset == pytest.approx(offset_m, abs=1e-6)
 
 
-def test_many_stations_at_once_agree_with_one_at_a_time():
+def test_vectorised_and_scalar_methods_agree():
     stations, offsets = np.linspace(-5, 1200, 97), np.linspace(-4, 4, 97)
     points = CIRCUIT.positions(stations, offsets)
     one_by_one = [CIRCUIT.position(s, d) for s, d in zip(stations, offsets, strict=True)]
@@ -104,7 +104,7 @@ def test_many_stations_at_once_agree_with_one_at_a_time():
     assert CIRCUIT.nearest_coordinates(points) == pytest.approx(np.array(local), abs=1e-6)
 
 
-def test_a_hint_keeps_to_its_own_branch_of_the_road():
+def test_a_hint_selects_the_branch_of_the_road():
     hairpin = road(
         Segment(length_m=60),
         Segment(length_m=5, curvature_1pm=(0, 0.2)),
@@ -132,7 +132,7 @@ def test_the_mirror_image_of_a_road_has_the_mirror_image_of_its_geometry():
     assert left * [1, -1] == pytest.approx(right, abs=1e-9)
 
 
-def test_an_open_road_goes_straight_on_beyond_both_ends():
+def test_an_open_road_continues_straight_beyond_both_ends():
     curve = load_road("curve")
     assert curve.position(-30.0, 2.0) == pytest.approx((-30.0, 2.0), abs=1e-9)
     assert curve.curvature_at(curve.length_m + 50) == 0
@@ -141,7 +141,7 @@ def test_an_open_road_goes_straight_on_beyond_both_ends():
     assert curve.local_coordinates(-30.0, 2.0) == pytest.approx((-30.0, 2.0), abs=1e-6)
 
 
-def test_a_section_holds_from_its_start_to_the_next():
+def test_a_section_extends_from_its_start_to_the_next():
     for here, following in pairwise(CIRCUIT.sections):
         assert CIRCUIT.section_at(here.start_m) is here
         assert CIRCUIT.section_at(following.start_m - 1e-6) is here
