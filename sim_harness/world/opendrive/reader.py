@@ -259,7 +259,7 @@ class _Reader:
 
     def _cross_section(self, stretch: _Stretch) -> CrossSection:
         """The lanes of a stretch in the direction of the reference line."""
-        section, ours, near = stretch.section, stretch.lane, stretch.middle_m
+        section, kept, near = stretch.section, stretch.lane, stretch.middle_m
 
         def ends(lane: int) -> tuple[float, float]:
             return (
@@ -270,7 +270,7 @@ class _Reader:
         def side(sign: int) -> tuple[tuple[Strip, ...], float]:
             strips: list[Strip] = []
             paved_m = 0.0
-            for lane in section.outwards(ours, sign):
+            for lane in section.outwards(kept, sign):
                 kind = section.kind(lane)
                 if kind in DRIVEN and paved_m == 0.0:
                     strips.append(Strip(ends(lane), section.line(lane, sign, near)))
@@ -283,9 +283,9 @@ class _Reader:
         left_lanes, paved_left_m = side(1)
         right_lanes, paved_right_m = side(-1)
         return CrossSection(
-            width_m=ends(ours),
-            left=section.line(ours, 1, near),
-            right=section.line(ours, -1, near),
+            width_m=ends(kept),
+            left=section.line(kept, 1, near),
+            right=section.line(kept, -1, near),
             left_lanes=left_lanes,
             right_lanes=right_lanes,
             paved_left_m=paved_left_m,

@@ -93,9 +93,7 @@ class _Model:
     init: Callable[[list[float], Any], list[float]]
     dynamics: Callable[[list[float], list[float], Any], list[float]]
     parameters: Any
-    drift_at: (
-        int | None
-    )  # index of the drift where the vector holds the total speed; None: longitudinal speed
+    drift_at: int | None  # index of the drift if the vector holds the total speed; None: longitudinal
 
     def resume(self, core: list[float], speed_mps: float, inner: Vector) -> Vector:
         """The vector for ``core``, with the longitudinal speed and the states kept as ``inner``."""

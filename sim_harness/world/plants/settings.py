@@ -34,7 +34,7 @@ class Chassis(Settings):
 
 
 class PlantSettings(Settings):
-    """How the simulated vehicle differs from the vehicle file of the controller; by default in nothing."""
+    """Differences between the simulated vehicle and the vehicle file of the controller; by default none."""
 
     model: Model = Model.KINEMATIC
     friction: Annotated[float, Field(gt=0, le=1.5)] = 1.0  # μ between tyres and road

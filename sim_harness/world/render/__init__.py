@@ -1,1 +1,1 @@
-"""What the camera sees: ground, road surface, sky, vehicles, light and lens."""
+"""Camera frames: ground, scene, light and optics."""

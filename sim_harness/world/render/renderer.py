@@ -160,9 +160,8 @@ class Renderer:
         still = _far_first(disturber.standing_near(shot.pose), shot.pose)
         for pose, body in still:
             draw_lead(image, self._eye, body, pose)
-        image = disturber.move(
-            image, shot, grades
-        )  # vehicles drawn after this stay sharp: their speed is close to our own
+        image = disturber.move(image, shot, grades)
+        # Vehicles drawn from here on stay sharp: their speed is close to that of the own vehicle.
         self._draw_vehicles(image, shot)
         shot = replace(shot, vehicles=tuple(sorted((*still, *shot.vehicles), key=_distance, reverse=True)))
         with_light = disturber.needs_light(shot.station_m, grades)

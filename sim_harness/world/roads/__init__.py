@@ -1,1 +1,1 @@
-"""Reference lines, lanes and what a road looks like."""
+"""Reference lines, lanes, appearance and disturbances of roads."""

@@ -93,9 +93,8 @@ class GroundPainter:
         rough = rough.reshape(len(middles), len(middles), 2)
         station, offset = np.moveaxis(rough.repeat(GROUP, axis=0).repeat(GROUP, axis=1)[:cells, :cells], 2, 0)
         reach_m = max(self.strip.grid.left_m, -self.strip.grid.right_m)
-        spare_m = (
-            (2 + GROUP) * STEP_PX[level] * LEVELS_M[level]
-        )  # a point is within GROUP steps of its middle
+        # A point is within GROUP steps of its middle.
+        spare_m = (2 + GROUP) * STEP_PX[level] * LEVELS_M[level]
         close = np.abs(offset) < reach_m + spare_m
         close |= (colours != colours[0]).any()
         station[close], offset[close] = self.road.nearest_coordinates(points[close], steps=2).T

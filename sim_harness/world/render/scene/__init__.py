@@ -1,1 +1,1 @@
-"""What stands above the ground or in the air: vehicles, backdrop, tunnel, night, rain."""
+"""The scene above the ground: vehicles, backdrop, tunnel, night, weather."""

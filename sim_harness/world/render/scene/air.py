@@ -5,13 +5,15 @@ airlight A; d is the distance to the ground by row, to a vehicle, or to the far 
 """
 
 import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_harness.world.render.scene.vehicles import outline
-from sim_harness.world.render.scene.view import SHIFT, FloatImage, Shot, View, in_colour, polygon
+from sim_harness.world.render.scene.vehicles import SHIFT, outline
+from sim_harness.world.render.scene.view import FloatImage, Shot, View, in_colour, polygon
+from trepid.types import Image
 
 AIRLIGHT_BGR = (0.66, 0.64, 0.62)  # of fog by day: grey 205
 NEAREST_M, FARTHEST_M = 0.8, 10.0  # range in which single drops and flakes are drawn
@@ -47,10 +49,7 @@ def rain(light: FloatImage, view: View, shot: Shot, count: float, exposure_s: fl
     rng = np.random.default_rng((shot.seed, shot.frame, 11))
     shutter_s = max(RAIN_SHUTTER_S, exposure_s)
     ends, depth = _paths(view, shot, rng, round(count), RAIN_MPS, shutter_s)
-    mask = np.zeros(light.shape[:2], np.uint8)
-    for near, far, strength, width in ((5, 99, 34, 1), (2.2, 5, 44, 1), (0, 2.2, 34, 2)):
-        chosen = ends[(depth >= near) & (depth < far)]
-        cv2.polylines(mask, list(chosen), False, strength, width, cv2.LINE_AA, SHIFT)
+    mask = _drawn(light, ends, depth, ((5, 99, 34, 1), (2.2, 5, 44, 1), (0, 2.2, 34, 2)))
     cover = in_colour(np.asarray(mask * np.float32(1 / 255), np.float32))
     bright = STREAK_LIGHT * float(np.mean(light[: len(light) // 3])) + 0.25 * float(np.mean(light))
     return np.asarray(light + cover * (np.float32(bright) - 0.5 * light), np.float32)
@@ -60,19 +59,26 @@ def snowfall(light: FloatImage, view: View, shot: Shot, count: float, exposure_s
     """``light`` with ``count`` flakes, near ones large and soft."""
     rng = np.random.default_rng((shot.seed, shot.frame, 12))
     ends, depth = _paths(view, shot, rng, round(count), SNOW_MPS, max(SNOW_SHUTTER_S, exposure_s))
-    mask = np.zeros(light.shape[:2], np.uint8)
-    for near, far, strength, width in (
-        (6, 99, 120, 1),
-        (3.5, 6, 210, 1),
-        (1.8, 3.5, 210, 2),
-        (0, 1.8, 150, 4),
-    ):
-        chosen = ends[(depth >= near) & (depth < far)]
-        cv2.polylines(mask, list(chosen), False, strength, width, cv2.LINE_AA, SHIFT)
+    ranges = ((6, 99, 120, 1), (3.5, 6, 210, 1), (1.8, 3.5, 210, 2), (0, 1.8, 150, 4))
+    mask = _drawn(light, ends, depth, ranges)
     mask = np.asarray(cv2.GaussianBlur(mask, (3, 3), 0), np.uint8)
     cover = in_colour(np.asarray(mask * np.float32(1 / 255), np.float32))
     white = 1.05 * float(np.mean(light[: len(light) // 3])) + 0.08 * float(np.mean(light))
     return np.asarray(light + cover * (np.float32(white) - light), np.float32)
+
+
+def _drawn(
+    light: FloatImage,
+    ends: NDArray[np.int32],
+    depth: NDArray[np.float64],
+    ranges: Sequence[tuple[float, float, int, int]],
+) -> Image:
+    """A mask of the paths of particles; ``ranges``: nearest and farthest depth, strength and width."""
+    mask = np.zeros(light.shape[:2], np.uint8)
+    for near, far, strength, width in ranges:
+        chosen = ends[(depth >= near) & (depth < far)]
+        cv2.polylines(mask, list(chosen), False, strength, width, cv2.LINE_AA, SHIFT)
+    return mask
 
 
 def _paths(
@@ -81,9 +87,8 @@ def _paths(
     """Paths of ``count`` random particles while the shutter is open: ends (n, 2, 2) and depths."""
     rows, columns = view.distance_m.shape
     u, v = rng.integers(columns, size=count), rng.integers(rows, size=count)
-    depth = FARTHEST_M * rng.random(count) ** (
-        1 / 2
-    )  # not 1/3: near particles are over-represented, as in images
+    # Exponent 1/2 instead of 1/3: near particles are over-represented, as in images.
+    depth = FARTHEST_M * rng.random(count) ** (1 / 2)
     gust = rng.normal(0, 0.15, (count, 3)) * fall_mps
     low = np.minimum(depth, view.distance_m[v, u])
     visible = (depth > NEAREST_M) & (low == depth)  # not below the ground

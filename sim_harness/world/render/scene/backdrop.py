@@ -5,6 +5,7 @@ from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_harness.world.render.ground.noise import FloatImage, smooth_noise
 from trepid.camera import Camera
@@ -32,42 +33,43 @@ class Backdrop:
         panorama = _panorama(seed)
         self.horizon_bgr = panorama[HEIGHT - BELOW - 12].mean(axis=0)
         self._twice_around = cv2.cvtColor(np.hstack([panorama, panorama]), cv2.COLOR_BGR2BGRA)
-        u, v = np.meshgrid(np.arange(camera.width_px), np.arange(self.rows))
-        right = np.arctan((u - camera.cx_px) / camera.fx_px) - camera.yaw_rad
-        self._columns = (right * WIDTH / math.tau).astype(np.float32)
+        columns, v = _panorama_columns(camera, 0, self.rows)
+        self._columns = columns
         self._rows = (v - camera.horizon_row_px + HEIGHT - BELOW).astype(np.float32)
 
     def draw(self, image: Image, yaw_rad: float) -> None:
         """Fill the rows of ``image`` (BGRA) to just below the horizon, for a vehicle heading along ``yaw_rad``."""
         if self.rows:
-            ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
-            image[: self.rows] = cv2.remap(
-                self._twice_around,
-                self._columns + ahead,
-                self._rows,
-                cv2.INTER_LINEAR,
-                borderMode=cv2.BORDER_REPLICATE,
-            )
+            image[: self.rows] = self._ahead(self._columns, self._rows, yaw_rad)
 
     def mirrored(self, yaw_rad: float) -> Image:
         """The backdrop mirrored below the horizon as in still water, BGR, black above."""
-        ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
-        columns, rows = self._mirror
+        below = self._ahead(*self._mirror, yaw_rad)
         image = np.zeros((self._camera.height_px, self._camera.width_px, 3), np.uint8)
-        below = cv2.remap(
-            self._twice_around, columns + ahead, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
         image[len(image) - len(below) :] = below[:, :, :3]
         return image
+
+    def _ahead(self, columns: FloatImage, rows: FloatImage, yaw_rad: float) -> Image:
+        """The panorama at ``columns`` and ``rows``, rotated by ``yaw_rad``, BGRA."""
+        ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
+        border = cv2.BORDER_REPLICATE
+        image = cv2.remap(self._twice_around, columns + ahead, rows, cv2.INTER_LINEAR, borderMode=border)
+        return np.asarray(image, np.uint8)
 
     @cached_property
     def _mirror(self) -> tuple[FloatImage, FloatImage]:
         camera = self._camera
         first = max(self.rows - MIRROR_MARGIN_PX, 0)
-        u, v = np.meshgrid(np.arange(camera.width_px), np.arange(first, camera.height_px))
-        right = np.arctan((u - camera.cx_px) / camera.fx_px) - camera.yaw_rad
+        columns, v = _panorama_columns(camera, first, camera.height_px)
         up = np.abs(v - camera.horizon_row_px)
-        return (right * WIDTH / math.tau).astype(np.float32), (HEIGHT - BELOW - up).astype(np.float32)
+        return columns, (HEIGHT - BELOW - up).astype(np.float32)
+
+
+def _panorama_columns(camera: Camera, first: int, last: int) -> tuple[FloatImage, NDArray[np.int_]]:
+    """Column of the panorama, and row of the image, for every pixel of rows ``first`` to below ``last``."""
+    u, v = np.meshgrid(np.arange(camera.width_px), np.arange(first, last))
+    right = np.arctan((u - camera.cx_px) / camera.fx_px) - camera.yaw_rad
+    return (right * WIDTH / math.tau).astype(np.float32), v
 
 
 @lru_cache(maxsize=2)  # the cameras of one road share it

@@ -5,8 +5,8 @@ import math
 import cv2
 import numpy as np
 
-from sim_harness.world.render.scene.vehicles import outline
-from sim_harness.world.render.scene.view import SHIFT, FloatImage, Shot, View, in_colour
+from sim_harness.world.render.scene.vehicles import SHIFT, outline
+from sim_harness.world.render.scene.view import FloatImage, Shot, View, in_colour
 from sim_harness.world.roads.disturbance_table import Night, at
 
 LAMP_AHEAD_M, LAMP_SIDE_M, LAMP_UP_M = 1.0, 0.55, 0.65  # from the camera, from the middle, above the road

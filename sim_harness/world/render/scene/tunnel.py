@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_harness.world.render.scene.vehicles import outline
-from sim_harness.world.render.scene.view import SHIFT, FloatImage, Shot, View, in_colour, polygon
+from sim_harness.world.render.scene.vehicles import SHIFT, outline
+from sim_harness.world.render.scene.view import FloatImage, Shot, View, in_colour, polygon
 from sim_harness.world.render.scene.wet import carriageway
 from sim_harness.world.roads.disturbance_table import TunnelExit, at
 from sim_harness.world.roads.disturbances import Disturbance

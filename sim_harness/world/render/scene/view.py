@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_harness.world.render.scene.vehicles import Body, Pose
+from sim_harness.world.render.scene.vehicles import SHIFT, Body, Pose
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
 from trepid.types import Image
@@ -113,6 +113,3 @@ class Shot:
 def polygon(pixels: NDArray[np.float64]) -> NDArray[np.int32]:
     """Fixed-point corners for OpenCV's drawing with SHIFT."""
     return np.round(np.clip(pixels, -8000, 8000) * 2**SHIFT).astype(np.int32)
-
-
-SHIFT = 4  # sub-pixel bits of OpenCV's drawing

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.scene.backdrop import MIRROR_MARGIN_PX, Backdrop
-from sim_harness.world.render.scene.vehicles import draw_lead
+from sim_harness.world.render.scene.vehicles import SHIFT, draw_lead
 from sim_harness.world.render.scene.view import (
     AHEAD_M,
-    SHIFT,
     FloatImage,
     Shot,
     View,

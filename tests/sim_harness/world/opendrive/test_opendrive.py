@@ -67,11 +67,11 @@ def test_every_export_follows_the_schema(name, tmp_path):
 def test_another_reader_finds_the_same_lane(name, tmp_path):
     network = pytest.importorskip("pyxodr.road_objects.network")
     road = load_road(name)
-    seen = network.RoadNetwork(str(exported(road.settings, tmp_path)), resolution=0.1).get_roads()[0]
-    assert np.abs(road.nearest_coordinates(seen.reference_line)[:, 1]).max() < 2e-4  # its chords of 0.1 m
-    for section in seen.lane_sections:
-        (ours,) = [lane for lane in section.lanes if lane.id == -1]
-        edge = road.nearest_coordinates(np.asarray(ours.boundary_line)[:, :2])
+    found = network.RoadNetwork(str(exported(road.settings, tmp_path)), resolution=0.1).get_roads()[0]
+    assert np.abs(road.nearest_coordinates(found.reference_line)[:, 1]).max() < 2e-4  # its chords of 0.1 m
+    for section in found.lane_sections:
+        (kept,) = [lane for lane in section.lanes if lane.id == -1]
+        edge = road.nearest_coordinates(np.asarray(kept.boundary_line)[:, :2])
         half_m = np.array([road.width_at(station) / 2 for station in edge[:, 0]])
         sampling_m = 3 * np.abs(np.diff(half_m)).max()  # it evaluates widths at its samples, not at s
         assert np.abs(edge[:, 1] + half_m).max() < 2e-4 + sampling_m
@@ -122,11 +122,11 @@ def test_export_and_import_return_any_road_unchanged(tmp_path, road):
     assert gap_m(back, road) < 1e-6
 
 
-# Lanes beside the reference line.
+# Lanes off the reference line.
 
 
 def offset_lane_gap_m(road: Road, lane: Road, offset_m: float, *, backward: bool) -> float:
-    """Largest distance of points ``offset_m`` beside ``road`` from the line of ``lane``."""
+    """Largest distance of points at ``offset_m`` from ``road`` from the line of ``lane``."""
     points = road.positions(np.linspace(0, road.length_m, 3000), offset_m)
     points = points[::-1] if backward else points
     heading = road.heading_at(road.length_m) + math.pi if backward else road.heading_at(0.0)
@@ -160,14 +160,14 @@ def test_the_oncoming_lane_has_left_and_right_swapped(rule, tmp_path):
     )
     path = exported(road, tmp_path)
     path.write_text(path.read_text().replace('rule="RHT"', f'rule="{rule}"'))
-    (seen,) = read_opendrive(path, lane=1).settings.sections
+    (found,) = read_opendrive(path, lane=1).settings.sections
     if rule == "LHT":  # then lane 1 runs along the reference line and lane -1 against it
-        assert (seen.left.stroke, seen.right.stroke) == (Stroke.DASHED, Stroke.SOLID_DASHED)
-        assert (seen.paved_left_m, seen.paved_right_m) == (1.0, 0.25)
+        assert (found.left.stroke, found.right.stroke) == (Stroke.DASHED, Stroke.SOLID_DASHED)
+        assert (found.paved_left_m, found.paved_right_m) == (1.0, 0.25)
         return
-    assert (seen.left.stroke, seen.right.stroke) == (Stroke.DASHED_SOLID, Stroke.DASHED)
-    assert seen.left_lanes[0].marking.stroke == Stroke.SOLID
-    assert (seen.paved_left_m, seen.paved_right_m) == (0.25, 1.0)
+    assert (found.left.stroke, found.right.stroke) == (Stroke.DASHED_SOLID, Stroke.DASHED)
+    assert found.left_lanes[0].marking.stroke == Stroke.SOLID
+    assert (found.paved_left_m, found.paved_right_m) == (0.25, 1.0)
 
 
 # Files of other tools.

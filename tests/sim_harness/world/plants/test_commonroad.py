@@ -48,16 +48,17 @@ def test_the_understeer_gradients_are_measured_again(model):
 def test_single_track_with_their_mass_and_tyres_has_their_yaw_rate(model, speed_mps):
     """Yaw rate through a step of the wheel to 2 m/s², to 1 % (drift) and 3 % (multi-body, which rolls)."""
     neutral = SHUTTLE.model_copy(update=dict(understeer_gradient_rad_per_mps2=UNDERSTEER[model]))
-    ours = SingleTrackPlant(neutral, PlantSettings(chassis=Chassis(**BMW)))
-    theirs = build_plant(PlantSettings(model=model), SHUTTLE)
-    angle_rad = ours.steady_angle_rad(2.0 / speed_mps**2, speed_mps)
-    left, right = ours.initial(speed_mps=speed_mps), theirs.initial(speed_mps=speed_mps)
+    single_track = SingleTrackPlant(neutral, PlantSettings(chassis=Chassis(**BMW)))
+    foreign = build_plant(PlantSettings(model=model), SHUTTLE)
+    angle_rad = single_track.steady_angle_rad(2.0 / speed_mps**2, speed_mps)
+    left, right = single_track.initial(speed_mps=speed_mps), foreign.initial(speed_mps=speed_mps)
     apart = []
     for _ in range(100):
         left, right = (
-            plant.step(state, command(angle_rad), 0.01) for plant, state in ((ours, left), (theirs, right))
+            plant.step(state, command(angle_rad), 0.01)
+            for plant, state in ((single_track, left), (foreign, right))
         )
-        apart.append(abs(ours.yaw_rate_radps(left) - theirs.yaw_rate_radps(right)))
+        apart.append(abs(single_track.yaw_rate_radps(left) - foreign.yaw_rate_radps(right)))
     share = 0.01 if model is Model.COMMONROAD_DRIFT else 0.03
     assert max(apart) <= share * 2.0 / speed_mps
 

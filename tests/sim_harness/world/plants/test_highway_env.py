@@ -16,14 +16,15 @@ pytest.importorskip("highway_env", reason="highway-env is in the extra [bench]")
 def test_single_track_and_highway_env_drive_the_same_path_while_tyres_are_linear(speed_mps, load_kg):
     """A step of the wheel at 0.5 m/s²; highway-env holds the mean wheel angle over each step."""
     settings = PlantSettings(model=Model.HIGHWAY_ENV, load_kg=load_kg)
-    ours, theirs = SingleTrackPlant(SHUTTLE, settings), build_plant(settings, SHUTTLE)
-    angle_rad = ours.steady_angle_rad(0.5 / speed_mps**2, speed_mps)
+    single_track, foreign = SingleTrackPlant(SHUTTLE, settings), build_plant(settings, SHUTTLE)
+    angle_rad = single_track.steady_angle_rad(0.5 / speed_mps**2, speed_mps)
     ends = [
-        drive(plant, plant.initial(speed_mps=speed_mps), command(angle_rad), 3.0) for plant in (ours, theirs)
+        drive(plant, plant.initial(speed_mps=speed_mps), command(angle_rad), 3.0)
+        for plant in (single_track, foreign)
     ]
     assert ends[0].x_m == pytest.approx(ends[1].x_m, abs=0.01)
     assert ends[0].y_m == pytest.approx(ends[1].y_m, abs=0.01)
-    rates = [plant.yaw_rate_radps(end) for plant, end in zip((ours, theirs), ends, strict=True)]
+    rates = [plant.yaw_rate_radps(end) for plant, end in zip((single_track, foreign), ends, strict=True)]
     assert rates[0] == pytest.approx(rates[1], rel=0.005)
 
 

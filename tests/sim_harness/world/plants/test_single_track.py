@@ -183,12 +183,12 @@ def test_scipys_integrator_drives_the_textbook_equations_to_the_same_place():
 
     start = (rear_m, 0.0, 0.0, 0.0, 0.0)  # of the centre of gravity
     x_m, y_m, yaw, sideways, turning = solve_ivp(rates, (0.0, 3.0), start, rtol=1e-11, atol=1e-12).y[:, -1]
-    ours = integrated(plant, 3.0, 0.005)
+    plant_end = integrated(plant, 3.0, 0.005)
     speed = smooth(3.0).speed_mps
-    theirs = (x_m - rear_m * math.cos(yaw), y_m - rear_m * math.sin(yaw), yaw)
-    assert ours[:3] == pytest.approx(theirs, abs=1e-6)
-    assert ours[4] * speed == pytest.approx(turning, abs=1e-6)
-    assert (ours[3] + rear_m * ours[4]) * speed == pytest.approx(sideways, abs=1e-6)
+    expected = (x_m - rear_m * math.cos(yaw), y_m - rear_m * math.sin(yaw), yaw)
+    assert plant_end[:3] == pytest.approx(expected, abs=1e-6)
+    assert plant_end[4] * speed == pytest.approx(turning, abs=1e-6)
+    assert (plant_end[3] + rear_m * plant_end[4]) * speed == pytest.approx(sideways, abs=1e-6)
     assert vehicle.wheelbase_m == pytest.approx(front_m + rear_m)
 
 

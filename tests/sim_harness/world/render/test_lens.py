@@ -18,15 +18,25 @@ COEFFICIENT = st.floats(-0.15, 0.15)
 
 @settings(max_examples=30, deadline=None)
 @given(COEFFICIENT, st.floats(-0.02, 0.02), st.floats(-0.003, 0.003), st.floats(-0.003, 0.003))
-def test_distortion_is_opencvs_and_undistortion_inverts_it(k1, k2, p1, p2):
+def test_distortion_is_that_of_brown_and_conrady_and_undistortion_inverts_it(k1, k2, p1, p2):
     camera = CAMERA.model_copy(update={"distortion": (k1, k2, p1, p2)})
     pixels = np.random.default_rng(0).uniform((20, 20), (300, 220), (40, 2))
-    rays = np.linalg.solve(camera.intrinsics, np.column_stack([pixels, np.ones(40)]).T).T
-    theirs, _ = cv2.projectPoints(
-        rays[:, None], np.zeros(3), np.zeros(3), camera.intrinsics, np.array([k1, k2, p1, p2])
-    )
-    assert distorted(camera, pixels) == pytest.approx(theirs[:, 0], abs=1e-6)
+    x, y = ((pixels - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)).T
+    r2 = x * x + y * y
+    radial = 1 + k1 * r2 + k2 * r2 * r2
+    u = camera.cx_px + camera.fx_px * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x))
+    v = camera.cy_px + camera.fy_px * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
+    assert distorted(camera, pixels) == pytest.approx(np.column_stack([u, v]), abs=1e-6)
     assert undistorted(camera, distorted(camera, pixels)) == pytest.approx(pixels, abs=1e-3)
+
+
+@pytest.mark.parametrize("distortion", [(), (-0.1,), (-0.1, 0.02), (-0.1, 0.02, 0.001)])
+def test_coefficients_that_the_camera_leaves_out_are_zero(distortion):
+    short = CAMERA.model_copy(update={"distortion": distortion})
+    full = CAMERA.model_copy(update={"distortion": (*distortion, 0, 0, 0, 0, 0)[:5]})
+    corner = np.array([(3.0, 5.0)])
+    assert np.array_equal(distorted(short, corner), distorted(full, corner))
+    assert np.array_equal(undistorted(short, corner), undistorted(full, corner))
 
 
 def test_the_pinhole_covers_the_field_of_view_of_the_lens():
@@ -59,14 +69,9 @@ def test_a_vehicle_fills_its_projected_box(pose):
 def test_a_vehicle_has_its_projected_height():
     body, image = Body(bgr=(255, 255, 255)), np.zeros((240, 320, 3), np.uint8)
     draw_lead(image, CAMERA, body, (15.0, 0.0, 0.0))
-    for height_m, rows in ((body.height_m, np.flatnonzero((image > 60).any(axis=(1, 2)))[0]),):
-        roof = [
-            CAMERA.model_copy(update={"height_m": CAMERA.height_m - height_m}).pixel_from_road([(x, 0.0)])[
-                0, 1
-            ]
-            for x in (15.0 + body.rear_m + 0.25, 15.0 + body.front_m - 1.5)
-        ]
-        assert rows == pytest.approx(min(roof), abs=1)
+    at_roof = CAMERA.model_copy(update={"height_m": CAMERA.height_m - body.height_m})
+    roof = at_roof.pixel_from_road([(15.0 + body.rear_m + 0.25, 0.0), (15.0 + body.front_m - 1.5, 0.0)])
+    assert np.flatnonzero((image > 60).any(axis=(1, 2)))[0] == pytest.approx(roof[:, 1].min(), abs=1)
 
 
 def test_the_road_below_a_vehicle_lies_in_its_shadow():

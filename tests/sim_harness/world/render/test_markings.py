@@ -113,10 +113,10 @@ def test_a_line_follows_a_varying_width():
 def test_the_mirror_image_of_a_road_has_the_mirror_image_of_its_lines():
     near = Marking(stroke=Stroke.SOLID_DASHED)
     far = (NeighbourLane(width_m=2, marking=Marking(stroke=Stroke.DASHED)),)
-    ours = plan(straight(bare(left=near, left_lanes=far)), right_m=-4.5, left_m=4.5)
+    left = plan(straight(bare(left=near, left_lanes=far)), right_m=-4.5, left_m=4.5)
     mirrored = near.model_copy(update={"stroke": Stroke.DASHED_SOLID})
-    theirs = plan(straight(bare(right=mirrored, right_lanes=far)), right_m=-4.5, left_m=4.5)
-    here, there = ours.white(), theirs.white()[::-1]
+    right = plan(straight(bare(right=mirrored, right_lanes=far)), right_m=-4.5, left_m=4.5)
+    here, there = left.white(), right.white()[::-1]
     grown = [cv2.dilate(mask.astype(np.uint8), np.ones((3, 3))) > 0 for mask in (here, there)]
     assert here.sum() > 1000 and not (here & ~grown[1]).any() and not (there & ~grown[0]).any()
 

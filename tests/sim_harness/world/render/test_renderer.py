@@ -109,10 +109,10 @@ def test_without_markings_the_carriageway_ends_at_the_lane():
 def test_a_mirrored_bend_gives_a_mirrored_image():
     left = frame(Renderer(bend(1 / 20), CAMERA, seed=1), 30.0, 0.5, turn_rad=0.1, light=PLAIN)
     right = frame(Renderer(bend(-1 / 20), CAMERA, seed=1), 30.0, -0.5, turn_rad=-0.1, light=PLAIN)
-    ours, theirs = (im[100:].min(axis=2) > 165 for im in (left[:, 1:], right[:, :0:-1]))
-    grown = [cv2.dilate(mask.astype(np.uint8), np.ones((5, 5))) > 0 for mask in (ours, theirs)]
-    assert (ours & grown[1]).sum() > 0.95 * ours.sum() > 100
-    assert (theirs & grown[0]).sum() > 0.95 * theirs.sum()
+    direct, mirrored = (im[100:].min(axis=2) > 165 for im in (left[:, 1:], right[:, :0:-1]))
+    grown = [cv2.dilate(mask.astype(np.uint8), np.ones((5, 5))) > 0 for mask in (direct, mirrored)]
+    assert (direct & grown[1]).sum() > 0.95 * direct.sum() > 100
+    assert (mirrored & grown[0]).sum() > 0.95 * mirrored.sum()
 
 
 def test_equal_seed_pose_and_time_give_equal_bytes_in_any_order():
