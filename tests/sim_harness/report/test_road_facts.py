@@ -70,7 +70,7 @@ def test_a_picture_that_cannot_be_written_is_refused(tmp_path):
         ("lane: 1}", "lane: 4}", 62, "has no lane 4"),
         ("kerb_m: 0.25", "kerb_m: 9", 23, "sections.0.kerb_m"),
         ("damage: 0.4", "damage: 40", None, "sections.3.left.damage"),
-        ('text: "30", at_m: 24', "at_m: 24", None, "needs its letters"),
+        ('text: "30", at_m: 24', "at_m: 24", None, "text is required for a mark of kind text"),
     ],
 )
 def test_a_bad_road_file_is_refused_with_its_place(tmp_path, old, new, line, message):

@@ -109,8 +109,8 @@ def test_a_mark_is_rendered_in_the_camera_image():
 @pytest.mark.parametrize(
     ("mark", "message"),
     [
-        ({"kind": "text", "at_m": 1}, "needs its letters"),
-        ({"kind": "zebra", "at_m": 1, "text": "no"}, "no other kind has any"),
+        ({"kind": "text", "at_m": 1}, "text is required for a mark of kind text"),
+        ({"kind": "zebra", "at_m": 1, "text": "no"}, "not allowed for any other kind"),
         ({"kind": "text", "at_m": 1, "text": "straße"}, "match pattern"),
         ({"kind": "arrow_left", "at_m": 98}, "marks.0 ends at 103.0 m, beyond the road's 100.0 m"),
         ({"kind": "arrow_left", "at_m": 8, "lane": 2}, "marks.0: section 'bare' has no lane 2"),
