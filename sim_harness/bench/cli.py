@@ -10,6 +10,7 @@ from rich.console import Console
 
 from sim_harness.bench.catalogue import BENCHMARKS, GROUPS, PERCEPTION, named
 from sim_harness.bench.perception.options import PerceptionOptions
+from sim_harness.bench.perception.report import brief
 from sim_harness.bench.results import Result, save
 from sim_harness.bench.text import tables
 from sim_harness.bench.timing import machine
@@ -86,7 +87,7 @@ def bench(
         typer.echo(f"bench {name} ...", err=True)
         benchmark = BENCHMARKS[name]
         measured = benchmark.measure(options) if name == PERCEPTION else benchmark.measure(seed)
-        report[name] = measured
+        report[name] = measured if as_json or name != PERCEPTION else brief(measured)
         if save_in is not None:
             given = ["--seed", str(seed)] if benchmark.seeded else []
             save(Result.of(name, measured, arguments=given), save_in)

@@ -16,11 +16,10 @@ from typing import Any, Self
 
 from sim_harness.bench.catalogue import BENCHMARKS
 from sim_harness.bench.readme import write_table
+from sim_harness.bench.text import Row, columns_of, grids, shown, singles, turned
 from sim_harness.bench.timing import machine
 from trepid.config import ROOT, InputError
 
-Row = Mapping[str, Any]
-FIGURES = 4  # significant digits
 MAX_COLUMNS = 9  # a wider table is turned
 MAX_PANELS = 4
 MAX_BARS = 24
@@ -82,7 +81,7 @@ def page(result: Result, folder: Path) -> str:
         "command": f"`{result.command}`",
         "date": result.date,
         "commit": result.commit,
-        **{name: _shown(value) for name, value in result.machine.items()},
+        **{name: shown(value) for name, value in result.machine.items()},
     }
     parts = [f"# {result.name}", NOTE.format(name=result.name), f"{_sentence(result.name)}"]
     parts.append(_table(("", ""), list(about.items())))
@@ -111,33 +110,16 @@ def _sentence(name: str) -> str:
     return f"{summary[0].upper()}{summary[1:]}."
 
 
-def grids(measured: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Row]]]:
-    """The tables among what was measured: a title, and rows of columns. Rows at the top level make one table."""
-    top = {name: row for name, row in measured.items() if isinstance(row, Mapping) and not _nested(row)}
-    if top:
-        yield "", top
-    for name, table in measured.items():
-        if isinstance(table, Mapping) and _nested(table):
-            yield name, {row: value for row, value in table.items() if isinstance(value, Mapping)}
-
-
-def _nested(table: Mapping[str, Any]) -> bool:
-    return bool(table) and all(isinstance(row, Mapping) for row in table.values())
-
-
 def _tables(measured: Mapping[str, Any]) -> Iterator[str]:
-    single = [(name, _shown(value)) for name, value in measured.items() if not isinstance(value, Mapping)]
-    if single:
-        yield _table(("measure", "value"), single)
+    alone = singles(measured)
+    if alone:
+        yield _table(("measure", "value"), [(name, shown(value)) for name, value in alone.items()])
     for title, rows in grids(measured):
         if title:
             yield f"## {title}"
-        columns = list(dict.fromkeys(column for row in rows.values() for column in row))
-        if len(columns) > MAX_COLUMNS and len(rows) < len(columns):
-            turned = [(column, *(_shown(row.get(column)) for row in rows.values())) for column in columns]
-            yield _table(("", *rows), turned)
-        else:
-            yield _table(("", *columns), [(n, *(_shown(r.get(c)) for c in columns)) for n, r in rows.items()])
+        table = turned(rows) if len(rows) < len(columns_of(rows)) > MAX_COLUMNS else rows
+        columns = columns_of(table)
+        yield _table(("", *columns), [(n, *(shown(r.get(c)) for c in columns)) for n, r in table.items()])
 
 
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
@@ -145,23 +127,10 @@ def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
-def _shown(value: object) -> str:
-    """A value in few digits; a dash where there is none."""
-    if value is None:
-        return "–"
-    if isinstance(value, float):
-        return f"{value:.{FIGURES}g}"
-    if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_shown(part)}" for name, part in value.items())
-    if isinstance(value, list | tuple):
-        return ", ".join(map(_shown, value))
-    return str(value)
-
-
 def draw(result: Result, folder: Path) -> None:
     """Write NAME.png: a panel of bars for each numeric column of the largest table; nothing where there is none."""
-    rows = max((table for _, table in grids(result.measured)), key=len, default={})
-    columns = list(dict.fromkeys(column for row in rows.values() for column in row))
+    rows: Mapping[str, Row] = max((table for _, table in grids(result.measured)), key=len, default={})
+    columns = columns_of(rows)
     numeric = [c for c in columns if sum(_is_number(row.get(c)) for row in rows.values()) > 1][:MAX_PANELS]
     names = [name for name, row in rows.items() if any(_is_number(row.get(c)) for c in numeric)][:MAX_BARS]
     if not numeric or len(names) < 2:  # a single bar compares nothing

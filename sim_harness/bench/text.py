@@ -1,62 +1,81 @@
-"""What a benchmark measured, as tables in the terminal."""
+"""Measured values as text: which tables a benchmark measured, values in few digits, tables for the terminal."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
 
-FIGURES = 4  # shown of a number; JSON has them all
-MOST_COLUMNS = 7  # measures beside each other; more stand below each other
+Row = Mapping[str, Any]
+FIGURES = 4  # significant digits shown; JSON has all
+MAX_COLUMNS = 7  # a wider table is turned in the terminal
 
 
-def tables(result: dict[str, Any]) -> Iterator[Table]:
-    """The machine and one table a benchmark: contestants as rows where they share their measures."""
-    yield _list("measured on", {k: v for k, v in result.items() if not isinstance(v, dict)})
-    for name, measured in result.items():
-        if isinstance(measured, dict):
-            rows = {row: m for row, m in measured.items() if isinstance(m, dict)}
-            rest = {k: v for k, v in measured.items() if k not in rows}
-            if rest:
-                yield _list(name, rest)
-            if rows:
-                yield _grid(name, rows)
+def grids(measured: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Row]]]:
+    """The tables among measured values: title, and rows of columns. Rows at the top level make one table."""
+    top = {name: row for name, row in measured.items() if isinstance(row, Mapping) and not _nested(row)}
+    if top:
+        yield "", top
+    for name, table in measured.items():
+        if isinstance(table, Mapping) and _nested(table):
+            yield name, table
 
 
-def _list(title: str, measured: dict[str, Any]) -> Table:
-    table = _table(title, ("", ""))
-    for what, value in measured.items():
-        table.add_row(escape(what), _shown(value))
-    return table
+def singles(measured: Mapping[str, Any]) -> dict[str, Any]:
+    """The measured values that stand in no table."""
+    return {name: value for name, value in measured.items() if not isinstance(value, Mapping)}
 
 
-def _grid(title: str, rows: dict[str, dict[str, Any]]) -> Table:
-    """Rows by columns, turned round where the measures are many."""
-    columns = list(dict.fromkeys(column for row in rows.values() for column in row))
-    if len(columns) > MOST_COLUMNS:
-        turned = {column: {name: row.get(column) for name, row in rows.items()} for column in columns}
-        rows, columns = turned, list(rows)
-    table = _table(title, ("", *columns))
-    for name, row in rows.items():
-        table.add_row(escape(name), *(_shown(row.get(column)) for column in columns))
-    return table
+def columns_of(rows: Mapping[str, Row]) -> list[str]:
+    """The columns of all rows, in the order of their first use."""
+    return list(dict.fromkeys(column for row in rows.values() for column in row))
 
 
-def _table(title: str, columns: Iterable[str]) -> Table:
-    table = Table(box=None, title=escape(title), title_justify="left", title_style="bold")
-    for number, column in enumerate(columns):
-        table.add_column(escape(column), justify="right" if number else "left", overflow="fold")
-    return table
+def turned(rows: Mapping[str, Row]) -> dict[str, Row]:
+    """The table with rows and columns exchanged."""
+    return {column: {name: row.get(column) for name, row in rows.items()} for column in columns_of(rows)}
 
 
-def _shown(value: object) -> str:
-    """A measure in few figures; what was not measured as a dash."""
+def shown(value: object) -> str:
+    """A value in few digits; a dash where there is none."""
     if value is None:
         return "–"
     if isinstance(value, float):
         return f"{value:.{FIGURES}g}"
-    if isinstance(value, dict):
-        return escape(", ".join(f"{name} {_shown(part)}" for name, part in value.items()))
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {shown(part)}" for name, part in value.items())
     if isinstance(value, list | tuple):
-        return escape(", ".join(_shown(part) for part in value))
-    return escape(str(value))
+        return ", ".join(map(shown, value))
+    return str(value)
+
+
+def tables(report: Mapping[str, Any]) -> Iterator[Table]:
+    """A table of the machine, and the tables of each benchmark of ``report``."""
+    yield _table("measured on", ("", ""), singles(report).items())
+    for name, measured in report.items():
+        if not isinstance(measured, Mapping):
+            continue
+        alone = singles(measured)
+        if alone:
+            yield _table(name, ("", ""), alone.items())
+        for title, rows in grids(measured):
+            wide = len(columns_of(rows)) > MAX_COLUMNS
+            yield _grid(f"{name}: {title}" if title else name, turned(rows) if wide else rows)
+
+
+def _nested(table: Row) -> bool:
+    return bool(table) and all(isinstance(row, Mapping) for row in table.values())
+
+
+def _grid(title: str, rows: Mapping[str, Row]) -> Table:
+    columns = columns_of(rows)
+    return _table(title, ("", *columns), ((name, *map(row.get, columns)) for name, row in rows.items()))
+
+
+def _table(title: str, columns: Iterable[str], rows: Iterable[Iterable[object]]) -> Table:
+    table = Table(box=None, title=escape(title), title_justify="left", title_style="bold")
+    for number, column in enumerate(columns):
+        table.add_column(escape(column), justify="right" if number else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(escape(shown(value)) for value in row))
+    return table
