@@ -59,7 +59,7 @@ def _mark(response: np.ndarray, ground_m: np.ndarray) -> None:
 
 
 def error_px(found: Boundary, course: Course, *, left: bool, far_m: float = 25.0) -> float:
-    """Mean distance across in the picture between the boundary and the truth, where it has been found."""
+    """Mean column distance in the picture between the found boundary and the truth."""
     x_m = np.arange(max(4.0, found.x_m[0]), min(far_m, found.x_m[-1]), 0.25)
     wide = np.arange(0.0, 40.0, 0.05)
     true = sides(course, wide)[0 if left else 1]
@@ -70,6 +70,6 @@ def error_px(found: Boundary, course: Course, *, left: bool, far_m: float = 25.0
 
 
 def errors_px(found: Boundaries, course: Course) -> list[float]:
-    """Of both sides, which must be there."""
+    """The errors of both sides; fails with the reason for a missing side."""
     assert found.left is not None and found.right is not None, found.reason
     return [error_px(found.left, course, left=True), error_px(found.right, course, left=False)]

@@ -1,4 +1,4 @@
-"""A level camera over a straight lane, and a car that a steering rule drives along it."""
+"""A level camera over a straight lane, and a car driven along it by a steering rule."""
 
 import math
 from collections import deque
@@ -27,13 +27,13 @@ def line(lateral_m: float, offset_m: float, heading_rad: float) -> ImageLine:
 
 
 def pair(offset_m: float, heading_rad: float, width_m: float = WIDTH_M) -> tuple[ImageLine, ImageLine]:
-    """Left and right boundary of a lane as the camera sees them."""
+    """Left and right boundary of a lane in the picture."""
     return line(width_m / 2, offset_m, heading_rad), line(-width_m / 2, offset_m, heading_rad)
 
 
 @dataclass(frozen=True)
 class Drive:
-    """How a drive went."""
+    """The result of a drive."""
 
     offsets_m: tuple[float, ...]
     left_lane: bool
@@ -54,7 +54,7 @@ def drive(
 ) -> Drive:
     """A kinematic car from ``offset_m`` on a straight road: ``steer(e, ψ)`` at 20 Hz gives the road-wheel angle.
 
-    The lane is left when the car's reference point is over a boundary, or when it no longer looks along the road.
+    The lane is left when the car's reference point is over a boundary, or when its heading exceeds 0.8 rad.
     """
     e, psi, offsets = offset_m, 0.0, []
     waiting = deque([0.0] * round(delay_s * 20))

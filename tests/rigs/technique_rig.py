@@ -1,4 +1,4 @@
-"""Roads of known lane for the tests of the techniques: what is paint, what is road, and how well it was found."""
+"""Roads of known lane for the tests of the techniques: masks of paint and road, recall and precision."""
 
 import cv2
 import numpy as np
@@ -11,12 +11,12 @@ __all__ = ["ASPHALT", "CAMERA", "LANE", "VIEW", "WHITE", "YELLOW", "ribbon", "ro
 
 VIEW = camera_view(CAMERA)
 LANE = (0.2, 0.03, 0.0, 0.0)
-BORDER_PX = 14  # where paint leaves the picture, half of it is not there
-SKY_LIGHT = np.array([0.58, 0.50, 0.45])  # what shadow leaves of blue, green and red
+BORDER_PX = 14  # paint at the border is cut
+SKY_LIGHT = np.array([0.58, 0.50, 0.45])  # shares of blue, green and red in shadow
 
 
 def paint(lane=LANE, width_m=3.4, reach_m=20.0, **how):
-    """Pixels of paint up to ``reach_m``, away from the border: where the same road without lines differs."""
+    """Pixels of paint up to ``reach_m``, away from the border: the difference to the road without lines."""
     marked = road(lane, width_m, **how).astype(int)
     bare = road(lane, width_m, left=None, right=None, **{k: v for k, v in how.items() if k == "seed"})
     mask = np.abs(marked - bare).max(axis=2) > 40
@@ -30,7 +30,7 @@ def grown(mask, pixels=2):
 
 
 def recall(response, truth):
-    """Share of the rows of true paint in which there is a response on it, per side of the picture."""
+    """Share of the rows of true paint with a response on it, per side of the picture."""
     found, total = 0, 0
     for half in (slice(0, CAMERA.width_px // 2), slice(CAMERA.width_px // 2, None)):
         rows = truth[:, half].any(axis=1)

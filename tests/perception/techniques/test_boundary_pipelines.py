@@ -43,7 +43,7 @@ def test_a_pipeline_for_bends_measures_offset_heading_and_curvature(name, lane):
 
 
 @pytest.mark.parametrize("name", TRACKED)
-def test_a_tracked_pipeline_lives_through_dark_frames_believes_less_and_gives_up_in_the_end(name):
+def test_a_tracked_pipeline_bridges_dark_frames_with_falling_confidence_up_to_a_limit(name):
     pipeline, image = Pipeline(RECIPES[name], CAMERA, VEHICLE), road((0.2, 0.0, 0.0, 0.0))
     for number in range(5):
         clear = pipeline.step(Frame(t_s=0.04 * number, image=image), state(0.04 * number), now_s=0.0)

@@ -35,7 +35,7 @@ ROAD = np.isfinite(VIEW.pixel_m)
 
 
 def response(find, image, **how):
-    """What ``find`` sees in the part below the horizon, put back into the whole picture."""
+    """The response of ``find`` to the part below the horizon, in the whole picture."""
     lower, view = below_horizon(image)
     whole = np.zeros(image.shape[:2], np.float32)
     whole[-lower.shape[0] :] = find(lower, view, **how).response
@@ -43,7 +43,7 @@ def response(find, image, **how):
 
 
 def road_of(lane=LANE, width_m=4.6, verge=None):
-    """An unmarked road in grass, or in a verge of that colour, and where it is."""
+    """An unmarked road in grass, or in a verge of that colour, and its mask."""
     image = road(lane, width_m - 0.01, left=None, right=None, verge_m=0.0)
     truth = np.zeros((240, 320, 3), np.uint8)
     for side in (1, -1):
@@ -96,7 +96,7 @@ def test_painted_lines_are_found_and_little_else(name, least):
 
 
 @pytest.mark.parametrize("name", ["dark_bright_dark", "top_hat", "oriented"])
-def test_a_stripe_filter_sees_ten_centimetres_of_paint_and_no_step(name):
+def test_a_stripe_filter_responds_to_ten_centimetres_of_paint_and_to_no_step(name):
     step = np.where(np.arange(320) < 160, 70, 170).astype(np.uint8)[None].repeat(240, axis=0)
     stripe = np.full((240, 320, 3), 90, np.uint8)
     ribbon(stripe, CAMERA, (0.0, 0.0, 0.0, 0.0), 1.0, 0.10, WHITE)
@@ -117,7 +117,7 @@ def test_a_stripe_filter_sees_ten_centimetres_of_paint_and_no_step(name):
 
 
 def test_the_width_of_a_stripe_is_that_on_the_road():
-    """The same filter in metres sees 12 cm best, near and far."""
+    """The same filter in metres responds most to 12 cm, near and far."""
     widths = (0.06, 0.12, 0.5)
     for reach in ((3.3, 4.2), (4.2, 5.5)):
         rows = (VIEW.ahead_m > reach[0]) & (VIEW.ahead_m < reach[1])
@@ -151,7 +151,7 @@ def test_automatic_thresholds_follow_the_light(gain):
     assert f1(seen, paint(verge_m=WIDE)) > 0.9
 
 
-def test_fixed_thresholds_do_not():
+def test_fixed_thresholds_do_not_follow_the_light():
     image = (road(LANE, verge_m=WIDE) * 0.25).astype(np.uint8)
     assert recall(response(edges.canny, cv2.GaussianBlur(image, (0, 0), 1.1)), paint(verge_m=WIDE)) < 0.5
 
@@ -191,7 +191,7 @@ def test_the_road_ahead_is_found_without_markings_in_any_light(name, gain):
     assert (found & truth & near).sum() / ((found | truth) & near).sum() > 0.9
 
 
-def test_texture_tells_gravel_from_asphalt():
+def test_texture_separates_gravel_and_asphalt():
     image, truth = road_of()
     rough = image.astype(float)
     rough[~truth] = 105 + RNG.normal(0, 30, (np.count_nonzero(~truth), 3))
@@ -216,7 +216,7 @@ def whole(seen):
 
 
 @pytest.mark.parametrize("name", [name for name in OUTLIERS if name not in ("patch_component", "outline")])
-def test_outlier_stages_only_take_away_and_keep_the_lane(name):
+def test_outlier_stages_only_remove_and_keep_the_lane(name):
     image = road(LANE, verge_m=WIDE)
     seen, view = line_features(image)
     kept = OUTLIERS[name](seen, view, Boundaries(*sides(LANE)))
@@ -225,14 +225,14 @@ def test_outlier_stages_only_take_away_and_keep_the_lane(name):
 
 
 @pytest.mark.parametrize("name", OUTLIERS)
-def test_outlier_stages_bear_nothing_at_all(name):
+def test_outlier_stages_accept_an_empty_map(name):
     for kind in Kind:
         empty = Features(np.zeros((240, 320), np.float32), kind)
         assert not OUTLIERS[name](empty, VIEW, None).response.any()
 
 
 @pytest.mark.parametrize("name", ["along_road", "clusters"])
-def test_what_lies_across_the_road_goes(name):
+def test_pieces_across_the_road_are_removed(name):
     image = road(LANE, verge_m=WIDE)
     cv2.rectangle(image, (120, 150), (200, 152), (20, 20, 20), -1)
     seen, view = line_features(image)
@@ -265,7 +265,7 @@ def test_the_scan_from_the_middle_takes_the_inner_line_of_several():
     assert whole(seen).astype(bool).sum() > 2 * len(rows)
 
 
-def test_only_what_is_near_the_prediction_stays():
+def test_only_features_near_the_prediction_are_kept():
     image = road(LANE, verge_m=WIDE)
     ribbon(image, CAMERA, LANE, 0.0, 0.12, WHITE)  # a false line in the middle of the lane
     seen, view = line_features(image)

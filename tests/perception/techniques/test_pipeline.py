@@ -13,7 +13,6 @@ from perception.techniques.image.picture import Boundaries, Features, Kind
 from perception.techniques.pipeline import Pipeline
 from perception.techniques.recipe import recipes, settings_of
 from perception.techniques.stages import KINDS
-from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import ROOT, InputError
 from trepid.messages import EstimateKind, Frame, VehicleState
 
@@ -46,7 +45,7 @@ RULES = [name for name, recipe in RECIPES.items() if recipe.kind is EstimateKind
 
 @pytest.mark.parametrize("name", LINES)
 @pytest.mark.parametrize("lane", [(0.3, -0.04, 0.0, 0.0), (-0.3, 0.04, 0.0, 0.0)], ids=["right", "left"])
-def test_every_pipeline_for_lines_sees_a_plain_marked_road(name, lane):
+def test_every_pipeline_for_lines_measures_a_plain_marked_road(name, lane):
     seen = look(name, road(lane))
     assert seen.lateral_offset_m == pytest.approx(lane[0], abs=0.25)
     assert seen.heading_error_rad == pytest.approx(lane[1], abs=0.03)
@@ -112,7 +111,7 @@ def test_a_pipeline_for_unmarked_roads_measures_the_road_between_its_edges():
     assert seen.lane_width_m == pytest.approx(5.5, abs=0.3) and seen.confidence > 0.5
 
 
-def test_the_picture_is_worked_on_at_one_size_and_reported_at_its_own():
+def test_the_picture_is_processed_at_one_size_and_reported_at_its_own():
     large = CAMERA.resized(640, 480)
     seen = look("canny_hough", road((0.2, 0.0, 0.0, 0.0), camera=large), large)
     assert seen.lateral_offset_m == pytest.approx(0.2, abs=0.1)
@@ -120,7 +119,7 @@ def test_the_picture_is_worked_on_at_one_size_and_reported_at_its_own():
 
 
 def test_a_pipeline_follows_the_motion_of_the_vehicle():
-    """The region of the next frame lies where the lines have gone to."""
+    """The region of the next frame lies about the moved lines."""
     pipeline = Pipeline(RECIPES["speed_roi"], CAMERA, VEHICLE)
     for number in range(6):
         heading = 0.02 * number  # 0.5 rad/s at 25 Hz
@@ -136,7 +135,7 @@ def test_a_pipeline_follows_the_motion_of_the_vehicle():
         assert seen.heading_error_rad == pytest.approx(heading, abs=0.03)
 
 
-def test_what_fills_the_lane_takes_belief_away():
+def test_features_that_fill_the_lane_lower_the_clarity():
     lane = straight_boundaries(far_m=40.0)
     response = np.zeros((240, 320), np.uint8)
     for side in (lane.left, lane.right):
@@ -163,7 +162,7 @@ def test_what_fills_the_lane_takes_belief_away():
     ids=["black", "white", "1x1", "float", "grey", "noise"],
 )
 @pytest.mark.parametrize("name", RECIPES)
-def test_no_picture_of_a_road_gives_no_sure_estimate(name, image):
+def test_an_image_without_a_road_gives_no_confident_estimate(name, image):
     seen = look(name, image)
     assert seen.road_wheel_angle_rad is None or seen.confidence < 0.3
     assert seen.reason or seen.road_wheel_angle_rad is not None
@@ -191,7 +190,7 @@ def test_the_same_frames_give_the_same_estimates(name):
         (f"a:\n  surce: x\n  {GOOD} [canny]", r"2:3: unknown field 'surce'; did you mean 'source'"),
     ],
 )
-def test_a_wrong_pipeline_is_told_with_its_place(text, message, tmp_path):
+def test_an_error_in_a_pipeline_names_its_place(text, message, tmp_path):
     path = tmp_path / "p.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=message):
@@ -199,7 +198,7 @@ def test_a_wrong_pipeline_is_told_with_its_place(text, message, tmp_path):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_stage_says_what_it_is_and_has_typed_settings_with_defaults(kind):
+def test_every_stage_has_a_docstring_and_typed_settings_with_defaults(kind):
     for name, entry in KINDS[kind].items():
         told = (entry.__doc__ or "") + (getattr(getattr(entry, "step", None), "__doc__", "") or "")
         assert len(told) > 60, name
@@ -214,7 +213,7 @@ def test_every_stage_of_the_front_end_is_in_a_pipeline_or_in_the_table_of_techni
             assert name in used or f"`{name}`" in page, name
 
 
-def test_the_list_tells_what_every_estimator_is_and_where_it_comes_from(capsys):
+def test_the_list_prints_description_and_source_of_every_estimator(capsys):
     estimate(estimator="list", as_json=True)
     rows = {row["estimator"]: row for row in map(json.loads, capsys.readouterr().out.splitlines())}
     assert set(rows) == {*ESTIMATORS, *RECIPES, "lead"} and set(estimators()) == {*ESTIMATORS, *RECIPES}
@@ -230,15 +229,7 @@ def test_a_pipeline_is_built_by_its_name_like_any_estimator():
         build("canny")
 
 
-def test_a_scenario_drives_with_a_pipeline():
-    """The harness knows it by its name, as it knows the estimators that are driven with."""
-    settings = load_scenario("straight").model_copy(update={"estimators": ("hough_kalman",)})
-    assert settings.problem() is None
-    what = settings.model_copy(update={"estimators": ("hough_calman",)}).problem()
-    assert what is not None and "no estimator 'hough_calman'" in what[1]
-
-
-def test_what_is_driven_with_does_not_wait_for_the_file_of_the_pipelines(monkeypatch):
+def test_the_default_estimators_do_not_read_the_file_of_the_pipelines(monkeypatch):
     def broken():
         raise InputError("pipelines.yaml:1:1: not valid YAML")
 

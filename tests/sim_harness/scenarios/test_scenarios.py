@@ -189,3 +189,10 @@ def test_every_example_script_is_short_and_fits_together(path):
 def test_a_broken_script_is_one_message_with_its_line(tmp_path, script, message):
     with pytest.raises(InputError, match=message):
         load_scenarios(write(tmp_path, script, "bad.py"))
+
+
+def test_a_scenario_drives_with_a_pipeline_of_techniques():
+    settings = load_scenario("straight").model_copy(update={"estimators": ("hough_kalman",)})
+    assert settings.problem() is None
+    problem = settings.model_copy(update={"estimators": ("hough_calman",)}).problem()
+    assert problem is not None and "no estimator 'hough_calman'" in problem[1]

@@ -84,7 +84,7 @@ def test_with_half_of_all_points_wrong_consensus_is_within_two_pixels(name):
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-def test_the_same_seed_gives_the_same_answer(name):
+def test_the_same_seed_gives_the_same_curve(name):
     seen = features(FAMILIES[name][1], outliers=0.3)
     one, two = fit(name, seen), fit(name, seen)
     assert (one.left is None) == (two.left is None)
@@ -93,7 +93,7 @@ def test_the_same_seed_gives_the_same_answer(name):
 
 @pytest.mark.parametrize("name", FAMILIES)
 @pytest.mark.parametrize("response", [np.zeros((240, 320), np.uint8), np.full((240, 320), 255, np.uint8)])
-def test_a_map_of_nothing_has_no_boundaries_and_one_of_everything_no_good_ones(name, response):
+def test_an_empty_map_has_no_boundaries_and_a_full_one_no_good_ones(name, response):
     found = fit(name, Features(response, Kind.LINE))
     if not response.any():
         assert found.seen == 0 and found.reason
@@ -125,7 +125,7 @@ def test_the_radius_of_a_bend_is_right_to_a_tenth(name, radius_m):
     assert 2 * c2 == pytest.approx(1 / inner, rel=0.12)
 
 
-def test_a_prediction_says_which_of_two_lines_is_meant():
+def test_a_prediction_selects_one_of_two_lines():
     near = features(arc(math.inf))
     far = features(lambda x: 0 * x + 1.2)
     seen = Features(np.maximum(near.response, far.response), Kind.LINE)
@@ -145,12 +145,12 @@ def test_a_hyperbola_of_the_picture_is_a_parabola_of_the_road():
     assert residual[0] < 1e-15
 
 
-def test_histogram_peaks_stand_at_the_lines():
+def test_histogram_peaks_lie_at_the_lines():
     peaks = histogram_peaks(road_points(features(arc(math.inf)), VIEW))
     assert any(abs(peak - 1.7) < 0.2 for peak in peaks) and any(abs(peak + 1.7) < 0.2 for peak in peaks)
 
 
-def test_bezier_curves_go_through_their_ends_and_give_their_control_points_back():
+def test_bezier_curves_pass_their_ends_and_determine_their_control_points():
     control = np.array([[0.0, 1.0], [5.0, 1.2], [12.0, 2.0], [20.0, 4.0]])
     points = bezier_points(control, np.linspace(0, 1, 200))
     assert points[0] == pytest.approx(control[0]) and points[-1] == pytest.approx(control[-1])
@@ -167,7 +167,7 @@ def test_the_b_spline_basis_sums_to_one_and_holds_every_cubic():
     assert basis @ np.linalg.lstsq(basis, cubic, rcond=None)[0] == pytest.approx(cubic, abs=1e-9)
 
 
-def test_too_few_points_make_no_curve():
+def test_too_few_points_give_no_curve():
     points = Points(np.array([1.0, 2.0, 3.0]), np.zeros(3))
     rng = np.random.default_rng(0)
     assert consensus(points, polynomial(1), rng, size=2, inlier_m=0.1, tries=5) is None

@@ -53,13 +53,13 @@ def test_one_boundary_gives_the_same_lane_without_its_width(shown):
 
 @given(e=st.floats(-1, 1), psi=st.floats(-0.2, 0.2), kappa=st.floats(-0.02, 0.02), width=st.floats(2.5, 4.5))
 @settings(max_examples=40, deadline=None)
-def test_drawing_a_lane_and_reading_it_again_changes_nothing(e, psi, kappa, width):
+def test_a_drawn_lane_is_measured_again(e, psi, kappa, width):
     lane = Lane(e, psi, kappa, 0.0)
     again = ground_curve(drawn(lane, width, near_m=3, far_m=25, residual_m=0.0, support=1.0), VIEW)
     assert (*again.lane[:3], again.width_m) == pytest.approx((*lane[:3], width), abs=1e-4)
 
 
-def test_no_boundary_is_no_lane_and_a_doubtful_one_counts_less():
+def test_no_boundary_is_no_lane_and_a_weak_one_counts_less():
     assert ground_curve(Boundaries(None, None), VIEW) is None
     x_m = np.linspace(3, 20, 30)
     good = Boundary(x_m, np.full(30, 1.7), 0.02, 1.0)

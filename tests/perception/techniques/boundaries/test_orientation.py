@@ -37,7 +37,7 @@ def unmarked(sign=1.0):
 
 
 @pytest.mark.parametrize("along_deg", [-60, -37, -10, 0, 22.5, 45, 71, 90])
-def test_four_filters_tell_the_direction_of_stripes(along_deg):
+def test_four_filters_measure_the_direction_of_stripes(along_deg):
     """Within 4 degrees, also between the directions of the filters."""
     seen = gabor(grating(along_deg), VIEW)
     sure = seen.response[150:220, 40:280]
@@ -46,14 +46,14 @@ def test_four_filters_tell_the_direction_of_stripes(along_deg):
     assert np.max(between_deg(found, along_deg)) < 4.0
 
 
-def test_an_even_picture_and_noise_of_a_sensor_have_no_direction_to_speak_of():
+def test_an_even_picture_and_sensor_noise_have_no_direction():
     noise = (PLAIN + np.random.default_rng(3).normal(0, 2, PLAIN.shape)).astype(np.uint8)
     assert not gabor(PLAIN, VIEW).response.any()
     assert (gabor(noise, VIEW).response > 0).mean() < 0.1
     assert edges(np.dstack([PLAIN] * 3)).seen == 0
 
 
-def test_the_vanishing_point_of_an_unmarked_road_tells_its_heading_and_its_edges_their_places():
+def test_the_vanishing_point_of_an_unmarked_road_gives_its_heading_and_its_edges():
     found = edges(unmarked())
     assert found.seen == 2 and found.reason == ""
     for side, sign in ((found.left, 1), (found.right, -1)):
@@ -76,14 +76,14 @@ def test_without_directions_there_is_a_reason_and_no_edge():
     assert found.seen == 0 and "gabor" in found.reason
 
 
-def test_what_no_texture_follows_is_no_edge():
+def test_a_line_without_texture_along_it_is_no_edge():
     """A grating across the road points nowhere near it."""
     lower, view = below_horizon(np.dstack([grating(0.0)] * 3))
     seen = gabor(lower, view)
     assert dominant_edges(seen, view, None, np.random.default_rng(0)).seen == 0
 
 
-def test_directions_stay_with_what_a_stage_takes_away():
+def test_outlier_stages_keep_the_directions():
     seen = gabor(grating(0.0), VIEW)
     left = near_prediction(seen, VIEW, straight_boundaries())
     assert np.count_nonzero(left.response) < np.count_nonzero(seen.response)

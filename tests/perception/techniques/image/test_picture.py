@@ -72,7 +72,7 @@ def test_lines_are_parallel_from_above(heading_rad):
 
 
 @pytest.mark.parametrize("error_rad", [0.02, -0.02])
-def test_the_pitch_is_read_from_where_the_lines_meet(error_rad):
+def test_the_pitch_follows_from_the_meeting_point_of_the_lines(error_rad):
     image, wrong = road(LANE), pitched(VIEW, error_rad)
     seen = pitch_change_rad(image, wrong)
     assert np.degrees(seen) == pytest.approx(-np.degrees(error_rad), abs=0.3)
@@ -80,7 +80,7 @@ def test_the_pitch_is_read_from_where_the_lines_meet(error_rad):
     assert warp.step(image, wrong)[1].camera.pitch_down_rad == pytest.approx(CAMERA.pitch_down_rad, abs=0.005)
 
 
-def test_without_lines_the_pitch_stays():
+def test_without_lines_the_pitch_is_kept():
     plain = np.full((240, 320, 3), 90, np.uint8)
     assert pitch_change_rad(plain, VIEW) is None
     assert BirdEyeSelf().step(plain, VIEW)[1].camera.pitch_down_rad == CAMERA.pitch_down_rad

@@ -47,7 +47,7 @@ def test_grey_is_the_luminance_and_keeps_grey_pictures():
     ("space", "name", "yellow_stands_out"),
     [("hls", "l", False), ("hsv", "s", True), ("lab", "b", True), ("ycbcr", "b", True)],
 )
-def test_a_channel_shows_what_its_space_is_for(space, name, yellow_stands_out):
+def test_a_channel_separates_the_paint_of_its_space(space, name, yellow_stands_out):
     picture = np.array([[YELLOW, ASPHALT, WHITE]], np.uint8)
     yellow, plain, white = channel(picture, VIEW, space=space, name=name)[0].astype(int)
     assert (abs(yellow - plain) > 40) == yellow_stands_out
@@ -79,7 +79,7 @@ def test_the_two_class_threshold_finds_the_paint():
     "light", [(1.0, 1.0, 1.0), (0.45, 0.95, 1.0), (1.0, 0.75, 0.5)], ids=["white", "yellow", "blue"]
 )
 @pytest.mark.parametrize("colour", [WHITE, YELLOW], ids=["white line", "yellow line"])
-def test_the_adaptive_projection_parts_paint_from_road_at_least_half_more_than_luminance(light, colour):
+def test_the_adaptive_projection_has_at_least_1_5_times_the_contrast_of_luminance(light, colour):
     """Contrast in standard deviations of the road (B10: at least 1.5 times that of luminance)."""
     how = dict(left=colour, right=None)
     image = np.clip(road(LANE, **how) * np.array(light), 0, 255).astype(np.uint8)
@@ -150,7 +150,7 @@ def test_smoothing_finds_the_lines_again_under_noise():
     assert f1(edges_after(lambda i, v: i, salted), truth) < 0.9 * clean
 
 
-def test_slow_changes_of_light_do_not_pass_the_high_pass():
+def test_the_high_pass_removes_slow_changes_of_light():
     ramp = np.tile(np.linspace(40, 200, 320), (240, 1)).astype(np.uint8)
     flat = high_pass(ramp, VIEW)[:, 60:-60]
     assert np.abs(flat.astype(int) - 128).max() <= 2
@@ -167,7 +167,7 @@ def test_contrast_enhancement_finds_faint_edges():
     assert raised > plain + 0.05
 
 
-def test_a_dark_road_is_lifted_and_a_bright_one_left_alone():
+def test_a_dark_road_is_brightened_and_a_bright_one_unchanged():
     image = road(LANE)
     night = (image * 0.2).astype(np.uint8)
     lifted = low_light(night, VIEW)
@@ -199,7 +199,7 @@ def test_a_matched_histogram_is_the_reference():
     assert (np.diff(table.astype(int)) >= 0).all()
 
 
-def test_matching_takes_the_brightness_out_of_the_picture():
+def test_matching_removes_the_brightness_of_the_picture():
     """The steering of a net spreads with the brightness of its input; Deep Steer's claim is a third of it."""
     image = road(LANE)
     plain, matched = [], []
@@ -210,7 +210,7 @@ def test_matching_takes_the_brightness_out_of_the_picture():
     assert np.std(matched) < np.std(plain) / 3
 
 
-def test_a_cast_shadow_goes_and_the_markings_stay():
+def test_a_cast_shadow_is_removed_and_the_markings_are_kept():
     """At least 90 % of the shadow's edges, at least 95 % of the paint (A14)."""
     image = road(LANE, verge_m=4.0)
     shaded = bars(image, from_m=6.0, to_m=9.0)
@@ -236,7 +236,7 @@ def test_a_cast_shadow_goes_and_the_markings_stay():
     assert clean[middle].mean() == pytest.approx(image[middle].mean(), rel=0.15), "as bright as in the sun"
 
 
-def test_without_a_shadow_the_picture_stays():
+def test_without_a_shadow_the_picture_is_unchanged():
     image = road(LANE)
     assert np.abs(without_shadows(image, VIEW).astype(int) - image).mean() < 2
 
@@ -247,14 +247,14 @@ def test_a_picture_is_its_own_integral_where_no_edge_is_zeroed():
     assert back == pytest.approx(values - values.mean(), abs=1e-4)
 
 
-def test_shadow_edges_are_not_found_where_colours_part():
+def test_an_edge_between_colours_is_no_shadow_edge():
     edges = shadow_edges(road(LANE, left=None, right=None), VIEW, step=0.08, material=0.06, marking_m=0.3)
     assert edges[ROAD].mean() < 0.01
     assert shadow_edges(bars(road(LANE)), VIEW, step=0.08, material=0.06, marking_m=0.3)[ROAD].sum() > 300
     assert SKY_LIGHT[0] > SKY_LIGHT[2], "the light of the sky is blue"
 
 
-def test_wavelets_with_gains_of_one_give_the_picture_back():
+def test_wavelets_with_gains_of_one_restore_the_picture():
     image = grey(road(LANE), VIEW)
     assert np.abs(wavelet(image, VIEW, upright=1.0, level=1.0).astype(int) - image).max() <= 1
 

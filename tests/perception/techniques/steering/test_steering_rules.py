@@ -1,4 +1,4 @@
-"""The printed steering rules, corrected: what each says, and how the printed form differs (inventory S01–S13)."""
+"""The corrected steering rules, and the errors of their printed forms (inventory S01–S13)."""
 
 import math
 from itertools import pairwise
@@ -63,14 +63,14 @@ def test_the_printed_bisector_divides_by_zero_for_a_centred_car_and_ours_does_no
     assert dev_angle(left, right) == 0
 
 
-def test_the_printed_angle_of_the_bisector_is_90_degrees_where_the_text_says_none():
+def test_the_printed_angle_of_the_bisector_is_90_degrees_where_the_text_has_0():
     centre = bisector(*pair(1e-9, 0.0))
     (x2, y2), (x1, y1) = (centre.x(479), 479), (centre.x(240), 240)
     assert abs(math.degrees(math.atan2(y2 - y1, x2 - x1))) == pytest.approx(90, abs=1e-5)
     assert dev_angle(*pair(1e-9, 0.0)) == pytest.approx(0, abs=1e-6)
 
 
-def test_dev_needs_both_lines_and_says_so():
+def test_dev_gives_no_angle_without_both_lines():
     left, right = pair(0.2, 0.0)
     assert dev_angle(left, None) is None and dev_angle(None, right) is None
 
@@ -93,7 +93,7 @@ def test_the_mean_of_angles_is_a_third_of_the_mean_of_lines():
 
 
 @pytest.mark.parametrize("hidden", ["left", "right"])
-def test_a_centred_car_that_sees_one_line_goes_straight_where_the_printed_rule_has_55_degrees(hidden):
+def test_a_centred_car_with_one_line_goes_straight_where_the_printed_rule_has_55_degrees(hidden):
     left, right = pair(0.0, 0.0)
     seen = (None, right) if hidden == "left" else (left, None)
     printed = math.degrees(math.atan(-(right if hidden == "left" else left).m))
@@ -148,7 +148,7 @@ def test_the_affine_edge_means_lanes_of_4_to_33_metres_for_one_road():
     assert min(widths) < 4.4 and max(widths) > 30
 
 
-def test_the_affine_edge_ends_where_it_would_fall_the_wrong_way():
+def test_the_affine_edge_is_none_where_it_would_fall_the_wrong_way():
     assert affine_left(-15.0) is None and affine_left(-15.1) > 0
 
 
@@ -182,7 +182,7 @@ def test_the_decision_table_on_seven_poses(offset_m, heading_rad, turn):
     assert turn is Turn.STRAIGHT or (seen.theta_rad > 0) == (turn is Turn.LEFT)
 
 
-def test_noise_about_the_limit_of_the_table_makes_no_chatter():
+def test_noise_about_the_limit_of_the_table_causes_no_chatter():
     turn, changes = Turn.STRAIGHT, 0
     for number in range(100):
         after = decide(30 + (4 if number % 2 else -4), turn)
@@ -212,7 +212,7 @@ def printed_case_2_deg(heading_rad: float, *, quotient: bool) -> float:
     return 90 - math.degrees(math.atan(1 / (across / down if quotient else across - down)))
 
 
-def test_the_printed_case_2_says_90_degrees_for_any_pose_or_jumps_by_180():
+def test_the_printed_case_2_gives_90_degrees_for_any_pose_or_jumps_by_180():
     for heading_rad in (-0.1, -0.02, 0.02, 0.1):
         assert printed_case_2_deg(heading_rad, quotient=False) == pytest.approx(89.8, abs=0.1)
     assert printed_case_2_deg(math.radians(3), quotient=True) == pytest.approx(176, abs=0.1)
@@ -257,7 +257,7 @@ def equi_angular_base_deg(x1_m: float, *, printed: bool) -> float:
     return math.degrees(math.atan((yb - ya) / (xb - xa)))
 
 
-def test_case_3b_has_one_base_angle_where_the_printed_one_depends_on_the_place_looked_at():
+def test_case_3b_has_one_base_angle_where_the_printed_one_depends_on_the_chosen_points():
     assert math.degrees(base_angle(2.0, 1.2)) == pytest.approx(30.96, abs=0.01)
     for x1_m in (3.0, 6.0, 12.0):
         (xa, ya), (xb, yb) = ((320 - 320 * 2 / x, 240 + 320 * 1.2 / x) for x in (x1_m, x1_m + 1))
@@ -278,7 +278,7 @@ def test_case_3b_steers_away_from_a_line_that_is_too_near_and_towards_one_that_i
 
 
 @given(e=offsets, psi=headings)
-def test_one_line_shows_the_heading_at_the_horizon(e, psi):
+def test_one_line_measures_the_heading_at_the_horizon(e, psi):
     assert heading(line(1.7, e, psi), PICTURE) == pytest.approx(psi, abs=1e-6)
 
 

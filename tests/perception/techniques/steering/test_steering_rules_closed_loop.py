@@ -1,4 +1,4 @@
-"""What each steering rule can see, and what that means when it drives (inventory S12, S14–S18)."""
+"""The quantities that each steering rule measures, and their effect in closed loop (inventory S12, S14–S18)."""
 
 import math
 from collections.abc import Callable
@@ -60,17 +60,17 @@ def driven(rule: Rule, speed_mps: float, gain: float, delay_s: float):
     return drive(steer, speed_mps=speed_mps, delay_s=delay_s, duration_s=60)
 
 
-def sees(rule: Rule) -> tuple[bool, bool]:
+def measures(rule: Rule) -> tuple[bool, bool]:
     """Whether the rule changes with the offset and with the heading."""
     at_rest = rule(*pair(0.0, 0.0))
     by_offset, by_heading = rule(*pair(0.3, 0.0)), rule(*pair(0.0, 0.1))
     return abs(by_offset - at_rest) > 1e-3, abs(by_heading - at_rest) > 1e-3
 
 
-def test_bisector_and_mean_see_the_offset_the_meeting_point_the_heading_and_the_crossings_both():
-    assert sees(dev) == (True, False) and sees(tu) == (True, False)
-    assert sees(sujatha) == (False, True)
-    assert sees(umamaheswari) == (True, True)
+def test_bisector_and_mean_measure_the_offset_the_meeting_point_the_heading_the_crossings_both():
+    assert measures(dev) == (True, False) and measures(tu) == (True, False)
+    assert measures(sujatha) == (False, True)
+    assert measures(umamaheswari) == (True, True)
 
 
 def test_bisector_and_mean_alone_leave_the_lane_in_most_runs_and_swing_wider_in_all_others():
@@ -79,7 +79,7 @@ def test_bisector_and_mean_alone_leave_the_lane_in_most_runs_and_swing_wider_in_
     assert all(run.left_lane or run.final_m > 0.5 for run in runs)
 
 
-def test_the_meeting_point_never_brings_the_car_back_to_the_centre():
+def test_the_meeting_point_never_returns_the_car_to_the_centre():
     assert all(driven(sujatha, *run).final_m == pytest.approx(0.5, abs=0.01) for run in RUNS)
 
 
@@ -220,7 +220,7 @@ def test_the_mean_of_slopes_is_78_degrees_half_a_metre_beside_the_centre():
 
 
 def boundaries(e: float, psi: float) -> Boundaries:
-    """A straight lane on the road as the pipeline hands it over."""
+    """A straight lane on the road as the pipeline passes it on."""
     x_m = np.linspace(4.0, 25.0, 43)
     sides = [(-math.tan(psi) * x_m + (b - e) / math.cos(psi)) for b in (WIDTH_M / 2, -WIDTH_M / 2)]
     return Boundaries(*(Boundary(x_m, y_m, 0.0, 1.0) for y_m in sides))
@@ -244,7 +244,7 @@ def test_every_rule_as_a_stage_steers_against_the_pose_and_the_mirrored_pose_the
 
 
 @pytest.mark.parametrize("name", ["tu", "umamaheswari", "abdelrahman"])
-def test_a_stage_that_lives_with_one_line_says_the_same_with_it(name):
+def test_a_stage_for_one_line_gives_the_same_angle_with_it(name):
     view = camera_view(load(CONFIG_DIR / "camera.yaml", Camera))
     both = boundaries(0.2, 0.0)
     settings_ = dict(width_m=WIDTH_M)

@@ -35,7 +35,7 @@ NOTHING = Boundaries(None, None, "nothing there")
 
 
 def drive(seconds: float, *, seed: int = 0, e: float = 0.3, radius_m: float = 80.0):
-    """True states and motions of a car that weaves about a lane that bends after two seconds."""
+    """True states and motions of a car that weaves along a lane with a bend after two seconds."""
     rng = np.random.default_rng(seed)
     state, drives = np.array([e, 0.0, 0.0, WIDTH_M]), []
     phase = rng.uniform(0, 6)
@@ -50,7 +50,7 @@ def drive(seconds: float, *, seed: int = 0, e: float = 0.3, radius_m: float = 80
 
 
 def seen(state: np.ndarray, rng: np.random.Generator, *, noise: float = 1.0) -> Boundaries:
-    """What a model would find: both sides with a little error."""
+    """Both sides with the error of a boundary model."""
     error = rng.normal(size=4) * [0.06, 0.01, 0.0015, 0.05] * noise
     e, psi, kappa, width = (state + error).tolist()
     lane = Lane(e, psi, kappa, 0.0)
@@ -72,7 +72,7 @@ def errors(name: str, keep, *, seconds: float = 6.0, seed: int = 0, noise: float
 
 
 @pytest.mark.parametrize("name", TRACKERS)
-def test_a_gap_of_a_second_is_coasted_to_a_tenth_of_a_metre(name):
+def test_a_gap_of_a_second_is_bridged_to_a_tenth_of_a_metre(name):
     worst = [
         errors(name, lambda n, b: NOTHING if 100 <= n < 125 else b, seconds=5.2, seed=seed)[100:125, 0].max()
         for seed in range(3)
@@ -82,14 +82,14 @@ def test_a_gap_of_a_second_is_coasted_to_a_tenth_of_a_metre(name):
 
 @pytest.mark.parametrize("name", ["extended", "unscented"])
 @pytest.mark.parametrize("seed", range(4))
-def test_thirty_metres_without_markings_are_survived_in_the_lane(name, seed):
+def test_thirty_metres_without_markings_are_bridged_in_the_lane(name, seed):
     off = errors(name, lambda n, b: NOTHING if 60 <= n < 135 else b, seconds=7, seed=seed)[:, 0]
     assert np.isfinite(off).all()
     assert off[60:135].max() < 0.5 and off[150:].max() < 0.2
 
 
 @pytest.mark.parametrize("name", TRACKERS)
-def test_half_of_all_frames_lost_makes_less_than_half_more_error(name):
+def test_half_of_all_frames_lost_raises_the_error_by_less_than_half(name):
     lost = np.random.default_rng(3).random(400) < 0.5
     lost[0] = False
     with_all = errors(name, lambda n, b: b, seconds=8)
@@ -114,7 +114,7 @@ def test_one_side_is_enough_while_the_other_is_hidden(name):
 
 
 @pytest.mark.parametrize("name", TRACKERS)
-def test_what_was_lost_for_too_long_is_nothing_and_not_the_old_lane(name):
+def test_a_lane_lost_for_too_long_is_none_and_not_the_old_one(name):
     tracker, rng = TRACKERS[name](), np.random.default_rng(0)
     drives = drive(4)
     for state, motion in drives[:25]:
@@ -129,7 +129,7 @@ def test_what_was_lost_for_too_long_is_nothing_and_not_the_old_lane(name):
 
 
 @pytest.mark.parametrize("name", TRACKERS)
-def test_a_single_wrong_look_does_not_move_the_lane_far(name):
+def test_a_single_wrong_frame_does_not_move_the_lane_far(name):
     def wrong(number: int, boundaries: Boundaries) -> Boundaries:
         if number != 80:
             return boundaries
@@ -156,7 +156,7 @@ def test_the_same_frames_give_the_same_lane(name):
 # --- the parts
 
 
-def test_the_innovations_of_the_linear_filter_are_as_large_as_it_believes():
+def test_the_innovations_of_the_linear_filter_match_its_covariance():
     rng = np.random.default_rng(5)
     truth, mean, covariance, values = np.zeros(4), np.zeros(4), np.eye(4) * 0.01, []
     noise, slope = np.diag(np.array([0.08, 0.015, 0.004, 0.12]) ** 2), np.eye(4)
@@ -181,7 +181,7 @@ def test_the_motion_and_its_matrix_agree_for_small_changes(e, psi, kappa):
     assert nudged == pytest.approx(transition(motion), abs=0.02)
 
 
-def test_the_slope_of_the_look_is_known_exactly_when_centred():
+def test_the_slope_of_the_samples_is_exact_when_centred():
     look = Samples(np.array([5.0, 20.0]), np.zeros(2), np.array([1.0, -1.0]), np.ones(2))
     slope = expected_slope(np.array([0.0, 0.0, 0.0, 3.5]), look)
     assert slope == pytest.approx(
@@ -197,7 +197,7 @@ def test_spread_points_have_the_mean_and_covariance_they_stand_for():
     assert np.cov(points.T, bias=True) == pytest.approx(covariance)
 
 
-def test_resampling_draws_each_guess_as_often_as_its_weight_says():
+def test_resampling_draws_each_particle_in_proportion_to_its_weight():
     weight = np.array([0.5, 0.0, 0.25, 0.25])
     counts = np.bincount(
         resampled(np.repeat(weight, 100) / 100, np.random.default_rng(0)) // 100, minlength=4
@@ -234,7 +234,7 @@ def test_the_unscented_points_are_those_of_filterpy():
     assert np.sort(ours.ravel()) == pytest.approx(np.sort(theirs[1:].ravel()), abs=1e-12)
 
 
-def test_unknown_motion_leaves_the_lane_where_it_was():
+def test_unknown_motion_keeps_the_lane():
     state = np.array([0.3, 0.1, 0.01, 3.5])
     assert moved_state(state, Motion(0.04, None, None)) == pytest.approx(state)
     assert moved_state(state, Motion(0.04, 10.0, None))[E] > 0.3  # it points left and goes on
