@@ -1,7 +1,9 @@
-"""Supervisor process: one decision per camera frame, and decisions go on when frames do not."""
+"""Supervisor process: one decision per camera frame, and at least one every IDLE_PERIOD_S without frames."""
 
 from pathlib import Path
+from typing import Any
 
+from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
 from supervisor.rules.reload import Announcement, RuleWatch, taken_over
 from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
@@ -9,12 +11,12 @@ from trepid.messages import Health, SteeringEstimate
 from trepid.processes.process import Process, process
 from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 
-IDLE_PERIOD_S = 0.05  # decide at least this often, whatever is missing
+IDLE_PERIOD_S = 0.05  # decide at least this often
 GATHER_S = 0.02  # wait this long for the other estimators of the same frame
 
 
 def run(me: Process) -> None:
-    """Build the supervisor and decide until told to stop; rules may change meanwhile."""
+    """Build the supervisor and decide until the process is to stop; the rule file may change meanwhile."""
     rules = Path(me.options["rules"])
     with RuleWatch(rules) as changes:
         supervisor = build(rules=rules, cruise_speed_mps=me.options["cruise_speed_mps"])
@@ -22,12 +24,13 @@ def run(me: Process) -> None:
 
 
 def decide(me: Process, supervisor: Supervisor, changes: RuleWatch) -> None:
-    """Decide when all estimates of a frame are in, shortly after the first of them, or when nothing comes."""
+    """Decide when all estimates of a frame are in, GATHER_S after the first, or after IDLE_PERIOD_S."""
     estimates = {name: me.bus.latest(estimate_topic(name)) for name in me.options["estimators"]}
     statistics, lead = me.bus.latest(IMAGE_STATISTICS), me.bus.latest(LEAD_VEHICLE)
     state = me.bus.latest(VEHICLE_STATE)
+    inputs: dict[str, Latest[Any]] = {**estimates, STATISTICS: statistics, LEAD: lead, STATE: state}
     send = me.bus.publisher(DECISION)
-    said = Health.OK, ""
+    health = Health.OK, ""
     announcement = Announcement()
     me.ready(values=announcement.values)
     decided_s = me.now_s()
@@ -48,19 +51,20 @@ def decide(me: Process, supervisor: Supervisor, changes: RuleWatch) -> None:
             lead.refresh(),
             state.refresh(),
             now_s=now_s,
+            malformed=[name for name, latest in inputs.items() if latest.broken],
         )
         send(decision)
         decided_s, first_s = now_s, None
         news = changes.take()
         if news is not None:
-            said = taken_over(news, supervisor.adopt)
-            if said[0] is Health.OK:
+            health = taken_over(news, supervisor.adopt)
+            if health[0] is Health.OK:
                 announcement.of(news, from_s=now_s)
-        me.stepped(*said)
+        me.stepped(*health)
 
 
 def _same_frame(estimates: dict[str, Latest[SteeringEstimate]]) -> bool:
-    """True when every estimator has answered for the newest frame."""
+    """True when the newest messages of all estimators are of one frame."""
     stamps = {latest.message.t_s if latest.message else None for latest in estimates.values()}
     return len(stamps) == 1 and None not in stamps
 

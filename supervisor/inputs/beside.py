@@ -6,12 +6,12 @@ is. Moved over by whole lane widths, what was measured becomes a second view of 
 if its own lines were seen.
 """
 
-from supervisor.inputs.validated import Sighting
+from supervisor.inputs.validated import ValidatedEstimate
 
 SHARE = 0.7  # of its confidence: lanes of one road differ in width by a few decimetres (RAA: 3.25 to 3.75 m)
 
 
-def in_own_lane(s: Sighting, offset_m: float | None) -> Sighting:
+def in_own_lane(s: ValidatedEstimate, offset_m: float | None) -> ValidatedEstimate:
     """``s``, moved over to the lane in which the car is, where it shows another one.
 
     ``offset_m`` is where the path so far has the car; None at the beginning: a driver hands over in a lane.

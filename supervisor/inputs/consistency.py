@@ -6,18 +6,18 @@ falls (compare Michelmore et al., Evaluating uncertainty quantification in end-t
 2018; ensembles and dropout measure the same at several times the price).
 
 Jitter, of the jumps from frame to frame over the last half second, tells that something has gone wrong now; unrest,
-of those between looks STEP_M apart over the last UNREST_M of road, whether this road is one that the estimator
+of those between looks STEP_M apart over the last PATH_JITTER_M of road, whether this road is one that the estimator
 knows. Only way wears unrest off: a standing car sees the same picture again and again, which shows nothing new.
 """
 
 import math
 from typing import NamedTuple
 
-from supervisor.inputs.validated import Sighting
+from supervisor.inputs.validated import ValidatedEstimate
 from trepid.clothoid import STANDING, Lane, Motion
 
 MEMORY_S = 0.5  # over which jumps are averaged: twelve frames
-UNREST_M = 10.0  # ... or of the way: as long as a comfort stop, so that who stops for it stands with it
+PATH_JITTER_M = 10.0  # ... or of the way: as long as a comfort stop, so that who stops for it stands with it
 STEP_M = 0.3  # of way between the looks that are compared for it: whoever creeps sees nearly the same picture again
 KNOWN_M = 0.05  # what the network jumps on roads it knows ...
 KNOWN_SHARE = 0.2  # ... and its weight before the first jump
@@ -29,10 +29,10 @@ class Steadiness(NamedTuple):
     """Root mean square jump of a lane at AHEAD_M."""
 
     jitter_m: float  # over the last MEMORY_S; 0 without a lane now, or without two lanes to compare
-    unrest_m: float  # over the last UNREST_M of way, begun with KNOWN_M
+    path_jitter_m: float  # over the last PATH_JITTER_M of way, begun with KNOWN_M
 
 
-class _Unrest(NamedTuple):
+class _PathJitter(NamedTuple):
     """Running mean of squared jumps by way, as their weighted sum and the sum of their weights."""
 
     before: Lane  # the look to compare the next one with, moved by odometry
@@ -45,13 +45,13 @@ class _Unrest(NamedTuple):
         """The root of the mean."""
         return math.sqrt(self.sum_m2 / self.weights)
 
-    def after(self, lane: Lane, motion: Motion, dt_s: float) -> "_Unrest":
+    def after(self, lane: Lane, motion: Motion, dt_s: float) -> "_PathJitter":
         """With a look ``dt_s`` later; it counts for the way that was driven for it, once that is STEP_M."""
         before, way_m = self.before.after(motion, dt_s), self.way_m + abs(motion.speed_mps) * dt_s
         if way_m < STEP_M:
             return self._replace(before=before, way_m=way_m)
-        jump_m, kept = lane.y_m(AHEAD_M) - before.y_m(AHEAD_M), math.exp(-way_m / UNREST_M)
-        return _Unrest(
+        jump_m, kept = lane.y_m(AHEAD_M) - before.y_m(AHEAD_M), math.exp(-way_m / PATH_JITTER_M)
+        return _PathJitter(
             lane, 0.0, kept * self.sum_m2 + (1 - kept) * jump_m**2, kept * self.weights + (1 - kept)
         )
 
@@ -62,7 +62,7 @@ class _Track(NamedTuple):
     t_s: float
     lane: Lane
     square_m2: float  # running mean of squared jumps by time
-    unrest: _Unrest
+    path_jitter: _PathJitter
 
 
 class Consistency:
@@ -71,28 +71,28 @@ class Consistency:
     def __init__(self) -> None:
         self._tracks: dict[str, _Track] = {}
 
-    def step(self, seen: list[Sighting], motion: Motion | None) -> dict[str, Steadiness]:
+    def step(self, seen: list[ValidatedEstimate], motion: Motion | None) -> dict[str, Steadiness]:
         """The steadiness of every estimator."""
         moving = motion or STANDING
         return {s.estimator: self._steadiness(s, moving) for s in seen}
 
-    def _steadiness(self, s: Sighting, motion: Motion) -> Steadiness:
+    def _steadiness(self, s: ValidatedEstimate, motion: Motion) -> Steadiness:
         track = self._tracks.get(s.estimator)
         if s.lane is not None and (track is None or s.t_s != track.t_s):
             track = self._tracks[s.estimator] = _updated(track, s.lane, s.t_s, motion)
         if track is None:
             return Steadiness(0.0, KNOWN_M)
-        return Steadiness(math.sqrt(track.square_m2) if s.lane is not None else 0.0, track.unrest.rms_m)
+        return Steadiness(math.sqrt(track.square_m2) if s.lane is not None else 0.0, track.path_jitter.rms_m)
 
 
 def _updated(track: _Track | None, lane: Lane, t_s: float, motion: Motion) -> _Track:
     """The means with the jump to ``lane``; after a gap nothing has jumped, and the mean by time begins anew."""
     if track is None:
-        return _Track(t_s, lane, 0.0, _Unrest(lane))
+        return _Track(t_s, lane, 0.0, _PathJitter(lane))
     dt_s = t_s - track.t_s
     if not 0 < dt_s <= LONGEST_S:
-        return _Track(t_s, lane, 0.0, track.unrest._replace(before=lane, way_m=0.0))
+        return _Track(t_s, lane, 0.0, track.path_jitter._replace(before=lane, way_m=0.0))
     jump_m = lane.y_m(AHEAD_M) - track.lane.after(motion, dt_s).y_m(AHEAD_M)
     kept = math.exp(-dt_s / MEMORY_S)
     square_m2 = kept * track.square_m2 + (1 - kept) * jump_m**2
-    return _Track(t_s, lane, square_m2, track.unrest.after(lane, motion, dt_s))
+    return _Track(t_s, lane, square_m2, track.path_jitter.after(lane, motion, dt_s))

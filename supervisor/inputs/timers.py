@@ -1,12 +1,12 @@
-"""For how long something has been so: the clocks behind the supervisor's hysteresis. None reads a clock itself."""
+"""Timers of conditions, for hysteresis. Time is an argument: no timer reads a clock."""
 
-from collections.abc import Mapping
+import math
 
 from trepid.bounds import at_least, at_most
 
 
 class Stopwatch:
-    """For how long a condition has held without a break."""
+    """Measures for how long a condition has held without a break."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
@@ -22,34 +22,33 @@ class Stopwatch:
 
 
 class Held:
-    """Watches for how long a condition holds without a break."""
+    """Compares the time for which a condition has held without a break with a limit."""
 
     def __init__(self) -> None:
         self._watch = Stopwatch()
 
-    def lasts(self, condition: bool, wanted_s: float | None, *, now_s: float) -> bool:
-        """Whether ``condition`` has now held for ``wanted_s``; None is never reached."""
+    def lasts(self, condition: bool, wanted_s: float | None, *, now_s: float, pause: bool = False) -> bool:
+        """Whether ``condition`` has held for ``wanted_s``, None for never. ``pause`` has no effect."""
         held_s = self._watch.step(condition, now_s=now_s)
         return condition and wanted_s is not None and held_s >= wanted_s
 
 
 class Patience:
-    """For how long one cause has frightened: grows while it does, shrinks as fast while it does not.
+    """Accumulates how long a condition holds: grows while it holds, shrinks as fast while it does not.
 
-    So a cause that comes and goes from frame to frame is neither forgotten nor made worse than it is. While another
-    of the causes that are waited for frightens, it stays as it is: they are doubts about the same road.
+    A condition that comes and goes from frame to frame is neither forgotten nor made worse than it is. ``pause``
+    keeps the time as it is.
     """
 
-    def __init__(self, stop_after_s: Mapping[str, float]) -> None:
-        self._stop_after_s = stop_after_s
-        self._borne_s = dict.fromkeys(stop_after_s, 0.0)
+    def __init__(self) -> None:
+        self._borne_s = 0.0
         self._last_s: float | None = None
 
-    def ends(self, cause: str, *, now_s: float) -> bool:
-        """Whether ``cause``, "" for none, has lasted longer than it may."""
+    def lasts(self, condition: bool, wanted_s: float | None, *, now_s: float, pause: bool = False) -> bool:
+        """Whether ``condition`` holds and its time has reached ``wanted_s``, the upper limit; None for never."""
         dt_s = 0.0 if self._last_s is None else at_least(now_s - self._last_s, 0.0)
         self._last_s = now_s
-        for name, limit_s in self._stop_after_s.items():
-            step_s = dt_s if name == cause else 0.0 if cause in self._stop_after_s else -dt_s
-            self._borne_s[name] = at_most(at_least(self._borne_s[name] + step_s, 0.0), limit_s)
-        return cause in self._borne_s and self._borne_s[cause] >= self._stop_after_s[cause]
+        step_s = dt_s if condition else 0.0 if pause else -dt_s
+        limit_s = math.inf if wanted_s is None else wanted_s
+        self._borne_s = at_most(at_least(self._borne_s + step_s, 0.0), limit_s)
+        return condition and self._borne_s >= limit_s

@@ -1,4 +1,4 @@
-"""What the messages are worth: every age, and every number that cannot be, is judged here and nowhere else."""
+"""Validation of messages: the age of every message and the range of every number are checked here only."""
 
 import math
 from typing import NamedTuple
@@ -6,21 +6,25 @@ from typing import NamedTuple
 from trepid.bounds import at_least
 from trepid.clothoid import Lane, Motion
 from trepid.config import Settings
-from trepid.messages import ImageStatistics, SteeringEstimate, VehicleState
+from trepid.messages import EstimateKind, SteeringEstimate, VehicleState
 from trepid.types import Positive
 
+MAX_ANGLE_RAD = math.pi / 2
 
-class SightingSettings(Settings):
+
+class ValidationSettings(Settings):
     """Section ``sightings`` of ``config/supervisor.yaml``."""
 
     clock_tolerance_s: Positive  # stamps may lie this far in the future
     fresh_s: Positive  # older estimates, statistics and leads are not used
     state_fresh_s: Positive  # older vehicle states are not used
-    frozen_s: Positive  # a picture that has repeated itself for longer while the car moves shows no lane
+    frozen_s: (
+        Positive  # lanes in an image that has repeated itself for longer while the car moves are not used
+    )
     frozen_speed_mps: Positive  # ... from this speed on
-    lost_s: Positive  # a process that was heard and has been silent this long is lost
-    min_confidence: Positive  # estimates below are no estimates
-    max_offset_m: Positive  # beyond these a number cannot be: the message is broken
+    lost_s: Positive  # a process that has sent messages and none for this long is lost
+    min_confidence: Positive  # estimates below are not used
+    max_offset_m: Positive  # a message with a number beyond these is broken
     max_heading_rad: Positive
     max_curvature_1pm: Positive
     max_curvature_rate_1pm2: Positive
@@ -29,51 +33,56 @@ class SightingSettings(Settings):
     max_yaw_rate_radps: Positive
     min_lane_width_m: Positive
     max_lane_width_m: Positive
-    max_unmarked_width_m: Positive  # edges farther apart without lines are those of two lanes: which is ours?
+    max_unmarked_width_m: Positive  # wider roads without lines have two lanes, and ours is unknown
 
 
-class Sighting(NamedTuple):
-    """One estimator's lane, judged."""
+class ValidatedEstimate(NamedTuple):
+    """The estimate of one estimator after the checks of age, range and consistency."""
 
     estimator: str
-    age_s: float  # inf: never heard, or a stamp that cannot be
+    age_s: float  # inf: no message, or an impossible stamp
     t_s: float  # NaN: none
-    broken: bool  # the message contradicts itself: confidence without a finite lane, or no number at all
+    broken: bool  # confidence without a finite lane or angle, or a confidence outside 0..1
     confidence: float | None  # None: broken or lost
     lane: Lane | None  # at t_s; None: not to be used
     lookahead_m: float
-    width_error_m: float | None  # beyond what lanes measure; None: unknown
-    measures_width: bool  # whether it claims to see a boundary, or remembers to have seen one
+    width_error_m: float | None  # beyond the usual widths of lanes; None: unknown
+    measures_width: bool  # the estimator reports a boundary, measured or remembered
     width_m: float | None = None  # of the lane; None: unknown, or impossible
-    marked: bool | None = None  # seen by painted lines; False: by the edges of the road
-    from_memory: bool = False  # the estimator looks for boundaries and found none in this frame: it remembers
+    marked: bool | None = None  # measured by painted lines; False: by the edges of the road
+    from_memory: bool = False  # the estimator looks for boundaries and found none in this frame
+    kind: EstimateKind = EstimateKind.LANE  # ANGLE: ``lane`` is the arc of the road-wheel angle from the axle
 
 
-def age_s(t_s: float | None, *, now_s: float, settings: SightingSettings) -> float:
-    """Age of a stamp [s]; inf where there is none, none that is finite, or one from the future."""
+def age_s(t_s: float | None, *, now_s: float, settings: ValidationSettings) -> float:
+    """Age of a stamp [s]; inf for None, for a stamp that is not finite, or one in the future."""
     if t_s is None or not math.isfinite(t_s) or t_s > now_s + settings.clock_tolerance_s:
         return math.inf
     return at_least(now_s - t_s, 0.0)
 
 
-def sight(
+def validate(
     name: str,
     estimate: SteeringEstimate | None,
     *,
     now_s: float,
-    settings: SightingSettings,
+    settings: ValidationSettings,
+    wheelbase_m: float,
     frozen: bool = False,
-) -> Sighting:
-    """What ``estimate`` of the estimator ``name`` is worth now. An honest "no lane" has confidence 0.
+    malformed: bool = False,
+) -> ValidatedEstimate:
+    """The ``estimate`` of the estimator ``name`` at ``now_s``. A valid message without a lane has confidence 0.
 
-    ``frozen``: the picture stands still while the car moves, so a lane in it is one of the past.
+    ``frozen``: the image repeats itself while the car moves, so its lane is not used.
+    ``malformed``: the newest message could not be decoded, so ``estimate`` is an older one and counts as broken.
     """
     age = age_s(estimate.t_s if estimate else None, now_s=now_s, settings=settings)
     if estimate is None or age > settings.lost_s:
         t_s = estimate.t_s if estimate and math.isfinite(age) else math.nan
-        return Sighting(name, age, t_s, False, None, None, math.nan, None, False)
-    lane = lane_of(estimate, settings)
-    broken = not 0 <= estimate.confidence <= 1 or (estimate.confidence > 0 and lane is None)
+        return ValidatedEstimate(name, age, t_s, malformed, None, None, math.nan, None, False)
+    angle = estimate.kind is EstimateKind.ANGLE
+    lane = arc_of(estimate, settings, wheelbase_m) if angle else lane_of(estimate, settings)
+    broken = malformed or not 0 <= estimate.confidence <= 1 or (estimate.confidence > 0 and lane is None)
     two_lanes = _is_of_two_lanes(estimate, settings)
     usable = (
         not (broken or frozen or two_lanes)
@@ -81,7 +90,7 @@ def sight(
         and estimate.confidence >= settings.min_confidence
     )
     from_memory = estimate.marked is not None and estimate.lanes_detected == 0
-    return Sighting(
+    return ValidatedEstimate(
         estimator=name,
         age_s=age,
         t_s=estimate.t_s,
@@ -90,21 +99,22 @@ def sight(
         lane=lane if usable else None,
         lookahead_m=estimate.lookahead_m,
         width_error_m=_width_error_m(estimate.lane_width_m, settings),
-        measures_width=usable and (estimate.lanes_detected > 0 or from_memory),  # who remembers has measured
+        measures_width=usable and not angle and (estimate.lanes_detected > 0 or from_memory),
         width_m=within(estimate.lane_width_m, settings.max_offset_m) if usable else None,
-        marked=estimate.marked if usable else None,
+        marked=estimate.marked if usable and not angle else None,
         from_memory=from_memory,
+        kind=estimate.kind,
     )
 
 
-def surest_teller(seen: list[Sighting]) -> Sighting | None:
-    """The surest of those that can tell a road with lines from one with edges only."""
-    tellers = [s for s in seen if s.marked is not None]
-    return max(tellers, key=lambda s: s.confidence or 0.0, default=None)
+def surest_of_marking(estimates: list[ValidatedEstimate]) -> ValidatedEstimate | None:
+    """The estimate of highest confidence of those that distinguish lines from edges of the road."""
+    marking = [e for e in estimates if e.marked is not None]
+    return max(marking, key=lambda e: e.confidence or 0.0, default=None)
 
 
-def lane_of(estimate: SteeringEstimate, settings: SightingSettings) -> Lane | None:
-    """The lane at the rear axle; None unless every number is there, finite and possible."""
+def lane_of(estimate: SteeringEstimate, settings: ValidationSettings) -> Lane | None:
+    """The lane at the rear axle; None unless every number is given, finite and possible."""
     offset_m = within(estimate.lateral_offset_m, settings.max_offset_m)
     heading_rad = within(estimate.heading_error_rad, settings.max_heading_rad)
     curvature_1pm = within(estimate.curvature_1pm, settings.max_curvature_1pm)
@@ -123,36 +133,36 @@ def lane_of(estimate: SteeringEstimate, settings: SightingSettings) -> Lane | No
     return None if within(lane.curvature_1pm, settings.max_curvature_1pm) is None else lane
 
 
-def is_frozen(
-    statistics: ImageStatistics | None, motion: Motion | None, *, settings: SightingSettings
-) -> bool:
-    """Whether the picture repeats itself while the car moves, or may do so: sensor noise never repeats."""
-    if statistics is None or statistics.frozen_s <= settings.frozen_s:
-        return False
-    return motion is None or not abs(motion.speed_mps) < settings.frozen_speed_mps
+def arc_of(estimate: SteeringEstimate, settings: ValidationSettings, wheelbase_m: float) -> Lane | None:
+    """The arc from the rear axle that the road-wheel angle δ drives, κ = tan(δ)/L; None for an impossible angle."""
+    angle_rad = within(estimate.road_wheel_angle_rad, MAX_ANGLE_RAD)
+    if angle_rad is None or not 0 <= estimate.lookahead_m < math.inf:
+        return None
+    curvature_1pm = within(math.tan(angle_rad) / wheelbase_m, settings.max_curvature_1pm)
+    return None if curvature_1pm is None else Lane(0.0, 0.0, curvature_1pm, 0.0)
 
 
-def motion_of(state: VehicleState | None, *, now_s: float, settings: SightingSettings) -> Motion | None:
-    """How the vehicle moves; None when its state is missing, stale, or holds a number that cannot be."""
+def motion_of(state: VehicleState | None, *, now_s: float, settings: ValidationSettings) -> Motion | None:
+    """The motion of the vehicle; None when its state is missing, stale, or has an impossible number."""
     if state is None or age_s(state.t_s, now_s=now_s, settings=settings) > settings.state_fresh_s:
         return None
     speed_mps = within(state.speed_mps, settings.max_speed_mps)
     yaw_rate_radps = within(state.yaw_rate_radps, settings.max_yaw_rate_radps)
-    wheel_rad = within(state.road_wheel_angle_rad, math.pi / 2)
+    wheel_rad = within(state.road_wheel_angle_rad, MAX_ANGLE_RAD)
     if speed_mps is None or yaw_rate_radps is None or wheel_rad is None:
         return None
     return Motion(speed_mps, yaw_rate_radps)
 
 
-def _is_of_two_lanes(estimate: SteeringEstimate, settings: SightingSettings) -> bool:
-    """Whether only the edges of a road of more than one lane are seen; a width that cannot be may be one."""
+def _is_of_two_lanes(estimate: SteeringEstimate, settings: ValidationSettings) -> bool:
+    """Whether only the edges of a road of more than one lane are measured; so may be an impossible width."""
     width_m = estimate.lane_width_m
     return (
         estimate.marked is False and width_m is not None and not 0 < width_m <= settings.max_unmarked_width_m
     )
 
 
-def _width_error_m(width_m: float | None, settings: SightingSettings) -> float | None:
+def _width_error_m(width_m: float | None, settings: ValidationSettings) -> float | None:
     if width_m is None or not math.isfinite(width_m):
         return None
     beyond_m = at_least(settings.min_lane_width_m - width_m, width_m - settings.max_lane_width_m)
@@ -160,5 +170,5 @@ def _width_error_m(width_m: float | None, settings: SightingSettings) -> float |
 
 
 def within(value: float | None, limit: float) -> float | None:
-    """``value`` if it is a number of at most ``limit`` in size; NaN fails every comparison."""
+    """``value`` if its size is at most ``limit``, else None; NaN fails every comparison."""
     return value if value is not None and abs(value) <= limit else None

@@ -6,6 +6,9 @@ from typing import NamedTuple
 
 from trepid.causes import Cause
 
+STATISTICS, LEAD, STATE = "statistics", "lead", "state"
+"""Names of the inputs besides the estimators."""
+
 
 class Fault(NamedTuple):
     """Cause of an immediate stop, and whether a process is lost, which makes the stop final."""
@@ -39,11 +42,11 @@ class Watchdog:
 
         ``lead_s`` is None where no lead detector runs.
         """
-        ages = {**estimator_ages_s, "statistics": statistics_s, "state": state_s}
+        ages = {**estimator_ages_s, STATISTICS: statistics_s, STATE: state_s}
         if lead_s is None:
-            self._heard.discard("lead")
+            self._heard.discard(LEAD)
         else:
-            ages["lead"] = lead_s
+            ages[LEAD] = lead_s
         self._heard.update([name for name, age in ages.items() if age <= self._fresh_s])
         lost = {name for name in self._heard if ages.get(name, math.inf) > self._lost_s}
         estimators = self._heard & estimator_ages_s.keys()
@@ -52,11 +55,11 @@ class Watchdog:
             cause = Cause.STALE_DATA
         elif lost & estimators:
             cause = Cause.LOST_ESTIMATOR
-        elif "state" in self._heard and state_s > self._state_s:
+        elif STATE in self._heard and state_s > self._state_s:
             cause = Cause.VEHICLE_STATE_LOST
-        elif "statistics" in lost:
+        elif STATISTICS in lost:
             cause = Cause.IMAGE_STATISTICS_LOST
-        elif "lead" in lost:
+        elif LEAD in lost:
             cause = Cause.LEAD_LOST
         elif driver_override:
             cause = Cause.DRIVER_OVERRIDE

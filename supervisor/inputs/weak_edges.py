@@ -6,7 +6,7 @@ patches, between which the true ones come and go: each moment by itself may pass
 
 import math
 
-from supervisor.inputs.validated import Sighting, surest_teller
+from supervisor.inputs.validated import ValidatedEstimate, surest_of_marking
 from trepid.bounds import at_least
 from trepid.clothoid import STANDING, Motion
 
@@ -20,14 +20,14 @@ class WeakEdges:
         self._doubt = 0.0
         self._last_s: float | None = None
 
-    def step(self, seen: list[Sighting], motion: Motion | None, *, now_s: float) -> float:
+    def step(self, seen: list[ValidatedEstimate], motion: Motion | None, *, now_s: float) -> float:
         """Mean of 1 - confidence of edges, of 0 for lines, over the last EDGES_M, the nearer the heavier [0..1].
 
         Where nobody can tell edges from lines it stays as it is.
         """
         way_m = 0.0 if self._last_s is None else abs((motion or STANDING).speed_mps) * (now_s - self._last_s)
         self._last_s = now_s
-        teller = surest_teller(seen)
+        teller = surest_of_marking(seen)
         if teller is not None:
             doubt = 0.0 if teller.marked else 1.0 - (teller.confidence or 0.0)
             self._doubt += (1.0 - math.exp(-at_least(way_m, 0.0) / EDGES_M)) * (doubt - self._doubt)

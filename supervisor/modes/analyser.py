@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from supervisor.inputs.frozen import is_frozen
 from supervisor.situation.features import Features
 from trepid.causes import Cause
 from trepid.config import Settings
@@ -89,6 +90,11 @@ def _behind(x: Features, s: AnalyserSettings) -> bool:
     return _lost("estimator_age")(x, s) or _number(x["estimator_age"]) - _number(x["frame_age"]) > s.behind_s
 
 
+def _frozen(x: Features, s: AnalyserSettings) -> bool:
+    """No new image comes while the car moves."""
+    return is_frozen(x["frozen"], x["speed"], after_s=s.frozen_s, from_mps=s.moving_mps, if_unknown=False)
+
+
 def _unseen(x: Features, s: AnalyserSettings) -> bool:
     """The road is hard to see, for all that is known."""
     return not _number(x["sight"]) >= s.unsure
@@ -124,7 +130,7 @@ SUSPECTS = (
     Suspect(
         Cause.FROZEN_CAMERA,
         "camera",
-        _all(_above("frozen", "frozen_s"), _above("speed", "moving_mps")),
+        _frozen,
         "the car moves and no new image comes",
     ),
     Suspect(

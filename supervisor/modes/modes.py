@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from enum import Enum, auto
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
@@ -42,24 +43,30 @@ class ModeSettings(Settings):
         yield from ((("final_causes", i), cause) for i, cause in enumerate(self.final_causes))
 
 
+class Effect(Enum):
+    """The effect of a doubt, or of an assurance, that has lasted for its time."""
+
+    STOP = auto()  # a comfort stop, also while a vehicle is followed
+    STOP_ON_ROAD = auto()  # a comfort stop in KEEP and CAUTION
+    EMERGENCY = auto()  # a final emergency stop
+    BRAKE_HARDER = auto()  # a comfort stop becomes an emergency stop
+    CALM = auto()  # CAUTION ends
+    ROAD_BACK = auto()  # FOLLOW ends
+    START = auto()  # a stop ends at standstill
+    HAND_OVER = auto()  # the stop in which a supervisor begins ends on the move
+
+
 class Situation(NamedTuple):
-    """What the transitions depend on. Times say for how long something has been so [s]."""
+    """The conditions of the transitions."""
 
     fault: str  # the cause of an immediate stop: a lost process, stale data, the driver; "" for none
     lost: bool  # a process is lost
-    blind: bool  # moving, and nothing has shown where to for too long, or frames have stopped coming
-    near: bool  # what is ahead is too near for the brake of a comfort stop
-    terrified: bool  # fear has asked for STOP for long enough
-    lasting: bool  # one cause has frightened for longer than it may
-    afraid: bool  # fear asks for CAUTION or more
-    calm: bool  # fear has been clearly below that for long enough
-    cause: str  # what fear is about
+    cause: str  # of fear
+    afraid: bool  # the level of fear asks for CAUTION or more
     path: bool  # there is a path of the road
-    road_back: bool  # the road has been seen with confidence for long enough
     lead: bool  # there is a vehicle to follow
     standstill: bool
-    ready: bool  # everything has been healthy and fear low for long enough
-    handed_over: bool  # a driver has just let go of a moving car for which that had been so
+    effects: frozenset[Effect]  # of the doubts and assurances that have lasted for their time
 
 
 class ModeState(NamedTuple):
@@ -93,20 +100,35 @@ TRANSITIONS = (
     Transition(
         DRIVING, lambda s: bool(s.fault), Mode.STOP, "a process is lost, data is stale, the driver acts"
     ),
-    Transition(DRIVING, lambda s: s.terrified, Mode.STOP, "fear calls for it"),
-    Transition(ON_ROAD, lambda s: s.lasting, Mode.STOP, "one cause has frightened for too long"),
+    Transition(DRIVING, lambda s: Effect.STOP in s.effects, Mode.STOP, "fear calls for it"),
+    Transition(
+        ON_ROAD,
+        lambda s: Effect.STOP_ON_ROAD in s.effects,
+        Mode.STOP,
+        "one cause has frightened for too long",
+    ),
     Transition(DRIVING, lambda s: not s.path and not s.lead, Mode.STOP, "neither road nor lead"),
     Transition(ON_ROAD, lambda s: not s.path, Mode.FOLLOW, "the road is lost, a lead is there"),
-    Transition(frozenset({Mode.FOLLOW}), lambda s: s.road_back, Mode.CAUTION, "the road is back"),
-    Transition(frozenset({Mode.KEEP}), lambda s: s.afraid, Mode.CAUTION, "fear calls for it"),
-    Transition(frozenset({Mode.CAUTION}), lambda s: s.calm, Mode.KEEP, "calm for long enough"),
     Transition(
-        frozenset({Mode.STOP}), lambda s: s.standstill and s.ready, Mode.CAUTION, "healthy at standstill"
+        frozenset({Mode.FOLLOW}), lambda s: Effect.ROAD_BACK in s.effects, Mode.CAUTION, "the road is back"
+    ),
+    Transition(frozenset({Mode.KEEP}), lambda s: s.afraid, Mode.CAUTION, "fear calls for it"),
+    Transition(
+        frozenset({Mode.CAUTION}), lambda s: Effect.CALM in s.effects, Mode.KEEP, "calm for long enough"
+    ),
+    Transition(
+        frozenset({Mode.STOP}),
+        lambda s: s.standstill and Effect.START in s.effects,
+        Mode.CAUTION,
+        "healthy at standstill",
     ),
 )
 """The first row that fits decides. A final stop leaves by no row."""
 HAND_OVER = Transition(
-    frozenset({Mode.STOP}), lambda s: s.handed_over and s.path, Mode.CAUTION, "a driver has handed over"
+    frozenset({Mode.STOP}),
+    lambda s: Effect.HAND_OVER in s.effects and s.path,
+    Mode.CAUTION,
+    "a driver has handed over",
 )
 """Leaves only the stop in which a supervisor begins: one that stopped the car is left at standstill."""
 _ROWS = {mode: tuple(row for row in TRANSITIONS if mode in row.sources) for mode in Mode}
@@ -129,7 +151,8 @@ def next_state(state: ModeState, now: Situation, *, final_causes: Collection[str
 def _entered(mode: Mode, now: Situation, final_causes: Collection[str]) -> ModeState:
     if mode is not Mode.STOP:
         return ModeState(mode, Stop.NONE, "", final=False)
-    cause = now.fault or (now.cause if now.terrified or now.lasting else Cause.NO_ROAD)
+    doubted = not now.effects.isdisjoint({Effect.STOP, Effect.STOP_ON_ROAD})
+    cause = now.fault or (now.cause if doubted else Cause.NO_ROAD)
     return _tightened(ModeState(Mode.STOP, Stop.COMFORT, cause, final=cause in final_causes), now)
 
 
@@ -139,9 +162,9 @@ def _tightened(state: ModeState, now: Situation) -> ModeState:
 
     Processes that come and go before the first drive are only starting.
     """
-    if now.blind and not (state.final and state.stop is Stop.EMERGENCY):
+    if Effect.EMERGENCY in now.effects and not (state.final and state.stop is Stop.EMERGENCY):
         return ModeState(Mode.STOP, Stop.EMERGENCY, now.fault or now.cause, final=True)
     return state._replace(
-        stop=Stop.EMERGENCY if now.near else state.stop,
+        stop=Stop.EMERGENCY if Effect.BRAKE_HARDER in now.effects else state.stop,
         final=state.final or (now.lost and state.cause != STARTING),
     )

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from supervisor.inputs.timers import Held
-from supervisor.inputs.validated import SightingSettings, age_s, within
+from supervisor.inputs.validated import ValidationSettings, age_s, within
 from supervisor.path.fusion import Path
 from supervisor.path.hand_over import LEAD
 from supervisor.path.trail import Trail, TrailSettings, fit, max_curvature_rate_1pm2
@@ -61,9 +61,19 @@ NOBODY = Lead(confidence=0.0)
 
 
 def judge_lead(
-    lead: LeadVehicle | None, motion: Motion | None, *, now_s: float, settings: SightingSettings
+    lead: LeadVehicle | None,
+    motion: Motion | None,
+    *,
+    now_s: float,
+    settings: ValidationSettings,
+    malformed: bool = False,
 ) -> Lead:
-    """What ``lead`` is worth now. None means that no detector runs; "no vehicle" has confidence 0."""
+    """The vehicle ahead at ``now_s``. None means that no detector runs; "no vehicle" has confidence 0.
+
+    ``malformed``: the newest message could not be decoded, so ``lead`` is older and only its age counts.
+    """
+    if malformed:
+        return Lead(age_s=age_s(lead.t_s if lead else None, now_s=now_s, settings=settings))
     if lead is None:
         return Lead(confidence=0.0)
     age = age_s(lead.t_s, now_s=now_s, settings=settings)

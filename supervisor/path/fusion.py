@@ -20,10 +20,11 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from supervisor.inputs.validated import Sighting
+from supervisor.inputs.validated import ValidatedEstimate
 from trepid.bounds import at_least, at_most
 from trepid.clothoid import STANDING, Lane, Motion, mean_lane, pursuit_curvature
 from trepid.config import Settings
+from trepid.messages import EstimateKind
 from trepid.types import Positive, PositiveShare
 
 _NORMAL = NormalDist()
@@ -55,6 +56,7 @@ class Path(NamedTuple):
     lane: Lane
     lookahead_m: float  # how far it was seen
     source: str
+    measured: bool = True  # False: the arc of a steering angle, whose offset and heading error are unknown
 
 
 class Fused(NamedTuple):
@@ -78,7 +80,8 @@ class View(NamedTuple):
     confidence: float  # as far as it is believed
     weight: float  # 1/σ², per squared tolerance
     lookahead_m: float
-    ahead_m: float  # where the lane is at the common look-ahead, + left
+    ahead_m: float  # lateral position of the lane at the common look-ahead, + left
+    measured: bool = True  # False: the arc of a steering angle, known only by where it leads
 
 
 class Memory(NamedTuple):
@@ -109,11 +112,11 @@ class Fusion:
     def offset_m(self) -> float | None:
         """Where the path of the last step has the vehicle [m]; None without one."""
         path = self._memory.path
-        return None if path is None else path.lane.offset_m
+        return path.lane.offset_m if path is not None and path.measured else None
 
     def step(
         self,
-        sightings: list[Sighting],
+        sightings: list[ValidatedEstimate],
         motion: Motion | None,
         *,
         now_s: float,
@@ -146,7 +149,7 @@ class Fusion:
             weighted_1pm, separation_m = at_least(held_1pm, weighted_1pm), at_least(held_m, separation_m)
         total = sum([view.weight for view in group])
         if group:
-            self._memory = self._joined(group, remembered, t_s)
+            self._memory = self._joined(group, remembered, t_s, lookahead_m)
         else:
             self._memory = self._before._replace(path=coasted)
         speed2 = moving.speed_mps**2
@@ -174,7 +177,7 @@ class Fusion:
         return min([apart.offset_m for apart in past])
 
     def _view(
-        self, sighting: Sighting, motion: Motion, t_s: float, lookahead_m: float, *, trust: float
+        self, sighting: ValidatedEstimate, motion: Motion, t_s: float, lookahead_m: float, *, trust: float
     ) -> View:
         assert sighting.lane is not None and sighting.confidence is not None
         always = self._settings.trust.get(sighting.estimator, self._settings.trust_of_others)
@@ -187,6 +190,7 @@ class Fusion:
             weight=information(always * believed),
             lookahead_m=sighting.lookahead_m,
             ahead_m=lane.y_m(lookahead_m),
+            measured=sighting.kind is EstimateKind.LANE,
         )
 
     def _coast(self, motion: Motion, t_s: float) -> Path | None:
@@ -194,7 +198,7 @@ class Fusion:
         path, _, seen_s = self._before
         if path is None or t_s - seen_s > self._settings.memory_s:
             return None
-        return Path(t_s, path.lane.after(motion, t_s - path.t_s), path.lookahead_m, "memory")
+        return Path(t_s, path.lane.after(motion, t_s - path.t_s), path.lookahead_m, "memory", path.measured)
 
     def _remembered(self, path: Path | None, t_s: float, lookahead_m: float) -> View | None:
         """The memory as a view, less exact the longer ago it was seen."""
@@ -202,7 +206,9 @@ class Fusion:
             return None
         unseen_s = at_least(t_s - self._before.seen_s, 0.0)
         weight = 1 / (self._before.variance + self._settings.forgetting_per_s * unseen_s)
-        return View("memory", path.lane, 1.0, weight, path.lookahead_m, path.lane.y_m(lookahead_m))
+        return View(
+            "memory", path.lane, 1.0, weight, path.lookahead_m, path.lane.y_m(lookahead_m), path.measured
+        )
 
     def _agreeing(self, views: list[View], memory: View | None, t_s: float) -> list[View]:
         """The views that show one road: that of the memory, without one that of the most trusted view.
@@ -236,25 +242,57 @@ class Fusion:
         One that was left out must come clearly nearer: else it would be joined, and pull the path over to where
         it is, as soon as the other errs a little towards it.
         """
-        here_m, ahead_m = abs(a.lane.offset_m - b.lane.offset_m), abs(a.ahead_m - b.ahead_m)
+        here_m, ahead_m = _here_m(a, b), abs(a.ahead_m - b.ahead_m)
         share = self._settings.rejoin_share if {a.name, b.name} & self._left_out else 1.0
         return (
             here_m > share * self._settings.gate_offset_m or ahead_m > share * self._settings.gate_lookahead_m
         )
 
-    def _joined(self, group: list[View], memory: View | None, t_s: float) -> Memory:
-        """The mean of ``group``, and of the memory where it shows the same road, by their weights."""
-        joined = group
-        if memory is not None and not any(self._contradict(view, memory) for view in group):
-            joined = [*group, memory]
+    def _joined(self, group: list[View], memory: View | None, t_s: float, lookahead_m: float) -> Memory:
+        """The mean of ``group``, and of the memory where it shows the same road, by their weights.
+
+        Angles turn the mean of the lanes so that it leads where the mean of all leads. Angles alone are driven as
+        they are, without the memory.
+        """
+        lanes = [view for view in group if view.measured]
+        angles = [view for view in group if not view.measured]
+        joined = lanes
+        known = memory if memory is not None and memory.measured else None
+        if lanes and known and not any(self._contradict(view, known) for view in group):
+            joined = [*lanes, known]
         total = sum([view.weight for view in joined])
+        lane = _mean(joined, total) if lanes else None
+        if angles:
+            lane, total = _led(lane, total, angles, lookahead_m)
+        assert lane is not None
         path = Path(
             t_s=t_s,
-            lane=mean_lane([view.lane for view in joined], [view.weight / total for view in joined]),
+            lane=lane,
             lookahead_m=min([view.lookahead_m for view in group]),
             source="+".join([view.name for view in group]),
+            measured=bool(lanes),
         )
         return Memory(path, 1 / total, t_s)
+
+
+def _mean(views: list[View], total: float) -> Lane:
+    """The mean lane of ``views`` by their weights, which sum to ``total``."""
+    return mean_lane([view.lane for view in views], [view.weight / total for view in views])
+
+
+def _led(lane: Lane | None, weight: float, angles: list[View], lookahead_m: float) -> tuple[Lane, float]:
+    """``lane`` of a ``weight`` bent by ``angles``, and the sum of all weights; without a lane their mean arc.
+
+    With y the lateral position at the look-ahead ℓ, the share s of the angles in the weights and the curvature κ at
+    the axle: κ + s·2·(y_angles - y_lane)/ℓ² leads to (1 - s)·y_lane + s·y_angles.
+    """
+    of_angles = sum([view.weight for view in angles])
+    arc, total = _mean(angles, of_angles), weight + of_angles
+    if lane is None:
+        return arc, total
+    aside_m = arc.y_m(lookahead_m) - lane.y_m(lookahead_m)
+    bent_1pm = of_angles / total * pursuit_curvature(aside_m, lookahead_m)
+    return lane._replace(curvature_1pm=lane.curvature_1pm + bent_1pm), total
 
 
 def information(confidence: float) -> float:
@@ -264,7 +302,12 @@ def information(confidence: float) -> float:
 
 
 def _apart_m(a: View, b: View) -> float:
-    return abs(a.lane.offset_m - b.lane.offset_m) + abs(a.ahead_m - b.ahead_m)
+    return _here_m(a, b) + abs(a.ahead_m - b.ahead_m)
+
+
+def _here_m(a: View, b: View) -> float:
+    """Distance of two lanes at the axle [m]; 0 where one of them is an angle, which has no place there."""
+    return abs(a.lane.offset_m - b.lane.offset_m) if a.measured and b.measured else 0.0
 
 
 def _disagreement(views: list[View], lookahead_m: float) -> tuple[float | None, float, float]:
@@ -279,5 +322,5 @@ def _disagreement(views: list[View], lookahead_m: float) -> tuple[float | None, 
         share = at_most(b.confidence, a.confidence) / at_least(b.confidence, a.confidence)
         plain = at_least(apart, plain or 0.0)
         weighted = at_least(apart * share, weighted)
-        separation_m = at_least(abs(a.lane.offset_m - b.lane.offset_m) * share, separation_m)
+        separation_m = at_least(_here_m(a, b) * share, separation_m)
     return plain, weighted, separation_m

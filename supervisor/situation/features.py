@@ -6,13 +6,14 @@ beyond the worst where it is not (no lane width, no path).
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from operator import attrgetter
 
 from supervisor.inputs.consistency import Steadiness
-from supervisor.inputs.validated import Sighting, surest_teller
+from supervisor.inputs.validated import ValidatedEstimate, surest_of_marking
 from supervisor.path.follow import Lead
 from supervisor.path.fusion import Fused
+from supervisor.situation.ratings import CONFIDENCE, JITTER, PATH_JITTER
 from trepid.bounds import at_least
 from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics
@@ -31,8 +32,6 @@ IMAGE_FEATURES = {
 }
 """Name of the feature -> field of the image statistics."""
 _STATISTICS, _LOST_STATISTICS = attrgetter(*IMAGE_FEATURES.values()), (None,) * len(IMAGE_FEATURES)
-CONFIDENCE, JITTER, UNREST = "_confidence", "_jitter", "_unrest"
-ESTIMATOR_SUFFIXES = (CONFIDENCE, JITTER, UNREST)
 EARLY_FEATURES = frozenset(
     {
         *("frame_age", "estimator_age", "state_age", "speed", "saturated"),
@@ -46,13 +45,13 @@ FEATURES = EARLY_FEATURES | {
     *("lane_confidence", "second_confidence", "sight", "disagreement", "separation", "single_source"),
     *("lateral_demand", "lateral_error", "crossing"),
 }
-"""Besides these there are those of every estimator: its name and one of ESTIMATOR_SUFFIXES."""
+"""Besides these there are those of the estimators: a name that rates them and one of ESTIMATOR_SUFFIXES."""
 
 Features = dict[str, float | None]
 
 
 def early_features(
-    sightings: list[Sighting],
+    estimates: list[ValidatedEstimate],
     statistics: ImageStatistics | None,
     lead: Lead,
     motion: Motion | None,
@@ -61,29 +60,31 @@ def early_features(
     steadiness: Mapping[str, Steadiness],
     edge_doubt: float,
     saturated_s: float,
-    expected: Iterable[str] = (),
+    rated_as: Mapping[str, str],
+    absent: Mapping[str, float | None],
 ) -> Features:
     """EARLY_FEATURES and those of every estimator. ``statistics`` must be fresh or None, ``motion`` None when lost.
 
-    ``expected`` names features of further estimators that the rules speak of: one that does not run has no
-    confidence and does not jump.
+    ``rated_as`` is the name under which the features of an estimator are given; of several under one name the worst
+    counts. ``absent`` holds the features of names that rate no running estimator.
     """
     speed_mps = None if motion is None else abs(motion.speed_mps)
-    ages = [s.age_s for s in sightings]
-    found: Features = dict.fromkeys(expected, 0.0)
-    for s in sightings:
-        found[s.estimator + CONFIDENCE] = s.confidence
-        steady = steadiness[s.estimator]
-        found[s.estimator + JITTER] = None if s.broken else steady.jitter_m
-        found[s.estimator + UNREST] = None if s.broken else steady.unrest_m
+    ages = [s.age_s for s in estimates]
+    found: Features = {}
+    for e in estimates:
+        name, steady = rated_as[e.estimator], steadiness[e.estimator]
+        _add(found, name + CONFIDENCE, e.confidence, min)
+        _add(found, name + JITTER, None if e.broken else steady.jitter_m, max)
+        _add(found, name + PATH_JITTER, None if e.broken else steady.path_jitter_m, max)
+    found = {**absent, **found}
     found["frame_age"] = min(ages) if ages else None
     found["estimator_age"] = max(ages) if ages else None
     found["state_age"] = math.inf if motion is None else state_age_s  # no finite number is feared as missing
     found["speed"] = speed_mps
     found["saturated"] = saturated_s
-    found["lane_width"] = _narrowest_m(sightings)
-    found["lane_width_error"] = _lane_width_error(sightings)
-    found["unmarked"] = _unmarked(sightings)
+    found["lane_width"] = _narrowest_m(estimates)
+    found["lane_width_error"] = _lane_width_error(estimates)
+    found["unmarked"] = _unmarked(estimates)
     found["edge_doubt"] = edge_doubt
     found["lead_confidence"] = lead.confidence
     found["lead_distance"] = _lead_distance(lead)
@@ -93,9 +94,15 @@ def early_features(
     return found
 
 
+def _add(found: Features, name: str, value: float | None, worst: Callable[[float, float], float]) -> None:
+    """Put ``value`` into ``found``, or the worst of it and the one there; None is the worst."""
+    before = found.get(name, value)
+    found[name] = None if before is None or value is None else worst(before, value)
+
+
 def features(
     early: Features,
-    sightings: list[Sighting],
+    estimates: list[ValidatedEstimate],
     fused: Fused,
     motion: Motion | None,
     *,
@@ -110,45 +117,45 @@ def features(
     """
     speed_mps = early["speed"]
     believed = [
-        (s, s.confidence * trust.get(s.estimator, 1.0)) for s in sightings if s.confidence is not None
+        (s, s.confidence * trust.get(s.estimator, 1.0)) for s in estimates if s.confidence is not None
     ]
     found = dict(early)
     found["lane_confidence"] = max([c for _, c in believed]) if believed else None
     found["second_confidence"] = sorted([0.0, 0.0, *[c for _, c in believed]])[-2] if believed else None
     found["sight"] = max([0.0 if s.from_memory else c for s, c in believed]) if believed else None
-    found["disagreement"], found["separation"] = _contradiction(sightings, fused, speed_mps)
+    found["disagreement"], found["separation"] = _contradiction(estimates, fused, speed_mps)
     found["single_source"] = single_source_s
     found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)
     # Who should tell the width and does not may have seen the narrowest lane: no room at all.
-    untold = True in [s.measures_width and s.width_m is None for s in sightings]
+    untold = True in [s.measures_width and s.width_m is None for s in estimates]
     found["crossing"] = _crossing_s(fused, motion, 0.0 if untold else early["lane_width"], half_width_m)
     return found
 
 
 def _contradiction(
-    sightings: list[Sighting], fused: Fused, speed_mps: float | None
+    estimates: list[ValidatedEstimate], fused: Fused, speed_mps: float | None
 ) -> tuple[float | None, float | None]:
     """How far the estimates contradict each other [m/s², m]; unknown when one of them is broken."""
-    if speed_mps is None or True in [s.broken for s in sightings]:
+    if speed_mps is None or True in [s.broken for s in estimates]:
         return None, None
     return fused.weighted_disagreement_mps2, fused.weighted_separation_m
 
 
-def _lane_width_error(sightings: list[Sighting]) -> float:
+def _lane_width_error(estimates: list[ValidatedEstimate]) -> float:
     """The greatest, over the estimators that see boundaries."""
-    errors = [BEYOND if s.width_error_m is None else s.width_error_m for s in sightings if s.measures_width]
+    errors = [BEYOND if s.width_error_m is None else s.width_error_m for s in estimates if s.measures_width]
     return max(errors) if errors else BEYOND
 
 
-def _narrowest_m(sightings: list[Sighting]) -> float:
+def _narrowest_m(estimates: list[ValidatedEstimate]) -> float:
     """The least width that an estimator sees; BEYOND, feared as a lane width error, where none does."""
-    widths_m = [s.width_m for s in sightings if s.measures_width and s.width_m is not None]
+    widths_m = [s.width_m for s in estimates if s.measures_width and s.width_m is not None]
     return min(widths_m) if widths_m else BEYOND
 
 
-def _unmarked(sightings: list[Sighting]) -> float:
+def _unmarked(estimates: list[ValidatedEstimate]) -> float:
     """1 where the surest estimator that can tell sees the road by its edges, not by lines; 0 where none can."""
-    teller = surest_teller(sightings)
+    teller = surest_of_marking(estimates)
     return 1.0 if teller is not None and not teller.marked else 0.0
 
 
@@ -158,7 +165,7 @@ def _path(fused: Fused, speed_mps: float | None) -> tuple[float | None, float]:
         return BEYOND, BEYOND
     lane = fused.path.lane
     demand = None if speed_mps is None else abs(lane.curvature_1pm) * speed_mps**2
-    return demand, abs(lane.offset_m)
+    return demand, abs(lane.offset_m) if fused.path.measured else 0.0
 
 
 def _crossing_s(

@@ -1,103 +1,132 @@
-"""From messages to what the supervisor knows: every input judged, the estimates joined, the features measured."""
+"""From messages to the state of the world: inputs validated, estimates fused, features measured."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from supervisor.inputs.beside import in_own_lane
 from supervisor.inputs.consistency import Consistency
+from supervisor.inputs.frozen import is_frozen
 from supervisor.inputs.timers import Stopwatch
-from supervisor.inputs.validated import Sighting, SightingSettings, age_s, is_frozen, motion_of, sight
+from supervisor.inputs.validated import ValidatedEstimate, ValidationSettings, age_s, motion_of, validate
+from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
 from supervisor.inputs.weak_edges import WeakEdges
 from supervisor.path.follow import Follower, Following, FollowSettings, Lead, judge_lead
 from supervisor.path.fusion import Fused, Fusion, FusionSettings
 from supervisor.rules.inference import FearRules
-from supervisor.situation.features import ESTIMATOR_SUFFIXES, FEATURES, Features, early_features, features
+from supervisor.situation.features import FEATURES, Features, early_features, features
+from supervisor.situation.ratings import ESTIMATOR_SUFFIXES, RATED_AS, absent_values, rating_names
 from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.vehicle import Vehicle
 
 
-class Outlook(NamedTuple):
-    """What is known at one moment."""
+class WorldState(NamedTuple):
+    """Everything that the decision of one moment depends on, besides mode and timers."""
 
-    seen: list[Sighting]
+    estimates: list[ValidatedEstimate]
     ahead: Lead
     motion: Motion | None  # None: lost
-    last_motion: Motion | None  # a lost vehicle is taken to go on as it went
+    last_motion: Motion | None  # the last valid one
     state_age_s: float
     statistics_age_s: float
-    trust: dict[str, float]  # of the rules in every estimator, 0..1
+    trust: dict[str, float]  # in every estimator by the rules, 0..1
     fused: Fused
     trail: Following  # of the vehicle ahead
-    near: bool  # it is too near for a comfort stop
-    asked: Features  # what the fear rules may ask about
+    near: bool  # the vehicle ahead is too near for a comfort stop
+    features: Features  # the inputs of the fear rules
 
     @property
     def ages_s(self) -> dict[str, float]:
         """Age of the latest estimate of every estimator."""
-        return {s.estimator: s.age_s for s in self.seen}
+        return {e.estimator: e.age_s for e in self.estimates}
 
     @property
     def drivable(self) -> bool:
-        """Every expected estimator has answered of late, if only that it sees no lane, and one sees one."""
-        return bool(self.seen) and None not in [s.confidence for s in self.seen] and bool(self.fused.sources)
+        """Every estimator has sent a valid message lately, with or without a lane, and one has a usable lane."""
+        valid = None not in [e.confidence for e in self.estimates]
+        return bool(self.estimates) and valid and bool(self.fused.sources)
+
+    @property
+    def surest(self) -> float:
+        """Greatest confidence of a usable lane or angle; 0 without one."""
+        return max([e.confidence or 0.0 for e in self.estimates if e.lane], default=0.0)
 
 
-class Observer:
-    """Makes an outlook of the messages. Remembers the path, the trail, and how well was seen."""
+class WorldStateObserver:
+    """Computes the world state from the messages. Keeps the path, the trail, and how steady estimates have been."""
 
     def __init__(
         self,
-        rules: FearRules,
-        sightings: SightingSettings,
+        validation: ValidationSettings,
         fusion: FusionSettings,
         follow: FollowSettings,
         vehicle: Vehicle,
+        *,
+        rated_as: Mapping[str, str] = RATED_AS,
     ) -> None:
-        self.adopt(rules)
-        self._limits = sightings
-        self._half_width_m = vehicle.track_m / 2
+        self._validation, self._rated_as = validation, rated_as
+        self._half_width_m, self._wheelbase_m = vehicle.track_m / 2, vehicle.wheelbase_m
         self._fusion, self._follower = Fusion(fusion), Follower(follow, vehicle)
         self._consistency, self._weak_edges = Consistency(), WeakEdges()
         self._saturated, self._single = Stopwatch(), Stopwatch()
         self._last_motion: Motion | None = None
-
-    def adopt(self, rules: FearRules) -> None:
-        """Ask what ``rules`` ask about from the next step on."""
-        self._rules = rules
-        self._expected = [name for name in rules.names if name.endswith(ESTIMATOR_SUFFIXES)]
 
     def speed_cap_mps(self, lead: Lead) -> float:
         """Greatest speed behind ``lead`` [m/s], inf without one."""
         return self._follower.speed_cap_mps(lead)
 
     def pace_mps(self, lead: Lead) -> float:
-        """The speed up to which fear slows nobody down who follows ``lead`` [m/s]; 0 without a trail."""
+        """Speed below which fear does not slow a vehicle that follows ``lead`` [m/s]; 0 without a trail."""
         return self._follower.pace_mps(lead)
 
     def step(
         self,
+        rules: FearRules,
         estimates: Mapping[str, SteeringEstimate | None],
         statistics: ImageStatistics | None,
         lead: LeadVehicle | None,
         state: VehicleState | None,
         *,
         now_s: float,
-    ) -> Outlook:
-        """The outlook at ``now_s`` of the latest messages; None where there has been none."""
-        limits = self._limits
-        motion = motion_of(state, now_s=now_s, settings=limits)
+        malformed: Collection[str] = (),
+    ) -> WorldState:
+        """The world state at ``now_s`` from the latest messages; None where there has been none.
+
+        ``malformed`` names the estimators, and STATISTICS, LEAD, STATE, whose newest message could not be decoded:
+        their values count as broken, their ages as those of the last valid message.
+        """
+        limits = self._validation
+        motion = None if STATE in malformed else motion_of(state, now_s=now_s, settings=limits)
         self._last_motion = moving = motion or self._last_motion
-        ahead = judge_lead(lead, motion, now_s=now_s, settings=limits)
+        ahead = judge_lead(lead, motion, now_s=now_s, settings=limits, malformed=LEAD in malformed)
         statistics_age_s = age_s(statistics.t_s if statistics else None, now_s=now_s, settings=limits)
-        fresh = statistics if statistics_age_s <= limits.fresh_s else None
-        frozen = is_frozen(fresh, moving, settings=limits)
+        valid = statistics_age_s <= limits.fresh_s and STATISTICS not in malformed
+        fresh = statistics if valid else None
+        frozen = fresh is not None and is_frozen(
+            fresh.frozen_s,
+            None if moving is None else moving.speed_mps,
+            after_s=limits.frozen_s,
+            from_mps=limits.frozen_speed_mps,
+            if_unknown=True,
+        )
         before_m = self._fusion.offset_m
         seen = [
-            in_own_lane(sight(name, e, now_s=now_s, settings=limits, frozen=frozen), before_m)
-            for name, e in estimates.items()
+            in_own_lane(
+                validate(
+                    name,
+                    estimate,
+                    now_s=now_s,
+                    settings=limits,
+                    wheelbase_m=self._wheelbase_m,
+                    frozen=frozen,
+                    malformed=name in malformed,
+                ),
+                before_m,
+            )
+            for name, estimate in estimates.items()
         ]
         state_age_s = age_s(state.t_s if state else None, now_s=now_s, settings=limits)
+        rated = rating_names(seen, rules, self._rated_as)
         early = early_features(
             seen,
             fresh,
@@ -107,12 +136,14 @@ class Observer:
             steadiness=self._consistency.step(seen, moving),
             edge_doubt=self._weak_edges.step(seen, moving, now_s=now_s),
             saturated_s=self._saturated.step(state is not None and state.saturated is True, now_s=now_s),
-            expected=self._expected,
+            rated_as=rated,
+            absent=absent_values(rules, len(seen)),
         )
-        trust = {name: voice.trust for name, voice in self._rules.trust(early).items()}
+        voices = rules.trust(early)
+        trust = {name: voices[rating].trust for name, rating in rated.items() if rating in voices}
         fused = self._fusion.step(seen, moving, now_s=now_s, trust=trust)
         alone = len(seen) > 1 and len(fused.sources) == 1
-        asked = features(
+        inputs = features(
             early,
             seen,
             fused,
@@ -124,11 +155,11 @@ class Observer:
         road = fused.path if fused.sources else None
         trail = self._follower.step(ahead, road, moving, now_s=now_s)
         near = self._follower.is_near(ahead, moving)
-        return Outlook(
-            seen, ahead, motion, moving, state_age_s, statistics_age_s, trust, fused, trail, near, asked
+        return WorldState(
+            seen, ahead, motion, moving, state_age_s, statistics_age_s, trust, fused, trail, near, inputs
         )
 
 
 def unknown_features(names: tuple[str, ...]) -> list[str]:
-    """Those of ``names`` that nothing measures."""
+    """Those of ``names`` that are no feature."""
     return [name for name in names if name not in FEATURES and not name.endswith(ESTIMATOR_SUFFIXES)]

@@ -477,7 +477,7 @@ def test_the_same_messages_give_the_same_decisions() -> None:
 
 def test_rules_about_what_nothing_measures_are_refused() -> None:
     file = RULES.file.model_copy(update={"inputs": {**RULES.inputs, "brightnes": RULES.inputs["brightness"]}})
-    with pytest.raises(InputError, match="'brightnes', which nothing measures; did you mean 'brightness'"):
+    with pytest.raises(InputError, match="unknown input 'brightnes'; did you mean 'brightness'"):
         Supervisor(FearRules(file, RULES.rules), SETTINGS, VEHICLE)
 
 

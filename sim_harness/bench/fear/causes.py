@@ -22,7 +22,7 @@ from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from supervisor.modes.analyser import analyse, explained
 from supervisor.rules.inference import CALM, FearRules
-from supervisor.situation.world_state import Observer
+from supervisor.situation.world_state import WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -177,7 +177,7 @@ class Watcher:
         vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
         self._rules = FearRules.load(CONFIG_DIR / "fear.yaml")
         self._settings = settings.analyser
-        self._observer = Observer(self._rules, settings.sightings, settings.fusion, settings.follow, vehicle)
+        self._observer = WorldStateObserver(settings.sightings, settings.fusion, settings.follow, vehicle)
         self._estimators = {name: perception.estimators.build(name) for name in ESTIMATORS}
         self._statistician = ImageStatistician()
         self._seen: dict[str, SteeringEstimate | None] = dict.fromkeys(ESTIMATORS)
@@ -203,10 +203,12 @@ class Watcher:
             speed_mps=None if moment.lead_m is None else SPEED_MPS,
             confidence=0.0 if moment.lead_m is None else 1.0,
         )
-        outlook = self._observer.step(self._seen, self._statistics, lead, state, now_s=t_s + LATENCY_S)
-        felt = self._rules.evaluate(outlook.asked)
+        world = self._observer.step(
+            self._rules, self._seen, self._statistics, lead, state, now_s=t_s + LATENCY_S
+        )
+        felt = self._rules.evaluate(world.features)
         started_s = time.thread_time()
-        finding = analyse(outlook.asked, self._settings, ages_s=outlook.ages_s)
+        finding = analyse(world.features, self._settings, ages_s=world.ages_s)
         self.spent_us.append(1e6 * (time.thread_time() - started_s))
         return CALM if felt.cause == CALM else explained(felt.cause, finding)
 

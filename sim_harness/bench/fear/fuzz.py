@@ -13,7 +13,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from supervisor.rules.inference import FearRules
-from supervisor.situation.world_state import Observer
+from supervisor.situation.world_state import WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
@@ -89,20 +89,21 @@ class Afraid:
     def fear(self, whole: Told, broken: Told) -> float:
         """Fear at the last of a few frames, of which only that is ``broken``."""
         s = self._settings
-        observer = Observer(self._rules, s.sightings, s.fusion, s.follow, self._vehicle)
+        observer = WorldStateObserver(s.sightings, s.fusion, s.follow, self._vehicle)
         for number in range(WARM_UP + 1):
             told = broken if number == WARM_UP else whole
             t_s = PERIOD_S * number
             # Stamps are counted from t = 0 of the situation; a broken one stays broken.
             now = {name: replace(message, t_s=message.t_s + t_s) for name, message in told.items()}
-            outlook = observer.step(
+            world = observer.step(
+                self._rules,
                 {name: now[name] for name in ("cv", "cnn")},
                 now["statistics"],
                 now["lead"],
                 now["state"],
                 now_s=t_s + AGE_S,
             )
-        return self._rules.evaluate(outlook.asked).fear
+        return self._rules.evaluate(world.features).fear
 
 
 def numbers(message: Any) -> list[str]:

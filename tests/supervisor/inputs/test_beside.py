@@ -5,15 +5,15 @@ import math
 import pytest
 
 from supervisor.inputs.beside import SHARE, in_own_lane
-from supervisor.inputs.validated import Sighting
+from supervisor.inputs.validated import ValidatedEstimate
 from trepid.clothoid import Lane
 
 WIDTH_M = 3.5
 
 
-def seen(offset_m: float, *, marked: bool = True, width_error_m: float = 0.0) -> Sighting:
+def seen(offset_m: float, *, marked: bool = True, width_error_m: float = 0.0) -> ValidatedEstimate:
     lane = Lane(offset_m, 0.02, 0.01, 0.0)
-    return Sighting(
+    return ValidatedEstimate(
         "cv", 0.04, 1.0, False, 0.9, lane, 8.0, width_error_m, True, width_m=WIDTH_M, marked=marked
     )
 
@@ -44,5 +44,5 @@ def test_at_the_beginning_the_car_is_taken_to_be_in_its_lane() -> None:
         (seen(3.5, width_error_m=0.4), 0.0),  # what is not as wide as a lane is none
     ],
 )
-def test_else_a_sighting_stays_as_it_is(sighting: Sighting, offset_m: float) -> None:
+def test_else_a_sighting_stays_as_it_is(sighting: ValidatedEstimate, offset_m: float) -> None:
     assert in_own_lane(sighting, offset_m) is sighting

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import pytest
 
 from supervisor.inputs.consistency import AHEAD_M, KNOWN_M, Consistency, Steadiness
-from supervisor.inputs.validated import Sighting
+from supervisor.inputs.validated import ValidatedEstimate
 from trepid.clothoid import Lane, Motion
 
 MOTION = Motion(8.0, 0.2)
 
 
-def sighting(lane: Lane | None, t_s: float) -> Sighting:
-    return Sighting("cnn", 0.0, t_s, False, 0.9, lane, 8.0, None, False)
+def sighting(lane: Lane | None, t_s: float) -> ValidatedEstimate:
+    return ValidatedEstimate("cnn", 0.0, t_s, False, 0.9, lane, 8.0, None, False)
 
 
 def steadiness(lanes: Sequence[Lane | None], *, repeats: int = 1) -> Steadiness:
@@ -58,7 +58,7 @@ def test_a_turn_counts_by_what_it_moves_ahead() -> None:
 
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_who_jumps_all_the_way_has_an_unrest_of_the_size_of_its_jumps(repeats: int) -> None:
-    assert steadiness(jumping(120), repeats=repeats).unrest_m == pytest.approx(0.3, rel=0.05)
+    assert steadiness(jumping(120), repeats=repeats).path_jitter_m == pytest.approx(0.3, rel=0.05)
 
 
 def test_two_seconds_of_steadiness_end_the_jitter_but_not_the_unrest() -> None:
@@ -67,7 +67,7 @@ def test_two_seconds_of_steadiness_end_the_jitter_but_not_the_unrest() -> None:
         lanes.append(lanes[-1].after(MOTION, 0.04))
     calmed = steadiness(lanes)
     assert calmed.jitter_m < 0.05
-    assert calmed.unrest_m > 0.05
+    assert calmed.path_jitter_m > 0.05
 
 
 def test_a_standing_car_does_not_wear_its_unrest_off() -> None:
@@ -77,14 +77,14 @@ def test_a_standing_car_does_not_wear_its_unrest_off() -> None:
     for number in range(60, 600):
         stood = consistency.step([sighting(lane, 0.04 * number)], standing)["cnn"]
     assert stood.jitter_m < 1e-6
-    assert stood.unrest_m == moved.unrest_m
+    assert stood.path_jitter_m == moved.path_jitter_m
 
 
 def test_a_gap_neither_calms_nor_alarms() -> None:
     lanes = jumping(60)
-    assert steadiness([*lanes, *[None] * 20, lanes[0]]).unrest_m == steadiness(lanes).unrest_m
+    assert steadiness([*lanes, *[None] * 20, lanes[0]]).path_jitter_m == steadiness(lanes).path_jitter_m
 
 
 def test_who_has_not_been_seen_to_jump_is_as_steady_as_on_a_road_it_knows() -> None:
-    assert steadiness([None]).unrest_m == KNOWN_M
-    assert steadiness([Lane(0.0, 0.0, 0.0, 0.0)]).unrest_m == pytest.approx(KNOWN_M)
+    assert steadiness([None]).path_jitter_m == KNOWN_M
+    assert steadiness([Lane(0.0, 0.0, 0.0, 0.0)]).path_jitter_m == pytest.approx(KNOWN_M)

@@ -13,8 +13,8 @@ def test_a_stopwatch_runs_while_it_holds_and_begins_anew_after_a_break() -> None
 
 def times_out(causes: list[str], *, limit_s: float = 1.0, period_s: float = 0.1) -> int | None:
     """Index of the first decision at which patience ends."""
-    patience = Patience({"no_road": limit_s})
-    ended = [patience.ends(cause, now_s=period_s * n) for n, cause in enumerate(causes)]
+    patience = Patience()
+    ended = [patience.lasts(c == "no_road", limit_s, now_s=period_s * n) for n, c in enumerate(causes)]
     return ended.index(True) if True in ended else None
 
 
@@ -33,5 +33,13 @@ def test_a_cause_that_flickers_is_borne_longer_but_not_forgotten() -> None:
 def test_after_the_cause_has_gone_patience_comes_back_as_fast_as_it_went(limit_s: float) -> None:
     n = round(limit_s / 0.1)
     causes = ["no_road"] * (10 * n) + [""] * n + ["no_road"] * (n - 1)
-    patience = Patience({"no_road": limit_s})
-    assert not [patience.ends(cause, now_s=0.1 * k) for k, cause in enumerate(causes)][-1]
+    patience = Patience()
+    assert not [patience.lasts(c == "no_road", limit_s, now_s=0.1 * k) for k, c in enumerate(causes)][-1]
+
+
+def test_a_pause_keeps_the_time() -> None:
+    patience = Patience()
+    for now_s in (0.0, 0.6):
+        assert not patience.lasts(True, 1.0, now_s=now_s)
+    assert not patience.lasts(False, 1.0, now_s=5.0, pause=True)
+    assert patience.lasts(True, 1.0, now_s=5.4)

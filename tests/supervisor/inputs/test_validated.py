@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from supervisor_rig import ESTIMATE
 
-from supervisor.inputs.validated import sight
+from supervisor.inputs.validated import validate
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, load
 
@@ -29,15 +29,15 @@ def test_the_edges_of_two_lanes_without_lines_do_not_say_where_ours_is(
     width_m: float | None, marked: bool, seen: bool
 ) -> None:
     estimate = replace(ESTIMATE, t_s=1.0, lane_width_m=width_m, marked=marked)
-    found = sight("cv", estimate, now_s=1.04, settings=LIMITS)
+    found = validate("cv", estimate, now_s=1.04, settings=LIMITS, wheelbase_m=1.75)
     assert (found.lane is not None) is seen
     assert found.confidence == (ESTIMATE.confidence if seen else 0.0)
 
 
 def test_who_remembers_a_lane_still_tells_its_width_but_who_sees_no_boundaries_never_does() -> None:
     remembered = replace(ESTIMATE, t_s=1.0, lanes_detected=0, marked=True, lane_width_m=2.0)
-    found = sight("cv", remembered, now_s=1.04, settings=LIMITS)
+    found = validate("cv", remembered, now_s=1.04, settings=LIMITS, wheelbase_m=1.75)
     assert (found.from_memory, found.measures_width) == (True, True)
     assert found.width_error_m == pytest.approx(LIMITS.min_lane_width_m - 2.0)
-    whole = sight("cnn", replace(remembered, marked=None), now_s=1.04, settings=LIMITS)
+    whole = validate("cnn", replace(remembered, marked=None), now_s=1.04, settings=LIMITS, wheelbase_m=1.75)
     assert (whole.from_memory, whole.measures_width) == (False, False)

@@ -4,18 +4,18 @@ import math
 
 import pytest
 
-from supervisor.inputs.validated import Sighting
+from supervisor.inputs.validated import ValidatedEstimate
 from supervisor.inputs.weak_edges import EDGES_M, WeakEdges
 from trepid.clothoid import Motion
 
 SPEED_MPS, DT_S = 5.0, 0.04
 
 
-def sighting(confidence: float | None, *, marked: bool | None) -> Sighting:
-    return Sighting("cv", 0.0, 0.0, False, confidence, None, 8.0, None, True, marked=marked)
+def sighting(confidence: float | None, *, marked: bool | None) -> ValidatedEstimate:
+    return ValidatedEstimate("cv", 0.0, 0.0, False, confidence, None, 8.0, None, True, marked=marked)
 
 
-def doubt(edges: WeakEdges, seen: list[Sighting], *, way_m: float, from_s: float = 0.0) -> float:
+def doubt(edges: WeakEdges, seen: list[ValidatedEstimate], *, way_m: float, from_s: float = 0.0) -> float:
     frames = round(way_m / (SPEED_MPS * DT_S))
     edges.step(seen, Motion(0.0, 0.0), now_s=from_s)
     return [edges.step(seen, Motion(SPEED_MPS, 0.0), now_s=from_s + n * DT_S) for n in range(1, frames + 1)][

@@ -1,38 +1,42 @@
 """Modes: a stop latches, grows only harder, and ends at standstill or not at all."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from supervisor.inputs.timers import Held
-from supervisor.modes.modes import STARTING, ModeState, Situation, next_state
+from supervisor.modes.modes import STARTING, Effect, ModeState, Situation, next_state
 from trepid.messages import Mode, Stop
 
 FINE = Situation(
     fault="",
     lost=False,
-    blind=False,
-    near=False,
-    terrified=False,
-    lasting=False,
-    afraid=False,
-    calm=True,
     cause="none",
+    afraid=False,
     path=True,
-    road_back=True,
     lead=False,
     standstill=False,
-    ready=False,
-    handed_over=False,
+    effects=frozenset({Effect.CALM, Effect.ROAD_BACK}),
 )
 KEEPING = ModeState(Mode.KEEP, Stop.NONE, "", final=False)
-FLAGS = [name for name in Situation._fields if name not in ("fault", "cause")]
 SITUATIONS = st.builds(
     Situation,
     fault=st.sampled_from(["", "", "", "lost_estimator", "driver_override"]),
+    lost=st.booleans(),
     cause=st.sampled_from(["none", "dark", "frozen_camera"]),
-    **{name: st.booleans() for name in FLAGS},
+    afraid=st.booleans(),
+    path=st.booleans(),
+    lead=st.booleans(),
+    standstill=st.booleans(),
+    effects=st.frozensets(st.sampled_from(Effect)),
 )
+
+
+def fine(*effects: Effect, without: Effect | None = None, **changes: Any) -> Situation:
+    """FINE with further ``effects``, one taken away, and changed fields."""
+    return FINE._replace(effects=(FINE.effects | set(effects)) - {without}, **changes)
 
 
 def after(state: ModeState, now: Situation) -> ModeState:
@@ -44,29 +48,35 @@ def in_mode(mode: Mode) -> ModeState:
 
 
 @pytest.mark.parametrize(
-    ("mode", "changes", "target"),
+    ("mode", "now", "target"),
     [
-        (Mode.KEEP, {}, Mode.KEEP),
-        (Mode.KEEP, {"afraid": True}, Mode.CAUTION),
-        (Mode.KEEP, {"terrified": True}, Mode.STOP),
-        (Mode.KEEP, {"lasting": True}, Mode.STOP),
-        (Mode.FOLLOW, {"lasting": True, "road_back": False, "path": False, "lead": True}, Mode.FOLLOW),
-        (Mode.KEEP, {"path": False}, Mode.STOP),
-        (Mode.KEEP, {"path": False, "lead": True}, Mode.FOLLOW),
-        (Mode.CAUTION, {"calm": False}, Mode.CAUTION),
-        (Mode.CAUTION, {}, Mode.KEEP),
-        (Mode.CAUTION, {"fault": "lost_estimator"}, Mode.STOP),
-        (Mode.FOLLOW, {"road_back": False, "path": False, "lead": True}, Mode.FOLLOW),
-        (Mode.FOLLOW, {"road_back": False, "path": False}, Mode.STOP),
-        (Mode.FOLLOW, {}, Mode.CAUTION),
-        (Mode.STOP, {}, Mode.STOP),
-        (Mode.STOP, {"ready": True}, Mode.STOP),
-        (Mode.STOP, {"standstill": True}, Mode.STOP),
-        (Mode.STOP, {"standstill": True, "ready": True}, Mode.CAUTION),
+        (Mode.KEEP, FINE, Mode.KEEP),
+        (Mode.KEEP, fine(afraid=True), Mode.CAUTION),
+        (Mode.KEEP, fine(Effect.STOP), Mode.STOP),
+        (Mode.KEEP, fine(Effect.STOP_ON_ROAD), Mode.STOP),
+        (
+            Mode.FOLLOW,
+            fine(Effect.STOP_ON_ROAD, without=Effect.ROAD_BACK, path=False, lead=True),
+            Mode.FOLLOW,
+        ),
+        (Mode.KEEP, fine(path=False), Mode.STOP),
+        (Mode.KEEP, fine(path=False, lead=True), Mode.FOLLOW),
+        (Mode.CAUTION, fine(without=Effect.CALM), Mode.CAUTION),
+        (Mode.CAUTION, FINE, Mode.KEEP),
+        (Mode.CAUTION, fine(fault="lost_estimator"), Mode.STOP),
+        (Mode.FOLLOW, fine(without=Effect.ROAD_BACK, path=False, lead=True), Mode.FOLLOW),
+        (Mode.FOLLOW, fine(without=Effect.ROAD_BACK, path=False), Mode.STOP),
+        (Mode.FOLLOW, FINE, Mode.CAUTION),
+        (Mode.STOP, FINE, Mode.STOP),
+        (Mode.STOP, fine(Effect.START), Mode.STOP),
+        (Mode.STOP, fine(standstill=True), Mode.STOP),
+        (Mode.STOP, fine(Effect.START, standstill=True), Mode.CAUTION),
     ],
 )
-def test_the_table_says_where_to_go(mode: Mode, changes: dict[str, bool | str], target: Mode) -> None:
-    assert after(in_mode(mode), FINE._replace(**changes)).mode is target  # type: ignore[arg-type]
+def test_the_first_matching_row_of_the_table_gives_the_next_mode(
+    mode: Mode, now: Situation, target: Mode
+) -> None:
+    assert after(in_mode(mode), now).mode is target
 
 
 @settings(max_examples=150, deadline=None)
@@ -77,7 +87,7 @@ def test_a_stop_is_left_only_at_standstill_and_never_grows_softer(situations: li
         before, state = state, after(state, now)
         if before.mode is Mode.STOP and state.mode is not Mode.STOP:
             assert now.standstill
-            assert now.ready
+            assert Effect.START in now.effects
             assert not before.final
         if before.final:
             assert state.final
@@ -104,22 +114,22 @@ def test_processes_may_come_and_go_before_the_first_drive() -> None:
 
 
 def test_going_blind_while_moving_is_an_emergency_and_final() -> None:
-    stopped = after(KEEPING, FINE._replace(path=False, blind=True))
+    stopped = after(KEEPING, fine(Effect.EMERGENCY, path=False))
     assert (stopped.mode, stopped.stop, stopped.final) == (Mode.STOP, Stop.EMERGENCY, True)
 
 
 def test_a_stop_brakes_hard_for_a_vehicle_too_near_for_a_comfort_stop_and_is_not_final() -> None:
     stopping = after(KEEPING, FINE._replace(path=False))
     assert stopping.stop is Stop.COMFORT
-    tightened = after(stopping, FINE._replace(near=True))
+    tightened = after(stopping, fine(Effect.BRAKE_HARDER))
     assert (tightened.mode, tightened.stop, tightened.final) == (Mode.STOP, Stop.EMERGENCY, False)
-    assert after(KEEPING, FINE._replace(near=True)) == KEEPING, (
-        "who drives on brakes harder than a comfort stop"
+    assert after(KEEPING, fine(Effect.BRAKE_HARDER)) == KEEPING, (
+        "the speed cap brakes harder than a comfort stop"
     )
 
 
 def test_a_frozen_camera_ends_the_run_because_it_looks_healthy_at_standstill() -> None:
-    assert after(KEEPING, FINE._replace(terrified=True, cause="frozen_camera")).final
+    assert after(KEEPING, fine(Effect.STOP, cause="frozen_camera")).final
 
 
 def test_held_counts_from_the_last_break_and_none_is_never() -> None:

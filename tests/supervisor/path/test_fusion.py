@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.inputs.validated import Sighting
+from supervisor.inputs.validated import ValidatedEstimate
 from supervisor.path.fusion import Fused, Fusion, information
 from supervisor.supervisor import SupervisorSettings
 from trepid.clothoid import Lane, Motion
@@ -19,8 +19,10 @@ LEFT = Lane(0.0, 0.0, 0.06, 0.0)  # a road that bends left ...
 RIGHT = Lane(0.0, 0.0, -0.06, 0.0)  # ... and one that bends right
 
 
-def sighting(lane: Lane | None, name: str = "cv", *, t_s: float = 0.0, confidence: float = 0.9) -> Sighting:
-    return Sighting(
+def sighting(
+    lane: Lane | None, name: str = "cv", *, t_s: float = 0.0, confidence: float = 0.9
+) -> ValidatedEstimate:
+    return ValidatedEstimate(
         estimator=name,
         age_s=0.0,
         t_s=t_s,
@@ -34,7 +36,7 @@ def sighting(lane: Lane | None, name: str = "cv", *, t_s: float = 0.0, confidenc
 
 
 def fuse(
-    *sightings: Sighting, motion: Motion = DRIVING, fusion: Fusion | None = None, now_s: float = 0.0
+    *sightings: ValidatedEstimate, motion: Motion = DRIVING, fusion: Fusion | None = None, now_s: float = 0.0
 ) -> Fused:
     return (fusion or Fusion(SETTINGS)).step(list(sightings), motion, now_s=now_s)
 

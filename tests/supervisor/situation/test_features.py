@@ -8,7 +8,7 @@ import pytest
 from sim_harness.bench.fear.fuzz import AGE_S, situations
 from supervisor.rules.inference import FearRules
 from supervisor.situation.features import BEYOND, _first_root
-from supervisor.situation.world_state import Observer, Outlook
+from supervisor.situation.world_state import WorldState, WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import ImageStatistics, SteeringEstimate, VehicleState
@@ -28,10 +28,10 @@ def looked(
     cnn: SteeringEstimate = CNN,
     state: VehicleState = STATE,
     statistics: ImageStatistics = CALM["statistics"],
-) -> Outlook:
+) -> WorldState:
     s = SETTINGS
-    observer = Observer(RULES, s.sightings, s.fusion, s.follow, VEHICLE)
-    return observer.step({"cv": cv, "cnn": cnn}, statistics, None, state, now_s=AGE_S)
+    observer = WorldStateObserver(s.sightings, s.fusion, s.follow, VEHICLE)
+    return observer.step(RULES, {"cv": cv, "cnn": cnn}, statistics, None, state, now_s=AGE_S)
 
 
 def lane(offset_m: float, heading_rad: float, curvature_1pm: float = 0.0) -> dict[str, float]:
@@ -46,16 +46,16 @@ def lane(offset_m: float, heading_rad: float, curvature_1pm: float = 0.0) -> dic
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_time_to_crossing_of_a_car_that_drifts_is_room_over_drift(side: int) -> None:
     drifting = lane(side * 0.1, side * 0.05)
-    found = looked(replace(CV, **drifting), replace(CNN, **drifting)).asked["crossing"]
+    found = looked(replace(CV, **drifting), replace(CNN, **drifting)).features["crossing"]
     assert found == pytest.approx((3.4 / 2 - VEHICLE.track_m / 2 - 0.1) / (8.0 * 0.05), rel=0.02)
 
 
 def test_a_car_that_turns_with_its_lane_never_crosses_and_one_that_does_not_turn_soon_does() -> None:
     bend = lane(0.0, 0.0, 0.02)
     seen = {"cv": replace(CV, **bend), "cnn": replace(CNN, **bend)}
-    assert looked(**seen, state=replace(STATE, yaw_rate_radps=8.0 * 0.02)).asked["crossing"] == BEYOND
+    assert looked(**seen, state=replace(STATE, yaw_rate_radps=8.0 * 0.02)).features["crossing"] == BEYOND
     room_m = 3.4 / 2 - VEHICLE.track_m / 2
-    straight_on = looked(**seen).asked["crossing"]
+    straight_on = looked(**seen).features["crossing"]
     assert straight_on == pytest.approx(math.sqrt(2 * room_m / (0.02 * 8.0**2)), rel=0.01)
 
 
@@ -75,23 +75,23 @@ def test_who_turns_back_in_time_does_not_cross() -> None:
 
 def test_a_remembered_lane_has_confidence_but_no_sight() -> None:
     blind = replace(CNN, confidence=0.0, **dict.fromkeys(lane(0, 0), None))  # type: ignore[arg-type]
-    asked = looked(replace(CV, lanes_detected=0), blind).asked
+    asked = looked(replace(CV, lanes_detected=0), blind).features
     assert (asked["lane_confidence"], asked["sight"]) == (0.9, 0.0)
-    assert looked(CV, blind).asked["sight"] == 0.9
+    assert looked(CV, blind).features["sight"] == 0.9
 
 
 @pytest.mark.parametrize(("marked", "unmarked"), [(True, 0.0), (False, 1.0), (None, 0.0)])
 def test_a_road_seen_by_its_edges_is_unmarked(marked: bool | None, unmarked: float) -> None:
-    assert looked(replace(CV, marked=marked)).asked["unmarked"] == unmarked
+    assert looked(replace(CV, marked=marked)).features["unmarked"] == unmarked
 
 
 def test_the_second_confidence_is_that_of_whom_is_believed_less() -> None:
-    assert looked(cnn=replace(CNN, confidence=0.6)).asked["second_confidence"] == pytest.approx(0.6)
+    assert looked(cnn=replace(CNN, confidence=0.6)).features["second_confidence"] == pytest.approx(0.6)
 
 
 def test_a_network_is_not_believed_on_a_white_picture_however_sure_it_is() -> None:
     white = replace(CALM["statistics"], over_exposed=0.9, brightness=0.98, contrast=0.02)
-    outlook = looked(replace(CV, confidence=0.3), replace(CNN, confidence=0.99), statistics=white)
-    assert outlook.trust["cnn"] < 0.1 and outlook.trust["cv"] == 1.0
-    assert outlook.asked["lane_confidence"] == pytest.approx(0.3)
-    assert outlook.fused.trust[0] > 0.8
+    world = looked(replace(CV, confidence=0.3), replace(CNN, confidence=0.99), statistics=white)
+    assert world.trust["cnn"] < 0.1 and world.trust["cv"] == 1.0
+    assert world.features["lane_confidence"] == pytest.approx(0.3)
+    assert world.fused.trust[0] > 0.8

@@ -1,0 +1,259 @@
+"""The doubts that stop the car and the assurances that let it drive: one row each, with its time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from supervisor.inputs.timers import Held, Patience
+from supervisor.inputs.watchdog import Fault
+from supervisor.modes.modes import Effect, ModeSettings, ModeState, Situation
+from supervisor.rules.inference import FearRules
+from supervisor.rules.rule_file import Hysteresis
+from supervisor.situation.world_state import WorldState
+from trepid.bounds import at_most
+from trepid.causes import Cause
+from trepid.messages import Mode
+
+
+class Moment(NamedTuple):
+    """The conditions of one step, without memory."""
+
+    fault: Fault
+    cause: str  # of fear
+    wanted: Mode  # by the level of fear
+    calmer: Mode  # by the level of fear plus the hysteresis band
+    path: bool  # of the road
+    trail: bool  # of a vehicle ahead, at least to stop on
+    lead: bool  # a vehicle ahead can be followed
+    near: bool  # the vehicle ahead is too near for a comfort stop
+    standstill: bool
+    moving: bool  # by the last valid state
+    frameless: bool  # no frame for the time of an emergency stop
+    guess: bool  # every estimator is rather wrong than right
+    road: bool  # an estimator measures the road with confidence
+    drivable: bool  # estimates are valid, fear is low, and no cause that would stop the car is active
+    driver: bool  # a driver acts now ...
+    driven: bool  # ... or did so at the last step
+
+    @property
+    def afraid(self) -> bool:
+        """Whether the level of fear asks for CAUTION or more."""
+        return self.wanted is not Mode.KEEP
+
+    @property
+    def doubt(self) -> str:
+        """The cause that slows the car where no vehicle can be followed instead; "" for none."""
+        return self.cause if self.afraid and not self.lead else ""
+
+
+def moment(
+    world: WorldState,
+    rules: FearRules,
+    modes: ModeSettings,
+    state: ModeState,
+    *,
+    fear: float,
+    cause: str,
+    fault: Fault,
+    driver: bool,
+    driven: bool,
+) -> Moment:
+    """The conditions of the doubts, from the world, fear and its cause, and the mode so far."""
+    wanted = rules.mode(fear)
+    motion, last = world.motion, world.last_motion
+    # Do not start while a cause that would stop the car again is active, or the one that has stopped it.
+    doubted = not {cause, state.cause}.isdisjoint(modes.stop_after_s)
+    startable = wanted is Mode.KEEP or not doubted
+    frameless = fault.cause == Cause.STALE_DATA and min(world.ages_s.values()) > modes.emergency_stop_age_s
+    return Moment(
+        fault=fault,
+        cause=cause,
+        wanted=wanted,
+        calmer=rules.mode(at_most(fear + rules.file.hysteresis.band, 1.0)),
+        path=world.fused.path is not None,
+        trail=world.trail.path is not None,
+        lead=world.trail.usable,
+        near=world.near,
+        standstill=motion is not None and abs(motion.speed_mps) < modes.standstill_mps,
+        moving=last is not None and abs(last.speed_mps) >= modes.standstill_mps,
+        frameless=frameless,
+        guess=is_guess(world, modes),
+        road=world.surest >= modes.road_back_confidence,
+        drivable=world.drivable and fear <= modes.reengage_max_fear and startable,
+        driver=driver,
+        driven=driven,
+    )
+
+
+def is_guess(world: WorldState, modes: ModeSettings) -> bool:
+    """Whether every estimator is rather wrong than right."""
+    return (world.features["lane_confidence"] or 0.0) < modes.guess_confidence
+
+
+Condition = Callable[[Moment], bool]
+Time = Callable[[ModeSettings, Hysteresis], float | None]
+
+
+def _never(_: Moment) -> bool:
+    return False
+
+
+def _now(_: ModeSettings, __: Hysteresis) -> float:
+    return 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """One row: a condition, the time that it must last, its effect, and the condition that clears it."""
+
+    name: str  # a cause, or the condition in words
+    holds: Condition
+    after_s: Time  # None: never
+    effect: Effect
+    cleared: str
+    pauses: Condition = _never  # keeps the time as it is
+    timer: type[Held] | type[Patience] = Held
+
+
+def _unguided(m: Moment) -> bool:
+    """Fear is at its highest, nothing can be followed, and no estimator is rather right than wrong."""
+    return m.moving and m.wanted is Mode.STOP and not m.lead and not m.driver and m.guess
+
+
+def _ready(m: Moment) -> bool:
+    return m.drivable and m.standstill and not m.fault.cause
+
+
+def _handed_over(m: Moment) -> bool:
+    return m.drivable and m.fault.cause in ("", Cause.DRIVER_OVERRIDE) and (m.driver or m.driven)
+
+
+DOUBTS = (
+    Doubt(
+        "fear is at its highest level",
+        lambda m: m.wanted is Mode.STOP,
+        lambda _, h: h.stop_after_s,
+        Effect.STOP,
+        "by the first step of less fear",
+    ),
+    Doubt(
+        "neither path nor trail on the move",
+        lambda m: m.moving and not m.path and not m.trail,
+        lambda s, _: s.blind_s,
+        Effect.EMERGENCY,
+        "by a path",
+    ),
+    Doubt(
+        "fear is at its highest level on the move and no estimator is rather right than wrong",
+        _unguided,
+        lambda s, _: s.guess_s,
+        Effect.EMERGENCY,
+        "by confidence, less fear, a vehicle to follow",
+    ),
+    Doubt(
+        "no frame on the move",
+        lambda m: m.moving and m.frameless,
+        _now,
+        Effect.EMERGENCY,
+        "by a frame",
+    ),
+    Doubt(
+        "a vehicle too near for a comfort stop",
+        lambda m: m.near and not m.driver,
+        lambda s, _: s.near_s,
+        Effect.BRAKE_HARDER,
+        "by distance",
+    ),
+    Doubt(
+        "calm",
+        lambda m: m.calmer is Mode.KEEP,
+        lambda _, h: h.calm_after_s,
+        Effect.CALM,
+        "by fear",
+    ),
+    Doubt(
+        "the road is measured with confidence",
+        lambda m: m.road,
+        lambda s, _: s.road_back_s,
+        Effect.ROAD_BACK,
+        "by low confidence",
+    ),
+    Doubt(
+        "healthy at standstill",
+        _ready,
+        lambda s, _: s.reengage_after_s,
+        Effect.START,
+        "by fear, a doubt, a fault, motion",
+    ),
+    Doubt(
+        "healthy under a driver",
+        _handed_over,
+        lambda s, _: s.reengage_after_s,
+        Effect.HAND_OVER,
+        "by fear, a doubt, a fault",
+    ),
+)
+"""The rows that every supervisor has; :func:`doubts_of` adds those of the causes in the settings."""
+DRIVERS = frozenset({Effect.EMERGENCY, Effect.HAND_OVER})
+"""Effects that do not come while a driver acts."""
+
+
+def doubts_of(modes: ModeSettings) -> tuple[Doubt, ...]:
+    """DOUBTS, and a row for every cause under ``stop_after_s`` and ``emergency_after_s``.
+
+    While another cause of the same section is active the time stays as it is: these are doubts about the same road.
+    """
+    return (
+        *DOUBTS,
+        *(_of_cause(cause, modes.stop_after_s, Effect.STOP_ON_ROAD) for cause in modes.stop_after_s),
+        *(
+            _of_cause(cause, modes.emergency_after_s, Effect.EMERGENCY, on_the_move=True)
+            for cause in modes.emergency_after_s
+        ),
+    )
+
+
+def _of_cause(cause: str, limits_s: dict[str, float], effect: Effect, *, on_the_move: bool = False) -> Doubt:
+    """The row of a ``cause`` that may slow the car for ``limits_s[cause]`` before its ``effect``."""
+    return Doubt(
+        cause,
+        lambda m: m.doubt == cause and (m.moving or not on_the_move),
+        lambda _, __: limits_s[cause],
+        effect,
+        "as slowly as it came, by another cause",
+        pauses=lambda m: m.doubt in limits_s and (m.moving or not on_the_move),
+        timer=Patience,
+    )
+
+
+@dataclass
+class Doubts:
+    """The table with a timer for every row."""
+
+    modes: ModeSettings
+    _timers: list[tuple[Doubt, Held | Patience]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._timers = [(doubt, doubt.timer()) for doubt in doubts_of(self.modes)]
+
+    def step(self, m: Moment, hysteresis: Hysteresis, *, now_s: float) -> Situation:
+        """The situation at ``now_s``: the moment, and the effects of the rows that have lasted for their time."""
+        effects = frozenset(
+            [
+                doubt.effect
+                for doubt, timer in self._timers
+                if timer.lasts(
+                    doubt.holds(m), doubt.after_s(self.modes, hysteresis), now_s=now_s, pause=doubt.pauses(m)
+                )
+            ]
+        )
+        return Situation(
+            fault=m.fault.cause,
+            lost=m.fault.lost,
+            cause=m.cause,
+            afraid=m.afraid,
+            path=m.path,
+            lead=m.lead,
+            standstill=m.standstill,
+            effects=effects - DRIVERS if m.driver else effects,
+        )

@@ -1,0 +1,51 @@
+"""Which inputs and which trust of the fear rules rate an estimator: those of its own name, else those of its kind.
+
+A rule file names estimators in inputs such as ``cv_confidence`` and in outputs such as ``trust_cv``. An estimator
+that it does not name is rated by the name that ``rated_as`` in ``config/supervisor.yaml`` gives to it or its kind.
+"""
+
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+
+from supervisor.inputs.validated import ValidatedEstimate
+from supervisor.rules.inference import FearRules
+from trepid.messages import EstimateKind
+
+CONFIDENCE, JITTER, PATH_JITTER = "_confidence", "_jitter", "_unrest"
+ESTIMATOR_SUFFIXES = (CONFIDENCE, JITTER, PATH_JITTER)
+RATED_AS: Mapping[str, str] = {EstimateKind.LANE.value: "cv", EstimateKind.ANGLE.value: "angle"}
+
+
+def rating_names(
+    estimates: Iterable[ValidatedEstimate], rules: FearRules, rated_as: Mapping[str, str]
+) -> dict[str, str]:
+    """The name in ``rules`` that rates each estimator."""
+    named = _named(rules.names, rules.file.estimators)
+    return {
+        e.estimator: e.estimator
+        if e.estimator in named
+        else rated_as.get(e.estimator) or rated_as.get(e.kind, e.estimator)
+        for e in estimates
+    }
+
+
+def absent_values(rules: FearRules, estimators: int) -> dict[str, float | None]:
+    """Values of the estimator inputs of ``rules`` where no estimator runs that they rate.
+
+    With one estimator alone they are 0: no confidence, because nothing confirms it. With two or more they are calm.
+    """
+    alone = estimators < 2
+    return {
+        name: 0.0 if alone else rules.inputs[name].calmest
+        for name in rules.names
+        if name.endswith(ESTIMATOR_SUFFIXES)
+    }
+
+
+@lru_cache(maxsize=16)
+def _named(inputs: tuple[str, ...], trusted: tuple[str, ...]) -> frozenset[str]:
+    """The estimators that a rule file names."""
+    rated = {
+        name.removesuffix(suffix) for name in inputs for suffix in ESTIMATOR_SUFFIXES if name.endswith(suffix)
+    }
+    return frozenset(rated).union(trusted)
