@@ -15,6 +15,8 @@ WHY = {
     "cnn_jitter": f"its uncertainty and shift: {_UNLIKE}",
     "cnn_unrest": "on roads that it knows the network is steady; on trodden snow it wanders, sure of itself, and a "
     "short jitter is calm again and again",
+    "angle_confidence": "as of every estimator; an angle has no lane by which it could be checked",
+    "angle_jitter": "a road does not jump, so an angle that does is wrong at least in some frames",
     "single_source": "for moments one estimator will do; the longer, the likelier an error that nobody sees",
     "disagreement": "in lateral acceleration, so that the same angle counts more at speed; foretells 90 % of hard "
     "disengagements (Fridman, Arguing Machines)",

@@ -543,3 +543,16 @@ def test_settings_may_name_a_cause_that_the_rules_declare() -> None:
         Supervisor(RULES, settings_with_ice, VEHICLE)
     declared = RULES.file.model_copy(update={"causes": {"ice": "the road is slippery"}})
     Supervisor(FearRules(declared, RULES.rules), settings_with_ice, VEHICLE)
+
+
+@pytest.mark.parametrize("sender", ["cv", "cnn", "statistics", "lead", "state"])
+def test_a_message_that_cannot_be_decoded_makes_its_input_broken(sender: str) -> None:
+    drive = Drive.under_way()
+    calm = drive.frame(lead=LEAD)
+    drive.now_s += FRAME_S
+    messages = {name: drive.said[name] for name in ("statistics", "lead", "state")}
+    estimates = {name: drive.said[name] for name in ("cv", "cnn")}
+    decision = drive.supervisor.step(estimates, *messages.values(), now_s=drive.now_s, malformed=[sender])
+    assert calm.fear < 0.5 and decision.fear == 1
+    assert decision.mode is Mode.CAUTION, "a single one slows the car and does not stop it"
+    assert drive.frame(lead=LEAD).fear < 0.5
