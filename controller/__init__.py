@@ -1,1 +1,1 @@
-"""Decision and vehicle state to command: where the wheel goes, how hard to push or brake, and what is forbidden."""
+"""Decision and vehicle state to command: steering laws, speed control, limiter, identification of the vehicle."""

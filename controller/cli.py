@@ -1,4 +1,4 @@
-"""``trepid vehicle``: the bicycle model on the command line, and its parameters from a log."""
+"""``trepid vehicle``: steering angles of the bicycle model, its parameters from a log, margins of the loop."""
 
 import json
 import math
@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controller.model.bicycle import GRAVITY_MPS2, kinematic_angle, understeer_angle
+from controller.model.bicycle import GRAVITY_MPS2, understeer_angle
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
+from trepid.steering import road_wheel_angle
 from trepid.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ app = typer.Typer(no_args_is_help=True)
 
 @app.callback()
 def vehicle() -> None:
-    """The bicycle model with understeer."""
+    """Bicycle model with understeer: angles, identification, margins."""
 
 
 @app.command()
@@ -45,7 +46,8 @@ def steer(
         raise InputError(f"--curvature {curvature} --speed {speed}: too large to compute with")
     if abs(angles["road_wheel_angle_rad"]) > car.max_road_wheel_angle_rad:
         typer.echo(
-            f"{car.name} cannot turn its wheels that far: {car.max_road_wheel_angle_rad} rad", err=True
+            f"{car.name}: larger than the largest road-wheel angle, {car.max_road_wheel_angle_rad} rad",
+            err=True,
         )
     if as_json:
         typer.echo(json.dumps(angles))
@@ -58,17 +60,22 @@ def steer(
 def identify(
     log: Annotated[Path, typer.Argument(help="Recording (.mcap), trace (.npz) or table (.csv).")],
     vehicle: Annotated[
-        Path, typer.Option(help="Vehicle file: wheelbase, rate limit, first guess of the ratio.")
+        Path, typer.Option(help="Vehicle file: wheelbase, rate limit, initial steering ratio.")
     ] = CONFIG_DIR / "vehicle.yaml",
     known_ratio: Annotated[
-        bool, typer.Option("--known-ratio", help="Hold the steering ratio of the vehicle file.")
+        bool,
+        typer.Option(
+            "--known-ratio", help="Use the steering ratio of the vehicle file instead of identifying it."
+        ),
     ] = False,
     anyway: Annotated[
-        bool, typer.Option("--anyway", help="Print what the log does not excite enough, too.")
+        bool, typer.Option("--anyway", help="Also print parameters that the log does not excite enough.")
     ] = False,
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=COLUMN", help="Which column of a table is meant; -COLUMN: reversed."),
+        typer.Option(
+            metavar="NAME=COLUMN", help="Column of a table (.csv) that holds NAME; -COLUMN reverses its sign."
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None,
@@ -78,7 +85,7 @@ def identify(
 ) -> int:
     """Understeer, ratio, offset, dead time and lag of the steering from a log, with 95 % confidence intervals.
 
-    Exit code 1, and why, when the log lacks what tells them.
+    Units are printed with each value. Exit code 1, with the reason, when the log does not excite the understeer.
     """
     from controller.identify.drive_log import read_log  # scipy and MCAP take a second; `steer` needs neither
     from controller.identify.identification import identify_understeer
@@ -163,7 +170,7 @@ def _renaming(text: str) -> tuple[str, str]:
 
 
 def _readable(parameter: "Parameter") -> str:
-    """The value in the unit in which people talk of it."""
+    """The value in degrees where its unit is in radians; else the unit."""
     if parameter.unit == "rad/(m/s²)":
         return f"= {math.degrees(parameter.value * GRAVITY_MPS2):.2f} deg/g"
     if parameter.unit in {"rad", "rad/s"}:
@@ -175,7 +182,7 @@ def steering(
     vehicle: Vehicle, *, curvature_1pm: float, speed_mps: float, roll_rad: float
 ) -> dict[str, float]:
     """Road-wheel and steering-wheel angle of a steady turn, and the two parts of the former."""
-    kinematic_rad = kinematic_angle(curvature_1pm, vehicle=vehicle)
+    kinematic_rad = road_wheel_angle(curvature_1pm, wheelbase_m=vehicle.wheelbase_m)
     understeer_rad = understeer_angle(curvature_1pm, speed_mps=speed_mps, vehicle=vehicle, roll_rad=roll_rad)
     angle_rad = kinematic_rad + understeer_rad
     return {

@@ -1,20 +1,20 @@
-"""The controller: what the supervisor decided and what the vehicle does -> the next command.
+"""The controller: decision and vehicle state to the next command.
 
-Everything that comes in is judged here by age, finiteness and plausibility. What is missing or wrong brakes:
+Every input is checked for age, finiteness and plausibility. A missing or bad input brakes:
 
-| what is wrong | longitudinal | lateral |
+| input | longitudinal | lateral |
 |---|---|---|
 | no usable decision | comfort stop, after ``lost_s`` emergency stop | along the path while it is young enough |
 | no usable vehicle state | the same | holds the last wheel angle |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
-| no path, but one younger than ``stop_memory_s`` | comfort stop, or the emergency stop asked for | likewise |
-| no path at all | comfort stop, or the emergency stop asked for | holds the last curvature |
-| the supervisor says STOP | the stop that it asks for | along the path |
+| no path, but one younger than ``stop_memory_s`` | comfort stop, or the demanded emergency stop | likewise |
+| no path at all | comfort stop, or the demanded emergency stop | holds the last curvature |
+| mode STOP | the stop of the decision | along the path |
 
 The emergency stop for lost inputs latches until standstill, or until a driver takes over.
 
-Without a path the curvature is held and not unwound: while a car stops, the bend it is in lasts longer than the
-gap in sight does, and straightening would leave the lane for certain.
+Without a path the last curvature is held: while a car stops, its bend lasts longer than a gap in the estimates, and
+straightening the wheel would leave the lane.
 """
 
 import math
@@ -43,12 +43,12 @@ _EASED_SHARE = 0.5  # of the lateral acceleration in bends, left while the limit
 
 
 class InputLimits(Settings):
-    """``inputs`` in ``config/controller.yaml``: how old and how large inputs may be to be believed."""
+    """``inputs`` in ``config/controller.yaml``: largest age and size of accepted inputs."""
 
-    stale_s: Positive  # older decisions and states do not count
-    lost_s: Positive  # nothing usable for this long: emergency stop
-    path_memory_s: Positive  # older paths are not driven on
-    stop_memory_s: Positive  # nor, while stopping, steered along
+    stale_s: Positive  # older decisions and states are ignored
+    lost_s: Positive  # without usable inputs for this long: emergency stop
+    path_memory_s: Positive  # older paths are not followed while driving on
+    stop_memory_s: Positive  # ... nor while stopping
     early_s: Positive  # a stamp may lie this far in the future
     max_speed_mps: Positive
     max_offset_m: Positive
@@ -83,7 +83,7 @@ def build(vehicle: Vehicle | None = None, settings_file: Path | None = None) -> 
 
 
 class Controller:
-    """``step`` it at every new decision and at least 50 times a second. Starts with the brake on."""
+    """Call ``step`` at every new decision and at least 50 times a second. Starts with the brake applied."""
 
     def __init__(self, vehicle: Vehicle, settings: ControllerSettings) -> None:
         self.learner = SteeringLearner(vehicle, settings.learning)
@@ -101,13 +101,13 @@ class Controller:
         self._eased = settings.speed.model_copy(update=dict(lateral_accel_mps2=budget_mps2))
         self._speed = SpeedControl(settings.speed, drive_lag_s=vehicle.accel_lag_s)
         self._now_s: float | None = None
-        self._healthy_s = 0.0  # when both inputs were last usable
+        self._healthy_s = 0.0  # time at which both inputs were last usable
         self._emergency = False  # own emergency stop, latched until standstill
-        self._judged: Decision | None = None  # the newest decision, ...
-        self._sound = False  # ... whether it is finite in every number
-        self._path_t_s: float | None = None  # when the newest path was valid
-        self._path: tuple[Lane, float] | None = None  # that path at the newest state, and when that was
-        self._curvature_1pm: float | None = None  # the last one asked for
+        self._judged: Decision | None = None  # the newest decision ...
+        self._sound = False  # ... and whether all its numbers are finite
+        self._path_t_s: float | None = None  # time at which the newest path was valid
+        self._path: tuple[Lane, float] | None = None  # that path at the newest state, and its time
+        self._curvature_1pm: float | None = None  # the last demand
         self._angle_rad: float | None = None  # likewise
 
     def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
@@ -116,17 +116,17 @@ class Controller:
         frame_s = decision.t_s if decision is not None and _finite(decision.t_s) else None
         decision = self._usable_decision(decision, now_s)
         state = self._usable_state(state, now_s)
-        if state is not None:  # from here on angles are those of the tyres
+        if state is not None:  # below, angles are those of the tyres
             state = self.learner.step(state)
             self._predictor.vehicle = self._vehicle
         speed_mps = state.speed_mps if state is not None else None
         if state is not None and speed_mps is not None:
-            self._predictor.saw(state, speed_mps)
+            self._predictor.measured(state, speed_mps)
         acting = self._acting(now_s)
         angle_rad = self._steer(acting, state, speed_mps, dt_s)
         self._predictor.commanded(angle_rad, now_s=now_s)
         driver = state is not None and state.driver_override
-        if driver:  # nothing of ours can be lost while someone else drives
+        if driver:  # lost inputs do not matter while a driver steers
             self._healthy_s, self._emergency = now_s, False
             self._law.release()
         lane = acting.lane if acting is not None and self._drivable(now_s) else None
@@ -146,11 +146,11 @@ class Controller:
 
     @property
     def _vehicle(self) -> Vehicle:
-        """The vehicle as it has been learned to be."""
+        """The vehicle with the learned parameters."""
         return self.learner.vehicle
 
     def _elapsed(self, now_s: float) -> float:
-        """Time since the last step, 0 on the first; a clock that runs backwards stands still here."""
+        """Time since the last step, 0 on the first; 0 where the clock runs backwards."""
         if self._now_s is None:
             self._now_s = self._healthy_s = now_s
         dt_s = at_least(now_s - self._now_s, 0.0)
@@ -158,7 +158,7 @@ class Controller:
         return dt_s
 
     def _usable_decision(self, decision: Decision | None, now_s: float) -> Decision | None:
-        """None unless fresh and finite in every number: one that is not puts all of it in doubt."""
+        """The decision; None unless it is fresh and every number of it is finite."""
         if decision is None or not self._fresh(decision.decided_s, now_s, self._settings.inputs.stale_s):
             return None
         if decision is not self._judged:
@@ -168,14 +168,14 @@ class Controller:
         return decision if self._sound else None
 
     def _take_path(self, decision: Decision, now_s: float) -> None:
-        """Remember the path of a new decision, if it has one to be used."""
+        """Keep the path of a new decision, if it has a usable one."""
         limits, path_t_s = self._settings.inputs, decision.path_t_s
         lane = _lane_from_decision(decision, limits)
         if lane is not None and path_t_s is not None and self._fresh(path_t_s, now_s, limits.path_memory_s):
             self._path_t_s, self._path = path_t_s, (lane, path_t_s)
 
     def _usable_state(self, state: VehicleState | None, now_s: float) -> VehicleState | None:
-        """None unless fresh and plausible in all it reports; wheel angle and yaw rate may be unknown."""
+        """The state; None unless it is fresh and plausible. Wheel angle and yaw rate may be None."""
         limits = self._settings.inputs
         if state is None or not self._fresh(state.t_s, now_s, limits.stale_s):
             return None
@@ -193,11 +193,11 @@ class Controller:
         return t_s is not None and -self._settings.inputs.early_s <= now_s - t_s <= max_age_s
 
     def _drivable(self, now_s: float) -> bool:
-        """Whether the newest path is young enough to drive on."""
+        """Whether the newest path is recent enough to drive on."""
         return self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
 
     def _acting(self, now_s: float) -> Acting | None:
-        """Car and newest path, moved to the moment at which a command given now acts; None: none or too old."""
+        """Car and newest path, at the moment at which a command given now acts; None without a recent path."""
         if self._path is None or not self._fresh(self._path_t_s, now_s, self._settings.inputs.stop_memory_s):
             return None
         lane, valid_s = self._path = self._predictor.at_last_state(self._path[0], valid_s=self._path[1])
@@ -214,7 +214,7 @@ class Controller:
             self._law.release()
         if acting is not None:
             self._curvature_1pm = self._law.curvature(acting, dt_s=dt_s)
-        elif self._curvature_1pm is None:  # never had a path: stay as the wheels are
+        elif self._curvature_1pm is None:  # no path so far: hold the wheels
             self._curvature_1pm = curvature_from_angle(
                 _or_zero(state.road_wheel_angle_rad), speed_mps=model_mps, vehicle=self._vehicle
             )
@@ -227,7 +227,7 @@ class Controller:
     def _stop(
         self, decision: Decision | None, lane: Lane | None, speed_mps: float | None, now_s: float
     ) -> Stop:
-        """How to stop, if at all."""
+        """The kind of stop, or none."""
         if self._emergency and speed_mps is not None and speed_mps <= self._settings.speed.standstill_mps:
             self._emergency = False
         if decision is not None and speed_mps is not None:
@@ -251,9 +251,9 @@ class Controller:
         driver: bool,
         cut: bool,
     ) -> tuple[float, float]:
-        """Speed aimed at [m/s] and acceleration demand [m/s²]; where a driver drives, that of the car and none.
+        """Target speed [m/s] and acceleration demand [m/s²]; under a driver the speed of the car and 0.
 
-        While the limiter cuts the steering, bends are planned slower.
+        While the limiter cuts the steering demand, bends are planned at a lower speed.
         """
         if driver and speed_mps is not None:
             return speed_mps, self._speed.release()
@@ -276,7 +276,7 @@ def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
     ahead_1pm, rate_1pm2 = decision.curvature_1pm, decision.curvature_rate_1pm2
     if offset_m is None or heading_rad is None or ahead_1pm is None:
         return None
-    rate_1pm2 = _or_zero(rate_1pm2)  # an estimator that sees only an arc sees a constant curvature
+    rate_1pm2 = _or_zero(rate_1pm2)  # None: an arc, of constant curvature
     lane = Lane.from_ahead(
         offset_m=offset_m,
         heading_rad=heading_rad,

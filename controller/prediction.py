@@ -1,14 +1,14 @@
-"""Where the car will be when a steering command given now begins to act.
+"""Prediction of car and lane to the moment at which a steering command given now begins to act.
 
-A frame is old when its path reaches the controller, and a command acts only after the steering's dead time. Both
-are known, so both are bridged: from the capture of the frame to the last vehicle state by measured speed and yaw
-rate, from there to now + dead time by the commands that are already on their way through the steering model
+The path is as old as its frame, and a command acts only after the dead time of the steering. Both times are known,
+and the lane is moved over them: from the capture of the frame to the last vehicle state by measured speed and yaw
+rate, from there to now + dead time by the commands already given, through the steering model
 
     δ' = (δ_cmd(t - T_d) - δ)/τ, |δ'| ≤ rate limit
 
-and the tyres (`controller.model.tyres`). Their drift, which nothing measures, follows from the measured yaw rate.
+and the tyres (`controller.model.tyres`). Their drift is not measured; it is computed from the measured yaw rate.
 
-What remains for feedback is a plant without dead time (Smith predictor; Åström & Hägglund, Advanced PID Control
+The feedback then controls a plant without dead time (Smith predictor; Åström & Hägglund, Advanced PID Control
 (2006), section 8.4).
 """
 
@@ -27,14 +27,14 @@ _STEP_S = 0.02  # of the model; the wheel is exact for any step, the pose of sec
 
 
 class Predictor:
-    """Remembers what was measured and commanded for as long as ``memory_s``."""
+    """Keeps the measured motion and the commands of the last ``memory_s``."""
 
     def __init__(
         self, vehicle: Vehicle, *, command_delay_s: float, memory_s: float, timing_share: float = 0.0
     ) -> None:
-        """``command_delay_s``: on the way to the actuator, mean hold of the command included.
+        """``command_delay_s``: from the controller to the actuator, mean hold of the command included.
 
-        ``timing_share``: by how much of its dead time and lag the steering may turn out to be later.
+        ``timing_share``: largest estimated change of the delay, as a share of dead time plus lag.
         """
         self._vehicle, self._tyres = vehicle, Tyres(vehicle)
         self._lag_s, self._rate_radps = vehicle.steering_lag_s, vehicle.max_road_wheel_rate_radps
@@ -48,7 +48,7 @@ class Predictor:
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle as it is believed to be; its tyres may be learned while driving."""
+        """The vehicle with its present parameters; understeer may be estimated while driving."""
         return self._vehicle
 
     @vehicle.setter
@@ -56,11 +56,11 @@ class Predictor:
         if vehicle is not self._vehicle:
             self._vehicle, self._tyres = vehicle, Tyres(vehicle)
 
-    def saw(self, state: VehicleState, speed_mps: float) -> None:
-        """Take in a vehicle state; one that was taken in before, or is older, changes nothing."""
+    def measured(self, state: VehicleState, speed_mps: float) -> None:
+        """Add a vehicle state; a repeated or older one changes nothing."""
         if self._motion and state.t_s <= self._motion[-1][0]:
             return
-        self._timing.saw(state)
+        self._timing.measured(state)
         if state.road_wheel_angle_rad is not None:
             self._wheel_rad = state.road_wheel_angle_rad
         elif self._commands:
@@ -73,14 +73,14 @@ class Predictor:
             self._motion.popleft()
 
     def _drift(self, t_s: float, speed_mps: float, rate: float) -> float:
-        """Of the rear axle at ``t_s``; settled where nothing is known of before."""
+        """Drift [rad] of the rear axle at ``t_s``; the settled value after the first state."""
         if not self._motion:
             return self._tyres.drift_after(0.0, rate, speed_mps, math.inf)
         before_s, _, before_rate, drift_rad = self._motion[-1]
         return self._tyres.drift_after(drift_rad, 0.5 * (before_rate + rate), speed_mps, t_s - before_s)
 
     def commanded(self, angle_rad: float, *, now_s: float) -> None:
-        """Remember a command that goes out now."""
+        """Add a command given at ``now_s``."""
         self._timing.commanded(angle_rad, now_s=now_s)
         self._commands.append((now_s, angle_rad))
         while len(self._commands) > 1 and self._commands[1][0] < now_s - self._longest_s:
@@ -92,7 +92,7 @@ class Predictor:
         return at_least(self._delay_s + self._timing.late_s, 0.0)
 
     def at_last_state(self, lane: Lane, *, valid_s: float) -> tuple[Lane, float]:
-        """``lane``, valid at ``valid_s``, as it was at the last vehicle state, if that is later, and when."""
+        """``lane``, valid at ``valid_s``, at the last vehicle state if that is later, and its time."""
         motion = self._motion
         new = len(motion)
         while new > 1 and motion[new - 1][0] > valid_s:
@@ -123,9 +123,9 @@ class Predictor:
         )
 
     def _along_commanded(self, lane: Lane, from_s: float, to_s: float) -> tuple[Lane, float, Turning]:
-        """By the commands given between the two times, which act one dead time later.
+        """Lane, wheel angle and turn after the commands given between the two times, each one dead time later.
 
-        Before the first command that is remembered, whatever holds the wheel where it is.
+        Before the first kept command the demand is the measured wheel angle.
         """
         _, speed_mps, rate, drift_rad = self._motion[-1]
         moved: Clothoid = lane

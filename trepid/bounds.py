@@ -1,20 +1,17 @@
-"""The lesser and the greater of two floats, for the inner loops of every step.
-
-The builtins ``min`` and ``max`` take any number of anything and four times as long.
-"""
+"""Bounds of floats for the inner loops of every step, four times as fast as the builtins ``min`` and ``max``."""
 
 
 def at_least(value: float, low: float) -> float:
-    """``value``, but no less than ``low``; NaN becomes ``low``."""
+    """The larger of ``value`` and ``low``; ``low`` for NaN."""
     return value if value > low else low
 
 
 def at_most(value: float, high: float) -> float:
-    """``value``, but no more than ``high``; NaN becomes ``high``."""
+    """The smaller of ``value`` and ``high``; ``high`` for NaN."""
     return value if value < high else high
 
 
 def within(value: float, limit: float) -> float:
-    """``value`` within ± ``limit``; NaN becomes ``limit``."""
+    """``value`` within ± ``limit``; ``limit`` for NaN."""
     value = value if value < limit else limit
     return value if value > -limit else -limit

@@ -1,4 +1,4 @@
-"""From the lane in the vehicle frame to the road-wheel angle of a kinematic vehicle. Used by CV and CNN alike."""
+"""Road-wheel angle of a kinematic vehicle."""
 
 import math
 from typing import Annotated
@@ -17,6 +17,6 @@ class SteeringSettings(Settings):
 def road_wheel_angle(curvature_1pm: float, *, wheelbase_m: float) -> float:
     """Road-wheel angle [rad], + left, that drives ``curvature_1pm`` without slip: δ = atan(L·κ).
 
-    Rajamani, Vehicle Dynamics and Control (2012), section 2.2. Understeer is the controller's business.
+    Rajamani, Vehicle Dynamics and Control (2012), section 2.2. The controller adds understeer.
     """
     return math.atan(wheelbase_m * curvature_1pm)

@@ -1,4 +1,4 @@
-"""How far an estimate from a time series can be trusted: errors that hang together count less than their number.
+"""Confidence of an estimate from a time series with correlated errors.
 
 The estimate θ minimises Σ ρ(e_i(θ)) + ½·|P(θ)|² with residuals e of unit scale and rows P of prior knowledge. Its
 covariance is the sandwich

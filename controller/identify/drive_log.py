@@ -1,17 +1,17 @@
-"""Logs of a drive, as the columns that identification needs.
+"""Logs of a drive as columns for identification.
 
-Read are recordings (.mcap, as ``trepid drive --record`` writes them), traces (.npz of ``trepid sim run --trace``)
-and tables (.csv, one row of names first). Times in seconds, left positive, like everywhere; a value that is missing
-is NaN, and an empty cell of a table.
+The formats are recordings (.mcap, as ``trepid drive --record`` writes them), traces (.npz of ``trepid sim run
+--trace``) and tables (.csv, one row of names first). Times in seconds, angles positive to the left; a missing
+value is NaN, or an empty cell of a table.
 
-Columns of a table (the first of each line that is there counts):
+Columns of a table (of each line the first that is present is used):
 
     t_s
     speed_mps | speed_kmh
     road_wheel_angle_rad | road_wheel_angle_deg | steering_wheel_angle_rad | steering_wheel_angle_deg
     yaw_rate_radps | yaw_rate_dps
     command_rad | command_deg      optional; at the road wheel or the steering wheel, as the angle is
-    driver_override                optional; 1 while the driver steers and the command counts for nothing
+    driver_override                optional; 1 while the driver steers and commands have no effect
 """
 
 import csv
@@ -31,7 +31,7 @@ from trepid.topics import COMMAND, VEHICLE_STATE
 from trepid.types import Column
 
 RAD = math.pi / 180.0
-# Our quantity: the names it may have in a table, and their factors to SI.
+# Quantity: its names in a table, and their factors to SI.
 TABLE: dict[str, dict[str, float]] = {
     "t_s": {"t_s": 1.0},
     "speed": {"speed_mps": 1.0, "speed_kmh": 1 / 3.6},
@@ -51,23 +51,23 @@ NAMES = [name for names in TABLE.values() for name in names]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveLog:
-    """What was measured and commanded; columns of equal length for each of the two clocks, in order of time."""
+    """Measurements and commands; columns of equal length for each of the two clocks, in order of time."""
 
     t_s: Column
     speed_mps: Column
     angle_rad: Column  # of the road wheels, or of the steering wheel
     yaw_rate_radps: Column
-    driver_override: Column  # 1: the command counts for nothing
+    driver_override: Column  # 1: commands have no effect
     at_steering_wheel: bool  # where angle and command are measured
-    command_t_s: Column  # when each command was given; empty: the log has none
+    command_t_s: Column  # times of the commands; empty: the log has none
     command_rad: Column
     complete: bool = True  # False: a recording that was cut short, read up to its last whole chunk
 
 
 def read_log(path: Path, renamed: Mapping[str, str] | None = None) -> DriveLog:
-    """The log in ``path``; ``renamed`` says which column of a table is meant by a name: ours -> theirs.
+    """The log in ``path``; ``renamed``: name of this module -> column of the table.
 
-    A minus before their name reverses the sign. Raises InputError.
+    A minus before the column reverses its sign. Raises InputError.
     """
     readers = {".mcap": _from_recording, ".npz": _from_trace}
     if path.suffix == ".csv":
@@ -91,7 +91,7 @@ def log_of(
 ) -> DriveLog:
     """A log from time, speed, angle, yaw rate and override, and the times and angles of commands.
 
-    Rows that lack a number are left out. Raises InputError when fewer than two are left or when time runs back.
+    Rows with a missing number are left out. Raises InputError when fewer than two are left or when time runs back.
     """
     table = np.column_stack(measured)
     table = table[np.isfinite(table).all(axis=1)]

@@ -1,6 +1,6 @@
 """Understeer, steering ratio and offsets of a vehicle from a log of speed, wheel angle and yaw rate.
 
-Steady state, as in :mod:`controller.model.bicycle`, with everything that a log leaves open:
+Steady state, as in :mod:`controller.model.bicycle`, with the unknowns of a log:
 
     θ/i + b = δ = atan(L·κ) + K·κ·v²        r_measured = v·κ + r₀
 
@@ -10,15 +10,15 @@ two point masses, settles with the compliances D = m/C of the axles, D_f - D_r =
 
     w' = -v·r - w/(v·D_r)        w' + L·r' = -v·r + (δ - (w + L·r)/v)/D_f        w  lateral speed of the rear axle
 
-so that only the smaller compliance D and the skew of the two sensors' clocks are fitted beside. This is an output
-error fit: the measured angle drives the model, and the yaw rate it gives is compared with the measured one, both
-below 1 Hz. As the angle is noisy too, errors count by
+so that only the smaller compliance D and the skew of the two sensors' clocks are fitted in addition. This is an
+output error fit: the measured angle drives the model, and the yaw rate it gives is compared with the measured
+one, both below 1 Hz. As the angle is noisy too, errors are weighted as
 
     e = (r - r_measured)/√(σ_r² + (∂r/∂θ)²·σ_θ²)
 
-whose sum of squares is that of total least squares (Deming regression) for errors σ_θ, σ_r. σ_θ is what the angle
-jitters, σ_r all the rest: gyroscope, wind, crossfall, and whatever the model does not say. Outliers count less
-(soft L1), and confidence intervals know that errors last (:mod:`controller.identify.confidence`).
+whose sum of squares is that of total least squares (Deming regression) for errors σ_θ, σ_r. σ_θ is the noise
+of the angle, σ_r all other errors: gyroscope, wind, crossfall, model. Outliers have less weight (soft L1), and the
+confidence intervals account for correlated errors (:mod:`controller.identify.confidence`).
 
 Fuller, Measurement Error Models (1987), section 1.3; Rajamani, Vehicle Dynamics and Control (2012), section 2.3;
 Ljung, System Identification (1999), chapter 7.
@@ -39,31 +39,31 @@ from controller.model.bicycle import GRAVITY_MPS2
 from trepid.types import Array
 from trepid.vehicle import Vehicle
 
-BAND_HZ = 1.0  # people and lane keepers steer below it; above it the tyres' own dynamics begin
+BAND_HZ = 1.0  # steering lies below it, the dynamics of the tyres above
 PERIOD_S = 0.05  # of the fit
-SLOWEST_MPS = 2.0  # below it the angle says little about understeer, and wheel encoders little about speed
-LARGEST_MPS2 = 3.0  # tyres are linear below it; ISO 11270 keeps lane keepers there
-EDGE_S = 1.0  # the filter and the unknown first state are over by then
-GAP_S = 0.25  # a longer silence of the log is not bridged
+SLOWEST_MPS = 2.0  # below it understeer and the error of wheel encoders are too small and too large
+LARGEST_MPS2 = 3.0  # tyres are linear below it; limit of ISO 11270
+EDGE_S = 1.0  # transients of the filter and of the unknown first state
+GAP_S = 0.25  # longer gaps are not interpolated
 TURNING_MPS2 = 0.3  # from there on the vehicle turns
 LEAST_S = 20.0  # of driving that can be used
 LEAST_LATERAL_MPS2 = 0.5  # 95th percentile
 WIDEST_GRADIENT = math.radians(0.5) / GRAVITY_MPS2  # ±0.5 deg/g: cars lie between 0.9 and 2.5 deg/g
 WIDEST_RATIO = 0.10  # ± of the ratio
-# Tyres give way by 1 + x²·(1/6 + 1/(3·1.3²)) more at x = a_y/g: the magic formula with shape 1.3, first term of its
-# series. The interval of K takes that in as a standard deviation: the model has linear tyres.
+# Tyre compliance rises by 1 + x²·(1/6 + 1/(3·1.3²)) more at x = a_y/g: the magic formula with shape 1.3, first
+# term of its series. The interval of K contains this as a standard deviation, since the model has linear tyres.
 TYRE_RISE = 0.364
 YAW_RATE_OFFSET_RADPS = 0.01  # prior: standard deviation of the zero error of consumer gyroscopes
 COMPLIANCE = 0.006, 0.003  # prior of the smaller m/C [rad/(m/s²)]: axles have C/(m·g) of 10 to 30 per rad
 SKEW_S = 0.1  # prior: standard deviation of the time between the two sensors
-START_RADPS = 0.005  # scale of the first pass, which counts every error alike
+START_RADPS = 0.005  # scale of the first pass, which weights all errors alike
 
 NAMES = ("understeer", "offset", "yaw_rate_offset", "compliance", "skew", "ratio")
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """An estimate with the interval that holds the truth 19 times out of 20."""
+    """An estimate with its 95 % confidence interval."""
 
     value: float
     ci95: tuple[float, float]
@@ -77,7 +77,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """Parameters by name, what the log excited, and why anything could not be told."""
+    """Parameters by name, measures of excitation, and the reason where parameters are refused."""
 
     parameters: dict[str, Parameter]
     excitation: dict[str, float]
@@ -92,7 +92,7 @@ def interval(value: float, variance: float, unit: str) -> Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """A log on an even grid, without what is faster than ``BAND_HZ``."""
+    """A log on an even grid, low-pass filtered at ``BAND_HZ``."""
 
     t_s: Array
     speed_mps: Array
@@ -112,8 +112,8 @@ def identify_understeer(
 ) -> Identified:
     """K_us, offsets and, for an angle of the steering wheel, the ratio; the wheelbase is that of ``vehicle``.
 
-    With ``known_ratio`` the ratio is that of ``vehicle``. What the log does not excite is refused with a reason;
-    ``anyway`` keeps the estimates beside it, where there is enough to fit.
+    With ``known_ratio`` the ratio is that of ``vehicle``. Parameters that the log does not excite are refused
+    with a reason; ``anyway`` returns the estimates as well, where there is enough to fit.
     """
     drive = evened(log)
     excitation = excited(drive)
@@ -124,7 +124,7 @@ def identify_understeer(
     try:
         theta, spread = fit.solve()
     except np.linalg.LinAlgError:
-        return Identified({}, excitation, "the log does not tell its parameters apart: vary speed and bends")
+        return Identified({}, excitation, "the log does not separate the parameters: vary speed and bends")
     deviation = np.sqrt(np.diag(spread))
     rise = TYRE_RISE * (excitation["lateral_accel_p95_mps2"] / GRAVITY_MPS2) ** 2
     deviation[0] = math.hypot(deviation[0], rise * theta[0])
@@ -222,7 +222,7 @@ def lacking(excitation: dict[str, float]) -> str | None:
 
 
 def unsure(parameters: dict[str, Parameter], excitation: dict[str, float]) -> str | None:
-    """Why the estimates are too wide to be used."""
+    """The reason why the intervals are too wide; None: they are not."""
     gradient, ratio = parameters["understeer_gradient_rad_per_mps2"], parameters.get("steering_ratio")
     slow, fast = excitation["speed_p5_mps"], excitation["speed_p95_mps"]
     wide = gradient.half_width > WIDEST_GRADIENT
@@ -270,7 +270,7 @@ class Fit:
         return theta, covariance(jacobian[:samples], rows[:samples], jacobian[samples:])
 
     def rows(self, theta: Array) -> Array:
-        """Errors of every sample, zero where it is left out, and how far θ is from what is known of it."""
+        """Weighted errors, zero for unused samples, followed by the deviations of θ from its prior."""
         error = (self.yaw_rate_radps(theta) - self.drive.yaw_rate_radps) / self._sigma_radps(theta)
         prior = (
             theta[2] / YAW_RATE_OFFSET_RADPS,
@@ -280,7 +280,7 @@ class Fit:
         return np.append(np.where(self.drive.used, error, 0.0), prior)
 
     def yaw_rate_radps(self, theta: Array) -> Array:
-        """What the yaw rate sensor should read."""
+        """Yaw rate [rad/s] that the sensor reads by the model."""
         gradient, offset_rad, zero_radps, compliance, skew_s = theta[:5]
         drive, wheelbase_m = self.drive, self.wheelbase_m
         angle_rad = (
@@ -308,7 +308,7 @@ class Fit:
         return np.hypot(self.rest_radps, self._gain(theta) * self.angle_noise_rad)
 
     def _weigh(self, theta: Array) -> None:
-        """Split what is left into the jitter of the angle and the rest."""
+        """Split the residual into the noise of the angle and the rest."""
         used = self.drive.used
         left = (self.yaw_rate_radps(theta) - self.drive.yaw_rate_radps)[used]
         total_radps = 1.4826 * float(np.median(np.abs(left - np.median(left))))
@@ -371,7 +371,7 @@ def settling(
     band[3, 0:-2:2], band[2, 1:-2:2] = -1.0 - half_s * a_ww[:-1], -half_s * a_wr[:-1]
     band[4, 0:-2:2], band[3, 1:-2:2] = -half_s * a_rw[:-1], -1.0 - half_s * a_rr[:-1]
     band[:3, :2] = 0.0
-    band[1, :2] = 1.0  # the first two rows say: as given
+    band[1, :2] = 1.0  # the first two rows: the given start
     right = np.zeros(2 * len(v))
     right[:2] = first
     right[3::2] = half_s * (push[1:] + push[:-1])

@@ -1,7 +1,7 @@
 """Lateral control: lane to path curvature, by feed-forward of the lane's bend and feedback of offset and heading.
 
-The lane passed in is the one at the moment the command begins to act (:mod:`controller.prediction`), so the loop
-that is left has no dead time but the lag τ of steering and tyres. Along the travelled path s (not time) and for
+The lane passed in is the one at the moment the command begins to act (:mod:`controller.prediction`), so the
+loop has no dead time, only the lag τ of steering and tyres. Along the travelled path s (not time) and for
 small errors
 
     e' = ψ        ψ' = κ_a - κ        T·κ_a' = κ_cmd - κ_a        T = v·τ [m], ' = d/ds
@@ -19,8 +19,8 @@ All three poles lie in the open left half-plane exactly for ω > 0, ζ > 0 and a
 keeps a ≥ 1/2 at any speed and lag. ω_s makes the path independent of speed when slow (no singularity at v = 0);
 ω_t caps the bandwidth in time when fast. Gains that are constant in time grow with v² and leave the lane at speed.
 
-The offset counts only up to where it asks for the largest approach angle ψ_max: a car far from the centre comes
-back along a straight line at that angle instead of turning across the lane.
+The offset is limited to the value that demands the largest approach angle ψ_max: a car far from the centre returns
+along a straight line at that angle instead of turning across the lane.
 
 Rajamani, Vehicle Dynamics and Control (2012), sections 2.5 and 3.1; Franklin et al., Feedback Control of Dynamic
 Systems (2015), section 7.5 (pole placement).
@@ -39,7 +39,7 @@ from trepid.config import Settings
 from trepid.types import Positive
 from trepid.vehicle import Vehicle
 
-_MIN_SPEED_MPS = 0.1  # below it "per second" and "per metre" are kept apart; ω_s rules there anyway
+_MIN_SPEED_MPS = 0.1  # avoids a division by zero; ω_s is the smaller bandwidth there
 
 
 class FeedforwardSettings(Settings):
@@ -60,7 +60,7 @@ class Gains(NamedTuple):
 
 
 class Feedforward:
-    """The law; remembers nothing."""
+    """The law; it has no state."""
 
     def __init__(self, settings: FeedforwardSettings, vehicle: Vehicle) -> None:
         self._settings = settings
@@ -73,7 +73,7 @@ class Feedforward:
         return path_curvature(at.lane, speed_mps=at.speed_mps, lag_s=lag_s, settings=self._settings)
 
     def release(self) -> None:
-        """Nothing to forget."""
+        """No state to reset."""
 
 
 def gains(speed_mps: float, *, lag_s: float, settings: FeedforwardSettings) -> Gains:
@@ -91,7 +91,7 @@ def gains(speed_mps: float, *, lag_s: float, settings: FeedforwardSettings) -> G
 
 
 def path_curvature(lane: Lane, *, speed_mps: float, lag_s: float, settings: FeedforwardSettings) -> float:
-    """Curvature κ_cmd [1/m] to be asked of the vehicle for ``lane`` at the moment the command acts."""
+    """Demanded curvature κ_cmd [1/m] for ``lane`` at the moment the command acts."""
     gain = gains(speed_mps, lag_s=lag_s, settings=settings)
     ahead_m = at_least(speed_mps, 0.0) * lag_s
     feedforward = lane.path_curvature(lane.curvature_at(ahead_m))

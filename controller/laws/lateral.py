@@ -1,4 +1,4 @@
-"""Which law steers: ``lateral`` in ``config/controller.yaml``."""
+"""Choice of the lateral law: ``lateral`` in ``config/controller.yaml``."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -32,7 +32,9 @@ class LateralSettings(Settings):
 
     law: LawName
     command_delay_s: NonNegative  # from the controller to the actuator, mean hold of the command included
-    timing_share: Annotated[float, Field(ge=0, lt=1)]  # of dead time and lag, that is learned; 0: nothing is
+    timing_share: Annotated[
+        float, Field(ge=0, lt=1)
+    ]  # largest learned change of the delay, as a share of dead time plus lag; 0: none
     feedforward: FeedforwardSettings
     lqi: LqiSettings
     mpc: MpcSettings
@@ -41,7 +43,7 @@ class LateralSettings(Settings):
 
 
 def build_law(settings: LateralSettings, vehicle: Vehicle) -> LateralLaw:
-    """The law that ``settings`` names, for ``vehicle`` as it is believed to be."""
+    """The law that ``settings`` names, for ``vehicle``."""
     match settings.law:
         case LawName.FEEDFORWARD:
             return Feedforward(settings.feedforward, vehicle)
@@ -57,5 +59,5 @@ def build_law(settings: LateralSettings, vehicle: Vehicle) -> LateralLaw:
 
 
 def lqi(settings: LateralSettings, vehicle: Vehicle) -> Lqi:
-    """The law that :class:`controller.laws.mpc.Mpc` falls back on, too."""
+    """The LQI law, also the fallback of :class:`controller.laws.mpc.Mpc`."""
     return Lqi(settings.lqi, vehicle, command_delay_s=settings.command_delay_s)

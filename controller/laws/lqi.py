@@ -1,27 +1,27 @@
-"""Lateral control by LQI: feed-forward of the bend, optimal feedback of what is left, scheduled over speed.
+"""Lateral control by LQI: feed-forward of the bend, optimal feedback of the error, gains scheduled over speed.
 
-The lane passed in is the one at the moment the command begins to act, so the dead time is over; what is left are
-the lag τ of the steering and T of the tyres (`controller.model.tyres`). In lateral accelerations, for small errors,
+The lane passed in is the one at the moment the command begins to act, so the loop has no dead time, only the
+lag τ of the steering and T of the tyres (`controller.model.tyres`). In lateral accelerations, for small errors,
 
     z' = e    e' = w    w' = p    T·p' = q - p    τ·q' = u - q
 
 z integral of the offset, e offset, w = v·sin χ sideways speed (χ course error), p = v²·(κ_path - κ) and
-q = v²·(κ_wheel - κ(s + v·T)) what path and wheel bend more than the lane, u = v²·(κ_cmd - κ_ff) the feedback. A lag
+q = v²·(κ_wheel - κ(s + v·T)) the excess of path and wheel over the lane, u = v²·(κ_cmd - κ_ff) the feedback. A lag
 of zero takes its state away. κ_ff = κ(s + v·(T + τ)) undoes both lags on a clothoid. The gains of u = -K·x minimise
 
     ∫ e² + (d·w/ω)² + (i·ω·z)² + u²/ω⁴ dt
 
 ω is the bandwidth, d raises the damping, and without integral and lags the poles are those of
 s² + √(2 + d²)·ω·s + ω². Like the pole placement of :mod:`controller.laws.feedforward` it is ω = min(ω_t, ω_s·v),
-slowed down further until the margins asked for hold with the prediction over the dead time in the loop
-(:mod:`controller.laws.lqi_design`): a vehicle file with slow steering gets a slow loop, never an unstable one.
+lowered further until the demanded margins hold with the prediction over the dead time in the loop
+(:mod:`controller.laws.lqi_design`): slow steering gives a slow loop, never an unstable one.
 
 Far from the centre, with r = |e| + |w|·k_w/k_e above r₀, the bandwidth falls by r₀/r, to a least one: a wheel
 whose jerk is limited cannot follow large errors as quickly as small ones (low-and-high gain: Lin and Saberi, IEEE
 Trans. Automatic Control 40 (1995)).
 
-The integral is bounded, stands still when r is above r₀, and is forgotten when a driver steers. Further off still,
-the car comes back along a straight line at the approach angle.
+The integral is bounded, held while r is above r₀, and reset when a driver steers. Farther from the centre the car
+returns along a straight line at the approach angle.
 
 Anderson and Moore, Optimal Control (1990), sections 2.3 and 3.3; Hippe, Windup in Control (2006), chapter 2.
 """
@@ -53,7 +53,7 @@ class Lqi:
             Lags(dead_s, vehicle.steering_lag_s, self._tyres.lag_s(speed_mps)) for speed_mps in SPEEDS_MPS
         )
         self.designs = schedule(self.lags, settings)
-        self._integral_mps2 = 0.0  # what the integral asks for
+        self._integral_mps2 = 0.0  # demand of the integral
 
     def curvature(self, at: Acting, *, dt_s: float) -> float:
         """κ_cmd [1/m]."""
@@ -67,19 +67,19 @@ class Lqi:
             gain = self._softened(gain, self._settings.near_m / far_m)
         approach_mps = self._approach(gain, lane.offset_m, speed_mps)
         tyres_m, steering_m = self._tyres.lag_s(speed_mps) * at.speed_mps, self._lag_s * at.speed_mps
-        beside, wheel_1pm = (self._bend(lane, ahead_m) for ahead_m in (0.0, tyres_m))
+        here_1pm, wheel_1pm = (self._bend(lane, ahead_m) for ahead_m in (0.0, tyres_m))
         ahead_1pm = self._bend(lane, tyres_m + steering_m)
         speed2 = speed_mps * speed_mps
         feedback_mps2 = (
             self._integral_mps2
             + gain.sideways_1ps * (sideways_mps + approach_mps)
-            + gain.path * speed2 * (at.curvature_1pm - beside)
+            + gain.path * speed2 * (at.curvature_1pm - here_1pm)
             + gain.wheel * speed2 * (at.steady_1pm - wheel_1pm)
         )
         return ahead_1pm - feedback_mps2 / speed2
 
     def release(self) -> None:
-        """Forget the integral."""
+        """Reset the integral."""
         self._integral_mps2 = 0.0
 
     def _softened(self, gain: Gains, share: float) -> Gains:
@@ -90,11 +90,11 @@ class Lqi:
         )
 
     def _bend(self, lane: Lane, ahead_m: float) -> float:
-        """Curvature that keeps the distance to the lane ``ahead_m`` from here."""
+        """Curvature [1/m] that keeps the offset to the lane ``ahead_m`` ahead."""
         return lane.path_curvature(lane.curvature_at(at_least(ahead_m, 0.0)))
 
     def _approach(self, gain: Gains, offset_m: float, speed_mps: float) -> float:
-        """The sideways speed back to the centre that ``offset_m`` asks for, within the approach angle."""
+        """Demanded sideways speed [m/s] back to the centre, within the approach angle."""
         most_mps = at_most(
             speed_mps * math.sin(self._settings.max_approach_rad), self._settings.max_approach_mps
         )

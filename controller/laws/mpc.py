@@ -1,25 +1,25 @@
-"""Lateral control by nonlinear model-predictive control in the spatial domain, with LQI to fall back on.
+"""Lateral control by nonlinear model-predictive control in the spatial domain, with LQI as fallback.
 
-The law looks N stages of h·ℓ along the lane and chooses how the curvature that it asks for, κ_c, is to change:
+The law optimises the change of the demanded curvature κ_c over N stages of length h·ℓ along the lane:
 
     min Σ ½·h·(e² + q_p·p² + q_a·(a - a_lane)² + ρ²·(w - w_lane)²) + price of |e| beyond a soft bound + cost to go
 
 in the scaled states of `controller.laws.mpc_model`: offset e, heading error p = ℓ·ψ, curvature a = ℓ²·κ_a of the
 path and its change w = ℓ³·dκ_c/ds. Without limits and lag the best loop is (ℓ·s + 1)²·(ρ·ℓ·s + 1) = 0: the car
-comes back within some 6·ℓ and does not overshoot, at any speed. ℓ = max(1/ω_s, v/ω_t) is a length when slow and a
-time when fast; a controller in time alone grows 25-fold from 2 to 10 m/s. ω_t falls with dead time and lag, so that
-a vehicle file with slow steering gets a slow loop, which bears these to be wrong.
+returns within about 6·ℓ and does not overshoot, at any speed. ℓ = max(1/ω_s, v/ω_t) is a length when slow and a
+time when fast; a controller in time alone grows 25-fold from 2 to 10 m/s. ω_t falls with dead time and lag, so
+that slow steering gives a slow loop, robust to errors of both.
 
-It begins at the moment at which the command acts (:class:`controller.laws.law.Acting`), so no delay is left in it.
+The horizon starts at the moment the command acts (:class:`controller.laws.law.Acting`): it has no delay.
 
 - Wheel angle and lateral acceleration limit κ_c, wheel rate and lateral jerk its change, d(κ_c·v²)/dt with the part
   2·v·a·κ of speeding up or slowing down in a bend. They are constraints.
 - The lags of steering τ and tyres T count as one of τ + T, from the curvature (T·κ_path + τ·κ_wheel)/(T + τ), from
-  which it leaves behind the same area as the two in a row.
-- A car too far away to come straight back aims at a line that meets the lane at the approach angle.
+  which the integral of the error is that of both lags in series.
+- A car too far away to return directly follows a line that meets the lane at the approach angle.
 
-Where the model means nothing (reversing, standing across the lane, inside the centre of its bend) or the solver
-gives nothing that can be trusted (:mod:`controller.laws.mpc_solver`), LQI steers in the same call.
+Outside the model (reversing, standing across the lane, inside the centre of its bend) or without a valid solution
+(:mod:`controller.laws.mpc_solver`), LQI steers in the same call.
 
 Verschueren et al., Towards time-optimal race car driving using nonlinear MPC (2014), section II.
 """
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 _MIN_SPEED_MPS = 1.0  # below it a second counts as a metre, so that the wheels can turn at standstill
 _LEAST_LAG = 1e-3  # θ of an immediate steering; e^(-h/θ) is zero then
 _STEEPEST = math.exp(-1.0)  # on the way back (1 + s)·e^-s of the two slow poles: heading over offset
-# Beyond these the model is left.
+# Limits of the model.
 _FASTEST_MPS = 100.0
 _FARTHEST_M = 20.0
 _FARTHEST_RAD = 0.8
@@ -70,7 +70,7 @@ class MpcSettings(Settings):
 
 
 class Mpc:
-    """The law; loads casadi and daqp, which other laws and most commands need not pay for."""
+    """The law. casadi and daqp are imported here, since other laws and most commands do not need them."""
 
     def __init__(
         self, settings: MpcSettings, vehicle: Vehicle, *, command_delay_s: float, fallback: LateralLaw
@@ -85,34 +85,34 @@ class Mpc:
         self._solver = Solver(
             Grid(settings.stages, settings.stage, settings.quickness), Soft(*settings.soft_price)
         )
-        self._asked_1pm: float | None = None  # κ_c of the last call
+        self._demand_1pm: float | None = None  # κ_c of the last call
         self._speed_mps = 0.0  # of the last call
         self._length_m = math.inf  # ℓ of the last call
 
     def curvature(self, at: Acting, *, dt_s: float) -> float:
         """κ_cmd [1/m]."""
-        asked_1pm = self._planned(at, dt_s)
-        if asked_1pm is None:
-            asked_1pm = self._fallen_back(at, dt_s)
-        self._asked_1pm = asked_1pm
-        return asked_1pm
+        demand_1pm = self._planned(at, dt_s)
+        if demand_1pm is None:
+            demand_1pm = self._fallen_back(at, dt_s)
+        self._demand_1pm = demand_1pm
+        return demand_1pm
 
     def release(self) -> None:
-        """Forget plan and last command."""
+        """Reset plan and last command."""
         self._solver.reset()
         self._fallback.release()
-        self._asked_1pm = None
+        self._demand_1pm = None
 
     def _fallen_back(self, at: Acting, dt_s: float) -> float:
-        """What the fallback asks for; what was asked for last, where there are no numbers to steer by."""
+        """κ_cmd of the fallback; the last demand where the input is not finite."""
         self._solver.reset()
         if not _finite(at):
-            return self._asked_1pm or 0.0
-        asked_1pm = self._fallback.curvature(at, dt_s=dt_s)
-        return asked_1pm if math.isfinite(asked_1pm) else self._asked_1pm or 0.0
+            return self._demand_1pm or 0.0
+        demand_1pm = self._fallback.curvature(at, dt_s=dt_s)
+        return demand_1pm if math.isfinite(demand_1pm) else self._demand_1pm or 0.0
 
     def _planned(self, at: Acting, dt_s: float) -> float | None:
-        """κ_cmd by plan; None, and why in ``doing``, without one to be trusted."""
+        """κ_cmd of the plan; None without a valid one, with the reason in ``doing``."""
         if not (_finite(at) and _modelled(at)):
             self.doing = "falling back: outside the model"
             return None
@@ -137,15 +137,15 @@ class Mpc:
         lag_s, turning_1pm = self._lagging(at, speed_mps)
         slowest_s = at_least(1.0 / settings.bandwidth_radps, (self._dead_s + lag_s) / settings.lag_rad)
         length_m = at_least(speed_mps * slowest_s, 1.0 / settings.bandwidth_radpm)
-        asked_1pm = self._asked_1pm if self._asked_1pm is not None else at.steady_1pm
-        rates = self._rates(asked_1pm, speed_mps, dt_s)
+        demand_1pm = self._demand_1pm if self._demand_1pm is not None else at.steady_1pm
+        rates = self._rates(demand_1pm, speed_mps, dt_s)
         approach = math.tan(self._approach(speed_mps))
         excess_m = at_least(abs(lane.offset_m) - length_m * approach / _STEEPEST, 0.0)
         return Problem(
             offset_m=lane.offset_m,
             scaled_heading_m=length_m * lane.heading_rad,
             scaled_curvature_m=length_m**2 * turning_1pm,
-            scaled_command_m=length_m**2 * asked_1pm,
+            scaled_command_m=length_m**2 * demand_1pm,
             length_m=length_m,
             lag=at_least(speed_mps * lag_s / length_m, _LEAST_LAG),
             curvature_1pm=lane.curvature_1pm,
@@ -160,14 +160,14 @@ class Mpc:
         )
 
     def _lagging(self, at: Acting, speed_mps: float) -> tuple[float, float]:
-        """The one lag [s] that stands for steering and tyres, and the curvature [1/m] that it is at."""
+        """The common lag [s] of steering and tyres, and the curvature [1/m] of its state."""
         steering_s, tyres_s = self._vehicle.steering_lag_s, self._tyres.lag_s(speed_mps)
         both_s = steering_s + tyres_s
         if both_s == 0.0:
             return 0.0, at.curvature_1pm
         return both_s, (tyres_s * at.curvature_1pm + steering_s * at.steady_1pm) / both_s
 
-    def _rates(self, asked_1pm: float, speed_mps: float, dt_s: float) -> tuple[float, float]:
+    def _rates(self, demand_1pm: float, speed_mps: float, dt_s: float) -> tuple[float, float]:
         """Lowest and highest dκ_c/dt [1/(m·s)]; zero lies between them."""
         settings, vehicle, speed2 = self._settings, self._vehicle, speed_mps * speed_mps
         slope = at_least(vehicle.wheelbase_m + vehicle.understeer_gradient_rad_per_mps2 * speed2, 1e-3)
@@ -175,9 +175,9 @@ class Mpc:
             vehicle.max_road_wheel_rate_radps / slope
         )  # where the wheels stand straight; bent ones turn more
         drift_mps3 = 0.0
-        if dt_s > 0.0 and self._asked_1pm is not None:
+        if dt_s > 0.0 and self._demand_1pm is not None:
             before_mps = at_least(self._speed_mps, _MIN_SPEED_MPS)
-            drift_mps3 = asked_1pm * (speed2 - before_mps * before_mps) / dt_s
+            drift_mps3 = demand_1pm * (speed2 - before_mps * before_mps) / dt_s
             drift_mps3 = within(drift_mps3, _MOST_DRIFT * settings.max_jerk_mps3)
         low, high = ((sign * settings.max_jerk_mps3 - drift_mps3) / speed2 for sign in (-1.0, 1.0))
         return at_least(low, -most), at_most(high, most)
@@ -191,7 +191,7 @@ class Mpc:
         return at_most(self._settings.max_lateral_mps2 / (speed_mps * speed_mps), most_1pm)
 
     def _approach(self, speed_mps: float) -> float:
-        """The steepest way back [rad]."""
+        """Largest approach angle [rad]."""
         settings = self._settings
         return at_most(
             math.asin(at_most(settings.max_approach_mps / speed_mps, 1.0)), settings.max_approach_rad
@@ -199,12 +199,12 @@ class Mpc:
 
 
 def _finite(at: Acting) -> bool:
-    """Whether every number that a law looks at is one."""
+    """Whether every input of a law is finite."""
     return math.isfinite(sum(at.lane) + at.speed_mps + at.curvature_1pm + at.steady_1pm)
 
 
 def _modelled(at: Acting) -> bool:
-    """Whether car and lane are such as the model describes."""
+    """Whether car and lane lie within the limits of the model."""
     lane = at.lane
     return (
         0.0 <= at.speed_mps <= _FASTEST_MPS

@@ -1,12 +1,12 @@
 """The optimal control problem of :mod:`controller.laws.mpc` in casadi: dynamics of one stage, preview, condensing.
 
-Everything is scaled by the length ℓ in which the law brings the car back, so that the numbers are alike at any
-speed: σ = s/ℓ along the lane, e offset [m], p = ℓ·ψ [m], a = ℓ²·κ_a [m], c = ℓ²·κ_c [m], w = ℓ³·dκ_c/ds [m].
+All quantities are scaled by the length ℓ over which the law brings the car back, so that they are similar at all
+speeds: σ = s/ℓ along the lane, e offset [m], p = ℓ·ψ [m], a = ℓ²·κ_a [m], c = ℓ²·κ_c [m], w = ℓ³·dκ_c/ds [m].
 
     de/dσ = ℓ·(1 - κ·e)·tan ψ                            da/dσ = (c - a)/θ        θ = v·τ/ℓ
     dp/dσ = a·(1 - κ·e)/cos ψ - ℓ²·κ                dc/dσ = w
 
-κ lane curvature, κ_a curvature of the rear axle's path, κ_c curvature asked for, τ lag of the steering. w is
+κ lane curvature, κ_a curvature of the rear axle's path, κ_c demanded curvature, τ lag of the steering. w is
 constant over a stage of h. The two linear equations are solved exactly, with which e and p take one midpoint
 step. (The lag counts σ along the lane; along the path it is (1 - κ·e)/cos ψ of it.)
 
@@ -23,7 +23,7 @@ import numpy as np
 
 
 class Grid(NamedTuple):
-    """What the structure of every problem is, whatever its numbers."""
+    """Structure of every problem: number and length of the stages."""
 
     stages: int  # N
     h: float  # length of a stage, in ℓ
@@ -38,7 +38,7 @@ class Grid(NamedTuple):
         return 1.0, 2.0 + squared, 1.0 + 2.0 * squared, squared
 
     def terminal(self) -> tuple[tuple[float, float, float], ...]:
-        """Its cost to go from (e, p, a): the solution of the Riccati equation, in closed form."""
+        """Cost to go from (e, p, a): the solution of the Riccati equation, in closed form."""
         rho = self.quickness
         return (
             (2.0 + rho, 1.0 + 2.0 * rho, rho),
@@ -47,13 +47,13 @@ class Grid(NamedTuple):
         )
 
     def gains(self) -> tuple[float, float, float]:
-        """Its feedback: w = -(e, p, a)·gains."""
+        """Feedback w = -(e, p, a)·gains."""
         rho = self.quickness
         return 1.0 / rho, (2.0 + rho) / rho, (1.0 + 2.0 * rho) / rho
 
 
 class Problem(NamedTuple):
-    """All that one problem depends on but the plan to begin with; the order is that of the packed argument."""
+    """Numbers of one problem except the initial plan, in the order of the packed argument."""
 
     offset_m: float
     scaled_heading_m: float  # p
@@ -64,8 +64,8 @@ class Problem(NamedTuple):
     curvature_1pm: float  # of the lane at the axle, ...
     curvature_rate_1pm2: float  # ... its rate, ...
     lookahead_m: float  # ... and how far it is known
-    excess_m: float  # offset by which the car is too far away to come straight back
-    approach: float  # tangent of the angle at which it comes back from there
+    excess_m: float  # offset beyond that from which the car returns directly
+    approach: float  # tangent of the approach angle from there
     rate_low: float  # of w, below ...
     rate_high: float  # ... this
     most_command_m: float  # of |c|
@@ -99,10 +99,10 @@ def stage(h: float) -> ca.Function:
 
 
 def preview(grid: Grid) -> ca.Function:
-    """Problem -> lane curvature κ (1, N + 1), and what is aimed at: (e, p, a) (3, N + 1) and w (1, N).
+    """Problem -> lane curvature κ (1, N + 1), and references: (e, p, a) (3, N + 1) and w (1, N).
 
-    Aimed at is the lane's own curvature, and the rate of the command that reaches it through the lag. A car far
-    from the lane aims at a straight line back to it, at the angle whose tangent is ``approach``.
+    The references are the curvature of the lane and the rate of the command that reaches it through the lag. For a
+    car far from the lane they are a straight line back to it, at the angle whose tangent is ``approach``.
     """
     stages, h = grid.stages, grid.h
     head = ca.SX.sym("head", HEAD)
@@ -116,19 +116,19 @@ def preview(grid: Grid) -> ca.Function:
     offset = ca.sign(now.excess_m) * left_m
     heading = -now.length_m * ca.atan(now.approach) * ca.sign(offset)
     lag_m = now.lag * now.length_m
-    asked = now.length_m**2 * bend(ahead_m + lag_m)
+    demand = now.length_m**2 * bend(ahead_m + lag_m)
     aims = ca.vertcat(offset, heading, now.length_m**2 * bend(ahead_m))
-    return ca.Function("preview", [head], [bend(ahead_m), aims, ca.diff(asked, 1, 1) / h])
+    return ca.Function("preview", [head], [bend(ahead_m), aims, ca.diff(demand, 1, 1) / h])
 
 
 @lru_cache(maxsize=8)
 def quadratic(grid: Grid) -> ca.Function:
-    """(shift, scale, Problem, last plan w (N,)) packed -> all of the QP for Δw about that plan, shifted and scaled.
+    """(shift, scale, Problem, last plan w (N,)) packed -> the QP for Δw about that plan, shifted and scaled.
 
-    - the plan w (N,) that it is about, its states x (N, 4) at the ends of the stages, and the largest |p| of them,
+    - the plan w (N,), its states x (N, 4) at the ends of the stages, and the largest |p| of them,
       NaN where one of them is,
     - R (3·N, N) and g (N,): the cost is ½·|R·Δw|² + ½·h·ρ²·|Δw|² + Δw·g, but for a constant,
-    - A (2·N - 1, N): what Δw does to c at the end of every stage, and to e at that of every stage but the last,
+    - A (2·N - 1, N): effect of Δw on c at the end of every stage, and on e at that of every stage but the last,
     - the highest and lowest Δw and A·Δw (3·N - 1,) each.
 
     Matrices come transposed, so that in memory they are row by row.
@@ -139,7 +139,7 @@ def quadratic(grid: Grid) -> ca.Function:
     now, linear = Problem._make(ca.vertsplit(head)), _linear_stage(h)
     bends, aims, rates = preview(grid)(head)
     w = packed[1] * (last + packed[0] * ca.vertcat(ca.diff(last), 0))
-    x, slope = head[:4], ca.SX(4, stages)  # of which only what is not zero gets calculated
+    x, slope = head[:4], ca.SX(4, stages)  # sparse: only nonzero entries are computed
     track, slopes = [], []
     for k in range(stages):
         x, by_x, by_w = linear(x, w[k], bends[k], bends[k + 1], now.length_m, now.lag)
@@ -194,7 +194,7 @@ def _linear_stage(h: float) -> ca.Function:
 def first_plan(grid: Grid) -> ca.Function:
     """Problem -> w (N,) of the feedback w = w_aim - e - 3·p - 3·c, less their aims, within the limits of w.
 
-    A triple pole that leaves the lag out; it stays stable up to a lag of 1.6, and only has to be a place to begin.
+    A triple pole without the lag, stable up to a lag of 1.6: an initial guess.
     """
     head = ca.SX.sym("head", HEAD)
     now, step = Problem._make(ca.vertsplit(head)), stage(grid.h)

@@ -5,12 +5,12 @@
 
 The limits of w and c are hard, and there always is a w within them: c_0 is where it is, and where it is too large
 the limit comes down from there no faster than w may. The lane is soft. So every QP has a solution, and a solver
-that finds none has failed.
+that finds no solution has failed.
 
 States are eliminated (single shooting): the plan's own roll-out is what it is linearised about, so it never has a
 gap, and the QP is left with N unknowns. Its solver starts from the constraints that were active last. DAQP can
-report success with a solution of NaN, and whatever led there stays in its memory: so the solution is checked, and
-after a failure solver and plan are thrown away.
+report success with a solution of NaN and keep it in its memory: the solution is checked, and after a failure
+solver and plan are discarded.
 
 Diehl, Bock, Schlöder, A real-time iteration scheme for nonlinear optimization in optimal feedback control (2005);
 Arnström, Bemporad, Axehill, A dual active-set solver for embedded quadratic programming (2022).
@@ -45,7 +45,7 @@ class Solver:
 
     def __init__(self, grid: Grid, soft: Soft) -> None:
         stages = grid.stages
-        self.plan: Array | None = None  # None: begins anew
+        self.plan: Array | None = None  # None: starts from the first plan
         self.states = np.zeros((stages, 4))  # (e, p, a, c) that the last QP was about
         self._grid, self._soft = grid, soft
         self._packed = np.zeros(2 + HEAD + stages)
@@ -68,11 +68,11 @@ class Solver:
         self._qp: daqp.Model | None = None
 
     def reset(self) -> None:
-        """Forget the plan and whatever the QP solver holds."""
+        """Discard the plan and the state of the QP solver."""
         self.plan, self._qp = None, None
 
     def solve(self, now: Problem, *, shift: float = 0.0, scale: float = 1.0) -> Array | None:
-        """The plan w (N,) for ``now``; None, and all forgotten, when there is none to be trusted.
+        """The plan w (N,) for ``now``; None, with all state discarded, without a valid one.
 
         The last plan is moved on by ``shift`` of a stage, at most one, and multiplied by ``scale`` first.
         """
@@ -83,7 +83,7 @@ class Solver:
         return plan
 
     def _iterated(self, now: Problem, shift: float, scale: float) -> Array | None:
-        """One iteration from the last plan; a few from the first plan where there is none that helps."""
+        """One iteration from the last plan; several from the first plan where the last one is not usable."""
         if self.plan is not None and self._about_plan(self.plan, now, shift, scale):
             return self._improved()
         plan: Array | None = np.asarray(self._first_plan(now)).ravel()
@@ -94,7 +94,7 @@ class Solver:
         return plan
 
     def _about_plan(self, plan: Array, now: Problem, shift: float = 0.0, scale: float = 1.0) -> bool:
-        """Linearise about ``plan``; whether its headings stay where the model means something."""
+        """Linearise about ``plan``; whether its headings stay within the limits of the model."""
         self._pack_head(self._packed.data, 0, shift, scale, *now)
         self._packed[2 + HEAD :] = plan
         self._linearise()
@@ -102,8 +102,8 @@ class Solver:
         return self._steepest.item() <= now.length_m * _STEEPEST_RAD
 
     def _improved(self) -> Array | None:
-        """The plan that it was linearised about, plus Δw; None unless the QP is solved, whatever DAQP says."""
-        # With two arrays BLAS takes its general product, which is the quicker one; np.dot gets there sooner than @.
+        """The plan plus Δw; None unless the QP is solved and finite."""
+        # Two arrays make BLAS use its general product, which is faster; np.dot has less overhead than @.
         np.copyto(self._twin, self._slopes)
         hessian = np.dot(self._slopes.T, self._twin, out=self._hessian)
         hessian += self._regular
@@ -113,7 +113,7 @@ class Solver:
         return self._about + step
 
     def _solved(self, hessian: Array, gradient: Array) -> tuple[Array, float, int, dict]:
-        """What DAQP says; it starts from the constraints that were active last."""
+        """Result of DAQP, started from the last active constraints."""
         if self._qp is None:
             sense = np.zeros(len(self._high), dtype=np.int32)
             sense[2 * self._grid.stages :] = _SOFT

@@ -1,1 +1,1 @@
-"""What the controller learns while driving: steering offset, understeer, steering delay."""
+"""Estimation while driving: steering offset, understeer, steering delay."""

@@ -1,30 +1,27 @@
-"""Learns while driving how far the wheels stand from what the steering says, and how much the car understeers.
+"""Estimation of steering offset and understeer while driving.
 
 The relation of :mod:`controller.identify.identification` in steady state, one vehicle state at a time:
 
     θ - atan(L·(r - r₀)/v) = K·a - b + T·θ'        a = v·(r - r₀)
 
 θ measured wheel angle, r measured yaw rate, v speed; K understeer gradient, b steering offset (tyres minus sensor),
-r₀ zero error of the yaw rate, T the time by which yaw follows the wheels: that of the tyres as far as the vehicle
-file knows them (:func:`yaw_lag_s`, about 0.05 s), and T₁ that is learned. An extended Kalman filter holds
+r₀ zero error of the yaw rate, T the lag of yaw behind the wheels: that of the tyres by the vehicle
+file (:func:`yaw_lag_s`, about 0.05 s) plus the estimated T₁. An extended Kalman filter estimates
 x = (K, b, r₀, T₁) and its covariance P. Both sides pass the same low-pass of ``SMOOTH_S``, which keeps the relation
-and takes noise out of a and θ'. K, r₀ and T₁ hardly change, b walks: so old bends are forgotten slowly and old
-offsets within a second (``WALK``). While the car stands, r is r₀.
+and removes noise from a and θ'. K, r₀ and T₁ hardly change, b is a random walk: old bends lose their weight slowly,
+old offsets within a second (``WALK``). While the car stands, r is r₀.
 
-A bank φ of the road reads as the offset -K·g·φ. The two cannot be told apart from angle and yaw rate, and need not
-be: either asks for the same wheel angle, and b follows the bank within a second. A wrong wheelbase ΔL reads as
-understeer ΔL/v².
+A bank φ of the road reads as the offset -K·g·φ. Angle and yaw rate do not separate the two, and both need
+the same wheel angle; b follows the bank within a second. A wheelbase error ΔL reads as understeer ΔL/v².
 
-What drives the wheel does not matter to this relation, so a driver's steering counts as well as the controller's.
-Nothing is learned, and the estimate stays as it is, when the car is slow, stands or reverses (but for r₀), turns
-so hard that tyres are no longer linear, yaws faster or slower too quickly, when the limiter reports saturation, or
-when angle, yaw rate or speed are unknown. Without lateral acceleration K stays as it is.
+The relation holds under a driver's steering as well. The estimate is held when the car is slow, stands or
+reverses (except r₀), beyond the linear range of the tyres, at a high yaw acceleration, when the limiter reports
+saturation, or when angle, yaw rate or speed are unknown. Without lateral acceleration K is held.
 
-Estimates stay within bounds around the vehicle file; K never falls below zero, or below the file's if that is, so
-that learning makes no car unstable at speed. What the controller uses follows them so slowly that the change of
-lateral acceleration by learning stays below a jerk of 5/4·``max_jerk_mps3``. They are kept while the process lives
-and never stored: a start begins with the vehicle file, for a car that was serviced must not drive on an old offset,
-and a new one is found within seconds.
+Estimates stay within bounds around the vehicle file; K never falls below zero, or below the file's if that is,
+so that no car becomes unstable at speed. The values in use follow the estimates so slowly that the lateral jerk
+stays below 5/4·``max_jerk_mps3``. They are not stored: every start begins with the vehicle file, since a
+serviced car must not drive with an old offset, and a new estimate takes seconds.
 
 Kalman filter with random walks for parameters: Ljung, System Identification (1999), section 11.2. Schmidt's
 treatment of a state that is held: Jazwinski, Stochastic Processes and Filtering Theory (1970), section 8.4.
@@ -43,15 +40,15 @@ from trepid.types import NonNegative, Positive
 from trepid.vehicle import GRADIENT, Vehicle
 
 SMOOTH_S = 0.3  # an octave below the 1 Hz above which the tyres' own dynamics begin
-UPDATE_S = 0.05  # between updates of the filter, which follows at 2 rad/s; the low-pass sees every state
-LONGEST_STEP_S = 0.25  # after a longer silence the low-pass starts anew
+UPDATE_S = 0.05  # between updates of the filter, which follows at 2 rad/s; the low-pass uses every state
+LONGEST_STEP_S = 0.25  # after a longer gap the low-pass restarts
 STANDING_MPS = 0.01  # wheel encoders are exact at standstill
 UNKNOWN = (1.5e-3, 1e-2, 2e-3, 0.03)  # deviations of K [rad/(m/s²)], b [rad], r₀ [rad/s], T₁ [s] at the start
 WALK = (1e-5, 3e-4, 1e-5, 1e-3)  # per √s: passengers, road bank, temperature, speed
-ERROR_RAD = 1.5e-4  # rad·√s, density of what the relation leaves out; with the walk: b follows at 2 rad/s
+ERROR_RAD = 1.5e-4  # rad·√s, density of the error of the relation; with the walk, b follows at 2 rad/s
 STANDING_RADPS = 2e-4  # rad/s·√s of the yaw rate at standstill: 0.002 rad/s at 100 Hz
-OUTLIER = 3.0  # deviations beyond which an error counts no more
-HARD_MPS2 = 12.0  # at which K changes the angle as fast as b does; at 3 m/s², a quarter of that
+OUTLIER = 3.0  # deviations at which an error is limited
+HARD_MPS2 = 12.0  # lateral acceleration at which K changes the angle as fast as b does
 VISIBLE = 0.005  # of the bound of K: smaller changes do not make a new Vehicle
 
 
@@ -60,7 +57,7 @@ Rows = tuple[float, float, float, float]
 
 
 def yaw_lag_s(vehicle: Vehicle, speed_mps: float) -> float:
-    """Time by which yaw follows a ramp of the wheels; 0 where the slip of the rear axle is not known.
+    """Lag [s] of yaw behind a ramp of the wheels; 0 where the slip of the rear axle is not known.
 
     T = F·v - K·(F + R)·v³/(L + K·v²), F = R + K: the first-order term of the two axles of `controller.model.tyres`.
     """
@@ -79,28 +76,28 @@ class LearningSettings(Settings):
     slowest_mps: Positive
     max_lateral_mps2: Positive  # beyond it tyres are not linear
     max_yaw_accel_radps2: Positive
-    least_lateral_mps2: Positive  # of a bend that tells about understeer
+    least_lateral_mps2: Positive  # below it the understeer is held
     max_offset_rad: Annotated[float, Field(gt=0, le=0.1)]
-    understeer_share: Annotated[
-        float, Field(ge=0, lt=1)
-    ]  # K stays within ± this share of the vehicle file's, ...
-    understeer_span: NonNegative  # ... or ± this [rad/(m/s²)], whichever is wider
+    # K stays within ± understeer_share of that of the vehicle file,
+    # or ± understeer_span [rad/(m/s²)], whichever is wider.
+    understeer_share: Annotated[float, Field(ge=0, lt=1)]
+    understeer_span: NonNegative
     max_jerk_mps3: Annotated[
         float, Field(gt=0, le=4.0)
     ]  # by the offset; K adds a quarter: 5 in all (ISO 11270)
 
 
 class SteeringLearner:
-    """``step`` it with every vehicle state; it gives the state back as it is without the errors of its sensors."""
+    """Call ``step`` with every vehicle state; it returns the state without the errors of its sensors."""
 
     def __init__(self, vehicle: Vehicle, settings: LearningSettings) -> None:
-        """``vehicle`` is where learning starts and what its bounds lie around."""
-        self.vehicle = vehicle  # with the understeer as learned
-        self.offset_rad = 0.0  # as the controller uses it; tyres minus sensor
+        """``vehicle``: start of the estimate and centre of its bounds."""
+        self.vehicle = vehicle  # with the estimated understeer
+        self.offset_rad = 0.0  # in use; tyres minus sensor
         self.doing = "waiting"
         self._settings = settings
         self._start = vehicle.understeer_gradient_rad_per_mps2
-        self._gradient = self._start  # as used; the vehicle follows in steps of VISIBLE
+        self._gradient = self._start  # in use; the vehicle follows in steps of VISIBLE
         self._span = max(settings.understeer_share * abs(self._start), settings.understeer_span)
         self._least = max(self._start - self._span, min(self._start, 0.0))
         self._filter = _Kalman([self._start, 0.0, 0.0, 0.0])
@@ -110,7 +107,7 @@ class SteeringLearner:
 
     @property
     def understeer(self) -> float:
-        """K as used [rad/(m/s²)]."""
+        """K in use [rad/(m/s²)]."""
         return self._gradient
 
     @property
@@ -133,7 +130,7 @@ class SteeringLearner:
         )
 
     def step(self, state: VehicleState) -> VehicleState:
-        """Learn from ``state``; returns it with the angle of the tyres, and the yaw rate without its zero error."""
+        """Update with ``state``; returns it with the angle of the tyres and the yaw rate without its zero error."""
         dt_s = state.t_s - self._t_s if self._t_s is not None else 0.0
         if self._settings.enabled and (dt_s > 0.0 or self._t_s is None):
             self._t_s = state.t_s
@@ -149,11 +146,11 @@ class SteeringLearner:
         )
 
     def command_rad(self, tyre_angle_rad: float) -> float:
-        """What to ask of the steering for the tyres to stand at ``tyre_angle_rad``."""
+        """Demand of the steering [rad] that sets the tyres to ``tyre_angle_rad``."""
         return tyre_angle_rad - self.offset_rad
 
     def _learn(self, state: VehicleState, dt_s: float) -> str:
-        """Take ``state`` in if it tells something; what was done, or why nothing."""
+        """Use ``state`` if the relation holds; returns the use made of it, or the reason for none."""
         speed_mps, angle_rad, rate = state.speed_mps, state.road_wheel_angle_rad, state.yaw_rate_radps
         if speed_mps is None or angle_rad is None or rate is None or dt_s > LONGEST_STEP_S:
             return self._pause("no measurement")
@@ -185,7 +182,7 @@ class SteeringLearner:
         )
 
     def _pause(self, why: str) -> str:
-        """Begin anew with the next good state."""
+        """Restart the low-pass with the next usable state."""
         self._smooth, self._pending_s = None, 0.0
         return why
 
@@ -211,13 +208,13 @@ class SteeringLearner:
         return LEARNING[1 if bend else 0]
 
     def _bound(self) -> None:
-        """Keep what was learned within its bounds."""
+        """Keep the estimates within their bounds."""
         x = self._filter.x
         x[0] = at_least(at_most(x[0], self._start + self._span), self._least)
         x[1] = within(x[1], self._settings.max_offset_rad)
 
     def _follow(self, speed_mps: float, dt_s: float) -> None:
-        """Move what is used towards what was learned, within the jerk."""
+        """Move the values in use towards the estimates, within the jerk."""
         speed2 = at_least(speed_mps, self._settings.slowest_mps) ** 2
         per_mps2 = at_least(self.vehicle.wheelbase_m / speed2 + self._gradient, 0.0)  # ∂δ/∂a_y
         reach_rad = self._settings.max_jerk_mps3 * per_mps2 * dt_s
@@ -230,7 +227,7 @@ class SteeringLearner:
 
 
 class _Smooth:
-    """The sides of the relation behind the same low-pass, and how fast angle and yaw rate change behind it."""
+    """Both sides of the relation after the low-pass, and the rates of angle and yaw rate after it."""
 
     def __init__(self, wheelbase_m: float, angle_rad: float, speed_mps: float, rate: float) -> None:
         self._wheelbase_m = wheelbase_m
@@ -261,13 +258,13 @@ class _Kalman:
         return tuple(math.sqrt(self._p[i][i]) for i in range(4))
 
     def walk(self, dt_s: float) -> None:
-        """What may have changed in ``dt_s``; nothing becomes less sure than it was at the start."""
+        """Add the random walk of ``dt_s``; no variance exceeds that of the start."""
         p = self._p
         for i, walk in enumerate(WALK):
             p[i][i] = at_most(p[i][i] + walk * walk * dt_s, UNKNOWN[i] ** 2)
 
     def hold_gradient(self) -> None:
-        """Forget how the error of K hangs together with the others, so that theirs do not move it."""
+        """Set the covariances of K with the others to 0, so that their errors do not change it."""
         p = self._p
         for i in (1, 2, 3):
             p[0][i] = p[i][0] = 0.0

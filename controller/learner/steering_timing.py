@@ -1,14 +1,14 @@
-"""How late the steering is, learned from commands and measured wheel angles.
+"""Estimation of the steering delay from commands and measured wheel angles.
 
-The vehicle file gives dead time T and lag τ. A model with these numbers is driven by the commands; its angle w is
-compared with the measured one, m. A steering that is later by θ has m(t) = w(t - θ) + b ≈ w - θ·w' + b, a straight
-line of m - w over w', so that with sums over what was driven and a prior of weight λ at θ = 0
+The vehicle file gives dead time T and lag τ. A model with these numbers is driven by the commands; its angle w
+is compared with the measured one, m. A steering with a delay larger by θ has m(t) = w(t - θ) + b ≈ w - θ·w' +
+b, a straight line of m - w over w', so that with sums over the drive and a prior of weight λ at θ = 0
 
     θ = -cov(m - w, w') / (var(w') + λ)
 
-Old sums fade with the excitation that comes in and not with time: a straight road teaches nothing and takes nothing
-away. θ counts as dead time, also where it is lag in truth; a ramp cannot tell them apart. It stays within a share
-of T + τ, for beyond that the file is wrong and not the steering.
+Old sums fade with new excitation and not with time: a straight road leaves the estimate unchanged. θ is used as
+dead time even if part of it is lag: the response to a ramp is the same. It is limited to a share of T + τ; a
+larger error is one of the vehicle file.
 
 Ljung, System Identification (1999), sections 4.2 (linear regression) and 11.2 (forgetting).
 """
@@ -21,37 +21,37 @@ from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle
 
 _PRIOR = 3e-6  # λ [rad²/s]: a tenth of a second at the rate of the wheel in an S at 25 m/s
-_WINDOW = 1e-3  # [rad²/s] of excitation after which what was before has faded to 1/e
-_GAP_S = 0.2  # a longer silence of the vehicle: the model starts anew
+_WINDOW = 1e-3  # [rad²/s] of excitation after which older data has faded to 1/e
+_GAP_S = 0.2  # after a longer gap between states the model restarts
 
 
 class SteeringTiming:
-    """Watches one steering."""
+    """Delay of one steering."""
 
     def __init__(self, vehicle: Vehicle, *, delay_s: float, share: float) -> None:
-        """``delay_s``: from a command to the wheels; ``share`` of it plus the lag is the most to be learned."""
+        """``delay_s``: from a command to the wheels; ``share`` of it plus the lag limits the estimate."""
         self._lag_s, self._rate_radps = vehicle.steering_lag_s, vehicle.max_road_wheel_rate_radps
         self._delay_s = delay_s
         self._most_s = share * (delay_s + vehicle.steering_lag_s)
-        self._coming: deque[tuple[float, float]] = deque()  # when a command acts, angle
+        self._coming: deque[tuple[float, float]] = deque()  # time at which a command acts, angle
         self._t_s: float | None = None  # of the model
         self._model_rad = self._demand_rad = 0.0
         self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)  # 1, x, y, x², x·y over dt, x = w', y = m - w
 
     @property
     def late_s(self) -> float:
-        """θ [s]; negative where the steering is quicker than its file says."""
+        """θ [s]; negative where the steering is faster than in the vehicle file."""
         one, x, y, xx, xy = self._sums
         if one == 0.0:
             return 0.0
         return within(-(xy - x * y / one) / (xx - x * x / one + _PRIOR), self._most_s)
 
     def commanded(self, angle_rad: float, *, now_s: float) -> None:
-        """A command goes out."""
+        """Add a command given at ``now_s``."""
         self._coming.append((now_s + self._delay_s, angle_rad))
 
-    def saw(self, state: VehicleState) -> None:
-        """The vehicle reports its wheel angle; whoever else steers teaches nothing."""
+    def measured(self, state: VehicleState) -> None:
+        """Update with a vehicle state; one under a driver is not used."""
         wheel_rad = state.road_wheel_angle_rad
         if self._most_s == 0.0 or wheel_rad is None:
             return

@@ -1,7 +1,7 @@
-"""The limiter: last word before the actuator. It passes a command on, bounded, or stops the car by itself.
+"""The limiter: last stage before the actuator. It passes a command on within limits, or stops the car.
 
-It runs in the vehicle process, trusts nothing that it is sent, and shares no code with the controller: even the
-bicycle equation is written a second time here, so that no mistake can be in both. It depends on ``trepid`` alone.
+It runs in the vehicle process, checks every input, and shares no code with the controller: the bicycle equation is
+written a second time here, so that one mistake is never in both. It imports only ``trepid``.
 """
 
 from controller.limiter.limiter import Limiter, build

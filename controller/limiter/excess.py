@@ -1,13 +1,13 @@
-"""How much more the car turns than its wheels say: what the yaw rate adds to the bicycle.
+"""Lateral acceleration by the yaw rate beyond that of the bicycle model.
 
-A car that brakes in a bend turns in, one on a slope or with a load understeers otherwise than its file says, and a
-steering has an offset. All of it is in
+A car turns in while braking in a bend, its understeer on a slope or with a load differs from the vehicle file, and
+steering has an offset. All of these are in
 
     e = v·ψ' - κ(δ)·v²
 
 the lateral acceleration beyond that of the steady turn at the measured wheel angle, filtered with τ and led by T:
 e + T·e' of the filtered e, with e' = (unfiltered - filtered)/τ. In transients the yaw rate follows the wheel late,
-so that e points away from where the wheel is going: there it narrows the side that nothing is asked for.
+so that e has the sign opposite to the motion of the wheel: it narrows the limit on the side without demand.
 """
 
 from controller.limiter.inputs import Seen
@@ -16,11 +16,11 @@ from controller.limiter.limits import Limits
 from controller.limiter.turn import SteadyTurn
 
 FILTER_S = 0.1  # τ, for gyroscopes with a noise of 0.002 rad/s
-LEAD_S = 0.3  # T: steering and filter are so late
+LEAD_S = 0.3  # T: delay of steering and filter
 
 
 class Excess:
-    """``step`` it with every state that is believed."""
+    """Call ``step`` with every plausible state."""
 
     def __init__(self, turn: SteadyTurn, limits: Limits) -> None:
         self._turn = turn
@@ -28,7 +28,7 @@ class Excess:
         self._filtered_mps2 = 0.0
 
     def step(self, seen: Seen, dt_s: float) -> float:
-        """Lateral acceleration [m/s²] that the wheels do not account for, + = to the left, within its bounds.
+        """Lateral acceleration [m/s²] beyond the steady turn, + = to the left, within its bounds.
 
         Zero while the yaw rate is not measured.
         """

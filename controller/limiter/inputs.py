@@ -1,4 +1,4 @@
-"""What comes in and whether it can be believed."""
+"""Checks of the inputs: age, finiteness, plausibility, rate of commands."""
 
 from collections import deque
 from math import isfinite
@@ -7,26 +7,26 @@ from typing import NamedTuple
 from controller.limiter.limits import Limits
 from trepid.messages import Command, VehicleState
 
-COUNTED = 8  # arrivals over which the rate of commands is judged
+COUNTED = 8  # arrivals over which the rate of commands is measured
 
 
 class Seen(NamedTuple):
-    """A vehicle state that can be believed."""
+    """A plausible vehicle state."""
 
-    speed_mps: float  # without its sign
+    speed_mps: float  # magnitude
     wheel_rad: float
-    driver: bool  # as the vehicle says
+    driver: bool  # driver override as reported by the vehicle
     torque_nm: float | None
     yaw_rate_radps: float | None
 
 
 def fresh(t_s: float | None, now_s: float, timeout_s: float, limits: Limits) -> bool:
-    """False also for None, NaN and a stamp from the future."""
+    """Whether a stamp is recent; False for None, NaN and a stamp from the future."""
     return t_s is not None and -limits.early_s <= now_s - t_s <= timeout_s
 
 
-def believed(state: VehicleState | None, now_s: float, limits: Limits) -> Seen | None:
-    """None unless ``state`` is fresh and plausible in all that it reports; yaw rate and torque may be unknown."""
+def plausible_state(state: VehicleState | None, now_s: float, limits: Limits) -> Seen | None:
+    """``state`` if it is fresh and plausible, else None; yaw rate and torque may be None."""
     if state is None or state.speed_mps is None or state.road_wheel_angle_rad is None:
         return None
     plausible = (
@@ -48,7 +48,7 @@ def believed(state: VehicleState | None, now_s: float, limits: Limits) -> Seen |
 
 
 def is_finite(command: Command) -> bool:
-    """True when every number of ``command`` is."""
+    """Whether every number of ``command`` is finite."""
     return (
         _known_is_finite(command.t_s)
         and isfinite(command.road_wheel_angle_rad)
@@ -64,14 +64,14 @@ def _known_is_finite(value: float | None) -> bool:
 
 
 class Arrivals:
-    """Whether commands come often enough. More of them than asked for open no limit: all are per elapsed time."""
+    """Rate of the commands. A higher rate opens no limit, since all limits are per elapsed time."""
 
     def __init__(self, limits: Limits) -> None:
         self._longest_s = COUNTED / limits.command_rate_hz
         self._times_s: deque[float] = deque(maxlen=COUNTED)
 
     def too_seldom(self, received_s: float | None, now_s: float) -> bool:
-        """True when the last COUNTED commands, the newest of them received at ``received_s``, took too long."""
+        """Whether the last COUNTED commands, the newest received at ``received_s``, took too long."""
         if received_s is not None and received_s not in self._times_s:
             self._times_s.append(received_s)
         return len(self._times_s) == COUNTED and now_s - self._times_s[0] > self._longest_s

@@ -15,6 +15,6 @@ def narrow(outer: Interval, inner: Interval) -> Interval:
 
 
 def inside(value: float, interval: Interval) -> bool:
-    """True also on the edge."""
+    """Whether ``value`` lies in ``interval``, its ends included."""
     low, high = interval
     return low <= value <= high

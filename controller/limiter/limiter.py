@@ -1,29 +1,29 @@
-"""One step of the limiter: what may go to the actuator now.
+"""The limiter: from command and vehicle state to the output for the actuator.
 
-Steering. The angle must lie in three intervals, the first being the hardest:
+Steering. The angle must lie in three intervals, in falling priority:
 
-1. what the wheel can do: ±max angle, and not further from the last angle than rate·dt,
-2. lateral acceleration: |κ|·v² ≤ 3 m/s², at the speed that the car will have when the wheel has followed, less what
-   the car turns more than its wheels say,
-3. lateral jerk: d(κ·v²)/dt = v²·κ' + 2·v·a·κ within ±5 m/s³. What changes of speed make of the angle held, measured
-   and as commanded, is taken off what is left for the wheel; no brake may make more than the whole, nor ask of the
-   tyres, together with the bend, more than the hardest brake alone.
+1. range of the wheel: ±max angle, and at most rate·dt from the last angle,
+2. lateral acceleration: |κ|·v² ≤ 3 m/s², at the speed of the car when the wheel has followed, less the measured
+   excess of the yaw rate,
+3. lateral jerk: d(κ·v²)/dt = v²·κ' + 2·v·a·κ within ±5 m/s³. The part by changes of speed, measured and commanded,
+   reduces the part left for the wheel; a brake may use no more than the whole, and together with the bend no more
+   grip than the hardest brake alone.
 
 ``narrow(outer, inner)`` is their intersection or, when they are apart, the point of ``outer`` nearest to ``inner``.
 It maps two non-empty intervals to a non-empty one inside ``outer``. The first interval contains the last angle,
 which was itself within ± max angle; the second contains straight on; the third contains the last angle. So the
 feasible interval is never empty, and holding the wheel is feasible unless it breaks the second. When limits
-conflict, as at a speed too high for the bend, the wheel goes towards less |κ| as fast as it can, acceleration comes
-before jerk, and the brake is applied.
+conflict, as at a speed too high for the bend, the wheel moves towards less |κ| at its full rate, acceleration has
+priority over jerk, and the brake is applied.
 
-Acceleration. Bounded by the drive and brake limits. No drive and at least the comfort brake when the frame behind
-the command is old, when commands come too seldom, when the bend asked for or driven is too tight for the speed,
-when the vehicle's state is missing, and until the first command comes. When commands or states stay away for longer
-than their timeouts, or a command is not finite: a stop, latched until standstill. Without a command the last
-curvature is held; commands that come again steer the stop but do not end it.
+Acceleration. Bounded by the drive and brake limits. No drive and at least the comfort brake when the frame
+behind the command is old, when commands are too rare, when the demanded or driven bend is too tight for the
+speed, when the state of the vehicle is missing, and before the first command. When commands or states are
+missing for longer than their timeouts, or a command is not finite: a stop, latched until standstill. Without a
+command the last curvature is held; later commands steer the stop but do not end it.
 
-The driver. While the driver has the car, the angle given is that of the wheel, and drive and brakes fade to zero;
-the car is handed back with the wheel as it is, and from there the rate and the jerk grow up to their limits.
+The driver. While the driver has the car, the output is the measured angle, and drive and brakes fade to zero; after
+the hand-back, at the measured angle, rate and jerk rise to their limits.
 
 ISO 11270:2014 (3 m/s², 5 m/s³); UN R157 5.3 (4 m/s², ends at standstill or when the driver takes over); UN R79
 5.1 (the driver overrides at once).
@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from controller.limiter.excess import Excess
-from controller.limiter.inputs import Arrivals, Seen, believed, fresh, is_finite
+from controller.limiter.inputs import Arrivals, Seen, fresh, is_finite, plausible_state
 from controller.limiter.interval import Interval, clip, inside, narrow
 from controller.limiter.limits import Limits
 from controller.limiter.override import DriverWatch
@@ -45,8 +45,8 @@ from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, VehicleState
 from trepid.vehicle import Vehicle
 
-SLOWEST_MPS = 0.1  # below it any curvature is gentle; keeps a/v² finite
-LEAST = 1e-9  # keeps other quotients finite
+SLOWEST_MPS = 0.1  # lower bound of v, which keeps a/v² finite
+LEAST = 1e-9  # lower bound of other divisors
 
 
 def build(vehicle: Vehicle | None = None, limits_file: Path | None = None) -> "Limiter":
@@ -56,17 +56,17 @@ def build(vehicle: Vehicle | None = None, limits_file: Path | None = None) -> "L
 
 
 class Wheel(NamedTuple):
-    """Where the wheel was sent, and how fast the car was then."""
+    """Output angle, and the speed of the car at that time."""
 
     angle_rad: float
     speed_mps: float
 
 
-UNSEEN = Wheel(0.0, 0.0)  # the output until a wheel angle was seen
+UNSEEN = Wheel(0.0, 0.0)  # the output before the first measured wheel angle
 
 
 class Limiter:
-    """``step`` it in every cycle of the actuator (100 Hz), whether or not anything came."""
+    """Call ``step`` in every cycle of the actuator (100 Hz), with or without new inputs."""
 
     def __init__(self, vehicle: Vehicle, limits: Limits) -> None:
         self._vehicle, self._limits = vehicle, limits
@@ -80,42 +80,43 @@ class Limiter:
         self._arrivals = Arrivals(limits)
         self._driver = DriverWatch(vehicle, limits)
         self._saturation = SaturationWatch(vehicle, limits)
-        # Times of the first step, of the last one, and when the state was last good: the first step counts as such.
+        # Times of the first step, of the last step and of the last plausible state; initially that of the first
+        # step.
         self._start_s = self._now_s = self._state_s = nan
         self._stopping = False
         self._handed_over = False
-        self._ours_s = 0.0  # for how long the wheel has been ours
+        self._ours_s = 0.0  # time since the hand-back
         self._wheel = UNSEEN  # last output
         self._accel_mps2 = 0.0  # last output
-        self._gaining_mps2 = 0.0  # what the drive has made of the outputs by now
+        self._gaining_mps2 = 0.0  # acceleration of the car by the drive
 
     @property
     def stopping(self) -> bool:
-        """True while the limiter stops the car by itself."""
+        """Whether the limiter stops the car."""
         return self._stopping
 
     @property
     def handed_over(self) -> bool:
-        """True while the driver has the car."""
+        """Whether the driver has the car."""
         return self._handed_over
 
     @property
     def saturated(self) -> bool:
-        """True while more steering is asked for than may be given."""
+        """Whether the steering demand is beyond the limits for longer."""
         return self._saturation.saturated
 
     def report(self, state: VehicleState) -> VehicleState:
-        """``state`` as the vehicle tells it to the others: with what was found here at the last step."""
+        """``state`` with driver override and saturation as of the last step."""
         return replace(state, driver_override=self._handed_over, saturated=self.saturated)
 
     def step(
         self, command: Command | None, received_s: float | None, state: VehicleState | None, *, now_s: float
     ) -> Command:
-        """What goes to the actuator at ``now_s``; ``received_s`` is when ``command`` arrived."""
+        """The output for the actuator at ``now_s``; ``received_s``: arrival of ``command``."""
         dt_s = self._elapsed(now_s)
         sound = command if command is not None and is_finite(command) else None
         frame_s = None if sound is None else sound.t_s
-        seen = believed(state, now_s, self._limits)
+        seen = plausible_state(state, now_s, self._limits)
         self._handed_over = seen is not None and self._driven_by_hand(seen)
         if seen is not None and self._handed_over:
             return self._hand_over(seen, frame_s, dt_s)
@@ -132,7 +133,7 @@ class Limiter:
         return self._given(frame_s, goal_mps, accel_mps2, dt_s)
 
     def _elapsed(self, now_s: float) -> float:
-        """Time since the last step; a pause counts as ``max_step_s``, so that no limit opens wide after it."""
+        """Time since the last step; at most ``max_step_s``, so that a pause opens no limit wide."""
         if isnan(self._start_s):
             self._start_s = self._now_s = self._state_s = now_s
         dt_s = clip(now_s - self._now_s, (0.0, self._limits.max_step_s))
@@ -140,14 +141,14 @@ class Limiter:
         return dt_s
 
     def _driven_by_hand(self, seen: Seen) -> bool:
-        """Whether the driver has the car; the first sight of the wheel takes it as it is."""
+        """Whether the driver has the car; the first measured angle becomes the output."""
         self._state_s = self._now_s
         if self._wheel is UNSEEN:
             self._follow(seen)
         return self._driver.step(seen, self._now_s)
 
     def _hand_over(self, seen: Seen, frame_s: float | None, dt_s: float) -> Command:
-        """The wheel as the driver holds it; drive and brakes fade."""
+        """The measured angle as output; drive and brakes fade."""
         self._stopping = False
         self._ours_s = 0.0
         self._follow(seen)
@@ -164,7 +165,7 @@ class Limiter:
             self._stopping = False
 
     def _demand(self, command: Command | None, highest_mps2: float) -> float:
-        """Acceleration [m/s²] within the limits, of which ``highest_mps2`` is the upper one."""
+        """Acceleration demand [m/s²], at most ``highest_mps2``."""
         limits = self._limits
         if self._stopping:
             return -limits.stop_decel_mps2
@@ -173,7 +174,7 @@ class Limiter:
         return clip(command.accel_mps2, (-limits.max_decel_mps2, highest_mps2))
 
     def _highest(self, command: Command | None, *, calm: bool) -> float:
-        """Only a calm car with a command on a fresh frame may be driven."""
+        """Upper limit of the acceleration [m/s²]: drive only for a calm car with a command on a fresh frame."""
         limits = self._limits
         driven = (
             calm and command is not None and fresh(command.t_s, self._now_s, limits.frame_timeout_s, limits)
@@ -181,7 +182,7 @@ class Limiter:
         return limits.max_accel_mps2 if driven else -limits.comfort_decel_mps2
 
     def _steer(self, command: Command | None, seen: Seen, dt_s: float, *, calm: bool) -> float:
-        """Move the wheel as far as it may towards what is asked for; returns the acceleration to go with it."""
+        """Move the wheel towards the demand within the limits; returns the acceleration demand."""
         last_rad, limit_rad, speed_mps = self._wheel.angle_rad, self._limit_rad, seen.speed_mps
         wanted_rad, rate_radps = self._wanted(command, speed_mps)
         held_1pm = self._turn.curvature_1pm(last_rad, speed_mps)
@@ -206,7 +207,7 @@ class Limiter:
         return accel_mps2
 
     def _wanted(self, command: Command | None, speed_mps: float) -> tuple[float, float]:
-        """Angle [rad] asked for and rate [rad/s] of the wheel to go there; without a command the last curvature."""
+        """Demanded angle [rad] and rate [rad/s] of the wheel; without a command the last curvature."""
         rate_radps = self._vehicle.max_road_wheel_rate_radps
         if command is None:
             return self._turn.angle_rad(self._turn.curvature_1pm(*self._wheel), speed_mps), rate_radps
@@ -222,10 +223,10 @@ class Limiter:
         return self._turn.angle_rad(-right_1pm, speed_mps), self._turn.angle_rad(left_1pm, speed_mps)
 
     def _within_bend(self, accel_mps2: float, held_1pm: float, speed_mps: float) -> float:
-        """``accel_mps2`` within what a bend leaves of drive and brake.
+        """``accel_mps2`` within the limits of drive and brake in a bend.
 
-        2·v·|a·κ| is within the jerk limit. A brake and κ·v² together, √(a² + (κ·v²)²), ask no more of the tyres
-        than the hardest brake alone: braked harder, a car turns in by itself. The comfort brake always passes that.
+        2·v·|a·κ| is within the jerk limit. A brake and κ·v² together, √(a² + (κ·v²)²), use no more grip
+        than the hardest brake alone: beyond, a car turns in by itself. The comfort brake is always allowed.
         Beyond the limit of lateral acceleration, where braking is urgent, only that limit counts as κ·v².
         """
         speed_mps, limits = max(speed_mps, SLOWEST_MPS), self._limits
@@ -235,17 +236,17 @@ class Limiter:
         return clip(accel_mps2, (-min(longest_mps2, grip_mps2), longest_mps2))
 
     def _bearable_mps3(self, speed_mps: float) -> float:
-        """What κ·v² may change by.
+        """Largest d(κ·v²)/dt [m/s³].
 
-        In the middle of the car, L/2 before the rear axle, yaw acceleration adds L/(2·v)·d(κ·v²)/dt to κ·v²: as
-        much less of the jerk limit is left, which counts when the car is slow.
+        In the middle of the car, L/2 before the rear axle, yaw acceleration adds L/(2·v)·d(κ·v²)/dt to κ·v² and
+        reduces the jerk limit accordingly, which matters at low speed.
         """
         return self._jerk_mps3 * speed_mps / (speed_mps + self._middle_m)
 
     def _smooth(
         self, held_1pm: float, accel_mps2: float, speed_mps: float, dt_s: float, share: float
     ) -> Interval:
-        """Angles [rad] around the last one within ``share`` of the jerk limit, less what changes of speed make."""
+        """Angles [rad] within ``share`` of the jerk limit less the part by changes of speed."""
         floor_mps = max(speed_mps, SLOWEST_MPS)
         budget_mps2 = share * self._bearable_mps3(floor_mps) * dt_s
         per_mps = 2.0 * speed_mps * held_1pm
@@ -259,11 +260,11 @@ class Limiter:
         )
 
     def _follow(self, seen: Seen) -> None:
-        """Take the measured wheel angle for the last output."""
+        """Set the last output to the measured wheel angle."""
         self._remember(clip(seen.wheel_rad, (-self._limit_rad, self._limit_rad)), seen.speed_mps)
 
     def _remember(self, angle_rad: float, speed_mps: float) -> None:
-        """The wheel is sent to ``angle_rad``."""
+        """Set the last output."""
         self._wheel = Wheel(angle_rad, speed_mps)
         self._driver.demanded(angle_rad, self._now_s)
 

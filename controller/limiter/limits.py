@@ -1,4 +1,4 @@
-"""What the limiter allows; numbers and sources in ``config/limiter.yaml``."""
+"""Limits of the limiter; values and sources in ``config/limiter.yaml``."""
 
 import math
 from typing import Annotated
@@ -12,22 +12,22 @@ Deceleration = Annotated[float, Field(gt=0, le=4.0)]  # UN R157 5.3
 
 
 class OverrideLimits(Settings):
-    """When the driver has the car, and how it is handed over."""
+    """Detection of the driver, and the hand-over."""
 
     torque_nm: Positive  # at the steering wheel
-    angle_rad: Positive  # the road wheel is this far from all that was asked of it lately ...
+    angle_rad: Positive  # the road wheel is this far from all recent demands ...
     angle_after_s: Positive  # ... for this long
     lateness: Annotated[
         float, Field(ge=1)
-    ]  # the steering may be this many times as late as the vehicle file says
-    still_rad: Positive  # a wheel that moves by more is being turned
-    release_s: Positive  # without a sign of the driver: the car is handed back
-    fade_mps3: Positive  # drive and brakes are let go this quickly
+    ]  # longest delay of the steering, as a multiple of the vehicle file's
+    still_rad: Positive  # a larger motion of the wheel is one by the driver
+    release_s: Positive  # without action of the driver the car is handed back after this time
+    fade_mps3: Positive  # rate at which drive and brakes fade
     fade_in_s: Positive  # after the hand-back the wheel's rate and the jerk grow up to their limits
 
 
 class SaturationLimits(Settings):
-    """When the steering demand is being cut for more than a moment."""
+    """Detection of a steering demand that is cut for longer."""
 
     cut_mps2: Positive  # of lateral acceleration
     after_s: Positive
@@ -39,9 +39,11 @@ class Limits(Settings):
 
     lateral_accel_mps2: Positive
     lateral_jerk_mps3: Positive
-    lateral_accel_share: PositiveShare  # of the limit, that a demand may take
+    lateral_accel_share: PositiveShare  # share of the limit for demands
     lateral_jerk_share: PositiveShare
-    yaw_share: PositiveShare  # of the limit of lateral acceleration that a yaw rate may take off it
+    yaw_share: (
+        PositiveShare  # largest share of the limit of lateral acceleration that the yaw rate reduces it by
+    )
     max_accel_mps2: Positive
     max_decel_mps2: Deceleration
     comfort_decel_mps2: Deceleration

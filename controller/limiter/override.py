@@ -1,14 +1,14 @@
-"""Whether the driver has the car: by what the vehicle says, by torque, or by a wheel that is not where it was sent.
+"""Detection of the driver: by the report of the vehicle, by torque, or by a wheel away from all demands.
 
-The steering follows a demand late and no faster than it can, but it goes nowhere else: the wheel stays within all
-demands of as long as it may be late,
+The steering follows demands with a delay and a limited rate: the wheel stays within the range of all demands of the
+time
 
     W = lateness·(dead time + 4·time constant)      (e⁻⁴ of a step is 2 %)
 
-A wheel that stays outside by more than ``angle_rad`` for ``angle_after_s`` is in someone's hands. From then on the
-limiter follows the wheel, so that the deviation is gone; the driver has the car until the wheel has been still and
-the torque low for ``release_s``. If the wheel is still held then, the demand that grows in will show it. A vehicle
-that says itself who drives is believed at once, both ways.
+A wheel that stays outside by more than ``angle_rad`` for ``angle_after_s`` is held by the driver. From then on the
+limiter follows the wheel, which ends the deviation; the driver has the car until the wheel has been still and the
+torque low for ``release_s``. If the wheel is still held then, the demand that fades in deviates again. A report of
+the vehicle takes effect at once, both ways.
 
 UN R79 5.1 (the driver overrides at once); ISO 11270:2014 (override by the driver, by no more than 50 N).
 """
@@ -24,26 +24,26 @@ TIME_CONSTANTS = 4.0
 
 
 class DriverWatch:
-    """``step`` it with every state that is believed."""
+    """Call ``step`` with every plausible state."""
 
     def __init__(self, vehicle: Vehicle, limits: Limits) -> None:
         self._limits = limits.override
         self._from_mps = limits.standstill_mps
         late_s = vehicle.steering_delay_s + TIME_CONSTANTS * vehicle.steering_lag_s
         self._window_s = limits.override.lateness * late_s
-        self._demands: deque[tuple[float, float]] = deque()  # when, angle [rad]
-        self._explained_s = math.inf  # when the wheel last was where it was sent; inf: it never was
-        self._anchor_rad = 0.0  # about where the driver holds the wheel
-        self._until_s = -math.inf  # the driver has the car until then
+        self._demands: deque[tuple[float, float]] = deque()  # time, angle [rad]
+        self._explained_s = math.inf  # last time at which the wheel was within the demands; inf: never
+        self._anchor_rad = 0.0  # wheel angle under the driver, within still_rad
+        self._until_s = -math.inf  # end of the override
 
     def demanded(self, angle_rad: float, now_s: float) -> None:
-        """The limiter sent the wheel to ``angle_rad``."""
+        """Add a demand of the limiter."""
         self._demands.append((now_s, angle_rad))
         while self._demands[0][0] < now_s - self._window_s:
             self._demands.popleft()
 
     def step(self, seen: Seen, now_s: float) -> bool:
-        """True while the driver has the car."""
+        """Whether the driver has the car."""
         pushed = seen.torque_nm is not None and abs(seen.torque_nm) > self._limits.torque_nm
         deviates = self._deviates(seen, now_s)
         turns = now_s < self._until_s and self._turns(seen.wheel_rad)
@@ -52,7 +52,7 @@ class DriverWatch:
         return seen.driver or now_s < self._until_s
 
     def _deviates(self, seen: Seen, now_s: float) -> bool:
-        """True when the wheel has been where nobody sent it for too long. Looks at the newest demands first."""
+        """Whether the wheel has been outside all demands for too long. Tests the newest demands first."""
         low_rad, high_rad = seen.wheel_rad - self._limits.angle_rad, seen.wheel_rad + self._limits.angle_rad
         explained = any(sent_rad <= high_rad for _, sent_rad in reversed(self._demands)) and any(
             sent_rad >= low_rad for _, sent_rad in reversed(self._demands)
@@ -62,7 +62,7 @@ class DriverWatch:
         return now_s - self._explained_s >= self._limits.angle_after_s
 
     def _turns(self, wheel_rad: float) -> bool:
-        """True when the driver has turned the wheel on."""
+        """Whether the wheel has moved since it was last still."""
         if abs(wheel_rad - self._anchor_rad) <= self._limits.still_rad:
             return False
         self._anchor_rad = wheel_rad

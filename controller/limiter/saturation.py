@@ -1,9 +1,9 @@
-"""Whether the car is asked for more steering than it may or can do.
+"""Detection of a steering demand beyond the limits.
 
-A demand is cut when the angle given differs from the angle asked for by more than ``cut_mps2`` of lateral
-acceleration, a_y = v²·δ/(L + K_us·v²), or when the angle asked for is the greatest there is: whoever asks for that
-has cut it already. The time for which it is cut counts up and otherwise down again, as in openpilot (LatControl,
-``_check_saturation``), so that a demand cut off and on counts too; from ``after_s`` on the car is saturated.
+A demand is cut when the output differs from it by more than ``cut_mps2`` of lateral acceleration, a_y = v²·δ/(L
++ K_us·v²), or when it is the largest angle: the controller has then cut it already. The time for which it is
+cut counts up and otherwise down again, as in openpilot (LatControl, ``_check_saturation``), so that a demand
+cut off and on counts too; from ``after_s`` on the car is saturated.
 """
 
 from controller.limiter.limits import Limits
@@ -11,7 +11,7 @@ from trepid.vehicle import Vehicle
 
 
 class SaturationWatch:
-    """``step`` it with every demand."""
+    """Call ``step`` with every demand."""
 
     def __init__(self, vehicle: Vehicle, limits: Limits) -> None:
         self._limits = limits.saturation
@@ -20,11 +20,11 @@ class SaturationWatch:
 
     @property
     def saturated(self) -> bool:
-        """True when the demand has been cut for long enough."""
+        """Whether the demand has been cut for ``after_s``."""
         return self._cut_s >= self._limits.after_s
 
     def step(self, wanted_rad: float, given_rad: float, speed_mps: float, dt_s: float) -> None:
-        """The limiter gave ``given_rad`` to who wanted ``wanted_rad``, for ``dt_s``."""
+        """Count ``dt_s`` in which the demand was ``wanted_rad`` and the output ``given_rad``."""
         limits, vehicle = self._limits, self._vehicle
         speed2 = speed_mps * speed_mps
         per_rad = speed2 / (vehicle.wheelbase_m + vehicle.understeer_gradient_rad_per_mps2 * speed2)
@@ -38,5 +38,5 @@ class SaturationWatch:
             self.rest(dt_s)
 
     def rest(self, dt_s: float) -> None:
-        """Nothing was cut for ``dt_s``."""
+        """Count ``dt_s`` without a cut."""
         self._cut_s = max(self._cut_s - dt_s, 0.0)

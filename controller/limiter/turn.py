@@ -1,10 +1,10 @@
-"""Road-wheel angle against path curvature in a steady turn: the equation that the limits are judged by.
+"""Road-wheel angle against path curvature in a steady turn: the equation of all limits.
 
     δ = atan(u) + c·u      u = L·κ      c = K_us·v²/L
 
 It rises in u where 1/(1 + u²) + c > 0: everywhere for K_us ≥ 0, and for an oversteering car up to a tightest turn,
 which shrinks to nothing at the critical speed √(-L/K_us). The equation is used where it rises by SLOPE at least,
-and no faster than at STABLE of the critical speed; beyond, both functions answer with the edge.
+and no faster than at STABLE of the critical speed; beyond, both functions return the value at the edge.
 
 Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 and 3.3.
 """

@@ -11,7 +11,7 @@ K  understeer gradient K_us [rad/(m/s²)]: K > 0 understeers, K = 0 is kinematic
 The bank is small-angle (sin φ ≈ φ), as in opendbc's VehicleModel, of which the term in K is the exact equal.
 
 For K < 0 the slope dδ/dκ = L/(1 + L²κ²) + K·v² is positive only below the critical speed √(-L/K) and only up to
-a largest curvature. Beyond either there is no stable steady turn, and the inverse says so with ``None``.
+a largest curvature. Beyond either there is no stable steady turn, and the inverse returns None.
 
 Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 and 3.3; Gillespie, Fundamentals of Vehicle Dynamics
 (1992), chapter 6.
@@ -19,32 +19,25 @@ Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 and 3.3; Gillespie, 
 
 import math
 
+from trepid.steering import road_wheel_angle
 from trepid.vehicle import Vehicle
 
 GRAVITY_MPS2 = 9.80665
-_MAX_NEWTON_STEPS = (
-    60  # quadratic: six for any car; the rest is for oversteer on the verge of its tightest turn
-)
+_MAX_NEWTON_STEPS = 60  # six suffice but for oversteer close to its tightest turn
 
 
 def angle_from_curvature(
     curvature_1pm: float, *, speed_mps: float, vehicle: Vehicle, roll_rad: float = 0.0
 ) -> float:
     """Road-wheel angle δ [rad] that holds ``curvature_1pm``; not limited to what the vehicle can turn."""
-    side_force_mps2 = curvature_1pm * speed_mps * speed_mps + GRAVITY_MPS2 * roll_rad
-    tyres_rad = vehicle.understeer_gradient_rad_per_mps2 * side_force_mps2
-    return math.atan(vehicle.wheelbase_m * curvature_1pm) + tyres_rad
-
-
-def kinematic_angle(curvature_1pm: float, *, vehicle: Vehicle) -> float:
-    """atan(L·κ) [rad]: the angle at walking pace."""
-    return math.atan(vehicle.wheelbase_m * curvature_1pm)
+    tyres_rad = understeer_angle(curvature_1pm, speed_mps=speed_mps, vehicle=vehicle, roll_rad=roll_rad)
+    return road_wheel_angle(curvature_1pm, wheelbase_m=vehicle.wheelbase_m) + tyres_rad
 
 
 def understeer_angle(
     curvature_1pm: float, *, speed_mps: float, vehicle: Vehicle, roll_rad: float = 0.0
 ) -> float:
-    """K·(κ·v² + g·φ) [rad]: what lateral acceleration and bank add to the kinematic angle."""
+    """K·(κ·v² + g·φ) [rad]: the part of lateral acceleration and bank in the road-wheel angle."""
     side_force_mps2 = curvature_1pm * speed_mps * speed_mps + GRAVITY_MPS2 * roll_rad
     return vehicle.understeer_gradient_rad_per_mps2 * side_force_mps2
 
@@ -72,14 +65,9 @@ def curvature_from_angle(
             return None
         step = (target - math.atan(u) - compliance * u) / slope
         u += step
-        if step <= 1e-15 * u < math.inf:  # a step back is rounding: arrived
+        if step <= 1e-15 * u < math.inf:  # a step back is rounding: converged
             return math.copysign(u / wheelbase_m, tyre_rad)
     return None
-
-
-def yaw_rate(curvature_1pm: float, *, speed_mps: float) -> float:
-    """r = v·κ [rad/s]; reversing along a left-hand path turns the nose to the right."""
-    return speed_mps * curvature_1pm
 
 
 def transposed_angle(

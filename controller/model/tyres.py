@@ -1,4 +1,4 @@
-"""How the tyres answer the wheel: the drift of the rear axle, and the lag from wheel angle to path.
+"""Response of the tyres to the wheel angle: drift of the rear axle, and lag from wheel angle to path.
 
 Tyres carry an axle round a bend only at a slip angle. That of the rear axle turns the car's nose into the bend, so
 the rear axle moves along its *course*, heading + β, and not along its heading. For an axle of mass m and cornering
@@ -12,7 +12,7 @@ In the steady turn β = -R·v²·κ. For small angles the path curvature of the 
 
     κ = δ / (L·(1 + F·v·s)(1 + R·v·s) + K_us·v²)        s = d/dt
 
-which lags a ramp of δ by T = L·(F + R)·v/(L + K_us·v²). R = 0 says that the tyres are not known: no drift, no lag.
+which lags a ramp of δ by T = L·(F + R)·v/(L + K_us·v²). R = 0: the tyres are not known, no drift, no lag.
 
 Rajamani, Vehicle Dynamics and Control (2012), sections 2.3 and 3.3; the axles as masses of their own: Milliken and
 Milliken, Race Car Vehicle Dynamics (1995), section 5.14 (dynamic index 1).
@@ -25,12 +25,12 @@ from controller.model.bicycle import curvature_from_angle
 from trepid.bounds import at_least, within
 from trepid.vehicle import Vehicle
 
-_MAX_DIRECTION_RAD = 1.4  # of the front axle, so that its tangent stays one
-_CRAWL_MPS = 0.5  # below it the tyres follow at once
+_MAX_DIRECTION_RAD = 1.4  # of the front axle, below 90°
+_CRAWL_MPS = 0.5  # below it the tyres follow without lag
 
 
 class Turning(NamedTuple):
-    """How the car turns."""
+    """Yaw and drift of the car."""
 
     yaw_1pm: float  # κ_y, yaw per metre
     drift_rad: float  # β, course minus heading of the rear axle
@@ -63,7 +63,7 @@ class Tyres:
         return settled_rad + (drift_rad - settled_rad) * math.exp(-dt_s / (self._rear * abs(speed_mps)))
 
     def turning(self, yaw_rate_radps: float, drift_rad: float, wheel_rad: float, speed_mps: float) -> Turning:
-        """As measured; as the wheel has it where tyres follow at once."""
+        """The measured turn; that of the wheel angle where the tyres follow without lag."""
         if self._at_once(speed_mps):
             return Turning(self.steady_1pm(wheel_rad, speed_mps), drift_rad)
         return Turning(yaw_rate_radps / speed_mps, drift_rad)

@@ -1,15 +1,15 @@
 """Speed control: targets and stops -> a jerk-limited acceleration demand.
 
-Tracking asks for
+The acceleration demand of tracking is
 
     a = k·(v_t - v) + v_t' - d
 
-v_t' is what the target says of itself, or how it is seen to change, smoothed over ``RATE_S``: without it a car
+v_t' is that of the target, or else its measured change, smoothed over ``RATE_S``: without it a car
 behind a leader that brakes with b would lag its falling cap by b/k, and at a gap (d - d₀)/T the loop
 s² + k·s + k/T would swing (damping 0.55 at k = 0.8 1/s, T = 1.5 s); with it the poles are k and 1/T. A change that
 no car could make is a step of the cap, and not a rate. d is the load of the hill (`controller.speed.load`). With
 drive lag τ_a the loop s² τ_a + s + k has damping 1/(2√(k·τ_a)); above 1 the speed never overshoots its cap. The
-demand must also be able to fade out as fast as k·a asks for: k·max_accel ≤ brake_jerk. Both are checked on loading.
+demand must also be able to fade out as fast as k·a demands: k·max_accel ≤ brake_jerk. Both are checked on loading.
 
 A stop goes to its deceleration b at its jerk j and falls off with √(2·j·v), v being the speed when the demand acts,
 so that the car does not lurch at the end; it then holds the brake at standstill. From v it takes, but for the last
@@ -36,29 +36,27 @@ STRONGEST_MPS2 = 4.0  # UN R157 5.3
 
 
 class SpeedControl:
-    """``track`` or ``stop`` it in every step. Starts braked."""
+    """Call ``track`` or ``stop`` in every step. Starts with the brake applied."""
 
     def __init__(self, settings: SpeedSettings, *, drive_lag_s: float) -> None:
         self._settings = settings
         self._lag_s = drive_lag_s
         self._load = LoadObserver(drive_lag_s, limit_mps2=settings.max_load_mps2)
         self._goal_mps: float | None = None  # the last target of tracking, ...
-        self._smooth_mps = 0.0  # ... and where it smoothly comes from
+        self._smooth_mps = 0.0  # ... and the same smoothed
         self._given_mps2 = -settings.hold_decel_mps2  # the last demand, hill included
         self.accel_mps2 = -settings.hold_decel_mps2  # the last acceleration wanted
 
     @property
     def load_mps2(self) -> float:
-        """What the hill adds to the acceleration, as far as it is known [m/s²]; negative uphill."""
+        """Estimated acceleration by the hill [m/s²]; negative uphill."""
         return self._load.load_mps2
 
     def track(self, goal: Target, *, speed_mps: float, dt_s: float) -> float:
-        """Acceleration demand [m/s²] towards ``goal``; stops, and holds the brake, where the goal is to stand."""
+        """Acceleration demand [m/s²] towards ``goal``; stops and holds the brake where the target is standstill."""
         settings = self._settings
         rate_mps2 = self._rate(goal, dt_s)
-        if (
-            speed_mps - goal.speed_mps > STEP_MPS
-        ):  # too fast already: that it may soon be faster is no comfort
+        if speed_mps - goal.speed_mps > STEP_MPS:  # too fast: a rising target must not reduce the brake
             rate_mps2 = at_most(rate_mps2, 0.0)
         wanted = settings.gain_1ps * (goal.speed_mps - speed_mps) + rate_mps2
         wanted = at_least(at_most(wanted, settings.max_accel_mps2), -settings.max_decel_mps2)
@@ -73,8 +71,8 @@ class SpeedControl:
     def stop(self, how: Stop, *, speed_mps: float | None, dt_s: float) -> float:
         """Acceleration demand [m/s²], never positive, that stops the car and holds it.
 
-        Uphill the brake may do less, but never leaves more than half of the stop to a hill that may not be one.
-        ``speed_mps`` None: the speed is not known; brakes without end.
+        Uphill the brake is reduced by at most half, since the hill is an estimate. ``speed_mps`` None: the
+        speed is not known; the brake stays applied.
         """
         settings, self._goal_mps = self._settings, None
         profile = settings.emergency if how is Stop.EMERGENCY else settings.comfort
@@ -86,7 +84,7 @@ class SpeedControl:
             acts_at_mps = at_least(speed_mps + self._load.acting_mps2 * self._lag_s, 0.0)
             soft = math.sqrt(2.0 * jerk_mps3 * acts_at_mps)
             decel_mps2 = at_most(decel_mps2, at_least(soft, profile.final_decel_mps2))
-        self.accel_mps2 = at_most(self.accel_mps2, 0.0)  # the drive lets go at once
+        self.accel_mps2 = at_most(self.accel_mps2, 0.0)  # no drive from now on
         self._towards(-decel_mps2, jerk_mps3 * dt_s, jerk_mps3 * dt_s)
         load_mps2 = self._load.load_mps2
         if speed_mps is not None and speed_mps <= STOOD_MPS:  # a brake holds either way
@@ -94,7 +92,7 @@ class SpeedControl:
         return self._give(at_most(self.accel_mps2 - load_mps2, HILL_SHARE * self.accel_mps2))
 
     def release(self) -> float:
-        """No demand: a driver drives, and takes over or hands over without a jerk."""
+        """No demand: the driver takes over or hands over without a jerk."""
         self.accel_mps2, self._goal_mps = 0.0, None
         self._load.pause()
         return self._give(0.0)
@@ -119,7 +117,7 @@ class SpeedControl:
             self._load.step(self._given_mps2, speed_mps=speed_mps, dt_s=dt_s)
 
     def _towards(self, wanted_mps2: float, rise_mps2: float, fall_mps2: float) -> None:
-        """Move what is wanted towards ``wanted_mps2``, up or down at most so far."""
+        """Move the acceleration towards ``wanted_mps2`` by at most ``rise_mps2`` up or ``fall_mps2`` down."""
         self.accel_mps2 += at_least(at_most(wanted_mps2 - self.accel_mps2, rise_mps2), -fall_mps2)
 
     def _give(self, demand_mps2: float) -> float:

@@ -1,21 +1,21 @@
-"""How fast the lane allows to drive.
+"""Speed limit of the lane.
 
 A bend of curvature κ is driven at v_c = √(a_y/|κ|) at most. To slow down to that with the deceleration b, the speed
 may at a distance s before it be at most v_t with
 
     v_t² = v_c² + 2·b·(s - v·t_r)        t_r = τ_a + b/(2·j)
 
-where v·t_r is what passes before the brakes bite: drive lag τ_a, and half of the time in which the demand grows to
+where v·t_r is the way before the brakes act: drive lag τ_a, and half of the time in which the demand grows to
 b at its jerk j. The tightest such bound along the visible lane, or the cap if that is lower, is the target, and it
 falls as braking with b does: v_t' = -b·v/v_t.
 
-Where κ changes by c per metre, following it makes the lateral jerk |c|·v³, which is to be within j_y. That counts
-where the visible lane, s metres of it, changes the lateral acceleration by more than Δ, |c|·s·v² > Δ: no estimate
-is free of some c.
+Where κ changes by c per metre, following it makes the lateral jerk |c|·v³, which is to be within j_y. That applies
+where the visible lane, of length s, changes the lateral acceleration by more than Δ, |c|·s·v² > Δ, since every
+estimate has some error in c.
 
-Beyond the look-ahead nothing was seen. A bend that was tightening there is taken to tighten on for as far again,
-but must then only be possible to brake for at all, with the largest deceleration of driving on. A straight is taken
-to go on straight: what else may come is a matter of the road and not of this lane, and its speed that of the cap.
+The lane is unknown beyond the look-ahead. A bend that tightens there is assumed to tighten over the same
+distance again, and to be braked for with the largest deceleration of driving on. A straight lane is assumed to
+stay straight; the cap limits the speed there.
 """
 
 import math
@@ -28,10 +28,10 @@ from trepid.clothoid import Lane
 from trepid.config import Settings
 from trepid.types import Positive
 
-_LOOKS = 8  # places along the visible lane, besides the axle; as many beyond it
+_LOOKS = 8  # points along the visible lane in addition to the axle; as many beyond it
 _STRAIGHT_1PM = 1e-9
 _STEADY_1PM2 = 1e-9
-_BENDS_MPS2 = 1.0  # Δ: half of what is driven in bends; see docs/control.md
+_BENDS_MPS2 = 1.0  # Δ: half of the lateral acceleration in bends
 
 
 class StopProfile(Settings):
@@ -39,7 +39,7 @@ class StopProfile(Settings):
 
     decel_mps2: Annotated[float, Field(gt=0, le=4.0)]  # UN R157 5.3: a minimal-risk manoeuvre stays below 4
     jerk_mps3: Positive
-    final_decel_mps2: Positive  # the least in the last moments
+    final_decel_mps2: Positive  # at the end of the stop
 
 
 class SpeedSettings(Settings):
@@ -70,7 +70,7 @@ class SpeedSettings(Settings):
 
 
 class Target(NamedTuple):
-    """The speed to drive now, and how fast it changes; None: as it turns out."""
+    """The speed to drive now, and its rate of change; None: not known."""
 
     speed_mps: float
     accel_mps2: float | None

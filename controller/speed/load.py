@@ -1,14 +1,13 @@
-"""The load of a hill: what accelerates the car beside its drive and brakes.
+"""Observer of the load: acceleration of the car that its drive and brakes do not explain, such as a hill.
 
     v' = a + d        a' = (demand - a)/τ_a        d' = 0
 
-d = -g·sin θ - rolling and air drag [m/s²], seen by an observer with both poles at ``BANDWIDTH_RADPS``:
+d = -g·sin θ - rolling and air drag [m/s²], estimated by an observer with both poles at ``BANDWIDTH_RADPS``:
 
     v̂' = a + d̂ + 2ω·(v - v̂)        d̂' = ω²·(v - v̂)
 
-Counted into the demand it does what integral action does, but does not wind up while the demand is bounded, and
-does not answer to a new target. Someone else's brake is no hill: an error beyond ``TORN_MPS`` starts the model
-anew.
+Added to the demand it acts as an integral, but without wind-up while the demand is bounded and without response
+to a new target. An error beyond ``TORN_MPS``, as from a driver's brake, resets the model.
 
 Luenberger, An introduction to observers, IEEE TAC 16(6), 1971; Rajamani, Vehicle Dynamics and Control (2012),
 section 4.1 (longitudinal forces).
@@ -19,11 +18,11 @@ import math
 from trepid.bounds import within
 
 BANDWIDTH_RADPS = 1.0
-TORN_MPS = 0.5  # a hill of 20 % that comes at once tears 0.25 m/s
+TORN_MPS = 0.5  # a sudden hill of 20 % gives 0.25 m/s
 
 
 class LoadObserver:
-    """``step`` it with the demand that has acted since the last step."""
+    """Call ``step`` with the demand that has acted since the last step."""
 
     def __init__(self, drive_lag_s: float, *, limit_mps2: float) -> None:
         self.load_mps2 = 0.0  # d̂
@@ -32,7 +31,7 @@ class LoadObserver:
         self._speed_mps: float | None = None  # v̂; None: to be read first
 
     def step(self, demand_mps2: float, *, speed_mps: float, dt_s: float) -> None:
-        """Take in the speed after ``dt_s`` of ``demand_mps2``."""
+        """Update with the speed after ``dt_s`` of ``demand_mps2``."""
         before_mps2 = self.acting_mps2
         keep = math.exp(-dt_s / self._lag_s) if self._lag_s > 0.0 else 0.0
         self.acting_mps2 = demand_mps2 + (before_mps2 - demand_mps2) * keep
@@ -49,9 +48,9 @@ class LoadObserver:
         self.load_mps2 = within(self.load_mps2 + BANDWIDTH_RADPS**2 * dt_s * error, self._limit_mps2)
 
     def standing(self) -> None:
-        """The car stands: a brake that holds moves nothing, and the hill is the one that was there."""
+        """The car stands: the brake holds, and the load stays as estimated."""
         self.acting_mps2, self._speed_mps = 0.0, None
 
     def pause(self) -> None:
-        """What acts is not known."""
+        """The acting demand is not known."""
         self._speed_mps = None

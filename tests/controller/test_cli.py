@@ -36,7 +36,7 @@ def test_without_json_it_prints_a_line_per_angle_and_warns_beyond_the_stop():
         "kinematic_road_wheel_angle_rad",
         "understeer_rad",
     ]
-    assert "cannot turn its wheels that far" in result.stderr
+    assert "larger than the largest road-wheel angle" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_without_json_it_prints_a_line_per_angle_and_warns_beyond_the_stop():
         (["--set", "wheelbase_m=-1"], "greater than 0"),
     ],
 )
-def test_bad_input_is_refused_with_what_is_wrong(arguments, message):
+def test_bad_input_is_refused_with_a_reason(arguments, message):
     given = dict(zip(["--curvature", "--speed"], ["0.1", "5"], strict=True))
     flat = [part for pair in given.items() if pair[0] not in arguments for part in pair]
     error = steer(*flat, *arguments).exception
@@ -59,7 +59,7 @@ def test_bad_input_is_refused_with_what_is_wrong(arguments, message):
     assert message in str(error)
 
 
-def test_the_margins_of_the_steering_loop_are_those_asked_for_at_every_speed():
+def test_the_steering_loop_has_the_demanded_margins_at_every_speed():
     rows = json.loads(CliRunner().invoke(app, ["margins", "--set", "steering_delay_s=0.2", "--json"]).stdout)
     assert [row["speed_mps"] for row in rows] == sorted(row["speed_mps"] for row in rows)
     for row in rows:

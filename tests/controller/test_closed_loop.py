@@ -78,7 +78,7 @@ def test_without_understeer_compensation_the_same_bend_is_missed_by_half_a_metre
     assert worst_m(samples) > 0.5
 
 
-def test_a_slow_steering_that_is_known_is_compensated_better_than_one_that_is_not():
+def test_a_slow_steering_in_the_vehicle_file_is_compensated_better_than_an_unknown_one():
     slow = vehicle(steering_delay_s=0.1, steering_lag_s=0.15)
     start, calm = PlantState(speed_mps=5.5), generous(2.9)
     lateral = calm.lateral.model_copy(update=dict(timing_share=0.0))  # nor is it learned

@@ -60,7 +60,7 @@ def test_while_a_driver_drives_nothing_is_demanded_and_the_hand_over_is_smooth()
     assert abs(one.step(decision(2.0), state(2.0, speed_mps=4.0), now_s=2.0).accel_mps2) < 0.1
 
 
-def test_what_was_lost_while_a_driver_drove_does_not_brake_after_the_hand_over():
+def test_inputs_lost_under_a_driver_do_not_brake_after_the_hand_over():
     """As when processes start one after the other in a car that is driven already."""
     one = controller()
     for n in range(200):
@@ -120,7 +120,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_what_is_missing_old_impossible_or_told_to_stop_brakes_at_once(what):
+def test_missing_old_impossible_inputs_and_mode_stop_brake_at_once(what):
     seen, known = WRONG[what]
     one, now_s, _ = rolling()
     seen = None if seen is None else decision(now_s, **seen)
@@ -295,7 +295,7 @@ def test_a_car_that_loses_its_path_while_it_corrects_stops_along_the_remembered_
     assert abs(offset_m) < 0.2
 
 
-def test_an_emergency_stop_is_made_as_asked_for_also_without_a_path():
+def test_a_demanded_emergency_stop_is_made_also_without_a_path():
     def hardest(stop: Stop) -> float:
         one, now_s, _ = rolling()
         asked = decision(now_s, mode=Mode.STOP, stop=stop, **LOST)

@@ -126,14 +126,14 @@ def test_outliers_of_the_gyroscope_are_borne(weave):
         (dict(speeds_mps=(15.0, 15.5), ratio=16.0, duration_s=30.0), "too little spread of speed in bends"),
     ],
 )
-def test_a_log_that_excites_too_little_is_refused_with_what_is_missing(changes, reason):
+def test_a_log_that_excites_too_little_is_refused_with_a_reason(changes, reason):
     found = identify_understeer(drive(**changes), CAR)
     assert found.refused is not None
     assert reason in found.refused
     assert found.parameters == {}
 
 
-def test_what_is_refused_can_be_had_anyway_and_a_known_ratio_helps():
+def test_anyway_returns_refused_parameters_and_a_known_ratio_narrows_them():
     log = drive(speeds_mps=(15.0, 15.5), ratio=16.0, duration_s=30.0)
     anyway = identify_understeer(log, CAR, anyway=True)
     assert anyway.refused is not None
@@ -152,7 +152,7 @@ def test_without_commands_or_moves_of_them_there_is_no_response(weave):
     assert "the command hardly moves" in identify_response(still, CAR).refused
 
 
-def test_what_the_driver_steers_does_not_count_as_response(weave):
+def test_steering_by_the_driver_is_not_used_as_response(weave):
     """Ten seconds in which the wheels do anything but what was commanded."""
     angle, override = weave.angle_rad.copy(), weave.driver_override.copy()
     angle[2000:3000] = 0.3 * np.sin(np.arange(1000) / 50)
@@ -166,7 +166,7 @@ def test_what_the_driver_steers_does_not_count_as_response(weave):
 # The parts, against independent oracles.
 
 
-def test_the_single_track_settles_as_its_differential_equations_say():
+def test_the_single_track_settles_as_its_differential_equations():
     wheelbase, front, rear = 1.75, 0.0086, 0.005
     t_s = np.arange(0, 20, 0.01)
 
@@ -201,7 +201,7 @@ def test_the_model_of_the_steering_follows_as_the_plant_does(rate_radps):
     assert np.abs(found - angles).max() < (1e-12 if rate_radps == 3.0 else 5e-4)
 
 
-def test_errors_that_last_widen_the_interval_as_theory_says():
+def test_correlated_errors_widen_the_interval_as_in_theory():
     """AR(1) with memory 0.8: the variance of its mean is (1 + 0.8)/(1 - 0.8) = 9 times that of white noise."""
     shocks = np.random.default_rng(1).standard_normal(10000)
     lasting = lfilter([0.6], [1.0, -0.8], shocks)
@@ -280,7 +280,7 @@ def identify(*arguments):
     return CliRunner().invoke(app, ["identify", *map(str, arguments)], standalone_mode=False)
 
 
-def test_a_recording_a_trace_and_a_table_of_one_drive_say_the_same(tmp_path, weave):
+def test_a_recording_a_trace_and_a_table_of_one_drive_give_equal_logs(tmp_path, weave):
     logs = [
         read_log(write_table(tmp_path / "drive.csv", weave)),
         read_log(write_recording(tmp_path / "drive.mcap", weave)),
@@ -371,7 +371,7 @@ def test_a_poor_log_ends_in_exit_code_1_and_one_line_per_reason(tmp_path):
         ("a.txt", "nothing", "expected a recording"),
     ],
 )
-def test_what_is_no_log_is_refused_in_one_line(tmp_path, name, text, message):
+def test_other_files_are_refused_in_one_line(tmp_path, name, text, message):
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as refused:
@@ -387,7 +387,7 @@ def test_a_wrong_renaming_is_refused(tmp_path, weave, text, message):
 
 
 @pytest.mark.skipif(not RAV4.exists(), reason="the minute of CAN data of a RAV4 is not here (TREPID_DATA)")
-def test_the_minute_of_a_real_car_is_refused_and_its_interval_holds_what_is_known_of_it():
+def test_the_minute_of_a_real_car_is_refused_and_its_interval_contains_the_published_value():
     """1.70 deg/g by opendbc; the car turns at 0.2 m/s² only."""
     log = read_log(
         RAV4, {"steering_wheel_angle_deg": "steering_wheel_deg", "yaw_rate_dps": "can_yaw_rate_dps"}

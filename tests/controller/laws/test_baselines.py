@@ -30,7 +30,7 @@ def test_pure_pursuit_from_a_straight_lane_is_the_circle_through_the_goal():
 
 
 @pytest.mark.parametrize("curvature", [0.01, -0.03])
-def test_on_a_circle_pure_pursuit_with_its_rear_and_stanley_with_its_front_axle_ask_for_it(curvature):
+def test_on_a_circle_pure_pursuit_with_its_rear_and_stanley_with_its_front_axle_demand_it(curvature):
     assert asked(LawName.PURE_PURSUIT, curvature=curvature) == pytest.approx(curvature, rel=0.01)
     inside_m = SHUTTLE.wheelbase_m**2 * curvature / 2.0
     assert asked(LawName.STANLEY, offset=inside_m, curvature=curvature) == pytest.approx(curvature, rel=0.01)

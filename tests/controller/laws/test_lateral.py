@@ -29,7 +29,7 @@ def lane(offset_m=0.0, heading_rad=0.0, curvature_1pm=0.0, curvature_rate_1pm2=0
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.05, 0.1, 0.3])
 @pytest.mark.parametrize("speed_mps", [0.0, 1.0, 5.5, 10.0, 30.0])
-def test_the_gains_put_all_three_poles_where_bandwidth_and_damping_say(speed_mps, lag_s):
+def test_the_gains_place_all_three_poles_at_the_bandwidth_and_damping(speed_mps, lag_s):
     gain = gains(speed_mps, lag_s=lag_s, settings=LATERAL)
     speed_mps = max(speed_mps, 0.1)
     lag_m = speed_mps * lag_s
@@ -56,7 +56,7 @@ def curvature_for(one, speed_mps=5.5):
     return path_curvature(one, speed_mps=speed_mps, lag_s=0.1, settings=LATERAL)
 
 
-def test_on_the_centre_of_a_clothoid_the_law_asks_for_the_curvature_one_lag_ahead():
+def test_on_the_centre_of_a_clothoid_the_law_demands_the_curvature_one_lag_ahead():
     assert curvature_for(lane(curvature_1pm=0.02, curvature_rate_1pm2=0.005)) == pytest.approx(
         0.02 + 0.005 * 0.55
     )
@@ -66,7 +66,7 @@ def test_left_of_the_centre_it_steers_right_and_pointing_right_it_steers_left():
     assert curvature_for(lane(offset_m=0.2)) < 0 < curvature_for(lane(heading_rad=-0.02))
 
 
-def test_far_from_the_centre_it_asks_for_no_more_than_the_largest_approach_angle():
+def test_far_from_the_centre_it_demands_at_most_the_largest_approach_angle():
     approach_rad = math.asin(LATERAL.max_approach_mps / 10.0)
     for far in (2.0, 5.0):
         assert curvature_for(lane(offset_m=far, heading_rad=-approach_rad), 10.0) == pytest.approx(
@@ -97,7 +97,7 @@ def test_a_late_path_is_brought_forward_along_the_measured_circle():
     ahead = predictor()
     for n in range(20):
         measured = state(0.01 * n, road_wheel_angle_rad=angle, yaw_rate_radps=5.0 * curvature)
-        ahead.saw(measured, 5.0)
+        ahead.measured(measured, 5.0)
         ahead.commanded(angle, now_s=0.01 * n)
     seen = lane(offset_m=0.1, curvature_1pm=curvature, curvature_rate_1pm2=0.001)
     there = when_steering_acts(ahead, seen, path_t_s=0.05, now_s=0.19)
@@ -112,9 +112,9 @@ def test_a_late_path_is_brought_forward_along_the_measured_circle():
 def test_commands_on_their_way_are_counted_in():
     """A step sent 50 ms ago begins to act in 10 ms: by then + 60 ms the heading has turned with the lag."""
     ahead = predictor(vehicle(understeer_gradient_rad_per_mps2=0.0, max_road_wheel_rate_radps=100.0))
-    ahead.saw(state(0.0), 5.0)
+    ahead.measured(state(0.0), 5.0)
     ahead.commanded(0.1, now_s=0.0)
-    ahead.saw(state(0.05), 5.0)
+    ahead.measured(state(0.05), 5.0)
     there = when_steering_acts(ahead, lane(), path_t_s=0.05, now_s=0.05)
     acting_s, lag_s = 0.05, 0.1
     turned = 5.0 * math.tan(0.1) / 1.75 * (acting_s - lag_s * (1 - math.exp(-acting_s / lag_s)))
@@ -129,15 +129,15 @@ def test_unknown_yaw_rate_and_wheel_angle_are_taken_from_the_model_and_the_comma
         angle = angle_from_curvature(0.05, speed_mps=5.0, vehicle=SHUTTLE)
         blind.commanded(angle, now_s=t)
         seeing.commanded(angle, now_s=t)
-        blind.saw(state(t, road_wheel_angle_rad=None, yaw_rate_radps=None), 5.0)
-        seeing.saw(state(t, road_wheel_angle_rad=angle, yaw_rate_radps=rate), 5.0)
+        blind.measured(state(t, road_wheel_angle_rad=None, yaw_rate_radps=None), 5.0)
+        seeing.measured(state(t, road_wheel_angle_rad=angle, yaw_rate_radps=rate), 5.0)
     ends = [when_steering_acts(p, lane(), path_t_s=0.0, now_s=0.09) for p in (blind, seeing)]
     assert ends[0].heading_rad == pytest.approx(ends[1].heading_rad, abs=1e-9)
 
 
 def test_a_state_older_than_the_newest_changes_nothing():
     ahead = predictor()
-    ahead.saw(state(0.1), 5.0)
+    ahead.measured(state(0.1), 5.0)
     before = when_steering_acts(ahead, lane(heading_rad=0.1), path_t_s=0.1, now_s=0.1)
-    ahead.saw(state(0.05, road_wheel_angle_rad=0.3, yaw_rate_radps=3.0), 9.0)
+    ahead.measured(state(0.05, road_wheel_angle_rad=0.3, yaw_rate_radps=3.0), 9.0)
     assert when_steering_acts(ahead, lane(heading_rad=0.1), path_t_s=0.1, now_s=0.1) == before

@@ -50,11 +50,11 @@ def test_the_law_is_mirror_symmetric(offset, heading, curvature, rate, path, whe
     assert math.isfinite(left)
 
 
-def test_on_the_centre_of_a_bend_it_asks_for_the_bend():
+def test_on_the_centre_of_a_bend_it_demands_the_bend():
     assert law().curvature(acting(curvature=0.02, path=0.02, wheel=0.02), dt_s=0.02) == pytest.approx(0.02)
 
 
-def test_on_a_clothoid_it_asks_for_the_curvature_one_lag_ahead():
+def test_on_a_clothoid_it_demands_the_curvature_one_lag_ahead():
     car = vehicle(steering_lag_s=0.2)
     asked = law(car).curvature(acting(curvature=0.02, rate=0.001, path=0.02, wheel=0.02), dt_s=0.02)
     assert asked == pytest.approx(0.02 + 0.001 * 10.0 * 0.2)
@@ -81,7 +81,7 @@ def test_far_from_the_centre_nothing_winds_up():
     assert later == first
 
 
-def test_far_from_the_centre_it_asks_for_no_more_than_the_largest_approach_angle():
+def test_far_from_the_centre_it_demands_at_most_the_largest_approach_angle():
     approach_rad = math.asin(LQI.max_approach_mps / 10.0)
     for far in (5.0, 7.0):
         asked = law().curvature(acting(offset=far, heading=-approach_rad), dt_s=0.0)

@@ -36,7 +36,7 @@ def test_the_gains_solve_the_riccati_equation_of_the_cost(speed_mps, dead_s, ste
 
 @settings(max_examples=8, deadline=None)
 @given(st.floats(0.5, 40.0), lag, lag, lag)
-def test_every_design_has_the_margins_asked_for(speed_mps, dead_s, steering_s, tyres_s):
+def test_every_design_has_the_demanded_margins(speed_mps, dead_s, steering_s, tyres_s):
     lags = Lags(dead_s, steering_s, tyres_s).noticeable()
     found = design(speed_mps, lags, LQI).margins
     assert found.gain_db >= NEED.gain_db
@@ -77,7 +77,7 @@ def test_margins_of_a_double_integrator_with_lead_are_those_in_the_textbook():
     assert found.delay_s == pytest.approx(math.atan(2.0 * crossing) / crossing, rel=1e-3)
 
 
-def test_the_disk_margin_lies_within_what_the_classical_margins_allow():
+def test_the_disk_margin_is_at_most_that_of_the_phase_margin():
     lags = Lags(0.3, 0.2, 0.0)
     found = design(10.0, lags, LQI)
     alpha = disk_margin(found, lags)

@@ -33,7 +33,7 @@ def test_a_stored_schedule_is_the_computed_one_without_computing(folder, monkeyp
     assert again() == computed
 
 
-def test_another_vehicle_or_setting_is_computed_anew(folder):
+def test_another_vehicle_or_setting_is_computed_again(folder):
     schedule(LAGS, LQI)
     schedule((Lags(0.06, 0.1, 0.0),) * len(SPEEDS_MPS), LQI)
     schedule(LAGS, LQI.model_copy(update=dict(damping=1.5)))
@@ -43,7 +43,7 @@ def test_another_vehicle_or_setting_is_computed_anew(folder):
 @pytest.mark.parametrize(
     "damage", ["", "{", "[]", "[[1, 2]]", "null", '"text"', "[[0.5, NaN, [1,2,3,4,5], [1,2,3]]]"]
 )
-def test_a_damaged_file_is_computed_anew(folder, damage):
+def test_a_damaged_file_is_computed_again(folder, damage):
     computed = schedule(LAGS, LQI)
     (file,) = folder.iterdir()
     file.write_text(damage)

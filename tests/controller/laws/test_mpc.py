@@ -171,7 +171,7 @@ def test_the_cost_to_go_solves_the_riccati_equation(quickness):
     assert (into.T @ terminal / price)[0] == pytest.approx(grid.gains())
 
 
-def test_without_limits_and_lag_the_plan_is_that_of_the_poles_asked_for():
+def test_without_limits_and_lag_the_plan_is_that_of_the_demanded_poles():
     grid = Grid(stages=60, h=0.1, quickness=0.5)
     free = CALM._replace(
         offset_m=0.1,
@@ -243,7 +243,7 @@ def test_braking_in_a_bend_leaves_less_of_the_jerk_to_the_wheel():
 @pytest.mark.parametrize(
     "seen", [acting(heading=1.1), acting(speed=-2.0), acting(offset=4.0, curvature=0.25), acting(offset=30.0)]
 )
-def test_outside_the_model_the_fallback_answers_in_the_same_call(seen):
+def test_outside_the_model_the_fallback_steers_in_the_same_call(seen):
     mpc = law()
     mpc.curvature(acting(offset=0.1), dt_s=DT_S)
     assert mpc.curvature(seen, dt_s=DT_S) == lqi(MPC, SHUTTLE).curvature(seen, dt_s=DT_S)
@@ -251,7 +251,7 @@ def test_outside_the_model_the_fallback_answers_in_the_same_call(seen):
 
 
 @pytest.mark.parametrize("seen", [acting(offset=math.nan), acting(speed=math.inf), acting(turning=-math.inf)])
-def test_where_there_are_no_numbers_the_last_command_stays(seen):
+def test_without_finite_inputs_the_last_command_is_held(seen):
     mpc = law()
     asked = [mpc.curvature(acting(offset=0.3), dt_s=DT_S) for _ in range(3)]
     assert mpc.curvature(seen, dt_s=DT_S) == asked[-1] != 0.0
@@ -281,7 +281,7 @@ def test_a_failed_solution_is_never_used_and_leaves_nothing_behind(status, value
     assert mpc.doing == "falling back: no solution"
     assert asked == lqi(MPC, SHUTTLE).curvature(seen, dt_s=DT_S)
     fresh.release()
-    fresh._asked_1pm = asked
+    fresh._demand_1pm = asked
     assert mpc.curvature(seen, dt_s=DT_S) == fresh.curvature(seen, dt_s=DT_S)
     assert mpc.doing == "planning"
 

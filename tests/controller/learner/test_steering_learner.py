@@ -94,7 +94,7 @@ def test_on_a_straight_with_noise_the_understeer_stays_where_it_is():
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_bank_reads_as_an_offset_and_is_forgotten_within_three_seconds(sign):
+def test_bank_reads_as_an_offset_that_vanishes_within_three_seconds_after_it(sign):
     plant = build_plant(PlantSettings(bank_rad=sign * 0.06), CAR)
     angle_rad = plant.steady_angle_rad(0.0, 15.0)
     one = learner()
@@ -107,7 +107,7 @@ def test_bank_reads_as_an_offset_and_is_forgotten_within_three_seconds(sign):
 
 
 @pytest.mark.parametrize("speed_mps", [5.0, 10.0, 20.0])
-def test_yaw_lags_a_ramp_of_the_wheels_by_what_the_tyres_make_of_it(speed_mps):
+def test_yaw_lags_a_ramp_of_the_wheels_by_the_lag_of_the_tyres(speed_mps):
     """Against the two axles of controller/model/tyres.py, integrated."""
     rear, wheelbase_m = 0.0051, CAR.wheelbase_m
     front = rear + GRADIENT
@@ -124,7 +124,7 @@ def test_yaw_lags_a_ramp_of_the_wheels_by_what_the_tyres_make_of_it(speed_mps):
     assert yaw_lag_s(CAR, speed_mps) == 0.0
 
 
-def test_what_a_driver_steers_teaches_as_much():
+def test_steering_by_a_driver_gives_the_same_estimates():
     one = learner()
     for n in range(200):
         one.step(moving(n * 0.02, 10.0, -0.0087, 0.0, driver_override=True))
@@ -149,7 +149,7 @@ def test_where_the_relation_does_not_hold_nothing_is_learned(changes):
     assert (one.offset_rad, one.understeer) == (0.0, GRADIENT)
 
 
-def test_yaw_that_changes_quickly_teaches_nothing():
+def test_a_high_yaw_acceleration_holds_the_estimates():
     one = learner()
     for n in range(200):
         one.step(moving(n * 0.02, 5.0, 0.03, 0.6 * math.copysign(1.0, math.sin(n * 0.3))))
@@ -172,7 +172,7 @@ def test_the_corrected_state_is_that_of_the_tyres_and_the_command_undoes_it():
     assert one.command_rad(seen.road_wheel_angle_rad) == pytest.approx(truth - 0.01, abs=1e-12)
 
 
-def test_mirrored_states_teach_mirrored_numbers():
+def test_mirrored_states_give_mirrored_estimates():
     log = weave(offset_rad=0.006, duration_s=25.0)
     one, other = learner(), learner()
     for t, v, angle, rate in zip(log.t_s, log.speed_mps, log.angle_rad, log.yaw_rate_radps, strict=True):
@@ -191,7 +191,7 @@ def test_mirrored_states_teach_mirrored_numbers():
     ),
     st.sampled_from([0.0, 0.00356, -0.0005]),
 )
-def test_whatever_it_is_shown_it_stays_within_its_bounds_and_its_jerk(states, gradient):
+def test_estimates_stay_within_their_bounds_and_jerk_for_any_input(states, gradient):
     car = vehicle(understeer_gradient_rad_per_mps2=gradient)
     one, t_s = learner(car), 0.0
     span = max(LEARNING.understeer_share * abs(gradient), LEARNING.understeer_span)
@@ -216,7 +216,7 @@ def test_whatever_it_is_shown_it_stays_within_its_bounds_and_its_jerk(states, gr
     st.floats(0.7, 1.3),
     st.sampled_from([Model.KINEMATIC, Model.SINGLE_TRACK]),
 )
-def test_the_loop_with_learning_settles_whatever_the_car_is(speed_mps, offset_rad, share, model):
+def test_the_loop_with_learning_settles_for_any_car(speed_mps, offset_rad, share, model):
     """Amplitude of the last two seconds on a straight, started 0.3 m off: no oscillation is left."""
     real = PlantSettings(
         model=model,

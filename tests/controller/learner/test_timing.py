@@ -27,7 +27,7 @@ def learned(real, seconds=6.0, share=0.6, noise_rad=0.0, sensor_rad=0.0, angle=w
     for n, disturbance in enumerate(noise):
         now_s = 0.01 * n
         seen_rad = car.road_wheel_angle_rad + sensor_rad + disturbance
-        timing.saw(state(now_s, road_wheel_angle_rad=seen_rad, driver_override=driver))
+        timing.measured(state(now_s, road_wheel_angle_rad=seen_rad, driver_override=driver))
         if n % 2 == 0:
             asked = angle(now_s)
             timing.commanded(asked, now_s=now_s)
@@ -35,19 +35,19 @@ def learned(real, seconds=6.0, share=0.6, noise_rad=0.0, sensor_rad=0.0, angle=w
     return timing.late_s
 
 
-def test_a_steering_that_is_as_its_file_says_is_on_time():
+def test_a_steering_as_in_the_vehicle_file_has_no_extra_delay():
     assert learned(BELIEVED) == pytest.approx(0.0, abs=0.002)
 
 
 @settings(max_examples=10, deadline=None)
 @given(st.floats(-0.08, 0.08), st.floats(-0.03, 0.03))
-def test_the_sum_of_what_dead_time_and_lag_are_longer_is_learned(delay_s, lag_s):
+def test_the_sum_of_the_extra_dead_time_and_lag_is_learned(delay_s, lag_s):
     real = vehicle(steering_delay_s=0.1 + delay_s, steering_lag_s=0.1 + lag_s)
     assert learned(real) == pytest.approx(delay_s + lag_s, abs=0.012)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_noise_and_a_sensor_that_stands_askew_hardly_matter(seed):
+def test_noise_and_an_offset_of_the_sensor_change_the_estimate_little(seed):
     real = vehicle(steering_delay_s=0.15, steering_lag_s=0.1)
     late_s = learned(real, noise_rad=0.0005, sensor_rad=0.01, seed=seed)
     assert late_s == pytest.approx(0.05, abs=0.015)
@@ -65,18 +65,18 @@ def test_it_stays_within_its_share():
     assert learned(vehicle(steering_delay_s=0.5), share=0.0) == 0.0
 
 
-def test_the_mirrored_drive_teaches_the_same():
+def test_the_mirrored_drive_gives_the_same_estimate():
     real = vehicle(steering_delay_s=0.15)
     assert learned(real) == learned(real, angle=lambda t_s: weave(t_s, -1.0))
 
 
-def test_a_straight_road_and_a_driver_teach_nothing():
+def test_a_straight_road_and_a_driver_leave_the_estimate_at_zero():
     real = vehicle(steering_delay_s=0.15)
     assert learned(real, angle=lambda _: 0.0) == 0.0
     assert learned(real, driver=True) == 0.0
 
 
-def test_what_was_learned_outlives_a_straight_road():
+def test_a_straight_road_keeps_the_estimate():
     real = vehicle(steering_delay_s=0.15)
     then_straight = learned(real, seconds=120.0, angle=lambda t_s: weave(t_s) if t_s < 6.0 else 0.0)
     assert then_straight == pytest.approx(0.05, abs=0.02)
@@ -85,5 +85,5 @@ def test_what_was_learned_outlives_a_straight_road():
 def test_a_state_without_a_wheel_angle_or_from_the_past_changes_nothing():
     timing = SteeringTiming(BELIEVED, delay_s=0.1, share=0.5)
     for t_s, angle_rad in ((0.0, 0.1), (0.01, None), (-1.0, 0.3), (0.02, 0.1)):
-        timing.saw(state(t_s, road_wheel_angle_rad=angle_rad))
+        timing.measured(state(t_s, road_wheel_angle_rad=angle_rad))
     assert timing.late_s == 0.0

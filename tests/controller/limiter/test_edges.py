@@ -33,7 +33,7 @@ def test_at_first_nothing_is_stopped_handed_over_or_saturated():
     assert one.step(None, None, None, now_s=0.0).road_wheel_angle_rad == 0.0
 
 
-def test_what_was_found_is_told_upward_and_the_rest_of_the_state_stays():
+def test_the_report_carries_override_and_saturation_and_keeps_the_rest_of_the_state():
     one, told = limiter(EXACT), state(3.0, speed_mps=7.0, driver_torque_nm=0.5)
     stepped(one, 0.0)
     assert one.report(told) == state(3.0, speed_mps=7.0, driver_torque_nm=0.5, saturated=False)
@@ -95,7 +95,7 @@ def test_a_drive_without_lag_follows_at_once_and_with_no_time_not_at_all():
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_what_a_car_turns_more_than_its_wheels_say_is_taken_off_that_side_alone(sign):
+def test_the_excess_of_the_yaw_rate_narrows_its_own_side_only(sign):
     yaw_rate_radps = sign * 0.02
     excess = Excess(TURN, ANY_JERK)
     excess.step(seen(speed_mps=10.0, yaw_rate_radps=yaw_rate_radps), 0.0)
@@ -180,7 +180,7 @@ def test_when_the_driver_takes_over_drive_and_brake_fade_and_the_command_stays_t
     assert stepped(limiter(EXACT), 0.0, accel=1.0, driver_override=True).accel_mps2 == 0.0
 
 
-def test_the_driver_ends_a_stop_and_what_was_cut_is_forgotten():
+def test_the_driver_ends_a_stop_and_the_count_of_cuts_falls():
     one = limiter(EXACT)
     for n in range(80):
         stepped(one, n / 64, wanted=0.5)

@@ -58,9 +58,7 @@ moves = st.tuples(
 
 @settings(max_examples=200)
 @given(st.floats(-0.55, 0.55), st.lists(moves, min_size=1, max_size=12))
-def test_whatever_the_speed_does_the_wheel_is_within_its_limits_and_goes_towards_less_acceleration(
-    start_rad, scenes
-):
+def test_for_any_speed_the_wheel_is_within_its_limits_and_moves_towards_less_acceleration(start_rad, scenes):
     one, now_s = limiter(), 0.0
     last = one.step(
         command(road_wheel_angle_rad=start_rad), 0.0, state(road_wheel_angle_rad=start_rad), now_s=0.0
@@ -272,7 +270,7 @@ def test_a_command_with_an_impossible_arrival_stops_the_car(received_s):
     ],
     ids=str,
 )
-def test_without_a_good_state_it_brakes_holds_the_wheel_and_after_a_while_stops(known):
+def test_without_a_plausible_state_it_brakes_holds_the_wheel_and_after_a_while_stops(known):
     one = limiter()
     angle, now_s = turning(one)
     out = []
@@ -319,7 +317,7 @@ def test_the_driver_ends_a_stop():
     assert not one.stopping
 
 
-def test_an_override_in_a_state_that_is_not_good_is_not_believed():
+def test_an_override_in_an_implausible_state_is_ignored():
     one = limiter()
     out = one.step(command(accel_mps2=1.0), 0.0, state(speed_mps=None, driver_override=True), now_s=0.0)
     assert out.accel_mps2 < 0.0

@@ -115,13 +115,13 @@ def test_opendbc_rejects_nothing_that_the_limiter_passes_at_its_limits(safety, n
     assert sum(rejections(safety, limited(car), car=car, seed=seed) for seed in range(12)) == 0
 
 
-def test_opendbc_rejects_what_is_not_limited_or_a_fifth_beyond(safety):
+def test_opendbc_rejects_unlimited_commands_and_commands_a_fifth_beyond(safety):
     """Otherwise the test above would say nothing."""
     bare = sum(rejections(safety, lambda w, v, a, t: (w, a), car=SHUTTLE, seed=seed) for seed in range(5))
     assert bare > 100
     assert sum(rejections(safety, limited(SHUTTLE, 1.2), car=SHUTTLE, seed=seed) for seed in range(10)) > 100
 
 
-def test_the_shipped_limiter_asks_for_no_more_than_iso_and_less_than_opendbc_allows_in_acceleration():
+def test_the_shipped_limits_are_within_iso_and_below_the_acceleration_of_opendbc():
     assert SHIPPED.lateral_accel_share * SHIPPED.lateral_accel_mps2 < THEIRS
     assert SHIPPED.lateral_jerk_share * SHIPPED.lateral_jerk_mps3 < SHIPPED.lateral_jerk_mps3

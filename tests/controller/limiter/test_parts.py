@@ -12,7 +12,7 @@ from limiter_rig import DT_S, EXACT, SHUTTLE, command, seen, state, vehicle
 
 import controller.limiter
 from controller.limiter.excess import FILTER_S, LEAD_S, Excess
-from controller.limiter.inputs import COUNTED, Arrivals, believed, fresh, is_finite
+from controller.limiter.inputs import COUNTED, Arrivals, fresh, is_finite, plausible_state
 from controller.limiter.interval import clip, inside, narrow
 from controller.limiter.override import DriverWatch
 from controller.limiter.saturation import SaturationWatch
@@ -138,7 +138,7 @@ def test_a_stamp_is_fresh_from_a_little_ahead_to_its_timeout(t_s, good):
     assert fresh(t_s, 10.0, 0.25, EXACT) is good
 
 
-def test_a_good_state_is_believed_as_it_is():
+def test_a_plausible_state_is_used_unchanged():
     full = state(
         1.0,
         speed_mps=-4.0,
@@ -147,10 +147,10 @@ def test_a_good_state_is_believed_as_it_is():
         driver_torque_nm=-1.0,
         driver_override=True,
     )
-    assert believed(full, 1.0, EXACT) == seen(
+    assert plausible_state(full, 1.0, EXACT) == seen(
         speed_mps=4.0, wheel_rad=0.1, driver=True, torque_nm=-1.0, yaw_rate_radps=0.2
     )
-    assert believed(state(1.0), 1.0, EXACT) == seen()
+    assert plausible_state(state(1.0), 1.0, EXACT) == seen()
 
 
 @pytest.mark.parametrize(
@@ -173,12 +173,12 @@ def test_a_good_state_is_believed_as_it_is():
     ],
     ids=str,
 )
-def test_a_state_is_believed_when_it_is_fresh_and_plausible_in_all_it_says(changes, good):
-    assert (believed(replace(state(1.0), **changes), 1.0, EXACT) is not None) is good
+def test_a_state_is_used_when_it_is_fresh_and_plausible(changes, good):
+    assert (plausible_state(replace(state(1.0), **changes), 1.0, EXACT) is not None) is good
 
 
-def test_no_state_is_not_believed():
-    assert believed(None, 1.0, EXACT) is None
+def test_a_missing_state_is_none():
+    assert plausible_state(None, 1.0, EXACT) is None
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_eight_commands_that_never_arrived_count_for_nothing():
 # --- the excess of yaw
 
 
-def test_a_car_that_yaws_as_its_wheels_say_has_no_excess():
+def test_a_car_in_a_steady_turn_has_no_excess():
     turn = SteadyTurn(SHUTTLE)
     excess = Excess(turn, EXACT)
     for speed_mps, wheel_rad in ((5.0, 0.1), (20.0, -0.01), (0.0, 0.3)):
@@ -240,7 +240,7 @@ def test_the_excess_is_filtered_led_and_bounded():
     assert excess.step(seen(speed_mps=4.0, yaw_rate_radps=-9.0), 0.025) == -1.5
 
 
-def test_without_a_yaw_rate_there_is_no_excess_and_the_past_is_forgotten():
+def test_without_a_yaw_rate_there_is_no_excess_and_the_filter_is_reset():
     one, fresh_one = Excess(SteadyTurn(SHUTTLE), EXACT), Excess(SteadyTurn(SHUTTLE), EXACT)
     known = seen(speed_mps=4.0, yaw_rate_radps=0.1)
     one.step(known, 0.025)
@@ -259,7 +259,7 @@ def watch(**changes):
     return one
 
 
-def test_the_driver_has_the_car_while_the_vehicle_says_so():
+def test_the_driver_has_the_car_while_the_vehicle_reports_it():
     one = watch()
     assert one.step(seen(driver=True), 1.0)
     assert not one.step(seen(), 1.0)
@@ -274,7 +274,7 @@ def test_the_driver_has_the_car_at_once_by_torque_and_for_a_while_after(torque_n
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_wheel_that_stays_where_nobody_sent_it_is_held_by_the_driver(sign):
+def test_a_wheel_that_stays_outside_all_demands_is_held_by_the_driver(sign):
     one, odd = watch(), seen(wheel_rad=sign * 0.04)
     for n in range(4):
         one.demanded(0.0, n / 16)
@@ -288,7 +288,7 @@ def test_on_the_edge_of_the_tolerance_it_is_explained(sign):
     assert not any(one.step(edge, n / 16) for n in range(50))
 
 
-def test_a_moment_where_it_was_sent_begins_the_count_anew():
+def test_a_moment_within_the_demands_restarts_the_count():
     one, odd = watch(), seen(wheel_rad=0.04)
     assert not one.step(odd, 0.1875)
     assert not one.step(seen(), 0.25)
@@ -303,7 +303,7 @@ def test_a_standing_car_with_its_wheel_turned_is_not_held_by_anyone():
         assert any(out) is held
 
 
-def test_a_wheel_never_seen_where_it_was_sent_proves_nothing():
+def test_a_wheel_never_within_the_demands_is_no_override():
     one = DriverWatch(SHUTTLE, EXACT)
     one.demanded(0.0, 0.0)
     assert not any(one.step(seen(wheel_rad=0.3), n / 16) for n in range(50))
@@ -364,7 +364,7 @@ def saturated_after(seconds, *, wanted_rad=0.0, given_rad=0.0, speed_mps=10.0, c
     return one
 
 
-def test_a_demand_cut_for_long_enough_saturates_and_is_forgotten_at_the_same_pace():
+def test_a_demand_cut_for_long_enough_saturates_and_recovers_at_the_same_pace():
     cut = dict(wanted_rad=0.1, given_rad=0.0)
     assert not saturated_after(0.4375, **cut).saturated
     one = saturated_after(5.0, **cut)
@@ -384,7 +384,7 @@ def test_a_car_that_was_calm_for_long_saturates_no_later():
 
 
 @pytest.mark.parametrize("share,cut", [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True)])
-def test_what_is_cut_is_measured_in_lateral_acceleration(share, cut):
+def test_the_cut_is_measured_in_lateral_acceleration(share, cut):
     """a_y = v²·δ/(L + K·v²) with v = 10 m/s: 100/(1.75 + 0.356) per radian."""
     edge_rad = 0.25 * (1.75 + 0.356) / 100.0
     assert saturated_after(1.0, wanted_rad=0.01 + share * edge_rad, given_rad=0.01).saturated is cut
@@ -398,7 +398,7 @@ def test_exactly_the_tolerance_is_not_cut():
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_who_asks_for_the_greatest_angle_has_cut_it_already(sign):
+def test_a_demand_of_the_largest_angle_counts_as_cut(sign):
     for wanted_rad, cut in ((0.55, True), (0.549, False)):
         one = saturated_after(1.0, wanted_rad=sign * wanted_rad, given_rad=sign * wanted_rad)
         assert one.saturated is cut

@@ -58,7 +58,7 @@ def random_calls(seed, calls):
 
 @pytest.mark.proof
 @pytest.mark.parametrize("part", range(PARTS))
-def test_the_feasible_interval_is_never_empty_whatever_comes(monkeypatch, part):
+def test_the_feasible_interval_is_never_empty_for_any_input(monkeypatch, part):
     """A part takes about ten seconds; ``-k "[7]"`` runs one, ``--lf`` those that failed."""
     monkeypatch.setattr(controller.limiter.limiter, "narrow", checked)
     hold_for_any_call(part, CALLS // PARTS)

@@ -40,7 +40,7 @@ def test_they_settle_on_the_steady_turn_with_the_rear_axle_adrift(speed_mps, whe
 
 
 @pytest.mark.parametrize("speed_mps", [5.0, 10.0, 20.0, 30.0])
-def test_the_path_lags_a_ramp_of_the_wheel_as_the_closed_form_says(speed_mps):
+def test_the_path_lags_a_ramp_of_the_wheel_as_in_the_closed_form(speed_mps):
     """Along the middle of a slow ramp on the plant with tyres, which knows nothing of our formula."""
     plant, rate_radps, h = SingleTrackPlant(CAR), 0.002, 0.001
     tyres, car, seconds = Tyres(CAR), SingleTrackPlant(CAR).initial(speed_mps=speed_mps), 2.0
@@ -95,7 +95,7 @@ def test_the_prediction_moves_along_the_course():
         measured = state(
             t_s, speed_mps=speed_mps, road_wheel_angle_rad=wheel_rad, yaw_rate_radps=speed_mps * bend_1pm
         )
-        ahead.saw(measured, speed_mps)
+        ahead.measured(measured, speed_mps)
         ahead.commanded(wheel_rad, now_s=t_s)
     lane, valid_s = ahead.at_last_state(Lane(0.0, -drift_rad, bend_1pm, 0.0, 20.0), valid_s=0.0)
     assert lane.offset_m == pytest.approx(0.0, abs=1e-4)

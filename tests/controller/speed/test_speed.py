@@ -250,7 +250,7 @@ def test_behind_a_leader_that_brakes_to_a_stop_it_stops_in_time(brakes_mps2):
 
 
 @given(st.lists(st.tuples(st.floats(0, 30), st.floats(0, 30)), min_size=2, max_size=30))
-def test_what_is_wanted_never_changes_faster_than_its_jerk(targets):
+def test_the_demand_never_changes_faster_than_its_jerk(targets):
     control = speed_control()
     last = control.accel_mps2
     for cap_mps, speed_mps in targets:
@@ -321,7 +321,7 @@ def test_a_brake_that_is_someone_else_s_is_no_hill():
     assert abs(observer.load_mps2) <= 0.05
 
 
-def test_an_unknown_speed_brakes_without_end():
+def test_without_a_speed_the_brake_stays_applied():
     control = speed_control()
     for _ in range(100):
         demand = control.stop(Stop.COMFORT, speed_mps=None, dt_s=DT_S)
