@@ -1,1 +1,1 @@
-"""Calibration of the camera, its mounting, and image statistics."""
+"""Calibration of the lens and the mounting of a camera, self-calibration, image statistics."""

@@ -1,7 +1,7 @@
-"""Intrinsics and lens distortion of a camera from pictures of a chessboard.
+"""Intrinsics and lens distortion of a camera from images of a chessboard.
 
-Zhang, A Flexible New Technique for Camera Calibration, IEEE PAMI 22(11), 2000; corners as Duda and Frese, Accurate
-Detection and Localization of Checkerboard Corners for Calibration, BMVC 2018, both through OpenCV.
+Zhang, A Flexible New Technique for Camera Calibration, IEEE PAMI 22(11), 2000; corners as Duda and Frese,
+Accurate Detection and Localization of Checkerboard Corners for Calibration, BMVC 2018, both through OpenCV.
 """
 
 from collections import Counter
@@ -11,41 +11,42 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from perception.camera.grey import grey
 from trepid.config import InputError
 from trepid.types import Array, Image
 
-LEAST_BOARDS = 6  # three suffice for exact corners; each further one halves what one bad board can do
-LEAST_TILT_RAD = np.radians(
-    10.0
-)  # between two boards: parallel ones say nothing about the focal length (section 4)
-LEAST_COVER = 0.25  # share of the picture: where no corner was, distortion is a guess
-MOST_FOCAL_DOUBT = 0.01  # standard deviation of the focal length over itself
+MIN_BOARDS = 6  # three suffice for exact corners; more reduce the effect of a bad one
+MIN_TILT_RAD = float(
+    np.radians(10.0)
+)  # between two boards; parallel ones leave the focal length open (section 4)
+MIN_COVER = 0.25  # share of the image with corners; elsewhere the distortion is extrapolated
+MAX_FOCAL_SIGMA = 0.01  # standard deviation of the focal length over itself
 OUTLIER, OUTLIER_PX = (
     3.0,
     1.0,
-)  # a board whose corners fit worse than the median of the boards, and than a pixel
-SURE = 2.0  # standard deviations that a term of the distortion must be from nothing
-CELLS = 8  # into which the picture is divided, along each side, to see what is covered
+)  # rms of the corners of an outlier: over the median of the boards, and at least
+SIGNIFICANT = 2.0  # standard deviations of a distortion term from 0
+CELLS = 8  # along each side of the image, to measure the cover
 
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """What the boards say of a camera."""
+    """A calibrated lens."""
 
     size_px: tuple[int, int]  # width, height
     matrix: Array  # K, shape (3, 3)
-    distortion: tuple[float, ...]  # k1 k2 p1 p2 k3; terms that are not there are 0
+    distortion: tuple[float, ...]  # k1 k2 p1 p2 k3; 0 for terms that were not estimated
     reprojection_px: float  # root mean square over all corners
-    focal_doubt: float  # standard deviation of f over f
-    cover: float  # share of the picture with corners
-    boards: tuple[str, ...]  # names of the pictures used
-    left_out: Mapping[str, str]  # name of a picture and why it is not used
+    focal_doubt: float  # relative standard deviation of the focal length
+    cover: float  # share of the image with corners
+    boards: tuple[str, ...]  # names of the images used
+    left_out: Mapping[str, str]  # reason by the name of each image that was not used
 
 
 def intrinsics(pictures: Mapping[str, Image], corners: tuple[int, int]) -> Intrinsics:
-    """The camera that took ``pictures`` of a board with ``corners`` inner corners (columns, rows).
+    """The lens that took ``pictures`` of a board with ``corners`` inner corners (columns, rows).
 
-    Raises InputError that says what is missing: too few boards, all alike, too little of the picture covered.
+    Raises InputError with the reason: too few boards, too similar boards, too little of the image covered.
     """
     found, left_out = _boards(pictures, corners)
     _enough(found, left_out, corners)
@@ -73,7 +74,7 @@ def intrinsics(pictures: Mapping[str, Image], corners: tuple[int, int]) -> Intri
 def _boards(
     pictures: Mapping[str, Image], corners: tuple[int, int]
 ) -> tuple[dict[str, Array], dict[str, str]]:
-    """Corners, shape (n, 2), by the name of the picture, and why the others are left out."""
+    """Corners, shape (n, 2), by the name of the image, and the reason for each image left out."""
     usual = Counter(_size(image) for image in pictures.values()).most_common(1)
     found: dict[str, Array] = {}
     left_out: dict[str, str] = {}
@@ -81,7 +82,7 @@ def _boards(
         if _size(image) != usual[0][0]:
             left_out[name] = "of {} x {} px, the others of {} x {}".format(*_size(image), *usual[0][0])
             continue
-        seen, points = cv2.findChessboardCornersSB(_grey(image), corners, flags=cv2.CALIB_CB_ACCURACY)
+        seen, points = cv2.findChessboardCornersSB(grey(image), corners, flags=cv2.CALIB_CB_ACCURACY)
         if seen:
             found[name] = np.asarray(points, np.float64).reshape(-1, 2)
         else:
@@ -90,18 +91,18 @@ def _boards(
 
 
 def _enough(found: Mapping[str, Array], left_out: Mapping[str, str], corners: tuple[int, int]) -> None:
-    if len(found) >= LEAST_BOARDS:
+    if len(found) >= MIN_BOARDS:
         return
     why = f"; {next(iter(left_out))}: {next(iter(left_out.values()))}" if left_out else ""
     board = "{} x {}".format(*corners)
     raise InputError(
-        f"{len(found)} usable pictures of a board with {board} inner corners, {LEAST_BOARDS} expected{why}"
+        f"{len(found)} usable pictures of a board with {board} inner corners, {MIN_BOARDS} expected{why}"
     )
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """A calibration and what speaks for it."""
+    """A calibration with its accuracy."""
 
     matrix: Array
     distortion: Array  # (5,)
@@ -113,37 +114,37 @@ class _Fit:
 
     @property
     def focal_doubt(self) -> float:
-        """Standard deviation of f over f."""
+        """Relative standard deviation of the focal length."""
         return float(max(self.doubts[0] / self.matrix[0, 0], self.doubts[1] / self.matrix[1, 1]))
 
     def outliers(self) -> dict[str, float]:
-        """Boards that fit much worse than the others, and how far their corners are off [px]."""
+        """Rms error of the corners [px] of the boards that fit much worse than the others."""
         limit_px = max(OUTLIER * float(np.median(list(self.board_rms_px.values()))), OUTLIER_PX)
         return {name: error for name, error in self.board_rms_px.items() if error > limit_px}
 
     def check(self) -> None:
-        """Raises InputError when the boards are too alike to tell the camera."""
+        """Raises InputError when the boards do not determine the camera."""
         cosines = np.clip(self.normals @ self.normals.T, -1, 1)
         tilt_rad = float(np.arccos(np.abs(cosines)).max())
-        if tilt_rad < LEAST_TILT_RAD:
-            most, least = np.degrees(tilt_rad), np.degrees(LEAST_TILT_RAD)
+        if tilt_rad < MIN_TILT_RAD:
+            most, least = np.degrees(tilt_rad), np.degrees(MIN_TILT_RAD)
             raise InputError(
                 f"the boards are too alike: tilted by {most:.1f}° at most, {least:.0f}° expected"
             )
-        if self.cover < LEAST_COVER:
+        if self.cover < MIN_COVER:
             raise InputError(
-                f"the boards cover {100 * self.cover:.0f} % of the picture, {100 * LEAST_COVER:.0f} % expected:"
+                f"the boards cover {100 * self.cover:.0f} % of the image, {100 * MIN_COVER:.0f} % expected:"
                 " hold the board near its borders too"
             )
-        if self.focal_doubt > MOST_FOCAL_DOUBT:
+        if self.focal_doubt > MAX_FOCAL_SIGMA:
             raise InputError(
-                f"the boards are too alike: they leave a doubt of {100 * self.focal_doubt:.1f} % in the focal"
-                f" length, {100 * MOST_FOCAL_DOUBT:.0f} % allowed; tilt the board more, or take more pictures"
+                f"the boards are too alike: the focal length is uncertain by {100 * self.focal_doubt:.1f} %,"
+                f" {100 * MAX_FOCAL_SIGMA:.0f} % allowed; tilt the board more, or take more pictures"
             )
 
 
 def _fit(found: Mapping[str, Array], corners: tuple[int, int], size_px: tuple[int, int]) -> _Fit:
-    """Zhang's calibration, without the terms of the distortion that the boards do not show."""
+    """Zhang's calibration, without distortion terms that are not significant."""
     terms = (
         (cv2.CALIB_FIX_K3, (8,)),
         (cv2.CALIB_ZERO_TANGENT_DIST, (6, 7)),
@@ -152,7 +153,7 @@ def _fit(found: Mapping[str, Array], corners: tuple[int, int], size_px: tuple[in
     flags, fit = 0, _fitted(found, corners, size_px, 0)
     for flag, places in terms:
         values = np.concatenate([fit.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], fit.distortion])
-        if all(abs(values[place]) < SURE * fit.doubts[place] for place in places):
+        if all(abs(values[place]) < SIGNIFICANT * fit.doubts[place] for place in places):
             flags |= flag
             fit = _fitted(found, corners, size_px, flags)
     return fit
@@ -163,7 +164,7 @@ def _fitted(
 ) -> _Fit:
     columns, rows = corners
     board = np.zeros((columns * rows, 3), np.float32)
-    board[:, :2] = np.mgrid[:columns, :rows].T.reshape(-1, 2)  # in squares: their size does not matter here
+    board[:, :2] = np.mgrid[:columns, :rows].T.reshape(-1, 2)  # in squares
     points = [np.asarray(seen, np.float32) for seen in found.values()]
     rms, matrix, distortion, turns, _, doubts, _, errors = cv2.calibrateCameraExtended(
         [board] * len(points), points, size_px, np.eye(3), np.zeros(5), flags=flags
@@ -182,7 +183,3 @@ def _fitted(
 
 def _size(image: Image) -> tuple[int, int]:
     return image.shape[1], image.shape[0]
-
-
-def _grey(image: Image) -> Image:
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)

@@ -1,4 +1,4 @@
-"""``trepid camera``: what a camera file needs, measured."""
+"""``trepid camera``: calibration of a camera file."""
 
 import json
 import math
@@ -16,9 +16,9 @@ from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.types import Image
 
-LEAST_SPEED_MPS = 1.0
-MOST_BOARDS = 60  # of a video: more say the same again
-SAME_FORM = 0.01  # of width over height
+MIN_SPEED_MPS = 1.0
+MAX_BOARDS = 60  # of a video
+SAME_RATIO = 0.01  # tolerance of width over height
 app = typer.Typer(no_args_is_help=True)
 
 
@@ -31,34 +31,38 @@ def camera() -> None:
 def calibrate(
     boards: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[BOARD…]", help="Images, folders or videos of a chessboard: the lens."),
+        typer.Argument(metavar="[BOARD…]", help="Images, folders or videos of a chessboard, for the lens."),
     ] = None,
     corners: Annotated[str, typer.Option(help="Inner corners of the board, columns x rows.")] = "9x6",
     straight: Annotated[
         Path | None,
-        typer.Option(help="Video, folder or recording (.mcap) of driving straight in a lane: the mounting."),
+        typer.Option(
+            help="Video, folder or recording (.mcap) of driving straight in a lane, for the mounting."
+        ),
     ] = None,
     lane_width: Annotated[
         float | None,
-        typer.Option(help="Of that lane, between the middles of its lines [m]: tells the height."),
+        typer.Option(help="Width of that lane in m, between the middles of its lines; gives the height."),
     ] = None,
     speed: Annotated[
-        float | None, typer.Option(help="Of that drive [m/s]: tells the height; a recording has its own.")
+        float | None,
+        typer.Option(help="Speed of that drive in m/s; gives the height. Recordings contain it."),
     ] = None,
-    camera: Annotated[Path, typer.Option(help="What is not measured comes from this file.")] = CONFIG_DIR
-    / "camera.yaml",
-    out: Annotated[Path | None, typer.Option(help="Write the camera file here; default: print it.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite it.")] = False,
+    camera: Annotated[
+        Path, typer.Option(help="Camera file with the values that are not measured.")
+    ] = CONFIG_DIR / "camera.yaml",
+    out: Annotated[Path | None, typer.Option(help="Camera file to write. Default: print it.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
 ) -> None:
     """Measure a camera: lens and focal length from a chessboard, pitch, yaw and height from driving straight."""
     if not boards and straight is None:
-        raise InputError("name pictures of a chessboard, or --straight with a clip of driving straight")
+        raise InputError("expected images of a chessboard, or --straight with a clip of driving straight")
     if out is not None and out.exists() and not force:
-        raise InputError(f"{out}: is there already; --force overwrites it")
-    for name, value, least in (("--lane-width", lane_width, 0.1), ("--speed", speed, LEAST_SPEED_MPS)):
-        if value is not None and not (math.isfinite(value) and value >= least):
-            raise InputError(f"{name}: must be a number of at least {least:g}, got {value}")
+        raise InputError(f"{out}: exists; --force overwrites it")
+    for name, value, minimum in (("--lane-width", lane_width, 0.1), ("--speed", speed, MIN_SPEED_MPS)):
+        if value is not None and not (math.isfinite(value) and value >= minimum):
+            raise InputError(f"{name}: must be a number of at least {minimum:g}, got {value}")
     measured = load(camera, Camera)
     notes: dict[str, str] = {}
     report: dict[str, Any] = {}
@@ -68,11 +72,11 @@ def calibrate(
         notes["intrinsics"], report["intrinsics"] = _lens_note(lens), _lens_report(lens)
     if straight is not None:
         steps = steps_of(straight, speed_mps=speed)
-        seen = mounting(steps, _same_lens(measured, steps[0].image, straight), lane_width_m=lane_width)
+        found = mounting(steps, _same_lens(measured, steps[0].image, straight), lane_width_m=lane_width)
         measured = measured.model_copy(
-            update={name: getattr(seen, name) for name in ("pitch_down_rad", "yaw_rad", "height_m")}
+            update={name: getattr(found, name) for name in ("pitch_down_rad", "yaw_rad", "height_m")}
         )
-        notes["extrinsics"], report["extrinsics"] = _mounting_note(seen), _mounting_report(seen)
+        notes["extrinsics"], report["extrinsics"] = _mounting_note(found), _mounting_report(found)
     text = camera_yaml(measured, notes)
     if out is not None:
         _write(out, text)
@@ -92,26 +96,24 @@ def _corners(text: str) -> tuple[int, int]:
 
 
 def _pictures(paths: list[Path]) -> dict[str, Image]:
-    """Every picture by its name: of a video up to MOST_BOARDS frames spread over it."""
+    """Images by name; of a video up to MAX_BOARDS frames, evenly spread."""
     pictures: dict[str, Image] = {}
     for path in paths:
         for source in sources(path):
             if isinstance(source, Still):
                 pictures[str(source.path)] = source.read()
             elif isinstance(source, Clip):
-                pictures |= {
-                    f"{source.path} {n}": image for n, image in enumerate(source.sample(MOST_BOARDS))
-                }
+                pictures |= {f"{source.path} {n}": image for n, image in enumerate(source.sample(MAX_BOARDS))}
     return pictures
 
 
 def _same_lens(camera: Camera, image: Image, path: Path) -> Camera:
-    """The camera at the size of the clip. Raises InputError where that has another form: it is another lens."""
+    """The camera at the size of the clip. Raises InputError for another aspect ratio."""
     height_px, width_px = image.shape[:2]
-    if abs(width_px / height_px / (camera.width_px / camera.height_px) - 1) > SAME_FORM:
+    if abs(width_px / height_px / (camera.width_px / camera.height_px) - 1) > SAME_RATIO:
         raise InputError(
-            f"{path}: {width_px} x {height_px} px, but the camera is known for {camera.width_px} x"
-            f" {camera.height_px}: give its file with --camera, or pictures of a chessboard"
+            f"{path}: {width_px} x {height_px} px, but the camera file is for {camera.width_px} x"
+            f" {camera.height_px}; give the right file with --camera, or images of a chessboard"
         )
     return camera.resized(width_px, height_px)
 
@@ -133,7 +135,7 @@ def _with_lens(camera: Camera, lens: Intrinsics) -> Camera:
 def _lens_note(lens: Intrinsics) -> str:
     left_out = f", {len(lens.left_out)} left out" if lens.left_out else ""
     return (
-        f"intrinsics: {len(lens.boards)} pictures of a chessboard{left_out}, rms {lens.reprojection_px:.2f} px,"
+        f"intrinsics: {len(lens.boards)} images of a chessboard{left_out}, rms {lens.reprojection_px:.2f} px,"
         f" focal length within {100 * lens.focal_doubt:.1f} %"
     )
 
@@ -148,25 +150,25 @@ def _lens_report(lens: Intrinsics) -> dict[str, Any]:
     }
 
 
-def _mounting_note(seen: Mounting) -> str:
-    doubt = "" if seen.height_doubt is None else f" within {100 * seen.height_doubt:.1f} %"
+def _mounting_note(found: Mounting) -> str:
+    doubt = "" if found.height_doubt is None else f" within {100 * found.height_doubt:.1f} %"
     return (
-        f"mounting: {seen.frames} frames of driving straight, heading within {math.degrees(seen.sway_rad):.1f}°;"
-        f" height from {seen.height_from}{doubt}"
+        f"mounting: {found.frames} frames of driving straight,"
+        f" heading within {math.degrees(found.sway_rad):.1f}°; height from {found.height_from}{doubt}"
     )
 
 
-def _mounting_report(seen: Mounting) -> dict[str, Any]:
+def _mounting_report(found: Mounting) -> dict[str, Any]:
     return {
-        "frames": seen.frames,
-        "sway_rad": seen.sway_rad,
-        "height_from": seen.height_from,
-        "height_doubt": seen.height_doubt,
+        "frames": found.frames,
+        "sway_rad": found.sway_rad,
+        "height_from": found.height_from,
+        "height_doubt": found.height_doubt,
     }
 
 
 def camera_yaml(camera: Camera, notes: dict[str, str]) -> str:
-    """The text of a camera file; ``notes`` say where its numbers come from."""
+    """The text of a camera file; ``notes`` are comments on the source of its values."""
     distortion = ", ".join(f"{value:g}" for value in camera.distortion)
     units = {"x_m": "ahead of the rear axle", "y_m": "+ = left", "yaw_rad": "+ = turned left"}
     lines = ["# Written by trepid camera calibrate.", *(f"# {note}" for note in notes.values())]

@@ -1,4 +1,4 @@
-"""Pairs of frames spread over a clip of driving, and how far the car went between the two: for calibration."""
+"""Pairs of frames spread over a clip of driving, with the distance between them, for calibration."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -15,23 +15,23 @@ from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE
 from trepid.types import Image
 
-MOST_STEPS = 40
-MOST_FRAMES = 20_000  # of a folder or video: a quarter of an hour
-STALE_S = 0.5  # older, a speed says nothing about a frame
-SLOW_MPS = 1.0  # slower, the car turns on the spot and the way between two frames is noise
+MAX_STEPS = 40
+MAX_FRAMES = 20_000  # of a folder or video: 13 min at 25 Hz
+STALE_S = 0.5  # age of a speed that is too old for a frame
+MIN_SPEED_MPS = 1.0  # slower, the distance between two frames is noise
 
 
 def steps_of(path: Path, *, speed_mps: float | None = None) -> list[Step]:
     """Up to 40 frames of a video, a folder of images (25 a second) or a recording (.mcap), each with the next one.
 
-    The way between them comes from ``speed_mps``, or from the recording. Raises InputError.
+    The distance between them is that at ``speed_mps`` or at the recorded speed. Raises InputError.
     """
     if path.suffix.lower() == ".mcap":
         return _recorded(path, speed_mps)
     found = sources(path)
     first = found[0]
     count, fps = (first.frames, first.fps) if isinstance(first, Clip) else (len(found), NOMINAL_FPS)
-    count = min(count, MOST_FRAMES)
+    count = min(count, MAX_FRAMES)
     wanted = _spread(count)
     images = _frames(found, {number for at in wanted for number in (at, at + 1)}, count)
     way_m = None if speed_mps is None else speed_mps / fps
@@ -41,12 +41,12 @@ def steps_of(path: Path, *, speed_mps: float | None = None) -> list[Step]:
 
 
 def _spread(count: int) -> list[int]:
-    """Numbers of up to MOST_STEPS frames with a following one, evenly over ``count``."""
-    return sorted(set(np.linspace(0, max(count - 2, 0), min(MOST_STEPS, count)).astype(int).tolist()))
+    """Indices of up to MAX_STEPS frames with a following one, evenly over ``count``."""
+    return sorted(set(np.linspace(0, max(count - 2, 0), min(MAX_STEPS, count)).astype(int).tolist()))
 
 
 def _frames(found: list[Clip | Still], wanted: set[int], count: int) -> dict[int, Image]:
-    """The frames with the numbers ``wanted``."""
+    """The frames with the indices ``wanted``."""
     first = found[0]
     if isinstance(first, Clip):
         return {number: image for number, image in enumerate(first.read()) if number in wanted}
@@ -55,7 +55,7 @@ def _frames(found: list[Clip | Still], wanted: set[int], count: int) -> dict[int
 
 
 def _recorded(path: Path, speed_mps: float | None) -> list[Step]:
-    """Frames of a recording, where it drove; speeds are those of the vehicle unless one is given."""
+    """Frames of a recording in which the vehicle drives, at the recorded speeds unless one is given."""
     recorded = read_recording(path, CAMERA_COMPRESSED.key, VEHICLE_STATE.key)
     frames = [frame for _, frame in recorded.of(CAMERA_COMPRESSED)]
     if len(frames) < 2:
@@ -63,12 +63,12 @@ def _recorded(path: Path, speed_mps: float | None) -> list[Step]:
     speeds = _Speeds([state for _, state in recorded.of(VEHICLE_STATE)], speed_mps)
     steps = list(_driven(frames, speeds))
     if not steps:
-        raise InputError(f"{path}: the car never drives {SLOW_MPS} m/s in this recording")
-    return [steps[at] for at in sorted({*np.linspace(0, len(steps) - 1, MOST_STEPS).astype(int).tolist()})]
+        raise InputError(f"{path}: the vehicle never drives {MIN_SPEED_MPS} m/s in this recording")
+    return [steps[at] for at in sorted({*np.linspace(0, len(steps) - 1, MAX_STEPS).astype(int).tolist()})]
 
 
 class _Speeds:
-    """How fast the car was."""
+    """The speed of the vehicle over time."""
 
     def __init__(self, states: list[VehicleState], speed_mps: float | None) -> None:
         self._given = speed_mps
@@ -76,7 +76,7 @@ class _Speeds:
         self._t_s, self._mps = np.array(known, float).reshape(-1, 2).T
 
     def at(self, t_s: float) -> float | None:
-        """The speed [m/s]; None where nothing was reported."""
+        """The speed [m/s]; None without a recorded one within ``STALE_S``."""
         if self._given is not None:
             return self._given
         if not len(self._t_s) or np.abs(self._t_s - t_s).min() > STALE_S:
@@ -87,7 +87,7 @@ class _Speeds:
 def _driven(frames: list[CompressedFrame], speeds: _Speeds) -> Iterator[Step]:
     for frame, following in pairwise(frames):
         speed_mps, dt_s = speeds.at(frame.t_s), following.t_s - frame.t_s
-        if (speed_mps is not None and speed_mps < SLOW_MPS) or not 0 < dt_s < STALE_S:
+        if (speed_mps is not None and speed_mps < MIN_SPEED_MPS) or not 0 < dt_s < STALE_S:
             continue
         way_m = None if speed_mps is None else speed_mps * dt_s
         yield Step(_image(frame), _image(following), way_m)

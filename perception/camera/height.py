@@ -1,7 +1,7 @@
-"""How high a camera stands above the road, from a length on it that is known.
+"""The height of a camera above the road from a known length on it.
 
-Without the height, lengths on the road are in heights of the camera. The width of the lane, or the way by which the
-ground came nearer between two frames, says how long one is.
+An image gives lengths on the road in heights of the camera. The known width of the lane, or the known
+distance driven between two frames, gives the height in metres.
 """
 
 from collections.abc import Sequence
@@ -10,25 +10,26 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from perception.camera.road_lines import BONNET_SHARE, SHARP_RAD, Lines, grey_of, turn
+from perception.camera.road_lines import BONNET_SHARE, SHARP_RAD, pitch_and_yaw, undistorted
+from perception.camera.segments import Segments
 from trepid.camera import Camera
 from trepid.config import InputError
 from trepid.types import Array, Image
 
-LEAST_FRAMES = 5
+MIN_FRAMES = 5
 SIDE_H, STEP_H, BLUR_H = 3.5, 0.01, 0.1  # across the road, in heights of the camera
-SWAY_H = 0.25  # how far a line may lie from its usual place
-ASIDE_H, LEAST_PEAK = 0.15, 0.1  # no line is nearer to the middle; peak over the highest
-MOST_ASIDE = 0.2  # of the camera from the middle of the lane, over its width
-MOST_SPREAD = 0.1  # of the width or of the way, between quartiles, over their median
+SWAY_H = 0.25  # largest distance of a line from its mean place
+MIN_ASIDE_H, MIN_PEAK = 0.15, 0.1  # of a line from the middle; of a peak over the highest one
+MAX_OFF_CENTRE = 0.2  # of the camera from the middle of the lane, over its width
+MAX_SPREAD = 0.1  # of the widths or distances: between quartiles, over the median
 CORNERS, QUALITY, APART_PX, LOST_PX = 400, 0.005, 6, 0.3
-AHEAD_H, ACROSS_H = (1.5, 7.0), 2.0  # where corners of the road are tracked
-LEAST_CORNERS = 10
+AHEAD_H, ACROSS_H = (1.5, 7.0), 2.0  # part of the road in which corners are tracked
+MIN_CORNERS = 10
 
 
 @dataclass(frozen=True)
 class Step:
-    """A frame, and how far the car drove until the next one, if there is one and that is known."""
+    """A frame, the next one, and the distance driven between them; None where not known."""
 
     image: Image
     following: Image | None = None
@@ -37,11 +38,11 @@ class Step:
 
 def height(
     steps: Sequence[Step],
-    kept: Sequence[tuple[Lines, Array]],
+    kept: Sequence[tuple[Segments, Array]],
     camera: Camera,
     lane_width_m: float | None,
 ) -> tuple[float, str, float | None]:
-    """The height [m], what it rests on and its doubt."""
+    """The height [m], its source and its relative uncertainty."""
     if lane_width_m is not None:
         widths = _lane_widths_h([_Across.of(lines, point, camera) for lines, point in kept])
         width, doubt = _agreed(widths, "the lane between two lines")
@@ -56,58 +57,58 @@ def height(
 
 
 def _agreed(values: list[float], what: str) -> tuple[float, float]:
-    """The median and half of the spread between quartiles over it. Raises InputError."""
-    if len(values) < LEAST_FRAMES:
-        raise InputError(f"{what} is seen in {len(values)} frames, {LEAST_FRAMES} expected")
+    """The median, and half of the interquartile range over it. Raises InputError."""
+    if len(values) < MIN_FRAMES:
+        raise InputError(f"{what} is visible in {len(values)} frames, {MIN_FRAMES} expected")
     low, middle, high = np.percentile(values, (25, 50, 75)).tolist()
-    if (high - low) / middle > MOST_SPREAD:
+    if (high - low) / middle > MAX_SPREAD:
         raise InputError(
             f"{what} differs by {100 * (high - low) / middle:.0f} % from frame to frame,"
-            f" {100 * MOST_SPREAD:.0f} % allowed"
+            f" {100 * MAX_SPREAD:.0f} % allowed"
         )
     return middle, (high - low) / 2 / middle
 
 
 @dataclass(frozen=True)
 class _Across:
-    """Segments along the road in a frame: where they lie across it [heights of the camera], and their lengths."""
+    """Segments along the road in a frame: lateral places [heights of the camera] and lengths."""
 
     aside_h: Array
     length_px: Array
 
     @classmethod
-    def of(cls, lines: Lines, vanishing_px: Array, camera: Camera) -> "_Across":
-        """Those that point to the vanishing point of their frame."""
+    def of(cls, lines: Segments, vanishing_px: Array, camera: Camera) -> "_Across":
+        """The segments that point to the vanishing point of their frame."""
         u_px, v_px = vanishing_px.tolist()
         level = {"height_m": 1.0, "x_m": 0.0, "y_m": 0.0}
-        own = camera.model_copy(update=turn(u_px, v_px, camera) | level)
-        along = lines.part(np.abs(lines.off_rad(vanishing_px)) < 2 * SHARP_RAD)
+        own = camera.model_copy(update=pitch_and_yaw(u_px, v_px, camera) | level)
+        along = lines.part(np.abs(lines.angle_to_rad(vanishing_px)) < 2 * SHARP_RAD)
         aside = own.road_from_pixel(along.middle_px)[:, 1]
         known = np.isfinite(aside)
         return cls(aside[known], along.length_px[known])
 
     def near(self, place_h: float) -> float | None:
-        """Mean place of what lies near a place; None when nothing does."""
+        """Mean place of the segments near a place; None without any."""
         close = np.abs(self.aside_h - place_h) < SWAY_H
         return float(np.average(self.aside_h[close], weights=self.length_px[close])) if close.any() else None
 
 
 def _lane_widths_h(frames: Sequence[_Across]) -> list[float]:
-    """Widths of the lane [heights of the camera] in the frames that show both lines next to the middle.
+    """Widths of the lane [heights of the camera] in the frames with both lines next to the middle.
 
-    Which lines those are is what all frames together say: of a dashed one, a single frame may show nothing.
-    Raises InputError when a line seems to be missing.
+    The places of these lines are those of all frames together, because a single frame may show no dash of a
+    line. Raises InputError when a line seems to be missing.
     """
     aside = np.concatenate([frame.aside_h for frame in frames])
     length = np.concatenate([frame.length_px for frame in frames])
     grid = np.arange(-SIDE_H, SIDE_H + STEP_H, STEP_H)
     density = np.exp(-0.5 * ((grid[:, None] - aside) / BLUR_H) ** 2) @ length
-    inner, floor = density[1:-1], LEAST_PEAK * density.max()
+    inner, floor = density[1:-1], MIN_PEAK * density.max()
     peaks = grid[1:-1][(inner >= density[:-2]) & (inner > density[2:]) & (inner > floor)]
-    left, right = peaks[peaks > ASIDE_H], peaks[peaks < -ASIDE_H]
+    left, right = peaks[peaks > MIN_ASIDE_H], peaks[peaks < -MIN_ASIDE_H]
     if not len(left) or not len(right):
         return []
-    if abs(left.min() + right.max()) / 2 > MOST_ASIDE * (left.min() - right.max()):
+    if abs(left.min() + right.max()) / 2 > MAX_OFF_CENTRE * (left.min() - right.max()):
         raise InputError(
             "the camera is far from the middle between the two lines next to it: one line may be missing"
         )
@@ -116,13 +117,13 @@ def _lane_widths_h(frames: Sequence[_Across]) -> list[float]:
 
 
 def _way_h(step: Step, camera: Camera) -> float | None:
-    """How far the ground came nearer between two frames, in heights of the camera; None where too little is seen.
+    """Distance driven between two frames in heights of the camera; None with too few tracked corners.
 
-    Corners of Shi and Tomasi on the road, tracked there and back by Lucas and Kanade.
+    Corners of Shi and Tomasi on the road, tracked forwards and backwards by Lucas and Kanade.
     """
     if step.following is None:
         return None
-    before, after = (grey_of(image, camera) for image in (step.image, step.following))
+    before, after = (undistorted(image, camera) for image in (step.image, step.following))
     found = cv2.goodFeaturesToTrack(before, CORNERS, QUALITY, APART_PX, mask=_road_mask(camera))
     if found is None:
         return None
@@ -133,11 +134,11 @@ def _way_h(step: Step, camera: Camera) -> float | None:
     moved = camera.road_from_pixel(found[kept, 0]) - camera.road_from_pixel(there[kept, 0])
     ways = moved[np.isfinite(moved).all(axis=1), 0]
     ways = ways[ways > 0]
-    return float(np.median(ways)) if len(ways) >= LEAST_CORNERS else None
+    return float(np.median(ways)) if len(ways) >= MIN_CORNERS else None
 
 
 def _road_mask(camera: Camera) -> Image:
-    """Where the road ahead is, for a camera at height 1."""
+    """Mask of the road ahead for a camera at height 1."""
     corners = [
         (x, y) for x, y in zip(np.repeat(AHEAD_H, 2), (ACROSS_H, -ACROSS_H, -ACROSS_H, ACROSS_H), strict=True)
     ]

@@ -1,22 +1,23 @@
-"""A camera nobody described: a typical one, turned so that its horizon passes through the vanishing point."""
+"""A camera without a camera file: a typical camera with the horizon at the vanishing point of the images."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from perception.camera.image_statistics import grey_image
+from perception.camera.grey import small_grey
+from perception.camera.segments import Segments, segments
 from trepid.camera import Camera
 from trepid.config import Settings
 from trepid.types import Array, Positive, Share
 
-MIN_CAMERA_PX = 16  # the smallest image that a Camera describes
-MIN_IMAGE_PX = 32  # the smallest image with lines in it
+MIN_CAMERA_PX = 16  # of a Camera
+MIN_IMAGE_PX = 32  # smaller images have no vanishing point
+MIN_RISE = 0.15  # rise over length of a segment
+MAX_LENGTH_PX = 40.0  # longer segments count as this
 
 
 class SelfCalibrationSettings(Settings):
@@ -34,19 +35,17 @@ class SelfCalibrationSettings(Settings):
     grid_step_px: Annotated[int, Field(ge=1)]
 
 
-@dataclass(frozen=True)
-class VanishingPoint:
-    """Where the lines of the road meet, as shares of the image size, and the evidence for it."""
+class VanishingPoint(NamedTuple):
+    """The point where the lines of the road meet, as shares of the image size."""
 
     x: float
     y: float
-    votes: float  # share of the total length of line segments that point there
 
 
 def assumed_camera(
     width_px: int, height_px: int, horizon: float, settings: SelfCalibrationSettings
 ) -> Camera:
-    """A typical windscreen camera whose horizon lies at the share ``horizon`` of the image height.
+    """A typical windscreen camera with the horizon at the share ``horizon`` of the image height.
 
     A flat road straight ahead vanishes at v = cy − f·tan(pitch), so pitch = atan((cy − v)/f).
     """
@@ -68,23 +67,25 @@ def assumed_camera(
 
 
 def self_calibrated(images: Sequence[NDArray[np.uint8]], settings: SelfCalibrationSettings) -> Camera:
-    """The camera of ``images`` (equal in size): typical, with the median horizon of their vanishing points."""
+    """A typical camera for ``images`` of equal size, with the median horizon of their vanishing points."""
     height_px, width_px = (max(size, MIN_CAMERA_PX) for size in images[0].shape[:2])
     horizon = float(np.median([vanishing_point(image, settings).y for image in images]))
     return assumed_camera(width_px, height_px, horizon, settings)
 
 
 def vanishing_point(image: NDArray[np.uint8], settings: SelfCalibrationSettings) -> VanishingPoint:
-    """The point that most line segments of ``image`` point to, with a prior on where cameras look.
+    """The point to which most line segments of ``image`` point, with a Gaussian prior on its place.
 
-    Segments are those of Grompone von Gioi et al., LSD: a Line Segment Detector, IPOL 2012. Each votes with its
-    length for every point of a grid that lies above it within a few degrees of its direction.
+    Each segment votes with its length for every point of a grid that lies above it within a few degrees of
+    its direction.
     """
     if min(image.shape[:2]) < MIN_IMAGE_PX:
-        return VanishingPoint(x=0.5, y=settings.horizon_share, votes=0.0)
-    grey = grey_image(image)
+        return VanishingPoint(x=0.5, y=settings.horizon_share)
+    grey = small_grey(image)
     rows, columns = grey.shape
-    middle, direction, length = _segments(grey, settings)
+    found = segments(grey)
+    slanted = (np.abs(found.direction[:, 1]) > MIN_RISE) & (found.length_px > settings.min_segment_px)
+    found = found.part(slanted)
     step = settings.grid_step_px
     y = np.arange(0.2 * rows, 0.8 * rows, step)
     x = np.arange(0.2 * columns, 0.8 * columns, step)
@@ -93,34 +94,20 @@ def vanishing_point(image: NDArray[np.uint8], settings: SelfCalibrationSettings)
         + ((x[None, :] / columns - 0.5) / settings.centre_sigma) ** 2
     ) / 2
     score = -settings.prior_weight * prior
-    if len(length):
-        score = score + _votes(x, y, middle, direction, length, settings.angle_sigma_rad)
+    if slanted.any():
+        score = score + _votes(x, y, found, settings.angle_sigma_rad)
     best_y, best_x = np.unravel_index(int(np.argmax(score)), score.shape)
-    votes = float(score[best_y, best_x] + settings.prior_weight * prior[best_y, best_x])
-    return VanishingPoint(x=float(x[best_x] / columns), y=float(y[best_y] / rows), votes=votes)
+    return VanishingPoint(x=float(x[best_x] / columns), y=float(y[best_y] / rows))
 
 
-def _segments(grey: NDArray[np.uint8], settings: SelfCalibrationSettings) -> tuple[Array, Array, Array]:
-    """Middles (n, 2), unit directions (n, 2) pointing up, and lengths (n,) of the slanted segments."""
-    found = cv2.createLineSegmentDetector().detect(grey)[0]
-    if found is None:
-        return np.empty((0, 2)), np.empty((0, 2)), np.empty(0)
-    ends = np.asarray(found, float).reshape(-1, 4)
-    start, end = ends[:, :2], ends[:, 2:]
-    span = end - start
-    span *= np.where(span[:, 1] > 0, -1.0, 1.0)[:, None]
-    length = np.maximum(np.hypot(span[:, 0], span[:, 1]), 1e-9)
-    direction = span / length[:, None]
-    slanted = (np.abs(direction[:, 1]) > 0.15) & (length > settings.min_segment_px)
-    return ((start + end) / 2)[slanted], direction[slanted], length[slanted]
-
-
-def _votes(x: Array, y: Array, middle: Array, direction: Array, length: Array, sigma_rad: float) -> Array:
+def _votes(x: Array, y: Array, found: Segments, sigma_rad: float) -> Array:
     """Share of the length that points to each place of the grid, shape (len(y), len(x))."""
-    to_x = x[None, :, None] - middle[:, 0]
-    to_y = y[:, None, None] - middle[:, 1]
+    direction = found.direction
+    to_x = x[None, :, None] - found.middle_px[:, 0]
+    to_y = y[:, None, None] - found.middle_px[:, 1]
     distance = np.sqrt(to_x**2 + to_y**2) + 1e-9
     sine = (to_x * direction[:, 1] - to_y * direction[:, 0]) / distance
     towards = to_x * direction[:, 0] + to_y * direction[:, 1] > 0
-    weight = np.minimum(length, 40.0) / np.minimum(length, 40.0).sum()
+    weight = np.minimum(found.length_px, MAX_LENGTH_PX)
+    weight /= weight.sum()
     return np.sum(weight * towards * np.exp(-0.5 * (sine / sigma_rad) ** 2), axis=2)

@@ -1,13 +1,13 @@
-"""How a camera is mounted, from driving straight along a lane: pitch, yaw and, with one known length, height.
+"""The mounting of a camera from driving straight along a lane: pitch, yaw and, with one known length, height.
 
-On a straight road every line along it points at one vanishing point. With pitch θ down and yaw ψ to the left of the
-direction in which the car drives it lies at
+On a straight road all lines along it meet at one vanishing point. With pitch θ down and yaw ψ to the left of
+the direction of driving it lies at
 
     u = c_x + f_x·tan ψ / cos θ,    v = c_y − f_y·tan θ
 
-(Hartley and Zisserman, Multiple View Geometry, 2004, section 8.6). Over a while a car that keeps its lane heads
-along it, so the median over the frames is that of the camera, not of the car. Lengths on the road are in heights of
-the camera then: the known width of the lane, or the known way between two frames, tells how high it stands.
+(Hartley and Zisserman, Multiple View Geometry, 2004, section 8.6). The mean heading of a vehicle that keeps
+its lane is that of the lane, so the median over the frames is a property of the camera. The height follows
+from the known width of the lane or the known distance between two frames (:mod:`perception.camera.height`).
 """
 
 import math
@@ -16,70 +16,69 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.camera.height import LEAST_FRAMES, Step, height
+from perception.camera.height import MIN_FRAMES, Step, height
 from perception.camera.road_lines import (
-    LEAST_SEGMENTS,
+    MIN_RISE,
+    MIN_SEGMENTS,
     NEAR_RAD,
     ROUNDS,
-    UPRIGHT,
-    Lines,
-    joined,
-    most_pointed_at,
+    common_point,
+    pitch_and_yaw,
     refined,
-    turn,
-    upright,
+    road_segments,
 )
+from perception.camera.segments import Segments, joined
 from trepid.camera import Camera
 from trepid.config import InputError
 from trepid.types import Array
 
-MOST_SWAY_RAD = 0.02  # spread of the heading over the frames; a driver who keeps a lane needs half of it
-WIDE_RAD = 0.35  # from straight ahead: a road in a bend points there somewhere
-BEND_OVER_H, MOST_BEND_RAD = 6.0, 0.02  # R = 420 m below a camera at 1.4 m
+MAX_SWAY_RAD = 0.02  # standard deviation of the heading; twice that of lane keeping
+WIDE_RAD = 0.35  # from straight ahead; further aside no segment belongs to the road
+BEND_OVER_H, MAX_BEND_RAD = 6.0, 0.02  # R = 420 m below a camera at 1.4 m
 
 
 @dataclass(frozen=True)
 class Mounting:
-    """What straight driving says of a camera."""
+    """The mounting of a camera, and its accuracy."""
 
     pitch_down_rad: float
     yaw_rad: float
     height_m: float
-    frames: int  # in which the lines of the road were seen
+    frames: int  # with lines of the road
     sway_rad: float  # standard deviation of the heading over them
     height_from: str  # "the width of the lane", "the speed", "the camera file"
-    height_doubt: float | None  # half of the spread between quartiles over the height
+    height_doubt: float | None  # half of the interquartile range of the height over the height
 
 
 def mounting(steps: Sequence[Step], camera: Camera, *, lane_width_m: float | None = None) -> Mounting:
-    """Pitch, yaw and height of ``camera``, whose intrinsics are known.
+    """Pitch, yaw and height of ``camera`` with known intrinsics.
 
-    The height comes from ``lane_width_m``, between the middles of the lines; else from the way between frames; else
-    it stays. Raises InputError that says what is missing.
+    The height follows from ``lane_width_m``, between the middles of the lines; without it from the distances
+    between frames; without those it stays that of ``camera``. Raises InputError with the reason.
     """
-    seen = [upright(step.image, camera) for step in steps]
-    frames = [lines for lines in seen if len(lines.length_px) >= LEAST_SEGMENTS]
-    if len(frames) < LEAST_FRAMES:
+    found = [road_segments(step.image, camera) for step in steps]
+    frames = [lines for lines in found if len(lines.length_px) >= MIN_SEGMENTS]
+    if len(frames) < MIN_FRAMES:
         raise InputError(
-            f"lines along the road in {len(frames)} of {len(steps)} frames, {LEAST_FRAMES} expected"
+            f"lines along the road in {len(frames)} of {len(steps)} frames, {MIN_FRAMES} expected"
         )
-    start = most_pointed_at(joined(frames), camera)
+    start = common_point(joined(frames), camera)
     points = [refined(lines, start, camera) for lines in frames]
     kept = [(lines, point) for lines, point in zip(frames, points, strict=True) if point is not None]
-    if len(kept) < LEAST_FRAMES:
+    if len(kept) < MIN_FRAMES:
         raise InputError(
-            f"lines that meet in one point in {len(kept)} of {len(steps)} frames, {LEAST_FRAMES} expected"
+            f"lines that meet in one point in {len(kept)} of {len(steps)} frames, {MIN_FRAMES} expected"
         )
     vanishing = np.array([point for _, point in kept])
     sway_rad = float(np.std(np.arctan((vanishing[:, 0] - camera.cx_px) / camera.fx_px)))
-    if sway_rad > MOST_SWAY_RAD:
+    if sway_rad > MAX_SWAY_RAD:
         raise InputError(
-            f"this is no straight driving: the heading sways by {math.degrees(sway_rad):.1f}°,"
-            f" {math.degrees(MOST_SWAY_RAD):.1f}° allowed"
+            f"the vehicle does not drive straight: the heading sways by {math.degrees(sway_rad):.1f}°,"
+            f" {math.degrees(MAX_SWAY_RAD):.1f}° allowed"
         )
     _check_straight([lines for lines, _ in kept], vanishing, camera)
     u_px, v_px = np.median(vanishing, axis=0).tolist()
-    turned = camera.model_copy(update=turn(u_px, v_px, camera))
+    turned = camera.model_copy(update=pitch_and_yaw(u_px, v_px, camera))
     height_m, source, doubt = height(steps, kept, turned, lane_width_m)
     return Mounting(
         pitch_down_rad=turned.pitch_down_rad,
@@ -92,18 +91,18 @@ def mounting(steps: Sequence[Step], camera: Camera, *, lane_width_m: float | Non
     )
 
 
-def _check_straight(frames: Sequence[Lines], vanishing: Array, camera: Camera) -> None:
-    """Raises InputError when the farther lines of the road point ever farther aside.
+def _check_straight(frames: Sequence[Segments], vanishing: Array, camera: Camera) -> None:
+    """Raises InputError for a bend.
 
-    On a bend the heading of the road at the distance d is κ·d: least squares of where each segment, drawn on, meets
-    the horizon, over the distance of its middle, with Cauchy weights.
+    On a bend the heading of the road at the distance d is κ·d. Fits a line, by least squares with Cauchy
+    weights, to the crossing of each extended segment with the horizon over the distance of its middle.
     """
     aside: list[Array] = []
     ahead: list[Array] = []
     length: list[Array] = []
     for lines, (u_px, v_px) in zip(frames, vanishing, strict=True):
         below_px = lines.middle_px[:, 1] - v_px
-        rise = np.maximum(-lines.direction[:, 1], UPRIGHT)
+        rise = np.maximum(-lines.direction[:, 1], MIN_RISE)
         meets_px = lines.middle_px[:, 0] + lines.direction[:, 0] / rise * below_px
         known = (below_px > 0.03 * camera.height_px) & (np.abs(meets_px - u_px) < WIDE_RAD * camera.fx_px)
         aside.append((meets_px[known] - u_px) / camera.fx_px)
@@ -116,8 +115,8 @@ def _check_straight(frames: Sequence[Lines], vanishing: Array, camera: Camera) -
         root = weight / np.hypot(1.0, (y - matrix @ line) / NEAR_RAD)
         line = np.asarray(np.linalg.lstsq(matrix * root[:, None], y * root, rcond=None)[0])
     bend_rad = abs(float(line[1])) * BEND_OVER_H
-    if bend_rad > MOST_BEND_RAD:
+    if bend_rad > MAX_BEND_RAD:
         raise InputError(
-            f"this is no straight road: it turns by {math.degrees(bend_rad):.1f}° in view,"
-            f" {math.degrees(MOST_BEND_RAD):.1f}° allowed"
+            f"the road is not straight: it turns by {math.degrees(bend_rad):.1f}° in view,"
+            f" {math.degrees(MAX_BEND_RAD):.1f}° allowed"
         )

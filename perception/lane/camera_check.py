@@ -1,12 +1,12 @@
 """A check of the camera mounting against its file, from the lane detected while driving.
 
-Pitch: the point where two lines converge gives the pitch of the camera. The fit estimates its deviation δ from the
-file in every frame and corrects for it; the check reports the mean of δ on straight roads.
+Pitch: the point where two lines converge gives the pitch of the camera. The fit estimates its deviation δ
+from the file in every frame and corrects for it; the check reports the mean of δ on straight roads.
 
-Height: all lengths on the road scale with the height of the camera. If the height in the file is s times too large,
-a bend of curvature κ is measured as κ/s. The yaw rate r and the speed v give the true bend: over all bends, the
-turn ∫|r|dt over the measured turn ∫|κ|·v·dt is s. The prediction of the lane also uses the yaw rate, which reduces
-the measured s − 1 to about two thirds.
+Height: all lengths on the road scale with the height of the camera. If the height in the file is s times too
+large, a bend of curvature κ is measured as κ/s. The yaw rate r and the speed v give the true bend: over all
+bends, the turn ∫|r|dt over the measured turn ∫|κ|·v·dt is s. The prediction of the lane also uses the yaw
+rate, which reduces the measured s − 1 to about two thirds.
 """
 
 from dataclasses import dataclass

@@ -18,7 +18,8 @@ class LaneChoice:
     """Chooses the lane of each frame.
 
     Lines come before edges, and the remembered lane before a new one. Scores are compared with scores,
-    probabilities with probabilities; the settings ``…_score`` and ``…_probability`` name the scale of each limit.
+    probabilities with probabilities; the settings ``…_score`` and ``…_probability`` name the scale of each
+    limit.
     """
 
     def __init__(self, settings: LaneCvSettings, rating: Rating) -> None:
@@ -76,8 +77,8 @@ class LaneChoice:
     def _follow_edges(self, search: FrameSearch, memory: LaneMemory) -> Candidate:
         """The edges of the predicted road, or of the road around a lane between lines; score 0 without a match.
 
-        As long as lines define the place of the lane, the road may have a second lane on its left or right. The
-        layout of the last match is tested first, and the lane keeps its place and width.
+        As long as lines define the place of the lane, the road may have a second lane on its left or right.
+        The layout of the last match is tested first, and the lane keeps its place and width.
         """
         assert memory.lane is not None
         road, track = memory.between_edges, self._settings.track
@@ -114,7 +115,8 @@ class LaneChoice:
         """The ``weak`` candidate near the remembered lane, or clearly better lines elsewhere.
 
         A rival that does not continue the remembered lane must be found ``confirm_looks`` times in a row. The
-        search over all lanes is slow, so it runs at the first weak frame and then every ``rival_every`` frames.
+        search over all lanes is slow, so it runs at the first weak frame and then every ``rival_every``
+        frames.
         """
         track = self._settings.track
         if self._weak_frames % track.rival_every == 0:

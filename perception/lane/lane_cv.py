@@ -2,12 +2,13 @@
 
 For each frame:
 
-1. **Predict** the remembered lane to the capture time with speed and yaw rate (:mod:`.memory`, :mod:`.model`).
-2. **Detect** candidates: lanes between painted lines or road edges, near the predicted lane or anywhere
+1. **Predict** the remembered lane to the capture time with speed and yaw rate (:mod:`.memory`,
+:mod:`.model`). 2. **Detect** candidates: lanes between painted lines or road edges, near the predicted lane
+or anywhere
    (:mod:`.frame_search`, :mod:`.detection`).
-3. **Choose** one of them, or none if the predicted lane is better (:mod:`.choice`).
-4. **Update** the memory with the chosen lane; without one the lane coasts and its confidence fades.
-5. **Report** the lane, with the probability that it is right as confidence (:mod:`.rating`, :mod:`.estimate`).
+3. **Choose** one of them, or none if the predicted lane is better (:mod:`.choice`). 4. **Update** the memory
+with the chosen lane; without one the lane coasts and its confidence fades. 5. **Report** the lane, with the
+probability that it is right as confidence (:mod:`.rating`, :mod:`.estimate`).
 """
 
 from perception.lane.camera_check import CameraCheck
@@ -35,7 +36,7 @@ class LaneCv:
         self._rating = Rating(settings)
         self._memory = LaneMemory(settings, self._rating)
         self._choice = LaneChoice(settings, self._rating)
-        self.camera_check = CameraCheck(settings.camera_check)
+        self._camera_check = CameraCheck(settings.camera_check)
         self.features: Features | None = None  # of the last confidence; None without a lane
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
@@ -52,10 +53,10 @@ class LaneCv:
         search = FrameSearch(view.working_image(frame.image), view, self._settings)
         found = self._choice.choose(search, memory)
         if found is not None:
-            self.camera_check.step(found.fit, motion, dt_s=frame.t_s - memory.seen_t_s)
+            self._camera_check.step(found.fit, motion, dt_s=frame.t_s - memory.seen_t_s)
             lane = memory.update(found, frame.t_s)
             memory.probability = self._probability(lane)
-            seen, reason = found.fit.boundaries_seen, self.camera_check.reason
+            seen, reason = found.fit.boundaries_seen, self._camera_check.reason
         elif memory.lane is not None:
             lane = memory.coast()
             seen, reason = 0, f"lane not seen for {frame.t_s - memory.seen_t_s:.2f} s"

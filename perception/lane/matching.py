@@ -14,8 +14,8 @@ def continues(fit: LaneFit, lane: LaneState, track: TrackSettings) -> bool:
 def encloses(edges: LaneFit, lane: LaneState, neighbour: int, track: TrackSettings) -> bool:
     """Whether both ``edges`` are parallel to ``lane`` and lie just outside it.
 
-    The edge on the side ``neighbour`` (1 left, −1 right, 0 none) lies outside a second lane on that side, whose
-    width is known only roughly. At the mouth of a side road an edge is not parallel to the lane.
+    The edge on the side ``neighbour`` (1 left, −1 right, 0 none) lies outside a second lane on that side,
+    whose width is known only roughly. At the mouth of a side road an edge is not parallel to the lane.
     """
     change = edges.state.mean - lane.mean
     if edges.boundaries_seen < 2 or abs(change[PSI]) >= track.edge_gate_heading_rad:

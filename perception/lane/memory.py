@@ -34,7 +34,8 @@ class LaneMemory:
     def predict(self, t_s: float, motion: Motion) -> None:
         """Move the lane to ``t_s``; forget it when time runs backwards or after too long without detection.
 
-        A lane is remembered for ``max_coast_s``, and for less if its probability was below ``good_probability``.
+        A lane is remembered for ``max_coast_s``, and for less if its probability was below
+        ``good_probability``.
         """
         if self.lane is None:
             return
@@ -89,8 +90,8 @@ class LaneMemory:
     def lines_define_place(self) -> bool:
         """Whether lines, detected at most ``hold_m`` ago, define the place and width of the lane.
 
-        During that distance edges only give its heading and bend: their distance from the lines is not known, and
-        they may widen into a lay-by or the mouth of a side road.
+        During that distance edges only give its heading and bend: their distance from the lines is not known,
+        and they may widen into a lay-by or the mouth of a side road.
         """
         return (
             self.lane is not None and self.source == LINES and self._unmarked_m <= self._settings.track.hold_m

@@ -208,8 +208,8 @@ class RoadEdgeFinder:
     def points(self, sums: Floats, mean: Array) -> tuple[RoadPoints, Array]:
         """Edge points near the curves of ``mean``, one per band and side, and their sides (+1 left, −1 right).
 
-        From left to right the likelihood sum has its minimum at the left edge and its maximum at the right edge.
-        The contrast is the mean likelihood just inside minus just outside.
+        From left to right the likelihood sum has its minimum at the left edge and its maximum at the right
+        edge. The contrast is the mean likelihood just inside minus just outside.
         """
         settings, bands = self._settings, len(self.grid.ahead_m)
         reach = int(settings.window_m / settings.step_m)
@@ -259,8 +259,8 @@ class RoadEdgeFinder:
     def _runs(self, lane: Array, left_m: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         """Curves ``left_m``, shape (n, 1), to the left of the middle of ``lane``, on the grid.
 
-        Returns the index of the place in each band, which may lie beyond the grid, and whether the place is inside
-        the image, both (n, bands).
+        Returns the index of the place in each band, which may lie beyond the grid, and whether the place is
+        inside the image, both (n, bands).
         """
         x_m = self._camera.x_m + self.grid.ahead_m
         y_m = parallel_curve(x_m, lane[PSI], lane[KAPPA], left_m - lane[E])

@@ -1,7 +1,7 @@
 """The road by image rows: for a camera without roll, each row is one distance on a flat road.
 
-Along a row the lateral place on the road is linear in the column, so a metric window ("a line 12 cm wide") is an
-exact box in the row: the perspective needs no image warp, only a row-dependent scale.
+Along a row the lateral place on the road is linear in the column, so a metric window ("a line 12 cm wide") is
+an exact box in the row: the perspective needs no image warp, only a row-dependent scale.
 """
 
 import math
@@ -19,7 +19,8 @@ from trepid.types import Array
 class LateralGrid:
     """Bands of image rows below the horizon, and where they lie on the road.
 
-    ``ahead_m`` and ``left_m`` are measured from the foot point of the camera along and across its optical axis.
+    ``ahead_m`` and ``left_m`` are measured from the foot point of the camera along and across its optical
+    axis.
     """
 
     camera: Camera
@@ -27,16 +28,11 @@ class LateralGrid:
     bottom_px: NDArray[np.int64]  # one past its last row
     ahead_m: Array  # distance of the middle of the band
     metre_px: Array  # columns per metre across, in that band
-    range_m: Array  # Δahead of one pixel row: how coarse the distance is there
 
     @cached_property
     def area_m2(self) -> float:
         """Visible road, up to 16 m wide, with each band counted as a metre long; at least 1."""
         return max(1.0, float(np.sum(np.minimum(self.camera.width_px / self.metre_px, 16.0))))
-
-    def column_px(self, band: NDArray[np.int64], left_m: Array) -> Array:
-        """Columns of places ``left_m`` to the left of the optical axis: u = cx − f·left/depth."""
-        return self.camera.cx_px - left_m * self.metre_px[band]
 
     def vehicle_from_grid(self, ahead_m: Array, left_m: Array) -> tuple[Array, Array]:
         """Places (x, y) [m] in the vehicle frame: turned by the yaw, moved to the mounting of the camera."""
@@ -50,8 +46,8 @@ class LateralGrid:
 def row_places(camera: Camera, rows_px: Array) -> tuple[Array, Array]:
     """Distance ahead of the foot point and depth along the optical axis [m] of the road in image rows.
 
-    The ray through row v is inclined by α = pitch + atan((v − cy)/fy) below the horizon, so a flat road is hit
-    h/tan α ahead, at the depth h·cos(α − pitch)/sin α. Rows at and above the horizon are at infinity.
+    The ray through row v is inclined by α = pitch + atan((v − cy)/fy) below the horizon, so a flat road is
+    hit h/tan α ahead, at the depth h·cos(α − pitch)/sin α. Rows at and above the horizon are at infinity.
     """
     below = np.arctan((rows_px - camera.cy_px) / camera.fy_px)
     alpha = np.where(camera.pitch_down_rad + below > 1e-6, camera.pitch_down_rad + below, np.nan)
@@ -78,5 +74,4 @@ def lateral_grid(camera: Camera, *, reach_m: float, band_m: float, max_band_px: 
         bottom_px=bottom,
         ahead_m=ahead_m,
         metre_px=camera.fx_px / depth,
-        range_m=depth**2 / (camera.fy_px * camera.height_m),
     )

@@ -30,8 +30,8 @@ class MarkingSettings(Settings):
 def marking_channel(image: NDArray[np.uint8], yellow_gain: float) -> NDArray[np.uint8]:
     """One channel in which white and yellow paint are bright on asphalt and on concrete.
 
-    c = (R+G)/2 + g·((R+G)/2 − B): luminance without blue, plus g times the yellowness; grey stays grey and blue
-    shadows get darker. The fixed form of the adaptive projections of the review (inventory B10).
+    c = (R+G)/2 + g·((R+G)/2 − B): luminance without blue, plus g times the yellowness; grey stays grey and
+    blue shadows get darker. The fixed form of the adaptive projections of the review (inventory B10).
     """
     blue, green, red = (cv2.extractChannel(image, number) for number in range(3))  # a third faster than split
     half = cv2.addWeighted(red, 0.25, green, 0.25, 0)  # halved, so that it cannot saturate
@@ -41,8 +41,8 @@ def marking_channel(image: NDArray[np.uint8], yellow_gain: float) -> NDArray[np.
 class MarkingFilter:
     """Row-wise dark-bright-dark filter as wide as a painted line at the distance of each row.
 
-    The visible places of each band, with a margin, are stored from left to right, and the bands from far to near,
-    in one flat array, because near bands have few places inside the image.
+    The visible places of each band, with a margin, are stored from left to right, and the bands from far to
+    near, in one flat array, because near bands have few places inside the image.
     """
 
     def __init__(self, settings: MarkingSettings, grid: LateralGrid) -> None:
@@ -72,9 +72,9 @@ class MarkingFilter:
     def response(self, channel: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Contrast [grey levels] of a stripe of paint against its brighter neighbour, per place.
 
-        ``channel`` begins at the first row of the grid.
-        With box means of one line width w at places −w, 0, +w: mean(0) − max(mean(−w), mean(+w)). The boxes are
-        differences of the integral image, sampled between pixels: exact also where a line is thinner than one.
+        ``channel`` begins at the first row of the grid. With box means of one line width w at places −w, 0,
+        +w: mean(0) − max(mean(−w), mean(+w)). The boxes are differences of the integral image, sampled
+        between pixels: exact also where a line is thinner than one.
         """
         grid = self._grid
         integral = cv2.integral(channel, sdepth=cv2.CV_32S)
@@ -123,8 +123,8 @@ def _twins_joined(
 ) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.float32]]:
     """The points with the two stripes of a double line replaced by one point in their middle, where the lane ends.
 
-    Only stripes of similar contrast are joined, not a line and the verge next to it. Returns band, place, distance
-    to the two stripes (0 for a single stripe) and contrast.
+    Only stripes of similar contrast are joined, not a line and the verge next to it. Returns band, place,
+    distance to the two stripes (0 for a single stripe) and contrast.
     """
     twin = (band[1:] == band[:-1]) & (left_m[:-1] - left_m[1:] < MAX_DOUBLE_M)
     twin &= np.minimum(contrast[1:], contrast[:-1]) > MIN_CONTRAST_RATIO * np.maximum(

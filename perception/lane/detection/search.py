@@ -79,8 +79,8 @@ def find_lane(
 def _on_middles(points: RoadPoints, side: Array, residual_m: Array) -> RoadPoints:
     """``points`` with single stripes of a double line moved to its middle, where the lane ends.
 
-    Where one stripe is worn away, only the other is detected; its distance from the middle is known from the places
-    with both.
+    Where one stripe is worn away, only the other is detected; its distance from the middle is known from the
+    places with both.
     """
     double = points.half_m > 0
     if not double.any():
@@ -139,7 +139,8 @@ def find_road(
 ) -> LaneFit:
     """The unmarked road whose edges enclose the most road likelihood, as a lane as wide as the road.
 
-    Searches all shapes, then shapes near the best; as in :func:`find_lane`, ``prior`` competes with ``straight``.
+    Searches all shapes, then shapes near the best; as in :func:`find_lane`, ``prior`` competes with
+    ``straight``.
     """
     sums, steps = finder.sums(image), finder.steps(image)
     start = finder.search(sums, steps, prior)

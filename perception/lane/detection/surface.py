@@ -20,8 +20,8 @@ LIGHT_BIN = (np.arange(256) // 8).astype(np.uint8)
 def _chroma_bins() -> NDArray[np.intp]:
     """Bin of each a or b (0..255, neutral: 128) at each lightness (0..255), scaled to L* = ``LIT_L``; flat.
 
-    L* + 16, a* and b* are proportional to cube roots of X, Y and Z, so less light scales all three by one factor.
-    Without this scaling, grass in the shade is as grey as a road.
+    L* + 16, a* and b* are proportional to cube roots of X, Y and Z, so less light scales all three by one
+    factor. Without this scaling, grass in the shade is as grey as a road.
     """
     light = np.clip(np.arange(256) * (100 / 255), MIN_L, MAX_L)
     lit = (np.arange(256) - 128) * ((LIT_L + 16) / (light[:, None] + 16))
@@ -61,10 +61,10 @@ def surface_bins(image: Image) -> SurfaceBins:
 def road_likelihood(bins: SurfaceBins, road: Where, rest: Where, settings: SurfaceSettings) -> Floats:
     """Log-likelihood ratio road : rest of each pixel; positive for road.
 
-    Chroma separates grass, soil and snow from asphalt in any light. Lightness separates a pavement from a road but
-    changes with every shadow, so its weight is lower. Both ratios come from smoothed histograms of the pixels in
-    ``road`` (road) and ``rest`` (mostly not road), are limited, and are added as if independent. The histograms
-    adapt to the light of every frame, without a threshold (B15).
+    Chroma separates grass, soil and snow from asphalt in any light. Lightness separates a pavement from a
+    road but changes with every shadow, so its weight is lower. Both ratios come from smoothed histograms of
+    the pixels in ``road`` (road) and ``rest`` (mostly not road), are limited, and are added as if
+    independent. The histograms adapt to the light of every frame, without a threshold (B15).
     """
     chroma = _log_ratio(bins.chroma, road, rest, (BINS, BINS), settings.smoothing, settings.chroma_limit)
     light = _log_ratio(bins.light, road, rest, (1, BINS), settings.smoothing, settings.light_limit)

@@ -43,9 +43,9 @@ def vote_lane(
 ) -> LaneGuess:
     """The lane shape (ψ, κ) and the pair of lateral places (e, W) with most points on both lines.
 
-    A Hough transform in road coordinates: for each (ψ, κ) the points are binned by their exact distance to the
-    circle through the rear axle; the score of a pair of bins is the sum of both, plus the smaller one (two half
-    lines beat one long line), minus a penalty for deviations from ``guess``. Deterministic.
+    A Hough transform in road coordinates: for each (ψ, κ) the points are binned by their exact distance to
+    the circle through the rear axle; the score of a pair of bins is the sum of both, plus the smaller one
+    (two half lines beat one long line), minus a penalty for deviations from ``guess``. Deterministic.
     """
     near = points.x_m < settings.reach_m
     x_m, y_m, weight = points.x_m[near], points.y_m[near], points.weight[near]

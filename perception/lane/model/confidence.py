@@ -1,7 +1,7 @@
 """The probability that the road-wheel angle of a lane is within two degrees of the right one.
 
-A logistic regression (Platt 1999) on the factors of the score and on conditions under which lanes are wrong more
-often. The confidence of an estimate is this probability, reduced while the lane is not detected.
+A logistic regression (Platt 1999) on the factors of the score and on conditions under which lanes are wrong
+more often. The confidence of an estimate is this probability, reduced while the lane is not detected.
 """
 
 import math
@@ -35,9 +35,9 @@ class ConfidenceSettings(Settings):
 def features(factors: Factors, *, looks: float, heading_rad: float, curvature_1pm: float) -> Features:
     """Inputs of the regression in the order of its weights: 1, log factors, conditions.
 
-    ``looks``: number of detections in a row over ``sure_looks``, 0..1; chance detections do not persist. A large
-    heading error is rare in a lane that is kept. Edges with a small ``apart`` are often those of snow tracks,
-    shadows or dirt.
+    ``looks``: number of detections in a row over ``sure_looks``, 0..1; chance detections do not persist. A
+    large heading error is rare in a lane that is kept. Edges with a small ``apart`` are often those of snow
+    tracks, shadows or dirt.
     """
     bend = min(abs(curvature_1pm) / BENT_1PM, 2.0)
     return (

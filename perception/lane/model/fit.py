@@ -61,10 +61,11 @@ def fit_lane(
 ) -> Fitted:
     """Maximum a posteriori lane for ``points`` on the left (side +1) or right (−1) boundary.
 
-    Gauss-Newton on r = d(p; x) − side·W/2 with Cauchy weights and the prior N(x̄, P): with the information
-    N = Σ w·HᵀH/σ², x = x̄ + (P⁻¹ + N)⁻¹·Σ w·Hᵀ/σ²·(H·(x_k − x̄) − r). The points of a boundary share their errors
-    (one line of paint, one camera), so all together they count as ``points_per_boundary`` points. The pitch is
-    estimated only with both boundaries, from how they converge: with one it is ambiguous with a bend.
+    Gauss-Newton on r = d(p; x) − side·W/2 with Cauchy weights and the prior N(x̄, P): with the information N
+    = Σ w·HᵀH/σ², x = x̄ + (P⁻¹ + N)⁻¹·Σ w·Hᵀ/σ²·(H·(x_k − x̄) − r). The points of a boundary share their
+    errors (one line of paint, one camera), so all together they count as ``points_per_boundary`` points. The
+    pitch is estimated only with both boundaries, from how they converge: with one it is ambiguous with a
+    bend.
     """
     precision = inverse(prior.covariance)
     mean = start.copy()

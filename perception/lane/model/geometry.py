@@ -1,8 +1,8 @@
 """The lane as a state vector, points on the road, and the curves between the two.
 
-State x = (e, ψ, κ0, κ', W, δ): lateral offset, heading error, curvature and its rate at the rear axle, lane width
-(Dickmanns and Mysliwetz 1992), and the pitch of the camera beyond that of its mounting. The two boundaries are
-parallel curves, so they share all of x but the sign of W/2.
+State x = (e, ψ, κ0, κ', W, δ): lateral offset, heading error, curvature and its rate at the rear axle, lane
+width (Dickmanns and Mysliwetz 1992), and the pitch of the camera beyond that of its mounting. The two
+boundaries are parallel curves, so they share all of x but the sign of W/2.
 """
 
 import cmath
@@ -17,6 +17,7 @@ from trepid.clothoid import Lane
 from trepid.types import Array
 
 E, PSI, KAPPA, KAPPA_RATE, WIDTH, PITCH = range(6)
+MIN_CURVATURE_1PM = 1e-10  # a straight lane is computed as this bend
 MAX_TURN_RAD = 1.3  # a lane that has turned further is out of sight
 
 AnyArray = NDArray[np.floating]
@@ -58,20 +59,18 @@ class RoadPoints:
         )
 
 
-def lane_coordinates(
-    x_m: Array, y_m: Array, mean: Array, curvature_floor_1pm: float = 1e-10
-) -> tuple[Array, Array, Array]:
+def lane_coordinates(x_m: Array, y_m: Array, mean: Array) -> tuple[Array, Array, Array]:
     """Places (s, d) along and left of the lane centre, and the lateral scale 1 − κ·d, of road points.
 
-    With n = −x·sinθ + y·cosθ, θ = −ψ, κ_v = κ0/(1 − κ0·e) (the concentric circle through the rear axle) and
-    A = n − κ_v·(x² + y²)/2, the signed distance to that circle is exactly 2A/(1 + √(1 − 2·κ_v·A)). The clothoid
+    With n = −x·sinθ + y·cosθ, θ = −ψ, κ_v = κ0/(1 − κ0·e) (the concentric circle through the rear axle) and A
+    = n − κ_v·(x² + y²)/2, the signed distance to that circle is exactly 2A/(1 + √(1 − 2·κ_v·A)). The clothoid
     term κ'·s³/6 is added to first order.
     """
     offset, heading, curvature, rate = mean[:WIDTH].tolist()
     sin, cos = math.sin(-heading), math.cos(-heading)
     kappa = curvature / max(1 - curvature * offset, 0.2)
-    if abs(kappa) < curvature_floor_1pm:
-        kappa = curvature_floor_1pm
+    if abs(kappa) < MIN_CURVATURE_1PM:
+        kappa = MIN_CURVATURE_1PM
     across = y_m * cos - x_m * sin
     along = x_m * cos + y_m * sin
     ahead, aside = kappa * along, 1 - kappa * across  # of the centre of the circle, in radii
@@ -136,8 +135,8 @@ def centre_line(
 def lane_curve(mean: Array, station_m: Array) -> LaneCurve:
     """Boundaries of the lane at stations ``station_m``, which begin at or below 0: the clothoid ± W/2 along n.
 
-    φ(s) = −ψ + κ0·s + κ'·s²/2, centre = −e·n(φ(0)) + ∫(cos φ, sin φ) ds by the trapezoidal rule, cut where the
-    lane has turned by more than ``MAX_TURN_RAD``.
+    φ(s) = −ψ + κ0·s + κ'·s²/2, centre = −e·n(φ(0)) + ∫(cos φ, sin φ) ds by the trapezoidal rule, cut where
+    the lane has turned by more than ``MAX_TURN_RAD``.
     """
     offset, heading, curvature, rate, width = mean[:PITCH].tolist()
     turned = station_m * (curvature + rate / 2 * station_m)

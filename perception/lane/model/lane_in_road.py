@@ -1,6 +1,7 @@
 """Where a lane lies within a road: from the lane between lines to the road between its edges, and back.
 
-The road extends beyond the lane by a shoulder on each side and, where it has two lanes, by the neighbouring lane.
+The road extends beyond the lane by a shoulder on each side and, where it has two lanes, by the neighbouring
+lane.
 """
 
 import math

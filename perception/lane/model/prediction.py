@@ -67,7 +67,8 @@ def predict(
 ) -> LaneState:
     """The lane ``dt_s`` later: e' = v·sinψ, ψ' = r − v·κ0, κ0' = v·κ', κ' and δ fade (Dickmanns 1992).
 
-    With an unknown speed nothing moves, but the noise is that of ``blind_speed_mps``; an unknown yaw rate keeps ψ.
+    With an unknown speed nothing moves, but the noise is that of ``blind_speed_mps``; an unknown yaw rate
+    keeps ψ.
     """
     speed_mps, yaw_rate_radps = motion
     travelled = 0.0 if speed_mps is None else abs(speed_mps) * dt_s

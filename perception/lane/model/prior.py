@@ -76,8 +76,9 @@ def straightened(state: LaneState, settings: PriorSettings) -> LaneState:
 def looks_straight(state: LaneState, settings: PriorSettings, *, log_odds: float) -> bool:
     """Whether a straight road explains ``state`` better than one that may bend.
 
-    Compares the log densities of m = (κ0, κ') under N(0, P + S), where P is the covariance of ``state`` and S that
-    of the straight or the general prior; ``log_odds`` favour the straight road (MacKay 2003, chapter 28).
+    Compares the log densities of m = (κ0, κ') under N(0, P + S), where P is the covariance of ``state`` and S
+    that of the straight or the general prior; ``log_odds`` favour the straight road (MacKay 2003, chapter
+    28).
     """
     straight, bent = settings.straight_bend_sigma, settings.bend_sigma
     return _bend_log_density(state, straight) + log_odds > _bend_log_density(state, bent)

@@ -1,8 +1,8 @@
 """The score of a fitted lane, 0..1: compares the candidates of one frame.
 
-The score is a product of factors. It ranks candidates and is no probability; the probability that a lane is right
-is computed from the same factors by :mod:`perception.lane.model.confidence`. Settings named ``…_score`` are limits
-of the score, settings named ``…_probability`` limits of the probability.
+The score is a product of factors. It ranks candidates and is no probability; the probability that a lane is
+right is computed from the same factors by :mod:`perception.lane.model.confidence`. Settings named ``…_score``
+are limits of the score, settings named ``…_probability`` limits of the probability.
 """
 
 import math

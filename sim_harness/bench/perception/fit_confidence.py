@@ -1,8 +1,8 @@
 """Weights of the confidence of `cv`: `python -m sim_harness.bench.perception.fit_confidence --seed 1 --seed 2`.
 
-Prints the section ``confidence`` of config/perception.yaml. The samples are the clips of the harness set with their
-true lanes; the same images upside down and on their side, where every lane is wrong; and a third of the clips on
-trodden snow, whose patches have edges of their own.
+Prints the section ``confidence`` of config/perception.yaml. The samples are the clips of the harness set with
+their true lanes; the same images upside down and on their side, where every lane is wrong; and a third of the
+clips on trodden snow, whose patches have edges of their own.
 """
 
 from collections.abc import Callable, Iterable, Iterator

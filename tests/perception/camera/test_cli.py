@@ -71,7 +71,7 @@ def test_a_file_that_is_there_is_kept_unless_forced(
     out.write_text("precious")
     assert run(monkeypatch, boards, "--corners", "7x5", "--out", out) == 2
     assert out.read_text() == "precious"
-    assert "is there already; --force overwrites it" in capsys.readouterr().err
+    assert "exists; --force overwrites it" in capsys.readouterr().err
     assert run(monkeypatch, boards, "--corners", "7x5", "--out", out, "--force") == 0
     assert load(out, Camera)
 
@@ -79,13 +79,13 @@ def test_a_file_that_is_there_is_kept_unless_forced(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ([], "name pictures of a chessboard"),
+        ([], "expected images of a chessboard"),
         (["--straight", "{tmp}/none.mp4"], "no such file or folder"),
         (["{tmp}", "--corners", "9by6"], "expected columns x rows"),
         (["{tmp}", "--corners", "2x2"], "expected columns x rows"),
         (["--straight", "{tmp}", "--lane-width", "-3"], "--lane-width: must be a number of at least 0.1"),
         (["--straight", "{tmp}", "--speed", "nan"], "--speed: must be a number of at least 1"),
-        (["--straight", "{tmp}/wide.png"], "64 x 16 px, but the camera is known for 320 x 240"),
+        (["--straight", "{tmp}/wide.png"], "64 x 16 px, but the camera file is for 320 x 240"),
         (["--straight", "{tmp}/bad.mcap"], "bad.mcap"),
     ],
 )

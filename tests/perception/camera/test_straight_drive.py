@@ -39,17 +39,17 @@ def test_lens_distortion_is_taken_out_first() -> None:
 
 
 def test_a_bend_is_refused() -> None:
-    with pytest.raises(InputError, match="this is no straight road: it turns by"):
+    with pytest.raises(InputError, match="the road is not straight: it turns by"):
         mounting(clip(Kind.WHITE, curvature_1pm=0.01, sway_m=0.0), KNOWN)
 
 
 def test_swerving_is_refused() -> None:
-    with pytest.raises(InputError, match="this is no straight driving: the heading sways by"):
+    with pytest.raises(InputError, match="the vehicle does not drive straight: the heading sways by"):
         mounting(clip(Kind.WHITE, sway_m=0.3), KNOWN)
 
 
 def test_gravel_without_lines_is_refused() -> None:
-    with pytest.raises(InputError, match="of the lines in sight meet in one place"):
+    with pytest.raises(InputError, match="of the lines in the image meet in one point"):
         mounting(clip(Kind.GRAVEL), KNOWN)
 
 
