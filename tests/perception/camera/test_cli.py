@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import straight_drive_rig as drives
 
-from sim_harness.world.roads.drawn import Kind
 from trepid.__main__ import main
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -34,7 +33,7 @@ def boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("drive")
-    for number, step in enumerate(drives.clip(Kind.YELLOW)):
+    for number, step in enumerate(drives.clip("yellow")):
         cv2.imwrite(str(folder / f"{number:03}.png"), step.image)
     return folder
 
@@ -109,7 +108,7 @@ def test_a_recording_knows_the_speed_itself(
 ) -> None:
     path = tmp_path / "drive.mcap"
     with Recording(path) as recording:
-        for number, step in enumerate(drives.clip(Kind.WHITE)):
+        for number, step in enumerate(drives.clip("white")):
             for image, t_s in ((step.image, float(number)), (step.following, number + drives.PERIOD_S)):
                 jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
                 frame = CompressedFrame(t_s=100 + t_s, jpeg=jpeg)

@@ -1,6 +1,5 @@
 import os
 from dataclasses import asdict
-from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -12,10 +11,6 @@ from perception.camera.self_calibration import self_calibrated, vanishing_point
 from perception.lane.lane_cv import LaneCv
 from perception.lane.model.geometry import lane_curve
 from perception.techniques.steering.straight_lane import ImageLine, straight_lane
-from sim_harness.bench.perception.clips import Case, moments
-from sim_harness.bench.perception.real.frames import udacity_drive
-from sim_harness.world.roads.disturbances import DisturbanceKind
-from sim_harness.world.roads.drawn import Kind, Shape
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
@@ -54,14 +49,14 @@ def test_the_fit_agrees_with_the_closed_form_for_two_straight_lines(lane):
 
 
 @pytest.mark.parametrize("curvature", [1 / 15, -1 / 15, 1 / 40, -1 / 40, 1 / 200])
-def test_bends_down_to_a_radius_of_15_m_are_seen(curvature):
+def test_bends_down_to_a_radius_of_15_m_are_measured(curvature):
     seen = look(road((0.1, 0.02, curvature, 0.0)))
     assert seen.curvature_1pm == pytest.approx(curvature, abs=0.15 * abs(curvature) + 0.0015)
     assert seen.lateral_offset_m == pytest.approx(0.1, abs=0.12)
 
 
 @pytest.mark.parametrize("lane", [(0.3, 0.04, 0.0, 0.0), (-0.2, 0.0, 0.03, 0.0)])
-def test_the_mirrored_picture_has_the_mirrored_lane(lane):
+def test_the_mirrored_image_has_the_mirrored_lane(lane):
     image = road(lane, right=YELLOW)
     # The principal point of a mirrored picture lies at width - 1 - cx.
     mirror = CAMERA.model_copy(update={"cx_px": CAMERA.width_px - 1 - CAMERA.cx_px})
@@ -82,7 +77,7 @@ def test_one_line_and_the_remembered_width_keep_the_lane():
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_specks_beside_one_line_say_nothing_of_the_width(side):
+def test_specks_next_to_the_missing_line_do_not_change_the_width(side):
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
     specks = np.random.default_rng(3).uniform([4.0, 1.7], [9.0, 2.2], (12, 2)) * (1, side)
     for number in range(10):
@@ -98,7 +93,7 @@ def test_specks_beside_one_line_say_nothing_of_the_width(side):
 
 
 @pytest.mark.parametrize("lane", [(0.0, 0.0, 0.0, 0.0), (0.3, -0.04, 0.0, 0.0), (-0.2, 0.02, 0.03, 0.0)])
-def test_an_unmarked_road_is_kept_by_its_edges(lane):
+def test_the_lane_of_an_unmarked_road_is_measured_by_its_edges(lane):
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
     for number in range(6):
         image = road(lane, width_m=3.6, left=None, right=None, verge_m=0.0, seed=number)
@@ -109,7 +104,7 @@ def test_an_unmarked_road_is_kept_by_its_edges(lane):
     assert seen.marked is False
 
 
-def test_a_lost_lane_is_remembered_with_falling_confidence_and_then_given_up():
+def test_a_lost_lane_is_kept_with_falling_confidence_and_then_dropped():
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
     state = VehicleState(
         t_s=0.0, speed_mps=5.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
@@ -118,16 +113,16 @@ def test_a_lost_lane_is_remembered_with_falling_confidence_and_then_given_up():
         finder.step(Frame(t_s=0.04 * number, image=road((0.2, 0.0, 0.0, 0.0))), state, now_s=0.0)
     dark = np.zeros((240, 320, 3), np.uint8)
     coasting = [finder.step(Frame(t_s=0.2 + 0.1 * n, image=dark), state, now_s=0.0) for n in range(32)]
-    believed = [seen.confidence for seen in coasting]
-    assert (np.diff(believed[:9]) < 0).all()
+    confidence = [seen.confidence for seen in coasting]
+    assert (np.diff(confidence[:9]) < 0).all()
     assert coasting[3].lateral_offset_m == pytest.approx(0.2, abs=0.1)
     assert coasting[3].lanes_detected == 0 and "not seen" in coasting[3].reason
     assert_no_lane(coasting[-1])
 
 
-def test_in_a_pause_of_the_lines_patches_beside_the_lane_are_not_believed_before_the_memory_of_the_lines():
-    def believed(patches: bool) -> list[float]:
-        finder, said = LaneCv(SETTINGS, CAMERA, VEHICLE), []
+def test_patches_next_to_a_pause_of_the_lines_do_not_replace_the_remembered_lane():
+    def confidences(patches: bool) -> list[float]:
+        finder, found = LaneCv(SETTINGS, CAMERA, VEHICLE), []
         for number in range(32):
             line = WHITE if number < 8 else None
             image = road((0.0, 0.0, 0.0, 0.0), left=line, right=line, verge_m=4.0, seed=number)
@@ -141,16 +136,16 @@ def test_in_a_pause_of_the_lines_patches_beside_the_lane_are_not_believed_before
                     (75, 75, 75),
                     lambda s: int(s) % 3 == 0,
                 )
-            said.append(finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0).confidence)
-        return said
+            found.append(finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0).confidence)
+        return found
 
-    with_patches, without = believed(patches=True), believed(patches=False)
+    with_patches, without = confidences(patches=True), confidences(patches=False)
     assert min(np.subtract(with_patches, without)) > -0.05
     assert without[-1] < 0.2
 
 
 @pytest.mark.parametrize("other_lane", [1, -1, 0])
-def test_where_the_lines_pause_the_edges_of_a_road_of_one_lane_or_two_tell_how_it_goes_on(other_lane):
+def test_in_a_pause_of_the_lines_the_edges_of_the_road_give_heading_and_bend(other_lane):
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
     for number in range(28):
         line, turned_rad = (WHITE, 0.0) if number < 8 else (None, 0.003 * (number - 8))
@@ -170,27 +165,10 @@ def test_where_the_lines_pause_the_edges_of_a_road_of_one_lane_or_two_tell_how_i
     assert seen.confidence > SETTINGS.good_probability
 
 
-@pytest.mark.parametrize(
-    ("case", "frames"),
-    [
-        (Case(90817, 2, DisturbanceKind.BRIDGE_SHADOWS, 3, Kind.WHITE, Shape.BEND), 4),
-        (Case(61001, 1, DisturbanceKind.BUILDING_SHADOWS, 4, Kind.WORN, Shape.BEND), 4),
-        (Case(555, 2, DisturbanceKind.RAIN, 2, Kind.WORN, Shape.BEND), 20),
-    ],
-    ids=lambda case: getattr(case, "key", None),
-)
-def test_edges_of_a_road_of_two_lanes_give_way_to_lines_of_the_lane_that_are_little_believed(case, frames):
-    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
-    for moment in islice(moments(case, CAMERA, VEHICLE), frames):
-        seen = finder.step(moment.frame, moment.state, now_s=moment.frame.t_s)
-    assert seen.lateral_offset_m == pytest.approx(moment.truth.lateral_offset_m, abs=0.2)
-    assert seen.lane_width_m == pytest.approx(moment.truth.lane_width_m, abs=0.4)
-
-
 @pytest.mark.parametrize(("offset_m", "remembered_s"), [(0.2, SETTINGS.track.max_coast_s), (2.4, 0.25)])
-def test_a_lane_that_was_hardly_believed_is_forgotten_sooner(offset_m, remembered_s):
+def test_a_lane_of_low_probability_is_dropped_sooner(offset_m, remembered_s):
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
-    image = road((offset_m, 0.0, 0.0, 0.0), verge_m=4.0)  # of a lane beside the car little is believed
+    image = road((offset_m, 0.0, 0.0, 0.0), verge_m=4.0)  # a lane next to the vehicle has a low score
     seen = finder.step(Frame(t_s=0.0, image=image), None, now_s=0.0)
     assert seen.lateral_offset_m == pytest.approx(offset_m, abs=0.1)
     assert (seen.confidence > SETTINGS.good_probability) == (offset_m < 1.0)
@@ -232,13 +210,13 @@ NO_ROAD = {
 
 
 @pytest.mark.parametrize("name", NO_ROAD)
-def test_where_there_is_no_road_there_is_no_number_but_a_reason(name):
+def test_images_without_a_road_give_a_reason_and_no_numbers(name):
     assert_no_lane(look(NO_ROAD[name]))
 
 
 @pytest.mark.parametrize("turn", [np.flipud, np.rot90, lambda image: np.rot90(image, 3)])
 @pytest.mark.parametrize("lines", [WHITE, None])
-def test_roads_upside_down_or_on_their_side_are_not_believed(turn, lines):
+def test_roads_upside_down_or_on_their_side_have_a_low_confidence(turn, lines):
     image = np.ascontiguousarray(turn(road((0.0, 0.0, 0.0, 0.0), left=lines, right=lines)))
     assert look(image).confidence < 0.5
 
@@ -265,7 +243,7 @@ def test_boundaries_are_pixels_of_the_input_image_every_ten_rows_from_the_bottom
                 assert x_px == pytest.approx(np.interp(-y_px, -v, u), abs=6)
 
 
-def test_lens_distortion_is_undone_and_put_back_into_the_boundaries():
+def test_lens_distortion_is_corrected_and_applied_to_the_boundaries():
     lens = CAMERA.model_copy(update={"distortion": (-0.12, 0.02, 0.0, 0.0, 0.0)})
     straight = road((0.2, 0.0, 0.0, 0.0))
     columns, rows = np.meshgrid(np.arange(320.0), np.arange(240.0))
@@ -283,7 +261,7 @@ def test_lens_distortion_is_undone_and_put_back_into_the_boundaries():
     assert bent[int(y), round(x)].astype(int) == pytest.approx(np.array(WHITE), abs=60)
 
 
-def test_the_horizon_of_an_unknown_camera_is_found_from_the_lines():
+def test_the_horizon_of_an_unknown_camera_is_estimated_from_the_lines():
     for pitch_rad in (0.0, 0.08, 0.14):
         camera = CAMERA.model_copy(update={"pitch_down_rad": pitch_rad})
         found = vanishing_point(road((0.0, 0.0, 0.0, 0.0), camera=camera), SETTINGS.self_calibration)
@@ -304,11 +282,3 @@ def test_straight_highway_lanes_have_two_lines_heading_and_width(name, known):
     assert seen.lanes_detected == 2
     assert abs(np.degrees(seen.heading_error_rad)) < 2
     assert seen.lane_width_m == pytest.approx(3.7, rel=0.15)
-
-
-@needs_data
-def test_in_the_middle_of_a_wide_bridge_the_car_is_in_neither_half_of_it_beside_the_line_at_its_rail():
-    drive = udacity_drive(DATA / "udacity_sim_track")
-    picture = next(islice(drive, 320, None))
-    seen = look(picture.image, picture.camera)
-    assert seen.confidence < SETTINGS.good_probability or abs(seen.lateral_offset_m) < 0.5
