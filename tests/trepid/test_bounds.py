@@ -28,5 +28,5 @@ def test_within_is_both(value, limit):
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_what_is_no_number_is_at_its_bound(value):
+def test_nan_becomes_the_bound(value):
     assert at_most(value, 2.0) == within(value, 2.0) == 2.0

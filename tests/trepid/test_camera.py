@@ -27,7 +27,7 @@ def test_a_road_point_survives_the_round_trip_through_the_image(
     assert np.allclose(camera.road_from_pixel(camera.pixel_from_road(point)), point, atol=1e-6)
 
 
-def test_a_level_camera_sees_the_closed_form_of_similar_triangles() -> None:
+def test_a_level_camera_projects_by_the_closed_form_of_similar_triangles() -> None:
     camera = CAMERA.model_copy(update={"pitch_down_rad": 0.0})
     ((u, v),) = camera.pixel_from_road([[camera.x_m + 10, 2.0]])
     assert u == pytest.approx(camera.cx_px - camera.fx_px * 2 / 10)

@@ -65,7 +65,7 @@ def test_the_version_is_printed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "text"),
     [
         (["fly"], "No such command 'fly'"),
         (["drive", "--duration", "soon"], "--duration"),
@@ -80,24 +80,24 @@ def test_the_version_is_printed() -> None:
         (["bench", "moon"], "no benchmark 'moon'"),
     ],
 )
-def test_bad_usage_is_told_in_one_line_with_exit_code_2(
-    arguments: list[str], told: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+def test_bad_usage_is_reported_in_one_line_with_exit_code_2(
+    arguments: list[str], text: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["trepid", *arguments])
     code = trepid_main()
     out, err = capfd.readouterr()
-    assert_told(code, out, err, told)
+    assert_reported(code, out, err, text)
 
 
 @pytest.mark.parametrize("verb", ["drive", "sim"])
-def test_a_process_of_its_own_tells_the_same(verb: str) -> None:
+def test_a_separate_process_reports_the_same(verb: str) -> None:
     done = trepid(verb, *(["run", "moon.yaml"] if verb == "sim" else ["--scenario", "moon"]))
-    assert_told(done.returncode, done.stdout, done.stderr, "moon")
+    assert_reported(done.returncode, done.stdout, done.stderr, "moon")
 
 
-def assert_told(code: int, out: str, err: str, told: str) -> None:
+def assert_reported(code: int, out: str, err: str, text: str) -> None:
     assert (code, out) == (2, "")
-    assert told in err
+    assert text in err
     assert err.startswith("trepid: ")
     assert len(err.strip().splitlines()) == 1
 

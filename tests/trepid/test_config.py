@@ -1,4 +1,4 @@
-"""Settings: good files load exactly, bad ones say where and what in one line."""
+"""Settings: valid files load exactly; errors give place and fault in one line."""
 
 from pathlib import Path
 from typing import Annotated, Literal

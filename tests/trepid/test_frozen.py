@@ -67,7 +67,7 @@ def test_messages_are_locked(message_type):
         message.t_s = 1.0
 
 
-def test_refuses_what_it_cannot_make():
+def test_other_kinds_of_classes_are_refused():
     @dataclass(slots=True, kw_only=True)
     class Open:
         x_m: float

@@ -1,4 +1,4 @@
-"""A vehicle file tells its understeer once: as a gradient, or as mass and tyres."""
+"""A vehicle file gives its understeer once: as a gradient, or as mass and tyres."""
 
 import pytest
 
@@ -65,7 +65,7 @@ def test_a_file_may_give_mass_and_tyres_instead_and_the_vehicle_keeps_the_gradie
         (CHASSIS.replace("mass_kg", "mas_kg"), "did you mean 'mass_kg'"),
     ],
 )
-def test_a_file_that_tells_it_twice_or_never_is_refused_with_its_place(tmp_path, understeer, message):
+def test_a_file_with_two_or_no_values_of_understeer_is_refused_with_its_place(tmp_path, understeer, message):
     with pytest.raises(InputError) as refused:
         load(written(tmp_path, understeer), Vehicle)
     assert message in str(refused.value)

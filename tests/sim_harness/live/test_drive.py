@@ -1,4 +1,4 @@
-"""The main job with real processes: it drives, it stops when any process is lost, it leaves nothing behind."""
+"""Live drives with real processes: driving, stopping at the loss of any process, ending all processes."""
 
 import json
 import os
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.processes
 
 
 class LiveDrive:
-    """A `trepid drive --json` that runs beside the test."""
+    """A `trepid drive --json` that runs during the test."""
 
     started: ClassVar[list["LiveDrive"]] = []
 
@@ -143,7 +143,7 @@ def test_the_car_stops_when_a_process_freezes(name: str) -> None:
     assert row["final_speed_mps"] < 0.05
 
 
-def test_two_drives_on_one_machine_do_not_hear_each_other() -> None:
+def test_two_drives_on_one_machine_do_not_receive_each_others_messages() -> None:
     one, other = LiveDrive(*SHORT_ROAD), LiveDrive(*SHORT_ROAD)
     assert one.reaches(0.0)
     assert other.reaches(0.0)

@@ -103,7 +103,7 @@ def test_a_sweep_that_was_killed_goes_on_where_it_was(files, start, capsys):
     assert [json.loads(line)["seed"] for line in out.splitlines()] == [0, 1, 2, 3, 4]
 
 
-def test_ctrl_c_ends_all_processes_and_keeps_what_is_done(files, start):
+def test_ctrl_c_ends_all_processes_and_keeps_finished_results(files, start):
     stored = files / "out.jsonl"
     command = start(
         files / "second.yaml", files / "endless.yaml", "--seeds", 2, "--jobs", 2, "--out", stored, "--json"
@@ -147,7 +147,7 @@ def test_sampled_cases_say_their_values_and_are_drawn_again_by_their_seed(files,
     assert [r["trace_sha256"] for r in drawn[0]] == [r["trace_sha256"] for r in drawn[1]]
 
 
-def test_a_random_seed_is_told_and_repeats_the_run(files, capsys):
+def test_a_random_seed_is_printed_and_repeats_the_run(files, capsys):
     sim("run", files / "second.yaml", "--seed", "random", "--json")
     out, err = capsys.readouterr()
     seed = json.loads(out)["seed"]

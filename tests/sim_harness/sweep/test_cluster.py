@@ -84,7 +84,7 @@ def test_a_worker_that_is_killed_mid_sweep_loses_no_case(dask):
     assert hashes(outcomes) == hashes(in_this_process(planned))
 
 
-def test_what_a_case_raises_fails_that_case_only(dask):
+def test_an_exception_fails_only_its_case(dask):
     nowhere = SECONDS.model_copy(update={"road": "no_such_road"})
     cases = [Case(scenario=scenario, index=0, seed=0, parameters={}) for scenario in (nowhere, SECONDS)]
     outcomes = dict(cluster.on_cluster(plan(cases), dask.address))

@@ -32,7 +32,7 @@ def store(path, planned, *, code="code", resume=True):
     return PlanStore(path, planned, code=code, resume=resume)
 
 
-def test_what_was_stored_is_there_when_the_sweep_goes_on(tmp_path, planned):
+def test_a_resumed_sweep_reads_the_stored_rows(tmp_path, planned):
     first, second, _ = planned
     with store(tmp_path / "runs.jsonl", planned, resume=False) as runs:
         runs.add(second, row(1))

@@ -1,4 +1,4 @@
-"""Sweeps: the same rows wherever they run, and no case is lost with whoever ran it."""
+"""Sweeps: the same rows in any process, and a killed worker loses only its case."""
 
 import multiprocessing
 import os
@@ -27,7 +27,7 @@ def case(scenario, seed=0):
 
 
 def rows(outcomes):
-    """Rows by key, without the one number that a clock has touched."""
+    """Rows by key, without the one number that depends on a clock."""
     return {key: {**outcome.row, "realtime_factor": None} for key, outcome in outcomes}
 
 
@@ -52,14 +52,14 @@ def test_a_killed_worker_fails_its_own_case_and_no_other():
     assert multiprocessing.active_children() == []
 
 
-def test_closing_ends_the_workers_whatever_they_are_doing():
+def test_closing_ends_busy_workers():
     with closing(on_processes(plan([case(SECOND), case(LONG), case(LONG, 1)]), 2)) as outcomes:
         next(outcomes)
         assert len(multiprocessing.active_children()) == 2
     assert multiprocessing.active_children() == []
 
 
-def test_what_a_case_raises_is_the_reason_why_it_failed():
+def test_an_exception_becomes_the_reason_of_a_failed_case():
     row = execute(case(NOWHERE)).row
     assert row["status"] == "failed"
     assert row["reasons"][0].startswith("crashed: InputError: ")
@@ -67,7 +67,7 @@ def test_what_a_case_raises_is_the_reason_why_it_failed():
     assert row["departures"] is None and row["trace_sha256"] is None
 
 
-def test_a_key_names_what_is_run_and_nothing_else():
+def test_a_key_depends_only_on_fields_that_influence_the_run():
     assert case_key(case(SECOND)) == case_key(case(SECOND.model_copy(update={"description": "other words"})))
     others = [
         case(SECOND, 1),
@@ -77,7 +77,7 @@ def test_a_key_names_what_is_run_and_nothing_else():
     assert len({case_key(other) for other in [case(SECOND), *others]}) == 4
 
 
-def test_a_road_file_beside_a_scenario_is_part_of_the_key(tmp_path):
+def test_a_road_file_next_to_a_scenario_is_part_of_the_key(tmp_path):
     road = tmp_path / "road.yaml"
     keys = set()
     for text in ("lane_width_m: 3", "lane_width_m: 4"):
@@ -86,7 +86,7 @@ def test_a_road_file_beside_a_scenario_is_part_of_the_key(tmp_path):
     assert len(keys) == 2
 
 
-def test_a_rule_file_beside_a_scenario_is_part_of_the_key(tmp_path):
+def test_a_rule_file_next_to_a_scenario_is_part_of_the_key(tmp_path):
     rules = tmp_path / "rules.yaml"
     keys = {case_key(case(SECOND))}
     for text in ("one", "other"):
@@ -108,7 +108,7 @@ def test_outcomes_that_finish_in_any_order_come_in_that_of_the_plan():
     assert given == [[], [keys[0]], [], [keys[1], keys[2], keys[3]]]
 
 
-def test_after_an_interrupt_what_waited_for_others_is_not_lost():
+def test_after_an_interrupt_outcomes_behind_unfinished_ones_are_not_lost():
     planned = plan(by_seeds([SECOND], range(4)))
     keys, ordered = list(planned), InPlanOrder(planned)
     for i in (3, 2):

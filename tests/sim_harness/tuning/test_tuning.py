@@ -106,7 +106,7 @@ def test_a_weight_in_the_shipped_file_can_be_set_and_is_understood(tmp_path: Pat
         ("fear", "is no number"),
     ],
 )
-def test_a_name_that_is_no_number_is_refused_with_what_there_is(name: str, message: str) -> None:
+def test_an_unknown_name_is_refused_with_the_known_ones(name: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         TEXT.value(name)
 
@@ -138,7 +138,7 @@ def test_the_reference_drives_without_the_consequences_of_fear_and_records_the_i
     assert fear[np.array(drive.t_s) < 4.9].max() < 0.25 < fear[np.array(drive.t_s) > 5.2].max()
 
 
-def test_a_score_counts_what_fear_costs(tmp_path: Path) -> None:
+def test_a_score_counts_the_costs_of_fear(tmp_path: Path) -> None:
     planned = quick_plan()
     drives = [reference(case) for case in driven_by(fearless(FILE, tmp_path), planned)]
     found = score(FILE, planned, drives, SETTINGS.costs)
@@ -184,7 +184,7 @@ def test_cases_to_judge_by_are_other_ones_than_those_tuned_over() -> None:
     assert set(drawn(["lying_cv"], {}, 3, 0)) == set(drawn(["lying_cv"], {}, 3, 0))
 
 
-def test_what_cannot_be_tuned_is_refused_before_anything_runs(tmp_path: Path) -> None:
+def test_invalid_input_is_refused_before_the_first_run(tmp_path: Path) -> None:
     there = tmp_path / "there.yaml"
     there.write_text("")
     broken = tmp_path / "broken.yaml"

@@ -1,4 +1,4 @@
-"""Starting, losing and stopping real processes leaves nothing behind."""
+"""Start, loss and stop of real processes; no process is left after a drive."""
 
 import os
 import signal
@@ -12,10 +12,11 @@ from process_rig import alive, until
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import ROOT
+from trepid.messages import Diagnostic, Health
 from trepid.processes.launch import Fleet, ProcessSpec
-from trepid.topics import DIAGNOSTICS
+from trepid.topics import DECISION, DIAGNOSTICS, Topic
 
-CONTROLLER = ProcessSpec("controller", "controller.node")  # the lightest of our processes
+CONTROLLER = ProcessSpec("controller", "controller.node")  # the process with the shortest start
 
 
 @pytest.fixture
@@ -35,16 +36,16 @@ def drive() -> Iterator[tuple[Bus, Callable[..., Fleet]]]:
         yield bus, fleet
 
 
-def heard(bus: Bus, *, patience_s: float = 20) -> Callable[[], bool]:
+def beats_of(bus: Bus, *, patience_s: float = 20) -> Callable[[], bool]:
     diagnostics = bus.latest(DIAGNOSTICS)
     return lambda: until(lambda: diagnostics.take() is not None, patience_s=patience_s)
 
 
 def test_a_process_reports_and_is_gone_after_the_drive(drive: tuple[Bus, Callable[..., Fleet]]) -> None:
     bus, fleet = drive
-    hears = heard(bus)
+    beats = beats_of(bus)
     with fleet(CONTROLLER) as running:
-        assert hears()
+        assert beats()
         pid = running.children["controller"].popen.pid
         assert running.collect_exits() == []
     assert not alive(pid)
@@ -54,16 +55,16 @@ def test_a_killed_process_is_reported_and_started_again_until_its_restarts_are_u
     drive: tuple[Bus, Callable[..., Fleet]],
 ) -> None:
     bus, fleet = drive
-    hears = heard(bus)
+    beats = beats_of(bus)
     with fleet(CONTROLLER, max_restarts=1) as running:
-        assert hears()
+        assert beats()
         first = running.children["controller"].popen
         os.kill(first.pid, signal.SIGKILL)
         first.wait(5)
         (ended,) = running.collect_exits()
         assert str(ended).startswith(f"process controller (pid {first.pid}) was killed by SIGKILL")
         assert running.children["controller"].restarts == 1
-        assert hears()
+        assert beats()
         running.kill("controller")
         assert len(running.collect_exits()) == 1
         assert running.collect_exits() == []
@@ -83,26 +84,48 @@ def test_a_module_that_fails_is_reported_with_the_end_of_its_stderr(
 
 def test_even_a_frozen_process_is_stopped(drive: tuple[Bus, Callable[..., Fleet]]) -> None:
     bus, fleet = drive
-    hears = heard(bus)
+    beats = beats_of(bus)
     with fleet(CONTROLLER) as running:
-        assert hears()
+        assert beats()
         pid = running.children["controller"].popen.pid
         os.kill(pid, signal.SIGSTOP)
     assert not alive(pid)
 
 
-def test_a_paused_process_is_silent_until_it_goes_on(drive: tuple[Bus, Callable[..., Fleet]]) -> None:
+def test_a_paused_process_sends_no_heartbeat_until_it_is_resumed(
+    drive: tuple[Bus, Callable[..., Fleet]],
+) -> None:
     bus, fleet = drive
-    hears, soon = heard(bus), heard(bus, patience_s=1.5)
+    beats, soon = beats_of(bus), beats_of(bus, patience_s=1.5)
     with fleet(CONTROLLER) as running:
-        assert hears()
+        assert beats()
         running.pause("controller")
         assert until(
             lambda: not soon(), patience_s=20
-        )  # what was under way may still come, on a busy machine late
+        )  # messages in transit may still arrive, late on a busy machine
         running.resume("controller")
-        assert hears()
+        assert beats()
         assert running.collect_exits() == []
+
+
+def test_a_process_that_reads_malformed_messages_reports_them_as_a_warning(
+    drive: tuple[Bus, Callable[..., Fleet]],
+) -> None:
+    bus, fleet = drive
+    diagnostics = bus.latest(DIAGNOSTICS)
+    send_malformed = bus.publisher(Topic(DECISION.key, Diagnostic, 1, ""))
+    with fleet(CONTROLLER):
+        assert until(lambda: diagnostics.take() is not None, patience_s=20)
+
+        def warned() -> bool:
+            send_malformed(Diagnostic(t_s=0.0, process="x", health=Health.OK, message="", values=()))
+            beat = diagnostics.take()
+            return beat is not None and beat.health is Health.WARN
+
+        assert until(warned, patience_s=10)
+    assert diagnostics.message is not None
+    assert diagnostics.message.message == f"malformed messages on {DECISION.key}"
+    assert int(dict(diagnostics.message.values)[f"malformed {DECISION.key}"]) > 0
 
 
 @pytest.mark.parametrize("paused", [False, True])

@@ -1,6 +1,7 @@
-"""Recordings are read back as written, cut short up to the last chunk, and older ones by what they say."""
+"""Recordings are read as written, up to the last chunk when cut short, and in older formats."""
 
 import dataclasses
+import re
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,8 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from trepid import messages as m
-from trepid.config import InputError
+from trepid.config import ROOT, InputError
+from trepid.packages import PACKAGES
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording
 from trepid.topics import LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
@@ -48,7 +50,7 @@ def foreign(path: Path, key: str, name: str, text: str, data: bytes) -> Path:
     return path
 
 
-def test_what_was_written_is_read_back_with_its_files_and_its_beginning(tmp_path: Path) -> None:
+def test_messages_files_and_start_of_a_drive_are_read_as_written(tmp_path: Path) -> None:
     read = read_recording(written(tmp_path / "a.mcap", began_s=103.5), "vehicle/*")
     assert [state for _, state in read.of(VEHICLE_STATE)] == states()
     assert read.of(VEHICLE_STATE)[0][0] == pytest.approx(100.01)
@@ -57,7 +59,7 @@ def test_what_was_written_is_read_back_with_its_files_and_its_beginning(tmp_path
     assert read.last_s == pytest.approx(states()[-1].t_s + 0.02)
 
 
-def test_only_what_is_asked_for_is_read(tmp_path: Path) -> None:
+def test_only_the_requested_topics_and_times_are_read(tmp_path: Path) -> None:
     path = written(tmp_path / "a.mcap")
     assert read_recording(path, "perception/*").messages == {}
     short = read_recording(path, VEHICLE_STATE.key, from_s=110.0, to_s=112.0).of(VEHICLE_STATE)
@@ -65,7 +67,7 @@ def test_only_what_is_asked_for_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7, 0.9, 0.999])
-def test_a_recording_that_was_cut_short_is_read_up_to_its_last_chunk(tmp_path: Path, share: float) -> None:
+def test_a_truncated_recording_is_read_up_to_its_last_complete_chunk(tmp_path: Path, share: float) -> None:
     """Power is lost at any byte: all but the last second or so of what was on the disk is there."""
     whole = written(tmp_path / "whole.mcap", began_s=100.0).read_bytes()
     cut = tmp_path / "cut.mcap"
@@ -77,7 +79,7 @@ def test_a_recording_that_was_cut_short_is_read_up_to_its_last_chunk(tmp_path: P
     assert len(found) >= (share - 0.1) * len(states())  # the index at the end takes some of the bytes
 
 
-def test_every_second_reaches_the_disk_while_recording(tmp_path: Path) -> None:
+def test_every_second_is_on_disk_while_recording(tmp_path: Path) -> None:
     path = tmp_path / "now.mcap"
     with Recording(path) as recording:
         for state in states():
@@ -90,7 +92,7 @@ def test_every_second_reaches_the_disk_while_recording(tmp_path: Path) -> None:
                 break
 
 
-def test_a_broken_byte_ends_the_reading_there(tmp_path: Path) -> None:
+def test_reading_ends_at_a_corrupted_byte(tmp_path: Path) -> None:
     data = bytearray(written(tmp_path / "a.mcap").read_bytes())
     data[len(data) // 2] ^= 0xFF
     path = tmp_path / "broken.mcap"
@@ -103,7 +105,7 @@ def test_a_broken_byte_ends_the_reading_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"hello", b"\x89MCAP0\r\n", bytes(1000)])
-def test_what_is_no_recording_is_named(tmp_path: Path, data: bytes) -> None:
+def test_an_error_names_a_file_that_is_no_recording(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "no.mcap"
     path.write_bytes(data)
     with pytest.raises(InputError, match=r"no\.mcap: not a recording"):
@@ -112,7 +114,7 @@ def test_what_is_no_recording_is_named(tmp_path: Path, data: bytes) -> None:
         read_recording(tmp_path / "gone.mcap", "*")
 
 
-def test_a_message_of_an_older_version_is_read_and_what_it_does_not_say_is_absent(tmp_path: Path) -> None:
+def test_fields_that_an_older_version_lacks_are_absent(tmp_path: Path) -> None:
     text = (
         "std_msgs/Header header\nfloat64 distance_m\nfloat64 confidence\n"
         + definition(m.LeadVehicle)[definition(m.LeadVehicle).index("====") :]
@@ -153,10 +155,15 @@ def test_an_estimate_recorded_without_a_kind_is_one_of_the_lane(tmp_path: Path) 
         (ros_name(m.SteeringEstimate), "string data\n", "not a .*SteeringEstimate|it says nothing of"),
     ],
 )
-def test_a_foreign_message_on_a_topic_of_ours_is_named(
-    tmp_path: Path, name: str, text: str, message: str
-) -> None:
+def test_an_error_names_a_message_of_another_type(tmp_path: Path, name: str, text: str, message: str) -> None:
     path = foreign(tmp_path / "x.mcap", estimate_topic("cv").key, name, text, b"\x00\x01\x00\x00")
     with pytest.raises(InputError, match=message) as error:
         read_recording(path, "perception/*")
     assert "\n" not in str(error.value)
+
+
+def test_recordings_are_read_and_written_in_this_room_only() -> None:
+    imports = re.compile(r"^\s*(?:from|import) mcap\b", re.MULTILINE)
+    files = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    users = {str(path.relative_to(ROOT).parent) for path in files if imports.search(path.read_text("utf-8"))}
+    assert users == {"trepid/recording"}
