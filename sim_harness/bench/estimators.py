@@ -15,9 +15,9 @@ UNMARKED = "unmarked"  # name of the section of the circuit without paint
 
 
 def bench_estimators() -> dict[str, Any]:
-    """Time per 320×240 frame of every estimator and the image statistics, one thread, beside the bare chain.
+    """Time per 320×240 frame of every estimator and the image statistics, one thread, and of the plain chain.
 
-    The frames of the unmarked part of the lap are told once more by themselves.
+    The frames of the unmarked section of the lap have a row of their own, too.
     """
     cv2.setNumThreads(1)
     estimators = {name: build(name) for name in ESTIMATORS}

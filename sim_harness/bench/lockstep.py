@@ -1,4 +1,4 @@
-"""How fast the closed loop runs, with true lane state and with rendering, beside what peers take for a plant alone.
+"""Real-time factor of the closed loop, with the true lane and with rendering, and steps per second of peers.
 
 By wall clock, as a user waits, and by the computing time of this process, which other work on the machine does not
 lengthen as much. A step is one vehicle period with everything that is due in it: plant, sensors, limiter and

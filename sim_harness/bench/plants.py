@@ -1,4 +1,4 @@
-"""How fast the plants step, beside CommonRoad's models and highway-env's lane keeping in the same run.
+"""Steps per second of the plants, of CommonRoad's models and of highway-env's lane keeping in the same run.
 
 All take turns, so that a machine that slows down slows them alike. CommonRoad's models are stepped bare, by our
 Runge-Kutta, with nothing around them; highway-env does what a user of its lane-keeping task calls.
@@ -25,7 +25,7 @@ from trepid.vehicle import Vehicle
 
 STEP_S = 0.01
 SPEED_MPS = 8.0
-TURN_S = 0.1  # for which each takes its turn
+TURN_S = 0.1  # duration of a turn
 TURNS = 7
 BATCH = 4000
 PEER = "commonroad_st_bare"
@@ -80,7 +80,7 @@ def _versions() -> dict[str, str]:
 
 @contextmanager
 def _optional() -> Iterator[None]:
-    """Leave out what is not installed."""
+    """Leave out a peer that is not installed."""
     try:
         yield
     except ImportError as error:
@@ -168,7 +168,7 @@ def _commonroad(vehicle: Vehicle) -> dict[str, Advance]:
             return dynamics(list(vector), list(inputs), parameters)
 
         def advance(step: int) -> None:
-            # From the same place again: at 10 ms the wheels of STD and MB would become unstable.
+            # From the same state each time: at 10 ms the wheels of STD and MB would become unstable.
             inputs = (0.05 * math.cos(0.01 * step), 0.0)
             rk4(rates, tuple(start), inputs, inputs, inputs, STEP_S)
 

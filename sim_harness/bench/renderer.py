@@ -23,7 +23,7 @@ BENCH_FRAMES = 40
 
 
 def bench_renderer() -> dict[str, Any]:
-    """Frames per second of the renderer over a lap of the circuit, painting of the world included."""
+    """Frames per second of the renderer over a lap of the circuit, painting of the ground included."""
     cv2.setNumThreads(1)
     started_s = time.process_time()
     times_s = [time_s for *_, time_s in lap()]
@@ -54,7 +54,7 @@ def bench_disturbances() -> dict[str, Any]:
 
 
 def _side_by_side(plain: Renderer, disturbed: Renderer, frame: int) -> tuple[float, float]:
-    """Processor times of the same frame without and with a disturbance [s], on ground that is painted."""
+    """Processor times of the same frame without and with a disturbance [s], on painted ground."""
     road, t_s = plain.road, frame * FRAME_PERIOD_S
     station_m = 20.0 + SPEED_MPS * t_s
     x_m, y_m = road.position(station_m, 0.0)

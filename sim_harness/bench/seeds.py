@@ -1,4 +1,4 @@
-"""Do the known seeds flatter? The suite's score on seeds that everybody has, and on seeds drawn just now.
+"""Scores of the suite with known seeds and with random ones; a difference shows overfitting to the known seeds.
 
 A public seed gets learned, by people if not by networks. Both scores come from the same scenarios; they should
 differ by no more than 2 %.
@@ -26,7 +26,7 @@ KNOWN_SEEDS = (0, 1, 2, 3)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """How a set of runs went."""
+    """Scores of a set of runs."""
 
     runs: int
     pass_rate_percent: float
@@ -41,7 +41,7 @@ class Score:
 
 
 def score(rows: Iterable[dict[str, Any]]) -> Score:
-    """The score of runs, given as rows of ``sim run --json``; one that crashed has no error, and has not passed.
+    """The score of runs, given as rows of ``sim run --json``; a crashed run has failed and has no error.
 
     Raises ValueError without any that has.
     """
@@ -63,7 +63,7 @@ def scored_scenarios() -> list[Scenario]:
 
 
 def bench_seeds(seed: int) -> dict[str, Any]:
-    """Scores of the shipped scenarios with the known seeds, and with as many that are drawn by ``seed``.
+    """Scores of the shipped scenarios with the known seeds, and with as many random ones from ``seed``.
 
     Rows are kept in ``runs/seeds_<seed>.jsonl``: a bench that was stopped goes on from there.
     """

@@ -1,4 +1,4 @@
-"""What sweeps promise: one hash whatever runs where and beside what, and twice the work on two cores."""
+"""Sweeps: one trace hash for any process and load, and the speed-up of two processes."""
 
 import multiprocessing
 import os
@@ -16,14 +16,14 @@ from sim_harness.sweep.sweep import in_this_process, on_processes
 
 RUNS_HERE, RUNS_ELSEWHERE, JOBS = 50, 50, 2
 SIMULATED_S = 5.0
-CASES = 16  # an even number, of equal length: what is measured is the machinery, not how cases happen to fit
+CASES = 16  # an even number of equal length
 CASE_S = 20.0  # long enough for the start of a worker, 1 to 2 s, to be a small part
 ROUNDS = 2
 SUMS = 6000  # of the peer, some 10 s
 
 
 def bench_determinism(here: int = RUNS_HERE, elsewhere: int = RUNS_ELSEWHERE) -> dict[str, Any]:
-    """Distinct trace hashes of one case, run in this process and on two others while every core is kept busy.
+    """Distinct trace hashes of one case, run in this process and on two others while every core is busy.
 
     5 s through a bend from 5 m/s on, with rendering and both estimators.
     """
@@ -43,7 +43,7 @@ def bench_determinism(here: int = RUNS_HERE, elsewhere: int = RUNS_ELSEWHERE) ->
 
 
 def bench_sweep(cases: int = CASES, case_s: float = CASE_S, sums: int = SUMS) -> dict[str, Any]:
-    """Two jobs against one on the same cases, start of the workers included; the two take turns.
+    """Two jobs and one on the same cases in turn, start of the workers included.
 
     ``speed_up`` is of wall-clock time and needs two free cores; ``speed_up_by_cpu`` is what the processor time that
     both took leaves of a factor of two, whoever else is on the machine. The peer says what the machine itself
@@ -83,7 +83,7 @@ class _Turns:
         self._cpu_s[jobs] += _children_s() - cpu_s
 
     def found(self) -> dict[str, float]:
-        """Times and how much faster two jobs were."""
+        """Times, and the speed-up of two jobs."""
         return {
             "one_job_s": round(self._wall_s[1], 1),
             "two_jobs_s": round(self._wall_s[JOBS], 1),
@@ -110,19 +110,19 @@ def _sum(times: int) -> None:
 
 
 def _moving(name: str, duration_s: float) -> Scenario:
-    """The scenario ``name``, cut off after ``duration_s``, with a car that rolls from the beginning."""
+    """The scenario ``name``, cut off after ``duration_s``, with a car that moves from the start."""
     scenario = load_scenario(name, {"start.speed_mps": "5"}).shortened(duration_s)
     return scenario.model_copy(update={"name": f"{name}, {duration_s:g} s"})
 
 
 def _again(case: Case, times: int) -> Plan:
-    """The same case many times: what no other plan has."""
+    """A plan with the same case many times."""
     return {f"{number}": case for number in range(times)}
 
 
 @contextmanager
 def _busy_cores() -> Iterator[None]:
-    """Every core has something else to do as well."""
+    """A busy process on every core."""
     context = multiprocessing.get_context("spawn")
     processes = [context.Process(target=_spin, daemon=True) for _ in range(os.cpu_count() or 1)]
     try:

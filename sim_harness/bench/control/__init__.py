@@ -1,1 +1,1 @@
-"""How well the controller's laws keep a lane that they see exactly, side by side: ``trepid bench control``."""
+"""Benchmarks of the controller on the true lane: ``trepid bench control``."""

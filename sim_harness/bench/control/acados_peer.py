@@ -1,4 +1,4 @@
-"""acados on the very problem of :mod:`controller.laws.mpc`: the same stages, weights, limits and soft lane.
+"""acados on the problem of :mod:`controller.laws.mpc`: the same stages, weights, limits and soft lane.
 
 acados generates C from casadi's expressions and compiles it with gcc. Its wheel (PyPI ``comma-deps-acados``) brings
 a casadi of its own under the same name, so it is kept out of the environment, in a folder of its own (``make
@@ -31,7 +31,7 @@ _LIBRARIES = ("libqpOASES_e.so.3.1", "libblasfeo.so", "libhpipm.so", "libacados.
 
 
 def missing() -> str | None:
-    """Why acados cannot run here; None if it can."""
+    """The reason why acados cannot run on this machine; None if it can."""
     if not (_package() / "install").is_dir():
         return f"acados is not in {_package()}: `make acados` brings it"
     if shutil.which("gcc") is None:
@@ -44,7 +44,7 @@ def _package() -> Path:
 
 
 class Acados:
-    """One configuration, built in ``folder`` once; real-time iterations like ours."""
+    """One configuration, built in ``folder`` once, for real-time iterations."""
 
     def __init__(self, folder: Path, name: str, grid: Grid, soft: Soft, options: dict[str, Any]) -> None:
         with _on_stderr():
@@ -53,7 +53,7 @@ class Acados:
         self._preview, self._command_bounds = preview(grid), command_bounds(grid)
 
     def prepare(self, now: Problem, *, shift: float, scale: float) -> None:
-        """Tell it the problem, and where to begin: its last solution, moved on as ours is."""
+        """Set the problem and the initial guess: the last solution, shifted."""
         n, solver = self._grid.stages, self._solver
         bends, aims, rates = (np.array(value) for value in self._preview(now))
         most = np.array(self._command_bounds(now)).ravel()
@@ -106,7 +106,7 @@ def _built(folder: Path, name: str, grid: Grid, soft: Soft, options: dict[str, A
     settings = ocp.solver_options
     settings.integrator_type, settings.hessian_approx = "DISCRETE", "GAUSS_NEWTON"
     settings.nlp_solver_type = "SQP_RTI"
-    settings.tf = float(grid.stages)  # acados weighs the cost of a stage with its duration
+    settings.tf = float(grid.stages)  # acados weights the cost of a stage with its duration
     settings.ext_fun_compile_flags = "-O3 -march=native"
     for option, value in options.items():
         setattr(settings, option, value)
@@ -125,7 +125,7 @@ def _state_cost(cost: Any, grid: Grid, soft: Soft) -> None:
 
 
 def _state_limits(limits: Any) -> None:
-    """Which quantities have limits; the numbers come with every problem."""
+    """Bounded quantities; the bounds come with every problem."""
     limits.x0 = np.zeros(4)
     limits.idxbu, limits.lbu, limits.ubu = np.array([0]), -np.ones(1), np.ones(1)
     limits.idxbx, limits.lbx, limits.ubx = np.array([0, 3]), -np.ones(2), np.ones(2)
@@ -134,7 +134,7 @@ def _state_limits(limits: Any) -> None:
 
 
 def _imported(folder: Path) -> Any:
-    """acados's template package, with the folders laid out as it expects its sources to be."""
+    """acados's template package, in the folder layout of its sources."""
     package = _package()
     links = {name: package / "install" / name for name in ("lib", "include", "bin")}
     links["interfaces/acados_template/acados_template"] = package / "acados_template"
@@ -153,7 +153,7 @@ def _imported(folder: Path) -> Any:
 
 @contextlib.contextmanager
 def _on_stderr() -> Iterator[None]:
-    """What acados and its tools print goes to stderr: stdout may be JSON."""
+    """Redirect the output of acados and its tools to stderr, since stdout may carry JSON."""
     sys.stdout.flush()
     kept = os.dup(1)
     os.dup2(2, 1)

@@ -1,4 +1,4 @@
-"""The failure of the Deep Steer paper, and what mends it: one winding road at 5 to 20 mph.
+"""The failure of the Deep Steer paper and its remedy: one winding road at 5 to 20 mph.
 
 Its network maps a picture to the steering angle that a driver held there at 5 mph, five times a second and until
 the next picture. It followed its road at 5 mph and lost it "in high road curvature areas" at speeds near 20 mph
@@ -26,15 +26,15 @@ MPH = 0.44704
 SPEEDS_MPH = (5, 10, 15, 20)
 LEARNED_AT_MPS = 5 * MPH
 DRIVER_AHEAD_M = 5.0  # 2.2 s at 5 mph
-PAPER_EVERY, PAPER_LATENCY_S = 20, 0.2  # ticks: 5 Hz; one picture long, as the network keeps up with no more
+PAPER_EVERY, PAPER_LATENCY_S = 20, 0.2  # ticks: 5 Hz; one frame of latency
 RADIUS_M = 40.0  # 2 m/s² at 20 mph
 
 
 class AnglesOfFiveMph:
-    """The angle that a driver would hold at 5 mph for the newest picture, whatever the speed."""
+    """The angle that a driver holds at 5 mph for the newest frame, at any speed."""
 
     def __init__(self, vehicle: Vehicle, *, transposed: bool) -> None:
-        """``transposed``: to the speed that is driven, by the understeer gradient (the paper's section 6)."""
+        """``transposed``: corrected to the present speed by the understeer gradient (section 6 of the paper)."""
         self._vehicle, self._transposed = vehicle, transposed
 
     def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
@@ -101,7 +101,7 @@ def bench_deep_steer(seed: int) -> dict[str, Any]:
 
 
 def winding_episode(vehicle: Vehicle, speed_mps: float, seed: int) -> Episode:
-    """The winding road at ``speed_mps`` on the pictures of the paper."""
+    """The winding road at ``speed_mps`` with frames at the rate of the paper."""
     road = winding_road()
     return Episode(
         road=road,

@@ -1,4 +1,4 @@
-"""Drifting out of the lane: the lateral speeds of Euro NCAP's lane support tests, against the best there can be.
+"""Overshoot after a lateral drift (speeds of Euro NCAP's lane support tests), relative to the least possible.
 
 A driver lets go at the centre of a straight lane while the car drifts at u to one side. Nothing can act before the
 dead time T of sight and steering is over; then, within ISO 11270's jerk j, lateral speed ends soonest by
@@ -35,12 +35,12 @@ SETTLED_S = 4.0
 
 
 def least_overshoot_m(drift_mps: float, *, dead_time_s: float = DEAD_TIME_S) -> float:
-    """How far from the centre a car drifts at least."""
+    """The least possible overshoot [m]."""
     return drift_mps * dead_time_s + 2.0 / 3.0 * drift_mps * math.sqrt(2.0 * drift_mps / JERK_MPS3)
 
 
 def bench_drift(seed: int) -> dict[str, Any]:
-    """Worst over speeds and sides: overshoot over the least possible, by drift; departures; what is left later."""
+    """Worst over speeds and sides: overshoot over the least possible, by drift; departures; remaining offset."""
     rows: dict[str, dict[str, Any]] = {}
     for model in (Model.KINEMATIC, Model.SINGLE_TRACK):
         vehicle = known_vehicle(model)
@@ -61,7 +61,7 @@ def bench_drift(seed: int) -> dict[str, Any]:
 
 
 def _lags_s(vehicle: Vehicle, speed_mps: float) -> dict[str, float]:
-    """What the dead time leaves out: nothing; the lag of known tyres, by which they follow a ramp."""
+    """Delay besides the dead time [s]: none, or the lag of known tyres to a ramp."""
     rear, understeer = vehicle.rear_slip_gradient_rad_per_mps2, vehicle.understeer_gradient_rad_per_mps2
     if rear == 0.0:
         return {"": 0.0}
@@ -70,7 +70,7 @@ def _lags_s(vehicle: Vehicle, speed_mps: float) -> dict[str, float]:
 
 
 def known_vehicle(model: Model) -> Vehicle:
-    """The default vehicle, with the stiffness of its tyres where the plant has any."""
+    """The default vehicle, with tyre stiffness where the plant has tyres."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     if model is Model.KINEMATIC:
         return vehicle

@@ -1,4 +1,4 @@
-"""One closed loop on a known lane: true state, the controller, a plant that differs from what is believed.
+"""One closed loop on a known lane: true state, the controller, a plant that differs from the vehicle file.
 
 Nothing is rendered and nobody decides: a frame brings the lane as it is, late and with noise if asked for, as the
 decision to keep it. There is no limiter, so that what is seen is what the law does.
@@ -25,14 +25,14 @@ from trepid.vehicle import Vehicle
 TICK_S = 0.01  # of the vehicle, as in config/simulator.yaml
 CONTROL_EVERY, FRAME_EVERY = 2, 4  # ticks: 50 Hz, 25 Hz
 LATENCY_S = 0.04  # from the frame to its decision
-SIGHT_M, SIGHT_S = 8.0, 1.0  # how far a clothoid that touches the road is trusted, at least, and in time
+SIGHT_M, SIGHT_S = 8.0, 1.0  # validity of the clothoid that touches the road: least distance, and time
 TANGENT_M = 0.01  # over which the rate of the curvature at the axle is taken
 LOST_M = 5.0  # beyond this offset the lane counts as lost, and the episode ends
 
 
 @dataclass(frozen=True, kw_only=True)
 class Episode:
-    """What is driven, by a car that is ``believed`` to be one thing and is another: ``plant``."""
+    """A lane and a car: ``believed`` is the vehicle file of the controller, ``plant`` the simulated deviation."""
 
     road: Road
     speed_mps: float
@@ -43,14 +43,14 @@ class Episode:
     latency_s: float = LATENCY_S
     offset_noise_m: float = 0.0  # standard deviation of every frame's offset
     sight_s: float | None = (
-        None  # the clothoid seen is true at the axle and so far ahead; None: and touches it
+        None  # distance at which the clothoid equals the road besides at the axle; None: it touches the road
     )
     start_m: float = 0.0  # offset at the start
     seed: int = 0
 
 
 class Steering(Protocol):
-    """What steers: the controller, or something to compare it with."""
+    """A controller, or a baseline."""
 
     def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
         """The command for ``now_s``."""
@@ -58,7 +58,7 @@ class Steering(Protocol):
 
 
 class Track(NamedTuple):
-    """What happened, by tick."""
+    """The drive, by tick."""
 
     t_s: NDArray[np.float64]
     offset_m: NDArray[np.float64]
@@ -127,7 +127,7 @@ def drive_by(steering: Steering, episode: Episode) -> Track:
 
 
 def _at_any_speed(settings: ControllerSettings, speed_mps: float) -> ControllerSettings:
-    """``settings`` whose speed planning leaves the episode's speed alone."""
+    """``settings`` with speed planning that keeps the speed of the episode."""
     return settings.model_copy(
         update=dict(speed=settings.speed.model_copy(update=dict(lateral_accel_mps2=1e3)))
     )
@@ -155,7 +155,7 @@ def _measured(plant: Plant, car: PlantState, now_s: float) -> VehicleState:
 
 
 class _Sight:
-    """The lane as it is, late."""
+    """The true lane with latency."""
 
     def __init__(self, episode: Episode) -> None:
         self._road, self._speed_mps = episode.road, episode.speed_mps
@@ -168,7 +168,7 @@ class _Sight:
         self._underway: list[Decision] = []
 
     def look(self, now_s: float, station_m: float, offset_m: float, heading_rad: float) -> None:
-        """A frame. The curvature at the axle is that of the road; the clothoid knows nothing of bends to come."""
+        """A frame. The curvature at the axle is that of the road; the clothoid does not show later bends."""
         here, there = (self._road.curvature_at(s) for s in (station_m, station_m + self._rate_over_m))
         rate_1pm2 = (there - here) / self._rate_over_m
         noise_m = self._noise_m * float(self._generator.standard_normal())
@@ -201,7 +201,7 @@ class _Sight:
         )
 
     def decided(self, now_s: float) -> Decision | None:
-        """The newest decision that is there by ``now_s``; the very first is there at once."""
+        """The newest decision available at ``now_s``; the first is available at once."""
         while len(self._underway) > 1 and self._underway[1].decided_s <= now_s + 1e-9:
             self._underway.pop(0)
         return self._underway[0]

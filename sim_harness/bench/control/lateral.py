@@ -1,4 +1,4 @@
-"""The lateral laws beside pure pursuit and Stanley, on the same episodes and the same fresh seeds.
+"""Tracking error of the lateral laws, pure pursuit and Stanley on the same episodes and seeds.
 
 A lane is seen as far ahead as a command takes to act: how well perception foresees a bend is not the laws' doing,
 only the first figure asks for it. Without its understeer a baseline steers a car that it believes to have none.
@@ -31,8 +31,10 @@ BANK_RAD, OFFSET_RAD = math.atan(0.06), math.radians(0.5)
 SETTLED_S = 5.0
 RANDOM_CASES = 40  # for each law; control-random drives a thousand with the default one
 NOISE_M, RANDOM_TARGET_M = 0.03, 0.08
-REAR_SLIP = 1.0 / (PlantSettings().chassis.rear_stiffness_per_rad * GRAVITY_MPS2)  # R of the plant with tyres
-FROM_FRAME_S = 0.08  # a frame's age when the command on it goes out, at most
+REAR_SLIP = 1.0 / (
+    PlantSettings().chassis.rear_stiffness_per_rad * GRAVITY_MPS2
+)  # R of the plants with tyres
+FROM_FRAME_S = 0.08  # largest age of a frame when its command is sent
 BASELINES = (LawName.PURE_PURSUIT, LawName.STANLEY)
 
 Episodes = Callable[[int], Iterator[Episode]]
@@ -40,7 +42,7 @@ Episodes = Callable[[int], Iterator[Episode]]
 
 @dataclass(frozen=True)
 class Figure:
-    """What is driven, what of it counts [m], and how much it may be."""
+    """Episodes, the error that counts [m], and its target."""
 
     episodes: Episodes
     target_m: float
@@ -85,7 +87,7 @@ def _neutral(vehicle: Vehicle) -> Vehicle:
 
 
 def _real(episode: Episode) -> PlantSettings:
-    """The plant of ``episode`` for who believes in another understeer."""
+    """The plant of ``episode`` for a controller with another understeer."""
     understeer = episode.believed.understeer_gradient_rad_per_mps2
     differs = {"understeer_gradient_rad_per_mps2": understeer} | episode.plant.vehicle
     return episode.plant.model_copy(update=dict(vehicle=differs))
@@ -103,7 +105,7 @@ def vehicle(*, understeer_deg_per_g: float = 2.0, delay_s: float = 0.1, lag_s: f
 
 
 def tyred(vehicle: Vehicle) -> Vehicle:
-    """``vehicle`` whose rear tyres are known to be those of the plants with tyres."""
+    """``vehicle`` with the rear tyre stiffness of the plants with tyres."""
     return vehicle.model_copy(update=dict(rear_slip_gradient_rad_per_mps2=REAR_SLIP))
 
 
@@ -118,7 +120,7 @@ def _straight() -> Road:
 
 
 def s_curve(speed_mps: float, believed: Vehicle, *, sight_s: float | None = None, **real: Any) -> Episode:
-    """The S on a car that differs from what is ``believed`` by ``real``, fields of its plant."""
+    """The S on a car that differs from ``believed`` by the plant fields ``real``."""
     return Episode(
         road=_s(speed_mps),
         speed_mps=speed_mps,
@@ -130,14 +132,14 @@ def s_curve(speed_mps: float, believed: Vehicle, *, sight_s: float | None = None
 
 
 def s_curves(model: Model) -> Iterator[Episode]:
-    """Over understeer and speed, on a car that is what it is believed to be; no bend is foreseen."""
+    """Over understeer and speed, on a car that equals its vehicle file, without preview of bends."""
     for understeer, speed_mps in product(UNDERSTEER_DEG_PER_G, SPEEDS_MPS):
         believed = vehicle(understeer_deg_per_g=understeer)
         yield s_curve(speed_mps, believed if model is Model.KINEMATIC else tyred(believed), model=model)
 
 
 def timings(wrong: tuple[float, ...]) -> Iterator[Episode]:
-    """Over dead time and lag, which in truth are ``wrong`` times as long."""
+    """Over dead time and lag, whose true values are ``wrong`` times as long."""
     for delay_s, lag_s, factor in product(DELAYS_S, LAGS_S, wrong):
         real = dict(steering_delay_s=factor * delay_s, steering_lag_s=factor * lag_s)
         sight_s = FROM_FRAME_S + max(1.0, factor) * (delay_s + lag_s)
@@ -145,7 +147,7 @@ def timings(wrong: tuple[float, ...]) -> Iterator[Episode]:
 
 
 def pushed(model: Model = Model.KINEMATIC, **real: Any) -> Iterator[Episode]:
-    """Straight on at every speed, with what pushes the car aside there from the first moment."""
+    """Straight on at every speed, with the disturbance present from the start."""
     believed = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     for speed_mps in SPEEDS_MPS:
         yield Episode(
@@ -158,7 +160,7 @@ def pushed(model: Model = Model.KINEMATIC, **real: Any) -> Iterator[Episode]:
 
 
 def random_cases(seed: int, cases: int = RANDOM_CASES) -> Iterator[Episode]:
-    """The S at any speed on a car that differs in all at once, with a camera that sees the offset to 3 cm."""
+    """The S at any speed on a car that differs in all parameters, with 3 cm of noise in the offset."""
     lots = np.random.default_rng(seed)
     believed = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     for _ in range(cases):
@@ -182,7 +184,7 @@ def random_cases(seed: int, cases: int = RANDOM_CASES) -> Iterator[Episode]:
 
 
 def settled_m(track: Track) -> float:
-    """The largest offset from ``SETTLED_S`` on; where the lane was lost before, the last one."""
+    """The largest offset from ``SETTLED_S`` on; the last offset where the lane was lost before."""
     late_m = track.offset_m[round(SETTLED_S / TICK_S) :]
     return float(np.abs(late_m).max(initial=abs(track.offset_m[-1])))
 

@@ -1,4 +1,4 @@
-"""Learning offset and understeer while driving: what it saves in the lane, and how near it comes to the truth.
+"""Learned steering offset and understeer: tracking error with and without them, and their errors.
 
 The lane: half a degree between wheels and sensor, there from the first moment on, on a straight. The truth: laps of
 the circuit by random cars, where the estimate at the end is set beside what identification (controller/
@@ -35,7 +35,7 @@ LAP_S = 200.0
 
 
 def bench_learning(seed: int) -> dict[str, Any]:
-    """Peak and what is left after 5 s [m] with half a degree of offset; errors of what was learned."""
+    """Peak error and error after 5 s [m] with an offset of 0.5°; errors of the learned values."""
     return {**_offsets(seed), **_laps(seed)}
 
 
@@ -97,7 +97,7 @@ def _errors(gradient: float, offset_rad: float, true_gradient: float, true_offse
 
 
 def random_cars(believed: Vehicle, seed: int) -> Iterator[PlantSettings]:
-    """Understeer within 30 % of what is believed, wheels within half a degree, on either plant in turn."""
+    """Understeer within ±30 %, offset within ±0.5°, on both plants in turn."""
     draw = np.random.default_rng(seed)
     for number in range(CARS):
         share, offset_rad = draw.uniform(0.7, 1.3), draw.uniform(-OFFSET_RAD, OFFSET_RAD)
@@ -111,7 +111,7 @@ def random_cars(believed: Vehicle, seed: int) -> Iterator[PlantSettings]:
 def lap(
     believed: Vehicle, settings: ControllerSettings, plant: PlantSettings, seed: int
 ) -> tuple[Trace, SteeringLearner]:
-    """A lap of the circuit in ``plant`` by someone who believes in ``believed``, and what was learned on it."""
+    """A lap of the circuit on ``plant`` with the vehicle file ``believed``; returns the learned values."""
     scenario = load_scenario("circuit", {"sight": "truth"}).model_copy(update=dict(plant=plant))
     controller = Controller(believed, settings)
     parts = replace(build_parts(scenario, seed=seed), controller=controller)
@@ -119,7 +119,7 @@ def lap(
 
 
 def _log(trace: Trace) -> DriveLog:
-    """What the vehicle measured, as identification reads it."""
+    """The measured columns in the form that identification reads."""
     nothing = np.empty(0)
     return DriveLog(
         t_s=trace["t_s"],

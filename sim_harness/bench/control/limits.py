@@ -1,4 +1,4 @@
-"""Random drives through the limiter on four plants: does the car stay within the standards?
+"""Random drives through the limiter on four plants: compliance with ISO 11270 and UN R79.
 
 An episode is feasible by construction: the car is what the limiter believes, has grip, and begins within the limits
 on a steady bend. What is asked for is anything: angles up to the stops as steps, ramps, sines and noise, full drive
@@ -62,7 +62,7 @@ _R79 = butter(R79_ORDER, R79_CUTOFF_HZ, fs=1.0 / TICK_S, output="sos")
 
 
 class Worst(NamedTuple):
-    """The largest of an episode, or of many."""
+    """Largest values of an episode, or of many."""
 
     lateral_mps2: float
     jerk_mps3: float
@@ -71,7 +71,7 @@ class Worst(NamedTuple):
 
     @property
     def breaches(self) -> bool:
-        """True where one is beyond its standard."""
+        """True if a value exceeds its standard."""
         return (
             self.lateral_mps2 > LATERAL_MPS2
             or max(self.jerk_mps3, self.r79_jerk_mps3) > JERK_MPS3
@@ -121,7 +121,7 @@ def _line(one: Worst) -> str:
 
 
 def _digest() -> str:
-    """Changes with what an episode depends on."""
+    """Hash of the code that an episode depends on."""
     digest = hashlib.sha256()
     files = [file for name in HELD_AGAINST for file in (ROOT / name, *(ROOT / name).rglob("*.py"))]
     for file in sorted([*files, CONFIG_DIR / "limiter.yaml", CONFIG_DIR / "vehicle.yaml"]):
@@ -162,14 +162,14 @@ def _advance(
 
 
 def _start(plant: Plant, fastest_mps: float, generator: np.random.Generator) -> PlantState:
-    """On a steady bend within the limits that the limiter gives to demands."""
+    """A steady bend within the limits for demands."""
     speed_mps = float(generator.uniform(SLOWEST_MPS, fastest_mps))
     tightest_1pm = min(0.9 * LATERAL_MPS2 / speed_mps**2, 0.3)
     return plant.initial(speed_mps=speed_mps, curvature_1pm=float(generator.uniform(-1, 1)) * tightest_1pm)
 
 
 def asked(generator: np.random.Generator, ticks: int, limit_rad: float) -> tuple[list[float], list[float]]:
-    """Angles and accelerations that somebody asks for, per tick."""
+    """Demanded angles and accelerations, per tick."""
     t_s = TICK_S * np.arange(ticks)
     size_rad = limit_rad * 10.0 ** generator.uniform(-2.0, 0.2)
     angle_rad = size_rad * _spans(generator, ticks)

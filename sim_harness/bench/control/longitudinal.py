@@ -1,4 +1,4 @@
-"""Speed: how exactly stops end where their closed form says, and how the car follows one that brakes.
+"""Stops relative to their closed form, and gaps behind a braking vehicle.
 
 Stops are driven by the speed control alone on a plant whose drive differs from what is believed; the distance is
 compared with :func:`stop_m_and_s` plus the way of the drive's lag. Following is driven by the whole chain.
@@ -41,7 +41,10 @@ def stop_m_and_s(profile: StopProfile, speed_mps: float) -> tuple[float, float]:
         left_mps = speed_mps - j * rise_s**2 / 2.0
         return speed_mps * rise_s - j * rise_s**3 / 6.0 + left_mps**2 / (2.0 * f), rise_s + left_mps / f
     rise_s, fall_s = peak / j, (peak - f) / j
-    ramp_mps, end_mps = peak**2 / (2.0 * j), f**2 / (2.0 * j)  # lost on a ramp; left when f is reached
+    ramp_mps, end_mps = (
+        peak**2 / (2.0 * j),
+        f**2 / (2.0 * j),
+    )  # speed lost on a ramp; speed left when f is reached
     flat_s = (speed_mps - 2.0 * ramp_mps) / peak
     metres = (
         speed_mps * rise_s

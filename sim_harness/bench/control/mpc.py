@@ -1,4 +1,4 @@
-"""What a tick of MPC costs, beside acados on the same problems in the same run.
+"""Time of an MPC step, relative to acados on the same problems in the same run.
 
 The problems are those of a drive: an S with noise and an offset to come back from, at three speeds, by the law
 itself. Then every solver solves each of them in turn, beginning at its own last solution. Ours is timed with all it
@@ -38,7 +38,7 @@ CONVERGED = 12  # iterations
 
 
 class Spent(NamedTuple):
-    """By one solve [µs]."""
+    """Times of one solve [µs]."""
 
     wall_us: float
     processor_us: float
@@ -56,7 +56,7 @@ class Asked(NamedTuple):
 
 
 def bench_mpc(seed: int) -> dict[str, Any]:
-    """Times per tick [µs], their ratios to acados, and how far the first w is from that of the optimum."""
+    """Times per tick [µs], their ratios to acados, and the error of the first w."""
     settings = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
     mpc = settings.lateral.mpc
     asked = recorded(settings, seed)
@@ -79,12 +79,12 @@ def bench_mpc(seed: int) -> dict[str, Any]:
 
 
 def grid_and_soft(settings: MpcSettings) -> tuple[Grid, Soft]:
-    """What the law builds its solver with."""
+    """Arguments of the solver that the law builds."""
     return Grid(settings.stages, settings.stage, settings.quickness), Soft(*settings.soft_price)
 
 
 def recorded(settings: ControllerSettings, seed: int) -> list[Asked]:
-    """What the law asked its solver on the drive."""
+    """Problems that the law posed on a drive."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     lateral = settings.lateral.model_copy(update=dict(law=LawName.MPC))
     calls: list[Asked] = []
@@ -122,7 +122,7 @@ def _peers(folder: Path, settings: MpcSettings) -> dict[str, Acados]:
 def _interleaved(
     asked: list[Asked], settings: MpcSettings, peers: dict[str, Acados], times: Times
 ) -> dict[str, list[float]]:
-    """Every solver solves every problem; fills ``times`` [µs] and gives the first w of every solution."""
+    """Every solver solves every problem; fills ``times`` [µs] and returns the first w of every solution."""
     solver = Solver(*grid_and_soft(settings))
     first: dict[str, list[float]] = {"trepid": [], **{name: [] for name in peers}}
     times.update({name: [] for name in peers})
@@ -156,7 +156,7 @@ def _optimal(now: Problem, settings: MpcSettings) -> float:
 
 
 def _loaded(asked: list[Asked], settings: MpcSettings) -> list[Spent]:
-    """Times at 50 Hz while as many processes as there are cores never rest."""
+    """Times at 50 Hz on a machine with a busy process per core."""
     context = multiprocessing.get_context("spawn")
     busy = [context.Process(target=_never_rest, daemon=True) for _ in range(multiprocessing.cpu_count())]
     for process in busy:

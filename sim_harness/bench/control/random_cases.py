@@ -1,4 +1,4 @@
-"""A thousand cars that differ from what is believed in all at once, driven by the law that is configured."""
+"""A thousand cars that differ from their vehicle file in all parameters, driven by the configured law."""
 
 import sys
 import time
@@ -16,15 +16,15 @@ PROGRESS_S = 10.0
 
 
 def bench_random(seed: int, cases: int = CASES) -> dict[str, Any]:
-    """Largest distances from the centre of the lane [m] over the cases, and how many miss the target."""
+    """Largest distances from the centre of the lane [m] over the cases, and the number beyond the target."""
     settings = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
     worst_m, began_s = [], time.monotonic()
-    told_s = began_s
+    reported_s = began_s
     for episode in random_cases(seed, cases):
         worst_m.append(drive(episode, settings).worst_m)
-        if time.monotonic() - told_s > PROGRESS_S:
-            told_s = time.monotonic()
-            left_s = (told_s - began_s) / len(worst_m) * (cases - len(worst_m))
+        if time.monotonic() - reported_s > PROGRESS_S:
+            reported_s = time.monotonic()
+            left_s = (reported_s - began_s) / len(worst_m) * (cases - len(worst_m))
             print(f"random: {len(worst_m)} of {cases} cases, about {left_s:.0f} s left", file=sys.stderr)
     return {
         "law": settings.lateral.law.value,

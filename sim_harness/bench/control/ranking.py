@@ -1,4 +1,4 @@
-"""Do the plants agree which law is better? Kendall's rank correlation of the laws between every two vehicles.
+"""Agreement of the plants on the order of the laws: Kendall's rank correlation between every two vehicles.
 
 Laws are ranked by the root mean square of the offset on the S at 2 m/s², at 10 and 20 m/s. A figure that only one
 plant gives says something about the plant; an order that all of them give says something about the laws.
@@ -49,7 +49,7 @@ def bench_ranking(seed: int) -> dict[str, Any]:
 
 
 def _rms_m(plant: PlantSettings, settings: ControllerSettings, seed: int) -> float:
-    """Over both speeds; a lane that is lost counts with what it was until then."""
+    """Rms over both speeds; a lost lane counts up to the loss."""
     offsets_m = [
         drive(
             Episode(

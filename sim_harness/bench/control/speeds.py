@@ -1,4 +1,4 @@
-"""From walking pace to the motorway on one tuning: the S at 2 m/s², or at R = 15 m where that is gentler."""
+"""One tuning from 5 mph to 30 m/s: the S at 2 m/s², or at R = 15 m where that is gentler."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -28,7 +28,7 @@ def bench_speeds(seed: int) -> dict[str, Any]:
 
 
 def episodes(seed: int) -> Iterator[tuple[Model, Episode]]:
-    """Cars that are what they are believed to be; with tyres, their stiffness is known."""
+    """Cars that equal their vehicle file, with known tyre stiffness."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     rear_slip = 1.0 / (PlantSettings().chassis.rear_stiffness_per_rad * GRAVITY_MPS2)
     tyred = vehicle.model_copy(update=dict(rear_slip_gradient_rad_per_mps2=rear_slip))

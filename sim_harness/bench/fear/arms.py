@@ -1,4 +1,4 @@
-"""Drivers without fear, for comparison: one estimator, the plain average, the surest, or all that are joined."""
+"""Baselines without fear: one estimator, the plain average, the most confident one, or the fused path."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,17 +23,17 @@ LANE = ("lateral_offset_m", "heading_error_rad", "curvature_1pm", "curvature_rat
 
 
 class Driver(StrEnum):
-    """Which lane is driven."""
+    """The followed lane."""
 
     CV = "cv"
     CNN = "cnn"
     AVERAGE = "average"
     SUREST = "surest"
-    FUSED = "fused"  # the supervisor's own path: what fear judges, and what is left of supervision without it
+    FUSED = "fused"  # the supervisor's path without its fear
 
 
 class Way(NamedTuple):
-    """The lane that is driven."""
+    """A followed lane."""
 
     t_s: float
     lookahead_m: float
@@ -46,7 +46,7 @@ class Way(NamedTuple):
 
 
 class Watched:
-    """Drives what ``driver`` says, fearless; the supervisor watches, and its fear is what the decision carries.
+    """Follows ``driver`` without fear; a supervisor runs in parallel, and its fear is part of the decision.
 
     Where nothing is seen the last lane is driven on: a driver without fear has nobody to say when to stop.
     """
@@ -79,14 +79,14 @@ class Watched:
             path_t_s=way.t_s,
             lookahead_m=way.lookahead_m,
             path_source=str(self._driver),
-            cause=CALM if felt.cause == STARTING else felt.cause,  # this car has started, whoever allowed it
+            cause=CALM if felt.cause == STARTING else felt.cause,  # this driver has no start condition
             speed_factor=1.0,
             speed_cap_mps=self._cruise_speed_mps,
             **lane,
         )
 
     def _shown(self, felt: Decision, estimates: Mapping[str, SteeringEstimate | None]) -> Way | None:
-        """The way that there is to be seen now."""
+        """Observable distance ahead."""
         if self._driver is Driver.FUSED:
             return None if felt.path_t_s is None else Way.of(felt, felt.path_t_s)
         seen = {name: e for name, e in estimates.items() if e is not None and e.lateral_offset_m is not None}
@@ -95,7 +95,7 @@ class Watched:
 
 
 def chosen(seen: Mapping[str, SteeringEstimate], driver: Driver) -> SteeringEstimate | None:
-    """The lane that ``driver`` drives, of estimates that have one."""
+    """The lane that ``driver`` follows, from the estimates with a lane."""
     if driver is Driver.SUREST:
         return max(seen.values(), key=lambda e: e.confidence, default=None)
     if driver is Driver.AVERAGE and seen:

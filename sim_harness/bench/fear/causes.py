@@ -1,4 +1,4 @@
-"""Is the cause named right, and soon? Faults injected into rendered drives, seen by the real estimators.
+"""Rate and delay of the right cause: faults injected into rendered drives with the real estimators.
 
 A trial is a drive along a marked road that suddenly goes wrong in one way. What counts is the cause that the
 supervisor would publish at the first or second frame after that, so the fear rules must speak, too. How hard the
@@ -45,18 +45,18 @@ Rng = np.random.Generator
 
 @dataclass(kw_only=True)
 class Moment:
-    """What goes out at one frame; a fault changes it."""
+    """Outputs of one frame; a fault changes them."""
 
     image: Image
-    past: list[Image]  # that went out before it
-    frame: bool = True  # the camera delivers
-    silent: str = ""  # an estimator that does not answer
+    past: list[Image]  # former frames
+    frame: bool = True  # False: the camera sends nothing
+    silent: str = ""  # name of a silent estimator
     lead_m: float | None = None
     bias_m: Mapping[str, float] | None = None  # per estimator, of the lateral offset
 
 
 class Scene:
-    """Renderers of one straight road, as it is and as faults make it."""
+    """Renderers of one straight road, without and with faults."""
 
     def __init__(self, rng: Rng) -> None:
         self._camera = load(CONFIG_DIR / "camera.yaml", Camera)
@@ -166,11 +166,11 @@ FAULTS: dict[str, tuple[str, Fault]] = {
     "cv lies": ("disagreement", _lying("cv")),
     "cnn lies": ("disagreement", _lying("cnn")),
 }
-"""Name -> the right cause, and what goes wrong."""
+"""Name -> the right cause, and the fault."""
 
 
 class Watcher:
-    """Estimators, image statistics and the supervisor up to the point where the cause is named."""
+    """Estimators, image statistics and the supervisor up to its cause."""
 
     def __init__(self) -> None:
         settings = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
@@ -186,7 +186,7 @@ class Watcher:
         self.looked_us: list[float] = []  # ... and for the image statistics
 
     def step(self, moment: Moment, *, t_s: float) -> str:
-        """The cause at the arrival of the frame taken at ``t_s``."""
+        """The cause at the arrival of the frame captured at ``t_s``."""
         state = VehicleState(
             t_s=t_s + LATENCY_S - 0.01,
             speed_mps=SPEED_MPS,
@@ -228,7 +228,7 @@ class Watcher:
 
 
 def trial(fault: Fault | None, rng: Rng, watcher: Watcher) -> list[str]:
-    """The causes of the frames after the fault strikes, without one of as many frames of an undisturbed drive."""
+    """The causes of the frames after the fault begins, or of as many frames without a fault."""
     scene = Scene(rng)
     past: list[Image] = []
     causes: list[str] = []
@@ -236,7 +236,9 @@ def trial(fault: Fault | None, rng: Rng, watcher: Watcher) -> list[str]:
     for number in range(WARM_UP + WITHIN):
         moment = Moment(image=scene.image(number), past=past)
         if fault is not None and number >= WARM_UP:
-            moment = fault(moment, scene, number, np.random.default_rng(seed))  # it does not change its mind
+            moment = fault(
+                moment, scene, number, np.random.default_rng(seed)
+            )  # the same random numbers for every frame
         cause = watcher.step(moment, t_s=PERIOD_S * number)
         past.append(moment.image)
         if number >= WARM_UP:
@@ -289,5 +291,5 @@ def _times(times_us: list[float]) -> str:
 
 
 def _noisy(light: Any, rng: Rng) -> Image:
-    """Sensor noise of one grey level on top, so that no two pictures are the same."""
+    """Sensor noise of one grey level on top, so that no two frames are equal."""
     return np.asarray(np.clip(light + rng.normal(0, 1.0, light.shape), 0, 255), np.uint8)

@@ -1,4 +1,4 @@
-"""The drives of ``trepid bench fear-supervision``, drawn by lot: clean marked roads, and hard ones."""
+"""Random drives of ``trepid bench fear-supervision``: clean marked roads, and hard ones."""
 
 import hashlib
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ HARD_SPEEDS_MPS = (5.0, 9.0)
 GRADES = (3, 4, 5)
 SNOWED_UP = 0.2  # of the hard roads: trodden snow hides lines and edges
 OFTEN = ("snow", "fog", "rain", "night", "glare", "over_exposure", "dirt", "occlusion")
-"""Disturbances that are drawn three times as often: they hide the road, the others spoil its picture."""
+"""Disturbances that are drawn three times as often: they hide the road."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What tells this case from every other."""
+        """Unique key of the case."""
         told = f"{self.seed} {self.scenario.model_dump_json()}"
         return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 
 def cases(seed: int, count: int) -> Iterator[Case]:
-    """Clean cases first, then ``count`` hard ones; more of them begin with the same."""
+    """Clean cases first, then ``count`` hard ones; a larger count extends the same sequence."""
     for number in range(CLEAN_DRIVES):
         rng = np.random.default_rng([seed, 70, number])
         yield Case(_clean(rng), int(rng.integers(2**31)), clean=True)
@@ -65,7 +65,7 @@ def _clean(rng: np.random.Generator) -> Scenario:
 
 
 def _hard(rng: np.random.Generator) -> Scenario:
-    """Any kind of road, snowed up at times, under a strong disturbance, that bends for good after 40 m."""
+    """Any kind of road, snowed up at times, under a strong disturbance, with a lasting bend after 40 m."""
     kind = tuple(Kind)[int(rng.integers(len(Kind)))]
     look = _look(kind, rng)
     snowed_up = bool(rng.random() < SNOWED_UP)

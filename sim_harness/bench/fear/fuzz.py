@@ -1,4 +1,4 @@
-"""Broken numbers in messages: fear never falls below what the whole messages give, and nothing is raised.
+"""Broken numbers in messages: fear never falls below that of the intact messages, and no exception is raised.
 
 Several situations, calm and frightening ones, since where fear is 0 nothing could lower it. In each, every number
 of every message is once NaN, infinite and far beyond what can be; then messages are broken at random, several
@@ -20,15 +20,15 @@ from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, Vehi
 from trepid.vehicle import Vehicle
 
 MESSAGES = 10_000
-WARM_UP = 3  # frames, so that there is something to remember
+WARM_UP = 3  # frames before the broken one
 PERIOD_S, AGE_S = 0.04, 0.03
 BROKEN = (math.nan, math.inf, -math.inf, 1e30, -1e30)
-NOT_FEARED = {"latency_ms", "road_wheel_angle_rad"}  # of an estimate: for displays; the lane itself is driven
+NOT_FEARED = {"latency_ms", "road_wheel_angle_rad"}  # fields of an estimate for display only
 Told = dict[str, Any]
 
 
 def situations() -> dict[str, Told]:
-    """Messages of a calm drive and of frightening ones, as if taken at t = 0."""
+    """Messages of calm and of risky situations, with stamps around t = 0."""
     estimate = SteeringEstimate(
         t_s=0.0,
         estimator="cv",
@@ -87,7 +87,7 @@ class Afraid:
         self._vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
     def fear(self, whole: Told, broken: Told) -> float:
-        """Fear at the last of a few frames, of which only that is ``broken``."""
+        """Fear at the last of a few frames, of which only the last is ``broken``."""
         s = self._settings
         observer = WorldStateObserver(s.sightings, s.fusion, s.follow, self._vehicle)
         for number in range(WARM_UP + 1):
@@ -107,7 +107,7 @@ class Afraid:
 
 
 def numbers(message: Any) -> list[str]:
-    """Names of the fields of ``message`` that are floats, or may be."""
+    """Names of the float fields of ``message``, optional ones included."""
     hints = typing.get_type_hints(type(message))
     named = [f.name for f in fields(message) if hints[f.name] in (float, float | None)]
     return [name for name in named if not (isinstance(message, SteeringEstimate) and name in NOT_FEARED)]
@@ -133,12 +133,12 @@ def at_random(whole: Told, rng: random.Random) -> Told:
 
 
 def lowered(clean: float, fear: float) -> bool:
-    """Whether ``fear`` is less than ``clean``, or no number."""
+    """Whether ``fear`` is below ``clean`` or NaN."""
     return not fear >= clean - 1e-12
 
 
 def bench_fuzz(seed: int) -> dict[str, Any]:
-    """How many messages were broken, and how many of them calmed the supervisor; an exception ends it."""
+    """Number of broken messages, and of those that lowered fear; an exception ends the benchmark."""
     afraid, rng = Afraid(), random.Random(seed)
     whole = situations()
     clean = {name: afraid.fear(told, told) for name, told in whole.items()}

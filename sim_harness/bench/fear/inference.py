@@ -1,4 +1,4 @@
-"""One inference: its time beside scikit-fuzzy's, memory over a million of them, sameness across processes.
+"""One inference: time relative to scikit-fuzzy, memory growth, equality across processes.
 
 The rules are those of the target, 8 inputs with 5 sets each and 40 rules, and the shipped file. Points are drawn
 from the whole range of every input, where many rules hold, and from the calm end, where a car spends its days.
@@ -36,7 +36,7 @@ EIGHT = (
 
 
 def bench_inference(seed: int) -> dict[str, Any]:
-    """Times [us], ratio to scikit-fuzzy, agreement of the method mamdani, memory, sameness across processes."""
+    """Times [us], ratio to scikit-fuzzy, agreement of the method mamdani, memory, equality across processes."""
     target, shipped = forty_rules(), FearRules.load(CONFIG_DIR / "fear.yaml")
     rng = random.Random(seed)
     anywhere = [random_point(target, rng) for _ in range(500)]
@@ -55,7 +55,7 @@ def bench_inference(seed: int) -> dict[str, Any]:
 
 
 def forty_rules(method: Method = "monotone") -> FearRules:
-    """Eight inputs of the shipped file and forty rules, two in five of them about two or three inputs."""
+    """Eight inputs of the shipped file and forty rules, two fifths of them with two or three inputs."""
     shipped = FearRules.load(CONFIG_DIR / "fear.yaml").file
     bad = {name: LEVELS if shipped.inputs[name].risk == "rising" else LEVELS[::-1] for name in EIGHT}
     sentences = [
@@ -86,7 +86,7 @@ def times_us(rules: FearRules, points: list[Point], *, count: int = INFERENCES) 
 
 
 def beside_scikit(rules: FearRules, points: list[Point]) -> dict[str, Any]:
-    """Times of ours, and their ratio to those of scikit-fuzzy's ControlSystemSimulation when both take turns.
+    """Times, and their ratio to scikit-fuzzy's ControlSystemSimulation, both taking turns.
 
     The turns count for the ratio only: scikit-fuzzy leaves the processor's caches cold to whoever comes next.
     """
@@ -102,7 +102,7 @@ def beside_scikit(rules: FearRules, points: list[Point]) -> dict[str, Any]:
 
 
 def difference(rules: FearRules, points: list[Point], *, count: int = 20) -> float:
-    """Greatest difference of fear to scikit-fuzzy's with 1001 points a universe, where a rule speaks."""
+    """Greatest difference of fear to scikit-fuzzy's with 1001 points a universe, where a rule fires."""
     peer = simulation(rules, places=1001)
     pairs = [(rules.evaluate(point).fear, fear_of(peer, point)) for point in points[:count]]
     return max(abs(ours - theirs) for ours, theirs in pairs if theirs is not None)

@@ -1,4 +1,4 @@
-"""Who keeps the lane: each estimator alone, their plain average, the surest of them, or the supervised car?
+"""Departures of the supervised car and of unsupervised drivers on the same drives.
 
 Hard drives are drawn by lot (:mod:`sim_harness.bench.fear.drives`) and driven once by every driver, each on what
 the real estimators see. The drivers without fear drive on the last lane there was, at full speed. In their drives
@@ -30,19 +30,19 @@ from trepid.config import CONFIG_DIR, ROOT, load
 CASES = 80
 SUPERVISED = "supervised"
 AHEAD_S = 2.0
-UNDISTURBED_S = 3.0  # since the start or an intervention: a departure sooner belongs to the mishap before
+UNDISTURBED_S = 3.0  # since the start or an intervention: an earlier departure belongs to the former one
 LOOKING_BACK_S = 5.0
 TARGETS = "targets: supervised 0; flagged 95 %; AUROC 0.97; nuisance 1 per 10 km; speed loss 5 %"
 FEAR_BINS = np.linspace(0.0, 1.0, 101)
 
 
 def drivers(case: Case) -> list[str]:
-    """Who drives it: everybody, but on clean roads only those who are compared there."""
+    """Drivers of the case; on clean roads only those that are compared there."""
     return [*([Driver.AVERAGE] if case.clean else Driver), SUPERVISED]
 
 
 def drive(case: Case, driver: Driver | None) -> Result:
-    """One drive; None: by the supervisor."""
+    """One drive; driver None: the supervised car."""
     scenario = case.scenario
     parts = build_parts(scenario, seed=case.seed)
     if driver is not None:
@@ -108,7 +108,7 @@ def summary(rows: list[Row]) -> Row:
             f"{left} in {len(hard)} drives, {sum(r['distance_m'] for r in hard) / 1e3:.1f} km"
         )
     fused = [r for r in rows if r["driver"] == Driver.FUSED]
-    fearless = [r for r in rows if r["driver"] != SUPERVISED]  # fear that is heeded foretells nothing
+    fearless = [r for r in rows if r["driver"] != SUPERVISED]  # a supervised car acts on its fear
     table["mishaps feared 2 s ahead, fused path"] = _foretold(fused)
     table["mishaps feared 2 s ahead, all drivers"] = _foretold(rows)
     table["AUROC of fear, fused path"] = _auroc(fused)

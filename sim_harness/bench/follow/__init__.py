@@ -1,1 +1,1 @@
-"""What following a leader is worth when the lanes are lost, and what the lead detector is worth."""
+"""Benchmarks of following a leader without a visible lane, and of the lead detector."""

@@ -14,11 +14,11 @@ ROAD_M = 260.0
 ENTRY_RATE_1PM2 = 0.003  # κ' of the spirals: 0.6 m/s³ at 6 m/s
 RADII_M = (25.0, 250.0)
 MAX_HEADING_RAD = 1.2
-BACK_S = 3.0  # of road in sight after it was lost
+BACK_S = 3.0  # of visible road after its loss
 
 
 class Kind(StrEnum):
-    """What the leader does while nobody but it shows the way."""
+    """Action of the leader while the lanes are lost."""
 
     DRIVES = "drives"
     STOPS = "stops"
@@ -29,7 +29,7 @@ class Kind(StrEnum):
 
 
 def case(seed: int, *, rendered: bool) -> tuple[Kind, Scenario]:
-    """The case of ``seed``; with pictures and the detector, or with its model."""
+    """The case of ``seed``, with rendered images and the detector, or with its model."""
     rng = np.random.default_rng((seed, 40))
     kinds = list(Kind)
     kind = kinds[int(rng.choice(len(kinds), p=(0.4, 0.12, 0.12, 0.12, 0.12, 0.12)))]
@@ -83,7 +83,7 @@ def _traffic(
     others: list[dict[str, Any]] = []
     if kind is Kind.CUT_IN:
         cutting = {"kind": "change_lane", "at_s": doing_s, "to_lane": 0, "over_s": over_s}
-        # Ahead of us and drawing away, we no faster than the leader: a cut-in beside us no brake can avoid.
+        # The other car is ahead and faster: no brake can avoid a cut-in beside the ego vehicle.
         others = [
             {"gap_m": gap_m / 2 - 2.5, "lane": 1, "speed_mps": speed_mps + 0.5, "phases": [cutting]},
         ]
@@ -92,7 +92,7 @@ def _traffic(
 
 
 def random_segments(rng: np.random.Generator) -> tuple[dict[str, Any], ...]:
-    """A straight, then bends to both sides, joined by spirals as roads have them."""
+    """A straight, then bends to both sides, joined by spirals."""
     segments: list[dict[str, Any]] = [{"length_m": STRAIGHT_M}]
     length_m, curvature, heading = STRAIGHT_M, 0.0, 0.0
     while length_m < ROAD_M:

@@ -1,8 +1,8 @@
-"""The lead detector on fresh rendered drives: found and false, errors by distance and by disturbance.
+"""The lead detector on random rendered drives: recall, precision, errors by distance and by disturbance.
 
-Every drive is on a random road behind a leader that falls back and comes near, past parked and oncoming cars. What
-``LeadFinder`` says is compared with the truth of the simulator. The last rows are the numbers of
-``config/lead_model.yaml``, measured anew.
+Every drive follows a leader at a varying gap on a random road, past parked and oncoming cars. The output of
+``LeadFinder`` is compared with the truth of the simulator. The last rows are the parameters of
+``config/lead_model.yaml``.
 """
 
 import itertools
@@ -57,13 +57,13 @@ CLEAR_DRIVES = 4
 
 @dataclass(slots=True)
 class Log:
-    """What was true and what was said, frame by frame; NaN where there was nothing."""
+    """True and estimated values, frame by frame; NaN for absent ones."""
 
     rows: list[tuple[float, float, float, float, float, float]] = field(default_factory=list)
     times_s: list[float] = field(default_factory=list)
 
     def add(self, true: tuple[float, float, float] | None, said: LeadVehicle) -> None:
-        """True and said: gap [m], lateral place [m], speed [m/s]."""
+        """Append true and estimated gap [m], lateral place [m], speed [m/s]."""
         fields = (said.distance_m, said.lateral_m, said.speed_mps)
         self.rows.append(
             (*(true or (math.nan,) * 3), *(math.nan if value is None else value for value in fields))  # type: ignore[arg-type]
@@ -76,7 +76,7 @@ class Log:
 
 
 def bench_lead(seed: int) -> dict[str, Any]:
-    """Recall, precision and errors of the detector on fresh rendered drives, and the time it takes."""
+    """Recall, precision and errors of the detector on random rendered drives, and its time."""
     cv2.setNumThreads(1)
     logs: dict[str, list[Log]] = {}
     for number, (name, disturbances) in enumerate(CONDITIONS.items()):
@@ -103,7 +103,7 @@ def bench_lead(seed: int) -> dict[str, Any]:
 
 
 def drive(rng: np.random.Generator, disturbances: tuple[Disturbance, ...], *, with_leader: bool) -> Log:
-    """16 s along a random road: a leader whose gap swings, a parked car and one that comes towards us."""
+    """16 s along a random road: a leader at a varying gap, a parked and an oncoming car."""
     scenario = Scenario.model_validate(
         dict(
             name="lead",
@@ -131,7 +131,7 @@ def drive(rng: np.random.Generator, disturbances: tuple[Disturbance, ...], *, wi
 
 @dataclass(slots=True)
 class _World:
-    """Where everybody is."""
+    """Poses of all vehicles."""
 
     road: Road
     vehicle: Vehicle
@@ -146,12 +146,12 @@ class _World:
         self.phase = float(self.rng.uniform(0, 2 * math.pi))
 
     def gap_m(self, t_s: float) -> float:
-        """Swings between the least and the greatest gap."""
+        """Gap [m]: a sine between the least and the greatest one."""
         middle, half = (GAPS_M[1] + GAPS_M[0]) / 2, (GAPS_M[1] - GAPS_M[0]) / 2
         return middle - half * math.cos(2 * math.pi * t_s / DRIVE_S + self.phase)
 
     def leader(self, t_s: float) -> tuple[float, float, float]:
-        """Its pose; its rear is ``gap_m`` before our bumper."""
+        """Its pose; its rear is ``gap_m`` ahead of the ego bumper."""
         nose_m = self.station_m + self.vehicle.wheelbase_m + self.vehicle.front_overhang_m
         station_m = nose_m + self.gap_m(t_s) - self.body.rear_m
         x_m, y_m = self.road.position(station_m, 0.2 * math.sin(0.7 * t_s))
@@ -213,14 +213,14 @@ def _truth(road: Road, station_m: float, offset_m: float, t_s: float) -> SimTrut
 
 
 def _others(rng: np.random.Generator) -> tuple[dict[str, Any], ...]:
-    """Cars that are none of our business."""
+    """Vehicles that are not the leader."""
     parked = {"station_m": float(rng.uniform(40, 90)), "lane": -1, "offset_m": 0.3}
     oncoming = {"station_m": float(rng.uniform(90, 180)), "lane": 1, "speed_mps": 6.0, "oncoming": True}
     return parked, oncoming
 
 
 def figures(table: NDArray[np.float64]) -> dict[str, Any]:
-    """Recall, precision, and errors where it was right."""
+    """Recall, precision, and errors of right detections."""
     there, said = ~np.isnan(table[:, 0]), ~np.isnan(table[:, 3])
     right = _right(table)
     if not there.any():
@@ -239,14 +239,14 @@ def figures(table: NDArray[np.float64]) -> dict[str, Any]:
 
 
 def _right(table: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Frames in which the leader was said to be about where it was; metres count near, ratios far."""
+    """Frames with a right detection of the leader: within metres when near, within a ratio when far."""
     off_m = np.abs(table[:, 3] - table[:, 0])
     close = (off_m < 1.5) | (off_m < (SAME_RATIO - 1) * table[:, 0])
     return np.asarray(close & (np.abs(table[:, 4] - table[:, 1]) < SAME_ASIDE_M))
 
 
 def model(tables: list[NDArray[np.float64]]) -> dict[str, Any]:
-    """The numbers of ``config/lead_model.yaml``, from drives in clear weather."""
+    """Parameters of ``config/lead_model.yaml``, from drives in clear weather."""
     table = np.concatenate(tables)
     rows: dict[str, list[float]] = {
         name: [] for name in ("distance_bias", "distance_sigma", "lateral_sigma_m", "speed_sigma_mps", "seen")
@@ -269,7 +269,7 @@ def model(tables: list[NDArray[np.float64]]) -> dict[str, Any]:
 
 
 def _memory_s(right: NDArray[np.float64]) -> float:
-    """After how long the autocorrelation of the lateral error falls to 1/e."""
+    """Time in which the autocorrelation of the lateral error falls to 1/e [s]."""
     error = right[:, 4] - right[:, 1]
     error = error - error.mean()
     for lag in range(1, len(error) // 2):
@@ -279,7 +279,7 @@ def _memory_s(right: NDArray[np.float64]) -> float:
 
 
 def _loss_lengths_s(lost: NDArray[np.bool_]) -> list[float]:
-    """How long each loss of sight lasted."""
+    """Duration of each loss of detection [s]."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(int)))
     return (np.diff(edges)[::2] * PERIOD_S).tolist()
 

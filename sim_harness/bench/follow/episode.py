@@ -1,4 +1,4 @@
-"""One case, driven and scored: how near the leader's path, how smooth the hand-overs, how large the gap."""
+"""One case, driven and scored: distance from the leader's path, smoothness of hand-overs, gap."""
 
 import math
 from dataclasses import asdict, dataclass, field
@@ -13,13 +13,13 @@ from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Mode
 
-HAND_OVER_S = 0.2  # after a change of path in which the wheel may not jump
+HAND_OVER_S = 0.2  # after a change of path, in which the wheel must not jump
 MOVING_MPS = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Episode:
-    """What became of one case; None where there was nothing to score."""
+    """Scores of one case; None where nothing is to be scored."""
 
     seed: int
     kind: str
@@ -27,13 +27,13 @@ class Episode:
     departures: int
     path_error_m: (
         float | None
-    )  # greatest distance of our axle from the leader's path while it was followed, ...
-    joined_error_m: float | None  # ... and that once the car was led over to it
+    )  # greatest distance of the rear axle from the leader's path while it was followed, ...
+    joined_error_m: float | None  # ... once the hand-over has ended
     road_error_m: float  # greatest distance from the middle of the lane
     hand_over_step_deg: (
         float | None
     )  # greatest change of the wheel within one decision after a change of path
-    hand_over_turn_deg: float | None  # ... within 0.2 s, what the road asks for included
+    hand_over_turn_deg: float | None  # ... within 0.2 s, the angle for the road included
     followed_s: float
     stopped: bool  # at any time after the road was lost
     min_time_gap_s: float | None  # while following and moving
@@ -41,11 +41,11 @@ class Episode:
 
 @dataclass(slots=True)
 class Watcher:
-    """Remembers what is needed of every instant."""
+    """Records what the scores need."""
 
     leaders: list[list[tuple[float, float]]] = field(default_factory=list)
     own: list[tuple[float, float]] = field(default_factory=list)
-    on_trail_s: list[float] = field(default_factory=list)  # since when the trail is driven; NaN: it is not
+    on_trail_s: list[float] = field(default_factory=list)  # time on the trail; NaN: not on the trail
     wheel_rad: list[float] = field(default_factory=list)
     source: list[str] = field(default_factory=list)
     t_s: list[float] = field(default_factory=list)
@@ -55,7 +55,7 @@ class Watcher:
     stopped: bool = False
 
     def __call__(self, now: Instant) -> None:
-        """Take an instant in; the run-up counts for the leaders' paths only."""
+        """Record an instant; of the run-up only the paths of leaders."""
         truth, decision = now.truth, now.decision
         places = zip(truth.traffic_x_m, truth.traffic_y_m, strict=True)
         if not self.leaders:
@@ -105,11 +105,11 @@ def drive(seed: int, *, rendered: bool) -> Episode:
 
 
 def _path_error_m(watcher: Watcher, kind: Kind, *, after_s: float) -> float | None:
-    """Greatest distance from the nearest path of a vehicle ahead, from ``after_s`` on the trail on.
+    """Greatest distance from the nearest path of a vehicle ahead, counted from ``after_s`` on the trail.
 
-    None when nobody was followed for so long.
+    None when no vehicle was followed for that long.
 
-    Of a leader that leaves the road only its way on the road counts: it must not be followed farther.
+    A leader that leaves the road counts up to the edge of the road.
     """
     if kind is Kind.LEAVES_ROAD:
         return None
@@ -121,7 +121,7 @@ def _path_error_m(watcher: Watcher, kind: Kind, *, after_s: float) -> float | No
 
 
 def distances_m(points: NDArray[np.float64], path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance of each point (n, 2) from a polyline (m, 2), which goes on straight before its first point."""
+    """Distance of each point (n, 2) from a polyline (m, 2), extended straight before its first point."""
     way = np.diff(path, axis=0)
     moved = np.hypot(*way.T) > 1e-6
     start, way = path[:-1][moved], way[moved]

@@ -1,6 +1,6 @@
-"""`trepid bench follow`: a thousand cases with the model of the detector, some with the detector itself.
+"""`trepid bench follow`: 1000 cases with the model of the detector, 40 with rendered images.
 
-Every episode is in ``runs/follow_...jsonl`` when it ends; the same seed goes on where an earlier call stopped.
+Every episode is in ``runs/follow_...jsonl`` when it ends; a run with the same seed continues from there.
 """
 
 from collections.abc import Iterable
@@ -23,12 +23,12 @@ def bench_runs(seed: int) -> Row:
 
 
 def bench_rendered(seed: int) -> Row:
-    """40 cases with pictures and the detector itself."""
+    """40 cases with rendered images and the detector."""
     return summary(episodes(seed, RENDERED_RUNS, rendered=True))
 
 
 def episodes(seed: int, count: int, *, rendered: bool) -> list[Row]:
-    """The episodes of ``count`` cases; those that are on file are not driven again."""
+    """The episodes of ``count`` cases; stored ones are not driven again."""
     path = ROOT / "runs" / f"follow_{'rendered' if rendered else 'modelled'}_{seed}.jsonl"
     wanted = {str(one): one for one in range(seed * 10_000, seed * 10_000 + count)}
     return stored_rows(path, partial(_driven, rendered=rendered), wanted)
@@ -39,7 +39,7 @@ def _driven(seed: int, *, rendered: bool) -> Row:
 
 
 def summary(done: list[Row]) -> Row:
-    """The figures over all episodes, then by what the leader did."""
+    """The figures over all episodes, then by the action of the leader."""
     result: Row = {
         "targets": f"0 collisions, ≤ {PATH_TARGET_M} m from the path, ≤ {STEP_TARGET_DEG}° of wheel",
         **_figures(done),

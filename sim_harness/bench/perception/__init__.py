@@ -1,1 +1,1 @@
-"""What every estimator of the lane is worth: on rendered clips with known truth, on real pictures, at the wheel."""
+"""Benchmarks of the estimators: rendered clips with known truth, real images, closed loop."""

@@ -1,4 +1,4 @@
-"""`trepid bench perception`: the harness set, the real sets and the wheel, for every estimator."""
+"""`trepid bench perception`: the harness set, the real sets and the closed loop, for every estimator."""
 
 import sys
 import time
@@ -34,11 +34,11 @@ PICTURES = (
     "config/camera.yaml",
     "config/disturbances.yaml",
 )
-"""What the frames of the set depend on."""
+"""Code and settings that the frames of the set depend on."""
 WATCHING = (*PICTURES, "sim_harness/bench/perception/watch.py", "sim_harness/lockstep/oracle.py")
-"""What the truth and the errors depend on besides."""
+"""Code that the truth and the errors depend on, besides."""
 PARTS = ("set", "real", "drive")
-SAY_EVERY_S = 10.0
+REPORT_EVERY_S = 10.0
 
 
 def names_of(options: PerceptionOptions) -> tuple[str, ...]:
@@ -51,7 +51,7 @@ def names_of(options: PerceptionOptions) -> tuple[str, ...]:
 
 
 def bench_perception(options: PerceptionOptions) -> dict[str, Any]:
-    """All that was measured: per estimator what it is worth, and how that was found out."""
+    """Tables of all parts: scores per estimator, and details."""
     for part in options.parts:
         if part not in PARTS:
             raise InputError(f"no part {part!r} of bench perception; there are {', '.join(PARTS)}")
@@ -137,18 +137,18 @@ def _all(
 
 
 class _Progress:
-    """Tells on standard error how far it is."""
+    """Progress on standard error."""
 
     def __init__(self, total: int, known: int) -> None:
         self._total, self._done, self._new = total, known, 0
-        self._started_s = self._said_s = time.monotonic()
+        self._started_s = self._reported_s = time.monotonic()
         print(f"perception: {total} clips, {known} of them on file", file=sys.stderr, flush=True)
 
     def step(self) -> None:
-        """Another clip is done."""
+        """Count a finished clip."""
         self._done, self._new, now_s = self._done + 1, self._new + 1, time.monotonic()
-        if now_s - self._said_s >= SAY_EVERY_S:
-            self._said_s = now_s
+        if now_s - self._reported_s >= REPORT_EVERY_S:
+            self._reported_s = now_s
             left_s = (now_s - self._started_s) / self._new * (self._total - self._done)
             print(
                 f"perception: {self._done}/{self._total} clips, {left_s / 60:.1f} min left",

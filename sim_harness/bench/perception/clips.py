@@ -1,4 +1,4 @@
-"""The harness set: short rendered clips, each with its road, light and weather, all by one seed."""
+"""The harness set: short rendered clips, each with its road, light and weather, from one seed."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -20,21 +20,21 @@ from trepid.vehicle import Vehicle
 
 VERSION = 1  # of the set: the same seed draws the same frames
 PERIOD_S = 0.04
-AIM_M = 8.0  # along the lane: where its centre is compared, besides the axle, and what is steered for
-WARM_UP_FRAMES, SCORED_FRAMES = 10, 22  # a tracker may first look for 0.4 s
+AIM_M = 8.0  # along the lane: second place of comparison, and aim point of the wheel angle
+WARM_UP_FRAMES, SCORED_FRAMES = 10, 22  # the warm-up of trackers is 0.4 s
 CLEAR, GAP = "clear", "gap"
 GRADES: tuple[int, ...] = (1, 2, 3, 4, 5)
 CLIPS_PER_GRADE, GAP_CLIPS = 2, 4
 QUICK_GRADES: tuple[int, ...] = (3,)
 GAP_M, BEFORE_GAP_M, AFTER_GAP_M = 30.0, 12.0, 2.0
 GAP_SPEED_MPS = 10.0
-WEAVE_M, WEAVE_LENGTH_M = (0.05, 0.35), (35.0, 60.0)  # how a driver wanders
+WEAVE_M, WEAVE_LENGTH_M = (0.05, 0.35), (35.0, 60.0)  # weaving of a driver
 MOUTH_M = 4.0  # ahead of the start of a clip: where its tunnel ends
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One clip of the set, to be drawn."""
+    """One clip of the set."""
 
     seed: int
     number: int  # of the clip with this condition and grade
@@ -46,14 +46,14 @@ class Case:
 
     @property
     def key(self) -> str:
-        """Names the clip within the set of one seed."""
+        """Name of the clip within the set of one seed."""
         snow = f"-snow{self.snow_cover:g}" if self.snow_cover else ""
         return f"{self.condition}-{self.grade}-{self.number}-{self.kind}-{self.shape}{snow}".replace(" ", "_")
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A frame, what the vehicle reports, and the lane that there is."""
+    """A frame, the vehicle state, and the true lane."""
 
     frame: Frame
     state: VehicleState
@@ -66,9 +66,9 @@ class Moment:
 
 
 def harness_set(seed: int, *, quick: bool = False, repeats: int = 1) -> list[Case]:
-    """The clips of a seed: every kind of road and shape when it is clear, every grade of every disturbance, gaps.
+    """The clips of a seed: every kind of road and shape in clear weather, every grade of every disturbance, gaps.
 
-    Roads are dealt to the disturbances like cards: each comes once before any comes again.
+    Roads are assigned to disturbances in rounds of random order: each occurs once per round.
     """
     pairs = [(kind, shape) for kind in Kind for shape in Shape]
     rng = np.random.default_rng((seed, 60))
@@ -100,7 +100,7 @@ def _dealt(pairs: list[tuple[Kind, Shape]], rng: np.random.Generator) -> Iterato
 def moments(
     case: Case, camera: Camera, vehicle: Vehicle, *, frames: Sequence[Image] | None = None
 ) -> Iterator[Moment]:
-    """The frames of a clip with the truth about each; ``frames``: drawn before, not now."""
+    """The frames of a clip with their truth; ``frames`` are images that have been rendered before."""
     lots = [
         case.seed,
         61,
@@ -143,7 +143,7 @@ def _disturbances(case: Case, start_m: float) -> tuple[Disturbance, ...]:
 
 
 class _Course:
-    """A vehicle that wanders about the middle of its lane: e(s) = a·sin(2π·s/λ + φ)."""
+    """A vehicle that weaves about the middle of its lane: e(s) = a·sin(2π·s/λ + φ)."""
 
     def __init__(self, road: Road, speed_mps: float, start_m: float, rng: np.random.Generator) -> None:
         self.road, self.speed_mps, self.start_m = road, speed_mps, start_m
@@ -152,11 +152,11 @@ class _Course:
         self._phase = float(rng.uniform(0, 2 * math.pi))
 
     def station_m(self, t_s: float) -> float:
-        """Along the lane centre."""
+        """Station [m] along the lane centre."""
         return self.start_m + self.speed_mps * t_s
 
     def offset_m(self, t_s: float) -> float:
-        """To the left of the lane centre."""
+        """Offset [m] to the left of the lane centre."""
         return self._swing_m * math.sin(self._rate * self.station_m(t_s) + self._phase)
 
     def heading_error_rad(self, t_s: float) -> float:
@@ -166,20 +166,20 @@ class _Course:
         return math.atan2(slope, 1 - self.road.curvature_at(station_m) * self.offset_m(t_s))
 
     def yaw_rad(self, t_s: float) -> float:
-        """In the plane."""
+        """Position (x, y) [m]."""
         return self.road.heading_at(self.station_m(t_s)) + self.heading_error_rad(t_s)
 
     def speed_along_mps(self, t_s: float) -> float:
-        """Of the rear axle over ground."""
+        """Course of the rear axle [rad]."""
         stretch = 1 - self.road.curvature_at(self.station_m(t_s)) * self.offset_m(t_s)
         return self.speed_mps * stretch / math.cos(self.heading_error_rad(t_s))
 
     def yaw_rate_radps(self, t_s: float) -> float:
-        """By central differences."""
+        """Yaw rate [rad/s], by central differences."""
         return (self.yaw_rad(t_s + 1e-3) - self.yaw_rad(t_s - 1e-3)) / 2e-3
 
     def picture(self, renderer: Renderer, t_s: float) -> Image:
-        """What its camera sees."""
+        """Image of its camera."""
         station_m = self.station_m(t_s)
         motion = Motion(self.speed_along_mps(t_s), self.yaw_rate_radps(t_s))
         x_m, y_m = self.road.position(station_m, self.offset_m(t_s))
@@ -216,9 +216,9 @@ def _moment(
 def _needed_angle_rad(
     road: Road, station_m: float, pose: tuple[float, float, float], vehicle: Vehicle
 ) -> float:
-    """Of the road wheels, to drive on an arc through the lane centre AIM_M ahead: κ = 2·y/(x² + y²).
+    """Road-wheel angle [rad] of an arc through the lane centre AIM_M ahead: κ = 2·y/(x² + y²).
 
-    Of the road itself: the oracle's clothoid is up to 0.4 m beside it there where a bend begins in between.
+    The lane centre is that of the road: the oracle's clothoid is up to 0.4 m off where a bend begins in between.
     """
     x_m, y_m, yaw_rad = pose
     aim_x_m, aim_y_m = road.position(station_m + AIM_M, 0.0)
@@ -228,7 +228,7 @@ def _needed_angle_rad(
 
 
 def _truth(road: Road, station_m: float, offset_m: float, heading_rad: float, t_s: float) -> SimTruth:
-    """What the oracle needs to know; its look-ahead is 8 m at up to 8 m/s, so that is the speed it is told."""
+    """State for the oracle, at 8 m/s, where its look-ahead is 8 m."""
     return SimTruth(
         t_s=t_s, x_m=0.0, y_m=0.0, yaw_rad=0.0, station_m=station_m, lateral_offset_m=offset_m,
         heading_error_rad=heading_rad, curvature_1pm=road.curvature_at(station_m),

@@ -1,4 +1,4 @@
-"""What the bench found, as files: tables in Markdown and CSV, everything in JSON."""
+"""Results of the benchmark as files: tables in Markdown and CSV, all of it in JSON."""
 
 import csv
 import json
@@ -31,8 +31,8 @@ COLUMNS = {
     "ms_median": "ms",
     "times_bare_chain": "× bare chain",
 }
-"""Of the ranking, for people; CSV has all of them."""
-FEW = 7  # estimators that fit beside each other
+"""Columns of the ranking in Markdown; CSV has all."""
+FEW = 7  # estimators whose columns fit side by side
 TERMINAL = {
     "all_detected_pct": "detected",
     "clear_detected_pct": "clear",
@@ -102,7 +102,7 @@ def _file_name(name: str) -> str:
 
 
 def brief(found: Mapping[str, Any]) -> dict[str, Any]:
-    """What a terminal has room for: of many estimators the main columns only, and where the first one fails."""
+    """A short form for the terminal: of many estimators the main columns only, and failures of the first one."""
     ranking = found.get("ranking", {})
     if len(ranking) <= FEW:
         return dict(found)

@@ -1,4 +1,4 @@
-"""How good an estimator is, from its looks at the clips of the harness set."""
+"""Scores of an estimator from its results on the clips of the harness set."""
 
 from collections.abc import Iterable, Mapping
 
@@ -13,7 +13,7 @@ from sim_harness.world.roads.drawn import UNMARKED, Kind, Shape
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.floating]
 TOLERANCE_M = 0.30  # of the lane centre, at the axle and ahead: a third of the room of a 1.4 m car in 3.3 m
-TOLERANCE_RAD = np.radians(2.0)  # of the road-wheel angle: what the confidence is about
+TOLERANCE_RAD = np.radians(2.0)  # of the road-wheel angle, as for the confidence
 MAIN_CONDITIONS = ("rain", "snow", "night", "tree_shadows", "building_shadows", "bridge_shadows", "glare")
 DRIVABLE_GRADES = (1, 2, 3)  # beyond, the lane itself is hidden for part of the frames
 # With paint on both sides:
@@ -23,7 +23,7 @@ Results = Mapping[Case, Watched]
 
 
 def given(looks: Looks) -> Flags:
-    """Frames with an estimate, whatever it is worth."""
+    """Frames with an estimate, right or wrong."""
     return np.isfinite(looks["angle_rad"]) & np.isfinite(looks["offset_m"])
 
 
@@ -34,13 +34,13 @@ def correct(looks: Looks) -> Flags:
 
 
 def scored(results: Results, name: str, cases: Iterable[Case]) -> Looks:
-    """The looks of an estimator at the clips ``cases``, without the warm-up."""
+    """Results of an estimator on the clips ``cases``, without the warm-up."""
     parts = [results[case].looks[name][WARM_UP_FRAMES:] for case in cases]
     return np.concatenate(parts) if parts else np.empty(0, results[next(iter(results))].looks[name].dtype)
 
 
 def figures(looks: Looks) -> dict[str, float | None]:
-    """Rates in percent of the frames; errors of what was given, and of what was right."""
+    """Rates in percent of the frames; errors of all estimates, and of right ones."""
     seen = given(looks)
     right = seen & correct(looks)
     said = looks[seen]
@@ -66,7 +66,7 @@ def figures(looks: Looks) -> dict[str, float | None]:
 
 
 def confidence_figures(said: Looks) -> dict[str, float | None]:
-    """How far the confidence can be taken for the probability that the wheel angle is within two degrees."""
+    """Calibration of the confidence as the probability of a wheel angle within two degrees."""
     if not len(said):
         return {"ece": None, "auroc": None, "bad_angles_pct": None}
     good = np.abs(said["angle_rad"]) <= TOLERANCE_RAD
@@ -94,7 +94,7 @@ def times_ms(results: Results, name: str) -> dict[str, float]:
 
 
 def gap_figures(results: Results, name: str) -> dict[str, float | None]:
-    """30 m without paint: the median and the worst over clips of the greatest drift, and how much was seen."""
+    """30 m without paint: the median and the worst over clips of the largest drift, and the answered share."""
     drifts, shares = [], []
     for case, watched in results.items():
         if case.condition == GAP:
@@ -125,7 +125,7 @@ def one_line_figures(results: Results, name: str) -> dict[str, float | None]:
 
 
 def groups(cases: Iterable[Case]) -> dict[str, list[Case]]:
-    """What is told apart: all, clear by road and shape, every disturbance by grade and at drivable grades."""
+    """Groups of clips: all, clear by road and shape, every disturbance by grade and at drivable grades."""
     cases = list(cases)
     clear = [case for case in cases if case.condition == CLEAR]
     parts = {

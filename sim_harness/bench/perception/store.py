@@ -56,13 +56,13 @@ def _array(row: Row, dtype: np.dtype[np.void]) -> Looks:
 
 
 class Pictures:
-    """The frames of a clip as one tall PNG: what is drawn once need not be drawn again."""
+    """The frames of a clip as one tall PNG, rendered once."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
     def read(self, case: Case, height_px: int) -> list[Image] | None:
-        """The frames of a clip; None where they are not kept."""
+        """The frames of a clip; None where they are not stored."""
         path = self._folder / f"{case.key}.png"
         image = cv2.imread(str(path)) if path.is_file() else None
         if image is None:
@@ -70,7 +70,7 @@ class Pictures:
         return list(image.astype(np.uint8, copy=False).reshape(-1, height_px, *image.shape[1:]))
 
     def write(self, case: Case, frames: list[Image]) -> None:
-        """Keep the frames of a clip."""
+        """Store the frames of a clip."""
         self._folder.mkdir(parents=True, exist_ok=True)
         part = self._folder / f"{case.key}.{os.getpid()}.part.png"
         cv2.imwrite(str(part), np.concatenate(frames), [cv2.IMWRITE_PNG_COMPRESSION, 1])

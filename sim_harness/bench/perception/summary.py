@@ -1,4 +1,4 @@
-"""What the bench found on the harness set, as nested tables."""
+"""Results on the harness set as nested tables."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -32,8 +32,8 @@ def parts_of(results: Results, names: Sequence[str]) -> dict[str, dict[str, Row]
 
 
 def summary(results: Results, parts: dict[str, dict[str, Row]]) -> dict[str, Any]:
-    """``ranking``: the main figures of every estimator, best first; ``detected``: percent by condition; and where
-    the first estimator fails."""
+    """``ranking``: the main figures of every estimator, best first; ``detected``: percent by condition; and the
+    worst clips of the first estimator."""
     ranking = {name: main_figures(results, name, rows) for name, rows in parts.items()}
     order = sorted(ranking, key=lambda name: -(ranking[name]["all_detected_pct"] or 0.0))
     detected = {part: {name: parts[name][part]["detected_pct"] for name in order} for part in parts[order[0]]}
@@ -63,7 +63,7 @@ def main_figures(results: Results, name: str, parts: dict[str, Row]) -> Row:
 
 
 def worst(results: Results, name: str) -> dict[str, float]:
-    """The clips that an estimator sees least of, with the share of their frames in which it is right."""
+    """The clips with the lowest share of right frames, and that share in percent."""
     rates = {
         case.key: 100 * float(np.mean(correct(scored(results, name, [case]))))
         for case in results

@@ -1,4 +1,4 @@
-"""Every estimator on every frame of a clip, taking turns, and how far each is from the truth."""
+"""Every estimator on every frame of a clip, in turn, and the error of each."""
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,7 +21,7 @@ NEAR_M, FAR_M = 4.0, 20.0  # ahead of the rear axle: where boundaries are compar
 LOOK = np.dtype(
     [
         ("offset_m", "f4"),  # estimate − truth; NaN: not given
-        ("aim_m", "f4"),  # how far beside the lane centre that is which is taken for it AIM_M ahead
+        ("aim_m", "f4"),  # offset of the estimated lane centre AIM_M ahead
         ("heading_rad", "f4"),
         ("curvature_1pm", "f4"),  # AIM_M ahead
         ("width_share", "f4"),  # of the true width
@@ -40,14 +40,14 @@ Looks = NDArray[np.void]
 
 @dataclass(frozen=True)
 class Watched:
-    """A clip: the truth, frame by frame, and what each estimator made of it."""
+    """A clip: the truth, frame by frame, and the results of each estimator."""
 
     truth: Looks  # (n,) of TRUTH
     looks: Mapping[str, Looks]  # (n,) of LOOK each
 
 
 def watch(clip: Iterable[Moment], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> Watched:
-    """Fresh estimators on the frames of a clip; who comes first changes from frame to frame."""
+    """Fresh estimators on the frames of a clip; their order changes from frame to frame."""
     cv2.setNumThreads(1)
     runners = {name: entry_of(name).build(camera, vehicle) for name in names}
     looks: dict[str, list[tuple[float, ...]]] = {name: [] for name in names}
@@ -79,7 +79,7 @@ def bare_canny_chain(image: Image) -> object:
 
 
 def timed_step(runner: Estimator, moment: Moment) -> tuple[SteeringEstimate, float]:
-    """The estimate, and the processor time that it took: the machine may be busy with something else."""
+    """The estimate and its processor time [s]."""
     frame: Frame = moment.frame
     started_s = time.thread_time()
     estimate = runner.step(frame, moment.state, now_s=frame.t_s)
@@ -87,7 +87,7 @@ def timed_step(runner: Estimator, moment: Moment) -> tuple[SteeringEstimate, flo
 
 
 def look(estimate: SteeringEstimate, truth: SteeringEstimate, road: "_TrueRoad") -> tuple[float, ...]:
-    """A row of LOOK but for the times."""
+    """A row of LOOK without the times."""
     left_m, right_m = road.boundary_errors_m(estimate.left_boundary_px, estimate.right_boundary_px)
     width_m, true_width_m = _number(estimate.lane_width_m), _number(truth.lane_width_m)
     return (
@@ -105,9 +105,9 @@ def look(estimate: SteeringEstimate, truth: SteeringEstimate, road: "_TrueRoad")
 
 
 def aim(estimate: SteeringEstimate) -> complex:
-    """The lane centre AIM_M along the lane as x + iy in the vehicle frame; NaN where there is none.
+    """The lane centre AIM_M along the lane as x + iy in the vehicle frame; NaN without an estimate.
 
-    Of the clothoid itself: the parabola that estimators steer by is 0.3 m off there in a bend of R = 13 m.
+    The centre is that of the exact clothoid; its parabola is 0.3 m off there in a bend of R = 13 m.
     """
     lane = _lane_of(estimate)
     station_m = np.linspace(0.0, AIM_M, 33)
@@ -136,19 +136,19 @@ def _lane_of(estimate: SteeringEstimate) -> Lane:
 
 
 class _TrueRoad:
-    """Where the lane is, seen from a frame; its boundaries are the lines where it is marked, else the edges."""
+    """The true lane in the vehicle frame; its boundaries are the lines where it is marked, else the edges."""
 
     def __init__(self, moment: Moment, camera: Camera) -> None:
         self._moment, self._camera = moment, camera
 
     def beside_m(self, place: complex) -> float:
-        """How far to the left of the lane centre a place x + iy of the vehicle frame is; NaN where it is none."""
+        """Offset of a place x + iy of the vehicle frame to the left of the lane centre; NaN of NaN."""
         if not np.isfinite(place):
             return np.nan
         return float(self._on_road(np.array([[place.real, place.imag]]), steps=4)[0, 1])
 
     def boundary_errors_m(self, left: PixelPath, right: PixelPath) -> tuple[float, float]:
-        """Root mean square distance of each boundary from the true one; NaN where none was given."""
+        """Root mean square distance of each boundary from the true one; NaN without an estimate."""
         return self._error_m(left, 0.5), self._error_m(right, -0.5)
 
     def _error_m(self, path: PixelPath, share: float) -> float:

@@ -1,4 +1,4 @@
-"""The real sets, none of which the project ships: found beside the repository, or left out with the reason."""
+"""The real sets, which the project does not ship: read from the data folder, or left out with the reason."""
 
 import os
 import sys
@@ -42,12 +42,12 @@ CODE = (
     "config/cameras",
 )
 SAY_EVERY_S = 10.0
-QUICK = 6  # every sixth picture or stretch
+QUICK = 6  # every sixth image or stretch
 
 
 @dataclass(frozen=True)
 class RealSet:
-    """One set: the folder it needs, its pictures (every n-th) and how they are judged."""
+    """One set: its folder, its images (every n-th) and its scores."""
 
     folder: str
     pictures: Callable[[Path, int], Iterator[Picture]]
@@ -93,7 +93,7 @@ SETS: dict[str, RealSet] = {
 
 
 def data_folder(given: Path | None) -> Path:
-    """``--data``, or TREPID_DATA, or ../shared/data beside the repository."""
+    """``--data``, or TREPID_DATA, or ../shared/data next to the repository."""
     return given or Path(os.environ.get("TREPID_DATA") or ROOT.parent / "shared" / "data")
 
 
@@ -126,7 +126,7 @@ def _judged(name: str, real: RealSet, folder: Path, names: Sequence[str], every:
     pairs: dict[str, list[Any]] = {one: [] for one in names}
     said_s = time.monotonic()
     for number, (picture, found) in enumerate(estimates(real.pictures(folder, every), names), start=1):
-        light = replace(picture, image=picture.image[:0])  # of all pictures at once, only what is scored
+        light = replace(picture, image=picture.image[:0])  # drop images, which are not scored
         for one, estimate in found.items():
             pairs[one].append((light, estimate))
         if time.monotonic() - said_s > SAY_EVERY_S:

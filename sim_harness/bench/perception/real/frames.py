@@ -1,4 +1,4 @@
-"""Frames of the real sets: stills to be judged by themselves, and stretches of drives to be tracked."""
+"""Frames of the real sets: independent stills, and stretches of drives for tracking."""
 
 import csv
 import json
@@ -18,7 +18,7 @@ from trepid.types import Image
 from trepid.vehicle import Vehicle
 
 MPS_PER_MPH = 0.44704
-FULL_LOCK_RAD = np.radians(25.0)  # of both steering logs, as the MANIFESTs have it
+FULL_LOCK_RAD = np.radians(25.0)  # of both steering logs, by the MANIFESTs
 HALF_WORLD = 0.467  # lengths of config/cameras/udacity_sim_half.yaml over those of the simulator
 STRETCHES, LENGTH = 12, 40  # of a long drive: this many frames in a row, spread over it
 CALIBRATION_FRAMES = 9
@@ -33,7 +33,7 @@ class Picture:
     image: Image
     camera: Camera
     label: Path | None = None
-    steering_rad: float | None = None  # what the driver did, + = left
+    steering_rad: float | None = None  # of the driver, + = left
     speed_mps: float | None = None
 
 
@@ -41,7 +41,7 @@ Seen = tuple[Picture, dict[str, SteeringEstimate]]
 
 
 def estimates(pictures: Iterator[Picture], names: Sequence[str]) -> Iterator[Seen]:
-    """Every picture with what each estimator makes of it; fresh estimators for every drive."""
+    """Every frame with the estimates of all estimators; each drive gets fresh estimators."""
     vehicle, drive = load(CONFIG_DIR / "vehicle.yaml", Vehicle), None
     for picture in pictures:
         if picture.drive != drive:
@@ -60,20 +60,20 @@ def estimates(pictures: Iterator[Picture], names: Sequence[str]) -> Iterator[See
 
 
 def stills(folder: Path, pattern: str, labels: Path, suffix: str, *, every: int = 1) -> Iterator[Picture]:
-    """Images of a folder with their labels, by cameras that nobody described."""
+    """Images of a folder with their labels, with unknown cameras."""
     for path in sorted(folder.glob(pattern))[::every]:
         yield still(path, label=labels / f"{path.stem}{suffix}")
 
 
 def still(path: Path, *, label: Path | None = None, camera: Camera | None = None) -> Picture:
-    """An image; without ``camera`` a typical one with the horizon of the image, as `trepid estimate` does it."""
+    """An image; without ``camera`` a typical one with the horizon of the image, as in `trepid estimate`."""
     image = read_image(path)
     known = camera or self_calibrated([image], lane_cv_settings().self_calibration)
     return Picture(str(path), 0.0, image, known.resized(image.shape[1], image.shape[0]), label=label)
 
 
 def video(path: Path, *, every: int = 1) -> Iterator[Picture]:
-    """The frames of a video by a camera that nobody described."""
+    """The frames of a video with an unknown camera."""
     clip = sources(path)[0]
     if not isinstance(clip, Clip):
         raise InputError(f"{path}: not a video")
@@ -101,7 +101,7 @@ def udacity_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
 
 
 def donkey_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
-    """Stretches of the donkeycar drive with the joystick's angle, by a camera that nobody described."""
+    """Stretches of the donkeycar drive with the joystick's angle, with an unknown camera."""
     catalogs = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("catalog_?.catalog"))]
     rows = [json.loads(line) for catalog in catalogs for line in catalog.splitlines()]
     rows.sort(key=lambda row: row["_index"])

@@ -1,4 +1,4 @@
-"""How far estimates agree with the labels of the real sets, by the protocol of each MANIFEST."""
+"""Agreement of estimates with the labels of the real sets, by the protocol of each MANIFEST."""
 
 from collections.abc import Sequence
 
@@ -65,7 +65,7 @@ def _ego_lines(picture: Picture) -> tuple[Array | None, Array | None]:
 
 
 def road_overlap(pairs: Pairs) -> Row:
-    """CamVid: IoU of what lies between the boundaries with the road, and how far its borders are off."""
+    """CamVid: IoU of the area between the boundaries with the road, and errors of its borders."""
     ious, offs_px, answered = [], [], 0
     for picture, estimate in pairs:
         label = _label(picture)[..., 0]
@@ -82,7 +82,7 @@ def road_overlap(pairs: Pairs) -> Row:
 
 
 def lane_overlap(pairs: Pairs) -> Row:
-    """KITTI: IoU of what lies between the boundaries with the labelled ego lane."""
+    """KITTI: IoU of the area between the boundaries with the labelled ego lane."""
     ious, answered = [], 0
     for picture, estimate in pairs:
         label = _label(picture)
@@ -98,7 +98,7 @@ def lane_overlap(pairs: Pairs) -> Row:
 
 
 def _iou(estimate: SteeringEstimate, truth: Mask, known: Mask) -> tuple[float, bool]:
-    """Intersection over union where the label is known, and whether anything was given."""
+    """Intersection over union where the label is known, and whether there is an estimate."""
     rows = np.arange(truth.shape[0], dtype=float)
     left, right = (_columns(path, rows) for path in (estimate.left_boundary_px, estimate.right_boundary_px))
     columns = np.arange(truth.shape[1])
@@ -121,7 +121,7 @@ def _border_errors_px(estimate: SteeringEstimate, road: Mask) -> list[float]:
 
 
 def steering(pairs: Pairs) -> Row:
-    """Wheel angles against those of the driver, beside always straight."""
+    """Wheel angles compared with those of the driver, and with always straight."""
     truth = _degrees([picture.steering_rad for picture, _ in pairs])
     mine = _degrees([estimate.road_wheel_angle_rad for _, estimate in pairs])
     seen = ~np.isnan(mine)
@@ -140,7 +140,7 @@ def _degrees(angles_rad: Sequence[float | None]) -> Array:
 
 
 def lane_widths(pairs: Pairs) -> Row:
-    """Highway without labels: the width of the lane (3.7 m in the US), and how steady it and the offset are."""
+    """Highway without labels: the width of the lane (3.7 m in the US), and the spread of width and offset."""
     widths = np.array([np.nan if e.lane_width_m is None else e.lane_width_m for _, e in pairs])
     offsets = np.array([np.nan if e.lateral_offset_m is None else e.lateral_offset_m for _, e in pairs])
     jumps = np.abs(np.diff(offsets))
