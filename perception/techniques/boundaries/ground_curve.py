@@ -32,19 +32,19 @@ def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 
     and the measured width None.
     """
     sides = [(boundaries.left, 1.0), (boundaries.right, -1.0)]
-    seen = [(boundary, sign) for boundary, sign in sides if boundary is not None]
-    if not seen:
+    found = [(boundary, sign) for boundary, sign in sides if boundary is not None]
+    if not found:
         return None
-    x_m = np.concatenate([boundary.x_m for boundary, _ in seen])
-    y_m = np.concatenate([boundary.y_m for boundary, _ in seen])
-    side = np.concatenate([np.full(len(boundary.x_m), sign) for boundary, sign in seen])
-    weight = np.concatenate([_weights(boundary) for boundary, _ in seen])
-    degree = min(degree, min(len(boundary.x_m) for boundary, _ in seen) - 1)
+    x_m = np.concatenate([boundary.x_m for boundary, _ in found])
+    y_m = np.concatenate([boundary.y_m for boundary, _ in found])
+    side = np.concatenate([np.full(len(boundary.x_m), sign) for boundary, sign in found])
+    weight = np.concatenate([_weights(boundary) for boundary, _ in found])
+    degree = min(degree, min(len(boundary.x_m) for boundary, _ in found) - 1)
     powers = np.vander(x_m, degree + 1, increasing=True)
     found_m, root = width_m, np.ones_like(x_m)
     for _ in range(3):
         aside = side * root / 2
-        if len(seen) == 2:
+        if len(found) == 2:
             solution = _solved(np.column_stack([powers, aside]), y_m, weight)
             c, found_m = solution[:-1], float(solution[-1])
         else:
@@ -53,7 +53,7 @@ def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 
     c = np.pad(c, (0, 4 - len(c)))
     psi = -math.atan(c[1])
     cos = math.cos(psi)
-    width = found_m if len(seen) == 2 else None
+    width = found_m if len(found) == 2 else None
     lane = Lane(float(-c[0] * cos), psi, float(2 * c[2] * cos**3), float(6 * c[3] * cos**4))
     return MeasuredLane(lane, width)
 

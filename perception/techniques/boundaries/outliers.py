@@ -191,11 +191,11 @@ def _pieces(features: Features, view: View) -> tuple[NDArray[np.int32], list[tup
     count, labels = cv2.connectedComponents((features.response > 0).astype(np.uint8), connectivity=8)
     rows, columns = np.nonzero(labels)
     ground = view.ground(np.column_stack([columns, rows]))
-    seen = np.isfinite(ground).all(axis=1)
-    number = labels[rows, columns][seen]
+    finite = np.isfinite(ground).all(axis=1)
+    number = labels[rows, columns][finite]
     order = np.argsort(number, kind="stable")
     ends = np.cumsum(np.bincount(number, minlength=count))
-    parts = np.split(ground[seen][order], ends[:-1])
+    parts = np.split(ground[finite][order], ends[:-1])
     return np.asarray(labels, np.int32), [(i, part) for i, part in enumerate(parts) if len(part) > 1]
 
 

@@ -5,7 +5,7 @@ infinite for upright lines and cannot be averaged (±78° for a car 0.5 m beside
 is written in m. All of them assume a camera that is level and points straight ahead, so boundaries are drawn into
 such a picture first.
 
-Every rule returns an :data:`ImageAngle`, + = steer to the left (ISO 8855), whatever its paper prints. An image
+Every rule returns an :data:`ImageAngle`, + = steer to the left (ISO 8855), not the sign of its paper. An image
 angle is neither a heading nor a road-wheel angle (S19): only :func:`road_wheel` converts one into the other.
 """
 

@@ -120,12 +120,12 @@ class Extended(_Gaussian):
     """
 
     def _updated(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
-        seen = samples_of(boundaries)
-        if not len(seen):
+        samples = samples_of(boundaries)
+        if not len(samples):
             return None
-        innovation, noise = seen.y_m - expected(track.mean, seen), np.diag(seen.sigma_m**2)
-        slope = expected_slope(track.mean, seen)
-        if nis(track.covariance, innovation, slope, noise) > self._gate * len(seen):
+        innovation, noise = samples.y_m - expected(track.mean, samples), np.diag(samples.sigma_m**2)
+        slope = expected_slope(track.mean, samples)
+        if nis(track.covariance, innovation, slope, noise) > self._gate * len(samples):
             return None
         return TrackState(*update(track.mean, track.covariance, innovation, slope, noise))
 
@@ -145,16 +145,16 @@ class Unscented(_Gaussian):
         return replace(track, mean=mean, covariance=covariance)
 
     def _updated(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
-        seen = samples_of(boundaries)
-        if not len(seen):
+        samples = samples_of(boundaries)
+        if not len(samples):
             return None
         points = spread(track.mean, track.covariance)
-        predicted = expected(points, seen)
+        predicted = expected(points, samples)
         middle = predicted.mean(axis=0)
-        total = (predicted - middle).T @ (predicted - middle) / len(points) + np.diag(seen.sigma_m**2)
+        total = (predicted - middle).T @ (predicted - middle) / len(points) + np.diag(samples.sigma_m**2)
         cross = (points - track.mean).T @ (predicted - middle) / len(points)
-        innovation = seen.y_m - middle
-        if innovation @ np.linalg.solve(total, innovation) > self._gate * len(seen):
+        innovation = samples.y_m - middle
+        if innovation @ np.linalg.solve(total, innovation) > self._gate * len(samples):
             return None
         gain = np.linalg.solve(total, cross.T).T
         covariance = track.covariance - gain @ total @ gain.T

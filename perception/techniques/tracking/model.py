@@ -78,19 +78,19 @@ def samples_of(boundaries: Boundaries) -> Samples:
     return Samples(x_m, y_m, side_of, sigma_m)
 
 
-def expected(state: Array, seen: Samples) -> Array:
-    """y of the boundaries at ``seen``: −e/cosψ − x·tanψ + κx²/2cos³ψ ± W/2·√(1+y'²); shape (…, n) of (…, 4)."""
+def expected(state: Array, samples: Samples) -> Array:
+    """y of the boundaries at ``samples``: −e/cosψ − x·tanψ + κx²/2cos³ψ ± W/2·√(1+y'²); shape (…, n) of (…, 4)."""
     e, psi, kappa, width = (state[..., i, None] for i in range(4))
     cos = np.cos(psi)
-    slope = -np.tan(psi) + kappa * seen.x_m / cos**3
-    centre = -e / cos - seen.x_m * np.tan(psi) + kappa * seen.x_m**2 / 2 / cos**3
-    return np.asarray(centre + seen.side * width / 2 * np.sqrt(1 + slope**2), float)
+    slope = -np.tan(psi) + kappa * samples.x_m / cos**3
+    centre = -e / cos - samples.x_m * np.tan(psi) + kappa * samples.x_m**2 / 2 / cos**3
+    return np.asarray(centre + samples.side * width / 2 * np.sqrt(1 + slope**2), float)
 
 
-def expected_slope(state: Array, seen: Samples, *, step: float = 1e-5) -> Array:
+def expected_slope(state: Array, samples: Samples, *, step: float = 1e-5) -> Array:
     """∂(expected)/∂(state) by central differences, shape (n, 4)."""
     nudge = step * np.eye(4)
-    return (expected(state + nudge, seen) - expected(state - nudge, seen)).T / (2 * step)
+    return (expected(state + nudge, samples) - expected(state - nudge, samples)).T / (2 * step)
 
 
 @dataclass(frozen=True)

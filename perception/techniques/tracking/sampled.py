@@ -36,9 +36,9 @@ class _Unseen:
 
     def after(self, boundaries: Boundaries, motion: Motion) -> None:
         """Count this frame."""
-        seen = boundaries.seen > 0
-        self.unseen_s = 0.0 if seen else self.unseen_s + motion.dt_s
-        self.unseen_m = 0.0 if seen else self.unseen_m + abs(motion.moved_m)
+        measured = boundaries.seen > 0
+        self.unseen_s = 0.0 if measured else self.unseen_s + motion.dt_s
+        self.unseen_m = 0.0 if measured else self.unseen_m + abs(motion.moved_m)
 
 
 class Particles:
@@ -109,11 +109,11 @@ class Particles:
 
 def likelihood(states: Array, boundaries: Boundaries) -> Array:
     """Normalised weights, shape (n,), of states (n, 4) given the boundaries."""
-    seen = samples_of(boundaries)
-    if not len(seen):
+    samples = samples_of(boundaries)
+    if not len(samples):
         return np.full(len(states), 1 / len(states))
-    off = ((expected(states, seen) - seen.y_m) / seen.sigma_m) ** 2 / 2
-    sides = [off[:, seen.side == side].sum(axis=1) for side in (1.0, -1.0)]
+    off = ((expected(states, samples) - samples.y_m) / samples.sigma_m) ** 2 / 2
+    sides = [off[:, samples.side == side].sum(axis=1) for side in (1.0, -1.0)]
     weight = np.prod([np.exp(-side) + OUTLIER for side in sides], axis=0)
     return np.asarray(weight / weight.sum(), float)
 
@@ -144,17 +144,17 @@ class Bayes:
     def step(self, boundaries: Boundaries, motion: Motion) -> Boundaries:
         """The tracked lane, as for the Kalman filters."""
         self._unseen.after(boundaries, motion)
-        seen = initial(boundaries)
+        frame = initial(boundaries)
         if self._grid is None:
-            if seen is None:
+            if frame is None:
                 return boundaries
-            self._shape = seen.mean[[KAPPA, WIDTH]]
+            self._shape = frame.mean[[KAPPA, WIDTH]]
             self._grid = np.ones((len(self.OFFSETS), len(self.HEADINGS)))
         else:
             self._grid = self._moved(self._grid, motion)
-        if seen is not None:
-            known = np.array([1.0, seen.covariance[WIDTH, WIDTH] < PRIOR_SIGMA[WIDTH] ** 2])
-            self._shape = self._shape + self._smoothing * known * (seen.mean[[KAPPA, WIDTH]] - self._shape)
+        if frame is not None:
+            known = np.array([1.0, frame.covariance[WIDTH, WIDTH] < PRIOR_SIGMA[WIDTH] ** 2])
+            self._shape = self._shape + self._smoothing * known * (frame.mean[[KAPPA, WIDTH]] - self._shape)
             self._grid = self._grid * likelihood(self._states(), boundaries).reshape(self._grid.shape)
         self._grid = self._grid / self._grid.sum() + 1e-6 / self._grid.size  # no cell is impossible
         track = self._track(self._grid)
