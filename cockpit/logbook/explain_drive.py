@@ -1,4 +1,4 @@
-"""``trepid fear explain RECORDING``: every slow-down of a drive, or the story of one."""
+"""``trepid fear explain RECORDING``: every slow-down of a drive, or the explanation of one."""
 
 import json
 from pathlib import Path
@@ -8,7 +8,7 @@ import typer
 from cockpit.logbook.moment import moment_figure
 from cockpit.logbook.recall import Recall, recall
 from cockpit.logbook.story import overview, story
-from cockpit.logbook.story_text import listed, told
+from cockpit.logbook.story_text import overview_text, story_text
 from cockpit.pictures.style import save
 from trepid.config import InputError
 
@@ -16,20 +16,20 @@ MAGIC = b"\x89MCAP"
 
 
 def is_recording(path: Path) -> bool:
-    """Whether ``path`` is, or is called, an MCAP file."""
+    """Whether ``path`` is an MCAP file by its name or its first bytes."""
     if path.suffix == ".mcap":
         return True
     try:
         with path.open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC
     except OSError:
-        return False  # who reads it as a rule file will say what is wrong with it
+        return False  # the reader of rule files reports the error
 
 
 def explain_drive(
     path: Path, at_s: float | None, *, rules: Path | None, picture: Path | None, as_json: bool
 ) -> bool:
-    """Print why the drive slowed down at ``at_s``, or where it did at all; False when it did not.
+    """Print why the vehicle slowed down at ``at_s``, or all slow-downs; False when there is none.
 
     Raises InputError when ``path`` holds no decisions, or ``at_s`` is not in it.
     """
@@ -40,7 +40,7 @@ def explain_drive(
         answer = story(drive, at_s)
     except ValueError as error:
         raise InputError(f"{path}: --at {at_s:g}: {error}") from error
-    typer.echo(json.dumps(answer) if as_json else told(answer))
+    typer.echo(json.dumps(answer) if as_json else story_text(answer))
     if picture is not None:
         if answer["slowed_by"] is None:
             raise InputError(f"--picture {picture}: there is no slow-down to draw")
@@ -50,11 +50,11 @@ def explain_drive(
 
 def _list(drive: Recall, *, picture: Path | None, as_json: bool) -> bool:
     if picture is not None:
-        raise InputError(f"--picture {picture}: of which moment? Say --at")
+        raise InputError(f"--picture {picture}: of which moment? Give --at")
     found = overview(drive)
     if as_json:
         for slow_down in found:
             typer.echo(json.dumps(slow_down))
     else:
-        typer.echo(listed(drive.recorded, found))
+        typer.echo(overview_text(drive.recorded, found))
     return bool(found)

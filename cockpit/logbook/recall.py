@@ -1,4 +1,4 @@
-"""A recorded drive as the supervisor saw it: its decisions, what it was told, and the rules it drove by."""
+"""A recorded drive from the side of the supervisor: its decisions, its inputs and its rules."""
 
 import math
 from bisect import bisect_right
@@ -21,17 +21,19 @@ from trepid.types import Column
 
 RULES_NAME = "fear.yaml"
 _KEYS = (DECISION.key, VEHICLE_STATE.key, COMMAND.key, estimate_topic("*").key, DIAGNOSTICS.key)
-_FRAME_WITHIN_S = 1.0  # an older picture shows another moment
+_FRAME_WITHIN_S = 1.0  # greatest age of the camera image of a decision
 
 
 @dataclass(frozen=True)
 class Recall:
-    """What a recording says of a drive. Times count from the start of the drive, where it says so [s]."""
+    """The messages of a drive. Times count from the start of the drive, where it was recorded [s]."""
 
     recorded: Recorded
     rules: FearRules
-    rules_from: str  # where these come from, in words
-    changes: tuple[tuple[float, FearRules], ...] = ()  # after which decided_s others were driven by
+    rules_from: str  # origin of the rules, as text
+    changes: tuple[
+        tuple[float, FearRules], ...
+    ] = ()  # rules adopted later, and the decided_s after which they apply
 
     @cached_property
     def zero_s(self) -> float:
@@ -46,7 +48,7 @@ class Recall:
 
     @cached_property
     def t_s(self) -> Column:
-        """When each decision came, shape (n,)."""
+        """Arrival time of each decision, shape (n,)."""
         return np.array([at_s - self.zero_s for at_s, _ in self.recorded.of(DECISION)])
 
     @cached_property
@@ -56,22 +58,22 @@ class Recall:
 
     @cached_property
     def speed_mps(self) -> Column:
-        """The speed of the car at each decision, shape (n,); NaN before its first report."""
+        """The speed of the vehicle at each decision, shape (n,); NaN before its first report."""
         return self._latest_of(VEHICLE_STATE, "speed_mps")
 
     @cached_property
     def accel_mps2(self) -> Column:
-        """What the controller commanded by the time of each decision, shape (n,)."""
+        """The acceleration commanded at each decision, shape (n,)."""
         return self._latest_of(COMMAND, "accel_mps2")
 
     @cached_property
     def cruise_mps(self) -> float:
-        """The speed of a calm drive: where nothing ahead limits it, the cap is its product with the factor."""
+        """The speed cap without fear: where no vehicle ahead limits it, cap = cruise speed times speed factor."""
         ratios = [d.speed_cap_mps / d.speed_factor for d in self.decisions if d.speed_factor > 0.05]
         return max(ratios, default=0.0)
 
     def rules_of(self, decision: Decision) -> FearRules:
-        """The rules by which ``decision`` was made: they may change while the car drives."""
+        """The rules of ``decision``: they may change during a drive."""
         newest = [rules for from_s, rules in self.changes if from_s < decision.decided_s]
         return newest[-1] if newest else self.rules
 
@@ -94,7 +96,7 @@ class Recall:
         return {name: estimate for name, estimate in newest.items() if estimate is not None}
 
     def estimates_of(self, frame: CompressedFrame) -> dict[str, SteeringEstimate]:
-        """What the estimators saw in ``frame``."""
+        """The estimates from ``frame``."""
         return {
             key.split("/")[1]: estimate
             for key, arrived in sorted(self.recorded.messages.items())
@@ -104,7 +106,7 @@ class Recall:
         }
 
     def frame_at(self, index: int) -> CompressedFrame | None:
-        """The picture that decision ``index`` goes back to, or the last one before; None without a recent one."""
+        """The camera image of decision ``index``, or the last one before; None without a recent one."""
         at_s = self.recorded.of(DECISION)[index][0]
         seen = read_recording(
             self.recorded.path, CAMERA_COMPRESSED.key, from_s=at_s - _FRAME_WITHIN_S, to_s=at_s
@@ -114,7 +116,7 @@ class Recall:
         return frames[-1] if frames else None
 
     def repeats(self, index: int) -> bool:
-        """Whether the rules give decision ``index`` its fear again."""
+        """Whether the rules reproduce the fear of decision ``index``."""
         decision = self.decisions[index]
         values = dict(zip(decision.inputs, decision.input_values, strict=True))
         fear = self.rules_of(decision).evaluate(values).fear
@@ -141,7 +143,7 @@ def recall(path: Path, rules: Path | None = None) -> Recall:
     recorded = read_recording(path, *_KEYS)
     if not recorded.of(DECISION):
         short = "" if recorded.complete else "; the file is cut short"
-        raise InputError(f"{path}: no decision of a supervisor was recorded here{short}")
+        raise InputError(f"{path}: the recording contains no decision of a supervisor{short}")
     if rules is not None:
         return Recall(recorded, FearRules.load(rules), str(rules))
     attached = next((name for name in recorded.files if name.endswith(".yaml")), None)
@@ -149,14 +151,14 @@ def recall(path: Path, rules: Path | None = None) -> Recall:
         shipped = CONFIG_DIR / RULES_NAME
         return Recall(recorded, FearRules.load(shipped), f"{shipped.name} as it is now (none was recorded)")
     changes = tuple(_changes(recorded, path))
-    since = f", changed {len(changes)} times on the way" if changes else ""
+    since = f", changed {len(changes)} times during the drive" if changes else ""
     return Recall(
         recorded, _attached_rules(recorded.files[attached], path), f"{attached}, as recorded{since}", changes
     )
 
 
 def _changes(recorded: Recorded, path: Path) -> Iterator[tuple[float, FearRules]]:
-    """When the supervisor went over to other rules, and which. Raises InputError."""
+    """The times at which the supervisor adopted other rules, and these rules. Raises InputError."""
     for _, diagnostic in recorded.of(DIAGNOSTICS):
         values = dict(diagnostic.values)
         if TEXT in values and FROM_S in values:
@@ -172,4 +174,4 @@ def _attached_rules(data: bytes, path: Path) -> FearRules:
             return FearRules.load(file)
         except InputError as error:
             what = str(error).removeprefix(f"{file}:")
-            raise InputError(f"{path}: its rules are not of this version: {what} (--rules FILE)") from error
+            raise InputError(f"{path}: its rules do not fit this version: {what} (--rules FILE)") from error

@@ -1,4 +1,4 @@
-"""Where a drive slowed down: falls of a speed, cut from the jitter by a zigzag."""
+"""Slow-downs of a drive: falls of a speed, separated from noise by a zigzag filter."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,9 +7,9 @@ import numpy as np
 
 from trepid.types import Column
 
-CLEAR = 0.05  # of the cruise speed: smaller swings are jitter
-DEEP = 0.2  # of the cruise speed: a fall within a longer one that is a matter of its own
-NEAR_S = 5.0  # a slow-down further away is not the one that was meant
+CLEAR = 0.05  # of the cruise speed: smaller swings are noise
+DEEP = 0.2  # of the cruise speed: a fall within a longer one is reported from this depth on
+NEAR_S = 5.0  # greatest distance in time of a slow-down from the given time
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +18,7 @@ class SlowDown:
 
     before: int  # the last sample at the height from which it fell
     lowest: int
-    back: int | None  # the first sample that is back at that height; None: it never was
+    back: int | None  # the first sample that is back at that height; None: there is none
 
 
 def slow_downs(speed_mps: Column, clear_mps: float) -> list[SlowDown]:
@@ -29,8 +29,8 @@ def slow_downs(speed_mps: Column, clear_mps: float) -> list[SlowDown]:
     ]
 
 
-def telling(found: list[SlowDown], speed_mps: Column, deep_mps: float) -> list[SlowDown]:
-    """Those that are worth a story: the outermost, and of those within others the ones of ``deep_mps`` or more."""
+def significant(found: list[SlowDown], speed_mps: Column, deep_mps: float) -> list[SlowDown]:
+    """The outermost slow-downs, and of those within others the ones of ``deep_mps`` or more."""
     kept: list[SlowDown] = []
     end = -1
     for slow in found:
@@ -43,7 +43,7 @@ def telling(found: list[SlowDown], speed_mps: Column, deep_mps: float) -> list[S
 
 
 def nearest(found: list[SlowDown], t_s: Column, at_s: float) -> SlowDown | None:
-    """The slow-down that ``at_s`` asks for: the last to begin before it that still lasts, else the nearest."""
+    """The slow-down at ``at_s``: the last one that begins before it and still lasts, else the nearest."""
     during = [s for s in found if t_s[s.before] <= at_s + 1e-9 and (s.back is None or at_s <= t_s[s.back])]
     if during:
         return during[-1]
@@ -75,6 +75,6 @@ def _falls(speed_mps: Column, clear_mps: float) -> Iterator[tuple[int, int]]:
 
 
 def _back(speed_mps: Column, peak: int, trough: int, clear_mps: float) -> int | None:
-    """When it is as high again, but for a clear difference."""
+    """The first sample after the trough that is as high again, up to ``clear_mps``."""
     high = np.flatnonzero(speed_mps[trough:] >= speed_mps[peak] - clear_mps)
     return trough + int(high[0]) if len(high) else None

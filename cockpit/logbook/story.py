@@ -1,7 +1,7 @@
-"""Why did it slow down? From a recording: what fell, for what cause, by which rules, told what, until when.
+"""The explanation of a slow-down in a recording: speeds, cause, rules that fired, their inputs, and the end.
 
-A slow-down is a clear fall of the speed that the supervisor allows. Where only the car's own speed fell, the
-controller slowed it below what was allowed, as it does for bends, and that is the answer.
+A slow-down is a clear fall of the speed cap of the supervisor. Where only the measured speed fell, the controller
+braked below the cap, as it does for bends, and the explanation states that.
 """
 
 import math
@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from cockpit.logbook.recall import Recall
-from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, slow_downs, telling
+from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, significant, slow_downs
 from supervisor.rules.inference import FearRules
 from trepid.messages import Decision, Stop
 
-BEFORE_S = 10.0  # how far back the timeline goes
-AROUND_S = 0.5  # of the asked moment
-STEADY_S = 0.2  # what lasts shorter is left out of the timeline, unless it stops the car
+BEFORE_S = 10.0  # length of the timeline before the slow-down
+AROUND_S = 0.5  # of the given time
+STEADY_S = 0.2  # shorter states are left out of the timeline, unless they stop the vehicle
 MOST_MOMENTS = 14
-_CAR_CLEAR = 0.1  # of the cruise speed: the car's own speed is measured, and jitters more
+_MEASURED_CLEAR = 0.1  # of the cruise speed: the measured speed is noisier than the cap
 _NOTHING = 1e-9
 
 Story = dict[str, Any]
@@ -27,13 +27,13 @@ Story = dict[str, Any]
 
 
 def story(drive: Recall, at_s: float) -> Story:
-    """Why the car slowed down around ``at_s``. Raises ValueError when that is outside the recording."""
+    """Why the vehicle slowed down around ``at_s``. Raises ValueError when that is outside the recording."""
     first_s, last_s = float(drive.t_s[0]), float(drive.t_s[-1])
     if not first_s - 1e-3 <= at_s <= last_s + 1e-3:
         raise ValueError(f"the recording runs from {first_s:.1f} to {last_s:.1f} s")
-    by_supervisor = _asked_for(drive)
-    by_car = slow_downs(np.nan_to_num(drive.speed_mps), _CAR_CLEAR * drive.cruise_mps)
-    told: Story = {
+    by_supervisor = _cap_falls(drive)
+    by_speed = slow_downs(np.nan_to_num(drive.speed_mps), _MEASURED_CLEAR * drive.cruise_mps)
+    head: Story = {
         "file": str(drive.recorded.path),
         "at_s": at_s,
         "from_s": round(first_s, 3),
@@ -44,17 +44,17 @@ def story(drive: Recall, at_s: float) -> Story:
     }
     slow = nearest(by_supervisor, drive.t_s, at_s)
     if slow is not None:
-        return told | {"slowed_by": "supervisor"} | _by_supervisor(drive, slow, at_s)
-    slow = nearest(by_car, drive.t_s, at_s)
+        return head | {"slowed_by": "supervisor"} | _by_supervisor(drive, slow, at_s)
+    slow = nearest(by_speed, drive.t_s, at_s)
     if slow is not None:
-        return told | {"slowed_by": "controller"} | _by_controller(drive, slow)
-    others = [round(float(drive.t_s[s.before]), 2) for s in (*by_supervisor, *by_car)]
-    return told | {"others_s": sorted(others, key=lambda other_s: abs(other_s - at_s))[:3]}
+        return head | {"slowed_by": "controller"} | _by_controller(drive, slow)
+    others = [round(float(drive.t_s[s.before]), 2) for s in (*by_supervisor, *by_speed)]
+    return head | {"others_s": sorted(others, key=lambda other_s: abs(other_s - at_s))[:3]}
 
 
 def overview(drive: Recall) -> list[Story]:
-    """Every slow-down that the supervisor asked for: its course, mode, cause and fear."""
-    found = _asked_for(drive)
+    """Every slow-down by the supervisor: its course, mode, cause and fear."""
+    found = _cap_falls(drive)
     worst = [drive.decisions[_worst(drive, slow)] for slow in found]
     return [
         {
@@ -68,10 +68,10 @@ def overview(drive: Recall) -> list[Story]:
     ]
 
 
-def _asked_for(drive: Recall) -> list[SlowDown]:
-    """The slow-downs of the speed that the supervisor allowed."""
+def _cap_falls(drive: Recall) -> list[SlowDown]:
+    """The slow-downs of the speed cap."""
     found = slow_downs(drive.cap_mps, CLEAR * drive.cruise_mps)
-    return telling(found, drive.cap_mps, DEEP * drive.cruise_mps)
+    return significant(found, drive.cap_mps, DEEP * drive.cruise_mps)
 
 
 def _by_supervisor(drive: Recall, slow: SlowDown, at_s: float) -> Story:
@@ -96,7 +96,7 @@ def _by_supervisor(drive: Recall, slow: SlowDown, at_s: float) -> Story:
 
 
 def _by_controller(drive: Recall, slow: SlowDown) -> Story:
-    """The supervisor allowed more than the car drove: what the path and the command were where it braked most."""
+    """Path and command at the hardest braking of a slow-down below the speed cap."""
     span = range(slow.before, slow.lowest + 1)
     index = min(span, key=lambda i: float(np.nan_to_num(drive.accel_mps2[i])))
     decision, state = drive.decisions[index], drive.state_at(index)
@@ -117,21 +117,21 @@ def _by_controller(drive: Recall, slow: SlowDown) -> Story:
 
 
 def _moment(drive: Recall, slow: SlowDown, at_s: float) -> int:
-    """The decision that explains: the most fearful one of the fall, or of the second around a later ``at_s``."""
+    """The decision with the greatest fear during the fall, or within the second around a later ``at_s``."""
     if at_s <= drive.t_s[slow.lowest] or (slow.back is not None and at_s > drive.t_s[slow.back]):
         return _worst(drive, slow)
     last = len(drive.decisions) - 1 if slow.back is None else slow.back
     around = range(drive.index_at(at_s - AROUND_S), min(drive.index_at(at_s + AROUND_S), last) + 1)
-    return _most_fearful(drive, around)
+    return _greatest_fear(drive, around)
 
 
 def _worst(drive: Recall, slow: SlowDown) -> int:
-    """The most fearful decision while the speed fell."""
-    return _most_fearful(drive, range(slow.before + 1, slow.lowest + 1))
+    """The decision with the greatest fear while the speed fell."""
+    return _greatest_fear(drive, range(slow.before + 1, slow.lowest + 1))
 
 
-def _most_fearful(drive: Recall, indices: range) -> int:
-    """Of equals the first."""
+def _greatest_fear(drive: Recall, indices: range) -> int:
+    """Index of the greatest fear, of equal ones the first."""
     return max(indices, key=lambda i: (drive.decisions[i].fear, -i))
 
 
@@ -154,7 +154,7 @@ def _course(drive: Recall, slow: SlowDown) -> Story:
 
 
 def _limit(drive: Recall, decision: Decision) -> str:
-    """What set the cap: a stop, the gap to the vehicle ahead, or fear."""
+    """The limit that set the cap: a stop, the gap to the vehicle ahead, or fear."""
     if decision.stop is not Stop.NONE:
         return "stop"
     by_fear_mps = drive.cruise_mps * decision.speed_factor
@@ -162,7 +162,7 @@ def _limit(drive: Recall, decision: Decision) -> str:
 
 
 def _rules(drive: Recall, decision: Decision) -> list[Story]:
-    """The rules that fired, those first that add most to fear: strength times where their level stands."""
+    """The rules that fired, by their contribution to fear: strength times the position of their level."""
     by = drive.rules_of(decision)
     at = {rule.text: by.file.fear.all[rule.harm].at for rule in by.rules}
     fired = [
@@ -173,13 +173,13 @@ def _rules(drive: Recall, decision: Decision) -> list[Story]:
 
 
 def _inputs(drive: Recall, decision: Decision) -> list[Story]:
-    """What those rules speak of: value, unit, and the sets that it is in. All else was calm."""
+    """The inputs of those rules and the missing inputs: value, unit, and degrees of their sets."""
     values = dict(zip(decision.inputs, decision.input_values, strict=True))
     if not values:
-        return []  # a recording of a version that did not write them
+        return []  # older recordings do not contain the inputs
     by = drive.rules_of(decision)
-    speak = {rule.text: rule.inputs for rule in by.rules if rule.harm > 0}
-    named = [name for text in decision.rules for name in _ordered(by, speak.get(text, frozenset()))]
+    about = {rule.text: rule.inputs for rule in by.rules if rule.harm > 0}
+    named = [name for text in decision.rules for name in _ordered(by, about.get(text, frozenset()))]
     named += [name for name, value in values.items() if value is None or not math.isfinite(value)]
     degrees = by.memberships(values)
     return [
@@ -200,7 +200,7 @@ def _ordered(rules: FearRules, names: frozenset[str]) -> list[str]:
 
 
 def _estimates(drive: Recall, index: int) -> list[Story]:
-    """What each estimator said, and how far it was believed."""
+    """Every estimate and its trust."""
     decision = drive.decisions[index]
     trust = dict(zip(decision.sources, decision.trust, strict=True))
     now_s = decision.decided_s
@@ -220,7 +220,7 @@ def _estimates(drive: Recall, index: int) -> list[Story]:
 
 
 def _timeline(drive: Recall, slow: SlowDown) -> list[Story]:
-    """What changed from 10 s before the fall until its end: mode, stop, cause and source of the path."""
+    """Changes of mode, stop, cause and source of the path from 10 s before the fall until its end."""
     first = drive.index_at(float(drive.t_s[slow.before]) - BEFORE_S)
     last = len(drive.decisions) - 1 if slow.back is None else slow.back
     stretches = [(i, j) for i, j in _stretches(drive, first, last) if _lasts(drive, i, j, first, last)]
@@ -241,7 +241,7 @@ def _timeline(drive: Recall, slow: SlowDown) -> list[Story]:
 
 
 def _stretches(drive: Recall, first: int, last: int) -> Iterator[tuple[int, int]]:
-    """First and last index of stretches in which nothing of that changes."""
+    """First and last index of stretches without a change of mode, stop, cause and source of the path."""
     start = first
     for i in range(first + 1, last + 2):
         if i > last or _shown(drive.decisions[i]) != _shown(drive.decisions[start]):
@@ -264,7 +264,7 @@ def _alike(moment: Story, before: Story | None) -> bool:
 
 
 def _end(drive: Recall, slow: SlowDown, worst: int) -> Story:
-    """What let it drive faster again: when fear allowed it, and the inputs then beside what they had been."""
+    """The time at which fear allowed more speed again, and the inputs then and at the greatest fear."""
     allowed = drive.cap_mps[slow.before] / drive.cruise_mps if drive.cruise_mps else 0.0
     last = len(drive.decisions) - 1 if slow.back is None else slow.back
     relief = None
@@ -288,7 +288,7 @@ def _end(drive: Recall, slow: SlowDown, worst: int) -> Story:
 
 
 def _changes(drive: Recall, worst: Decision, relief: Decision) -> list[Story]:
-    """The inputs of the rules that frightened, then and now."""
+    """The inputs of the rules that raised fear, at the greatest fear and at the end."""
     now = dict(zip(relief.inputs, relief.input_values, strict=True))
     return [
         {
@@ -307,5 +307,5 @@ def _at(drive: Recall, index: int) -> float:
 
 
 def _known(value: float | None) -> float | None:
-    """``value`` unless it is not known or no number: JSON has no word for that but null."""
+    """``value``, or None where it is missing or not finite (null in JSON)."""
     return float(value) if value is not None and math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""A story in words, for the terminal."""
+"""The explanation of a slow-down as text for the terminal."""
 
 from collections.abc import Iterator
 
@@ -6,17 +6,19 @@ from cockpit.logbook.story import Story
 from trepid.recording.reader import Recorded
 
 SHOWN_RULES, SHOWN_CHANGES = 6, 5
-SLOWED = 0.9  # of the cruise speed: less is worth a word
-BEYOND = 1e5  # stands for "there is none" in features; nobody measured that
+SLOWED = 0.9  # of the cruise speed: a lower cap is mentioned
+BEYOND = (
+    1e5  # a larger value of an input means that the quantity does not exist, such as the gap without a leader
+)
 
 
-def told(story: Story) -> str:
-    """The story as lines of text: the answer first."""
+def story_text(story: Story) -> str:
+    """The explanation as lines of text, the answer first."""
     return "\n".join(_lines(story))
 
 
-def listed(recorded: Recorded, found: list[Story]) -> str:
-    """Every slow-down, a line each."""
+def overview_text(recorded: Recorded, found: list[Story]) -> str:
+    """Every slow-down on a line of its own."""
     lines = [] if recorded.complete else ["(the recording is cut short)"]
     for slow in found:
         until = "the end" if slow["until_s"] is None else f"{slow['until_s']:.2f} s"
@@ -30,7 +32,7 @@ def listed(recorded: Recorded, found: list[Story]) -> str:
 
 def _lines(story: Story) -> Iterator[str]:
     if not story["complete"]:
-        yield f"(the recording is cut short: it is read up to {story['to_s']:.1f} s)"
+        yield f"(the recording is cut short: it ends at {story['to_s']:.1f} s)"
     match story["slowed_by"]:
         case "supervisor":
             yield from _by_supervisor(story)
@@ -38,24 +40,24 @@ def _lines(story: Story) -> Iterator[str]:
             yield from _by_controller(story)
         case _:
             others = ", ".join(f"{other_s:.1f} s" for other_s in story["others_s"])
-            yield f"It did not slow down near {story['at_s']:.1f} s" + (
-                f"; it did at {others}." if others else "."
+            yield f"The vehicle did not slow down near {story['at_s']:.1f} s" + (
+                f"; the nearest slow-downs begin at {others}." if others else "."
             )
 
 
 def _by_supervisor(story: Story) -> Iterator[str]:
     yield _course(story)
     yield _reason(story)
-    yield f"\nRules that spoke at {story['moment_s']:.2f} s, by what they add to fear ({story['rules_from']}):"
+    yield f"\nRules that fired at {story['moment_s']:.2f} s, by contribution to fear ({story['rules_from']}):"
     frightening = [rule for rule in story["rules"] if rule["adds"] > 0]
     for rule in frightening[:SHOWN_RULES]:
         yield f"  {rule['adds']:.2f}  {rule['text']}  (strength {rule['strength']:.2f})"
     if len(frightening) > SHOWN_RULES:
         yield f"        and {len(frightening) - SHOWN_RULES} more"
     if not story["repeats"]:
-        yield "  These rules do not give the recorded fear again: they were other ones then."
+        yield "  These rules do not reproduce the recorded fear: the drive used other rules."
     if story["inputs"]:
-        yield "\nWhat they were told:"
+        yield "\nInputs of these rules:"
         yield from (_input(item) for item in story["inputs"])
     yield from _estimates(story)
     yield from _timeline(story)
@@ -68,25 +70,27 @@ def _course(story: Story) -> str:
     already = ""
     if course["cap_before_mps"] < SLOWED * course["cruise_mps"]:
         since_s = course["full_speed_until_s"]
-        known = "never before" if since_s is None else f"last at {since_s:.2f} s"
-        already = f" (full speed, {course['cruise_mps']:.1f} m/s, was allowed {known})"
+        known = "not allowed before" if since_s is None else f"last allowed at {since_s:.2f} s"
+        already = f" (full speed, {course['cruise_mps']:.1f} m/s, was {known})"
     text = (
-        f"At {course['from_s']:.2f} s the supervisor began to allow less: from {course['cap_before_mps']:.1f}"
+        f"At {course['from_s']:.2f} s the speed cap began to fall: from {course['cap_before_mps']:.1f}"
         f" to {course['cap_lowest_mps']:.1f} m/s by {course['lowest_s']:.2f} s{already}"
     )
     before, lowest = course["speed_before_mps"], course["speed_lowest_mps"]
-    return text + (f"; the car went from {before:.1f} to {lowest:.1f} m/s." if before is not None else ".")
+    return text + (
+        f"; the vehicle slowed from {before:.1f} to {lowest:.1f} m/s." if before is not None else "."
+    )
 
 
 def _reason(story: Story) -> str:
-    fear = f"fear {story['fear']:.2f} ({story['level']}) of {story['cause']}"
+    fear = f"fear {story['fear']:.2f} ({story['level']}), cause {story['cause']}"
     match story["limited_by"]:
         case "stop":
-            return f"Why: a {story['stop']} stop for {story['cause']}; fear {story['fear']:.2f} ({story['level']})."
+            return f"Reason: {story['stop']} stop, {fear}."
         case "lead":
-            return f"Why: to keep the time gap to the vehicle ahead; mode {story['mode']}, {fear}."
+            return f"Reason: time gap to the vehicle ahead; mode {story['mode']}, {fear}."
         case _:
-            return f"Why: {fear}; mode {story['mode']}."
+            return f"Reason: {fear}; mode {story['mode']}."
 
 
 def _input(item: Story) -> str:
@@ -98,61 +102,63 @@ def _input(item: Story) -> str:
 def _estimates(story: Story) -> Iterator[str]:
     if not story["estimates"]:
         return
-    yield "\nWhat the estimators said:"
-    for said in story["estimates"]:
-        if said["lateral_offset_m"] is None:
+    yield "\nEstimates:"
+    for estimate in story["estimates"]:
+        if estimate["lateral_offset_m"] is None:
             what = "no lane"
         else:
             what = (
-                f"{said['lateral_offset_m']:+.2f} m, {said['heading_error_rad']:+.3f} rad,"
-                f" {said['curvature_1pm']:+.4f} 1/m"
+                f"{estimate['lateral_offset_m']:+.2f} m, {estimate['heading_error_rad']:+.3f} rad,"
+                f" {estimate['curvature_1pm']:+.4f} 1/m"
             )
-        reason = f" ({said['reason']})" if said["reason"] else ""
+        reason = f" ({estimate['reason']})" if estimate["reason"] else ""
         yield (
-            f"  {said['estimator']}: {what}, confidence {said['confidence']:.2f}{reason};"
-            f" {1e3 * said['age_s']:.0f} ms old, trusted {said['trust']:.2f}"
+            f"  {estimate['estimator']}: {what}, confidence {estimate['confidence']:.2f}{reason};"
+            f" {1e3 * estimate['age_s']:.0f} ms old, trust {estimate['trust']:.2f}"
         )
 
 
 def _timeline(story: Story) -> Iterator[str]:
-    yield "\nWhat happened before and after:"
+    yield "\nTimeline:"
     for moment in story["timeline"]:
         stop = f" ({moment['stop']})" if moment["stop"] != "none" else ""
-        cause = "nothing feared" if moment["cause"] == "none" else moment["cause"]
+        cause = "no cause" if moment["cause"] == "none" else moment["cause"]
         yield (
             f"  {moment['t_s']:7.2f} s  {moment['mode']}{stop}, {cause}, fear up to {moment['fear']:.2f},"
-            f" path of {moment['path_source']}, then up to {moment['cap_mps']:.1f} m/s"
+            f" path from {moment['path_source']}, speed cap {moment['cap_mps']:.1f} m/s at the end"
         )
 
 
 def _end(story: Story) -> str:
     end = story["end"]
     if end["relief_s"] is None:
-        return "It had not ended when the recording ends."
-    text = f"Fear let go at {end['relief_s']:.2f} s"
+        return "The slow-down had not ended at the end of the recording."
+    text = f"Fear had fallen far enough at {end['relief_s']:.2f} s"
     changes = [
         f"{c['name']} {_value(c['was'], c['unit'])} -> {_value(c['is'], c['unit'])}"
         for c in end["changes"][:SHOWN_CHANGES]
     ]
     text += f": {'; '.join(changes)}." if changes else "."
     back = f"Full speed was allowed again at {end['back_s']:.2f} s." if end["back_s"] else ""
-    return f"{text} {back or 'Full speed was not allowed again before the recording ends.'}"
+    return f"{text} {back or 'Full speed was not allowed again before the end of the recording.'}"
 
 
 def _by_controller(story: Story) -> Iterator[str]:
     course, bend_1pm = story["slow_down"], story["sharpest_curvature_1pm"]
     yield (
-        f"The car slowed from {course['speed_before_mps']:.1f} to {course['speed_lowest_mps']:.1f} m/s between"
-        f" {course['from_s']:.2f} and {course['lowest_s']:.2f} s, but the supervisor did not ask for it:"
-        f" it allowed {story['speed_cap_mps']:.1f} m/s, at fear {story['fear']:.2f}."
+        f"The vehicle slowed from {course['speed_before_mps']:.1f} to {course['speed_lowest_mps']:.1f} m/s between"
+        f" {course['from_s']:.2f} and {course['lowest_s']:.2f} s, below the speed cap of the"
+        f" supervisor ({story['speed_cap_mps']:.1f} m/s, fear {story['fear']:.2f})."
     )
     if story["driver_override"]:
-        yield "Why: the driver acted."
+        yield "Reason: the driver took over."
     elif bend_1pm > 0.0:
         accel = story["commanded_accel_mps2"]
-        told_accel = "" if accel is None else f" and commanded {accel:+.1f} m/s² at {story['moment_s']:.2f} s"
-        radius = f"a bend of {1 / bend_1pm:.0f} m radius" if bend_1pm > 1e-3 else "a path that is straight"
-        yield f"Why: the controller; it saw {radius} ahead{told_accel}."
+        commanded = (
+            "" if accel is None else f", which commanded {accel:+.1f} m/s² at {story['moment_s']:.2f} s"
+        )
+        path = f"a bend of {1 / bend_1pm:.0f} m radius" if bend_1pm > 1e-3 else "a straight path"
+        yield f"Reason: the controller{commanded}; the path ahead was {path}."
     yield from _estimates(story)
     yield from _timeline(story)
 

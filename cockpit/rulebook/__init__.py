@@ -1,1 +1,1 @@
-"""Rule files for people: show, draw, check, convert, document."""
+"""Tools for rule files: show, draw, check, convert, document."""

@@ -1,4 +1,4 @@
-"""A rule file in the terminal: the sets of its inputs, its rules, what fear does, and fear over two inputs."""
+"""A rule file in the terminal: the sets of its inputs, its rules, its actions, and fear over two inputs."""
 
 from rich.console import Console
 from rich.markup import escape
@@ -15,7 +15,7 @@ BARS, SHADES = " ▁▂▃▄▅▆▇█", "·░▒▓█"
 
 
 def show_rules(rules: FearRules, console: Console) -> None:
-    """Everything that the file says."""
+    """The whole file."""
     for name, spec in rules.inputs.items():
         low, high = spec.range
         about = f"[{spec.unit}] {low:g} … {high:g}, {risk(spec)}: {spec.meaning}"
@@ -32,9 +32,9 @@ def show_surface(
 ) -> None:
     """Fear over two inputs as shades, one for each level."""
     x, y, fear = surface(rules, x_name, y_name, others, (SURFACE_COLUMNS, SURFACE_ROWS))
-    told = "  ".join(f"{shade} {level}" for shade, level in zip(SHADES, LEVELS, strict=True))
+    legend = "  ".join(f"{shade} {level}" for shade, level in zip(SHADES, LEVELS, strict=True))
     y_unit, x_unit = rules.inputs[y_name].unit, rules.inputs[x_name].unit
-    lines = [f"fear: {told}", "", f"{y_name} [{y_unit}], {risk(rules.inputs[y_name])}"]
+    lines = [f"fear: {legend}", "", f"{y_name} [{y_unit}], {risk(rules.inputs[y_name])}"]
     for row in reversed(range(len(y))):
         label = f"{y[row]:.3g}" if row % 4 == 0 else ""
         shades = "".join(SHADES[rules.level_index(float(value))] for value in fear[row])
@@ -46,7 +46,7 @@ def show_surface(
 
 
 def risk(spec: Input) -> str:
-    """Which way an input gets worse, in words."""
+    """The direction of the risk of an input, as text."""
     return "more is worse" if spec.risk == "rising" else "less is worse"
 
 

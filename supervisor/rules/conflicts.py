@@ -1,7 +1,7 @@
-"""Rules that another rule makes void: contradictions and repetitions. For the method ``monotone``.
+"""Rules without effect because of another rule: contradictions and repetitions. For the method ``monotone``.
 
-Rule A is void beside B when B speaks of the same output, holds at least as strongly wherever A does, and calls for
-at least as much. That is so if every case of A is a special case of one of B: each ramp of B's case has a ramp of
+Rule A has no effect if a rule B about the same output is at least as strong at every point and has at least the same
+consequence. That is so if every case of A is a special case of one of B: each ramp of B's case has a ramp of
 A's on the same input that rises no earlier.
 """
 
@@ -14,12 +14,12 @@ from supervisor.rules.sentence import Rule
 
 
 def contradictions(rules: FearRules) -> Iterator[tuple[Rule, Rule]]:
-    """(A, B): A calls for less than B, which holds wherever A does, so that A never counts."""
+    """(A, B): A has a lesser consequence than B, which is at least as strong at every point, so A has no effect."""
     return ((a, b) for a, b in _void(rules) if a.harm < b.harm)
 
 
 def repetitions(rules: FearRules) -> Iterator[tuple[Rule, Rule]]:
-    """(A, B): A says nothing that B does not say as strongly, for the same cause."""
+    """(A, B): B has the same consequence and cause as A and is at least as strong at every point."""
     return ((a, b) for a, b in _void(rules) if a.harm == b.harm and a.cause == b.cause)
 
 
@@ -32,7 +32,7 @@ def _void(rules: FearRules) -> Iterator[tuple[Rule, Rule]]:
 
 
 def _special(case: list[Ramp], of: list[Ramp]) -> bool:
-    """Whether ``case`` holds nowhere more than ``of`` does."""
+    """Whether the degree of ``case`` is nowhere above that of ``of``."""
     return all(any(_no_earlier(ramp, other) for ramp in case) for other in of)
 
 

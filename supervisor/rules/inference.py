@@ -1,15 +1,15 @@
 """Fear and trust from named numbers: a closed-form fuzzy inference, compiled once and then a pure function.
 
-Two methods turn the rules that hold into a number: `supervisor.rules.monotone`, the default, which cannot
-calm down as a risk rises, and `supervisor.rules.mamdani`. In both, sets are those of scikit-fuzzy (``trimf``,
+Two methods turn the rules that fire into a number: `supervisor.rules.monotone`, the default, in which fear never
+falls as a risk rises, and `supervisor.rules.mamdani`. In both, sets are those of scikit-fuzzy (``trimf``,
 ``trapmf``), and degrees are joined by min (and) and max (or). Each output, fear and the trust in every estimator,
 has its own rules.
 
 A missing, non-finite or impossible value counts as the worst end of its input's range and makes fear 1 by itself;
-where no rule for fear holds at all fear is 1 too. Trust is 1 where no rule lowers it.
+where no rule for fear fires, fear is 1 too. Trust is 1 where no rule lowers it.
 
-scikit-fuzzy defines the sets but is not imported while driving: it takes 0.4 s to load, and its functions take
-whole arrays. The tests hold the compiled sets, and Mamdani's method, against it.
+scikit-fuzzy defines the sets, but only a file that uses its curved functions imports it, at load: the import takes
+0.4 s. The tests compare the compiled sets, and Mamdani's method, with it.
 """
 
 import itertools
@@ -44,7 +44,7 @@ class Fired(NamedTuple):
 
 
 class FearResult(NamedTuple):
-    """How afraid, of what, and why."""
+    """Fear, its level, its cause and the rules that fired."""
 
     fear: float  # 0..1
     level: str
@@ -59,7 +59,7 @@ class FearResult(NamedTuple):
 
 
 class Trust(NamedTuple):
-    """How far to trust one estimator, and why no further."""
+    """Trust in one estimator, its cause and the rules that fired."""
 
     trust: float  # 0..1
     cause: str
@@ -72,7 +72,7 @@ Firing = tuple[float, int, int]
 
 
 class Voice:
-    """What the rules say about one output. Immutable."""
+    """The rules about one output, compiled. Immutable."""
 
     def __init__(
         self, file: RuleFile, rules: tuple[Rule, ...], at: tuple[float, ...], names: list[str]
@@ -99,12 +99,12 @@ class Voice:
         return x, missing
 
     def ranked(self, strengths: Strengths) -> list[Firing]:
-        """The rules that hold by strength and harm; of equals, the first in the file comes first."""
+        """The rules that fire by strength and harm; of equals, the first in the file comes first."""
         harms = self._harms
         return sorted([(strength, harms[i], -i) for i, strength in strengths.items()], reverse=True)
 
-    def told(self, ranked: list[Firing], notes: list[str]) -> tuple[tuple[str, ...], tuple[float, ...]]:
-        """The notes and the texts of the rules, and how strongly each holds."""
+    def reported(self, ranked: list[Firing], notes: list[str]) -> tuple[tuple[str, ...], tuple[float, ...]]:
+        """The notes and the texts of the rules, and the strength of each."""
         texts, strengths = [self._texts[-i] for _, _, i in ranked], [fired[0] for fired in ranked]
         return (*notes, *texts), (*[1.0] * len(notes), *strengths)
 
@@ -154,7 +154,7 @@ class FearRules:
         ranked = voice.ranked(strengths)
         fear = 1.0 if missing or not ranked else voice.method.value(strengths)
         notes = [self._note(name, values) for name in missing] if missing else []
-        texts, degrees = voice.told(ranked, notes if ranked else [*notes, SILENT])
+        texts, degrees = voice.reported(ranked, notes if ranked else [*notes, SILENT])
         return FearResult(fear, self.level(fear), self._cause(ranked, missing, fear), texts, degrees)
 
     def trust(self, values: Values) -> dict[str, Trust]:
@@ -176,7 +176,7 @@ class FearRules:
         return degrees
 
     def level(self, fear: float) -> str:
-        """The level that stands nearest to ``fear``; of two, the more fearful."""
+        """The level nearest to ``fear``; of two, the higher one."""
         return LEVELS[self.level_index(fear)]
 
     def level_index(self, fear: float) -> int:
@@ -209,7 +209,7 @@ class FearRules:
         return self.inputs[absent[0]].missing if absent else rule.cause
 
     def _note(self, name: str, values: Values) -> str:
-        """What is said of an input without a possible value."""
+        """The note about an input without a possible value."""
         spec, value = self.inputs[name], values.get(name)
         if value is None or not math.isfinite(value):
             return f"missing {name}: taken as {spec.riskiest_set}"
@@ -222,7 +222,7 @@ class FearRules:
         ranked = voice.ranked(strengths)
         if not ranked:
             return TRUSTED
-        texts, degrees = voice.told(ranked, [self._note(name, values) for name in missing])
+        texts, degrees = voice.reported(ranked, [self._note(name, values) for name in missing])
         rule, _ = voice.decisive(ranked)
         absent = [name for name in missing if name in rule.inputs]
         cause = self.inputs[absent[0]].missing if absent else rule.cause

@@ -1,8 +1,8 @@
-"""Mamdani's method: min, max, clipped sets of the output, centroid; what scikit-fuzzy's control system computes.
+"""Mamdani's method: min, max, clipped sets of the output, centroid; equal to scikit-fuzzy's control system.
 
-Offered for comparison. Its centroid is neither monotone in the risks nor able to reach 0 and 1 (Kouikoglou and
-Phillis, On the monotonicity of hierarchical sum-product fuzzy systems, 2009), so ``trepid fear check`` refuses to
-let it drive.
+For comparison only. Its centroid is neither monotone in the risks nor able to reach 0 and 1 (Kouikoglou and
+Phillis, On the monotonicity of hierarchical sum-product fuzzy systems, 2009), so ``trepid fear check`` fails
+for it.
 
 scikit-fuzzy integrates over the points of a grid; here the integral is exact: between the places of two levels
 only their two sets differ from 0, and the outline max(min(p, 1 - s), min(q, s)) is straight between its corners.

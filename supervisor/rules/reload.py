@@ -1,8 +1,8 @@
-"""Rules that change while the car drives: a bad file never replaces a good one, and no step waits for a file.
+"""Rules that change during a drive: a bad file never replaces a good one, and no step waits for a file.
 
-A thread watches the file. When its text has changed, another process reads and verifies it from end to end,
-:func:`main`, at low priority: reading YAML takes a few hundred steps' time and would hold the interpreter that the
-steps need. Only rules that passed come back, compiled; the shell swaps them in between two steps.
+A thread watches the file. When its text has changed, another process reads and verifies it, :func:`main`, at low
+priority: reading YAML takes as long as a few hundred steps and would block the interpreter of the steps. Only
+verified rules are returned, compiled; the node adopts them between two steps.
 """
 
 import os
@@ -24,18 +24,18 @@ from trepid.config import ROOT, InputError, read_text
 from trepid.messages import Health
 from trepid.processes.process import Values
 
-PATIENCE_S = 60.0  # reading takes about a second, on a busy computer ten; a file that takes longer is refused
-SETTLE_MS = 100  # an editor writes a file in several strokes
-LOOK_EVERY_MS = 1000  # looked at also when nothing was heard: not every file system tells
+TIMEOUT_S = 60.0  # greatest time to read a file: usually about a second, ten on a busy computer
+SETTLE_MS = 100  # an editor writes a file in several steps
+POLL_MS = 1000  # for file systems that report no changes
 NICENESS = 5
 FROM_S, TEXT = "rules_from_s", "rules"  # values of the diagnostics that announce changed rules
 
 
 class News(NamedTuple):
-    """What became of a changed file."""
+    """The result of reading a changed file."""
 
-    rules: FearRules | None  # None: it is refused
-    complaint: str  # why; "" when it is good
+    rules: FearRules | None  # None: the file is refused
+    complaint: str  # the error; "" for a good file
     text: str = ""  # of the rules
 
 
@@ -57,10 +57,10 @@ class RuleWatch:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stop.set()
-        self._thread.join(PATIENCE_S)
+        self._thread.join(TIMEOUT_S)
 
     def take(self) -> News | None:
-        """What became of the last change, once; None when there was none."""
+        """The result of the last change, once; None without a change."""
         return self._news.popleft() if self._news else None
 
     def _watch(self) -> None:
@@ -70,15 +70,15 @@ class RuleWatch:
                 watch_filter=lambda _, path: Path(path).name == self._path.name,
                 stop_event=self._stop,
                 debounce=SETTLE_MS,
-                rust_timeout=LOOK_EVERY_MS,
+                rust_timeout=POLL_MS,
                 yield_on_timeout=True,
                 recursive=False,
             ):
-                self._look()
-        except (OSError, RuntimeError) as error:  # no more watches to be had, or the folder is gone
+                self._poll()
+        except (OSError, RuntimeError) as error:  # the limit of watches is reached, or the folder is gone
             self._news.append(News(None, f"{self._path.parent} cannot be watched: {error}"))
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         text = _text(self._path)
         if text != self._text:
             self._text = text
@@ -89,41 +89,41 @@ def _text(path: Path) -> str | None:
     try:
         return read_text(path)
     except InputError:
-        return None  # away for the moment, or unreadable: reread says how
+        return None  # missing at the moment, or unreadable: reread reports the error
 
 
 def reread(path: Path) -> News:
     """The rules in the file at ``path``, read and verified by another process."""
     command = [sys.executable, "-m", "supervisor.rules.reload", str(path)]
     try:
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, timeout=PATIENCE_S, check=False)
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, timeout=TIMEOUT_S, check=False)
     except subprocess.TimeoutExpired:
-        return News(None, f"{path}: takes longer than {PATIENCE_S:.0f} s to read")
+        return News(None, f"{path}: takes longer than {TIMEOUT_S:.0f} s to read")
     if done.returncode:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        return News(None, said[-1] if said else f"{path}: reading it ended with code {done.returncode}")
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        return News(None, lines[-1] if lines else f"{path}: reading it ended with code {done.returncode}")
     rules, text = pickle.loads(done.stdout)
     return News(rules, "", text)
 
 
 class Announcement:
-    """Rules that were taken over, told once: the heartbeat that follows carries their text into the recording."""
+    """Adopted rules, reported once: the next heartbeat carries their text into the recording."""
 
     def __init__(self) -> None:
         self._values: Values = ()
 
     def of(self, news: News, *, from_s: float) -> None:
-        """Decisions after ``from_s`` go by the rules in ``news``."""
+        """Decisions after ``from_s`` use the rules in ``news``."""
         self._values = ((FROM_S, repr(from_s)), (TEXT, news.text))
 
     def values(self) -> Values:
-        """What to say at the next heartbeat, once."""
+        """The values of the next heartbeat; empty afterwards."""
         values, self._values = self._values, ()
         return values
 
 
 def taken_over(news: News, adopt: Callable[[FearRules], None]) -> tuple[Health, str]:
-    """Hand good rules to ``adopt``; what to say of it on the diagnostics topic."""
+    """Pass good rules to ``adopt``; return health and message for the diagnostics topic."""
     complaint = news.complaint
     if news.rules is not None:
         try:

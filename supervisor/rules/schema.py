@@ -1,7 +1,7 @@
-"""The JSON schema of rule files, for editors: completion, descriptions, and errors while one types.
+"""The JSON schema of rule files, for editors: completion, descriptions, and errors while typing.
 
 ``config/schema/fear.json`` is ``trepid fear schema`` as of this version. A rule file names it in its first line,
-``# yaml-language-server: $schema=…``, which the YAML plug-ins of the usual editors follow.
+``# yaml-language-server: $schema=…``, which the YAML plug-ins of common editors read.
 """
 
 import json
@@ -20,9 +20,3 @@ def rule_schema() -> str:
         "title": "Trepid fear rules",
     }
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
-
-
-def schema_verb() -> int:
-    """Print the JSON schema of rule files, for editors."""
-    print(rule_schema(), end="")
-    return 0

@@ -1,8 +1,8 @@
-"""How fast fear can change: a Lipschitz bound for every input, from the edges of the sets.
+"""The greatest rate of change of fear: a Lipschitz bound for every input, from the edges of the sets.
 
 With fear = sum_k (a_k - a_{k-1}) t_k, and t_k a max of mins of weighted ramps, no t_k changes faster with an input
-than the steepest ramp, times weight, that a rule for level k or more has on the piece of the range where the input
-stands; so
+than the steepest ramp, times weight, that a rule for level k or more has on the piece of the range that contains
+the input; so
 
     |dfear/dx_i| <= max over pieces of sum_k (a_k - a_{k-1}) * max over ramps w / |span|.
 

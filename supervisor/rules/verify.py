@@ -1,14 +1,15 @@
-"""What a rule file must keep before it may drive, and what it tells of itself.
+"""Checks of a rule file before it is used for driving.
 
 =================  ===========================================================================================
-it speaks          a rule for fear holds at every point: decided exactly by :mod:`supervisor.rules.coverage`
-it is monotone     by construction of :mod:`supervisor.rules.monotone`, wherever it speaks
-it reaches 0 and 1 at the calmest and at the worst point, which bound all others because it is monotone
-what is lost       a missing input makes fear 1: by construction, and tried for each
-nothing is idle    every input is spoken of; every rule holds somewhere, none everywhere, none against another
+coverage           a rule for fear fires at every point: decided exactly by :mod:`supervisor.rules.coverage`
+monotone           by construction of :mod:`supervisor.rules.monotone`, wherever a rule fires
+reaches 0 and 1    at the calmest and at the worst point, which bound all others because fear is monotone
+missing inputs     a missing input makes fear 1: by construction, and evaluated for each input
+no idle rules      every input has a rule; every rule fires somewhere, none everywhere, none against another
 =================  ===========================================================================================
 
-Mamdani's method keeps none of the first three, so there it is tried on many points and the first failures are told.
+Mamdani's method has none of the first three properties: it is evaluated at many points, and the first failures are
+reported.
 """
 
 import itertools
@@ -30,23 +31,23 @@ from supervisor.rules.slopes import lipschitz
 from trepid import config
 from trepid.config import InputError
 
-_TRIED, _SEED = 120, 0  # points, where Mamdani's method is tried
+_TRIED, _SEED = 120, 0  # points of the checks of Mamdani's method
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What a check found."""
+    """The result of a check."""
 
-    problems: tuple[str, ...]  # empty: the rules may drive
-    notes: tuple[str, ...]  # worth a look
+    problems: tuple[str, ...]  # empty: the rules are fit to drive
+    notes: tuple[str, ...]  # not errors
     slopes: dict[str, float]  # greatest change of fear per unit of every input; empty for Mamdani's method
 
 
 def verify(rules: FearRules) -> Verdict:
     """Check ``rules`` for holes, monotony, reach, missing inputs and idle or void parts."""
     if rules.file.method == "mamdani":
-        return Verdict((*_unspoken(rules), *_tried(rules)), (), {})
-    problems = [*_unspoken(rules), *_idle(rules), *_reach(rules), *_lost(rules), *_silent(rules)]
+        return Verdict((*_unnamed(rules), *_tried(rules)), (), {})
+    problems = [*_unnamed(rules), *_idle(rules), *_reach(rules), *_lost(rules), *_silent(rules)]
     problems += [
         f"contradicts {_quoted(b)}, which counts instead: {a.text}" for a, b in contradictions(rules)
     ]
@@ -61,7 +62,7 @@ def load_verified(path: Path) -> FearRules:
 
 @lru_cache(maxsize=16)
 def _verified(path: Path, _: str) -> FearRules:
-    """By content, because every run of a sweep asks for the same rules."""
+    """Cached by content, because every run of a sweep loads the same rules."""
     rules = FearRules.load(path)
     problems = verify(rules).problems
     if problems:
@@ -85,17 +86,17 @@ def _silent(rules: FearRules) -> Iterator[str]:
     try:
         point = silent_point(rules)
     except OverflowError as error:
-        yield f"cannot be proven to speak everywhere: {error}"
+        yield f"coverage cannot be proven: {error}"
         return
     if point is not None:
-        yield f"no rule speaks at {_told(rules, point)}"
+        yield f"no rule fires at {_shown(rules, point)}"
 
 
 def _reach(rules: FearRules) -> Iterator[str]:
     for name, point, expected in (("calmest", calmest(rules), 0.0), ("worst", worst(rules), 1.0)):
-        felt = rules.evaluate(point)
-        if felt.fear != expected:
-            yield f"with every input at its {name} fear is {felt.fear:.3f}, expected exactly {expected:g}"
+        result = rules.evaluate(point)
+        if result.fear != expected:
+            yield f"with every input at its {name} fear is {result.fear:.3f}, expected exactly {expected:g}"
 
 
 def _lost(rules: FearRules) -> Iterator[str]:
@@ -105,15 +106,15 @@ def _lost(rules: FearRules) -> Iterator[str]:
             yield f"fear is not 1 when {name} is missing"
 
 
-def _unspoken(rules: FearRules) -> Iterator[str]:
-    spoken = frozenset().union(*(rule.inputs for rule in rules.rules))
-    yield from (f"no rule speaks of {name}" for name in rules.names if name not in spoken)
+def _unnamed(rules: FearRules) -> Iterator[str]:
+    named = frozenset().union(*(rule.inputs for rule in rules.rules))
+    yield from (f"no rule contains {name}" for name in rules.names if name not in named)
     silent = [name for name, voice in rules.trust_voices.items() if not voice.rules]
-    yield from (f"no rule speaks of the trust in {name}" for name in silent)
+    yield from (f"no rule sets the trust in {name}" for name in silent)
 
 
 def _idle(rules: FearRules) -> Iterator[str]:
-    """Rules that hold nowhere, and those that hold everywhere or lower trust or raise fear when all is calm."""
+    """Rules that never fire, and rules that always fire, also at the calmest point."""
     calm = calmest(rules)
     for rule in rules.rules:
         compiled = cases(rule, rules.inputs)
@@ -130,7 +131,7 @@ def _holds(rule: Rule, rules: FearRules, point: Point) -> bool:
 
 
 def _tried(rules: FearRules) -> Iterator[str]:
-    """What Mamdani's method breaks: reach, and the first silence and the first fall on points that are tried."""
+    """Failures of Mamdani's method: reach, the first point without a rule and the first fall of fear, on samples."""
     yield from _reach(rules)
     points = list(_points(rules))
     yield from itertools.islice(_holes(rules, points), 1)
@@ -153,7 +154,7 @@ def knots(spec: Input) -> list[float]:
 def _holes(rules: FearRules, points: list[Point]) -> Iterator[str]:
     for point in points:
         if SILENT in rules.evaluate(point).texts:
-            yield f"no rule speaks at {_told(rules, point)}"
+            yield f"no rule fires at {_shown(rules, point)}"
 
 
 def _falls(rules: FearRules, points: list[Point]) -> Iterator[str]:
@@ -162,13 +163,13 @@ def _falls(rules: FearRules, points: list[Point]) -> Iterator[str]:
         for x in knots(spec):
             fear = rules.evaluate({**point, name: x}).fear
             if fear < before:
-                where = _told(rules, point)
+                where = _shown(rules, point)
                 yield f"fear falls from {before:.3f} to {fear:.3f} as {name} worsens to {x:g} at {where}"
             before = fear
 
 
-def _told(rules: FearRules, point: Point) -> str:
-    """The point as the inputs that are not calm."""
+def _shown(rules: FearRules, point: Point) -> str:
+    """The inputs of a point that are not calm, as text."""
     apart = [f"{name}={x:g}" for name, x in point.items() if x != rules.inputs[name].calmest]
     if not apart:
         return "the calmest point"

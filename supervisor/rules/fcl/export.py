@@ -1,8 +1,7 @@
 """Rule files as IEC 61131-7 Fuzzy Control Language (FCL), which other fuzzy tools read.
 
-FCL has words for the sets, the rules and Mamdani's method; that is what another tool computes. What it has no word
-for, such as the direction of risk or the causes, stands in the OPTION block, which the standard leaves to each
-maker. ``docs/fear.md`` lists the mapping; :mod:`supervisor.rules.fcl.read` reads it back.
+FCL has words for the sets, the rules and Mamdani's method, which another tool computes. Direction of risk, causes
+and actions have no word in FCL; they stand in the OPTION block, which the standard leaves to each vendor. ``docs/fear.md`` lists the mapping; :mod:`supervisor.rules.fcl.read` reads it back.
 """
 
 import re
@@ -57,7 +56,7 @@ def _fuzzify(name: str, spec: Input) -> list[str]:
 
 
 def _defuzzify(name: str, at: tuple[float, ...]) -> list[str]:
-    """Where no rule speaks, fear is 1 and so is trust."""
+    """Where no rule fires, fear is 1 and trust is 1."""
     method = ["  ACCU : MAX;", "  METHOD : COG;", "  DEFAULT := 1;", "  RANGE := (0 .. 1);"]
     return [f"DEFUZZIFY {name}", *_terms(level_sets(at)), *method, "END_DEFUZZIFY"]
 
@@ -66,8 +65,8 @@ def _rule(rule: Rule) -> str:
     """The sentence in FCL's words; its cause stands among the options."""
     sentence = re.split(r" with weight | because ", rule.text)[0]
     words = re.findall(r"\w+|\S", sentence)
-    said = " ".join(word.upper() if word in FCL_WORDS else word for word in words)
-    return said + ("" if rule.weight == 1 else f" WITH {rule.weight!r}")
+    text = " ".join(word.upper() if word in FCL_WORDS else word for word in words)
+    return text + ("" if rule.weight == 1 else f" WITH {rule.weight!r}")
 
 
 def _options(rules: FearRules) -> list[str]:
@@ -81,8 +80,8 @@ def _options(rules: FearRules) -> list[str]:
         lines.append(f"  SPEED_FACTOR {level} := {action.speed_factor!r};")
         lines.append(f"  MODE {level} := {action.mode.value};")
     lines += [f"  HYSTERESIS {name} := {value!r};" for name, value in file.hysteresis.model_dump().items()]
-    told = [(number, rule) for number, rule in enumerate(rules.rules, start=1) if " because " in rule.text]
-    lines += [f"  BECAUSE {number} := {rule.cause};" for number, rule in told]
+    stated = [(number, rule) for number, rule in enumerate(rules.rules, start=1) if " because " in rule.text]
+    lines += [f"  BECAUSE {number} := {rule.cause};" for number, rule in stated]
     return [*lines, "END_OPTION"]
 
 

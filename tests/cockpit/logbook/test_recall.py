@@ -52,7 +52,7 @@ def test_every_decision_is_explained_by_the_rules_that_it_was_made_by(tmp_path: 
     before, after = drive.decisions[4].fear, drive.decisions[9].fear
     assert 0 < before < after
     assert all(drive.repeats(i) for i in range(10))
-    assert drive.rules_from == "fear.yaml, as recorded, changed 1 times on the way"
+    assert drive.rules_from == "fear.yaml, as recorded, changed 1 times during the drive"
 
 
 def test_rules_given_by_hand_explain_the_whole_drive(tmp_path: Path) -> None:

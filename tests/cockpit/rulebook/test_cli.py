@@ -41,15 +41,15 @@ def test_the_shipped_rules_pass_their_check() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        (CALM_RULE, "", "no rule speaks at the calmest point"),
-        ("lane_confidence is very_high and", "lane_confidence is high and speed is very_low and", "no rule speaks"),
+        (CALM_RULE, "", "no rule fires at the calmest point"),
+        ("lane_confidence is very_high and", "lane_confidence is high and speed is very_low and", "no rule fires"),
         (
             CALM_RULE,
             CALM_RULE + "  - if speed is not very_high and lane_confidence is not very_low then fear is low\n",
             "never fires: if speed is not very_high",
         ),
         (CALM_RULE, CALM_RULE + "  - if speed is very_low then fear is medium\n", "always fires: if speed"),
-        ("lane_width_error is", "lateral_error is", "no rule speaks of lane_width_error"),
+        ("lane_width_error is", "lateral_error is", "no rule contains lane_width_error"),
         ("then fear is very_high", "then fear is high", "fear is 0.750, expected exactly 1"),
     ],
 )  # fmt: skip
@@ -67,7 +67,7 @@ def test_a_failed_check_exits_with_1_and_lists_the_problems(tmp_path: Path) -> N
     path.write_text(SHIPPED.replace(CALM_RULE, ""))
     code, out = fear("check", str(path), "--json")
     assert code == 1
-    assert "no rule speaks at the calmest point" in json.loads(out)["problems"]
+    assert "no rule fires at the calmest point" in json.loads(out)["problems"]
 
 
 def test_a_passed_check_tells_how_fast_fear_can_change() -> None:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from cockpit.logbook.moment import moment_figure
 from cockpit.logbook.recall import Recall, recall
 from cockpit.logbook.story import story
-from cockpit.logbook.story_text import told
+from cockpit.logbook.story_text import story_text
 from cockpit.rulebook.cli import app
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.lockstep.recording import recording
@@ -82,9 +82,9 @@ def test_why_did_it_slow_down_when_an_estimator_lied(drive: Recall) -> None:
 
 
 def test_the_answer_names_cause_rule_value_and_estimators_in_words(drive: Recall) -> None:
-    text = told(story(drive, 5.5))
-    assert "the supervisor began to allow less: from 8.0 to" in text
-    assert "of disagreement; mode CAUTION" in text
+    text = story_text(story(drive, 5.5))
+    assert "the speed cap began to fall: from 8.0 to" in text
+    assert "cause disagreement; mode CAUTION" in text
     assert "if separation is medium then fear is medium because disagreement" in text
     assert "separation = 0." in text and "cnn: " in text and "cv: +0.7" in text
 
@@ -101,7 +101,7 @@ def test_the_controller_is_named_where_the_supervisor_did_not_ask(tmp_path: Path
     answer = story(recall(path), slowest_s)
     assert answer["slowed_by"] == "controller"
     assert 1 / answer["sharpest_curvature_1pm"] == pytest.approx(12.0, rel=0.2)
-    assert "a bend of 1" in told(answer)
+    assert "a bend of 1" in story_text(answer)
 
 
 def test_the_verb_tells_the_story_as_text_and_as_json(lying: Path) -> None:
@@ -130,7 +130,7 @@ def test_where_it_did_not_slow_down_the_answer_says_where_it_did_and_the_exit_co
         run(calm, witness=witness)
     code, text = explain(str(path), "--at", "2")
     assert code == 1
-    assert text.startswith("It did not slow down near 2.0 s")
+    assert text.startswith("The vehicle did not slow down near 2.0 s")
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_a_recording_without_decisions_is_named(lying: Path, tmp_path: Path) -> 
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(lying.read_bytes()[:20_000])  # little more than the rules
     with pytest.raises(
-        InputError, match="no decision of a supervisor was recorded here; the file is cut short"
+        InputError, match="the recording contains no decision of a supervisor; the file is cut short"
     ):
         explain(str(cut), "--at", "5")
 
@@ -164,8 +164,8 @@ def test_a_recording_that_was_cut_short_is_explained_as_far_as_it_goes(lying: Pa
     cut.write_bytes(data[: int(0.7 * len(data))])
     code, text = explain(str(cut), "--at", "5.5")
     assert code == 0
-    assert text.startswith("(the recording is cut short: it is read up to")
-    assert "of disagreement" in text
+    assert text.startswith("(the recording is cut short: it ends at")
+    assert "cause disagreement" in text
 
 
 def test_other_rules_are_told_from_those_of_the_drive(lying: Path, tmp_path: Path) -> None:
@@ -178,7 +178,7 @@ def test_other_rules_are_told_from_those_of_the_drive(lying: Path, tmp_path: Pat
     )
     answer: dict[str, Any] = story(recall(lying, other), 5.5)
     assert not answer["repeats"]
-    assert "other ones then" in told(answer)
+    assert "the drive used other rules" in story_text(answer)
 
 
 def test_the_camera_is_recorded_ten_times_a_second(tmp_path: Path) -> None:

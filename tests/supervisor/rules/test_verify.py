@@ -97,23 +97,23 @@ def test_a_steep_rule_of_a_low_level_counts_by_what_it_adds() -> None:
 @pytest.mark.parametrize(
     ("sentences", "problem"),
     [
-        (("if a is very_high or b is very_high then fear is very_high",), "no rule speaks at the calmest point"),
+        (("if a is very_high or b is very_high then fear is very_high",), "no rule fires at the calmest point"),
         (
             ("if a is very_low then fear is very_low", "if a is high or b is high then fear is very_high"),
-            "no rule speaks at a=0.25, the rest calm",
+            "no rule fires at a=0.25, the rest calm",
         ),
         (
             ("if a is very_low and b is very_low then fear is very_low", "if a is low then fear is very_high"),
-            "no rule speaks at b=0.25, the rest calm",
+            "no rule fires at b=0.25, the rest calm",
         ),
         (
             ("if a is very_low and b is very_low then fear is very_low", "if b is low then fear is very_high"),
-            "no rule speaks at a=0.25, the rest calm",
+            "no rule fires at a=0.25, the rest calm",
         ),
         (("if a is not very_low or a is very_low then fear is high",), "always fires: if a"),
         (("if a is very_high then fear is very_low", "if b is low then fear is very_high"), "always fires: if a"),
         (("if a is not very_high and b is low then fear is medium",), "never fires: if a"),
-        (("if a is very_low then fear is very_low", "if a is low then fear is high"), "no rule speaks of b"),
+        (("if a is very_low then fear is very_low", "if a is low then fear is high"), "no rule contains b"),
         (
             ("if a is very_low then fear is very_low", "if a is low or b is low then fear is high"),
             "with every input at its worst fear is 0.750, expected exactly 1",
@@ -141,7 +141,7 @@ def test_rules_that_could_drive_have_no_problems() -> None:
 
 
 def test_an_estimator_whose_trust_no_rule_lowers_is_told() -> None:
-    assert verify(small_rules(*GOOD, estimators=("cv",))).problems == ("no rule speaks of the trust in cv",)
+    assert verify(small_rules(*GOOD, estimators=("cv",))).problems == ("no rule sets the trust in cv",)
 
 
 def test_trust_that_is_lowered_even_when_all_is_calm_is_told() -> None:
