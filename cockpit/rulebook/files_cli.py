@@ -29,7 +29,10 @@ def export(file: Annotated[Path, typer.Argument(metavar="F.yaml", help="Rule fil
 def import_(
     file: Annotated[Path, typer.Argument(metavar="F.fcl", help="Fuzzy Control Language.")],
     like: Annotated[
-        Path, typer.Option(metavar="F.yaml", help="Rule file with the actions and hysteresis that FCL does not state.")
+        Path,
+        typer.Option(
+            metavar="F.yaml", help="Rule file with the actions and hysteresis that FCL does not state."
+        ),
     ] = CONFIG_DIR / "fear.yaml",
 ) -> None:
     """Print a rule file with the rules of an FCL function block."""

@@ -1,7 +1,7 @@
 """Rules without effect because of another rule: contradictions and repetitions. For the method ``monotone``.
 
-Rule A has no effect if a rule B about the same output is at least as strong at every point and has at least the same
-consequence. That is so if every case of A is a special case of one of B: each ramp of B's case has a ramp of
+Rule A has no effect if a rule B about the same output is at least as strong at every point and has at least the
+same consequence. That is so if every case of A is a special case of one of B: each ramp of B's case has a ramp of
 A's on the same input that rises no earlier.
 """
 

@@ -1,7 +1,7 @@
 """Coverage: whether a rule for fear fires at every point. Exact, for any number of inputs, without a grid.
 
 Only for the method ``monotone``, where a rule for more than very_low keeps firing as risks rise (its degrees are
-ramps toward risk), and a rule for very_low keeps firing as they fall. A point is silent when no case of a rule fires:
+ramps toward risk), and a rule for very_low keeps firing as they fall. A point is silent when no rule fires:
 
 1. Each case of a calm rule must fail: one of its inputs lies at or beyond the foot of its ramp.
 2. Choose such an input for each calm case. Of all points that fit the choice, one lies below all others: the chosen

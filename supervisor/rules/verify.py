@@ -131,7 +131,7 @@ def _holds(rule: Rule, rules: FearRules, point: Point) -> bool:
 
 
 def _tried(rules: FearRules) -> Iterator[str]:
-    """Failures of Mamdani's method: reach, the first point without a rule and the first fall of fear, on samples."""
+    """Failures of Mamdani's method: reach, first point without a rule, first fall of fear, on samples."""
     yield from _reach(rules)
     points = list(_points(rules))
     yield from itertools.islice(_holes(rules, points), 1)

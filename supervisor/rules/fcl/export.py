@@ -1,7 +1,8 @@
 """Rule files as IEC 61131-7 Fuzzy Control Language (FCL), which other fuzzy tools read.
 
 FCL has words for the sets, the rules and Mamdani's method, which another tool computes. Direction of risk, causes
-and actions have no word in FCL; they stand in the OPTION block, which the standard leaves to each vendor. ``docs/fear.md`` lists the mapping; :mod:`supervisor.rules.fcl.read` reads it back.
+and actions have no word in FCL; they stand in the OPTION block, which the standard leaves to each vendor.
+``docs/fear.md`` lists the mapping; :mod:`supervisor.rules.fcl.read` reads it back.
 """
 
 import re
