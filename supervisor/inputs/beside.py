@@ -1,9 +1,8 @@
-"""The lane beside ours is evidence of ours: lanes of one road run side by side and are about equally wide.
+"""Use of a neighbouring lane as evidence of ours: lanes of one road are parallel and about equally wide.
 
-A marking filter that finds two good lines may have found those of the next lane, and says with confidence that the
-car is a lane's width away from the middle. If the path so far has the car in its lane, that is not where the car
-is. Moved over by whole lane widths, what was measured becomes a second view of our lane, of less confidence than
-if its own lines were seen.
+A marking filter may find the two lines of the next lane and report with confidence that the car is a lane's width
+away from the centre. Where the path so far has the car in its lane, the measured lane is shifted by whole lane
+widths and used as an estimate of our lane with reduced confidence.
 """
 
 from supervisor.inputs.validated import ValidatedEstimate
@@ -12,9 +11,9 @@ SHARE = 0.7  # of its confidence: lanes of one road differ in width by a few dec
 
 
 def in_own_lane(s: ValidatedEstimate, offset_m: float | None) -> ValidatedEstimate:
-    """``s``, moved over to the lane in which the car is, where it shows another one.
+    """``s``, shifted to the lane of the car where it measures another one.
 
-    ``offset_m`` is where the path so far has the car; None at the beginning: a driver hands over in a lane.
+    ``offset_m`` is the offset of the car on the path so far; None at the beginning, in a lane by assumption.
     """
     lane, width_m = s.lane, s.width_m
     if lane is None or width_m is None or not s.marked or s.width_error_m != 0.0 or s.confidence is None:

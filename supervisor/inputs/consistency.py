@@ -1,13 +1,13 @@
-"""How steadily an estimator sees: its lane now against its lane before, moved by odometry.
+"""Steadiness of an estimator: its lane now compared with its lane before, moved by odometry.
 
-A road does not jump. What an estimator without a memory shows from frame to frame is therefore its own error made
-visible, without any truth: for a network on pictures unlike those it learned from it grows before its confidence
+A road does not jump, so the change of the lane from frame to frame is the error of an estimator without memory,
+measured without ground truth. For a network on images unlike its training data it grows before its confidence
 falls (compare Michelmore et al., Evaluating uncertainty quantification in end-to-end autonomous driving control,
 2018; ensembles and dropout measure the same at several times the price).
 
-Jitter, of the jumps from frame to frame over the last half second, tells that something has gone wrong now; unrest,
-of those between looks STEP_M apart over the last PATH_JITTER_M of road, whether this road is one that the estimator
-knows. Only way wears unrest off: a standing car sees the same picture again and again, which shows nothing new.
+Jitter is the rms jump from frame to frame over the last half second: an error at present. Path jitter is the rms
+jump between frames STEP_M apart over the last PATH_JITTER_M of road: a road unlike the training data. Path jitter
+decays with distance only, because the image of a standing car does not change.
 """
 
 import math
@@ -17,8 +17,8 @@ from supervisor.inputs.validated import ValidatedEstimate
 from trepid.clothoid import STANDING, Lane, Motion
 
 MEMORY_S = 0.5  # over which jumps are averaged: twelve frames
-PATH_JITTER_M = 10.0  # ... or of the way: as long as a comfort stop, so that who stops for it stands with it
-STEP_M = 0.3  # of way between the looks that are compared for it: whoever creeps sees nearly the same picture again
+PATH_JITTER_M = 10.0  # ... or of the way: the length of a comfort stop, after which the value still holds
+STEP_M = 0.3  # of way between the frames compared for it: images of a creeping car are nearly the same
 KNOWN_M = 0.05  # what the network jumps on roads it knows ...
 KNOWN_SHARE = 0.2  # ... and its weight before the first jump
 AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle
@@ -35,8 +35,8 @@ class Steadiness(NamedTuple):
 class _PathJitter(NamedTuple):
     """Running mean of squared jumps by way, as their weighted sum and the sum of their weights."""
 
-    before: Lane  # the look to compare the next one with, moved by odometry
-    way_m: float = 0.0  # driven since that look
+    before: Lane  # the lane to compare the next one with, moved by odometry
+    way_m: float = 0.0  # driven since that frame
     sum_m2: float = KNOWN_SHARE * KNOWN_M**2
     weights: float = KNOWN_SHARE
 
@@ -46,7 +46,7 @@ class _PathJitter(NamedTuple):
         return math.sqrt(self.sum_m2 / self.weights)
 
     def after(self, lane: Lane, motion: Motion, dt_s: float) -> "_PathJitter":
-        """With a look ``dt_s`` later; it counts for the way that was driven for it, once that is STEP_M."""
+        """With the lane ``dt_s`` later, weighted by the way since the last, once that is STEP_M."""
         before, way_m = self.before.after(motion, dt_s), self.way_m + abs(motion.speed_mps) * dt_s
         if way_m < STEP_M:
             return self._replace(before=before, way_m=way_m)
@@ -57,7 +57,7 @@ class _PathJitter(NamedTuple):
 
 
 class _Track(NamedTuple):
-    """What is remembered of one estimator."""
+    """Memory of one estimator."""
 
     t_s: float
     lane: Lane
@@ -66,7 +66,7 @@ class _Track(NamedTuple):
 
 
 class Consistency:
-    """How steady the lane of each estimator has been."""
+    """Steadiness of the lane of every estimator."""
 
     def __init__(self) -> None:
         self._tracks: dict[str, _Track] = {}
@@ -86,7 +86,7 @@ class Consistency:
 
 
 def _updated(track: _Track | None, lane: Lane, t_s: float, motion: Motion) -> _Track:
-    """The means with the jump to ``lane``; after a gap nothing has jumped, and the mean by time begins anew."""
+    """The means with the jump to ``lane``; after a gap there is no jump, and the mean by time restarts."""
     if track is None:
         return _Track(t_s, lane, 0.0, _PathJitter(lane))
     dt_s = t_s - track.t_s

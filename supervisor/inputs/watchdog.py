@@ -1,4 +1,4 @@
-"""Who has gone silent. What was never heard is not lost: the supervisor is just not ready to drive yet."""
+"""Detection of lost senders. A sender without any message so far is not lost: the supervisor does not start yet."""
 
 import math
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ NO_FAULT = Fault("", False)
 
 
 class Watchdog:
-    """Remembers which senders have been heard of; only these can be lost."""
+    """Holds the senders that have sent a message; only these can be lost."""
 
     def __init__(self, *, fresh_s: float, lost_s: float, frames_s: float, state_s: float) -> None:
         self._fresh_s, self._lost_s = fresh_s, lost_s
@@ -38,7 +38,7 @@ class Watchdog:
         state_s: float,
         driver_override: bool,
     ) -> Fault:
-        """The worst that these ages (inf: no message) tell, the common cause before its consequences.
+        """The worst fault by these ages (inf: no message), a common cause before its consequences.
 
         ``lead_s`` is None where no lead detector runs.
         """

@@ -1,7 +1,7 @@
-"""How much the edges of a road without lines have been doubted over the last metres of way.
+"""Mean doubt about the edges of a road without lines over the last metres of way.
 
-A road without lines shows its edges all along, and they are believed. Trodden snow shows some of its own by
-patches, between which the true ones come and go: each moment by itself may pass, the way as a whole does not.
+The edges of an unmarked road are measured all along. Trodden snow has edges of its own in patches, between which
+the edges of the road come and go: single frames look valid, the mean over the way does not.
 """
 
 import math
@@ -14,7 +14,7 @@ EDGES_M = 20.0  # patches are some metres long; a comfort stop from 8 m/s takes 
 
 
 class WeakEdges:
-    """Remembers the doubt; only way wears it off, because a standing car sees nothing new."""
+    """Holds the mean, which changes with distance only: the image of a standing car does not change."""
 
     def __init__(self) -> None:
         self._doubt = 0.0
@@ -23,7 +23,7 @@ class WeakEdges:
     def step(self, seen: list[ValidatedEstimate], motion: Motion | None, *, now_s: float) -> float:
         """Mean of 1 - confidence of edges, of 0 for lines, over the last EDGES_M, the nearer the heavier [0..1].
 
-        Where nobody can tell edges from lines it stays as it is.
+        Without an estimator that distinguishes edges from lines it stays as it is.
         """
         way_m = 0.0 if self._last_s is None else abs((motion or STANDING).speed_mps) * (now_s - self._last_s)
         self._last_s = now_s

@@ -1,9 +1,8 @@
-"""Analyse first, then act: a quick look at the numbers names the cause and the part that it lies in.
+"""The cause of fear and the part of the car or the road in which it lies.
 
-The fear rules say how bad it is; they judge symptoms too ("the confidence is low"). The analyser asks what could
-have made them, in the order in which one thing causes another: no data, a blind camera, traffic in the way,
-estimators that contradict each other, and only then the road itself. The first suspect whose evidence suffices is
-the cause.
+The fear rules rate symptoms too ("the confidence is low"). The analyser traces a symptom back to its cause, in the
+order of causation: no data, a blind camera, traffic in the way, contradicting estimators, and last the road itself.
+The first suspect with enough evidence is the cause.
 
 It is a pure function of the features, like the rules, and takes a few microseconds (inventory F06, F08).
 """
@@ -45,7 +44,7 @@ class AnalyserSettings(Settings):
 
 
 class Finding(NamedTuple):
-    """What is wrong, and where."""
+    """A cause and the part in which it lies."""
 
     cause: str  # "" when nothing is
     part: str  # "camera", "lens", "traffic", "road", "vehicle", the name of an estimator, "perception"
@@ -57,7 +56,7 @@ Evidence = Callable[[Features, AnalyserSettings], bool]
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
-    """One row of the table: a cause, the part to which it points, and what speaks for it."""
+    """One row of the table: a cause, the part in which it lies, and its evidence."""
 
     cause: Cause
     part: str
@@ -96,7 +95,7 @@ def _frozen(x: Features, s: AnalyserSettings) -> bool:
 
 
 def _unseen(x: Features, s: AnalyserSettings) -> bool:
-    """The road is hard to see, for all that is known."""
+    """The road is hard to see, also where the confidence is unknown."""
     return not _number(x["sight"]) >= s.unsure
 
 
@@ -114,18 +113,18 @@ SUSPECTS = (
         Cause.VEHICLE_STATE_LOST,
         "vehicle",
         _any(_lost("speed"), _lost("state_age"), _above("state_age", "stale_s")),
-        "the vehicle does not say how it moves",
+        "speed or yaw rate of the vehicle are missing",
     ),
     Suspect(Cause.LOST_ESTIMATOR, "perception", _behind, "one estimator is a frame behind the other"),
-    Suspect(Cause.IMAGE_STATISTICS_LOST, "perception", _lost("brightness"), "nobody looks at the pixels"),
+    Suspect(Cause.IMAGE_STATISTICS_LOST, "perception", _lost("brightness"), "image statistics are missing"),
     Suspect(
         Cause.DARK,
         "camera",
         _any(_below("brightness", "dark"), _above("under_exposed", "under_exposed")),
-        "hardly any light in the picture",
+        "hardly any light in the image",
     ),
     Suspect(
-        Cause.OVER_EXPOSED, "camera", _above("over_exposed", "over_exposed"), "much of the picture is white"
+        Cause.OVER_EXPOSED, "camera", _above("over_exposed", "over_exposed"), "much of the image is white"
     ),
     Suspect(
         Cause.FROZEN_CAMERA,
@@ -139,7 +138,7 @@ SUSPECTS = (
         _any(_below("sharpness", "blurred"), _below("contrast", "flat")),
         "no edges and no contrast",
     ),
-    Suspect(Cause.DIRTY_LENS, "lens", _above("spots", "spots"), "spots all over the picture stand still"),
+    Suspect(Cause.DIRTY_LENS, "lens", _above("spots", "spots"), "spots all over the image stand still"),
     Suspect(
         Cause.OCCLUDED,
         "traffic",
@@ -150,17 +149,15 @@ SUSPECTS = (
         Cause.DISAGREEMENT,
         "perception",
         _any(_above("disagreement", "disagreement_mps2"), _above("separation", "separation_m")),
-        "the estimators see different roads",
+        "the estimators measure different roads",
     ),
+    Suspect(Cause.NO_ROAD, "road", _nowhere, "no road is measured, or only unconfirmed weak edges"),
     Suspect(
-        Cause.NO_ROAD, "road", _nowhere, "nothing, or weak edges that nobody confirms, is seen of a road"
-    ),
-    Suspect(
-        Cause.UNMARKED, "road", lambda x, s: _number(x["unmarked"]) > 0.5, "edges are seen, but no lines"
+        Cause.UNMARKED, "road", lambda x, s: _number(x["unmarked"]) > 0.5, "edges are measured, but no lines"
     ),
     Suspect(Cause.LOW_CONFIDENCE, "road", _unseen, "the road is hard to see"),
 )
-"""In the order of causation: the first that fits is the cause."""
+"""In the order of causation: the first row with evidence is the cause."""
 
 SYMPTOMS = frozenset(
     {
@@ -168,7 +165,7 @@ SYMPTOMS = frozenset(
         *(Cause.SINGLE_SOURCE, Cause.JITTER, Cause.LANE_WIDTH),
     }
 )
-"""Causes of fear rules that something else may have brought about; the analyser's finding then says what."""
+"""Causes of fear rules that may have another cause, which the analyser finds."""
 
 
 def analyse(x: Features, settings: AnalyserSettings, *, ages_s: Mapping[str, float]) -> Finding:

@@ -98,21 +98,21 @@ ON_ROAD = frozenset({Mode.KEEP, Mode.CAUTION})
 
 TRANSITIONS = (
     Transition(
-        DRIVING, lambda s: bool(s.fault), Mode.STOP, "a process is lost, data is stale, the driver acts"
+        DRIVING, lambda s: bool(s.fault), Mode.STOP, "a process is lost, data is stale, or the driver acts"
     ),
-    Transition(DRIVING, lambda s: Effect.STOP in s.effects, Mode.STOP, "fear calls for it"),
+    Transition(DRIVING, lambda s: Effect.STOP in s.effects, Mode.STOP, "the level of fear asks for it"),
     Transition(
         ON_ROAD,
         lambda s: Effect.STOP_ON_ROAD in s.effects,
         Mode.STOP,
-        "one cause has frightened for too long",
+        "one cause has been active for too long",
     ),
     Transition(DRIVING, lambda s: not s.path and not s.lead, Mode.STOP, "neither road nor lead"),
     Transition(ON_ROAD, lambda s: not s.path, Mode.FOLLOW, "the road is lost, a lead is there"),
     Transition(
         frozenset({Mode.FOLLOW}), lambda s: Effect.ROAD_BACK in s.effects, Mode.CAUTION, "the road is back"
     ),
-    Transition(frozenset({Mode.KEEP}), lambda s: s.afraid, Mode.CAUTION, "fear calls for it"),
+    Transition(frozenset({Mode.KEEP}), lambda s: s.afraid, Mode.CAUTION, "the level of fear asks for it"),
     Transition(
         frozenset({Mode.CAUTION}), lambda s: Effect.CALM in s.effects, Mode.KEEP, "calm for long enough"
     ),
@@ -123,7 +123,7 @@ TRANSITIONS = (
         "healthy at standstill",
     ),
 )
-"""The first row that fits decides. A final stop leaves by no row."""
+"""The first matching row decides. A final stop has no way out."""
 HAND_OVER = Transition(
     frozenset({Mode.STOP}),
     lambda s: Effect.HAND_OVER in s.effects and s.path,

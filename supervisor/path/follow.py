@@ -1,4 +1,4 @@
-"""The vehicle ahead: how fast one may drive behind it, and its trail as a path when the road is lost."""
+"""The vehicle ahead: the speed limit behind it, and its trail as a path where the road is lost."""
 
 import math
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from trepid.vehicle import Vehicle
 STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
 LED_BACK_S = 2.0  # the trail is driven for a while after the road is back (modes.road_back_s)
 SAME_LEAD_M, AT_ONCE_S = 1.0, 0.15  # from one sighting to the next; else it is another vehicle
-ASTRAY_S = 0.2  # who is off the trail for so long has left the road; less is an error of the detector
+ASTRAY_S = 0.2  # a leader off the trail for so long has left the road; less is an error of the detector
 
 
 class FollowSettings(Settings):
@@ -33,8 +33,8 @@ class FollowSettings(Settings):
     standstill_gap_m: Positive
     decel_mps2: Positive  # comfortable braking behind a slower lead, and of a comfort stop
     touch_m: Positive  # nearer than that is a collision
-    hold_s: Positive  # a lead that is no longer seen is taken to be there for so long
-    max_follow_s: Positive  # nobody is followed for longer without a sight of the road
+    hold_s: Positive  # a lead that is no longer detected is assumed to be there for so long
+    max_follow_s: Positive  # greatest time of following without a measured road
     least_ahead_m: Positive  # of trail, to drive on it
     lag_s: Positive  # the trail up to so long ago says where a lead on the road must be now
     least_lag_m: Positive
@@ -48,7 +48,7 @@ class FollowSettings(Settings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lead:
-    """The vehicle ahead, judged."""
+    """The vehicle ahead after validation."""
 
     age_s: float = math.inf  # inf: never heard, or a stamp that cannot be
     confidence: float | None = None  # 0: no vehicle ahead, or no detector at all; None: broken or stale
@@ -57,7 +57,7 @@ class Lead:
     speed_mps: float = 0.0  # 0 when unknown: the worst to drive behind
 
 
-NOBODY = Lead(confidence=0.0)
+NO_LEAD = Lead(confidence=0.0)
 
 
 def judge_lead(
@@ -97,9 +97,9 @@ def judge_lead(
 
 
 class Following(NamedTuple):
-    """What the leader is good for."""
+    """Whether the leader can be followed, and its trail."""
 
-    usable: bool  # one may drive behind it
+    usable: bool  # it can be followed
     path: Path | None  # its trail from here, if only to stop on; None also where the road has long been seen
 
 
@@ -110,8 +110,8 @@ class Follower:
     """Follows the trail of the vehicle ahead, as long as that can be a road.
 
     A leader adds to the trail only where a road may be: near the middle of the lane while that is seen, else near
-    the clothoid through its own trail up to a while ago. One that drives elsewhere is not followed: it turns off,
-    leaves the road, or drives on another; whoever takes its place on the trail is.
+    the clothoid through its own trail up to a while ago. A leader elsewhere is not followed: it turns off,
+    leaves the road, or drives on another; a vehicle that takes its place on the trail is followed.
     """
 
     def __init__(self, settings: FollowSettings, vehicle: Vehicle) -> None:
@@ -120,7 +120,7 @@ class Follower:
         self._trail = Trail(settings.trail)
         self._road: Lane | None = None  # as last seen, or driven, from where the vehicle is now
         self._road_s = -math.inf  # when it was seen
-        self._held = NOBODY  # the lead as last seen, moved on
+        self._held = NO_LEAD  # the lead as last seen, moved on
         self._now_s: float | None = None
         self._seen_s = -math.inf  # when there was a lead on the trail
         self._speed_mps = 0.0  # the greater of ours and the lead's
@@ -142,7 +142,7 @@ class Follower:
         )
 
     def step(self, lead: Lead, road: Path | None, motion: Motion | None, *, now_s: float) -> Following:
-        """Take in where ``lead`` is, and the ``road`` where it is seen."""
+        """Update the trail with ``lead``, and with the ``road`` where it is measured."""
         own = motion or STANDING
         dt_s = 0.0 if self._now_s is None else now_s - self._now_s
         self._now_s = now_s
@@ -177,7 +177,7 @@ class Follower:
         if not astray:
             self._trail.add(ahead_m, lead.lateral_m)
             self._seen_s, self._left = now_s, False
-        if ours or not astray:  # who is neither comes in from aside, and is not followed yet
+        if ours or not astray:  # any other vehicle comes in from aside, and is not followed yet
             self._lead_m, self._lead_s = ahead_m, now_s
         if self._astray.lasts(ours and astray, ASTRAY_S, now_s=now_s) and not self._left:
             self._trail.forget_beyond(ahead_m - self._lag_m)
@@ -228,10 +228,10 @@ class Follower:
         return Path(now_s, lane, self._ahead_m, LEAD)
 
     def pace_mps(self, lead: Lead) -> float:
-        """The speed up to which fear slows nobody down who follows ``lead`` [m/s]; 0 without a trail.
+        """The speed below which fear does not slow a car that follows ``lead`` [m/s]; 0 without a trail.
 
-        Who falls behind loses the last witness of the road. So the leader's speed, but no more than sqrt(2·a·s), at
-        which a comfort stop ends where the known trail ends, s ahead.
+        A car that falls behind loses the only evidence of the road. So it is the leader's speed, but at most
+        sqrt(2·a·s), from which a comfort stop ends where the known trail ends, s ahead.
         """
         if self._ahead_m < self._settings.least_ahead_m or not self.usable(lead):
             return 0.0
@@ -251,9 +251,9 @@ class Follower:
         return min(free_m / self._settings.time_gap_s, braking_mps)
 
     def is_near(self, lead: Lead, motion: Motion | None) -> bool:
-        """Whether a comfort stop would end too near to ``lead``, should that stop as gently.
+        """Whether a comfort stop would end too near to ``lead`` if that brakes as gently.
 
-        Two who brake alike come nearer to each other by (v² - v_lead²)/(2·a).
+        Two vehicles that brake alike approach each other by (v² - v_lead²)/(2·a).
         """
         ahead = self._held if lead.distance_m is None else lead
         sure = (ahead.confidence or 0.0) >= self._settings.min_confidence
@@ -264,7 +264,7 @@ class Follower:
 
 
 class Gate(NamedTuple):
-    """Where a leader on the road must be."""
+    """The lateral range of a leader on the road."""
 
     y_m: float
     within_m: float
@@ -275,6 +275,6 @@ def _moved_on(held: Lead, lead: Lead, own: Motion, dt_s: float, *, hold_s: float
     if lead.distance_m is not None:
         return replace(lead, age_s=0.0)
     if held.distance_m is None or held.age_s + dt_s > hold_s:
-        return NOBODY
+        return NO_LEAD
     nearer_m = max(own.speed_mps - held.speed_mps, 0.0) * dt_s
     return replace(held, age_s=held.age_s + dt_s, distance_m=max(held.distance_m - nearer_m, 0.0))

@@ -1,4 +1,4 @@
-"""Estimates to one path, each weighed by how exact it claims to be. Contradicting roads are never averaged.
+"""Fusion of estimates to one path by inverse variance. Contradicting roads are never averaged.
 
 A calibrated confidence c is the probability that the steering angle is less than a tolerance wrong. Of a normal
 error with standard deviation σ, in tolerances,
@@ -7,8 +7,8 @@ error with standard deviation σ, in tolerances,
 
 and independent views are best joined with weights 1/σ² (inverse variance; Bar-Shalom, Li and Kirubarajan,
 Estimation with Applications to Tracking and Navigation (2001), section 2.6). The path of the frame before, moved
-with the vehicle, is one more view: its variance grows with the time since (a scalar Kalman filter), so that it
-counts for little beside a sure view and steadies unsure ones.
+with the vehicle, is one more view: its variance grows with the time since (a scalar Kalman filter), so that it has
+little weight compared with a confident view and smooths unsure ones.
 """
 
 import itertools
@@ -28,7 +28,7 @@ from trepid.messages import EstimateKind
 from trepid.types import Positive, PositiveShare
 
 _NORMAL = NormalDist()
-LEAST_BELIEF, MOST_BELIEF = 0.05, 0.98  # a calibration by thousands of frames cannot tell more
+LEAST_BELIEF, MOST_BELIEF = 0.05, 0.98  # the resolution of a calibration by thousands of frames
 NO_TRUST: Mapping[str, float] = {}
 
 
@@ -60,7 +60,7 @@ class Path(NamedTuple):
 
 
 class Fused(NamedTuple):
-    """What the estimates come to."""
+    """The result of the fusion."""
 
     path: Path | None
     sources: tuple[str, ...]  # estimators that were joined
@@ -163,10 +163,10 @@ class Fusion:
         )
 
     def _lasting_m(self, now: Apart) -> float:
-        """The least separation of ``lasting_s``: one estimator that errs for a frame or two is no other road.
+        """The least separation of ``lasting_s``: an error of one estimator for a frame or two is not another road.
 
-        Frames that one of them did not see say nothing here, so they calm nobody. What lies ahead may not wait:
-        the disagreement about the command counts at once.
+        Frames that only one of them measured do not count, so they do not reduce it. The disagreement
+        about the command counts at once.
         """
         past = self._apart
         while past and past[-1].t_s >= now.t_s:  # of one frame the last decision counts, or time went back

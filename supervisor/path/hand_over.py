@@ -1,4 +1,4 @@
-"""From the path of the road to the trail of a leader and back, without a step."""
+"""Blending from the path of the road to the trail of a leader and back, without a step."""
 
 from supervisor.path.fusion import Path
 from trepid.clothoid import STANDING, Lane, Motion
@@ -7,7 +7,7 @@ LEAD = "lead"
 
 
 class HandOver:
-    """Carries what two paths differ by, where one takes over from the other, and lets it fade.
+    """Holds the difference of two paths where one replaces the other, and lets it fade.
 
     With Δ(x) the old path less the new one at the hand-over, seen from where the vehicle is now, the path is
     y_new(x) + w(τ)·Δ(x) with w(τ) = 1 − (10τ³ − 15τ⁴ + 6τ⁵), τ = t/T: place, slope and bend begin unchanged.
@@ -21,7 +21,7 @@ class HandOver:
         self._now_s = 0.0
 
     def step(self, path: Path | None, motion: Motion | None, *, now_s: float) -> Path | None:
-        """``path``, led over from that of the last step."""
+        """``path``, blended from that of the last step."""
         moving, dt_s = motion or STANDING, now_s - self._now_s
         last, self._now_s = self._last, now_s
         if path is None:

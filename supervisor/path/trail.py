@@ -1,4 +1,4 @@
-"""Where vehicles ahead of us have driven, on ground that stands still, and the clothoid through it."""
+"""The trail of vehicles ahead in an odometry frame, and the clothoid through it."""
 
 import math
 from typing import NamedTuple
@@ -31,7 +31,7 @@ class TrailSettings(Settings):
 
 
 class Fit(NamedTuple):
-    """A clothoid and how well it is known."""
+    """A clothoid and its covariance."""
 
     lane: Lane
     covariance: Vector  # (4, 4) of y's coefficients: y(0), y'(0), κ, κ'
@@ -43,7 +43,7 @@ class Fit(NamedTuple):
 
 
 class Trail:
-    """Points in an odometry frame. All that goes in and comes out is seen from the vehicle now."""
+    """Points in an odometry frame. Arguments and results are in the present frame of the vehicle."""
 
     def __init__(self, settings: TrailSettings) -> None:
         self._settings = settings
@@ -52,7 +52,7 @@ class Trail:
         self._x_m = self._y_m = self._yaw_rad = 0.0
 
     def move(self, motion: Motion, dt_s: float) -> None:
-        """The vehicle drives on."""
+        """Move the vehicle by ``motion``."""
         dx_m, dy_m, yaw_rad = motion.over(dt_s)
         cos, sin = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
         self._x_m += dx_m * cos - dy_m * sin
@@ -60,7 +60,7 @@ class Trail:
         self._yaw_rad += yaw_rad
 
     def add(self, x_m: float, y_m: float) -> None:
-        """A vehicle is seen there now."""
+        """Add the present position of a vehicle."""
         s = self._settings
         cos, sin = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
         at = (self._x_m + x_m * cos - y_m * sin, self._y_m + x_m * sin + y_m * cos)
@@ -75,13 +75,13 @@ class Trail:
             self._points.append((*at, weight))
 
     def forget_beyond(self, x_m: float) -> None:
-        """Drop what lies farther ahead."""
+        """Drop the points farther ahead."""
         seen = self.seen()
         self._points = [p for p, keep in zip(self._points, (seen[:, 0] <= x_m).tolist(), strict=True) if keep]
         self._begun = (math.inf, math.inf)
 
     def seen(self) -> Vector:
-        """Points (n, 3) from the vehicle: x, y [m] and weight, oldest first; what is too far off is dropped."""
+        """Points (n, 3) from the vehicle: x, y [m] and weight, oldest first; points too far off are dropped."""
         if not self._points:
             return np.empty((0, 3))
         s, points = self._settings, np.array(self._points)
@@ -123,7 +123,7 @@ def fit(
 
 
 def max_curvature_rate_1pm2(speed_mps: float, settings: TrailSettings) -> float:
-    """κ' ≤ j/v³: whoever laid the road out let no lateral jerk j be felt at the speed that is driven there.
+    """κ' ≤ j/v³: roads are laid out for at most the lateral jerk j at the speed driven there.
 
     AASHTO, A Policy on Geometric Design (2018), section 3.3.8.3.1, takes 0.3 to 0.9 m/s³ for spirals.
     """

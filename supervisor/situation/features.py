@@ -1,8 +1,8 @@
-"""What is feared, as named numbers: the inputs that ``config/fear.yaml`` may speak of. Why: ``docs/fear_terms.md``.
+"""The features: the inputs that ``config/fear.yaml`` may name. Reasons: ``docs/fear_terms.md``.
 
-None is "lost or broken", which alone makes fear 1. What is honestly absent has a number: the calm one where its
-absence is feared elsewhere (no vehicle ahead; no second estimate to disagree with, which is a low confidence), one
-beyond the worst where it is not (no lane width, no path).
+None means "lost or broken" and makes fear 1. A valid absence has a number: the calm one where another feature
+raises fear for it (no vehicle ahead; no second estimate, which is a low confidence; no offset of a steering angle,
+which is an unknown lane width), one beyond the worst where none does (no lane width, no path).
 """
 
 import math
@@ -126,7 +126,7 @@ def features(
     found["disagreement"], found["separation"] = _contradiction(estimates, fused, speed_mps)
     found["single_source"] = single_source_s
     found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)
-    # Who should tell the width and does not may have seen the narrowest lane: no room at all.
+    # An unknown width of a measured lane counts as the narrowest lane: no room at all.
     untold = True in [s.measures_width and s.width_m is None for s in estimates]
     found["crossing"] = _crossing_s(fused, motion, 0.0 if untold else early["lane_width"], half_width_m)
     return found
@@ -142,25 +142,25 @@ def _contradiction(
 
 
 def _lane_width_error(estimates: list[ValidatedEstimate]) -> float:
-    """The greatest, over the estimators that see boundaries."""
+    """The greatest of the estimators that measure boundaries."""
     errors = [BEYOND if s.width_error_m is None else s.width_error_m for s in estimates if s.measures_width]
     return max(errors) if errors else BEYOND
 
 
 def _narrowest_m(estimates: list[ValidatedEstimate]) -> float:
-    """The least width that an estimator sees; BEYOND, feared as a lane width error, where none does."""
+    """The least measured width; BEYOND where there is none, which lane_width_error rates."""
     widths_m = [s.width_m for s in estimates if s.measures_width and s.width_m is not None]
     return min(widths_m) if widths_m else BEYOND
 
 
 def _unmarked(estimates: list[ValidatedEstimate]) -> float:
-    """1 where the surest estimator that can tell sees the road by its edges, not by lines; 0 where none can."""
+    """1 where the surest estimator that distinguishes them measures edges, not lines; 0 without one."""
     teller = surest_of_marking(estimates)
     return 1.0 if teller is not None and not teller.marked else 0.0
 
 
 def _path(fused: Fused, speed_mps: float | None) -> tuple[float | None, float]:
-    """What the path asks of the tyres [m/s²], and how far off it the car is [m]."""
+    """Lateral acceleration on the path [m/s²] and distance of the car from it [m]."""
     if fused.path is None:
         return BEYOND, BEYOND
     lane = fused.path.lane
@@ -204,7 +204,7 @@ def _first_root(room_m: float, drift_mps: float, bend_mps2: float) -> float:
 
 
 def _lead_distance(lead: Lead) -> float | None:
-    """What the vehicle ahead leaves to be seen of the road [m]; BEYOND without one."""
+    """Length of road visible before the vehicle ahead [m]; BEYOND without one."""
     if lead.confidence is None:
         return None
     return BEYOND if lead.distance_m is None else lead.distance_m

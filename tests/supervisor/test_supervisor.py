@@ -68,7 +68,7 @@ def test_restarted_on_the_move_it_stops_and_stays_stopped_until_standstill() -> 
     assert drive.last(2.2).mode is not Mode.STOP
 
 
-def test_without_any_message_it_waits_and_is_afraid() -> None:
+def test_without_any_message_it_waits_at_full_fear() -> None:
     supervisor = build()
     for now_s in (0.0, 5.0, 60.0):
         decision = supervisor.step({"cv": None, "cnn": None}, None, None, None, now_s=now_s)
@@ -89,7 +89,7 @@ def test_a_lost_estimator_stops_the_car_on_the_path_of_the_other_for_good(lost: 
 
 
 @pytest.mark.parametrize("blind", ["cv", "cnn"])
-def test_an_estimator_that_sees_nothing_only_slows_the_car(blind: str) -> None:
+def test_an_estimator_without_a_lane_only_slows_the_car(blind: str) -> None:
     decision = Drive.under_way().last(5.0, **{blind: NO_LANE})
     assert (decision.mode, decision.cause) == (Mode.CAUTION, "low_confidence")
     assert 0.5 < decision.speed_factor < 1
@@ -157,7 +157,7 @@ def test_a_driver_hands_over_at_speed_and_the_car_goes_on_without_a_dip() -> Non
         {"duration_s": 3.0, "statistics": None},
     ],
 )
-def test_a_driver_who_lets_go_of_a_car_that_is_not_ready_is_not_relieved(before: dict[str, Any]) -> None:
+def test_a_car_that_is_not_ready_stays_stopped_after_the_driver_lets_go(before: dict[str, Any]) -> None:
     drive = Drive(speed_mps=7.0)
     drive.last(**before, state=DRIVEN)
     assert drive.last(1.0).mode is Mode.STOP
@@ -173,7 +173,7 @@ DAZZLED = replace(STATISTICS, over_exposed=0.95, contrast=0.01, brightness=0.98)
 UNSURE = replace(ESTIMATE, confidence=0.3)
 
 
-def test_who_was_never_fit_to_drive_does_not_steer() -> None:
+def test_unsure_estimates_give_no_path_before_the_first_drive() -> None:
     drive = Drive(speed_mps=8.0)
     for _ in range(20):
         decision = drive.frame(cv=UNSURE, cnn=UNSURE, statistics=DAZZLED)
@@ -182,7 +182,7 @@ def test_who_was_never_fit_to_drive_does_not_steer() -> None:
     assert drive.frame(cv=UNSURE, cnn=UNSURE, statistics=DAZZLED).lateral_offset_m is not None
 
 
-def test_in_terror_with_nobody_to_be_believed_the_car_soon_brakes_hard() -> None:
+def test_at_full_fear_without_a_confident_estimate_the_car_soon_brakes_hard() -> None:
     drive = Drive.under_way()
     before = drive.last(SETTINGS.modes.guess_s - 0.1, cv=UNSURE, cnn=UNSURE, statistics=DAZZLED)
     assert (before.mode, before.stop) == (Mode.STOP, Stop.COMFORT)
@@ -224,7 +224,7 @@ def test_a_lane_in_a_picture_that_may_be_frozen_is_not_driven(frozen_s: float) -
     assert decision.path_source == "memory" and decision.sources == ()
 
 
-def test_who_drives_on_a_frozen_picture_soon_brakes_hard() -> None:
+def test_a_car_that_moves_on_a_frozen_image_soon_brakes_hard() -> None:
     drive = Drive.under_way()
     frozen = replace(STATISTICS, frozen_s=1.0)
     assert drive.last(1.0, statistics=frozen).stop is Stop.COMFORT
@@ -409,7 +409,7 @@ def test_the_mirror_image_of_a_drive_gives_the_mirror_image_of_every_path() -> N
     assert sources == {"cv+cnn", "memory", "lead"}
 
 
-def test_a_lone_view_steers_nobody_before_the_first_drive() -> None:
+def test_a_single_estimate_gives_no_path_before_the_first_drive() -> None:
     drive = Drive(speed_mps=8.0)
     assert drive.last(0.5).path_source == "cv+cnn"
     assert drive.last(2.0, cv=NO_LANE).path_source == "none"
@@ -452,7 +452,7 @@ def test_where_edges_have_been_doubted_the_network_leads(side: int) -> None:
     assert led(replace(WEAK_EDGES, confidence=0.97)) > 0.5
 
 
-def test_who_was_stopped_for_doubts_about_the_road_does_not_start_while_one_of_two_sees_it() -> None:
+def test_after_a_stop_for_a_doubtful_road_one_estimator_of_two_does_not_start_the_car() -> None:
     drive, weak = Drive.under_way(), replace(ESTIMATE, confidence=0.5, marked=False)
     assert drive.last(0.6, cv=weak, cnn=NO_LANE).mode is Mode.STOP
     drive.speed_mps = 0.0
@@ -475,7 +475,7 @@ def test_the_same_messages_give_the_same_decisions() -> None:
     assert told() == told()
 
 
-def test_rules_about_what_nothing_measures_are_refused() -> None:
+def test_rules_about_an_unknown_input_are_refused() -> None:
     file = RULES.file.model_copy(update={"inputs": {**RULES.inputs, "brightnes": RULES.inputs["brightness"]}})
     with pytest.raises(InputError, match="unknown input 'brightnes'; did you mean 'brightness'"):
         Supervisor(FearRules(file, RULES.rules), SETTINGS, VEHICLE)
@@ -488,7 +488,7 @@ def test_it_does_not_start_while_the_estimators_see_different_roads() -> None:
     assert (decision.mode, decision.cause) == (Mode.STOP, "starting")
 
 
-def test_one_weak_witness_of_an_unmarked_road_stops_the_car_soon() -> None:
+def test_one_weak_estimate_of_an_unmarked_road_stops_the_car_soon() -> None:
     drive = Drive.under_way()
     weak = replace(ESTIMATE, confidence=0.5, marked=False)
     assert drive.last(0.3, cv=weak, cnn=NO_LANE).mode is Mode.CAUTION

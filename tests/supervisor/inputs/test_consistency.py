@@ -47,7 +47,7 @@ def test_a_lane_that_jumps_to_and_fro_has_the_size_of_its_jumps(repeats: int) ->
     assert jitter_m(jumping(60), repeats=repeats) == pytest.approx(0.3, rel=0.05)
 
 
-def test_after_a_gap_it_begins_anew() -> None:
+def test_a_gap_restarts_the_jitter() -> None:
     assert jitter_m([Lane(0.0, 0.0, 0.0, 0.0), *[None] * 20, Lane(1.0, 0.0, 0.0, 0.0)]) == 0.0
 
 
@@ -57,11 +57,11 @@ def test_a_turn_counts_by_what_it_moves_ahead() -> None:
 
 
 @pytest.mark.parametrize("repeats", [1, 3])
-def test_who_jumps_all_the_way_has_an_unrest_of_the_size_of_its_jumps(repeats: int) -> None:
+def test_path_jitter_of_constant_jumps_is_their_size(repeats: int) -> None:
     assert steadiness(jumping(120), repeats=repeats).path_jitter_m == pytest.approx(0.3, rel=0.05)
 
 
-def test_two_seconds_of_steadiness_end_the_jitter_but_not_the_unrest() -> None:
+def test_two_steady_seconds_end_the_jitter_but_not_the_path_jitter() -> None:
     lanes = jumping(60)
     for _ in range(50):
         lanes.append(lanes[-1].after(MOTION, 0.04))
@@ -70,7 +70,7 @@ def test_two_seconds_of_steadiness_end_the_jitter_but_not_the_unrest() -> None:
     assert calmed.path_jitter_m > 0.05
 
 
-def test_a_standing_car_does_not_wear_its_unrest_off() -> None:
+def test_path_jitter_does_not_decay_at_standstill() -> None:
     consistency, standing = Consistency(), Motion(0.0, 0.0)
     for number, lane in enumerate(jumping(60)):
         moved = consistency.step([sighting(lane, 0.04 * number)], MOTION)["cnn"]
@@ -80,11 +80,11 @@ def test_a_standing_car_does_not_wear_its_unrest_off() -> None:
     assert stood.path_jitter_m == moved.path_jitter_m
 
 
-def test_a_gap_neither_calms_nor_alarms() -> None:
+def test_a_gap_does_not_change_the_path_jitter() -> None:
     lanes = jumping(60)
     assert steadiness([*lanes, *[None] * 20, lanes[0]]).path_jitter_m == steadiness(lanes).path_jitter_m
 
 
-def test_who_has_not_been_seen_to_jump_is_as_steady_as_on_a_road_it_knows() -> None:
+def test_without_two_lanes_path_jitter_has_its_initial_value() -> None:
     assert steadiness([None]).path_jitter_m == KNOWN_M
     assert steadiness([Lane(0.0, 0.0, 0.0, 0.0)]).path_jitter_m == pytest.approx(KNOWN_M)

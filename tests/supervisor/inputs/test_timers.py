@@ -5,7 +5,7 @@ import pytest
 from supervisor.inputs.timers import Patience, Stopwatch
 
 
-def test_a_stopwatch_runs_while_it_holds_and_begins_anew_after_a_break() -> None:
+def test_a_stopwatch_restarts_after_a_break() -> None:
     watch = Stopwatch()
     told = [watch.step(now_s != 3.0, now_s=now_s) for now_s in (1.0, 2.0, 3.0, 4.0, 5.5)]
     assert told == [0.0, 1.0, 0.0, 0.0, 1.5]
@@ -18,19 +18,19 @@ def times_out(causes: list[str], *, limit_s: float = 1.0, period_s: float = 0.1)
     return ended.index(True) if True in ended else None
 
 
-def test_patience_ends_after_its_time() -> None:
+def test_a_condition_that_holds_lasts_its_time() -> None:
     assert times_out(["no_road"] * 20) == 10
     assert times_out(["dark"] * 20) is None
     assert times_out([""] * 20) is None
 
 
-def test_a_cause_that_flickers_is_borne_longer_but_not_forgotten() -> None:
+def test_time_of_a_condition_that_comes_and_goes_accumulates_slowly() -> None:
     assert times_out(["no_road", "no_road", ""] * 20) in range(28, 35)
     assert times_out(["no_road", ""] * 50) is None
 
 
 @pytest.mark.parametrize("limit_s", [0.5, 2.0])
-def test_after_the_cause_has_gone_patience_comes_back_as_fast_as_it_went(limit_s: float) -> None:
+def test_time_shrinks_as_fast_as_it_grew(limit_s: float) -> None:
     n = round(limit_s / 0.1)
     causes = ["no_road"] * (10 * n) + [""] * n + ["no_road"] * (n - 1)
     patience = Patience()

@@ -25,7 +25,7 @@ LIMITS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).sightings
         (math.inf, False, False),
     ],
 )
-def test_the_edges_of_two_lanes_without_lines_do_not_say_where_ours_is(
+def test_edges_of_two_lanes_without_lines_are_no_lane(
     width_m: float | None, marked: bool, seen: bool
 ) -> None:
     estimate = replace(ESTIMATE, t_s=1.0, lane_width_m=width_m, marked=marked)
@@ -34,7 +34,7 @@ def test_the_edges_of_two_lanes_without_lines_do_not_say_where_ours_is(
     assert found.confidence == (ESTIMATE.confidence if seen else 0.0)
 
 
-def test_who_remembers_a_lane_still_tells_its_width_but_who_sees_no_boundaries_never_does() -> None:
+def test_a_remembered_lane_has_a_width_and_an_estimator_without_boundaries_has_none() -> None:
     remembered = replace(ESTIMATE, t_s=1.0, lanes_detected=0, marked=True, lane_width_m=2.0)
     found = validate("cv", remembered, now_s=1.04, settings=LIMITS, wheelbase_m=1.75)
     assert (found.from_memory, found.measures_width) == (True, True)

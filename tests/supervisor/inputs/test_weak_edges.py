@@ -33,7 +33,7 @@ def test_a_road_of_lines_has_none_however_unsure_they_are() -> None:
     assert doubt(WeakEdges(), [sighting(0.3, marked=True)], way_m=50.0) == 0.0
 
 
-def test_lines_wear_it_off_by_way_and_standing_does_not() -> None:
+def test_doubt_decays_over_lines_by_distance_and_not_at_standstill() -> None:
     edges, lines = WeakEdges(), [sighting(0.99, marked=True)]
     doubt(edges, [sighting(0.5, marked=False)], way_m=60.0)
     before, *standing = [edges.step(lines, Motion(0.0, 0.0), now_s=100.0 + n) for n in range(60)]
@@ -42,11 +42,11 @@ def test_lines_wear_it_off_by_way_and_standing_does_not() -> None:
     assert doubt(edges, lines, way_m=EDGES_M, from_s=200.0) == pytest.approx(before * math.exp(-1))
 
 
-def test_where_nobody_tells_edges_from_lines_it_stays_as_it_is() -> None:
+def test_without_an_estimator_of_marking_the_doubt_is_unchanged() -> None:
     edges = WeakEdges()
     before = doubt(edges, [sighting(0.5, marked=False)], way_m=30.0)
     assert doubt(edges, [sighting(0.9, marked=None)], way_m=30.0, from_s=10.0) == before
 
 
-def test_edges_whose_confidence_is_unknown_are_doubted_wholly() -> None:
+def test_edges_of_unknown_confidence_have_full_doubt() -> None:
     assert doubt(WeakEdges(), [sighting(None, marked=False)], way_m=200.0) == pytest.approx(1.0, abs=1e-3)

@@ -71,7 +71,7 @@ def test_the_estimator_that_is_behind_is_named() -> None:
     assert late == ("lost_estimator", "cnn")
 
 
-def test_a_standing_picture_is_no_surprise_to_a_standing_car() -> None:
+def test_a_standing_image_of_a_standing_car_is_not_frozen() -> None:
     assert finding(frozen=5.0, speed=0.0) == NOTHING
 
 
@@ -83,5 +83,5 @@ def test_only_symptoms_are_explained_by_something_else() -> None:
 
 
 @given(st.fixed_dictionaries({n: st.none() | st.floats(allow_nan=True) for n in FINE}))
-def test_whatever_the_numbers_are_there_is_an_answer(x: Features) -> None:
+def test_every_combination_of_numbers_has_a_finding(x: Features) -> None:
     assert analyse(x, SETTINGS, ages_s=AGES_S).cause in {"", *(s.cause for s in SUSPECTS)}

@@ -77,7 +77,7 @@ def test_a_confidence_is_the_chance_to_be_within_a_tolerance(confidence: float) 
     assert math.erf(1 / (sigma * math.sqrt(2))) == pytest.approx(confidence)
 
 
-def test_who_is_not_trusted_at_the_moment_counts_less() -> None:
+def test_an_estimator_of_less_trust_has_less_weight() -> None:
     one, other = sighting(Lane(0.1, 0.0, 0.0, 0.0)), sighting(Lane(0.4, 0.0, 0.0, 0.0), "cnn")
     plain = Fusion(SETTINGS).step([one, other], DRIVING, now_s=0.0)
     doubtful = Fusion(SETTINGS).step([one, other], DRIVING, now_s=0.0, trust={"cnn": 0.1})

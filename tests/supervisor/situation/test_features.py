@@ -68,12 +68,12 @@ def test_the_root_solves_its_equation_and_nothing_before_does(room: float, drift
     assert all(drift * s + bend * s**2 / 2 < room for s in (0.0, 0.3 * t, 0.7 * t, 0.99 * t))
 
 
-def test_who_turns_back_in_time_does_not_cross() -> None:
+def test_a_car_that_turns_back_in_time_does_not_cross() -> None:
     assert _first_root(1.0, 0.5, -0.5) == BEYOND
     assert _first_root(-0.1, 0.0, 0.0) == 0.0
 
 
-def test_a_remembered_lane_has_confidence_but_no_sight() -> None:
+def test_a_remembered_lane_has_confidence_and_zero_sight() -> None:
     blind = replace(CNN, confidence=0.0, **dict.fromkeys(lane(0, 0), None))  # type: ignore[arg-type]
     asked = looked(replace(CV, lanes_detected=0), blind).features
     assert (asked["lane_confidence"], asked["sight"]) == (0.9, 0.0)
@@ -85,11 +85,11 @@ def test_a_road_seen_by_its_edges_is_unmarked(marked: bool | None, unmarked: flo
     assert looked(replace(CV, marked=marked)).features["unmarked"] == unmarked
 
 
-def test_the_second_confidence_is_that_of_whom_is_believed_less() -> None:
+def test_the_second_confidence_is_the_lesser_one() -> None:
     assert looked(cnn=replace(CNN, confidence=0.6)).features["second_confidence"] == pytest.approx(0.6)
 
 
-def test_a_network_is_not_believed_on_a_white_picture_however_sure_it_is() -> None:
+def test_a_network_has_little_trust_on_a_white_image_at_any_confidence() -> None:
     white = replace(CALM["statistics"], over_exposed=0.9, brightness=0.98, contrast=0.02)
     world = looked(replace(CV, confidence=0.3), replace(CNN, confidence=0.99), statistics=white)
     assert world.trust["cnn"] < 0.1 and world.trust["cv"] == 1.0
