@@ -14,7 +14,7 @@ def cut_in(gap_m: float, speed_mps: float) -> Scenario:
             "description": "a car from the left lane cuts in, then brakes",
             "tags": ["traffic"],
             "road": "straight",
-            "sight": "truth",  # the question is about the gap, not about the camera
+            "sight": "truth",  # this scenario examines the gap, not the camera
             "start": {"speed_mps": 8},
             "traffic": [{"gap_m": gap_m, "lane": 1, "speed_mps": speed_mps, "phases": phases}],
             "duration_s": 20,

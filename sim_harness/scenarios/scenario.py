@@ -6,7 +6,7 @@ list of them, in the variable ``scenarios``.
 
 import math
 import runpy
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from enum import StrEnum
 from itertools import permutations
 from pathlib import Path
@@ -27,6 +27,7 @@ from sim_harness.world.roads.appearance import Section
 from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.features import Junction, RoadMark
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
+from supervisor.rules.rule_file import RuleFile
 from trepid.config import CONFIG_DIR, InputError, Settings, load, located, parse, read
 from trepid.types import NonNegative, Positive
 from trepid.vehicle import Vehicle
@@ -250,7 +251,7 @@ class Scenario(Settings):
         """The kinds of phases that other vehicles have."""
         return [phase.kind for vehicle in self.traffic for phase in vehicle.phases]
 
-    def _names_in_conditions(self, road: RoadSettings) -> dict[str, set[str]]:
+    def _names_in_conditions(self, road: RoadSettings) -> dict[str, Set[str]]:
         """The names that a condition may use, by kind."""
         sections = {section.name for section in road.sections}
         happenings = {fault.kind for fault in self.faults} | {*self.manoeuvres}
@@ -262,6 +263,7 @@ class Scenario(Settings):
             "section": sections,
             "estimator": {*self.estimators},
             "path_source": {*map("+".join, fused), "lead", "none"},
+            "cause": load(self.rules_file, RuleFile).known_causes,
         }
 
     def _to_blame(self, error: ValueError) -> str:

@@ -140,6 +140,10 @@ BAD = {
         GOOD + "expect: {conditions: ['mode is STOPP']}\n",
         ":5:23: expect.conditions.0: .*column 9: mode has no 'STOPP'.*did you mean 'STOP'",
     ),
+    "sentence on an unknown cause": (
+        GOOD + "expect: {conditions: ['never cause is unconfimed']}\n",
+        ":5:23: expect.conditions.0: .*column 16: no cause 'unconfimed'; did you mean 'unconfirmed'",
+    ),
     "sentence on an unknown path source": (
         GOOD + "expect: {conditions: ['path_source is memry']}\n",
         ":5:23: expect.conditions.0: .*column 16: no path_source 'memry'; did you mean 'memory'",
