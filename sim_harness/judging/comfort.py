@@ -1,6 +1,6 @@
-"""How a run felt: lateral jerk as two standards judge it, and how busy the steering wheel was.
+"""Comfort of a run: lateral jerk by two standards, and steering wheel reversals.
 
-Re-centring by the harness is a jump that nobody drove: what spans one is left out.
+Re-centring by the harness is a jump in the trace: intervals that span one are left out.
 """
 
 import math
@@ -85,7 +85,7 @@ def _count_rises(points: Column, gap: float) -> int:
 
 
 def _driven(trace: Trace) -> Iterator[tuple[Column, Column]]:
-    """Times and lateral accelerations between interventions, as far as these lie half a second apart."""
+    """Times and lateral accelerations between interventions at least half a second apart."""
     jumps = np.flatnonzero(np.diff(trace["interventions"])) + 1
     for part in np.split(np.arange(len(trace)), jumps):
         t_s = trace["t_s"][part]

@@ -1,4 +1,4 @@
-"""Whether fear was worth having: did it come before departures, and only then?"""
+"""Scores of fear as a predictor of departures."""
 
 from functools import cache
 
@@ -13,18 +13,18 @@ from supervisor.rules.inference import FearRules
 from trepid.config import CONFIG_DIR
 from trepid.types import Column
 
-HORIZON_S = 3.0  # a departure is foretold by fear at most this long before it
+HORIZON_S = 3.0  # fear counts as a prediction at most this long before a departure
 AFRAID = "medium"  # the level from which on fear changes what the vehicle does
-SLOWED = 0.9  # of the allowed speed: less counts as a slow-down
-JOINED_S = 1.0  # slow-downs closer than this are one
+SLOWED = 0.9  # speed factor; below it the decision counts as a slow-down
+JOINED_S = 1.0  # slow-downs closer than this count as one
 CLOSE_GAP_S = 2.0  # a vehicle ahead closer than this is a reason to slow down
 Flags = NDArray[np.bool_]
 
 
-def felt_fear(trace: Trace) -> Column:
-    """Fear from the start of driving on; NaN before, when a supervisor that knows nothing yet fears all.
+def driven_fear(trace: Trace) -> Column:
+    """Fear from the start of driving on; NaN before, where fear is 1 for lack of data.
 
-    Driving starts with the first sample that is not for the cause with which every supervisor begins.
+    Driving starts with the first sample whose cause is not ``starting``.
     """
     fear = trace["decision.fear"]
     words = trace.words.get("cause", ())
@@ -35,7 +35,7 @@ def felt_fear(trace: Trace) -> Column:
 
 
 def afraid(trace: Trace) -> Flags:
-    """Where fear is at least medium; not where it is unknown."""
+    """True where fear is at least medium; False where it is unknown."""
     return trace["decision.fear"] >= _afraid_from()
 
 
@@ -43,7 +43,7 @@ def fear_lead_time_s(trace: Trace) -> float | None:
     """The shortest warning of a departure [s]; None without departures.
 
     The warning of a departure is how long fear had been at least medium without a break, up to the last
-    sample before it, and since the last intervention: 0 if the vehicle left the lane unafraid.
+    sample before it, and since the last intervention: 0 for a departure at low fear.
     """
     t_s, warned = trace["t_s"], afraid(trace)
     leads_s = []
@@ -62,10 +62,10 @@ def fear_lead_time_s(trace: Trace) -> float | None:
 def fear_and_departure(trace: Trace) -> tuple[Column, Flags]:
     """Fear of each driven sample, and whether a departure followed within 3 s; only where both are known.
 
-    What follows the last 3 s of a run is unknown, unless a departure was in time. A vehicle that stands is not
-    driven: it leaves no lane, whatever is feared.
+    The samples of the last 3 s of a run are unknown unless a departure follows in time. Samples at standstill are
+    left out: a standing vehicle does not leave its lane.
     """
-    t_s, fear = trace["t_s"], felt_fear(trace)
+    t_s, fear = trace["t_s"], driven_fear(trace)
     departures_s = np.append(t_s[1:][np.diff(trace["departures"]) > 0], np.inf)
     until_s = (
         departures_s[np.searchsorted(departures_s, t_s, side="right").clip(max=len(departures_s) - 1)] - t_s
@@ -83,7 +83,7 @@ def fear_auroc(*traces: Trace) -> float | None:
 
 
 def auroc(scores: Column, positive: Flags) -> float | None:
-    """Chance that a positive has a higher score than a negative, ties counted half; None without either.
+    """Probability that a positive has a higher score than a negative, ties counted half; None without both.
 
     (R - n₊(n₊ + 1)/2) / (n₊·n₋) with R the sum of the ranks of the positives: Hanley and McNeil, The meaning
     and use of the area under a receiver operating characteristic (ROC) curve, Radiology 143 (1982).
@@ -97,14 +97,14 @@ def auroc(scores: Column, positive: Flags) -> float | None:
 
 
 def nuisance_slowdowns_per_km(trace: Trace) -> float | None:
-    """Slow-downs by fear that nothing called for, per km; None when nothing was driven.
+    """Slow-downs by fear without a reason, per km; None for a run without distance.
 
     A slow-down is a stretch in which fear is at least medium and the supervisor allows less than 90 % of the
     speed, while the vehicle moves at its beginning; breaks under 1 s do not end it. It is a nuisance when
     from 3 s before it to 3 s after it there was no departure, intervention or collision, no fault, no
-    disturbance, and no vehicle ahead within 2 s. What is left is slowing down for the road itself: on a road
-    that truly is hard to see it may be wise, so the figure compares supervisors on the same road, and is no
-    absolute.
+    disturbance, and no vehicle ahead within 2 s. The
+    remaining slow-downs are for the road itself and can be justified on a road that is hard to detect: compare the
+    score between supervisors on the same road only.
     """
     distance_m = float(trace["station_m"][-1] - trace["station_m"][0])
     if distance_m <= 0.0:
@@ -119,7 +119,7 @@ def nuisance_slowdowns_per_km(trace: Trace) -> float | None:
 
 
 def _reasons(trace: Trace) -> Flags:
-    """Samples at which there was something to be afraid of."""
+    """Samples with a reason for fear."""
     reason: Flags = time_gap_s(trace) < CLOSE_GAP_S
     for count in ("departures", "interventions", "collisions"):
         reason |= np.diff(trace[count], prepend=0.0) > 0
@@ -130,7 +130,7 @@ def _reasons(trace: Trace) -> Flags:
 
 
 def _stretches(t_s: Column, flags: Flags) -> list[tuple[int, int]]:
-    """First and last sample of every stretch, those less than JOINED_S apart joined."""
+    """First and last sample of every interval; intervals less than JOINED_S apart are joined."""
     stretches: list[tuple[int, int]] = []
     for sample in np.flatnonzero(flags).tolist():
         if stretches and t_s[sample] - t_s[stretches[-1][1]] < JOINED_S:

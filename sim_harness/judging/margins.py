@@ -1,6 +1,6 @@
-"""What was left at each moment of a run until something goes wrong: one value per sample of a trace.
+"""Safety margins of a run: one value per sample of a trace.
 
-NaN where there is nothing that could go wrong, inf where it will not as things stand.
+NaN where the margin is undefined, inf where the event will not occur in the present motion.
 """
 
 from functools import cache
@@ -12,7 +12,7 @@ from trepid.config import CONFIG_DIR, load
 from trepid.types import Column
 from trepid.vehicle import Vehicle
 
-STANDING_MPS = 0.1  # below it a time gap says nothing: what does not move hits nothing
+STANDING_MPS = 0.1  # below it a time gap is infinite
 
 
 def time_gap_s(trace: Trace) -> Column:

@@ -10,9 +10,9 @@ import numpy as np
 
 from sim_harness.judging.comfort import max_lateral_jerk_mps3, max_r79_jerk_mps3, steering_reversals_per_min
 from sim_harness.judging.fear_scores import (
+    driven_fear,
     fear_auroc,
     fear_lead_time_s,
-    felt_fear,
     nuisance_slowdowns_per_km,
 )
 from sim_harness.judging.margins import (
@@ -29,7 +29,7 @@ INTERVENTION_S = 6.0  # Bojarski et al., End to End Learning for Self-Driving Ca
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Metrics:
-    """The scores that every run is judged by; None where there is nothing to score."""
+    """The scores of every run; None where there is nothing to score."""
 
     duration_s: float
     distance_m: float  # along the lane centre line
@@ -61,7 +61,7 @@ def measure(trace: Trace) -> Metrics:
         raise ValueError(f"a trace of {len(trace)} samples over {duration_s} s cannot be scored")
     distance_m = float(trace["station_m"][-1] - trace["station_m"][0])
     interventions = int(trace["interventions"][-1])
-    fear = felt_fear(trace)
+    fear = driven_fear(trace)
     offset_m = trace["lateral_offset_m"]
     return Metrics(
         duration_s=duration_s,
@@ -86,11 +86,10 @@ def measure(trace: Trace) -> Metrics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FurtherMetrics:
-    """More scores of one run, each defined where it is computed; None where there is nothing to score.
+    """Further scores of one run, each defined where it is computed; None where there is nothing to score.
 
-    In a lock-step run the car is put back in the very period in which it leaves the lane, so that the trace
-    ends each departure one sample before it: the least lane edge distance is then that of the last sample
-    inside.
+    In a lock-step run the car is re-centred in the period in which it leaves the lane, so that the least lane edge
+    distance is that of the last sample inside the lane.
     """
 
     max_r79_jerk_mps3: float
@@ -104,7 +103,7 @@ class FurtherMetrics:
 
 
 def measure_further(trace: Trace) -> FurtherMetrics:
-    """More scores of ``trace``, which spans some time."""
+    """Further scores of ``trace``, which must span some time."""
     return FurtherMetrics(
         max_r79_jerk_mps3=max_r79_jerk_mps3(trace),
         steering_reversals_per_min=steering_reversals_per_min(trace),

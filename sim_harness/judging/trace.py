@@ -1,4 +1,4 @@
-"""What happened in a run: one sample per vehicle tick, as named columns of float64."""
+"""The trace of a run: one sample per vehicle tick, as named columns of float64."""
 
 import hashlib
 import math
@@ -86,7 +86,7 @@ class Trace:
 
     @property
     def sha256(self) -> str:
-        """Hash of every column (name, little-endian float64) and word: equal if and only if the runs were."""
+        """Hash of every column (name, little-endian float64) and word: equal for bit-identical runs only."""
         digest = hashlib.sha256()
         for name, column in self.columns.items():
             digest.update(name.encode() + b"\0" + column.astype("<f8").tobytes())
@@ -102,7 +102,7 @@ class Trace:
 
     @classmethod
     def load(cls, path: Path) -> "Trace":
-        """The trace that :meth:`save` wrote. Raises InputError when ``path`` holds none."""
+        """The trace that :meth:`save` wrote. Raises InputError for any other file."""
         try:
             with np.load(path, allow_pickle=False) as saved:
                 arrays = {name: saved[name] for name in saved.files}
@@ -115,12 +115,12 @@ class Trace:
             if name.startswith("words.")
         }
         if "t_s" not in columns or set(words) != set(LABELS):
-            raise InputError(f"{path}: is no saved trace: it has no times or no labels")
+            raise InputError(f"{path}: is no saved trace: times or labels are missing")
         return cls(columns, words)
 
 
 class Recorder:
-    """Collects the samples of a run of which the ``estimators`` are known."""
+    """Collects the samples of a run with the given estimators."""
 
     def __init__(self, estimators: tuple[str, ...] = ()) -> None:
         self._estimators = estimators
@@ -139,7 +139,7 @@ class Recorder:
         estimates: Mapping[str, SteeringEstimate | None],
     ) -> None:
         """Append one sample: the truth and the latest of everything else."""
-        if decision is not self._decision:  # decisions cannot change: read each of them once
+        if decision is not self._decision:  # decisions are immutable: read each of them once
             self._decision = decision
             self._decided = _DECISION(decision) if decision else _NO_DECISION
             self._labels = tuple(
@@ -156,7 +156,7 @@ class Recorder:
         self._rows.append(tuple(row))
 
     def trace(self) -> Trace:
-        """Everything added so far."""
+        """The trace of all samples so far."""
         names = column_names(self._estimators)
         table = np.array(self._rows, dtype=np.float64).reshape(-1, len(names))
         table[np.isnan(table)] = math.nan  # one bit pattern for every NaN

@@ -16,7 +16,7 @@ from trepid.types import Image
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """What the camera took, and the truth behind it."""
+    """A frame and the truth at its capture."""
 
     truth: SimTruth  # at the capture; also of a frozen or a black frame
     frame: Frame | None  # None where nothing is rendered
@@ -24,14 +24,14 @@ class Shot:
 
 @dataclass(frozen=True, slots=True)
 class _Underway:
-    """A shot that is on its way."""
+    """A shot that has not arrived yet."""
 
     due_s: float
     shot: Shot
 
 
 class SimulatedCamera:
-    """Photographs the road from the true pose. Faults come by the time of the run, as the truth has it."""
+    """Renders frames from the true pose, with the camera faults that are active."""
 
     def __init__(self, scenario: Scenario, renderer: Renderer | None) -> None:
         """Without a ``renderer`` shots have no frames."""
@@ -78,13 +78,13 @@ class SimulatedCamera:
 
 
 def others(truth: SimTruth, bodies: Sequence[Body]) -> list[tuple[Pose, Body]]:
-    """Where the other vehicles are, with what they look like."""
+    """Poses and bodies of the other vehicles."""
     poses = zip(truth.traffic_x_m, truth.traffic_y_m, truth.traffic_yaw_rad, strict=True)
     return list(zip(poses, bodies, strict=True))
 
 
 def own_motion(truth: SimTruth) -> Motion:
-    """How the camera moves, as far as the truth says so."""
+    """The motion of the camera; STILL without speed and yaw rate."""
     if truth.speed_mps is None or truth.yaw_rate_radps is None:
         return STILL
     return Motion(truth.speed_mps, truth.yaw_rate_radps)

@@ -1,10 +1,9 @@
-"""The errors of the camera's lead detector, put on the true lead: for runs without pictures, thousands of them.
+"""The true vehicle ahead with the errors of the camera's lead detector, for sweeps without rendering.
 
-Each error is a first-order Gauss-Markov process, e' = a·e + √(1 − a²)·σ·n with a = exp(−dt/τ), so that it has the
-measured size and lasts as long as the measured ones do (Gelb, Applied Optimal Estimation (1974), section 3.7).
-Sight is lost and found again with rates that depend on the distance; the speed follows the true one with a lag.
-``trepid bench follow`` measures the numbers on rendered frames anew and prints them beside those in
-``config/lead_model.yaml``.
+Each error is a first-order Gauss-Markov process, e' = a·e + √(1 − a²)·σ·n with a = exp(−dt/τ), with the
+measured size and correlation time (Gelb, Applied Optimal Estimation (1974), section 3.7). The detection is lost and
+regained with rates that depend on the distance; the speed follows the true one with a lag.
+``trepid bench follow`` measures the numbers on rendered frames and compares them with ``config/lead_model.yaml``.
 """
 
 import math
@@ -19,7 +18,7 @@ from trepid.types import Positive, Share
 
 
 class LeadModelSettings(Settings):
-    """``config/lead_model.yaml``. The lists are of one length; between their distances they are interpolated."""
+    """``config/lead_model.yaml``. Lists of equal length, interpolated over the distance."""
 
     distances_m: Annotated[tuple[float, ...], Field(min_length=2)]
     distance_bias: tuple[float, ...]  # share of the distance
@@ -51,7 +50,7 @@ class LeadModel:
         self._settings = settings
         self._rng = np.random.default_rng((seed, 30))
         self._errors = self._rng.standard_normal(3)
-        self._sees = True
+        self._detected = True
         self._speed_mps: float | None = None
         self._t_s: float | None = None
 
@@ -65,12 +64,12 @@ class LeadModel:
         self._errors = kept * self._errors + math.sqrt(1 - kept**2) * self._rng.standard_normal(3)
         chance = float(self._rng.random())
         if lead.distance_m is None or lead.lateral_m is None or lead.speed_mps is None:
-            self._speed_mps, self._sees = None, False
+            self._speed_mps, self._detected = None, False
             return lead
-        self._look(lead.distance_m, dt_s, chance)
+        self._detect(lead.distance_m, dt_s, chance)
         before = lead.speed_mps if self._speed_mps is None else self._speed_mps
         self._speed_mps = lead.speed_mps + (before - lead.speed_mps) * math.exp(-dt_s / s.speed_lag_s)
-        if not self._sees:
+        if not self._detected:
             return LeadVehicle(t_s=lead.t_s, distance_m=None, lateral_m=None, speed_mps=None, confidence=0.0)
         along, aside, speed = self._errors.tolist()
         near_m = lead.distance_m
@@ -83,15 +82,15 @@ class LeadModel:
             confidence=1.0,
         )
 
-    def _look(self, distance_m: float, dt_s: float, chance: float) -> None:
-        """Lose sight or find it again: a Markov chain that sees for the measured share of the time."""
+    def _detect(self, distance_m: float, dt_s: float, chance: float) -> None:
+        """Lose or regain the detection: a Markov chain with the measured share of detections."""
         s = self._settings
         seen = min(max(s.at("seen", distance_m), 1e-3), 1 - 1e-6)
         found_1ps = 1 / s.lost_for_s
         lost_1ps = found_1ps * (1 - seen) / seen
-        rate_1ps = lost_1ps if self._sees else found_1ps
+        rate_1ps = lost_1ps if self._detected else found_1ps
         if chance < 1 - math.exp(-rate_1ps * dt_s):
-            self._sees = not self._sees
+            self._detected = not self._detected
 
 
 def build_lead_model(*, seed: int) -> LeadModel:

@@ -1,9 +1,8 @@
-"""Sight without a camera: the exact lane, read from the simulator, for runs that ask about everything but sight.
+"""Exact lane estimates from the simulator, for runs that do not examine perception.
 
 With ``sight: truth`` nothing is rendered, so that a run takes a fraction of the time; every estimator of the
-scenario answers at the rate and with the latency of the camera, and can be lost, late or made to lie. There is no
-picture to have statistics of: the supervisor is told those of one that gives no cause for fear. Such a run says
-nothing about perception, and disturbances of the picture do nothing in it.
+scenario publishes at the rate and with the latency of the camera, and faults of estimators and processes apply.
+The image statistics are constants that cause no fear. Disturbances of the image have no effect in such a run.
 """
 
 from sim_harness.world.roads.road import Road
@@ -17,16 +16,16 @@ LOOKAHEAD_S = 1.0  # as the supervisor's fusion looks ahead
 
 
 class Oracle:
-    """Knows the lane at the capture of a frame: offset, heading, and the clothoid through both its curvatures."""
+    """The lane at the capture of a frame: offset, heading, and the clothoid through two curvatures of the road."""
 
     def __init__(self, name: str, road: Road, vehicle: Vehicle) -> None:
-        """``name`` is that of the estimator for which it answers."""
+        """``name``: the estimator whose estimates it replaces."""
         self._name = name
         self._road = road
         self._wheelbase_m = vehicle.wheelbase_m
 
     def step(self, truth: SimTruth) -> SteeringEstimate:
-        """The lane behind ``truth``. At the rear axle and at the look-ahead its curvature is that of the road."""
+        """The lane at ``truth``, with the curvature of the road at the rear axle and at the look-ahead."""
         ahead_m = max(MIN_LOOKAHEAD_M, LOOKAHEAD_S * (truth.speed_mps or 0.0))
         ahead_1pm = self._road.curvature_at(truth.station_m + ahead_m)
         rate_1pm2 = (ahead_1pm - truth.curvature_1pm) / ahead_m
@@ -52,7 +51,7 @@ class Oracle:
 
 
 def clear_view(t_s: float) -> ImageStatistics:
-    """Statistics of a bright, sharp, fresh picture: far inside "very_low" of every set in fear.yaml."""
+    """Statistics of a bright, sharp, fresh image: well inside "very_low" of every set in fear.yaml."""
     return ImageStatistics(
         t_s=t_s,
         brightness=0.45,

@@ -1,7 +1,7 @@
-"""A lock-step run as a recording: the file that a live drive leaves, by the same code.
+"""The recording of a lock-step run, written by the code that records a live drive.
 
-The time of a run begins before 0 where a driver brings the car to speed, and stamps cannot; so the recording counts
-from EPOCH_S, and says that the drive began there.
+The time of a run is negative in the run-up, and stamps cannot be: the recording adds EPOCH_S to all times and notes
+it as the start of the drive.
 """
 
 from collections.abc import Iterator
@@ -43,7 +43,7 @@ def recording(path: Path, scenario: Scenario) -> Iterator[Witness]:
 
 
 class _Recorder:
-    """Writes each message once, when it is new."""
+    """Writes each new message once."""
 
     def __init__(self, file: Recording) -> None:
         self._file = file
@@ -51,7 +51,7 @@ class _Recorder:
         self._photographed_s = -EPOCH_S
 
     def witness(self, now: Instant) -> None:
-        """Write what is new in ``now``."""
+        """Write the new messages of ``now``."""
         at_s = EPOCH_S + now.now_s
         self._write(SIM_TRUTH, now.truth, at_s)
         self._write(VEHICLE_STATE, now.state, at_s)

@@ -1,4 +1,4 @@
-"""Watches the true pose on the road: departures, interventions, collisions, end of the route."""
+"""Departures, interventions and collisions, judged on the true pose."""
 
 import math
 from collections.abc import Sequence
@@ -12,28 +12,28 @@ SEPARATED_M = 0.5  # a contact is over when the gap has grown to this
 
 
 class Place(NamedTuple):
-    """A pose in the terms of the road."""
+    """A pose relative to the road."""
 
-    station_m: float  # runs on over laps
+    station_m: float  # continues over laps
     offset_m: float
     heading_error_rad: float
 
 
 def foot_point(road: Road, x_m: float, y_m: float, near_station_m: float) -> tuple[float, float]:
-    """(station, offset) of a point on ``road``; the station runs on from ``near_station_m`` over laps."""
+    """(station, offset) of a point on ``road``; the station continues from ``near_station_m`` over laps."""
     foot = road.foot_point(x_m, y_m, near_station_m=near_station_m)
     return _running_on(road, foot.station_m, near_station_m), foot.offset_m
 
 
 def _running_on(road: Road, station_m: float, near_station_m: float) -> float:
-    """``station_m`` of the lap that ``near_station_m`` is in."""
+    """``station_m`` in the lap of ``near_station_m``."""
     if not road.closed:
         return station_m
     return near_station_m + math.remainder(station_m - near_station_m, road.length_m)
 
 
 def locate(road: Road, pose: PlantState, near_station_m: float) -> Place:
-    """Where the rear axle stands on ``road``; the station runs on from ``near_station_m``."""
+    """The place of the rear axle on ``road``; the station continues from ``near_station_m``."""
     foot = road.foot_point(pose.x_m, pose.y_m, near_station_m=near_station_m)
     heading_error_rad = math.remainder(pose.yaw_rad - foot.heading_rad, math.tau)
     return Place(_running_on(road, foot.station_m, near_station_m), foot.offset_m, heading_error_rad)
@@ -51,7 +51,7 @@ def wheel_outside(road: Road, vehicle: Vehicle, pose: PlantState, place: Place) 
     turn = vehicle.wheelbase_m * road.max_curvature_1pm
     swing_m = vehicle.wheelbase_m * (abs(math.sin(place.heading_error_rad)) + turn)
     if turn < 0.5 and outside_m + swing_m < road.min_width_m / 2:
-        return False  # the front wheels cannot be further out than that, wherever they are
+        return False  # an upper bound on the offset of the front wheels
     front_x_m = pose.x_m + vehicle.wheelbase_m * math.cos(pose.yaw_rad)
     front_y_m = pose.y_m + vehicle.wheelbase_m * math.sin(pose.yaw_rad)
     near_m = place.station_m + vehicle.wheelbase_m
@@ -60,10 +60,10 @@ def wheel_outside(road: Road, vehicle: Vehicle, pose: PlantState, place: Place) 
 
 
 class Referee:
-    """Counts what goes wrong in one run and says when the car must be put back.
+    """Counts departures, interventions and collisions of one run.
 
     A departure is a wheel over the lane edge; an intervention follows it, or an offset beyond ``max_offset_m``.
-    As the car is put back at once, every excursion counts once.
+    The car is re-centred at once, so that every excursion counts once.
     """
 
     def __init__(self, road: Road, vehicle: Vehicle, *, max_offset_m: float) -> None:
@@ -76,7 +76,7 @@ class Referee:
         self.collisions = 0
 
     def must_recentre(self, pose: PlantState, place: Place) -> bool:
-        """Judge the pose; True when the car must be put back on the lane centre."""
+        """Judge the pose; True when the car must be re-centred on the lane."""
         departed = wheel_outside(self._road, self._vehicle, pose, place)
         self.departures += departed
         if departed or abs(place.offset_m) > self._max_offset_m:
@@ -85,7 +85,7 @@ class Referee:
         return False
 
     def judge_contacts(self, separations_m: Sequence[float]) -> None:
-        """Count every vehicle that the car begins to touch; one item per vehicle, ≤ 0 while they touch."""
+        """Count new contacts; ``separations_m``: one item per vehicle, ≤ 0 while it is in contact."""
         for number, separation in enumerate(separations_m):
             if separation <= 0.0:
                 self.collisions += number not in self._touched

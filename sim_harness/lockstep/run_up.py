@@ -1,10 +1,9 @@
 """The seconds before t = 0 of a run that starts at speed: a driver drives, and hands over at t = 0.
 
-No lane keeper is switched on by being placed on a road at 20 m/s. So a driver brings the car to the place, heading
-and speed that the scenario asks for, with the camera and every node running; the vehicle reports
-``driver_override`` until the driver lets go. The driver is exact: the car moves as on rails, the steering and the
-tyres as the rails ask for. A lateral drift grows over the last ``DRIFT_S`` as v_y(τ) = v_y·(3τ² - 2τ³), so that the
-driver lets go of a steering that stands straight.
+A driver brings the car to the place, heading and speed of the scenario, with the camera and every node running; the
+vehicle reports ``driver_override`` until t = 0. The car follows a rail exactly, with the steady steering angle for
+its curvature. A lateral drift grows over the last ``DRIFT_S`` as v_y(τ) = v_y·(3τ² - 2τ³), so that the steering is
+straight at the hand-over.
 """
 
 import math
@@ -21,7 +20,7 @@ DRIFT_S = 1.5
 
 @dataclass(frozen=True, slots=True)
 class Rail:
-    """Where the driver has the car, and along which curvature it moves there."""
+    """A point of the driver's path and its curvature."""
 
     station_m: float
     offset_m: float
@@ -30,7 +29,7 @@ class Rail:
 
 
 def rail(start: Start, road: Road, elapsed_s: float) -> Rail:
-    """Where the car is at ``elapsed_s`` ≤ 0.
+    """The point of the path at ``elapsed_s`` ≤ 0.
 
     The station counts the speed along the lane as v, not v·cos of the course: 0.1 % at a course of 0.05 rad.
     """
@@ -45,12 +44,12 @@ def rail(start: Start, road: Road, elapsed_s: float) -> Rail:
 
 
 def first_state(plant: Plant, rail: Rail, speed_mps: float) -> PlantState:
-    """Rolling, with the wheels as the rail has them."""
+    """The plant at ``speed_mps``, steered along the rail."""
     return plant.initial(speed_mps=speed_mps, curvature_1pm=rail.curvature_1pm)
 
 
 def driven(plant: Plant, state: PlantState, rail: Rail, dt_s: float, speed_mps: float) -> PlantState:
-    """The plant after the driver has steered for ``rail`` over ``dt_s``; its place is the caller's to set."""
+    """The plant after the driver has steered for ``rail`` over ``dt_s``; the caller sets its place."""
     angle_rad = plant.steady_angle_rad(rail.curvature_1pm, speed_mps)
     command = Command(
         t_s=None,

@@ -1,4 +1,4 @@
-"""Boundary search: how far a parameter may go until the scenario fails.
+"""Boundary search: the greatest change of a parameter that the scenario passes.
 
 From the scenario as it is written a ray runs to each end of each range and, if asked for, to random corners of all
 ranges together. On a ray between a case that passes and one that fails the limit is found by bisection: n runs find
@@ -19,14 +19,14 @@ TOLERANCE = 1 / 32  # of a ray
 _MIDDLE = 0.5
 
 Passes = Callable[[Case], bool]
-"""Runs a case and tells whether it passed."""
+"""Runs a case; True when it passed."""
 Place = dict[str, float]
-"""Parameters, each by its place in its range, 0..1."""
+"""Parameters by their position in the range, 0..1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
-    """What was found along one ray: the last case that passed and the first that failed."""
+    """The result of one ray: the last case that passed and the first that failed."""
 
     ray: str  # e.g. "start.offset_m up"
     passes: Case | None  # None: neither the scenario as written passes nor the end of the ray
@@ -41,7 +41,7 @@ def limits(
     """The limit along each ray of ``scenario``, where ``passes`` decides.
 
     Choices have no order: they stay as written. All cases have the same seed, so that only parameters differ.
-    Raises InputError when values do not fit together.
+    Raises InputError for values that exclude each other.
     """
     search = _Search(scenario, passes, seed)
     for name, end in search.rays(corners):
@@ -59,7 +59,7 @@ class _Search:
         self._start_passes = self._run(self._case(self._start)) if self._ranges else True
 
     def rays(self, corners: int) -> Iterator[tuple[str, Place]]:
-        """The name and the end of each ray that leads anywhere."""
+        """The name and the end of each ray of non-zero length."""
         for name in self._ranges:
             for direction, end in (("down", 0.0), ("up", 1.0)):
                 if self._start[name] != end:
@@ -72,7 +72,7 @@ class _Search:
     def along(self, name: str, end: Place, tolerance: float) -> Limit:
         """The limit on the ray from the scenario as written to ``end``."""
         self._runs = 0
-        near, far = 0.0, 1.0  # as the start does, and not as the start does
+        near, far = 0.0, 1.0  # same outcome as the start; other outcome
         end_passes = self._run(self._case(end))
         if end_passes == self._start_passes:
             case = self._case(end)
@@ -112,7 +112,7 @@ class _Search:
 
 
 def _written(scenario: Scenario, parameter: str, span: Range) -> float:
-    """Where in its range a parameter stands in the scenario as written: the middle when it is not there."""
+    """The position in its range of a parameter in the scenario as written; the middle when absent."""
     value: Any = scenario.model_dump(mode="json")
     for part in fields(parameter)[0].split("."):
         value = value[int(part)] if isinstance(value, list) else (value or {}).get(part)

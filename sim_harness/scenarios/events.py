@@ -1,4 +1,4 @@
-"""When the faults, disturbances and manoeuvres of a scenario were there, as columns of its trace."""
+"""The active faults, disturbances and manoeuvres of a run, as columns of its trace."""
 
 from collections.abc import Iterable, Sequence
 
@@ -17,10 +17,10 @@ def with_events(
     disturbances: Sequence[Disturbance] = (),
     lap_m: float | None = None,
 ) -> Trace:
-    """``trace`` with ``fault.<kind>`` (0 or 1) and ``disturbance.<kind>`` (grade) of all that the run was given.
+    """``trace`` with ``fault.<kind>`` (0 or 1) and ``disturbance.<kind>`` (grade).
 
-    Of several of one kind, the worst. A disturbance is where the rear axle is; ``lap_m`` is the length of a closed
-    road, on which it comes again with every lap.
+    Of several of one kind the greatest counts. A disturbance is active while the rear axle is in its stretch;
+    ``lap_m`` is the length of a closed road, on which it recurs with every lap.
     """
     elapsed_s = trace["t_s"] - trace["t_s"][0]
     stations_m = trace["station_m"] if lap_m is None else trace["station_m"] % lap_m
@@ -35,7 +35,7 @@ def with_events(
 
 
 def with_manoeuvres(trace: Trace, kinds: Iterable[str], samples: Sequence[Sequence[str]]) -> Trace:
-    """``trace`` with ``traffic.<kind>`` (0 or 1) of every kind of manoeuvre; ``samples`` has those under way."""
+    """``trace`` with ``traffic.<kind>`` (0 or 1) of every kind; ``samples``: the manoeuvres under way."""
     columns = {
         f"traffic.{kind}": np.array([float(kind in now) for now in samples]) for kind in sorted({*kinds})
     }

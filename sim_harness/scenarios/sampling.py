@@ -1,8 +1,8 @@
-"""Concrete cases of a logical scenario: what it says may ``vary``, sampled.
+"""Concrete cases of a logical scenario: samples of the parameters under ``vary``.
 
 Every parameter is sampled in the unit interval and mapped to its values by its :mod:`~sim_harness.scenarios.vary`
 entry. All randomness, the seed of each case included, comes from one seed and the name of the scenario (NumPy's
-``SeedSequence``), so that a case can be run again from the seed that was printed; case k of ``random`` sampling
+``SeedSequence``), so that the printed seed reproduces a case; case k of ``random`` sampling
 does not depend on how many cases there are.
 """
 
@@ -28,7 +28,7 @@ _DRAWS, _SEEDS = 0, 1  # the two uses of the seed
 
 
 class Method(StrEnum):
-    """How values are chosen. The boundary search chooses by outcome: see ``limits``."""
+    """Sampling method. For the search by outcome see ``limits``."""
 
     GRID = "grid"  # every combination of ``steps`` values of each range and of all choices
     RANDOM = "random"  # independent and uniform
@@ -39,14 +39,14 @@ class Method(StrEnum):
 class Case:
     """One run of a logical scenario: its values and its seed."""
 
-    scenario: Scenario  # with the values set and nothing left to vary
+    scenario: Scenario  # with the values set, without ``vary``
     index: int
     seed: int
     parameters: dict[str, JsonValue]  # as named in ``vary``
 
     @property
     def settings(self) -> list[str]:
-        """The values as ``KEY=VALUE`` texts for ``--set``, which make this case of its scenario again."""
+        """The values as ``KEY=VALUE`` texts for ``--set``, which reproduce this case."""
         return [
             f"{field}={json.dumps(value)}"
             for parameter, value in self.parameters.items()
@@ -55,7 +55,7 @@ class Case:
 
 
 def fresh_seed() -> int:
-    """A seed drawn now, below 2³², from the operating system: print it, so that the runs can be repeated."""
+    """A seed below 2³² from the operating system; print it, so that the runs can be repeated."""
     return int(np.random.SeedSequence().generate_state(1)[0])
 
 
@@ -64,7 +64,7 @@ def cases(scenario: Scenario, method: Method, count: int | None = None, *, seed:
 
     Without ``count`` a grid is complete and the others have 100 cases; of a larger grid ``count`` cases are drawn
     without repetition, in its order. A scenario in which nothing varies has one grid case, and differs only by
-    seed in the others. Raises InputError when values that are good one by one do not fit together.
+    seed in the others. Raises InputError for valid values that exclude each other.
     """
     rows = _rows(scenario, method, count, seed)
     for index, values in enumerate(rows):
@@ -77,7 +77,7 @@ def grid_size(scenario: Scenario) -> int:
 
 
 def case_seed(scenario: Scenario, index: int, seed: int) -> int:
-    """The seed of case ``index``, below 2³²; neighbours of ``seed`` and ``index`` have nothing in common."""
+    """The seed of case ``index``, below 2³²; neighbouring ``seed`` and ``index`` give independent seeds."""
     return int(_sequence(scenario, seed, _SEEDS, index).generate_state(1)[0])
 
 
@@ -95,7 +95,7 @@ def _case(scenario: Scenario, index: int, parameters: dict[str, JsonValue], seed
 
 
 def concrete(scenario: Scenario, parameters: Mapping[str, JsonValue]) -> Scenario:
-    """``scenario`` with these values, and nothing left to vary. Raises InputError when they do not fit."""
+    """``scenario`` with these values, without ``vary``. Raises InputError for values that exclude each other."""
     try:
         return changed(scenario, parameters)
     except (LookupError, ValidationError) as error:

@@ -1,7 +1,7 @@
-"""Scenarios: where a run starts, what goes wrong on the way, and what is expected of it.
+"""Scenarios: the start of a run, its disturbances and faults, and the criteria that it must satisfy.
 
-A scenario is a YAML file (``config/scenarios/*.yaml``) or a Python script that leaves a :class:`Scenario`, or a
-list of them, in the variable ``scenarios``.
+A scenario is a YAML file (``config/scenarios/*.yaml``) or a Python script that assigns a :class:`Scenario`, or a
+list of them, to the variable ``scenarios``.
 """
 
 import math
@@ -36,11 +36,11 @@ SCENARIO_DIR = CONFIG_DIR / "scenarios"
 ROAD_DIR = CONFIG_DIR / "roads"
 RULES_FILE = CONFIG_DIR / "fear.yaml"
 Problem = tuple[tuple[str | int, ...], str]
-"""A field, as the way to it, and what is wrong with it."""
+"""The path of a field, and the error message for it."""
 
 
 class Tag(StrEnum):
-    """What a scenario is about."""
+    """Subject of a scenario."""
 
     NOMINAL = "nominal"
     CURVE = "curve"
@@ -55,9 +55,9 @@ class Tag(StrEnum):
 
 
 class Start(Settings):
-    """Where the vehicle is at t = 0, and how fast.
+    """Position and speed of the vehicle at t = 0.
 
-    A car that rolls at t = 0 has been driven there by a driver, who hands over to the supervisor at that moment.
+    With a speed above 0 a driver drives up to t = 0 and then hands over to the supervisor.
     """
 
     station_m: float = 0.0
@@ -81,24 +81,22 @@ class Start(Settings):
 
 
 class Sight(StrEnum):
-    """What the estimators look at."""
+    """Input of the estimators."""
 
-    CAMERA = "camera"  # rendered pictures
-    TRUTH = "truth"  # nothing is rendered; each of them knows the exact lane, see lockstep/oracle.py
+    CAMERA = "camera"  # rendered images
+    TRUTH = "truth"  # the exact lane, without rendering, see lockstep/oracle.py
 
 
 class LeadSensor(StrEnum):
-    """What tells the supervisor of the vehicle ahead."""
+    """Source of the vehicle ahead."""
 
-    CAMERA = "camera"  # the lead detector, from rendered pictures
-    TRUTH = "truth"  # the exact place, as of a range sensor, see docs/scenarios.md
-    MODELLED = (
-        "modelled"  # the exact place with the errors of the camera's detector, see config/lead_model.yaml
-    )
+    CAMERA = "camera"  # the lead detector, from rendered images
+    TRUTH = "truth"  # the exact distance of a range sensor, see docs/scenarios.md
+    MODELLED = "modelled"  # the exact distance with the errors of the detector, see config/lead_model.yaml
 
 
 class CameraTiming(Settings):
-    """When frames are taken and when their estimates are there."""
+    """Frame rate and latency of the perception."""
 
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 25.0
     latency_s: NonNegative = 0.02  # capture to estimate; live median on two cores
@@ -112,19 +110,19 @@ _CHANGES: dict[str, Any] = {
 
 
 class Appearance(create_model("SectionChanges", __base__=Settings, **_CHANGES)):  # type: ignore[misc]
-    """What differs from the road's own sections, in all of them; absent: as the road has it."""
+    """Changes to all sections of the road; absent: as in the road file."""
 
 
 class Scenario(Settings):
-    """One run, complete but for the seed."""
+    """One run, complete except for the seed."""
 
     name: str = ""  # default: the name of the file
     description: str
     tags: Annotated[tuple[Tag, ...], Field(min_length=1)]
     road: str  # a name in config/roads/, or a .yaml or .xodr (OpenDRIVE) file beside the scenario
-    segments: tuple[Segment, ...] | None = None  # this line instead of the road's, as an open road
-    marks: tuple[RoadMark, ...] | None = None  # instead of the road's; on a line of its own there are none
-    junctions: tuple[Junction, ...] | None = None  # likewise
+    segments: tuple[Segment, ...] | None = None  # reference line instead of the road's, as an open road
+    marks: tuple[RoadMark, ...] | None = None  # instead of the road's; default with `segments`: none
+    junctions: tuple[Junction, ...] | None = None  # as `marks`
     lane_width_m: Annotated[float, Field(ge=2.0, le=6.0)] | None = None
     appearance: Appearance = Field(default_factory=Appearance)
     start: Start = Start()
@@ -133,15 +131,15 @@ class Scenario(Settings):
     camera: CameraTiming = CameraTiming()
     estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")
     sight: Sight = Sight.CAMERA
-    lead_sensor: LeadSensor | None = None  # default: the camera, where there are pictures; else the truth
+    lead_sensor: LeadSensor | None = None  # default: camera with sight: camera, else truth
     rules: str | None = None  # a rule file beside the scenario; default: config/fear.yaml
-    speed_mps: Positive | None = None  # that the driver sets; default: cruise_speed_mps of supervisor.yaml
-    plant: PlantSettings = PlantSettings()  # how reality differs from config/vehicle.yaml
+    speed_mps: Positive | None = None  # set speed; default: cruise_speed_mps of supervisor.yaml
+    plant: PlantSettings = PlantSettings()  # deviations from config/vehicle.yaml
     disturbances: tuple[Disturbance, ...] = ()
     traffic: tuple[TrafficVehicle, ...] = ()
     faults: tuple[Fault, ...] = ()
     expect: Expect = Expect()
-    vary: dict[str, Variation] = Field(default_factory=dict)  # what sampling changes; see scenarios/vary.py
+    vary: dict[str, Variation] = Field(default_factory=dict)  # parameters of sampling; see scenarios/vary.py
 
     @model_validator(mode="after")
     def _faults_hit_something(self) -> Self:
@@ -155,19 +153,19 @@ class Scenario(Settings):
         return self
 
     @model_validator(mode="after")
-    def _pictures_for_the_detector(self) -> Self:
+    def _images_for_the_detector(self) -> Self:
         if self.lead_sensor is LeadSensor.CAMERA and self.sight is Sight.TRUTH:
-            raise ValueError("lead_sensor: camera needs pictures; with sight: truth there are none")
+            raise ValueError("lead_sensor: camera needs images; with sight: truth there are none")
         return self
 
     @property
     def leads_by(self) -> LeadSensor:
-        """What tells of the vehicle ahead."""
-        pictures = LeadSensor.CAMERA if self.sight is Sight.CAMERA else LeadSensor.TRUTH
-        return self.lead_sensor or pictures
+        """The source of the vehicle ahead, with the default resolved."""
+        default = LeadSensor.CAMERA if self.sight is Sight.CAMERA else LeadSensor.TRUTH
+        return self.lead_sensor or default
 
     def build_road(self) -> Road:
-        """The road as this scenario has it. Raises InputError."""
+        """The road with the changes of this scenario. Raises InputError."""
         settings = load_road_settings(self._road_file())
         try:
             return Road(disturbed(self._changed(settings), self.disturbances))
@@ -179,11 +177,11 @@ class Scenario(Settings):
 
     @property
     def rules_file(self) -> Path:
-        """The rule file that the supervisor drives by."""
+        """The rule file of the supervisor."""
         return RULES_FILE if self.rules is None else Path(self.rules)
 
     def _changed(self, settings: RoadSettings) -> RoadSettings:
-        """``settings`` with what this scenario has instead. Raises ValueError where it does not fit together."""
+        """``settings`` with the changes of this scenario. Raises ValueError for values that exclude each other."""
         changes = {name: value for name, value in self.appearance if value is not None}
         sections = tuple(
             Section.model_validate({**dict(section), **changes}) for section in settings.sections
@@ -200,16 +198,16 @@ class Scenario(Settings):
         return RoadSettings.model_validate({**dict(settings), **update})
 
     def check(self) -> None:
-        """Raise InputError when the scenario names what is not there, or does not fit together."""
+        """Raise InputError for an unknown name or for values that exclude each other."""
         problem = self.problem()
         if problem:
             path, what = problem
             raise InputError(f"scenario {self.name}: {'.'.join(map(str, path))}: {what}")
 
     def problem(self) -> Problem | None:
-        """The first thing that does not fit together: the field, and what is wrong with it; None when all does.
+        """The first unknown name or contradiction: the field and the message; None for a valid scenario.
 
-        Raises InputError when the file of the road is wrong.
+        Raises InputError for an invalid road file.
         """
         for number, name in enumerate(self.estimators):
             if name not in ESTIMATORS and name not in estimators():
@@ -223,7 +221,7 @@ class Scenario(Settings):
         try:
             length_m = Road(self._changed(settings)).length_m
         except ValueError as error:
-            return (self._to_blame(error),), one_line(error)
+            return (self._field_of(error),), one_line(error)
         if not 0.0 <= self.start.station_m < length_m:
             return ("start", "station_m"), f"the road runs from 0 to {length_m:.1f} m"
         return self._problem_with_parts(settings)
@@ -237,7 +235,7 @@ class Scenario(Settings):
             return ("plant",), str(error).removeprefix("plant: ")
         for number, fault in enumerate(self.faults):
             if isinstance(fault, FrozenCamera | BlackFrames) and self.sight is Sight.TRUTH:
-                return ("faults", number), f"{fault.kind}: with sight: truth there is no picture"
+                return ("faults", number), f"{fault.kind}: with sight: truth there is no image"
         known = self._names_in_conditions(road) if self.expect.conditions else {}
         for number, text in enumerate(self.expect.conditions):
             try:
@@ -266,8 +264,8 @@ class Scenario(Settings):
             "cause": load(self.rules_file, RuleFile).known_causes,
         }
 
-    def _to_blame(self, error: ValueError) -> str:
-        """The field of this scenario that an error of the road is about."""
+    def _field_of(self, error: ValueError) -> str:
+        """The field of this scenario that caused an error of the road."""
         given = [
             n for n in ("marks", "junctions", "segments", "lane_width_m") if getattr(self, n) is not None
         ]
@@ -295,7 +293,7 @@ def list_scenarios() -> list[Scenario]:
 def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, check: bool = True) -> Scenario:
     """The scenario called ``source``, or in the YAML file ``source``.
 
-    Raises InputError with file:line:column; without ``check`` only for what the file itself shows.
+    Raises InputError with file:line:column; without ``check`` only syntax and types are checked.
     """
     path = Path(source)
     if path.suffix not in (".yaml", ".yml"):
@@ -319,12 +317,12 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
 
 
 def _beside(field: str, path: Path, overrides: Mapping[str, str] | None) -> Path:
-    """The folder that a relative path in ``field`` starts from: the scenario's, or where an override was typed."""
+    """The base of a relative path in ``field``: the folder of the scenario; for an override, the working folder."""
     return Path() if overrides and field in overrides else path.parent
 
 
 def _misfit(scenario: Scenario) -> str:
-    """What does not fit together, in a line; empty when all does."""
+    """The first problem in one line; empty for a valid scenario."""
     problem = scenario.problem()
     return f"{'.'.join(map(str, problem[0]))}: {problem[1]}" if problem else ""
 
@@ -347,7 +345,7 @@ def _run_script(path: Path) -> list[Scenario]:
         raise InputError(f"{path}:{_script_line(error, path)}: {one_line(error)}") from error
     listed = [found] if isinstance(found, Scenario) else list(found or [])
     if not listed or not all(isinstance(scenario, Scenario) for scenario in listed):
-        raise InputError(f"{path}: must leave a Scenario or a list of them in the variable `scenarios`")
+        raise InputError(f"{path}: must assign a Scenario or a list of them to the variable `scenarios`")
     return [
         scenario if scenario.name else scenario.model_copy(update={"name": f"{path.stem}.{number}"})
         for number, scenario in enumerate(listed)
@@ -355,7 +353,7 @@ def _run_script(path: Path) -> list[Scenario]:
 
 
 def _script_line(error: Exception, path: Path) -> int:
-    """The last line of the script that the error passed through."""
+    """The innermost line of the script in the traceback."""
     if isinstance(error, SyntaxError):
         return error.lineno or 1
     line, trace = 1, error.__traceback__

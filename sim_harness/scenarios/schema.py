@@ -1,7 +1,7 @@
-"""The JSON schema of scenario files, for editors: completion, descriptions, and errors while one types.
+"""The JSON schema of scenario files, for editors: completion, descriptions, errors.
 
-``config/schema/scenario.json`` is ``trepid sim schema`` as of this version. A scenario file names it in its first
-line, ``# yaml-language-server: $schema=…``, which the YAML plug-ins of the usual editors follow.
+``config/schema/scenario.json`` is the output of ``trepid sim schema``. A scenario file names it in its first line,
+``# yaml-language-server: $schema=…``, which YAML plug-ins of editors read.
 """
 
 import json

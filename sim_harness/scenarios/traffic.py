@@ -1,7 +1,7 @@
-"""Other vehicles as a scenario writes them: where they start, and what they do when.
+"""Settings of other vehicles: their start, and the phases in which they change speed or lane.
 
-A vehicle drives along the road at its speed and offset until a phase changes them. Phases are scripts, not drivers:
-they look at the time, at their own place and at the gap, and at nothing else.
+A vehicle drives along the road at constant speed and offset until a phase changes them. The trigger of a phase is a
+time, a station or a gap; vehicles do not react to anything else.
 """
 
 import math
@@ -16,7 +16,7 @@ from trepid.types import NonNegative, Positive
 
 
 class Shape(StrEnum):
-    """How large a vehicle is."""
+    """Size class of a vehicle."""
 
     CAR = "car"
     VAN = "van"
@@ -30,15 +30,15 @@ BODIES = {
         rear_m=-2.6, front_m=5.9, width_m=2.5, height_m=3.5, waist_m=2.0, clearance_m=0.45, bgr=(70, 90, 150)
     ),
 }
-"""Sizes as of a compact car, a Ford Transit L3H2, and a 12 t box truck (2.55 m is the EU's widest, 96/53/EC)."""
+"""Sizes as of a compact car, a Ford Transit L3H2, and a 12 t box truck (EU maximum width 2.55 m, 96/53/EC)."""
 
 
 class Trigger(Settings):
-    """When a phase begins: the one of these that is given. Phases begin one after the other, never before."""
+    """Start of a phase: exactly one of these fields. Phases begin in the order of the list."""
 
     at_s: NonNegative | None = None  # of the run
-    at_station_m: float | None = None  # of the vehicle's own rear axle, reached or passed
-    at_gap_m: float | None = None  # between the bumpers, at most, while the vehicle is ahead
+    at_station_m: float | None = None  # of its rear axle
+    at_gap_m: float | None = None  # between the bumpers, while the vehicle is ahead
 
     @model_validator(mode="after")
     def _is_one(self) -> Self:
@@ -56,19 +56,19 @@ class ChangeSpeed(Trigger):
 
 
 class ChangeLane(Trigger):
-    """Moves to another offset within ``over_s``, with the least jerk: o(τ) = o₀ + Δo·(10τ³ - 15τ⁴ + 6τ⁵).
+    """Moves to another offset within `over_s`, with minimum jerk: o(τ) = o₀ + Δo·(10τ³ - 15τ⁴ + 6τ⁵).
 
     Flash and Hogan, The coordination of arm movements (1985). Naturalistic lane changes last 3 to 8 s.
     """
 
     kind: Literal["change_lane"]
-    to_lane: int = 0  # 0 is ours, 1 the next to the left
+    to_lane: int = 0  # 0: the ego lane, 1: the next to the left
     to_offset_m: float = 0.0  # from the centre of that lane, + = left
     over_s: Positive = 4.0
 
 
 class TurnOff(Trigger):
-    """Leaves the road on an arc through ``angle_rad``, and goes straight on from there."""
+    """Leaves the road on an arc through `angle_rad`, then continues straight."""
 
     kind: Literal["turn_off"]
     side: Literal["left", "right"]
@@ -80,11 +80,11 @@ Phase = Annotated[ChangeSpeed | ChangeLane | TurnOff, Field(discriminator="kind"
 
 
 class TrafficVehicle(Settings):
-    """One other vehicle. At t = 0 it is where these fields say, at constant speed."""
+    """One other vehicle: its place and speed at t = 0, and its phases."""
 
-    gap_m: float | None = None  # ahead of us, bumper to bumper
+    gap_m: float | None = None  # ahead of the ego vehicle, bumper to bumper
     station_m: float | None = None  # of its rear axle; instead of gap_m
-    lane: int = 0  # 0 is ours, 1 the next to the left, -1 to the right
+    lane: int = 0  # 0: the ego lane, 1: the next to the left, -1: to the right
     offset_m: float = 0.0  # from the centre of that lane, + = left
     speed_mps: NonNegative = 0.0  # 0: parked
     oncoming: bool = False
@@ -99,5 +99,5 @@ class TrafficVehicle(Settings):
 
     @property
     def body(self) -> Body:
-        """Its size and colour."""
+        """Size and colour."""
         return BODIES[self.shape]

@@ -1,4 +1,4 @@
-"""What may vary in a scenario: fields, and the values that each may take. Pure settings.
+"""The parameters of a scenario: fields, and the values that each may take.
 
 In a scenario file::
 
@@ -32,18 +32,18 @@ from trepid.config import InputError, Settings, complaint, position, put
 
 S = TypeVar("S", bound=BaseModel)
 
-INSIDE = 0.382  # a place within a range where a field of whole numbers shows itself
-SIGNIFICANT_DIGITS = 6  # of a drawn value: it must be short enough to be typed again
+INSIDE = 0.382  # an inner point of a range, at which a field of whole numbers refuses the value
+SIGNIFICANT_DIGITS = 6  # of a drawn value, so that it can be typed
 
 
 class Range(Settings):
-    """All values between two ends, both of them included."""
+    """All values between two ends, inclusive."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
     from_: float = Field(alias="from")
     to: float
-    log: bool = False  # evenly in the logarithm; both ends must be positive
+    log: bool = False  # uniform in the logarithm; both ends must be positive
     whole: bool = False  # whole numbers only
     steps: Annotated[int, Field(ge=2)] = 5  # values in a grid
 
@@ -65,42 +65,42 @@ class Range(Settings):
         return round(value) if self.whole else value
 
     def unit(self, value: float) -> float:
-        """The place in 0..1 of ``value``, the nearer end for a value beyond."""
+        """The position of ``value`` in 0..1, clipped."""
         value = min(max(value, self.from_), self.to)
         if self.log:
             return math.log(value / self.from_) / math.log(self.to / self.from_)
         return (value - self.from_) / (self.to - self.from_)
 
     def grid(self) -> tuple[JsonValue, ...]:
-        """``steps`` values, evenly from end to end."""
+        """``steps`` evenly spaced values with both ends."""
         values = (self.value(step / (self.steps - 1)) for step in range(self.steps))
         return tuple(dict.fromkeys(values))  # whole numbers may be fewer
 
     def probes(self) -> tuple[JsonValue, ...]:
-        """The values that show whether a field takes the range: both ends, and one inside."""
+        """The values that the field must accept: both ends, and one inside."""
         return self.value(0.0), self.value(1.0), self.value(INSIDE)
 
 
 class Choices(Settings):
-    """Any of some values."""
+    """A list of values."""
 
     choices: Annotated[tuple[JsonValue, ...], Field(min_length=1)]
 
     def value(self, unit: float) -> JsonValue:
-        """The value at ``unit`` in 0..1; each has an equal share."""
+        """The value at ``unit`` in 0..1; all are equally likely."""
         return self.choices[min(int(unit * len(self.choices)), len(self.choices) - 1)]
 
     def grid(self) -> tuple[JsonValue, ...]:
-        """All of them."""
+        """All values."""
         return self.choices
 
     def probes(self) -> tuple[JsonValue, ...]:
-        """All of them."""
+        """All values."""
         return self.choices
 
 
 def _in_full(value: Any) -> Any:
-    """``[low, high]`` as the range that it stands for."""
+    """``[low, high]`` as a range mapping."""
     if isinstance(value, list | tuple) and len(value) == 2:
         return {"from": value[0], "to": value[1]}
     if not isinstance(value, dict | Range | Choices):
@@ -121,7 +121,7 @@ Variation = Annotated[
     Discriminator(_kind),
     BeforeValidator(_in_full, json_schema_input_type=tuple[float, float] | Range | Choices),
 ]
-"""A range or choices, as one writes it."""
+"""A range or choices, in the notation of a scenario file."""
 
 
 def fields(parameter: str) -> tuple[str, ...]:
@@ -130,9 +130,9 @@ def fields(parameter: str) -> tuple[str, ...]:
 
 
 def changed(settings: S, parameters: Mapping[str, JsonValue]) -> S:
-    """``settings`` with the values of ``parameters``, validated anew, and with nothing left to vary.
+    """``settings`` with the values of ``parameters``, validated, without ``vary``.
 
-    Raises LookupError for a field that cannot be reached and ValidationError for a value that is refused.
+    Raises LookupError for an unknown field and ValidationError for an invalid value.
     """
     return type(settings).model_validate(_changed(settings, parameters))
 
@@ -153,10 +153,10 @@ def check_vary(
     *,
     misfit: Callable[[S], str] | None = None,
 ) -> None:
-    """Refuse a parameter that names no field of ``settings``, or a value that its field or ``misfit`` refuses.
+    """Raise InputError for a parameter that is no field of ``settings`` or a value that is invalid.
 
-    ``misfit`` says what does not fit together in settings, empty when all does. Raises InputError with the place
-    of the parameter in ``data``, the YAML read from ``source``.
+    ``misfit`` returns the contradiction in settings, "" for none. The error has the position of the parameter in
+    ``data``, the YAML read from ``source``.
     """
     for parameter, variation in vary.items():
         for value in variation.probes():
@@ -167,7 +167,7 @@ def check_vary(
 
 
 def _problem(settings: S, parameter: str, value: JsonValue, misfit: Callable[[S], str] | None) -> str:
-    """Why ``parameter`` cannot have ``value``; empty when it can."""
+    """The error of ``value`` for ``parameter``; "" for a valid value."""
     try:
         data = _changed(settings, {parameter: value})
     except LookupError as error:

@@ -1,9 +1,9 @@
-"""What a condition claims of single moments: comparisons, words, and their combinations.
+"""Claims about single moments: comparisons, words, and their combinations.
 
-``margin(trace)`` is the robustness of the claim at each sample as signal temporal logic has it (Donzé and Maler,
-Robust satisfaction of temporal logic over real-valued signals, FORMATS 2010): how far the signals are from making
-the claim false (> 0) or true (< 0), in their own unit; a claim about words is true or false by infinity. A margin
-of ≥ 0 is true and < 0 is false, exactly, for strict comparisons too. NaN: a signal is absent, nothing is claimed.
+``margin(trace)`` is the robustness of the claim at each sample in signal temporal logic (Donzé and Maler, Robust
+satisfaction of temporal logic over real-valued signals, FORMATS 2010): the distance of the signals from making the
+claim false (> 0) or true (< 0), in their own unit; for a claim about words it is infinite. A margin
+of ≥ 0 is true and < 0 is false, exactly, for strict comparisons too. NaN: a signal is absent.
 """
 
 from collections.abc import Iterator
@@ -20,14 +20,14 @@ JUST_FALSE = -np.nextafter(0.0, 1.0)  # a strict comparison of equals
 
 
 class Claim(Protocol):
-    """Something that is true or false of every sample."""
+    """A statement that is true or false at every sample."""
 
     def margin(self, trace: Trace) -> Column:
-        """Robustness at each sample; raises KeyError when the run has no such signal."""
+        """Robustness at each sample; raises KeyError for a signal that the run lacks."""
         ...
 
     def negated(self) -> "Claim":
-        """The claim that is true where this one is false, and absent where this one is."""
+        """The claim that is true where this one is false; absent at the same samples."""
         ...
 
     def signals(self) -> Iterator[Signal]:
@@ -76,7 +76,7 @@ class Above:
 
 @dataclass(frozen=True, slots=True)
 class Is:
-    """A label has one of its words; absent before the first decision."""
+    """A label has the word ``word``; absent before the first decision."""
 
     label: str
     word: str
@@ -96,7 +96,7 @@ class Is:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """A signal is there."""
+    """A signal is present."""
 
     signal: Signal
     wanted: bool = True
@@ -113,7 +113,7 @@ class Known:
 
 @dataclass(frozen=True, slots=True)
 class Active:
-    """A fault, disturbance, manoeuvre or section of the road is there."""
+    """A fault, disturbance, manoeuvre or section of the road is active."""
 
     name: str
     wanted: bool = True
@@ -130,7 +130,7 @@ class Active:
 
 @dataclass(frozen=True, slots=True)
 class Both:
-    """Two claims hold: the lesser margin. One that is false decides, even when the other is absent."""
+    """Two claims hold: the lesser margin. A false one decides, even when the other is absent."""
 
     first: Claim
     second: Claim
@@ -149,7 +149,7 @@ class Both:
 
 @dataclass(frozen=True, slots=True)
 class Either:
-    """One of two claims holds: the greater margin. One that is true decides, even when the other is absent."""
+    """One of two claims holds: the greater margin. A true one decides, even when the other is absent."""
 
     first: Claim
     second: Claim

@@ -1,14 +1,14 @@
 """Assertions over time, as sentences: ``fear >= high within 0.5 s of glare``.
 
-A sentence claims something of single moments, and says when (grammar: ``docs/conditions.md``). It is judged
-on the trace of a run by its **robustness**, as signal temporal logic has it (Donzé and Maler, FORMATS 2010):
+A sentence holds a claim about single moments, and a scope in time (grammar: ``docs/conditions.md``). It is judged
+on the trace of a run by its **robustness** in signal temporal logic (Donzé and Maler, FORMATS 2010):
 
-- the margin of a comparison is by how much it holds, in the unit of its signal;
+- the margin of a comparison is its distance from equality, in the unit of its signal;
 - *always* is the least margin over the samples that are judged, *eventually* the greatest;
-- of several stretches of time (one per event), the least.
+- the least over all time intervals (one per event).
 
-Robustness ≥ 0 passes. Samples hold until the next one; where a signal is absent there is nothing to judge. What a
-run never came to has not been passed: robustness -inf.
+Robustness ≥ 0 passes. Samples hold until the next one; samples with an absent signal are not judged. Without
+any sample to judge the condition fails: robustness -inf.
 """
 
 from collections.abc import Collection, Mapping
@@ -27,12 +27,12 @@ _UNKNOWN = {"event": "nothing called {name!r} happens here", "estimator": "no es
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """How a run did by a condition."""
+    """The result of a condition on a run."""
 
     robustness: float  # in the unit of the signal; ≥ 0 passes
-    elapsed_s: float | None  # of the sample that decided, from the start of the run
-    values: tuple[tuple[str, float], ...]  # the signals there
-    note: str  # why there was nothing to judge, else ""
+    elapsed_s: float | None  # time of the deciding sample, from the start of the run
+    values: tuple[tuple[str, float], ...]  # the signals at this sample
+    note: str  # the reason when nothing was judged, else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +55,11 @@ class Condition:
                 raise ValueError(f"{self.text!r}, column {word.column}: {message}{hint}")
 
     def robustness(self, trace: Trace) -> float:
-        """By how much ``trace`` satisfies the condition; < 0: it does not."""
+        """The margin by which ``trace`` satisfies the condition; < 0: it fails."""
         return self.judge(trace).robustness
 
     def explain(self, trace: Trace) -> str:
-        """One line: passed or failed, by how much, when, and what the signals were then."""
+        """One line: passed or failed, margin, time, and the signals at that time."""
         verdict = self.judge(trace)
         status = "passed" if verdict.robustness >= 0 else "failed"
         if verdict.elapsed_s is None:
@@ -78,12 +78,12 @@ class Condition:
             return Verdict(-np.inf, None, (), f"the run has no {missing.args[0]}")
         known = ~np.isnan(margin)
         judged = [np.flatnonzero(stretch & known) for stretch in stretches]
-        if not self.eventually:  # what was always there at none of the samples was there at all of them
+        if not self.eventually:  # an interval without samples satisfies *always*
             judged = [samples for samples in judged if len(samples)]
         if not judged:
             return self._without_samples(stretches)
         if any(len(samples) == 0 for samples in judged):
-            return Verdict(-np.inf, None, (), "its signals were absent all the time")
+            return Verdict(-np.inf, None, (), "its signals were absent throughout")
         pick = np.argmax if self.eventually else np.argmin
         deciding = [int(samples[pick(margin[samples])]) for samples in judged]
         worst = min(deciding, key=lambda sample: float(margin[sample]))
@@ -92,9 +92,9 @@ class Condition:
         return Verdict(float(margin[worst]), elapsed_s, tuple(dict(values).items()), "")
 
     def _without_samples(self, stretches: list[np.ndarray]) -> Verdict:
-        """The verdict on no sample at all: passed only if the sentence says that this may be."""
+        """The verdict without any sample: passed only when the scope may be empty."""
         if self.scope.may_be_empty and not any(stretch.any() for stretch in stretches):
-            return Verdict(np.inf, None, (), "it did not come to that")
+            return Verdict(np.inf, None, (), "its event or `whenever` condition did not occur")
         return Verdict(-np.inf, None, (), "there was no sample to judge")
 
     @property
@@ -106,7 +106,7 @@ class Condition:
 def parse_condition(text: str) -> Condition:
     """The condition that ``text`` states.
 
-    Raises ValueError that says at which column what was found, and what was expected.
+    Raises ValueError with the column, the text found there and the text expected.
     """
     sentence = parse(text)
     return Condition(text, sentence.claim, sentence.scope, sentence.eventually, sentence.words)

@@ -1,4 +1,4 @@
-"""What a run must satisfy, and the judgement of it."""
+"""Criteria of a run, and their judgement."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,7 +9,7 @@ from sim_harness.judging.trace import Trace
 from trepid.config import Settings
 from trepid.types import Positive
 
-if TYPE_CHECKING:  # its filters and ranks take 0.4 s to import, and the processes of a drive judge nothing
+if TYPE_CHECKING:  # scipy is slow to import, and the processes of a drive judge nothing
     from sim_harness.judging.metrics import Metrics
 
 STANDSTILL_MPS = 0.01
@@ -21,11 +21,11 @@ def _sentence(text: str) -> str:
 
 
 Sentence = Annotated[str, AfterValidator(_sentence)]
-"""The text of a condition that can be parsed."""
+"""The text of a valid condition."""
 
 
 class Expect(Settings):
-    """What a run must satisfy to pass; absent: not judged."""
+    """Criteria that a run must satisfy; an absent one is not judged."""
 
     max_departures: Annotated[int, Field(ge=0)] = 0
     max_interventions: Annotated[int, Field(ge=0)] = 0
@@ -37,11 +37,11 @@ class Expect(Settings):
     min_mean_speed_mps: Positive | None = None
     min_time_gap_s: Positive | None = None
     must_finish: bool = False  # drive the whole route
-    must_stop_by_s: Positive | None = None  # drive, and stand still from this time of the run to its end
-    conditions: tuple[Sentence, ...] = ()  # over time; the grammar stands in docs/conditions.md
+    must_stop_by_s: Positive | None = None  # drive, then stand still from this time to the end of the run
+    conditions: tuple[Sentence, ...] = ()  # sentences over time; grammar: docs/conditions.md
 
     def shortened(self, duration_s: float) -> "Expect":
-        """Without what a run that is cut off after ``duration_s`` cannot show."""
+        """Without the criteria that need a run longer than ``duration_s``."""
         dropped: dict[str, object] = {"must_finish": False, "min_mean_speed_mps": None, "conditions": ()}
         if self.must_stop_by_s is not None and self.must_stop_by_s > duration_s:
             dropped["must_stop_by_s"] = None
@@ -49,7 +49,7 @@ class Expect(Settings):
 
 
 def judge(expect: Expect, metrics: "Metrics", trace: Trace) -> list[str]:
-    """Why a run failed what was expected of it; empty when it passed."""
+    """The reasons for which a run failed; empty when it passed."""
     most = {
         "departures": expect.max_departures,
         "interventions": expect.max_interventions,
@@ -64,12 +64,12 @@ def judge(expect: Expect, metrics: "Metrics", trace: Trace) -> list[str]:
     for name, limit in most.items():
         value = getattr(metrics, name)
         if limit is not None and value > limit:
-            reasons.append(f"{name} {value:.4g}: at most {limit:.4g} expected")
+            reasons.append(f"{name} {value:.4g}: expected at most {limit:.4g}")
     for name, limit in least.items():
         value = getattr(metrics, name)
         if limit is not None and (value is None or value < limit):
             found = "unknown" if value is None else f"{value:.4g}"
-            reasons.append(f"{name} {found}: at least {limit:.4g} expected")
+            reasons.append(f"{name} {found}: expected at least {limit:.4g}")
     if expect.must_finish and not trace["finished"][-1]:
         reasons.append("the route was not driven to its end")
     if expect.must_stop_by_s is not None:
@@ -79,13 +79,13 @@ def judge(expect: Expect, metrics: "Metrics", trace: Trace) -> list[str]:
 
 
 def _judge_stop(by_s: float, trace: Trace) -> list[str]:
-    """Whether the vehicle drove, and stood still from ``by_s`` after the start to the end."""
+    """Reasons unless the vehicle drove, then stood still from ``by_s`` after the start to the end."""
     elapsed_s = trace["t_s"] - trace["t_s"][0]
     moving = elapsed_s[trace["speed_mps"] > STANDSTILL_MPS]
     if elapsed_s[-1] < by_s:
-        return [f"the run ended before {by_s:.4g} s, by when the vehicle had to stand"]
+        return [f"the run ended before {by_s:.4g} s, the latest time for the stop"]
     if len(moving) == 0:
-        return ["the vehicle never moved, so that it stands shows nothing"]
+        return ["the vehicle never moved: must_stop_by_s needs a vehicle that drove"]
     if moving[-1] >= by_s:
         return [f"the vehicle moved at {moving[-1]:.2f} s: expected to stand from {by_s:.4g} s on"]
     return []

@@ -1,4 +1,4 @@
-"""When a condition is judged: events of a run, and the stretches of time that hang on them."""
+"""The time at which a condition is judged: events of a run, and time intervals around them."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Begins:
 
     claim: Claim
     text: str
-    after_start: bool = False  # what is true at the first sample did not become so
+    after_start: bool = False  # True: a claim that holds at the first sample does not begin there
 
     def instants_s(self, trace: Trace) -> list[float]:
         true = self.claim.margin(trace) >= 0
@@ -72,7 +72,7 @@ Instant = Begins | Counted | Elapsed | Ending
 
 @dataclass(frozen=True, slots=True)
 class Around:
-    """A stretch of ``before_s`` and ``after_s`` around every time that something happens."""
+    """An interval of ``before_s`` and ``after_s`` around every occurrence of an event."""
 
     event: Instant
     before_s: float
@@ -80,32 +80,32 @@ class Around:
     must_happen: bool
 
     def spans(self, trace: Trace, low_s: float, high_s: float) -> list[tuple[float, float]]:
-        """From and to [s] for every time it happens within [low, high]. Raises NothingToJudge."""
+        """From and to [s] for every occurrence within [low, high]. Raises NothingToJudge."""
         instants_s = self.event.instants_s(trace)
         inside = [at for at in instants_s if low_s - SAME_INSTANT_S <= at <= high_s + SAME_INSTANT_S]
         if not inside and self.must_happen:
-            raise NothingToJudge(f"{self.event.text} never came")
+            raise NothingToJudge(f"{self.event.text} did not occur")
         return [(max(at - self.before_s, low_s), min(at + self.after_s, high_s)) for at in inside]
 
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """All that limits when a claim is judged; what is absent does not."""
+    """The limits in time of a claim; an absent one does not limit."""
 
     around: Around | None = None
     start: Instant | None = None  # the first of its instants
     end: Instant | None = None
     while_claim: Claim | None = None
-    while_must_hold: bool = True  # at some time, or there is nothing to judge
+    while_must_hold: bool = True  # at some time, else NothingToJudge
 
     @property
     def may_be_empty(self) -> bool:
-        """True when the sentence says that it may not come to it: `any`, `whenever`."""
+        """True when the sentence allows that nothing is judged: `any`, `whenever`."""
         lacks_event = self.around is not None and not self.around.must_happen
         return lacks_event or (self.while_claim is not None and not self.while_must_hold)
 
     def stretches(self, trace: Trace) -> list[Flags]:
-        """The samples of every stretch that is judged by itself. Raises NothingToJudge."""
+        """The samples of every interval that is judged by itself. Raises NothingToJudge."""
         t_s = trace["t_s"]
         low_s = _first(self.start, trace) if self.start else float(t_s[0])
         high_s = _first(self.end, trace) if self.end else float(t_s[-1])
@@ -119,13 +119,13 @@ class Scope:
 
 
 class NothingToJudge(Exception):
-    """The run never came to what a condition is about."""
+    """The event or the `while` claim of a condition did not occur in the run."""
 
 
 def _first(instant: Instant, trace: Trace) -> float:
     instants_s = instant.instants_s(trace)
     if not instants_s:
-        raise NothingToJudge(f"{instant.text} never came")
+        raise NothingToJudge(f"{instant.text} did not occur")
     return instants_s[0]
 
 

@@ -1,7 +1,7 @@
-"""What a condition may speak of: columns of the trace by their names without unit, with the unit they carry.
+"""The signals of conditions: columns of the trace by their names without unit.
 
-``speed`` is the column ``speed_mps``; ``fear`` is ``decision.fear``; estimators are ``cv.confidence``. A name is
-looked up as it stands, then among the truth and the vehicle's state, then in the decision. Absent is NaN.
+``speed`` is the column ``speed_mps``; ``fear`` is ``decision.fear``; ``cv.confidence`` is of an estimator. The
+lookup order is: column names, truth and vehicle state, decision. Absent is NaN.
 """
 
 import difflib
@@ -62,13 +62,13 @@ DERIVED: dict[str, Callable[[Trace], Column]] = {
     "lane_edge_distance_m": margins.lane_edge_distance_m,
     "elapsed_s": lambda trace: trace["t_s"] - trace["t_s"][0],
 }
-EVENT_COLUMNS = ("fault", "disturbance", "traffic")  # fault.glare, ...: 0 while it is not there
+EVENT_COLUMNS = ("fault", "disturbance", "traffic")  # fault.glare, ...: 0 while inactive
 COUNTERS = {"departure": "departures", "intervention": "interventions", "collision": "collisions"}
 
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A column of the trace, or what is derived from several, perhaps as magnitude."""
+    """A column of the trace or a derived column, optionally as magnitude."""
 
     column: str
     absolute: bool = False
@@ -85,7 +85,7 @@ class Signal:
         return name if name in ESTIMATORS else ""
 
     def values(self, trace: Trace) -> Column:
-        """One value per sample, NaN where absent. Raises KeyError when the run has no such column."""
+        """One value per sample, NaN where absent. Raises KeyError for a column that the run lacks."""
         derived = DERIVED.get(self.column)
         values = derived(trace) if derived else trace[self.column]
         return np.abs(values) if self.absolute else values
@@ -115,14 +115,14 @@ def close_to(name: str, known: Iterable[str]) -> str:
 
 
 def fear_border(level: str) -> tuple[float, float]:
-    """Fear from which on it is ``level``, and from which on it is more, as ``Decision.level`` has it."""
+    """The lower and upper border of fear at ``level``, as in ``Decision.level``."""
     at = [-np.inf, *_level_places(), np.inf]
     index = LEVELS.index(level) + 1
     return (at[index - 1] + at[index]) / 2, (at[index] + at[index + 1]) / 2
 
 
 def activity(trace: Trace, name: str) -> Column:
-    """1 where the fault, disturbance, manoeuvre or section ``name`` is there, else 0."""
+    """1 where the fault, disturbance, manoeuvre or section ``name`` is active, else 0."""
     active = np.zeros(len(trace))
     for prefix in EVENT_COLUMNS:
         if f"{prefix}.{name}" in trace.columns:
@@ -134,7 +134,7 @@ def activity(trace: Trace, name: str) -> Column:
 
 @cache
 def _signal_names() -> dict[str, str]:
-    """Every way to name a signal -> its column; what comes first goes first."""
+    """Every name of a signal -> its column; earlier entries take precedence."""
     names: dict[str, str] = {}
     columns = [name for name in column_names(tuple(ESTIMATORS)) if name not in LABELS and name != "t_s"]
     own = [*(name for name in columns if "." not in name), *DERIVED]

@@ -102,9 +102,9 @@ def test_a_window_cuts_off_what_lies_around_its_events():
     assert robustness("speed >= 7 for 0.5 s before glare from t = 0.8 s on", trace) == 1.0
     assert robustness("speed <= 13 for 0.5 s after glare", trace) == -2.0
     assert robustness("speed <= 13 for 0.5 s after glare until t = 1.2 s", trace) == 1.0
-    assert "glare never came" in parse_condition("speed <= 99 for 1 s after glare until t = 0.5 s").explain(
-        trace
-    )
+    assert "glare did not occur" in parse_condition(
+        "speed <= 99 for 1 s after glare until t = 0.5 s"
+    ).explain(trace)
 
 
 def test_what_is_there_from_the_start_begins_there_and_what_never_was_does_not_end():
@@ -297,7 +297,7 @@ def test_the_worst_moment_is_explained_from_the_start_of_the_run():
     never_held = parse_condition("speed <= 6 m/s while glare").explain(run(4, speed_mps=speed))
     assert never_held.endswith("failed: its `while` never held")
     never_came = parse_condition("speed <= 6 m/s within 1 s of glare").explain(run(4, speed_mps=speed))
-    assert never_came == "speed <= 6 m/s within 1 s of glare: failed: glare never came"
+    assert never_came == "speed <= 6 m/s within 1 s of glare: failed: glare did not occur"
 
 
 WRONG = {

@@ -34,13 +34,13 @@ RUN = trace_of([truth(0.0), truth(10.0)])
 @pytest.mark.parametrize(
     ("expect", "change", "reason"),
     [
-        ({}, {"departures": 1}, "departures 1: at most 0 expected"),
-        ({}, {"collisions": 2}, "collisions 2: at most 0 expected"),
+        ({}, {"departures": 1}, "departures 1: expected at most 0"),
+        ({}, {"collisions": 2}, "collisions 2: expected at most 0"),
         ({"max_departures": 1}, {"departures": 1}, None),
         ({"max_lateral_error_m": 0.3}, {"max_lateral_error_m": 0.31}, "max_lateral_error_m 0.31"),
         ({"max_lateral_error_m": 0.3}, {"max_lateral_error_m": 0.3}, None),
-        ({"min_mean_speed_mps": 5.0}, {"mean_speed_mps": 4.9}, "mean_speed_mps 4.9: at least 5 expected"),
-        ({"min_time_gap_s": 1.0}, {}, "min_time_gap_s unknown: at least 1 expected"),
+        ({"min_mean_speed_mps": 5.0}, {"mean_speed_mps": 4.9}, "mean_speed_mps 4.9: expected at least 5"),
+        ({"min_time_gap_s": 1.0}, {}, "min_time_gap_s unknown: expected at least 1"),
         ({"must_finish": True}, {}, "the route was not driven to its end"),
     ],
 )

@@ -87,7 +87,7 @@ def test_a_missing_scenario_names_those_there_are():
         ("estimators: [lidar]", r"mine\.yaml:5:14: estimators\.0: no estimator 'lidar'; there are cv, cnn"),
         (
             "sight: truth\nfaults: [{kind: black_frames, from_s: 1}]",
-            r"mine\.yaml:6:10: faults\.0: black_frames: with sight: truth there is no picture",
+            r"mine\.yaml:6:10: faults\.0: black_frames: with sight: truth there is no image",
         ),
         (
             "expect: {conditions: [speed <= 9 m/s, speed <= 1 m/s within 2 s of black_frames]}",
@@ -182,8 +182,8 @@ def test_every_example_script_is_short_and_fits_together(path):
     [
         ("x = 1\nscenarios = [1 / 0]\n", r"bad\.py:2: division by zero"),
         ("def f(:\n", r"bad\.py:1: "),
-        ("x = 1\n", "must leave a Scenario or a list of them"),
-        ("scenarios = [3]\n", "must leave a Scenario or a list of them"),
+        ("x = 1\n", "must assign a Scenario or a list of them"),
+        ("scenarios = [3]\n", "must assign a Scenario or a list of them"),
     ],
 )
 def test_a_broken_script_is_one_message_with_its_line(tmp_path, script, message):
