@@ -1,4 +1,4 @@
-"""What the camera saw during a run, kept so that its worst moment can be shown as it was."""
+"""Camera frames of a run, stored for the report of its worst moment."""
 
 from bisect import bisect_right
 from collections.abc import Mapping
@@ -13,14 +13,14 @@ from sim_harness.lockstep.closed_loop import Parts, Result, Witness, build_parts
 from sim_harness.scenarios.scenario import Scenario
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 
-EVERY_S = 0.2  # a frame is kept; all of them would cost a tenth of the run's time
-QUALITY, PICTURE_QUALITY = 90, 75  # of the JPEG that is kept, and of the one that is shown
+EVERY_S = 0.2  # interval of the stored frames; encoding all of them would take a tenth of the run time
+QUALITY, PICTURE_QUALITY = 90, 75  # of the stored and of the shown JPEG
 PICTURE_PX = (480, 360)
 
 
 @dataclass(slots=True)
 class Shot:
-    """A frame as JPEG, and what the estimators made of it."""
+    """A frame as JPEG with its estimates."""
 
     t_s: float
     jpeg: bytes
@@ -34,14 +34,14 @@ class Film:
         self._shots: list[Shot] = []
 
     def watching(self, parts: Parts) -> Parts:
-        """``parts`` whose estimators leave what they see in this film, and do nothing else differently."""
+        """``parts`` with estimators that also store frames and estimates in this film."""
         estimators: Mapping[str, Estimator] = {
             name: _Watched(name, estimator, self) for name, estimator in parts.estimators.items()
         }
         return replace(parts, estimators=estimators)
 
     def add(self, name: str, frame: Frame, estimate: SteeringEstimate) -> None:
-        """Keep ``frame`` if it is time, and what the estimator ``name`` made of it."""
+        """Store ``frame`` when the interval has passed, and the estimate of ``name`` for a stored frame."""
         if not self._shots or frame.t_s >= self._shots[-1].t_s + EVERY_S - 1e-6:
             _, jpeg = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
             self._shots.append(Shot(frame.t_s, jpeg.tobytes()))
@@ -49,33 +49,33 @@ class Film:
             self._shots[-1].estimates[name] = estimate
 
     def at(self, t_s: float) -> Shot | None:
-        """The last frame by ``t_s``; None when there is none."""
+        """The last frame up to ``t_s``, or None."""
         index = bisect_right([shot.t_s for shot in self._shots], t_s + 1e-6)
         return self._shots[index - 1] if index else None
 
 
 class _Watched:
-    """An estimator whose frames and answers are kept."""
+    """An estimator whose frames and estimates are stored."""
 
     def __init__(self, name: str, estimator: Estimator, film: Film) -> None:
         self._name, self._estimator, self._film = name, estimator, film
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
-        """The answer of the estimator."""
+        """The estimate of the estimator."""
         estimate = self._estimator.step(frame, state, now_s=now_s)
         self._film.add(self._name, frame, estimate)
         return estimate
 
 
 def run_filmed(scenario: Scenario, *, seed: int, witness: Witness | None = None) -> tuple[Result, Film]:
-    """:func:`run`, and what the camera saw. Raises InputError."""
+    """:func:`run` with its film. Raises InputError."""
     film = Film()
     parts = film.watching(build_parts(scenario, seed=seed))
     return run(scenario, seed=seed, parts=parts, witness=witness), film
 
 
 def picture(shot: Shot) -> tuple[bytes, str]:
-    """The frame with what the surest estimator saw drawn into it, as JPEG, and the name of that estimator."""
+    """The frame with the lane of the most confident estimator, as JPEG, and the name of the estimator."""
     image = cv2.imdecode(np.frombuffer(shot.jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert image is not None  # it was encoded here
     drawn = {name: found for name, found in shot.estimates.items() if found.left_boundary_px}

@@ -1,7 +1,7 @@
 """A report of many runs as one self-contained page: no network, nothing to install, opens in any browser.
 
-Where the run is: ``result, film = run_filmed(scenario, seed=seed)``, then ``summarise(scenario, result, film)``,
-with None instead of the film where no picture is wanted. Where the page is, for every run: ``page.add(row,
+In the process of a run: ``result, film = run_filmed(scenario, seed=seed)``, then ``summarise(scenario, result,
+film)``, or None instead of the film for no image. In the process of the page, for every run: ``page.add(row,
 tags=scenario.tags, command=…, detail=summary)``; at the end: ``page.write(path)``.
 """
 
@@ -33,7 +33,7 @@ COLUMNS = (
     "max_fear",
     "mean_fear",
 )
-"""What the table shows of a row of ``sim run --json``; the rest stands with the details of the run."""
+"""Columns of the table; the other fields of ``sim run --json`` are listed in the details of the run."""
 MAX_FAILED_PICTURES, MAX_OTHER_PICTURES = 200, 12
 
 
@@ -65,9 +65,9 @@ class Page:
         command: str | None = None,
         detail: Detail | None = None,
     ) -> None:
-        """Add a run: its ``row`` as of ``sim run --json``, and what :func:`summarise` made of it.
+        """Add a run: its ``row`` as of ``sim run --json``, and the result of :func:`summarise`.
 
-        ``command`` replays it; by default the scenario's name with the seed.
+        ``command`` repeats it; by default the scenario's name with the seed.
         """
         command = command or f"trepid sim run {row['scenario']} --seed {row['seed']}"
         self._runs.append(_json([[row[name] for name in COLUMNS], list(tags)]))
@@ -76,7 +76,7 @@ class Page:
         )
 
     def write(self, path: Path) -> None:
-        """Write the page. Raises InputError when that cannot be done."""
+        """Write the page. Raises InputError when ``path`` cannot be written."""
         facts = {"title": self._title, "columns": COLUMNS, "pictures": self._limits}
         parts = {
             "TITLE": self._title.replace("&", "&amp;").replace("<", "&lt;"),
@@ -108,6 +108,6 @@ class Page:
 
 
 def _json(value: Any) -> str:
-    """Compact JSON that may stand within a script element."""
+    """Compact JSON that is safe within a script element."""
     text = json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -1,4 +1,4 @@
-"""A run as one picture: what the camera saw, where the car went and how afraid it was, all from its trace."""
+"""A run as one image, from its trace: camera views, map of the driven path, and time series."""
 
 from collections.abc import Sequence
 
@@ -19,10 +19,7 @@ from trepid.types import Column, Image
 
 WIDTH_PX, VIEW_PX, MAP_PX, PLOT_PX = 1600, 400, 520, 130
 INK, PAPER, FAINT = (40, 40, 40), (250, 250, 250), (215, 215, 215)
-WATCHED_S, FRAME_EVERY = (
-    1.5,
-    4,
-)  # before a view: time that the estimator watches, in samples between its frames
+WARM_UP_S, FRAME_EVERY = 1.5, 4  # of the estimator before a view: time, and samples between its frames
 Points = NDArray[np.int32]
 
 
@@ -34,7 +31,7 @@ def draw(scenario: Scenario, trace: Trace, *, seed: int) -> Image:
 
 
 def fear_colour(fear: float) -> tuple[int, int, int]:
-    """Green for calm through yellow to red for fear 1; grey where it is unknown (BGR)."""
+    """Colour (BGR) from green at fear 0 through yellow to red at 1; grey where unknown."""
     if not np.isfinite(fear):
         return (160, 160, 160)
     hue = np.array([[[round(60 * (1 - min(max(fear, 0.0), 1.0))), 230, 200]]], np.uint8)
@@ -43,11 +40,11 @@ def fear_colour(fear: float) -> tuple[int, int, int]:
 
 
 def _views(road: Road, trace: Trace, seed: int) -> Image:
-    """Two rows of camera views with what the CV estimator saw there, one from each of eight sections."""
+    """Two rows of camera views with the lane of the CV estimator, one from each of eight sections."""
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     renderer, views = Renderer(road, camera, seed=seed), []
     for section, sample in _moments(trace, count=8):
-        image, estimate = _seen(renderer, trace, sample)
+        image, estimate = _estimated(renderer, trace, sample)
         view: Image = np.empty((VIEW_PX * 3 // 4, VIEW_PX, 3), np.uint8)
         cv2.resize(
             annotated(image, estimate), (VIEW_PX, VIEW_PX * 3 // 4), view, interpolation=cv2.INTER_AREA
@@ -59,10 +56,10 @@ def _views(road: Road, trace: Trace, seed: int) -> Image:
     return np.vstack([np.hstack(views[:4]), np.hstack(views[4:])])
 
 
-def _seen(renderer: Renderer, trace: Trace, sample: int) -> tuple[Image, SteeringEstimate]:
-    """The frame at ``sample`` and its estimate, by an estimator that has watched the time before, as in the run."""
+def _estimated(renderer: Renderer, trace: Trace, sample: int) -> tuple[Image, SteeringEstimate]:
+    """The frame at ``sample`` and its estimate by an estimator that has processed the frames before it."""
     estimator, image, estimate = build("cv"), None, None
-    first = int(np.searchsorted(trace["t_s"], trace["t_s"][sample] - WATCHED_S))
+    first = int(np.searchsorted(trace["t_s"], trace["t_s"][sample] - WARM_UP_S))
     for i in range(sample - (sample - first) // FRAME_EVERY * FRAME_EVERY, sample + 1, FRAME_EVERY):
         x_m, y_m, yaw_rad, station_m, t_s = (
             float(trace[name][i]) for name in ("x_m", "y_m", "yaw_rad", "station_m", "t_s")
@@ -81,7 +78,7 @@ def _seen(renderer: Renderer, trace: Trace, sample: int) -> tuple[Image, Steerin
 
 
 def _moments(trace: Trace, *, count: int) -> list[tuple[str, int]]:
-    """A section's name and its most fearful sample, in the sharpest bend of these, for ``count`` sections."""
+    """For ``count`` sections the name and the sample of greatest fear; of equal ones that of greatest curvature."""
     moments = []
     rolling = trace["speed_mps"] >= 1.0
     for code, name in enumerate(trace.words["section"]):

@@ -1,4 +1,4 @@
-"""A run as the report page shows it, in some kilobytes: a worker process sends this instead of the trace.
+"""Summary of a run for the report page, a few kilobytes that a worker process sends instead of the trace.
 
 Numbers are whole multiples of a step, each as its difference from the one before; null is absent:
 ``{"step": 0.01, "d": [500, -3, null, …]}``.
@@ -19,10 +19,10 @@ from sim_harness.report.film import Film, picture
 from sim_harness.scenarios.scenario import Scenario
 from trepid.types import Column
 
-EVEN_SAMPLES, STRETCHES = 120, 30  # samples that are kept: evenly spaced, and the extremes of every stretch
+EVEN_SAMPLES, STRETCHES = 120, 30  # kept samples: evenly spaced ones, and the extremes of every interval
 EDGE_POINTS = 240
 BEYOND_M = 10.0  # of the route, at both ends of an open road
-CALM_AFTER_S = 1.0  # before it nothing has been seen, which is frightening but no news
+CALM_AFTER_S = 1.0  # fear before it, without any estimate yet, is left out
 LONGEST_GAP_S = 10.0
 BANDS = ("mode", "cause", "section")
 
@@ -58,7 +58,7 @@ def summarise(scenario: Scenario, result: Result, film: Film | None = None) -> D
 
 
 def kept_samples(trace: Trace) -> NDArray[np.intp]:
-    """Samples that show a run: evenly spaced ones, and where fear, speed and error are extreme within a stretch."""
+    """The kept samples: evenly spaced ones, and the extremes of fear, speed and error in every interval."""
     samples = np.arange(len(trace))
     chosen = [np.linspace(0, len(trace) - 1, EVEN_SAMPLES).round().astype(np.intp)]
     for stretch in np.array_split(samples, min(STRETCHES, len(trace))):
