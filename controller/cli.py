@@ -103,16 +103,7 @@ def identify(
     refused = {
         name: part.refused for name, part in (("understeer", steady), ("response", response)) if part.refused
     }
-    if as_json:
-        parameters = {
-            name: {"value": p.value, "ci95": list(p.ci95), "unit": p.unit} for name, p in found.items()
-        }
-        print(json.dumps({"parameters": parameters, "excitation": excitation, "refused": refused}))
-    else:
-        for name, p in found.items():
-            print(f"{name:34} {p.value:+.5f}   95 %: {p.ci95[0]:+.5f} to {p.ci95[1]:+.5f}   {_readable(p)}")
-        for name, amount in excitation.items():
-            print(f"excited: {name:38} {amount:.4g}")
+    _print_identified(found, excitation, refused, as_json=as_json)
     for name, reason in refused.items():
         print(f"trepid: {log}: {name} not identified: {reason}", file=sys.stderr)
     return 1 if steady.refused else 0
@@ -160,6 +151,22 @@ def margins(
     typer.echo(" ".join(f"{name:>16}" for name in rows[0]))
     for row in rows:
         typer.echo(" ".join(f"{'inf' if value is None else value:>16}" for value in row.values()))
+
+
+def _print_identified(
+    found: dict[str, "Parameter"], excitation: dict[str, float], refused: dict[str, str], *, as_json: bool
+) -> None:
+    """Parameters with their intervals and measures of excitation, as lines or as JSON."""
+    if as_json:
+        parameters = {
+            name: {"value": p.value, "ci95": list(p.ci95), "unit": p.unit} for name, p in found.items()
+        }
+        print(json.dumps({"parameters": parameters, "excitation": excitation, "refused": refused}))
+    else:
+        for name, p in found.items():
+            print(f"{name:34} {p.value:+.5f}   95 %: {p.ci95[0]:+.5f} to {p.ci95[1]:+.5f}   {_readable(p)}")
+        for name, amount in excitation.items():
+            print(f"excited: {name:38} {amount:.4g}")
 
 
 def _renaming(text: str) -> tuple[str, str]:

@@ -51,7 +51,7 @@ def test_a_calm_lane_below_the_cap_is_driven_straight_and_faster():
 
 
 def test_while_a_driver_drives_nothing_is_demanded_and_the_hand_over_is_smooth():
-    """Told to stop all the while, it would brake by 1 m/s² at the hand-over if its demand had not waited at 0."""
+    """A demand that did not wait at 0 would brake by 1 m/s² at the hand-over."""
     one = controller()
     for n in range(100):
         driven = replace(state(0.02 * n, speed_mps=4.0), driver_override=True)
@@ -278,10 +278,10 @@ def test_a_car_that_loses_its_path_while_it_corrects_stops_along_the_remembered_
     for n in range(400):
         t = now_s + 0.02 * n
         seen = dict(lateral_offset_m=offset_m, heading_error_rad=heading_rad)
-        told = decision(t, **(seen if n < 25 else LOST))
+        reported = decision(t, **(seen if n < 25 else LOST))
         rate_radps = speed_mps * math.tan(wheel_rad) / SHUTTLE.wheelbase_m
         moving = state(t, speed_mps=speed_mps, road_wheel_angle_rad=wheel_rad, yaw_rate_radps=rate_radps)
-        asked = one.step(told, moving, now_s=t)
+        asked = one.step(reported, moving, now_s=t)
         wheel_rad += 0.02 / 0.1 * (asked.road_wheel_angle_rad - wheel_rad)
         offset_m, heading_rad = (
             offset_m + 0.02 * speed_mps * math.sin(heading_rad),

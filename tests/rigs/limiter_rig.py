@@ -74,6 +74,6 @@ def command(now_s=0.0, **changes) -> Command:
 
 
 def seen(**changes) -> Seen:
-    """A believed state: straight on at 5 m/s, changed."""
+    """A plausible state: straight on at 5 m/s, with changes."""
     calm = dict(speed_mps=5.0, wheel_rad=0.0, driver=False, torque_nm=None, yaw_rate_radps=None)
     return Seen(**(calm | changes))

@@ -326,10 +326,10 @@ def test_columns_may_have_other_names_units_and_signs(tmp_path, weave):
 def test_the_command_line_prints_every_parameter_with_interval_and_unit(tmp_path, weave):
     path = write_table(tmp_path / "drive.csv", weave)
     result = identify(path, "--json", "--set", "max_road_wheel_rate_radps=3.0")
-    told = json.loads(result.stdout)
+    reported = json.loads(result.stdout)
     assert result.return_value == 0
-    assert told["refused"] == {}
-    assert told["parameters"].keys() == {
+    assert reported["refused"] == {}
+    assert reported["parameters"].keys() == {
         GRADIENT,
         "steering_offset_rad",
         "yaw_rate_offset_radps",
@@ -338,10 +338,10 @@ def test_the_command_line_prints_every_parameter_with_interval_and_unit(tmp_path
         "steering_lag_s",
         "steering_delay_plus_lag_s",
     }
-    for parameter in told["parameters"].values():
+    for parameter in reported["parameters"].values():
         assert parameter["ci95"][0] < parameter["value"] < parameter["ci95"][1]
         assert parameter["unit"]
-    assert told["excitation"]["speed_p95_mps"] > 15.0
+    assert reported["excitation"]["speed_p95_mps"] > 15.0
     words = identify(path, "--set", "max_road_wheel_rate_radps=3.0").stdout
     assert "deg/g" in words
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from controller.learner.steering_timing import SteeringTiming
 from sim_harness.world.plants.kinematic import KinematicPlant
 
-BELIEVED = vehicle(steering_delay_s=0.1, steering_lag_s=0.1)
+ASSUMED = vehicle(steering_delay_s=0.1, steering_lag_s=0.1)
 
 
 def weave(t_s, slope=1.0):
@@ -20,7 +20,7 @@ def weave(t_s, slope=1.0):
 
 def learned(real, seconds=6.0, share=0.6, noise_rad=0.0, sensor_rad=0.0, angle=weave, driver=False, seed=0):
     """θ after ``seconds`` of commands at 50 Hz and angles at 100 Hz."""
-    timing = SteeringTiming(BELIEVED, delay_s=BELIEVED.steering_delay_s, share=share)
+    timing = SteeringTiming(ASSUMED, delay_s=ASSUMED.steering_delay_s, share=share)
     plant = KinematicPlant(real)
     car, asked = plant.initial(speed_mps=10.0), 0.0
     noise = np.random.default_rng(seed).normal(0.0, 1.0, round(seconds / 0.01)) * noise_rad
@@ -36,7 +36,7 @@ def learned(real, seconds=6.0, share=0.6, noise_rad=0.0, sensor_rad=0.0, angle=w
 
 
 def test_a_steering_as_in_the_vehicle_file_has_no_extra_delay():
-    assert learned(BELIEVED) == pytest.approx(0.0, abs=0.002)
+    assert learned(ASSUMED) == pytest.approx(0.0, abs=0.002)
 
 
 @settings(max_examples=10, deadline=None)
@@ -83,7 +83,7 @@ def test_a_straight_road_keeps_the_estimate():
 
 
 def test_a_state_without_a_wheel_angle_or_from_the_past_changes_nothing():
-    timing = SteeringTiming(BELIEVED, delay_s=0.1, share=0.5)
+    timing = SteeringTiming(ASSUMED, delay_s=0.1, share=0.5)
     for t_s, angle_rad in ((0.0, 0.1), (0.01, None), (-1.0, 0.3), (0.02, 0.1)):
         timing.measured(state(t_s, road_wheel_angle_rad=angle_rad))
     assert timing.late_s == 0.0

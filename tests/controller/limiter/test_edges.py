@@ -34,15 +34,15 @@ def test_at_first_nothing_is_stopped_handed_over_or_saturated():
 
 
 def test_the_report_carries_override_and_saturation_and_keeps_the_rest_of_the_state():
-    one, told = limiter(EXACT), state(3.0, speed_mps=7.0, driver_torque_nm=0.5)
+    one, reported = limiter(EXACT), state(3.0, speed_mps=7.0, driver_torque_nm=0.5)
     stepped(one, 0.0)
-    assert one.report(told) == state(3.0, speed_mps=7.0, driver_torque_nm=0.5, saturated=False)
+    assert one.report(reported) == state(3.0, speed_mps=7.0, driver_torque_nm=0.5, saturated=False)
     for n in range(80):
         stepped(one, n / 64, wanted=0.5)
     assert one.saturated
-    assert one.report(told).saturated is True
+    assert one.report(reported).saturated is True
     stepped(one, 1.5, driver_override=True)
-    assert one.report(told).driver_override is True
+    assert one.report(reported).driver_override is True
     assert one.handed_over is True
 
 

@@ -1,4 +1,4 @@
-"""The limiter: bounded whatever comes in, a stop when nothing good comes in, never an empty feasible set."""
+"""The limiter: bounded for any input, a stop without usable inputs, never an empty feasible set."""
 
 import math
 from dataclasses import fields, replace
@@ -118,7 +118,7 @@ def test_accelerating_in_a_bend_counts_into_the_jerk(sign):
 
 
 def test_acceleration_comes_before_jerk_and_the_brake_is_applied():
-    """A jump of the measured speed puts the car at 4 m/s²: it unwinds at full wheel rate, whatever the jerk."""
+    """A jump of the measured speed puts the car at 4 m/s²: it unwinds at full wheel rate, for any jerk."""
     one = limiter()
     start = angle_for(2.5, 10.0)
     run(one, 0.05, lambda t: command(t, road_wheel_angle_rad=start), lambda t: state(t, speed_mps=10.0))

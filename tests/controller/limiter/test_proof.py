@@ -83,8 +83,8 @@ def hold_for_any_call(seed, calls):
         if last_rad is not None and not one.handed_over:
             reach_rad = fastest * min(now_s - last_s, SHIPPED.max_step_s)
             assert abs(angle_rad - last_rad) <= reach_rad + 1e-12
-        saw = one.handed_over or last_rad is not None or angle_rad != 0.0
-        last_rad, last_s = (angle_rad if saw else None), now_s
+        measured = one.handed_over or last_rad is not None or angle_rad != 0.0
+        last_rad, last_s = (angle_rad if measured else None), now_s
 
 
 def worst_r79_jerk(lateral_mps2, jerk_mps3, *, rate_hz=50, seconds=6.0):

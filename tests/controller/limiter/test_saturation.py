@@ -22,9 +22,9 @@ def drive_seeing(name, duration_s=12.0, **changes):
     states, step = [], parts.vehicle.step
 
     def listening(*args, **kwargs):
-        told = step(*args, **kwargs)
-        states.append(told[0])
-        return told
+        reported = step(*args, **kwargs)
+        states.append(reported[0])
+        return reported
 
     parts.vehicle.step = listening
     ClosedLoop(scenario, parts, load_simulator()).drive()
@@ -34,21 +34,21 @@ def drive_seeing(name, duration_s=12.0, **changes):
 @pytest.mark.parametrize("name", NORMAL)
 def test_a_normal_drive_is_never_saturated_and_never_handed_over(name):
     states = drive_seeing(name)
-    moving = [told for told in states if told.speed_mps > 2.0]
+    moving = [reported for reported in states if reported.speed_mps > 2.0]
     assert len(moving) > 500
-    assert not any(told.saturated for told in states)
-    assert not any(told.driver_override for told in states if told.t_s >= 0.0)
+    assert not any(reported.saturated for reported in states)
+    assert not any(reported.driver_override for reported in states if reported.t_s >= 0.0)
 
 
 def test_a_bend_too_tight_for_the_speed_saturates_within_half_a_second():
-    limiter, told = build(), []
+    limiter, reported = build(), []
     for tick in range(60):
         now_s = TICK_S * tick
         known = state(now_s, speed_mps=15.0)
         limiter.step(command(now_s, road_wheel_angle_rad=0.2), now_s, known, now_s=now_s)
-        told.append(limiter.report(known).saturated)
-    assert told[0] is False
-    assert told[50] is True
+        reported.append(limiter.report(known).saturated)
+    assert reported[0] is False
+    assert reported[50] is True
 
 
 def test_the_controller_plans_bends_slower_while_the_steering_is_cut():

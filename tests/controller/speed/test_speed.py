@@ -217,7 +217,7 @@ def test_a_string_of_cap_steps_is_followed_without_swinging(step_mps):
 
 
 def follow(leader, seconds, *, gap_m, speed_mps, time_gap_s=1.5, standstill_m=3.0, decel_mps2=2.0):
-    """(gap, speed) behind ``leader(t)`` at the cap of supervisor/path/follow.py, told at 25 Hz and 60 ms late."""
+    """(gap, speed) behind ``leader(t)`` at the speed cap of following, at 25 Hz and 60 ms late."""
     control, gaps, caps = speed_control(0.0), [gap_m], []
 
     def demand(v, t):
