@@ -1,23 +1,13 @@
-"""Drawn pictures of a chessboard with a known camera."""
+"""Drawn images of a chessboard from a known camera."""
 
 import cv2
 import numpy as np
 
 CORNERS = (7, 5)
-
-
 SIZE_PX = (480, 360)
-
-
 MATRIX = np.array([[430.0, 0, 251.0], [0, 424.0, 172.0], [0, 0, 1]])
-
-
 DISTORTION = np.array([-0.22, 0.06, 0.0, 0.0, 0.0])
-
-
 FINER = 2
-
-
 POSES = [
     ((0.0, 0.0, 0.0), (-3.5, -2.5, 9.0)),
     ((0.5, 0.0, 0.1), (-5.5, -3.5, 10.0)),
@@ -31,7 +21,7 @@ POSES = [
 
 
 def drawn(turn: tuple[float, float, float], place: tuple[float, float, float]) -> np.ndarray:
-    """The board at a pose, seen through the lens: every pixel, twice finer, looks up its square."""
+    """The board at a pose, through the lens, oversampled by ``FINER``."""
     width, height = SIZE_PX
     u, v = np.meshgrid(np.arange(FINER * width), np.arange(FINER * height))
     pixels = np.stack([u.ravel(), v.ravel()], axis=1) / FINER - (1 - 1 / FINER) / 2

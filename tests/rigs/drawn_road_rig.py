@@ -12,14 +12,8 @@ from trepid.messages import Frame, SteeringEstimate
 from trepid.vehicle import Vehicle
 
 SETTINGS = load(CONFIG_DIR / "perception.yaml", LaneCvSettings)
-
-
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
-
-
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-
-
 ASPHALT, GRASS, SKY, WHITE, YELLOW = (
     (105, 105, 105), (60, 120, 80), (220, 180, 150), (225, 225, 225), (60, 180, 225),
 )  # fmt: skip
@@ -52,7 +46,7 @@ def road(
     other_lane=0,
     seed=0,
 ):
-    """A picture of a road: asphalt in grass, lines of the given colours (None: no line), sensor noise.
+    """An image of a road: asphalt in grass, lines of the given colours (None: no line), sensor noise.
 
     With ``other_lane`` the road has another lane on the left (1) or right (-1).
     """

@@ -1,4 +1,4 @@
-"""A straight road from above, for the tests of its painters."""
+"""A straight road seen from above, for tests of the painters of the ground."""
 
 from dataclasses import dataclass
 
@@ -26,14 +26,14 @@ def straight(*sections: Section, length_m: float = 100.0, **road) -> Road:
 
 
 def bare(name: str = "bare", start_m: float = 0.0, **section) -> Section:
-    """A section of plain dark asphalt with straight edges and without markings, unless told otherwise."""
+    """A section of plain dark asphalt with straight edges and without markings, with the given changes."""
     plain = {"left": NONE, "right": NONE, "patchiness": 0, "edge_roughness_m": 0, "surface_grey": 0.35}
     return Section(name=name, start_m=start_m, **plain | section)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What lies between ``from_m`` and ``to_m`` along the road and ``right_m`` and ``left_m`` across it."""
+    """Image of the ground from ``from_m`` to ``to_m`` along the road and ``right_m`` to ``left_m`` across it."""
 
     bgr: np.ndarray  # (offset, station, 3)
     x_m: np.ndarray  # station of every column

@@ -1,4 +1,4 @@
-"""A camera is found again from drawn pictures of a chessboard; too few or too similar ones are refused."""
+"""Calibration of a lens from drawn images of a chessboard."""
 
 import cv2
 import numpy as np
@@ -14,7 +14,7 @@ def boards() -> dict[str, np.ndarray]:
     return {f"{number}.png": drawn(*pose) for number, pose in enumerate(POSES)}
 
 
-def test_focal_length_centre_and_distortion_are_found_again(boards: dict[str, np.ndarray]) -> None:
+def test_focal_length_centre_and_distortion_are_recovered(boards: dict[str, np.ndarray]) -> None:
     found = intrinsics(boards, CORNERS)
     assert found.reprojection_px < 0.1
     assert found.matrix[[0, 1], [0, 1]] == pytest.approx([430.0, 424.0], rel=2e-3)
@@ -26,7 +26,7 @@ def test_focal_length_centre_and_distortion_are_found_again(boards: dict[str, np
     assert np.abs(seen - wanted).max() < 0.5
 
 
-def test_a_picture_without_a_board_and_one_of_another_size_are_left_out_with_the_reason(
+def test_images_without_a_board_or_of_another_size_are_left_out_with_the_reason(
     boards: dict[str, np.ndarray],
 ) -> None:
     more = {
@@ -42,7 +42,7 @@ def test_a_picture_without_a_board_and_one_of_another_size_are_left_out_with_the
     }
 
 
-def test_a_board_that_was_bent_is_left_out(boards: dict[str, np.ndarray]) -> None:
+def test_a_bent_board_is_left_out(boards: dict[str, np.ndarray]) -> None:
     rows, columns = np.indices(boards["0.png"].shape[:2], np.float32)
     wavy = cv2.remap(
         boards["0.png"], columns, rows + 4 * np.sin(columns / 60).astype(np.float32), cv2.INTER_LINEAR

@@ -1,4 +1,4 @@
-"""``trepid camera calibrate`` writes a camera file that loads, keeps what is there, refuses in one line."""
+"""The verb ``trepid camera calibrate``."""
 
 import json
 from pathlib import Path
@@ -43,13 +43,13 @@ def test_a_chessboard_gives_a_camera_file_that_loads(
 ) -> None:
     out = tmp_path / "mine.yaml"
     assert run(monkeypatch, boards, "--corners", "7x5", "--out", out, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
+    report = json.loads(capsys.readouterr().out)
     camera = load(out, Camera)
     assert (camera.width_px, camera.height_px) == chessboard.SIZE_PX
     assert camera.fx_px == pytest.approx(430.0, rel=2e-3)
     assert camera.height_m == load(CONFIG_DIR / "camera.yaml", Camera).height_m  # not measured
-    assert told["camera"]["fx_px"] == camera.fx_px
-    assert len(told["intrinsics"]["boards"]) == len(chessboard.POSES)
+    assert report["camera"]["fx_px"] == camera.fx_px
+    assert len(report["intrinsics"]["boards"]) == len(chessboard.POSES)
 
 
 def test_a_straight_drive_gives_the_mounting_and_keeps_the_lens(
@@ -63,7 +63,7 @@ def test_a_straight_drive_gives_the_mounting_and_keeps_the_lens(
     assert camera.height_m == pytest.approx(drives.TRUE.height_m, rel=0.03)
 
 
-def test_a_file_that_is_there_is_kept_unless_forced(
+def test_an_existing_file_is_kept_unless_forced(
     boards: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "mine.yaml"
@@ -76,7 +76,7 @@ def test_a_file_that_is_there_is_kept_unless_forced(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         ([], "expected images of a chessboard"),
         (["--straight", "{tmp}/none.mp4"], "no such file or folder"),
@@ -88,9 +88,9 @@ def test_a_file_that_is_there_is_kept_unless_forced(
         (["--straight", "{tmp}/bad.mcap"], "bad.mcap"),
     ],
 )
-def test_bad_usage_is_told_in_one_line(
+def test_bad_usage_gives_one_line(
     words: list[str],
-    told: str,
+    expected: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -99,11 +99,11 @@ def test_bad_usage_is_told_in_one_line(
     (tmp_path / "bad.mcap").write_bytes(b"no recording")
     assert run(monkeypatch, *(word.format(tmp=tmp_path) for word in words)) == 2
     error = capsys.readouterr().err
-    assert told in error
+    assert expected in error
     assert len(error.splitlines()) == 1
 
 
-def test_a_recording_knows_the_speed_itself(
+def test_a_recording_gives_the_speed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "drive.mcap"
@@ -122,6 +122,6 @@ def test_a_recording_knows_the_speed_itself(
                 )
                 recording.add("vehicle/state", to_cdr(state), at_s=100 + t_s)
     assert run(monkeypatch, "--straight", path, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["extrinsics"]["height_from"] == "the speed"
-    assert told["camera"]["height_m"] == pytest.approx(drives.TRUE.height_m, rel=0.03)
+    report = json.loads(capsys.readouterr().out)
+    assert report["extrinsics"]["height_from"] == "the speed"
+    assert report["camera"]["height_m"] == pytest.approx(drives.TRUE.height_m, rel=0.03)

@@ -37,7 +37,7 @@ def test_sharpness_is_the_variance_of_the_laplacian_and_falls_with_blur():
     assert statistics(cv2.GaussianBlur(grey, (0, 0), 2)).sharpness < 0.1 * sharp.sharpness
 
 
-def test_a_frozen_camera_is_seen_whether_or_not_its_capture_time_stands_still():
+def test_a_frozen_camera_is_detected_with_and_without_a_new_capture_time():
     for stamps in ([0.0, 0.04, 0.08], [0.0, 0.0, 0.0]):
         statistician = ImageStatistician()
         seen = [
@@ -47,7 +47,7 @@ def test_a_frozen_camera_is_seen_whether_or_not_its_capture_time_stands_still():
         assert seen == pytest.approx([0.0, 0.04, 0.08])
 
 
-def test_one_changed_pixel_thaws_the_camera():
+def test_an_image_with_one_changed_pixel_is_not_frozen():
     statistician = ImageStatistician()
     image = scene()
     statistician.step(Frame(t_s=0.0, image=image), now_s=0.0)
@@ -84,19 +84,19 @@ def blots(rows: slice) -> np.ndarray:
     return kept
 
 
-def test_spots_all_over_a_moving_picture_are_dirt_from_the_second_frame_on():
+def test_spots_all_over_a_moving_image_are_dirt_from_the_second_frame_on():
     assert drive_past(spots=blots(slice(None)))[:3] == [0.0, 1.0, 1.0]
     assert drive_past() == [0.0] * 4
 
 
-def test_spots_in_one_part_of_the_picture_are_the_scene():
+def test_spots_in_one_part_of_the_image_are_no_dirt():
     assert max(drive_past(spots=blots(slice(0, 120)))) == 0.0
     stripes = np.zeros((240, 320), bool)
     stripes[:, 20::40] = stripes[:, 21::40] = True  # a dark line along the road
     assert max(drive_past(spots=stripes)) == 0.0
 
 
-def test_noise_whose_dark_spots_meet_by_chance_is_no_dirt():
+def test_noise_with_coinciding_dark_spots_is_no_dirt():
     statistician, lots = ImageStatistician(), np.random.default_rng(0)
     for number in range(20):
         image = lots.integers(40, 220, (24, 32, 3), dtype=np.uint8)
@@ -104,7 +104,7 @@ def test_noise_whose_dark_spots_meet_by_chance_is_no_dirt():
 
 
 @pytest.mark.parametrize("loop", [1, 2, 7])
-def test_images_that_come_again_and_again_are_a_frozen_camera(loop):
+def test_a_loop_of_images_is_a_frozen_camera(loop):
     statistician = ImageStatistician()
     seen = [
         statistician.step(Frame(t_s=0.04 * number, image=scene(number % loop)), now_s=0.04 * number).frozen_s

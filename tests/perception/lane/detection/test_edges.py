@@ -34,28 +34,28 @@ def likelihood_sums(*, on_road=ON_ROAD, beside=BESIDE, shift_m=0.0):
     return np.tile(sums.astype(np.float32), (len(finder().grid.ahead_m), 1))
 
 
-def test_a_road_unlike_what_lies_beside_it_is_as_far_apart_as_their_likelihoods():
+def test_the_contrast_of_a_road_is_the_difference_of_the_likelihoods_inside_and_beside_it():
     assert finder().apart(likelihood_sums(), road()) == pytest.approx(ON_ROAD - BESIDE, abs=0.05)
 
 
-def test_what_is_alike_on_both_sides_of_its_edges_is_not_apart():
+def test_equal_ground_on_both_sides_of_an_edge_has_no_contrast():
     assert finder().apart(likelihood_sums(beside=ON_ROAD), road()) == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("aside_m", [0.5, 1.0, -1.0])
-def test_edges_beside_the_true_ones_stand_less_apart(aside_m):
+def test_edges_next_to_the_true_ones_have_less_contrast(aside_m):
     apart = finder().apart(likelihood_sums(), road(offset_m=aside_m))
     assert apart < 0.8 * (ON_ROAD - BESIDE)
 
 
-def test_left_and_right_are_alike():
+def test_left_and_right_have_the_same_contrast():
     one, other = (
         finder().apart(likelihood_sums(shift_m=side * 0.6), road(offset_m=-side * 0.3)) for side in (1, -1)
     )
     assert one == pytest.approx(other, abs=0.05)
 
 
-def test_where_nothing_is_seen_beside_the_road_it_is_not_apart():
+def test_a_road_without_visible_sides_has_no_contrast():
     wide = road()
     wide[WIDTH] = 60.0
     assert finder().apart(likelihood_sums(), wide) == 0.0

@@ -44,5 +44,5 @@ def test_two_lines_farther_apart_stay_two():
     assert np.sort(np.unique(places.round(1))).tolist() == [0.5, 1.0]
 
 
-def test_no_line_is_seen_at_the_borders_of_an_even_picture():
+def test_an_even_image_has_no_line_at_its_borders():
     assert len(FILTER.points(stripes()).x_m) == 0

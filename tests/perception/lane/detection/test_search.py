@@ -77,13 +77,13 @@ def half_a_dash(*, beside_a_line: bool):
     return picture(lines_m)
 
 
-def test_half_a_dash_counts_for_a_line_beside_another_line():
+def test_half_a_dash_counts_as_a_line_next_to_another_line():
     lane = found(half_a_dash(beside_a_line=True))
     assert lane.boundaries_seen == 2
     assert lane.state.mean[WIDTH] == pytest.approx(3.2, abs=0.03)
 
 
-def test_half_a_dash_counts_for_a_line_where_one_was_a_moment_ago_and_for_none_where_nothing_is_known():
+def test_half_a_dash_alone_counts_as_a_line_only_where_one_is_predicted():
     alone = half_a_dash(beside_a_line=False)
     assert found(alone, stages=()).right.seen
     assert found(alone).boundaries_seen == 0

@@ -56,7 +56,7 @@ def test_points_of_a_boundary_lie_half_a_width_from_the_lane_centre(mean):
 
 @settings(max_examples=40, deadline=None)
 @given(mean=lanes, pitch=st.floats(-0.02, 0.02))
-def test_the_derivatives_of_the_residuals_are_those_of_differences(mean, pitch):
+def test_the_derivatives_of_the_residuals_agree_with_finite_differences(mean, pitch):
     points, side = boundary_points(mean)
     at = mean + np.array([0.02, 0.01, 0.001, 0.0005, 0.05, pitch])
     _, jacobian = _residuals(points, side, at, CAMERA)
@@ -72,8 +72,8 @@ def test_the_derivatives_of_the_residuals_are_those_of_differences(mean, pitch):
 
 @settings(max_examples=25, deadline=None)
 @given(mean=lanes)
-def test_the_fit_finds_the_lane_that_made_the_points_from_a_rough_start(mean):
-    """To a decimetre and 2.3 degrees at R = 14 m, where far points are doubted and the prior pulls it straight."""
+def test_the_fit_recovers_the_lane_from_a_rough_start(mean):
+    """To a decimetre and 2.3 degrees at R = 14 m, because of the model error of far points and the prior."""
     points, side = boundary_points(mean)
     start = mean + np.array([0.1, 0.02, 0.004, 0.0, 0.1, 0.0])
     fitted = fit_lane(points, side, SETTINGS.prior.lane, start, CAMERA, SETTINGS.fit)
@@ -82,7 +82,7 @@ def test_the_fit_finds_the_lane_that_made_the_points_from_a_rough_start(mean):
     assert fitted.state.mean[WIDTH] == pytest.approx(mean[WIDTH], abs=0.06)
 
 
-def test_points_that_are_not_doubted_give_the_lane_to_two_centimetres():
+def test_without_model_error_the_fit_is_exact_to_two_centimetres():
     mean = np.array([0.4, 0.1, 0.06, 0.0, 3.4, 0.0])
     points, side = boundary_points(mean)
     trusting = SETTINGS.fit.model_copy(update={"bend_doubt": 0.0})
@@ -100,7 +100,7 @@ def test_a_third_of_outliers_moves_the_fit_by_centimetres_only():
     assert fitted.state.mean[PSI] == pytest.approx(0.03, abs=0.02)
 
 
-def test_a_camera_that_pitches_is_told_from_a_lane_that_widens():
+def test_a_pitching_camera_is_distinguished_from_a_widening_lane():
     mean = np.array([0.0, 0.0, 0.0, 0.0, 3.5, 0.0])
     points, side = boundary_points(mean)
     grown = 1 + 0.01 * (points.x_m - CAMERA.x_m) / CAMERA.height_m  # looks 0.01 rad further down than it says

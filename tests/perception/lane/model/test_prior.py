@@ -1,4 +1,4 @@
-"""What is remembered of a lane stays a proper Gaussian, and goes straight on only where the road was straight."""
+"""The prior of a straight road: when it applies, and its effect on a lane."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from perception.lane.model.geometry import KAPPA, KAPPA_RATE, PITCH, PSI, WIDTH,
 from perception.lane.model.prior import looks_straight, on_straight
 
 PRIOR = lane_cv_settings().prior
-SIGMA = np.array([0.02, 0.004, 0.0009, 0.00005, 0.03, 0.003])  # of a lane that is seen well
+SIGMA = np.array([0.02, 0.004, 0.0009, 0.00005, 0.03, 0.003])  # of a well detected lane
 MIRROR = np.diag([-1.0, -1.0, -1.0, -1.0, 1.0, 1.0])
 
 
@@ -20,7 +20,7 @@ def random_covariance(seed: int) -> np.ndarray:
 
 
 def seen_lane(seed: int, *, bend_1pm: float = 0.0, heading_rad: float = 0.0) -> LaneState:
-    """A lane with the usual doubt of each number, all correlated at random."""
+    """A lane with the usual deviations and random correlations."""
     random = random_covariance(seed)
     scale = SIGMA / np.sqrt(np.diag(random))
     mean = np.zeros(6)
@@ -32,7 +32,7 @@ def seen_lane(seed: int, *, bend_1pm: float = 0.0, heading_rad: float = 0.0) -> 
     ("bend_1pm", "straight"), [(0.0, True), (0.0015, True), (0.006, False), (0.02, False)]
 )
 @pytest.mark.parametrize("side", [1, -1])
-def test_a_road_bends_where_its_bend_stands_out_of_its_doubt(
+def test_a_road_bends_if_its_curvature_exceeds_the_uncertainty(
     bend_1pm: float, straight: bool, side: int
 ) -> None:
     lane = LaneState(mean=side * bend_1pm * np.eye(6)[KAPPA], covariance=np.diag(SIGMA**2))
@@ -41,9 +41,7 @@ def test_a_road_bends_where_its_bend_stands_out_of_its_doubt(
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(-0.02, 0.02))
-def test_whether_a_road_bends_is_judged_as_by_the_densities_of_numpy_and_alike_in_the_mirror(
-    seed: int, bend_1pm: float
-) -> None:
+def test_the_test_for_a_straight_road_agrees_with_numpy_and_is_symmetric(seed: int, bend_1pm: float) -> None:
     lane = seen_lane(seed, bend_1pm=bend_1pm)
     own = [KAPPA, KAPPA_RATE]
 
@@ -64,7 +62,7 @@ def test_whether_a_road_bends_is_judged_as_by_the_densities_of_numpy_and_alike_i
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(-0.002, 0.002), st.floats(-0.05, 0.05))
-def test_on_a_straight_road_the_lane_is_the_product_of_what_was_seen_and_of_a_straight_one(
+def test_a_lane_on_a_straight_road_is_the_product_of_both_gaussians(
     seed: int, bend_1pm: float, heading_rad: float
 ) -> None:
     lane = seen_lane(seed, bend_1pm=bend_1pm, heading_rad=heading_rad)
@@ -81,7 +79,7 @@ def test_on_a_straight_road_the_lane_is_the_product_of_what_was_seen_and_of_a_st
     assert abs(straight.mean[KAPPA]) <= abs(bend_1pm) + 1e-12
 
 
-def test_what_the_bend_was_taken_for_goes_to_the_heading_it_was_traded_for() -> None:
+def test_removing_the_bend_moves_a_correlated_heading() -> None:
     covariance = np.diag(SIGMA**2)
     covariance[PSI, KAPPA] = covariance[KAPPA, PSI] = 0.9 * SIGMA[PSI] * SIGMA[KAPPA]
     lane = LaneState(mean=np.array([0.0, 0.004, 0.0009, 0.0, 3.4, 0.0]), covariance=covariance)
