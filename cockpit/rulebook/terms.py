@@ -16,8 +16,8 @@ WHY = {
     "cnn_confidence": "the network itself reports an image unlike its training data",
     "cv_jitter": "a road does not jump, so a jump is an error of the estimate (two candidate lines, false edges)",
     "cnn_jitter": f"a measure of uncertainty and of distribution shift: {_UNLIKE}",
-    "cnn_unrest": "on roads like those of its training data the network is steady; on trodden snow its estimate "
-    "wanders at high confidence, and a jitter over a short time is often low",
+    "cnn_path_jitter": "on roads like those of its training data the network is steady; on trodden snow its "
+    "estimate wanders at high confidence, and a jitter over a short time is often low",
     "angle_confidence": "as of every estimator; an angle has no lane by which it could be checked",
     "angle_jitter": "a road does not jump, so an angle that jumps is wrong in at least some frames",
     "single_source": "one estimator is enough for a moment; the longer, the more probable an unnoticed error",

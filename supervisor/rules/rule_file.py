@@ -30,6 +30,8 @@ LEVELS = ("very_low", "low", "medium", "high", "very_high")
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 Seconds = Annotated[float, Field(ge=0)]
 FEAR = "fear"
+PATH_JITTER, FORMER_PATH_JITTER = "_path_jitter", "_unrest"
+"""Ending of an input name, and its former spelling, which still works with a warning."""
 TRUST_PREFIX = "trust_"
 _POINTS_SCHEMA = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
 _SENTENCE_SCHEMA = {

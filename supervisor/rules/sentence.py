@@ -12,16 +12,17 @@ import difflib
 import itertools
 import math
 import re
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from lark import Lark, Token, Tree
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
-from supervisor.rules.rule_file import FEAR, LEVELS, RuleFile
+from supervisor.rules.rule_file import FEAR, FORMER_PATH_JITTER, LEVELS, PATH_JITTER, RuleFile
 from trepid import config
 from trepid.causes import unknown_cause
 from trepid.config import InputError
@@ -104,10 +105,23 @@ class SentenceError(ValueError):
 def load_rules(path: Path) -> tuple[RuleFile, tuple[Rule, ...]]:
     """The rule file at ``path`` and its parsed sentences.
 
-    Raises InputError with file:line:column of the first error and the expected text.
+    Inputs with a former name are reported on stderr. Raises InputError with file:line:column of the first error and
+    the expected text.
     """
     file = config.load(path, RuleFile)
+    for name in file.inputs:
+        if name.endswith(FORMER_PATH_JITTER):
+            _warn_of_former_name(name, path)
     return file, tuple(_rule_at(i, file, path) for i in range(len(file.rules)))
+
+
+@lru_cache(maxsize=64)  # one warning a file
+def _warn_of_former_name(name: str, path: Path) -> None:
+    line, column = config.position(config.read(path), ("inputs", name))
+    new = name.removesuffix(FORMER_PATH_JITTER) + PATH_JITTER
+    print(
+        f"trepid: {path}:{line}:{column}: warning: the input {name!r} is now called {new!r}", file=sys.stderr
+    )
 
 
 def _rule_at(index: int, file: RuleFile, path: Path) -> Rule:

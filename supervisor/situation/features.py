@@ -13,6 +13,7 @@ from supervisor.inputs.consistency import Steadiness
 from supervisor.inputs.validated import ValidatedEstimate, surest_of_marking
 from supervisor.path.follow import Lead
 from supervisor.path.fusion import Fused
+from supervisor.rules.rule_file import FORMER_PATH_JITTER
 from supervisor.situation.ratings import CONFIDENCE, JITTER, PATH_JITTER
 from trepid.bounds import at_least
 from trepid.clothoid import Motion
@@ -75,7 +76,8 @@ def early_features(
         name, steady = rated_as[e.estimator], steadiness[e.estimator]
         _add(found, name + CONFIDENCE, e.confidence, min)
         _add(found, name + JITTER, None if e.broken else steady.jitter_m, max)
-        _add(found, name + PATH_JITTER, None if e.broken else steady.path_jitter_m, max)
+        for suffix in (PATH_JITTER, FORMER_PATH_JITTER):
+            _add(found, name + suffix, None if e.broken else steady.path_jitter_m, max)
     found = {**absent, **found}
     found["frame_age"] = min(ages) if ages else None
     found["estimator_age"] = max(ages) if ages else None

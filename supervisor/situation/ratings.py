@@ -9,10 +9,11 @@ from functools import lru_cache
 
 from supervisor.inputs.validated import ValidatedEstimate
 from supervisor.rules.inference import FearRules
+from supervisor.rules.rule_file import FORMER_PATH_JITTER
 from trepid.messages import EstimateKind
 
-CONFIDENCE, JITTER, PATH_JITTER = "_confidence", "_jitter", "_unrest"
-ESTIMATOR_SUFFIXES = (CONFIDENCE, JITTER, PATH_JITTER)
+CONFIDENCE, JITTER, PATH_JITTER = "_confidence", "_jitter", "_path_jitter"
+ESTIMATOR_SUFFIXES = (CONFIDENCE, PATH_JITTER, FORMER_PATH_JITTER, JITTER)  # longer endings first
 RATED_AS: Mapping[str, str] = {EstimateKind.LANE.value: "cv", EstimateKind.ANGLE.value: "angle"}
 
 
@@ -45,7 +46,5 @@ def absent_values(rules: FearRules, estimators: int) -> dict[str, float | None]:
 @lru_cache(maxsize=16)
 def _named(inputs: tuple[str, ...], trusted: tuple[str, ...]) -> frozenset[str]:
     """The estimators that a rule file names."""
-    rated = {
-        name.removesuffix(suffix) for name in inputs for suffix in ESTIMATOR_SUFFIXES if name.endswith(suffix)
-    }
-    return frozenset(rated).union(trusted)
+    suffixes = {name: next(filter(name.endswith, ESTIMATOR_SUFFIXES), None) for name in inputs}
+    return frozenset(name.removesuffix(s) for name, s in suffixes.items() if s).union(trusted)

@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import pytest
+from supervisor_rig import Drive
 
+from supervisor.rules.inference import FearRules
 from supervisor.rules.sentence import Atom, load_rules, parse_rule
 from trepid.config import CONFIG_DIR, InputError
 
@@ -118,3 +120,20 @@ def test_a_bad_part_of_the_file_is_named_with_line_and_column(
     with pytest.raises(InputError, match=r"fear\.yaml:\d+:\d+: ") as error:
         load_rules(path)
     assert message in str(error.value)
+
+
+def test_the_former_name_of_the_path_jitter_still_drives_and_is_reported_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "fear.yaml"
+    path.write_text(SHIPPED.replace("cnn_path_jitter", "cnn_unrest"), encoding="utf-8")
+    drive, former = Drive.under_way(), Drive.under_way()
+    former.supervisor.adopt(FearRules.load(path))
+    load_rules(path)
+    line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if text == "  cnn_unrest:")
+    warning = f"trepid: {path}:{line}:3: warning: the input 'cnn_unrest' is now called 'cnn_path_jitter'\n"
+    assert capsys.readouterr().err == warning
+    for _ in range(3):
+        now, then = drive.frame(), former.frame()
+        assert (now.fear, now.input_values) == (then.fear, then.input_values)
+    assert "cnn_unrest" in then.inputs and "cnn_path_jitter" in now.inputs
