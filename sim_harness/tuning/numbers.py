@@ -79,6 +79,8 @@ class NumberedText:
     def _corner(self, name: str, of: str, which: str) -> list[_Spot]:
         """All places of the ``which``-th corner of an input in its sets."""
         sets = self._node(name, ["inputs", of, "sets"])
+        if any(points.id != "sequence" for _, points in sets.value):
+            raise InputError(f"{self.path}: {name}: the sets of {of} are functions and have no corners")
         spots = [self._number(name, point) for _, points in sets.value for point in points.value]
         corners = sorted({float(spot.text) for spot in spots})
         if not which.isdecimal() or not 0 < int(which) < len(corners) - 1:

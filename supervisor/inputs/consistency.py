@@ -13,6 +13,7 @@ decays with distance only, because the image of a standing car does not change.
 import math
 from typing import NamedTuple
 
+from supervisor.inputs.running_mean import RunningMean
 from supervisor.inputs.validated import ValidatedEstimate
 from trepid.clothoid import STANDING, Lane, Motion
 
@@ -33,27 +34,19 @@ class Steadiness(NamedTuple):
 
 
 class _PathJitter(NamedTuple):
-    """Running mean of squared jumps by way, as their weighted sum and the sum of their weights."""
+    """Running mean of squared jumps by way."""
 
     before: Lane  # the lane to compare the next one with, moved by odometry
     way_m: float = 0.0  # driven since that frame
-    sum_m2: float = KNOWN_SHARE * KNOWN_M**2
-    weights: float = KNOWN_SHARE
-
-    @property
-    def rms_m(self) -> float:
-        """The root of the mean."""
-        return math.sqrt(self.sum_m2 / self.weights)
+    square_m2: RunningMean = RunningMean(KNOWN_SHARE * KNOWN_M**2, KNOWN_SHARE)
 
     def after(self, lane: Lane, motion: Motion, dt_s: float) -> "_PathJitter":
         """With the lane ``dt_s`` later, weighted by the way since the last, once that is STEP_M."""
         before, way_m = self.before.after(motion, dt_s), self.way_m + abs(motion.speed_mps) * dt_s
         if way_m < STEP_M:
             return self._replace(before=before, way_m=way_m)
-        jump_m, kept = lane.y_m(AHEAD_M) - before.y_m(AHEAD_M), math.exp(-way_m / PATH_JITTER_M)
-        return _PathJitter(
-            lane, 0.0, kept * self.sum_m2 + (1 - kept) * jump_m**2, kept * self.weights + (1 - kept)
-        )
+        jump_m = lane.y_m(AHEAD_M) - before.y_m(AHEAD_M)
+        return _PathJitter(lane, 0.0, self.square_m2.after(jump_m**2, way_m, length=PATH_JITTER_M))
 
 
 class _Track(NamedTuple):
@@ -61,7 +54,7 @@ class _Track(NamedTuple):
 
     t_s: float
     lane: Lane
-    square_m2: float  # running mean of squared jumps by time
+    square_m2: RunningMean  # of squared jumps by time
     path_jitter: _PathJitter
 
 
@@ -82,17 +75,17 @@ class Consistency:
             track = self._tracks[s.estimator] = _updated(track, s.lane, s.t_s, motion)
         if track is None:
             return Steadiness(0.0, KNOWN_M)
-        return Steadiness(math.sqrt(track.square_m2) if s.lane is not None else 0.0, track.path_jitter.rms_m)
+        jitter_m = math.sqrt(track.square_m2.mean) if s.lane is not None else 0.0
+        return Steadiness(jitter_m, math.sqrt(track.path_jitter.square_m2.mean))
 
 
 def _updated(track: _Track | None, lane: Lane, t_s: float, motion: Motion) -> _Track:
     """The means with the jump to ``lane``; after a gap there is no jump, and the mean by time restarts."""
     if track is None:
-        return _Track(t_s, lane, 0.0, _PathJitter(lane))
+        return _Track(t_s, lane, RunningMean(0.0), _PathJitter(lane))
     dt_s = t_s - track.t_s
     if not 0 < dt_s <= LONGEST_S:
-        return _Track(t_s, lane, 0.0, track.path_jitter._replace(before=lane, way_m=0.0))
+        return _Track(t_s, lane, RunningMean(0.0), track.path_jitter._replace(before=lane, way_m=0.0))
     jump_m = lane.y_m(AHEAD_M) - track.lane.after(motion, dt_s).y_m(AHEAD_M)
-    kept = math.exp(-dt_s / MEMORY_S)
-    square_m2 = kept * track.square_m2 + (1 - kept) * jump_m**2
+    square_m2 = track.square_m2.after(jump_m**2, dt_s, length=MEMORY_S)
     return _Track(t_s, lane, square_m2, track.path_jitter.after(lane, motion, dt_s))

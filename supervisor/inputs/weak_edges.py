@@ -4,8 +4,7 @@ The edges of an unmarked road are measured all along. Trodden snow has edges of 
 the edges of the road come and go: single frames look valid, the mean over the way does not.
 """
 
-import math
-
+from supervisor.inputs.running_mean import RunningMean
 from supervisor.inputs.validated import ValidatedEstimate, surest_of_marking
 from trepid.bounds import at_least
 from trepid.clothoid import STANDING, Motion
@@ -17,7 +16,7 @@ class WeakEdges:
     """Holds the mean, which changes with distance only: the image of a standing car does not change."""
 
     def __init__(self) -> None:
-        self._doubt = 0.0
+        self._doubt = RunningMean(0.0)
         self._last_s: float | None = None
 
     def step(self, seen: list[ValidatedEstimate], motion: Motion | None, *, now_s: float) -> float:
@@ -27,8 +26,8 @@ class WeakEdges:
         """
         way_m = 0.0 if self._last_s is None else abs((motion or STANDING).speed_mps) * (now_s - self._last_s)
         self._last_s = now_s
-        teller = surest_of_marking(seen)
-        if teller is not None:
-            doubt = 0.0 if teller.marked else 1.0 - (teller.confidence or 0.0)
-            self._doubt += (1.0 - math.exp(-at_least(way_m, 0.0) / EDGES_M)) * (doubt - self._doubt)
-        return self._doubt
+        estimate = surest_of_marking(seen)
+        if estimate is not None:
+            doubt = 0.0 if estimate.marked else 1.0 - (estimate.confidence or 0.0)
+            self._doubt = self._doubt.after(doubt, at_least(way_m, 0.0), length=EDGES_M)
+        return self._doubt.mean
