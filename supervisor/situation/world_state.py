@@ -102,29 +102,8 @@ class WorldStateObserver:
         statistics_age_s = age_s(statistics.t_s if statistics else None, now_s=now_s, settings=limits)
         valid = statistics_age_s <= limits.fresh_s and STATISTICS not in malformed
         fresh = statistics if valid else None
-        frozen = fresh is not None and is_frozen(
-            fresh.frozen_s,
-            None if moving is None else moving.speed_mps,
-            after_s=limits.frozen_s,
-            from_mps=limits.frozen_speed_mps,
-            if_unknown=True,
-        )
-        before_m = self._fusion.offset_m
-        seen = [
-            in_own_lane(
-                validate(
-                    name,
-                    estimate,
-                    now_s=now_s,
-                    settings=limits,
-                    wheelbase_m=self._wheelbase_m,
-                    frozen=frozen,
-                    malformed=name in malformed,
-                ),
-                before_m,
-            )
-            for name, estimate in estimates.items()
-        ]
+        frozen = self._is_frozen(fresh, moving)
+        seen = self._validated(estimates, now_s=now_s, frozen=frozen, malformed=malformed)
         state_age_s = age_s(state.t_s if state else None, now_s=now_s, settings=limits)
         rated = rating_names(seen, rules, self._rated_as)
         early = early_features(
@@ -158,6 +137,43 @@ class WorldStateObserver:
         return WorldState(
             seen, ahead, motion, moving, state_age_s, statistics_age_s, trust, fused, trail, near, inputs
         )
+
+    def _is_frozen(self, statistics: ImageStatistics | None, motion: Motion | None) -> bool:
+        """True while the vehicle moves, or may move, and the image does not change."""
+        limits = self._validation
+        return statistics is not None and is_frozen(
+            statistics.frozen_s,
+            None if motion is None else motion.speed_mps,
+            after_s=limits.frozen_s,
+            from_mps=limits.frozen_speed_mps,
+            if_unknown=True,
+        )
+
+    def _validated(
+        self,
+        estimates: Mapping[str, SteeringEstimate | None],
+        *,
+        now_s: float,
+        frozen: bool,
+        malformed: Collection[str],
+    ) -> list[ValidatedEstimate]:
+        """The estimates, judged by age and plausibility, and moved to the lane of the vehicle."""
+        before_m = self._fusion.offset_m
+        return [
+            in_own_lane(
+                validate(
+                    name,
+                    estimate,
+                    now_s=now_s,
+                    settings=self._validation,
+                    wheelbase_m=self._wheelbase_m,
+                    frozen=frozen,
+                    malformed=name in malformed,
+                ),
+                before_m,
+            )
+            for name, estimate in estimates.items()
+        ]
 
 
 def unknown_features(names: tuple[str, ...]) -> list[str]:
