@@ -58,7 +58,7 @@ def pursuit_1pm(decision: Decision, ahead_m: float = 8.0) -> float:
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_an_angle_alone_is_driven_as_it_is(side: int) -> None:
+def test_a_single_angle_is_driven_unchanged(side: int) -> None:
     assert ANGLE.road_wheel_angle_rad is not None
     decision = driven({"rule": replace(ANGLE, road_wheel_angle_rad=side * ANGLE.road_wheel_angle_rad)})
     assert decision.mode is Mode.CAUTION
@@ -66,7 +66,7 @@ def test_an_angle_alone_is_driven_as_it_is(side: int) -> None:
     assert decision.curvature_1pm == pytest.approx(side * CURVATURE_1PM)
 
 
-def test_an_angle_and_a_lane_lead_between_the_two() -> None:
+def test_an_angle_and_a_lane_lead_to_a_path_between_them() -> None:
     decision = driven({"rule": ANGLE, "cv": STRAIGHT})
     assert decision.path_source == "rule+cv"
     assert 0.05 * CURVATURE_1PM < pursuit_1pm(decision) < 0.9 * CURVATURE_1PM
@@ -74,7 +74,7 @@ def test_an_angle_and_a_lane_lead_between_the_two() -> None:
 
 
 @pytest.mark.parametrize("other", ["cv", "cnn"])
-def test_an_angle_beside_one_lane_estimator_neither_stops_nor_slows_the_car(other: str) -> None:
+def test_an_angle_with_one_lane_estimator_neither_stops_nor_slows_the_car(other: str) -> None:
     same = replace(ANGLE, road_wheel_angle_rad=0.0, confidence=0.95)
     decision = driven({"rule": same, other: STRAIGHT})
     assert decision.mode is not Mode.STOP

@@ -37,7 +37,7 @@ NO_LANE = replace(
 LEAD = LeadVehicle(t_s=0.0, distance_m=20.0, lateral_m=0.2, speed_mps=5.0, confidence=0.9)
 
 
-def test_on_a_clean_road_it_is_calm_and_drives_at_full_speed() -> None:
+def test_on_a_clean_road_fear_is_0_and_the_car_drives_at_full_speed() -> None:
     decision = Drive.under_way().frame()
     assert (decision.mode, decision.stop, decision.level, decision.cause) == (
         Mode.KEEP,
@@ -51,7 +51,7 @@ def test_on_a_clean_road_it_is_calm_and_drives_at_full_speed() -> None:
     assert sum(decision.trust) == pytest.approx(1)
 
 
-def test_it_begins_in_stop_and_drives_after_two_healthy_seconds_at_standstill() -> None:
+def test_the_first_mode_is_stop_and_two_healthy_seconds_at_standstill_lead_to_drive() -> None:
     drive = Drive()
     assert drive.last(1.9).mode is Mode.STOP
     started = drive.last(0.2)
@@ -60,7 +60,7 @@ def test_it_begins_in_stop_and_drives_after_two_healthy_seconds_at_standstill() 
     assert drive.last(5.0).speed_factor == 1
 
 
-def test_restarted_on_the_move_it_stops_and_stays_stopped_until_standstill() -> None:
+def test_a_supervisor_restarted_in_motion_stops_the_car_until_standstill() -> None:
     drive = Drive(speed_mps=8.0)
     assert {drive.frame().mode for _ in range(200)} == {Mode.STOP}
     assert drive.frame().speed_cap_mps == 0
@@ -68,7 +68,7 @@ def test_restarted_on_the_move_it_stops_and_stays_stopped_until_standstill() -> 
     assert drive.last(2.2).mode is not Mode.STOP
 
 
-def test_without_any_message_it_waits_at_full_fear() -> None:
+def test_without_any_message_the_mode_is_stop_and_fear_is_1() -> None:
     supervisor = build()
     for now_s in (0.0, 5.0, 60.0):
         decision = supervisor.step({"cv": None, "cnn": None}, None, None, None, now_s=now_s)
@@ -89,7 +89,7 @@ def test_a_lost_estimator_stops_the_car_on_the_path_of_the_other_for_good(lost: 
 
 
 @pytest.mark.parametrize("blind", ["cv", "cnn"])
-def test_an_estimator_without_a_lane_only_slows_the_car(blind: str) -> None:
+def test_an_estimator_without_a_lane_slows_the_car_without_stopping_it(blind: str) -> None:
     decision = Drive.under_way().last(5.0, **{blind: NO_LANE})
     assert (decision.mode, decision.cause) == (Mode.CAUTION, "low_confidence")
     assert 0.5 < decision.speed_factor < 1
@@ -141,7 +141,7 @@ def test_the_driver_takes_over_and_the_car_does_not_start_again_on_the_move() ->
 DRIVEN = replace(STATE, driver_override=True)
 
 
-def test_a_driver_hands_over_at_speed_and_the_car_goes_on_without_a_dip() -> None:
+def test_after_a_hand_over_at_speed_the_car_keeps_its_speed() -> None:
     drive = Drive(speed_mps=7.0)
     assert drive.last(3.0, state=DRIVEN).mode is Mode.STOP
     taken = drive.frame()
@@ -157,13 +157,13 @@ def test_a_driver_hands_over_at_speed_and_the_car_goes_on_without_a_dip() -> Non
         {"duration_s": 3.0, "statistics": None},
     ],
 )
-def test_a_car_that_is_not_ready_stays_stopped_after_the_driver_lets_go(before: dict[str, Any]) -> None:
+def test_a_car_that_is_not_ready_stays_stopped_after_the_driver_releases_it(before: dict[str, Any]) -> None:
     drive = Drive(speed_mps=7.0)
     drive.last(**before, state=DRIVEN)
     assert drive.last(1.0).mode is Mode.STOP
 
 
-def test_while_a_driver_drives_blindness_is_no_emergency() -> None:
+def test_a_lost_lane_is_no_emergency_while_a_driver_drives() -> None:
     drive = Drive(speed_mps=7.0)
     decision = drive.last(2.0, cv=NO_LANE, cnn=NO_LANE, state=DRIVEN)
     assert (decision.mode, decision.stop) == (Mode.STOP, Stop.COMFORT)
@@ -173,7 +173,7 @@ DAZZLED = replace(STATISTICS, over_exposed=0.95, contrast=0.01, brightness=0.98)
 UNSURE = replace(ESTIMATE, confidence=0.3)
 
 
-def test_unsure_estimates_give_no_path_before_the_first_drive() -> None:
+def test_estimates_of_low_confidence_give_no_path_before_the_first_drive() -> None:
     drive = Drive(speed_mps=8.0)
     for _ in range(20):
         decision = drive.frame(cv=UNSURE, cnn=UNSURE, statistics=DAZZLED)
@@ -210,7 +210,7 @@ def test_the_speed_factor_falls_at_once_and_rises_slowly() -> None:
     assert drive.last(0.5).speed_factor < 0.9
 
 
-def test_after_one_bad_frame_the_speed_that_the_car_still_has_is_allowed_soon() -> None:
+def test_after_one_bad_frame_the_present_speed_is_allowed_again_soon() -> None:
     drive = Drive.under_way()
     assert drive.frame(cv=NO_LANE, cnn=NO_LANE).speed_factor < 0.1
     drive.speed_mps = 7.2
@@ -239,7 +239,7 @@ def test_a_frozen_picture_stops_a_moving_car_but_not_a_standing_one() -> None:
     assert standing.last(3.0, statistics=replace(STATISTICS, frozen_s=3.0)).mode is not Mode.STOP
 
 
-def test_two_contradicting_roads_raise_fear_and_only_one_is_driven() -> None:
+def test_two_contradicting_roads_raise_fear_and_the_path_follows_one_of_them() -> None:
     drive = Drive.under_way()
     left = replace(ESTIMATE, curvature_1pm=0.06, curvature_rate_1pm2=0.0)
     right = replace(ESTIMATE, curvature_1pm=-0.06, curvature_rate_1pm2=0.0)
@@ -251,7 +251,7 @@ def test_two_contradicting_roads_raise_fear_and_only_one_is_driven() -> None:
     assert decision.disagreement_mps2 == pytest.approx(0.12 * 64)
 
 
-def test_without_road_the_path_is_remembered_then_the_car_brakes_hard() -> None:
+def test_without_a_road_the_path_is_remembered_then_the_car_brakes_hard() -> None:
     drive = Drive.under_way()
     blind: dict[str, Any] = {"cv": NO_LANE, "cnn": NO_LANE}
     coasting = drive.last(0.8, **blind)
@@ -261,7 +261,7 @@ def test_without_road_the_path_is_remembered_then_the_car_brakes_hard() -> None:
     assert gone.cause == "no_road"
 
 
-def test_without_road_it_follows_the_vehicle_ahead_and_takes_the_road_again() -> None:
+def test_without_a_road_the_path_follows_the_vehicle_ahead_until_a_road_is_detected_again() -> None:
     drive = Drive.under_way()
     drive.last(1.0, lead=LEAD)
     following = drive.last(1.5, cv=NO_LANE, cnn=NO_LANE, lead=LEAD)
@@ -283,7 +283,7 @@ def test_a_lead_that_is_lost_while_following_stops_the_car() -> None:
     assert drive.last(0.6, lead=None, **blind).mode is Mode.STOP
 
 
-def test_a_comfort_stop_grows_hard_for_a_vehicle_that_comes_into_sight_too_near_for_it() -> None:
+def test_a_comfort_stop_becomes_an_emergency_stop_for_a_vehicle_too_near_for_it() -> None:
     drive = Drive.under_way()
     blind: dict[str, Any] = {"cv": NO_LANE, "cnn": NO_LANE}
     assert drive.last(0.6, **blind).stop is Stop.COMFORT
@@ -292,7 +292,7 @@ def test_a_comfort_stop_grows_hard_for_a_vehicle_that_comes_into_sight_too_near_
     assert drive.last(0.16, lead=near, **blind).stop is Stop.EMERGENCY
 
 
-def test_a_vehicle_too_near_for_a_comfort_stop_is_left_to_a_driver_who_drives() -> None:
+def test_a_vehicle_too_near_for_a_comfort_stop_causes_no_stop_while_a_driver_drives() -> None:
     near = replace(LEAD, distance_m=6.0, speed_mps=3.0)
     driven = Drive.under_way().last(0.2, lead=near, state=replace(STATE, driver_override=True))
     assert driven.stop is Stop.COMFORT
@@ -417,7 +417,7 @@ def test_a_single_estimate_gives_no_path_before_the_first_drive() -> None:
     assert drive.last(0.5).path_source == "cv+cnn"
 
 
-def test_a_network_that_wanders_over_a_doubtful_road_stops_the_car_and_keeps_it_there() -> None:
+def test_a_wandering_network_on_a_doubtful_road_stops_the_car_and_keeps_it_stopped() -> None:
     drive = Drive.under_way()
     edges = replace(ESTIMATE, confidence=0.7, marked=False)
     for n in range(40):
@@ -431,7 +431,7 @@ def test_a_network_that_wanders_over_a_doubtful_road_stops_the_car_and_keeps_it_
 WEAK_EDGES = replace(ESTIMATE, confidence=0.6, marked=False)
 
 
-def test_edges_that_are_doubted_for_a_while_slow_the_car_though_the_network_agrees() -> None:
+def test_lasting_doubt_about_edges_slows_the_car_although_the_network_agrees() -> None:
     decision = Drive.under_way().last(2.5, cv=WEAK_EDGES)
     assert (decision.mode, decision.cause) == (Mode.CAUTION, "weak_edges")
     assert decision.fear >= 0.7
@@ -439,7 +439,7 @@ def test_edges_that_are_doubted_for_a_while_slow_the_car_though_the_network_agre
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_where_edges_have_been_doubted_the_network_leads(side: int) -> None:
+def test_after_doubt_about_edges_the_network_leads(side: int) -> None:
     def led(edges: SteeringEstimate) -> float:
         drive = Drive.under_way()
         drive.last(2.5, cv=edges)
@@ -460,7 +460,7 @@ def test_after_a_stop_for_a_doubtful_road_one_estimator_of_two_does_not_start_th
     assert drive.last(3.0).mode is not Mode.STOP
 
 
-def test_a_network_that_wanders_beside_sure_lines_does_not_stop_the_car() -> None:
+def test_a_wandering_network_does_not_stop_the_car_while_lines_are_confident() -> None:
     drive = Drive.under_way()
     for n in range(40):
         decision = drive.frame(cnn=replace(ESTIMATE, lateral_offset_m=0.2 if n % 2 else -0.1))
@@ -481,14 +481,14 @@ def test_rules_about_an_unknown_input_are_refused() -> None:
         Supervisor(FearRules(file, RULES.rules), SETTINGS, VEHICLE)
 
 
-def test_it_does_not_start_while_the_estimators_see_different_roads() -> None:
+def test_the_car_does_not_start_while_the_estimators_report_different_roads() -> None:
     aside = replace(ESTIMATE, lateral_offset_m=0.7, heading_error_rad=0.0)
     decision = Drive().last(6.0, cnn=aside)
     assert decision.fear <= SETTINGS.modes.reengage_max_fear
     assert (decision.mode, decision.cause) == (Mode.STOP, "starting")
 
 
-def test_one_weak_estimate_of_an_unmarked_road_stops_the_car_soon() -> None:
+def test_a_single_weak_estimate_of_an_unmarked_road_stops_the_car_soon() -> None:
     drive = Drive.under_way()
     weak = replace(ESTIMATE, confidence=0.5, marked=False)
     assert drive.last(0.3, cv=weak, cnn=NO_LANE).mode is Mode.CAUTION

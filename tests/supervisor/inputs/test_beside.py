@@ -20,7 +20,7 @@ def seen(offset_m: float, *, marked: bool = True, width_error_m: float = 0.0) ->
 
 @pytest.mark.parametrize("lanes_over", [-2, -1, 1, 2])
 @pytest.mark.parametrize("side", [-1, 1])
-def test_a_lane_beside_ours_is_moved_over_by_whole_widths_and_believed_less(
+def test_a_neighbouring_lane_is_shifted_by_whole_widths_and_gets_lower_confidence(
     lanes_over: int, side: int
 ) -> None:
     found = in_own_lane(seen(side * (0.3 + lanes_over * WIDTH_M)), side * 0.3)
@@ -44,5 +44,5 @@ def test_at_the_beginning_the_car_is_taken_to_be_in_its_lane() -> None:
         (seen(3.5, width_error_m=0.4), 0.0),  # what is not as wide as a lane is none
     ],
 )
-def test_else_a_sighting_stays_as_it_is(sighting: ValidatedEstimate, offset_m: float) -> None:
+def test_any_other_estimate_stays_unchanged(sighting: ValidatedEstimate, offset_m: float) -> None:
     assert in_own_lane(sighting, offset_m) is sighting

@@ -51,7 +51,7 @@ def test_a_gap_restarts_the_jitter() -> None:
     assert jitter_m([Lane(0.0, 0.0, 0.0, 0.0), *[None] * 20, Lane(1.0, 0.0, 0.0, 0.0)]) == 0.0
 
 
-def test_a_turn_counts_by_what_it_moves_ahead() -> None:
+def test_a_turn_counts_by_its_displacement_ahead() -> None:
     turned = jitter_m([Lane(0.0, 0.0, 0.0, 0.0), Lane(0.0, 0.0, 0.0, 0.0)._replace(heading_rad=0.1)])
     assert turned < 0.1 * AHEAD_M
 

@@ -128,7 +128,7 @@ def follower_on_a_straight(speed_mps: float = 5.0, gap_m: float = 12.0) -> Follo
 @pytest.mark.parametrize(
     "message", [lead(confidence=0.3), lead(distance_m=60.0), lead(lateral_m=20.0), lead(distance_m=None)]
 )
-def test_what_is_unsure_far_or_aside_is_not_followed(message: LeadVehicle) -> None:
+def test_a_lead_that_is_uncertain_far_or_aside_is_not_followed(message: LeadVehicle) -> None:
     follower = Follower(SETTINGS.follow, VEHICLE)
     assert not follower.step(judged(message), None, Motion(8.0, 0.0), now_s=0.0).usable
 
@@ -198,7 +198,7 @@ def test_a_vehicle_that_comes_in_from_aside_does_not_bend_the_trail(side: float)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_leader_that_has_left_the_road_is_not_taken_back_until_the_road_is_seen(side: float) -> None:
+def test_a_leader_that_left_the_road_is_not_followed_again_until_the_road_is_detected(side: float) -> None:
     follower = follower_on_a_straight(speed_mps=3.0)
     gone = [(FRONT_M + 12.0, side * 0.05 * n) for n in range(60)] + [(FRONT_M + 12.0, side * 1.0)] * 40
     assert not follow(follower, gone, speed_mps=3.0, first=100).usable
@@ -206,7 +206,7 @@ def test_a_leader_that_has_left_the_road_is_not_taken_back_until_the_road_is_see
     assert follow(follower, [there] * 5, speed_mps=3.0, first=200, road=STRAIGHT).usable
 
 
-def test_one_wild_sighting_costs_nothing_of_the_trail() -> None:
+def test_a_single_outlier_removes_nothing_from_the_trail() -> None:
     follower, calm = follower_on_a_straight(), follower_on_a_straight()
     straight = (FRONT_M + 12.0, 0.0)
     wild = follow(follower, [(FRONT_M + 12.0, 2.0), straight], speed_mps=5.0, first=100)
@@ -233,7 +233,7 @@ def test_a_leader_that_is_missed_for_a_moment_still_is_there() -> None:
     assert follower.speed_cap_mps(judged(None)) == math.inf
 
 
-def test_nobody_is_followed_for_ever() -> None:
+def test_following_ends_after_its_longest_time() -> None:
     follower = follower_on_a_straight()
     steps = math.ceil(SETTINGS.follow.max_follow_s / STEP_S) + 2
     answer = follow(follower, [(FRONT_M + 12.0, 0.0)] * steps, speed_mps=5.0, first=100)
@@ -254,7 +254,7 @@ def test_the_mirrored_lead_gives_the_mirrored_path() -> None:
 
 
 @given(TENTHS, TENTHS, st.floats(0, 40))
-def test_near_is_where_two_who_brake_gently_would_end_nearer_than_a_touch(
+def test_near_means_that_two_gently_braking_vehicles_would_stop_within_the_minimum_gap(
     own_mps: float, lead_mps: float, gap_m: float
 ) -> None:
     follow = SETTINGS.follow
@@ -266,7 +266,7 @@ def test_near_is_where_two_who_brake_gently_would_end_nearer_than_a_touch(
     assert near == (end_m < follow.touch_m and own_mps > lead_mps)
 
 
-def test_nobody_ahead_or_a_doubtful_vehicle_is_not_near() -> None:
+def test_no_vehicle_or_an_uncertain_one_is_not_near() -> None:
     follower, fast = Follower(SETTINGS.follow, VEHICLE), Motion(8.0, 0.0)
     assert not follower.is_near(judged(None), fast)
     assert not follower.is_near(Lead(confidence=0.4, distance_m=2.0), fast)

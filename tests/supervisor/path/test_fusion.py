@@ -85,7 +85,7 @@ def test_an_estimator_of_less_trust_has_less_weight() -> None:
     assert lane_of(doubtful).offset_m == pytest.approx(0.1, abs=0.01)
 
 
-def test_a_lone_view_that_jumps_is_held_back_for_a_moment_and_then_believed() -> None:
+def test_a_jump_of_the_only_estimate_is_delayed_and_then_accepted() -> None:
     fusion = Fusion(SETTINGS)
     fuse(sighting(STRAIGHT), fusion=fusion)
     aside = Lane(0.9, 0.0, 0.0, 0.0)
@@ -98,7 +98,7 @@ def test_a_lone_view_that_jumps_is_held_back_for_a_moment_and_then_believed() ->
     assert fused.sources == ("cv",) and lane_of(fused) == aside
 
 
-def test_two_views_that_jump_together_are_believed_at_once() -> None:
+def test_a_jump_that_two_estimates_share_is_accepted_at_once() -> None:
     fusion = Fusion(SETTINGS)
     fuse(sighting(STRAIGHT), fusion=fusion)
     aside = Lane(0.9, 0.0, 0.0, 0.0)
@@ -128,7 +128,7 @@ def test_a_lone_view_begins_a_road_only_when_it_is_rather_right_than_wrong(
     )
 
 
-def test_what_goes_on_from_the_remembered_road_may_be_unsure() -> None:
+def test_an_estimate_that_continues_the_remembered_road_may_have_low_confidence() -> None:
     fusion = Fusion(SETTINGS)
     fuse(sighting(STRAIGHT), fusion=fusion)
     assert fuse(sighting(STRAIGHT, t_s=0.04, confidence=0.3), fusion=fusion, now_s=0.04).sources == ("cv",)
@@ -178,7 +178,7 @@ def test_two_contradicting_roads_are_never_averaged(one: Lane, other: Lane) -> N
 
 
 @pytest.mark.parametrize(("remembered", "taken"), [(LEFT, "cnn"), (RIGHT, "cv")])
-def test_of_two_roads_the_one_that_was_being_driven_is_kept(remembered: Lane, taken: str) -> None:
+def test_of_two_contradicting_roads_the_path_keeps_the_driven_one(remembered: Lane, taken: str) -> None:
     fusion = Fusion(SETTINGS)
     fuse(sighting(remembered), fusion=fusion)
     fused = fuse(sighting(RIGHT, "cv", t_s=0.04), sighting(LEFT, "cnn", t_s=0.04), fusion=fusion, now_s=0.04)
@@ -187,7 +187,7 @@ def test_of_two_roads_the_one_that_was_being_driven_is_kept(remembered: Lane, ta
     assert lane_of(fused).offset_m == pytest.approx(0.0, abs=0.01)
 
 
-def test_disagreement_is_in_lateral_acceleration_and_counts_less_beside_a_sure_estimate() -> None:
+def test_disagreement_is_in_lateral_acceleration_and_counts_less_against_a_confident_estimate() -> None:
     fused = fuse(sighting(LEFT, "cv", confidence=0.9), sighting(RIGHT, "cnn", confidence=0.3))
     assert fused.disagreement_mps2 == pytest.approx(0.12 * DRIVING.speed_mps**2)
     share = 0.3 / 0.9
@@ -280,7 +280,7 @@ def seen_apart(fusion: Fusion, t_s: float, apart_m: float | None) -> float:
     return fuse(*views, fusion=fusion, now_s=t_s).weighted_separation_m
 
 
-def test_an_estimator_that_errs_for_a_few_frames_is_no_other_road_but_one_that_stays_is() -> None:
+def test_a_difference_of_a_few_frames_is_no_second_road_and_a_lasting_one_is() -> None:
     fusion, lasting = Fusion(SETTINGS), round(SETTINGS.lasting_s / 0.04)
     before = [seen_apart(fusion, 0.04 * i, 0.05) for i in range(20)]
     during = [seen_apart(fusion, 0.04 * i, 0.4) for i in range(20, 40)]
@@ -289,14 +289,14 @@ def test_an_estimator_that_errs_for_a_few_frames_is_no_other_road_but_one_that_s
     assert during[lasting + 1 :] == pytest.approx([0.4] * (20 - lasting - 1))
 
 
-def test_two_roads_from_the_first_frame_on_count_at_once_and_again_after_a_silence() -> None:
+def test_two_roads_count_at_once_from_the_first_frame_and_again_after_a_gap() -> None:
     fusion = Fusion(SETTINGS)
     assert seen_apart(fusion, 0.0, 0.05) == pytest.approx(0.05)
     assert seen_apart(fusion, 1.0, 0.4) == pytest.approx(0.4)
 
 
 @given(st.sets(st.integers(1, 19)))
-def test_frames_that_only_one_has_seen_calm_no_contradiction(missed: set[int]) -> None:
+def test_frames_of_a_single_estimator_do_not_lower_a_contradiction(missed: set[int]) -> None:
     fusion = Fusion(SETTINGS)
     for i in range(20):
         apart_m = seen_apart(fusion, 0.04 * i, None if i in missed else 0.4)

@@ -61,7 +61,7 @@ def test_without_a_path_before_there_is_nothing_to_lead_over_from() -> None:
     assert found[2].lane == TRAIL
 
 
-def test_what_the_paths_differ_by_stays_on_the_ground_while_the_vehicle_drives_on() -> None:
+def test_the_difference_of_the_paths_stays_fixed_on_the_ground_while_the_vehicle_moves() -> None:
     """A slope between two straight paths: 10 m on, the fading gap is that of 10 m on, not that of the start."""
     speed_mps, slope = 5.0, 0.02
     hand_over, motion = HandOver(100.0), Motion(speed_mps, 0.0)

@@ -45,12 +45,12 @@ def test_without_points_the_prior_is_all_there_is() -> None:
     assert found.sigma_m(0.0) == pytest.approx(SETTINGS.offset_sigma_m)
 
 
-def test_it_is_less_sure_of_what_lies_beyond_the_points() -> None:
+def test_the_sigma_grows_beyond_the_points() -> None:
     found = fit(points(STRAIGHT), STRAIGHT, SETTINGS, around_m=0.0, window_m=SETTINGS.window_m, speed_mps=5.0)
     assert found.sigma_m(5.0) < found.sigma_m(30.0) < found.sigma_m(45.0)
 
 
-def test_the_sigma_is_what_noise_does() -> None:
+def test_the_sigma_equals_the_scatter_under_noise() -> None:
     """Monte Carlo: noisy points scatter the fit by what its covariance says, near the points."""
     rng = np.random.default_rng(1)
     clean = points(STRAIGHT, sigma_m=0.2)
@@ -81,7 +81,7 @@ def test_points_stay_where_they_are_while_the_vehicle_drives_a_circle() -> None:
     assert trail.seen()[0, :2] == pytest.approx(turn @ (np.array([10.0, 2.0]) - here), abs=1e-4)
 
 
-def test_many_sightings_of_one_place_are_one_point_between_them() -> None:
+def test_many_detections_of_one_place_are_one_point_between_them() -> None:
     trail = Trail(SETTINGS)
     for y_m in (0.1, -0.1, 0.1, -0.1):
         trail.add(10.0, y_m)
@@ -91,7 +91,7 @@ def test_many_sightings_of_one_place_are_one_point_between_them() -> None:
     assert seen[0, 2] <= SETTINGS.least_sigma_m**-2
 
 
-def test_what_is_far_behind_or_ahead_is_forgotten() -> None:
+def test_points_far_behind_or_ahead_are_dropped() -> None:
     trail = Trail(SETTINGS)
     trail.add(3.0, 0.0)
     trail.move(Motion(5.0, 0.0), 2.0)
@@ -100,7 +100,7 @@ def test_what_is_far_behind_or_ahead_is_forgotten() -> None:
     assert len(trail.seen()) == 0
 
 
-def test_roads_bend_less_fast_where_one_drives_faster() -> None:
+def test_the_curvature_rate_of_the_trail_falls_with_speed() -> None:
     rates = [max_curvature_rate_1pm2(v, SETTINGS) for v in (0.0, 3.0, 5.0, 8.0, 20.0)]
     assert rates == sorted(rates, reverse=True)
     assert max_curvature_rate_1pm2(10.0, SETTINGS) == pytest.approx(SETTINGS.road_jerk_mps3 / 1000)

@@ -271,7 +271,7 @@ OTHERS = ["(", ")", "with", "weight", "because", "0.5", "dark", "1e9", "%"]
 
 @given(st.lists(st.sampled_from([*KNOWN, *OTHERS]), max_size=14))
 @settings(max_examples=300, deadline=None)
-def test_shuffled_words_are_refused_at_a_place_in_the_sentence_or_understood(said: list[str]) -> None:
+def test_shuffled_words_parse_or_are_refused_at_a_place_in_the_sentence(said: list[str]) -> None:
     sentence = f"if time_gap is {' '.join(said)}"
     try:
         parse_rule(sentence, ("speed", "time_gap"), outputs=("fear", "trust_cv"))

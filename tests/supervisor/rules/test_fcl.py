@@ -40,7 +40,7 @@ def read_back(rules: FearRules) -> FearRules:
 
 @pytest.mark.parametrize("rules", [SHIPPED, SMALL], ids=["shipped", "small"])
 @pytest.mark.parametrize("method", ["monotone", "mamdani"])
-def test_what_is_written_and_read_back_infers_the_same_to_the_last_bit(rules: FearRules, method: str) -> None:
+def test_exported_and_imported_rules_infer_the_same_to_the_last_bit(rules: FearRules, method: str) -> None:
     own = compiled(rules.file.model_copy(update={"method": method}))
     again, rng = read_back(own), random.Random(5)
     for _ in range(50):
@@ -52,7 +52,7 @@ def test_what_is_written_and_read_back_infers_the_same_to_the_last_bit(rules: Fe
             assert again.memberships(values) == own.memberships(values)
 
 
-def test_nothing_of_a_file_is_lost() -> None:
+def test_export_and_import_lose_no_part_of_a_file() -> None:
     assert read_back(SMALL).file == SMALL.file
     assert fcl(read_back(SHIPPED)) == fcl(SHIPPED)
 
@@ -94,7 +94,7 @@ END_FUNCTION_BLOCK
 """
 
 
-def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_tells() -> None:
+def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_states() -> None:
     file = parse_fcl(FOREIGN, source="f.fcl", like=SHIPPED.file)
     assert (file.method, file.rules) == (
         "mamdani",
@@ -138,7 +138,7 @@ def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_tells() -> No
         ("VAR_OUTPUT", "VAR_OUTPUT %", "'%' is no sign of FCL"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told_with_line_and_column(old: str, new: str, message: str) -> None:
+def test_an_error_is_reported_with_line_and_column(old: str, new: str, message: str) -> None:
     assert old in TEXT
     with pytest.raises(InputError, match=r"^rules\.fcl:\d+:\d+: [^\n]*$") as error:
         parse_fcl(TEXT.replace(old, new, 1), source="rules.fcl", like=SHIPPED.file)

@@ -63,7 +63,7 @@ def test_fear_never_falls_as_a_risk_rises(point: dict[str, float], name: str, pa
 
 @settings(max_examples=60, deadline=None)
 @given(POINTS, st.sampled_from(RULES.names), st.sampled_from([None, math.nan, math.inf, -math.inf]))
-def test_what_is_missing_makes_fear_1_and_is_named(
+def test_a_missing_input_makes_fear_1_and_is_named(
     point: dict[str, float], name: str, absent: float | None
 ) -> None:
     felt = RULES.evaluate({**point, name: absent})
@@ -80,7 +80,9 @@ def test_an_input_left_out_is_missing() -> None:
 
 @pytest.mark.parametrize("side", ["worst", "calmest"])
 @pytest.mark.parametrize("name", RULES.names)
-def test_a_value_beyond_the_range_counts_as_its_end_only_where_the_file_says_so(name: str, side: str) -> None:
+def test_a_value_beyond_the_range_counts_as_its_end_only_where_the_file_permits_it(
+    name: str, side: str
+) -> None:
     spec = RULES.inputs[name]
     middle, end = sum(spec.range) / 2, getattr(spec, side)
     felt = RULES.evaluate({**CALM, name: end + (end - middle)})
@@ -96,7 +98,7 @@ def test_fear_is_exactly_0_when_all_is_calm_and_exactly_1_at_the_worst() -> None
     assert (terrified.fear, terrified.level) == (1, "very_high")
 
 
-def test_where_no_rule_speaks_fear_is_1() -> None:
+def test_where_no_rule_is_active_fear_is_1() -> None:
     felt = rules_of("if speed is very_high then fear is low").evaluate(CALM)
     assert (felt.fear, felt.cause) == (1, "no_rule")
     assert felt.rules[-1].text == SILENT
@@ -222,7 +224,7 @@ def test_evaluating_changes_nothing(point: dict[str, float], other: dict[str, fl
     assert RULES.evaluate(point) == before
 
 
-def test_rules_are_told_strongest_first() -> None:
+def test_rules_are_reported_strongest_first() -> None:
     strengths = [fired.strength for fired in RULES.evaluate({**CALM, "disagreement": 1.9}).rules]
     assert len(strengths) > 1
     assert strengths == sorted(strengths, reverse=True)
@@ -243,23 +245,23 @@ def found(seed: int) -> list[tuple[float, str, tuple[float, ...]]]:
     return [(felt.fear, felt.cause, felt.strengths) for felt in map(RULES.evaluate, points)]
 
 
-def test_threads_that_share_the_rules_find_the_same_bits() -> None:
+def test_threads_that_share_the_rules_compute_the_same_bits() -> None:
     with ThreadPoolExecutor(4) as threads:
         assert list(threads.map(found, [1, 2, 3, 4])) == [found(seed) for seed in (1, 2, 3, 4)]
 
 
-def test_rules_sent_to_another_process_and_back_find_the_same_bits() -> None:
+def test_rules_sent_to_another_process_and_back_compute_the_same_bits() -> None:
     again = pickle.loads(pickle.dumps(RULES))
     for point in (CALM, WORST, {**CALM, "disagreement": 1.9, "speed": 7.7}):
         assert again.evaluate(point) == RULES.evaluate(point)
         assert again.trust(point) == RULES.trust(point)
 
 
-def test_processes_with_other_hash_seeds_find_the_same_bits() -> None:
+def test_processes_with_other_hash_seeds_compute_the_same_bits() -> None:
     assert differing_processes(5, processes=1) == 0
 
 
-def test_trust_is_1_when_nothing_lowers_it_and_falls_to_what_a_rule_says() -> None:
+def test_trust_is_1_without_an_active_rule_and_falls_to_the_value_of_a_rule() -> None:
     rules = small_rules("if a is high then trust_cv is low because dim", estimators=("cv", "cnn"))
     assert rules.trust({"a": 0.0})["cv"] == Trust(1, "none", (), ())
     assert rules.trust({"a": 1.0})["cv"][:2] == (0.25, "dim")
@@ -267,7 +269,7 @@ def test_trust_is_1_when_nothing_lowers_it_and_falls_to_what_a_rule_says() -> No
     assert rules.trust({"a": 1.0})["cnn"].trust == 1
 
 
-def test_trust_asks_only_for_the_inputs_of_its_rules_and_takes_what_is_missing_for_the_worst() -> None:
+def test_trust_needs_only_the_inputs_of_its_rules_and_takes_a_missing_one_as_the_worst() -> None:
     rules = small_rules("if a is high then trust_cv is very_low because dim", estimators=("cv",))
     assert rules.trust({"a": 0.0, "b": None})["cv"].trust == 1
     lost = rules.trust({"a": None})["cv"]
@@ -287,7 +289,7 @@ def test_more_risk_is_never_more_trust(a: float, b: float, name: str, x: float) 
     assert rules.trust(more)["cv"].trust <= rules.trust(less)["cv"].trust
 
 
-def test_rules_about_trust_do_not_frighten() -> None:
+def test_rules_about_trust_do_not_raise_fear() -> None:
     doubt, fear = "if a is high then trust_cv is very_low", "if a is very_high then fear is low"
     rules = small_rules(doubt, fear, estimators=("cv",))
     assert rules.evaluate({"a": 0.75, "b": 0}).cause == "no_rule"

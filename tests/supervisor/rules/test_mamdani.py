@@ -38,7 +38,7 @@ def test_fear_is_the_centroid_of_scikit_fuzzy(sentences: list[str]) -> None:
         assert rules.evaluate(point).fear == pytest.approx(fear_of(peer, point), abs=TOLERANCE)
 
 
-def test_the_centroid_of_one_full_triangle_is_its_place() -> None:
+def test_the_centroid_of_a_single_full_triangle_is_its_peak() -> None:
     at = (0.0, 0.25, 0.5, 0.75, 1.0)
     assert centroid(at, [0, 0, 1, 0, 0]) == pytest.approx(0.5)
     assert centroid(at, [1, 0, 0, 0, 0]) == pytest.approx(0.25 / 3)  # half a triangle
@@ -56,14 +56,14 @@ def test_the_centroid_is_that_of_a_fine_integral_also_between_unevenly_placed_le
     )
 
 
-def test_what_is_missing_or_unspoken_makes_fear_1_where_scikit_fuzzy_stays_calm() -> None:
+def test_a_missing_input_or_a_silent_rule_base_makes_fear_1_in_contrast_to_scikit_fuzzy() -> None:
     rules: FearRules = small_rules("if a is high then fear is low", inputs=INPUTS, method="mamdani")
     assert rules.evaluate({"a": 0.75, "b": 1}).fear == pytest.approx(0.25)
     assert rules.evaluate({"a": 0.75, "b": float("nan")}).fear == 1
     assert rules.evaluate({"a": 0.1, "b": 1})[0::3] == (1, (SILENT,))
 
 
-def test_trust_is_one_minus_the_centroid_of_what_lowers_it() -> None:
+def test_trust_is_1_minus_the_centroid_of_the_rules_that_lower_it() -> None:
     doubt = "if a is high then trust_cv is low"
     rules = small_rules(doubt, *TABLE, estimators=("cv",), method="mamdani", inputs=INPUTS)
     assert rules.trust({"a": 0.75})["cv"].trust == pytest.approx(0.25)

@@ -39,7 +39,7 @@ def until(condition: Callable[[], object], *, patience_s: float = 90) -> bool:
     return False
 
 
-def test_good_rules_come_back_compiled_and_find_the_same_as_if_loaded_here(path: Path) -> None:
+def test_valid_rules_come_back_compiled_and_give_the_same_result_as_rules_loaded_here(path: Path) -> None:
     path.write_text(MARKED, encoding="utf-8")
     news, here = reread(path), FearRules.load(path)
     assert news.rules is not None
@@ -58,7 +58,7 @@ def test_rules_that_could_not_drive_come_back_as_one_line(path: Path) -> None:
     assert "\n" not in news.complaint
 
 
-def test_good_rules_are_handed_over_and_bad_ones_are_complained_of() -> None:
+def test_valid_rules_are_handed_over_and_invalid_rules_are_reported() -> None:
     adopted: list[FearRules] = []
     rules = FearRules.load(CONFIG_DIR / "fear.yaml")
     assert taken_over(News(rules, ""), adopted.append) == (Health.OK, "drives by changed rules")
@@ -66,7 +66,7 @@ def test_good_rules_are_handed_over_and_bad_ones_are_complained_of() -> None:
     assert adopted == [rules]
 
 
-def test_rules_about_what_nothing_measures_are_refused_and_the_old_ones_stay(path: Path) -> None:
+def test_rules_about_an_unmeasured_input_are_refused_and_the_old_rules_stay(path: Path) -> None:
     supervisor = build()
     path.write_text(SHIPPED.replace("state_age", "moon_phase"), encoding="utf-8")
     health, message = taken_over(reread(path), supervisor.adopt)
@@ -76,7 +76,7 @@ def test_rules_about_what_nothing_measures_are_refused_and_the_old_ones_stay(pat
     assert "moon_phase" not in decision.inputs
 
 
-def test_the_watch_tells_of_every_change_once_and_ends_with_its_thread(path: Path) -> None:
+def test_the_watch_reports_every_change_once_and_ends_with_its_thread(path: Path) -> None:
     with RuleWatch(path) as watch:
         assert watch.take() is None
         path.write_text(TYPO, encoding="utf-8")
@@ -119,7 +119,7 @@ def heard(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
         yield hears
 
 
-def test_a_running_supervisor_keeps_good_rules_says_what_is_wrong_and_takes_over_what_is_mended(
+def test_a_running_supervisor_keeps_valid_rules_reports_the_error_and_adopts_corrected_rules(
     path: Path, heard: Callable[[Callable[..., bool]], bool]
 ) -> None:
     assert heard(lambda said, decided: said.health is Health.OK and MARK not in decided.rules)

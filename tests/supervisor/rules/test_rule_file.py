@@ -52,7 +52,7 @@ def test_a_rule_may_carry_a_weight_and_a_cause() -> None:
     assert (rule.level, rule.weight, rule.cause) == (4, 0.5, "night")
 
 
-def test_a_rule_without_a_cause_is_about_its_first_input() -> None:
+def test_the_cause_of_a_rule_without_one_is_its_first_input() -> None:
     assert parse_rule("if fast is low or dark is low then fear is low", INPUTS).cause == "fast"
 
 

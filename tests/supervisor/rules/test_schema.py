@@ -48,13 +48,13 @@ def test_every_rule_file_fits_the_schema_and_names_it(path: Any) -> None:
         lambda data: data.update(method="sugeno"),
     ],
 )
-def test_what_the_loader_refuses_the_schema_marks(spoil: Callable[[Any], None]) -> None:
+def test_the_schema_rejects_every_file_that_the_loader_refuses(spoil: Callable[[Any], None]) -> None:
     data = copy.deepcopy(json.loads(json.dumps(config.read(CONFIG_DIR / "fear.yaml"))))
     spoil(data)
     assert complaints(data)
 
 
-def test_editors_are_told_what_a_field_means() -> None:
+def test_every_field_of_the_schema_has_a_description() -> None:
     told = SCHEMA["$defs"]["Input"]["properties"]
     assert all("description" in told[name] for name in ("range", "risk", "missing", "beyond"))
     assert SCHEMA["properties"].keys() == RuleFile.model_fields.keys()

@@ -140,7 +140,7 @@ def test_the_proofs_agree_with_a_grid_on_curved_sets() -> None:
             assert change <= slopes[name] * step + 1e-12
 
 
-def test_a_rule_that_another_one_outdoes_is_found_on_curved_sets_too() -> None:
+def test_a_rule_dominated_by_another_rule_is_found_on_curved_sets_too() -> None:
     void, counts = "if a is high then fear is low", "if a is medium then fear is high"
     rules = small_rules(void, counts, "if b is low then fear is low", inputs=INPUTS)
     assert [(a.text, b.text) for a, b in contradictions(rules)] == [(void, counts)]

@@ -50,7 +50,7 @@ points = st.fixed_dictionaries(dict.fromkeys(INPUTS, numbers))
 
 @settings(max_examples=80, deadline=None)
 @given(rule_sets)
-def test_the_rules_are_found_silent_exactly_where_a_dense_grid_finds_them_silent(rules: FearRules) -> None:
+def test_the_check_reports_silence_exactly_where_a_dense_grid_has_no_active_rule(rules: FearRules) -> None:
     strengths = rules.fear_voice.method.strengths
     corners = [i / 8 for i in range(9)]  # fear is silent on closed boxes between feet, which lie on quarters
     silent = any(not strengths(list(point)) for point in itertools.product(corners, repeat=len(INPUTS)))
@@ -62,7 +62,7 @@ def test_the_rules_are_found_silent_exactly_where_a_dense_grid_finds_them_silent
 
 @settings(max_examples=120, deadline=None)
 @given(rule_sets, points, st.sampled_from(sorted(INPUTS)), numbers)
-def test_where_the_rules_speak_fear_never_falls_as_a_risk_rises_not_even_by_rounding(
+def test_where_a_rule_is_active_fear_never_falls_as_a_risk_rises_not_even_by_rounding(
     rules: FearRules, point: dict[str, float], name: str, x: float
 ) -> None:
     riskier = max(point[name], x) if INPUTS[name].risk == "rising" else min(point[name], x)
@@ -89,7 +89,7 @@ def test_the_bound_is_reached_by_a_single_ramp() -> None:
     assert (steep[1] - steep[0]) / 0.25 == 2
 
 
-def test_a_steep_rule_of_a_low_level_counts_by_what_it_adds() -> None:
+def test_a_steep_rule_of_a_low_level_counts_by_its_increment() -> None:
     rules = small_rules("if a is low then fear is low", "if a is very_high then fear is very_high")
     assert lipschitz(rules)["a"] == 4  # one quarter of fear over a quarter of a, then all of it
 
@@ -124,7 +124,7 @@ def test_a_steep_rule_of_a_low_level_counts_by_what_it_adds() -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_could_not_drive_is_told(sentences: tuple[str, ...], problem: str) -> None:
+def test_the_check_reports_rules_that_could_not_drive(sentences: tuple[str, ...], problem: str) -> None:
     problems = verify(small_rules(*sentences)).problems
     assert any(found.startswith(problem) for found in problems), problems
 
@@ -140,11 +140,11 @@ def test_rules_that_could_drive_have_no_problems() -> None:
     assert verify(small_rules(*GOOD)).problems == ()
 
 
-def test_an_estimator_whose_trust_no_rule_lowers_is_told() -> None:
+def test_an_estimator_whose_trust_no_rule_lowers_is_reported() -> None:
     assert verify(small_rules(*GOOD, estimators=("cv",))).problems == ("no rule sets the trust in cv",)
 
 
-def test_trust_that_is_lowered_even_when_all_is_calm_is_told() -> None:
+def test_trust_lowered_at_calm_inputs_is_reported() -> None:
     rules = small_rules(*GOOD, "if a is very_low then trust_cv is low", estimators=("cv",))
     assert verify(rules).problems == ("always fires: if a is very_low then trust_cv is low",)
 
@@ -155,14 +155,14 @@ def test_rules_of_different_weight_or_output_do_not_contradict() -> None:
     assert list(contradictions(rules)) == []
 
 
-def test_a_rule_said_twice_adds_nothing() -> None:
+def test_a_repeated_rule_adds_nothing() -> None:
     rules = small_rules(*GOOD, "if a is high or b is low then fear is medium")
     assert [a.text for a, _ in repetitions(rules)] == ["if a is high or b is low then fear is medium"]
     assert verify(rules).problems == ()
     assert verify(rules).notes[0].startswith("adds nothing to 'if a is low or b is low")
 
 
-def test_mamdanis_method_fails_its_check_and_says_by_how_much() -> None:
+def test_mamdanis_method_fails_its_check_and_the_report_states_by_how_much() -> None:
     table = [
         f"if a is {LEVELS[i]} and b is {LEVELS[j]} then fear is {LEVELS[(i + j) // 2]}"
         for i, j in itertools.product(range(5), repeat=2)

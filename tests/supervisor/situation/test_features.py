@@ -50,7 +50,7 @@ def test_the_time_to_crossing_of_a_car_that_drifts_is_room_over_drift(side: int)
     assert found == pytest.approx((3.4 / 2 - VEHICLE.track_m / 2 - 0.1) / (8.0 * 0.05), rel=0.02)
 
 
-def test_a_car_that_turns_with_its_lane_never_crosses_and_one_that_does_not_turn_soon_does() -> None:
+def test_a_car_that_turns_with_its_lane_never_crosses_and_a_car_that_drives_straight_on_soon_does() -> None:
     bend = lane(0.0, 0.0, 0.02)
     seen = {"cv": replace(CV, **bend), "cnn": replace(CNN, **bend)}
     assert looked(**seen, state=replace(STATE, yaw_rate_radps=8.0 * 0.02)).features["crossing"] == BEYOND
@@ -73,7 +73,7 @@ def test_a_car_that_turns_back_in_time_does_not_cross() -> None:
     assert _first_root(-0.1, 0.0, 0.0) == 0.0
 
 
-def test_a_remembered_lane_has_confidence_and_zero_sight() -> None:
+def test_a_remembered_lane_keeps_its_confidence_and_has_sight_0() -> None:
     blind = replace(CNN, confidence=0.0, **dict.fromkeys(lane(0, 0), None))  # type: ignore[arg-type]
     asked = looked(replace(CV, lanes_detected=0), blind).features
     assert (asked["lane_confidence"], asked["sight"]) == (0.9, 0.0)
@@ -81,7 +81,7 @@ def test_a_remembered_lane_has_confidence_and_zero_sight() -> None:
 
 
 @pytest.mark.parametrize(("marked", "unmarked"), [(True, 0.0), (False, 1.0), (None, 0.0)])
-def test_a_road_seen_by_its_edges_is_unmarked(marked: bool | None, unmarked: float) -> None:
+def test_a_road_detected_by_its_edges_is_unmarked(marked: bool | None, unmarked: float) -> None:
     assert looked(replace(CV, marked=marked)).features["unmarked"] == unmarked
 
 
