@@ -43,7 +43,7 @@ def finite(one: Command) -> bool:
     ) and (one.t_s is None or math.isfinite(one.t_s))
 
 
-def test_a_calm_lane_below_the_cap_is_driven_straight_and_faster():
+def test_a_straight_lane_below_the_speed_cap_is_driven_straight_and_faster():
     _, _, last = rolling()
     assert last.road_wheel_angle_rad == 0.0
     assert last.accel_mps2 > 0.5
@@ -133,7 +133,7 @@ def test_missing_old_impossible_inputs_and_mode_stop_brake_at_once(what):
 
 @pytest.mark.parametrize("message,name", NUMBERS)
 @pytest.mark.parametrize("value", BAD)
-def test_a_number_that_is_not_finite_never_drives_and_never_comes_out(message, name, value):
+def test_a_number_that_is_not_finite_never_drives_and_never_reaches_the_command(message, name, value):
     one, now_s, last = rolling()
     seen, known = decision(now_s), state(now_s)
     if message is Decision:
@@ -157,7 +157,7 @@ required = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-
 
 @settings(max_examples=150)
 @given(st.data())
-def test_random_inputs_never_come_out_as_anything_but_a_bounded_command(data):
+def test_random_inputs_give_a_bounded_command(data):
     one = controller()
     for n in range(4):
         now_s = 0.02 * n
@@ -223,7 +223,7 @@ def silent(one, now_s, seconds, **changes):
     ]
 
 
-def test_silence_escalates_from_a_comfort_to_an_emergency_stop():
+def test_missing_decisions_escalate_from_a_comfort_to_an_emergency_stop():
     one, now_s, _ = rolling()
     asked = silent(one, now_s, 3.0)
     before = [c.accel_mps2 for c in asked[: round((INPUTS.lost_s - 0.04) / 0.02)]]
@@ -232,7 +232,7 @@ def test_silence_escalates_from_a_comfort_to_an_emergency_stop():
     assert -4.0 <= asked[-1].accel_mps2 <= -speed.emergency.decel_mps2
 
 
-def test_an_own_emergency_stop_latches_until_standstill():
+def test_an_emergency_stop_of_the_controller_latches_until_standstill():
     one, now_s, _ = rolling()
     now_s += len(silent(one, now_s, 2.0)) * 0.02
     for n in range(100):
@@ -245,7 +245,7 @@ def test_an_own_emergency_stop_latches_until_standstill():
     assert standing.accel_mps2 > 0.0
 
 
-def test_a_short_silence_is_forgiven():
+def test_a_short_gap_in_the_decisions_does_not_stop_the_car():
     one, now_s, _ = rolling()
     now_s += len(silent(one, now_s, 0.4)) * 0.02
     for n in range(100):
@@ -254,7 +254,7 @@ def test_a_short_silence_is_forgiven():
     assert again.accel_mps2 > -0.1
 
 
-def test_without_a_path_it_follows_the_remembered_one_then_holds_the_curvature_and_brakes():
+def test_without_a_path_the_car_follows_the_remembered_one_then_holds_the_curvature_and_brakes():
     curvature = 0.03
     one, now_s, _ = rolling(curvature_1pm=curvature)
     asked = [
@@ -326,7 +326,7 @@ def test_without_a_state_it_holds_the_wheel():
     assert blind.road_wheel_angle_rad == last.road_wheel_angle_rad != 0.0
 
 
-def test_one_that_never_saw_a_path_leaves_the_wheels_where_they_are():
+def test_without_any_path_the_controller_keeps_the_wheel_angle():
     asked = controller().step(None, state(road_wheel_angle_rad=0.2), now_s=0.0)
     assert asked.road_wheel_angle_rad == pytest.approx(0.2)
 

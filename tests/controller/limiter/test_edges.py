@@ -26,7 +26,7 @@ def stepped(one, now_s, *, wanted=0.0, accel=0.0, speed=10.0, **changes):
     return one.step(asked, now_s, state(now_s, speed_mps=speed, **changes), now_s=now_s)
 
 
-def test_at_first_nothing_is_stopped_handed_over_or_saturated():
+def test_the_first_state_is_neither_stopped_nor_handed_over_nor_saturated():
     one = limiter()
     assert (one.stopping, one.handed_over, one.saturated) == (False, False, False)
     assert one.stopping is one.handed_over is one.saturated is False
@@ -211,7 +211,7 @@ def test_without_a_state_the_driver_does_not_have_the_car():
     assert one.handed_over is False
 
 
-def test_commands_that_come_too_seldom_drive_no_more():
+def test_commands_at_too_low_a_rate_brake_the_car():
     """Eight in 0.5 s are asked for; every 0.125 s one comes, well within the timeout."""
     one, accels = limiter(), []
     for n in range(16 * 8):

@@ -192,7 +192,7 @@ def turning(one, speed_mps=10.0, seconds=1.0):
     return angle, seconds
 
 
-def test_when_commands_stop_coming_it_stops_the_car_on_the_last_curvature():
+def test_when_commands_cease_the_limiter_stops_the_car_on_the_last_curvature():
     one = limiter()
     angle, now_s = turning(one)
     last = command(now_s - DT_S, road_wheel_angle_rad=angle, accel_mps2=0.5)
@@ -209,7 +209,7 @@ def test_when_commands_stop_coming_it_stops_the_car_on_the_last_curvature():
     assert (out.accel_mps2, out.speed_mps) == (-LIMITS.stop_decel_mps2, 0.0)
 
 
-def test_the_stop_is_steered_but_not_ended_by_commands_that_come_again():
+def test_the_stop_is_steered_but_not_ended_by_new_commands():
     one = limiter()
     _, now_s = turning(one)
     now_s += 0.5
@@ -283,7 +283,7 @@ def test_without_a_plausible_state_it_brakes_holds_the_wheel_and_after_a_while_s
     assert [c.road_wheel_angle_rad for c in out] == pytest.approx([angle] * len(out))
 
 
-def test_one_that_never_saw_the_wheel_leaves_it_straight():
+def test_without_any_wheel_angle_the_limiter_keeps_the_wheel_straight():
     assert limiter().step(command(road_wheel_angle_rad=0.3), 0.0, None, now_s=0.0).road_wheel_angle_rad == 0.0
 
 
@@ -372,7 +372,7 @@ numbers = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-5
         max_size=6,
     )
 )
-def test_anything_that_comes_in_comes_out_bounded(scenes):
+def test_any_input_gives_a_bounded_command(scenes):
     one, now_s = limiter(), 0.0
     for asked, received_s, known, pause in scenes:
         now_s += pause

@@ -205,7 +205,7 @@ def test_commands_come_too_seldom_when_eight_of_them_take_longer_than_the_rate_a
     assert arrivals.too_seldom(0.5, 0.5626)
 
 
-def test_eight_commands_that_never_arrived_count_for_nothing():
+def test_eight_commands_that_never_arrived_do_not_count():
     arrivals = Arrivals(EXACT)
     assert not any(arrivals.too_seldom(None, 1.0 * n) for n in range(20))
     assert not any(arrivals.too_seldom(20.0 + n / 16, 20.0 + n / 16) for n in range(40))
@@ -259,7 +259,7 @@ def watch(**changes):
     return one
 
 
-def test_the_driver_has_the_car_while_the_vehicle_reports_it():
+def test_the_override_lasts_while_the_vehicle_reports_it():
     one = watch()
     assert one.step(seen(driver=True), 1.0)
     assert not one.step(seen(), 1.0)
@@ -296,7 +296,7 @@ def test_a_moment_within_the_demands_restarts_the_count():
     assert one.step(odd, 0.5)
 
 
-def test_a_standing_car_with_its_wheel_turned_is_not_held_by_anyone():
+def test_a_standing_car_with_a_turned_wheel_is_no_driver_override():
     for speed_mps, held in ((0.125, False), (0.13, True)):
         one = watch()
         out = [one.step(seen(wheel_rad=0.3, speed_mps=speed_mps), n / 16) for n in range(10)]

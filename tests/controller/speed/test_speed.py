@@ -309,7 +309,7 @@ def test_on_a_hill_the_speed_is_held_and_a_stop_takes_as_long_as_on_the_level(gr
     assert stop.demand_mps2[-1] <= -SPEED.hold_decel_mps2 - abs(hill) + 0.1
 
 
-def test_a_brake_that_is_someone_else_s_is_no_hill():
+def test_a_brake_of_another_source_is_not_taken_as_a_hill():
     observer = LoadObserver(LAG_S, limit_mps2=1.5)
     speed_mps = 15.0
     for _ in range(200):
@@ -338,7 +338,7 @@ def test_a_cap_of_zero_stops_at_least_as_hard_as_a_comfort_stop():
     assert at_zero.speed_mps[-1] == 0.0
 
 
-def test_a_driver_leaves_no_load_behind():
+def test_the_identified_load_is_reset_after_a_driver():
     control = speed_control(0.0)
     ride(tracking(control, 8.0), 8.0, 5.0)
     for n in range(100):
