@@ -69,7 +69,7 @@ def test_a_clip_gives_one_numbered_object_per_frame(clip, capsys):
     assert [row["frame"] for row in lines(capsys)] == list(range(12))
 
 
-def test_what_is_not_seen_is_null(tmp_path, capsys):
+def test_an_undetected_value_is_null(tmp_path, capsys):
     cv2.imwrite(str(tmp_path / "dark.png"), np.zeros((240, 320, 3), np.uint8))
     estimate([tmp_path / "dark.png"], as_json=True)
     (row,) = lines(capsys)
@@ -77,7 +77,7 @@ def test_what_is_not_seen_is_null(tmp_path, capsys):
     assert all(row[name] is None for name in ("lateral_offset_m", "lane_width_m", "left_boundary_px"))
 
 
-def test_an_assumed_camera_is_said_once_and_a_given_one_is_used(folder, capsys):
+def test_an_assumed_camera_is_reported_once_and_a_given_one_is_used(folder, capsys):
     estimate([folder], as_json=True)
     assert capsys.readouterr().err.count("assumed camera") == 1
     estimate([folder], camera=Path("config/camera.yaml"), as_json=True)
@@ -126,7 +126,7 @@ def bad_inputs(folder: Path, clip: Path) -> dict[str, Path]:
         "truncated video",
     ],
 )
-def test_bad_input_is_named_in_one_line_and_what_came_before_is_not_lost(kind, folder, clip, capsys):
+def test_bad_input_is_named_in_one_line_and_earlier_results_are_kept(kind, folder, clip, capsys):
     good, bad = folder / "a.jpg", bad_inputs(folder, clip)[kind]
     with pytest.raises(InputError) as problem:
         estimate([good, bad], as_json=True)

@@ -68,7 +68,7 @@ def test_a_mirrored_picture_gives_mirrored_strips() -> None:
     assert np.abs(view.strips(image)[:, :, ::-1].astype(int) - mirrored).mean() < 1.0
 
 
-def test_cells_that_mean_one_vehicle_are_one_answer_and_two_vehicles_are_two() -> None:
+def test_cells_of_one_vehicle_merge_into_one_detection_and_two_vehicles_stay_two() -> None:
     cells = np.zeros((STRIPS, 4, CELL_COLUMNS), np.float32)
     for strip, column in ((10, 20), (11, 20), (10, 21), (3, 5)):
         cells[strip, 0, column] = 0.9 if column == 20 else 0.7
@@ -98,7 +98,7 @@ def test_a_box_stands_where_its_lower_edge_is() -> None:
 @pytest.mark.parametrize(
     "box", [(100.0, 60.0, 130.0, 80.0), (0.0, 100.0, 319.0, 200.0), (160.0, 90.0, 161.0, 150.0)]
 )
-def test_what_does_not_stand_on_the_road_or_has_no_width_of_a_vehicle_is_none(box: tuple[float, ...]) -> None:
+def test_a_box_off_the_road_or_without_the_width_of_a_vehicle_is_dropped(box: tuple[float, ...]) -> None:
     assert on_road(CAMERA, box, 0.9) is None
 
 
@@ -156,7 +156,7 @@ def test_mirrored_detections_give_the_mirrored_track() -> None:
     assert left.state * (1, -1, 1, -1) == pytest.approx(right.state)
 
 
-def test_a_vehicle_that_is_no_longer_seen_is_believed_less_and_less_and_then_given_up() -> None:
+def test_the_confidence_of_an_undetected_vehicle_falls_until_its_track_is_dropped() -> None:
     tracker = tracked(5.0, 5.0)
     believed = []
     while tracker.tracks:
@@ -197,17 +197,17 @@ def found(detections: list[Detection], *, yaw_rate_radps: float = 0.0, known: bo
     return said
 
 
-def test_of_two_in_our_lane_the_nearer_is_ahead_of_us() -> None:
+def test_of_two_vehicles_in_our_lane_the_nearer_is_the_lead() -> None:
     said = found([Detection(25.0, 0.1, 1.8, 0.95), Detection(12.0, -0.2, 1.8, 0.9)])
     assert said.distance_m == pytest.approx(12.0 - NOSE_M, abs=0.2)
     assert said.lateral_m == pytest.approx(-0.2, abs=0.05)
 
 
-def test_a_vehicle_on_the_next_lane_is_not_ahead_of_us() -> None:
+def test_a_vehicle_on_the_next_lane_is_not_the_lead() -> None:
     assert found([Detection(15.0, 3.5, 1.8, 0.95)]).confidence == 0
 
 
-def test_in_a_bend_the_one_on_our_arc_is_ahead_of_us() -> None:
+def test_in_a_bend_the_vehicle_on_our_arc_is_the_lead() -> None:
     radius_m, ahead_m = 40.0, 15.0
     aside_m = ahead_m**2 / (2 * radius_m)
     on_arc, straight_on = Detection(ahead_m, aside_m, 1.8, 0.95), Detection(ahead_m, -1.0, 1.8, 0.95)
@@ -215,7 +215,7 @@ def test_in_a_bend_the_one_on_our_arc_is_ahead_of_us() -> None:
     assert said.lateral_m == pytest.approx(aside_m, abs=0.3)
 
 
-def test_nothing_seen_is_said_with_confidence_0_and_no_numbers() -> None:
+def test_without_a_detection_the_message_has_confidence_0_and_no_numbers() -> None:
     said = found([])
     assert (said.confidence, said.distance_m, said.lateral_m, said.speed_mps) == (0, None, None, None)
 
@@ -226,7 +226,7 @@ def test_without_odometry_there_is_no_speed() -> None:
     assert said.speed_mps is None
 
 
-def test_a_picture_of_the_wrong_size_shows_nothing() -> None:
+def test_a_picture_of_the_wrong_size_gives_no_detection() -> None:
     finder = LeadFinder(Told([Detection(15.0, 0.0, 1.8, 0.95)]), SETTINGS, CAMERA, VEHICLE)
     said = finder.step(Frame(t_s=0.0, image=np.zeros((10, 10, 3), np.uint8)), state(0.0), [], now_s=0.0)
     assert said.confidence == 0
@@ -239,13 +239,13 @@ def lane(t_s: float, confidence: float = 0.9, offset_m: float | None = 0.5) -> S
     return SteeringEstimate(**fields | seen | {"confidence": confidence})
 
 
-def test_the_surest_fresh_lane_is_used_and_none_that_is_stale_unsure_or_empty() -> None:
+def test_the_fresh_lane_of_highest_confidence_is_used_and_no_stale_unsure_or_empty_one() -> None:
     sure, unsure, old = lane(1.0), lane(1.0, 0.4), lane(0.0)
     assert usable_lane(SETTINGS.choice, [unsure, sure, old, None], t_s=1.0) is sure
     assert usable_lane(SETTINGS.choice, [old, lane(1.0, 0.1), lane(1.0, offset_m=None)], t_s=1.0) is None
 
 
-def test_the_corridor_is_the_lane_where_it_is_seen_and_our_arc_where_not() -> None:
+def test_the_corridor_is_the_lane_where_it_is_detected_and_our_arc_elsewhere() -> None:
     seen = Corridor(SETTINGS.choice, lane(1.0), 0.0, None, t_s=1.0)
     assert seen.centre_m(10.0) == pytest.approx(-0.5 + 0.01 * 100 / 2)
     arc = Corridor(SETTINGS.choice, None, -0.02, None, t_s=1.0)

@@ -72,7 +72,7 @@ def test_the_default_camera_leaves_the_lane_unchanged():
     ahead_m=st.floats(2.0, 15.0),
 )
 @settings(max_examples=50, deadline=None)
-def test_a_camera_elsewhere_sees_the_lane_at_the_same_place_of_its_larger_world(height_m, x_m, y_m, ahead_m):
+def test_the_lane_of_a_camera_elsewhere_scales_with_its_height(height_m, x_m, y_m, ahead_m):
     camera = CAMERA.model_copy(update=dict(height_m=height_m, x_m=x_m, y_m=y_m))
     lane = CanonicalView(camera, CANONICAL).lane(LANE)
     scale = height_m / CANONICAL.height_m
@@ -81,7 +81,7 @@ def test_a_camera_elsewhere_sees_the_lane_at_the_same_place_of_its_larger_world(
     assert lane.y_m(x_m + scale * ahead_m) == pytest.approx(y_m + scale * canonical_y_m, abs=1e-9)
 
 
-def test_a_camera_twice_as_high_sees_lengths_doubled_and_curvature_halved():
+def test_a_camera_at_twice_the_height_doubles_lengths_and_halves_curvature():
     high = CAMERA.model_copy(update=dict(height_m=2 * CAMERA.height_m, x_m=2 * CAMERA.x_m))
     lane = CanonicalView(high, CANONICAL).lane(LANE)
     assert lane.offset_m == pytest.approx(2 * LANE.offset_m)

@@ -87,7 +87,7 @@ def test_a_mirrored_image_shows_the_mirrored_lane(net, drive):
     assert np.all(np.abs(np.mean(seen + mirrored, axis=0)) < 0.25 * spread)
 
 
-def test_the_same_frame_gives_the_same_bits_whatever_came_before(net, drive):
+def test_the_result_of_a_frame_does_not_depend_on_earlier_frames(net, drive):
     fresh = SteerNet(SETTINGS, CAMERA, VEHICLE)
     last = drive[-1][0]
     for frame, *_ in drive[:5]:
@@ -112,7 +112,7 @@ def nonsense() -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("kind", nonsense())
-def test_an_image_without_a_road_gives_no_estimate_and_says_why(net, kind):
+def test_an_image_without_a_road_gives_no_estimate_and_a_reason(net, kind):
     estimate = step(net, nonsense()[kind])
     assert estimate.confidence == 0
     assert set(measurements(estimate)) == {None}
@@ -126,7 +126,7 @@ def faded(image: np.ndarray, kind: str, strength: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["dark", "fog", "glare"])
-def test_confidence_falls_to_zero_as_the_road_fades_from_sight(net, drive, kind):
+def test_confidence_falls_to_zero_as_the_road_fades(net, drive, kind):
     confidence = [
         np.mean([step(net, faded(frame.image, kind, strength)).confidence for frame, *_ in drive[::4]])
         for strength in (0.0, 0.97, 1.0)
@@ -158,7 +158,7 @@ def test_an_output_that_is_not_finite_is_no_estimate(net, drive, monkeypatch, ou
     assert set(measurements(estimate)) == {None}
 
 
-def test_a_camera_that_is_mounted_otherwise_sees_the_same_lane(net):
+def test_another_camera_mounting_gives_the_same_lane(net):
     road = load_road("circuit")
     other = CAMERA.model_copy(
         update=dict(height_m=1.6, pitch_down_rad=0.17, x_m=1.6, y_m=0.2, fx_px=210.0, fy_px=210.0)
@@ -175,7 +175,7 @@ def test_a_camera_that_is_mounted_otherwise_sees_the_same_lane(net):
     assert np.median(np.abs(here_m - there_m)) < 0.2
 
 
-def test_the_frame_time_is_carried_and_no_lines_are_claimed(net, drive):
+def test_the_estimate_has_the_frame_time_and_no_lines(net, drive):
     frame = drive[3][0]
     estimate = net.step(frame, None, now_s=5.0)
     assert estimate.t_s == frame.t_s and estimate.estimator == "cnn" and estimate.latency_ms is None
@@ -206,7 +206,7 @@ def test_a_record_of_other_weights_is_refused(tmp_path: Path):
         load_record(weights)
 
 
-def test_the_record_tells_how_the_shipped_weights_came_about_and_how_good_they_are():
+def test_the_record_contains_training_and_scores_of_the_shipped_weights():
     record: Record = load_record(WEIGHTS)
     assert record.sha256 == hashlib.sha256(WEIGHTS.read_bytes()).hexdigest()
     assert record.command.startswith("trepid train") and record.date and record.versions["torch"]
