@@ -65,7 +65,7 @@ def test_the_curvature_of_a_message_converts_to_the_axle_and_back(lane, ahead_m)
 
 
 @given(lane=lanes, x=st.floats(-5, 20), further=st.floats(-5, 10))
-def test_a_lane_seen_from_another_place_is_the_same_curve(lane, x, further):
+def test_a_lane_expressed_from_another_place_is_the_same_curve(lane, x, further):
     moved = lane.seen_from(x, 0.2)
     assert -moved.heading_rad == pytest.approx(lane.slope_at(x), abs=1e-12)
     assert moved.y_m(further) == pytest.approx(lane.y_m(x + further) - 0.2, abs=1e-9)
@@ -90,7 +90,7 @@ def test_driving_the_concentric_circle_keeps_offset_and_heading():
     assert end.heading_rad == pytest.approx(0.0, abs=1e-9)
 
 
-def test_driving_straight_past_a_circle_leaves_it_as_pythagoras_says():
+def test_driving_straight_past_a_circle_leaves_it_as_pythagoras_states():
     end = driven(lane_at(curvature_1pm=1 / 15), 1.0, 6.0, 0.0)
     assert end.offset_m == pytest.approx(15.0 - math.hypot(15.0, 6.0), abs=1e-5)
     assert end.heading_rad == pytest.approx(-math.atan2(6.0, 15.0), abs=1e-5)

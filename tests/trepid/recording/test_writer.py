@@ -52,7 +52,7 @@ def test_a_recording_holds_the_bytes_of_the_bus(tmp_path: Path) -> None:
     assert found == {"/vehicle/state": to_cdr(STATE), "/controller/command": to_cdr(COMMAND_SENT)}
 
 
-def test_a_recording_explains_itself_to_a_reader_that_knows_nothing_of_trepid(tmp_path: Path) -> None:
+def test_a_recording_contains_its_own_message_definitions(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     record(path)
     store = get_typestore(Stores.EMPTY)
