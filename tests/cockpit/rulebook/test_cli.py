@@ -70,7 +70,7 @@ def test_a_failed_check_exits_with_1_and_lists_the_problems(tmp_path: Path) -> N
     assert "no rule fires at the calmest point" in json.loads(out)["problems"]
 
 
-def test_a_passed_check_tells_how_fast_fear_can_change() -> None:
+def test_a_passed_check_reports_the_bound_on_the_rate_of_fear() -> None:
     code, out = fear("check", str(FILE))
     told = json.loads(fear("check", str(FILE), "--json")[1])
     assert code == 0
@@ -106,7 +106,7 @@ def test_explain_of_all_calm_and_all_worst_values() -> None:
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-inf"])
-def test_explain_takes_no_number_for_missing(text: str) -> None:
+def test_explain_takes_a_text_without_a_number_as_missing(text: str) -> None:
     told = explain(f"brightness={text}")
     assert (told["fear"], told["cause"]) == (1, "image_statistics_lost")
 
@@ -141,13 +141,13 @@ def test_explain_names_a_bad_value(value: str, message: str) -> None:
     assert message in str(error.value)
 
 
-def test_explain_in_words_says_what_why_and_what_to_do() -> None:
+def test_explain_as_text_states_fear_mode_speed_and_cause() -> None:
     code, out = fear("explain", str(FILE), "frame_age=0.5")
     assert code == 0
     assert out.startswith("fear 1.000 (very_high): STOP, speed x 0.00, because of stale_data")
 
 
-def test_show_tells_inputs_sets_rules_and_levels() -> None:
+def test_show_prints_inputs_sets_rules_and_levels() -> None:
     code, out = fear("show", str(FILE))
     assert code == 0
     for name in RULES.names:

@@ -47,7 +47,7 @@ def test_every_corner_of_every_set_within_the_range_is_shown() -> None:
         assert spec.range[0] <= low < min(inner) and max(inner) <= high <= spec.range[1]
 
 
-def test_the_five_levels_stay_apart_for_the_colour_blind() -> None:
+def test_the_five_levels_are_distinguishable_with_colour_blindness() -> None:
     """Neighbours differ in brightness, which every reader distinguishes."""
     rgb = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in FIVE]
     grey = [0.114 * b + 0.587 * g + 0.299 * r for r, g, b in rgb]
@@ -115,6 +115,6 @@ def test_the_terminal_shows_the_surface_with_axes_and_units() -> None:
         (["--picture", "p.nonsense"], "unknown format of a picture; known: "),
     ],
 )
-def test_what_cannot_be_shown_is_named(arguments: list[str], message: str) -> None:
+def test_a_figure_that_cannot_be_drawn_is_refused_with_its_reason(arguments: list[str], message: str) -> None:
     with pytest.raises(InputError, match=message):
         show(*arguments)
