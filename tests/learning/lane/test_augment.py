@@ -54,7 +54,7 @@ def test_images_keep_their_size_and_type(seed):
 
 
 @pytest.mark.parametrize("raised", [0.8, 1.0, 1.3])
-def test_the_lane_seen_from_another_height_is_the_one_that_inference_turns_back(raised):
+def test_the_lane_from_another_height_is_inverted_by_inference(raised):
     camera = CAMERA.model_copy(update=dict(height_m=raised * CAMERA.height_m))
     believed = Augmenter(CALM, CANONICAL, lookahead_m=10.0).lane_from(LANE, raised)
     back = CanonicalView(camera, CANONICAL).lane(lane_of_row(believed, 10.0))
@@ -62,7 +62,7 @@ def test_the_lane_seen_from_another_height_is_the_one_that_inference_turns_back(
 
 
 @pytest.mark.parametrize("raised", [0.8, 1.3])
-def test_road_points_move_in_the_image_as_seen_from_the_other_height(raised):
+def test_road_points_move_in_the_image_as_projected_from_the_other_height(raised):
     points = np.array([(4.0, 1.5), (8.0, -1.5), (20.0, 3.0)])
     camera = CANONICAL.model_copy(update=dict(height_m=raised * CANONICAL.height_m))
     before = np.column_stack([CANONICAL.pixel_from_road(points), np.ones(3)])

@@ -95,7 +95,7 @@ def test_the_exported_network_agrees_with_torch_for_any_batch(tmp_path):
         assert largest_difference(network, exported, stripes(count, 2).images) < 1e-4
 
 
-def test_frames_without_a_road_do_not_teach_the_lane():
+def test_frames_without_a_road_do_not_contribute_to_the_loss_of_the_lane():
     torch.manual_seed(0)
     network = SteerNetwork(torch.from_numpy(SPREAD), 10.0, 8.0)
     raw = torch.randn(2, 10)

@@ -22,7 +22,7 @@ def drawn(count: int, seed: int, honesty: float) -> tuple[np.ndarray, np.ndarray
 
 
 @pytest.mark.parametrize("honesty", [0.5, 1.0, 2.0])
-def test_calibrated_confidence_is_the_share_of_good_estimates_whatever_the_network_pretends(honesty):
+def test_calibrated_confidence_is_the_share_of_good_estimates_for_any_scale_of_sigma(honesty):
     calibration = calibrate(*drawn(20_000, 1, honesty), tolerance_rad=TOLERANCE_RAD)
     sigma, error = drawn(20_000, 2, honesty)
     confidence = np.array([calibration.probability(s) for s in sigma])

@@ -57,7 +57,7 @@ def test_the_labels_are_those_of_the_rendered_frame():
         assert rate == pytest.approx(sample.curvature_rate_1pm2, abs=1e-6)
 
 
-def test_the_circuit_is_seen_section_by_section():
+def test_the_frames_of_the_circuit_cover_it_section_by_section():
     sections = circuit_frames(SHOT, "circuit", seed=1, step_m=30.0)
     assert set(sections) == {section.name for section in load_road("circuit").sections}
     lanes = np.concatenate([data.lanes for data in sections.values()])
@@ -65,6 +65,6 @@ def test_the_circuit_is_seen_section_by_section():
 
 
 @pytest.mark.skipif(importlib.util.find_spec("torch") is not None, reason="torch is installed here")
-def test_without_torch_the_verb_says_what_to_install(tmp_path):
+def test_without_torch_the_verb_names_the_package_to_install(tmp_path):
     with pytest.raises(InputError, match=r"pip install -e '\.\[train\]'"):
         train(out=tmp_path, weights=tmp_path)
