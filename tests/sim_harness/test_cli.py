@@ -77,7 +77,7 @@ def test_a_failed_run_is_exit_code_1_with_its_reason(short, capsys):
     assert "the route was not driven to its end" in capsys.readouterr().out
 
 
-def test_trace_and_picture_are_saved_where_asked(short, tmp_path, capsys):
+def test_trace_and_picture_are_saved_at_the_given_places(short, tmp_path, capsys):
     files = ("--trace", tmp_path / "run.npz", "--picture", tmp_path / "run.png")
     assert sim("run", short, *files, "--json") == 0
     assert cv2.imread(str(tmp_path / "run.png")).shape[1] > 1000

@@ -13,7 +13,7 @@ STORED = stored(RESULTS)
 
 
 @pytest.mark.parametrize("name", STORED)
-def test_a_page_is_what_its_rows_give(name: str) -> None:
+def test_a_page_is_generated_from_its_rows(name: str) -> None:
     assert (RESULTS / f"{name}.md").read_text(encoding="utf-8") == page(STORED[name], RESULTS)
 
 
@@ -21,7 +21,7 @@ def test_the_index_lists_the_stored_results() -> None:
     assert (RESULTS / "README.md").read_text(encoding="utf-8") == index(STORED)
 
 
-def test_the_table_of_the_readme_is_what_the_rows_give() -> None:
+def test_the_table_of_the_readme_is_generated_from_the_rows() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     measured = {name: result.measured for name, result in STORED.items()}
     assert text.split(BEGIN)[1].split(END)[0].strip() == table(measured)

@@ -35,7 +35,7 @@ def test_the_same_seeds_score_the_same(tmp_path):
     assert (same["known_runs"], same["fresh_runs"]) == (2, 2)
 
 
-def test_what_is_kept_is_not_run_again_and_counts_for_its_seeds(tmp_path):
+def test_a_stored_run_is_not_repeated_and_counts_for_its_seed(tmp_path):
     out = tmp_path / "seeds.jsonl"
     first = compared([SHORT], (3,), (4,), out=out)
     lines = out.read_text()

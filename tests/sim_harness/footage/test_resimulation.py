@@ -57,7 +57,7 @@ def texture() -> np.ndarray:
 
 
 @pytest.mark.parametrize("shift", SHIFTS)
-def test_the_view_from_beside_is_what_the_renderer_shows_from_there(shift):
+def test_a_laterally_shifted_view_agrees_with_the_rendered_one(shift):
     truth = photograph(RENDERER, 30.0 + shift.ahead_m, shift.left_m, shift.yaw_rad)
     view, _ = REPROJECTION.view(RECORDED, shift)
     seen = REPROJECTION.view(np.full_like(RECORDED, 255), shift)[0]
@@ -99,7 +99,7 @@ def test_no_shift_is_the_identity():
 
 
 @pytest.mark.parametrize("shift", SHIFTS)
-def test_there_and_back_is_the_identity_where_it_is_seen(shift):
+def test_there_and_back_is_the_identity_where_the_picture_has_data(shift):
     image = texture()
     back, _ = REPROJECTION.view(REPROJECTION.view(image, shift)[0], shift.inverse)
     inner = np.s_[NEAR.start : -60, 70:-70]  # the bottom rows pass through pixels beyond the border
@@ -128,7 +128,7 @@ def test_sky_and_ground_meet_on_the_horizon():
     np.testing.assert_allclose(ground[:2] / ground[2], sky[:2] / sky[2], atol=1e-6)
 
 
-def test_what_was_not_seen_is_counted():
+def test_pixels_without_data_are_counted():
     # A camera above the axle that looks along the road only turns: what it newly sees are columns.
     level = CAMERA.model_copy(update={"x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0, "pitch_down_rad": 0.0})
     _, turned = Reprojection(level).view(RECORDED, Shift(yaw_rad=0.1))
@@ -156,7 +156,7 @@ def rendered_drive(name: str, station_m: float, count: int) -> Drive:
     return Drive(name, frames, t_s, np.full(count, SPEED_MPS), CAMERA)
 
 
-def test_the_yaw_of_a_car_is_seen_in_its_pictures():
+def test_the_yaw_of_a_car_is_measured_from_its_pictures():
     drive = rendered_drive("s_bend", 45.0, 60)
     road = load_road("s_bend")
     ends = [road.heading_at(45.0 + SPEED_MPS * drive.t_s[i]) for i in (0, -1)]
@@ -165,7 +165,7 @@ def test_the_yaw_of_a_car_is_seen_in_its_pictures():
     )
 
 
-def test_a_car_that_sees_nothing_to_track_says_so():
+def test_pictures_without_features_to_track_are_refused_with_a_message():
     grey = [np.full((240, 320, 3), 90, np.uint8)] * 80
     drive = Drive("grey", grey, np.arange(80) / 25, np.full(80, SPEED_MPS), CAMERA)
     with pytest.raises(InputError, match="grey: too few corners"):
@@ -176,7 +176,7 @@ def test_a_car_that_sees_nothing_to_track_says_so():
 
 
 @pytest.mark.parametrize("left_m", [0.5, -0.5])
-def test_the_car_returns_from_beside_the_recorded_path(left_m):
+def test_the_car_returns_from_an_offset_to_the_recorded_path(left_m):
     drive = rendered_drive("straight", 20.0, 150)
     run = resimulate(drive, VEHICLE, start=Shift(left_m=left_m))
     assert run.offset_m[0] == pytest.approx(left_m, abs=0.01)
@@ -259,7 +259,7 @@ def test_odd_arguments_are_refused(arguments, reason, tmp_path):
     assert reason in str(result.exception)
 
 
-def test_on_a_real_highway_the_car_leaves_a_start_beside_the_recorded_path():
+def test_on_a_real_highway_the_car_leaves_an_offset_to_the_recorded_path():
     clip = DATA / "highway_udacity_p1" / "solidWhiteRight.mp4"
     if not clip.is_file():
         pytest.skip("the clip solidWhiteRight.mp4 is not on this machine (TREPID_DATA)")

@@ -43,14 +43,14 @@ def test_the_filter_of_r79_takes_a_sine_at_its_cut_off_down_by_three_decibels():
     assert max_r79_jerk_mps3(steady) == pytest.approx(unfiltered / math.sqrt(2), rel=0.05)
 
 
-def test_the_filter_of_r79_does_not_hear_vibration():
+def test_the_filter_of_r79_removes_vibration():
     shaken = trace(accel=np.sin(2 * math.pi * 5.0 * T_S))
     assert max_lateral_jerk_mps3(shaken) == pytest.approx(4.0, rel=1e-3)  # 2·sin(2.5π)/0.5
     assert max_r79_jerk_mps3(shaken) < 0.4
 
 
 @pytest.mark.parametrize("jerk", [max_lateral_jerk_mps3, max_r79_jerk_mps3])
-def test_the_jump_of_an_intervention_is_nobodys_jerk(jerk):
+def test_the_jump_of_an_intervention_does_not_count_as_jerk(jerk):
     later = T_S > 20.0
     assert jerk(trace(accel=2.0 * later, interventions=later)) == pytest.approx(0.0, abs=1e-9)
     assert jerk(trace(accel=2.0 * later)) > 1.0

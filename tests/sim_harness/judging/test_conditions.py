@@ -96,7 +96,7 @@ def test_each_occurrence_of_an_event_is_judged_and_the_worst_decides():
     assert robustness("fear <= 0.2 until glare", trace) == pytest.approx(0.1)
 
 
-def test_a_window_cuts_off_what_lies_around_its_events():
+def test_a_window_excludes_the_samples_around_its_events():
     trace = run(21, speed_mps=np.arange(21.0), disturbance__glare=flags(21, (10, 12)))
     assert robustness("speed >= 7 for 0.5 s before glare", trace) == -2.0
     assert robustness("speed >= 7 for 0.5 s before glare from t = 0.8 s on", trace) == 1.0
@@ -107,7 +107,7 @@ def test_a_window_cuts_off_what_lies_around_its_events():
     ).explain(trace)
 
 
-def test_what_is_there_from_the_start_begins_there_and_what_never_was_does_not_end():
+def test_a_state_active_from_the_start_begins_there_and_an_absent_state_has_no_end():
     trace = run(speed_mps=np.arange(11.0), fault__frozen_camera=flags(11, (0, 4)))
     assert robustness("speed <= 2 for 0.2 s after frozen_camera begins", trace) == 0.0
     assert robustness("speed <= 5 for 0.1 s after frozen_camera ends", trace) == 0.0
@@ -135,7 +135,7 @@ def test_scopes_by_section_judge_only_its_samples():
         assert robustness(f"|lateral_offset| <= 0.3 m {scope}", trace) == pytest.approx(0.05)
 
 
-def test_what_a_run_never_came_to_has_not_been_passed():
+def test_a_condition_whose_event_never_occurred_is_not_passed():
     for text in (
         "speed <= 99 within 2 s of glare",
         "speed <= 99 while glare",
@@ -150,7 +150,7 @@ def test_what_a_run_never_came_to_has_not_been_passed():
         assert "failed" in condition.explain(RAMP)
 
 
-def test_any_and_whenever_say_that_it_may_not_come_to_it():
+def test_any_and_whenever_pass_without_an_occurrence():
     assert robustness("speed <= 0 within 2 s before any departure", RAMP) == math.inf
     assert robustness("speed <= 0 whenever glare", RAMP) == math.inf
     assert robustness("speed <= 0 within 2 s of any glare", RAMP) == math.inf
@@ -162,7 +162,7 @@ def test_departures_are_events():
     assert robustness("fear >= 0.7 within 0.3 s before departure", trace) == pytest.approx(-0.1)
 
 
-def test_an_absent_signal_is_not_judged_and_can_be_asked_for():
+def test_an_absent_signal_is_not_judged_and_its_absence_can_be_a_condition():
     gap_m = [math.nan, math.nan, *[20.0] * 9]
     trace = run(lead_gap_m=gap_m, speed_mps=10.0, decision__fear=[math.nan, *[0.2] * 10])
     assert robustness("time_gap >= 1.5 s", trace) == pytest.approx(0.5)
@@ -331,7 +331,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("text", WRONG)
-def test_a_wrong_sentence_is_told_where_and_what_was_expected(text):
+def test_a_wrong_sentence_is_reported_with_its_place_and_the_expected_words(text):
     column, message = WRONG[text]
     with pytest.raises(ValueError) as caught:
         parse_condition(text)

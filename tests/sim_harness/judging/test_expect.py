@@ -44,7 +44,7 @@ RUN = trace_of([truth(0.0), truth(10.0)])
         ({"must_finish": True}, {}, "the route was not driven to its end"),
     ],
 )
-def test_a_run_is_judged_by_what_is_expected_of_it(expect, change, reason):
+def test_a_run_is_judged_by_its_expect_block(expect, change, reason):
     reasons = judge(Expect(**expect), replace(GOOD_RUN, **change), RUN)
     assert len(reasons) == (reason is not None)
     assert all(reason in found for found in reasons)

@@ -79,7 +79,7 @@ def test_fear_of_a_vehicle_that_stands_is_neither_right_nor_wrong():
     assert (len(fear), followed.sum()) == (150, 30)
 
 
-def test_fear_that_comes_only_before_departures_is_perfect_and_constant_fear_says_nothing():
+def test_fear_only_before_departures_has_auroc_1_and_constant_fear_one_half():
     left = dict(departures=counted(10.0))
     assert fear_auroc(trace(**left, decision__fear=during((7.0, 10.0), value=0.8))) == 1.0
     assert fear_auroc(trace(**left)) == 0.5
@@ -104,7 +104,7 @@ SLOW = dict(
 )
 
 
-def test_a_slow_down_that_nothing_called_for_is_a_nuisance():
+def test_a_slow_down_without_a_reason_is_a_nuisance():
     assert nuisance_slowdowns_per_km(trace(**SLOW)) == pytest.approx(1 / 0.199)
     assert nuisance_slowdowns_per_km(trace()) == 0.0
     assert nuisance_slowdowns_per_km(trace(station_m=5.0)) is None
@@ -121,7 +121,7 @@ def test_a_slow_down_that_nothing_called_for_is_a_nuisance():
         {"lead_gap_m": during((8.0, 8.1), value=15.0, otherwise=50.0)},
     ],
 )
-def test_a_slow_down_with_a_reason_within_three_seconds_is_none(reason):
+def test_a_slow_down_with_a_reason_within_three_seconds_is_no_nuisance(reason):
     assert nuisance_slowdowns_per_km(trace(**SLOW, **reason)) == 0.0
 
 
@@ -129,11 +129,11 @@ def test_a_slow_down_with_a_reason_within_three_seconds_is_none(reason):
     "far",
     [{"departures": counted(12.5)}, {"fault__frozen_camera": during((2.0, 4.5))}, {"lead_gap_m": 30.0}],
 )
-def test_what_happens_long_before_or_after_excuses_nothing(far):
+def test_an_event_long_before_or_after_does_not_justify_a_slow_down(far):
     assert nuisance_slowdowns_per_km(trace(**SLOW, **far)) > 0
 
 
-def test_slow_downs_under_a_second_apart_are_one_and_mild_or_standing_ones_none():
+def test_slow_downs_under_a_second_apart_count_as_one_and_mild_or_standing_ones_not_at_all():
     def slowed(*spans, fear=0.6, factor=0.7, **more):
         factors = during(*spans, value=factor, otherwise=1)
         return nuisance_slowdowns_per_km(

@@ -72,7 +72,7 @@ def test_in_a_bend_driven_straight_on_the_crossing_comes_after_the_fall_towards_
     assert time_to_crossing_s(straight_on, curved=False)[0] == math.inf
 
 
-def test_a_car_that_follows_its_lane_never_crosses_and_one_beyond_the_edge_has():
+def test_a_car_that_follows_its_lane_never_crosses_and_a_car_beyond_the_edge_has_crossed():
     assert time_to_crossing_s(trace(curvature_1pm=0.01, yaw_rate_radps=0.1))[0] == math.inf
     assert time_to_crossing_s(trace(speed_mps=0.0))[0] == math.inf
     assert time_to_crossing_s(trace(lateral_offset_m=1.2))[0] == 0.0

@@ -162,7 +162,7 @@ def test_a_saved_trace_reads_back_unchanged(tmp_path):
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no zip", b"PK\x03\x04"])
-def test_what_is_no_saved_trace_is_refused_in_a_line(tmp_path, content):
+def test_a_file_that_is_no_saved_trace_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "run.npz"
     if content is not None:
         path.write_bytes(content)

@@ -54,7 +54,7 @@ def test_every_other_vehicle_is_in_the_picture_with_its_shape():
     assert drawn == [((20.0, 0.5, 0.1), BODIES["car"]), ((40.0, 3.0, 0.0), BODIES["truck"])]
 
 
-def test_the_renderer_is_told_how_the_camera_moves():
+def test_the_renderer_receives_the_motion_of_the_camera():
     _, painter = frames(speed_mps=8.0, yaw_rate_radps=0.1)
     assert painter.asked[0][1]["motion"] == Motion(8.0, 0.1)
 
@@ -84,7 +84,7 @@ def test_black_frames_are_black():
     assert [bool(frame.image.any()) for _, frame in taken] == [True] * 5 + [False] * 5
 
 
-def test_late_frames_keep_their_order_and_their_honest_stamps():
+def test_late_frames_keep_their_order_and_their_capture_times():
     taken, _ = frames({"kind": "late_frames", "delay_s": 0.1, "from_s": 0.0})
     assert [frame for _, frame in taken[:3]] == [None] * 3
     for now_s, frame in taken[3:]:

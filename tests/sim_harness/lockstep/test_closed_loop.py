@@ -94,7 +94,7 @@ def drive(scenario, seed=0, settings=None):
 
 
 @pytest.mark.parametrize("name", ["offset_start", "s_curve", "curve_left_r15", "curve_right_r15"])
-def test_a_car_that_sees_its_lane_keeps_it_and_arrives(name):
+def test_a_car_with_a_valid_lane_keeps_it_and_arrives(name):
     result = drive(load_scenario(name))
     assert result.reasons == ()
     assert result.metrics.max_lateral_error_m < 0.45
@@ -116,7 +116,7 @@ def test_the_mirrored_road_is_driven_as_the_mirror_image():
 @pytest.mark.parametrize(
     "name", ["frozen_camera", "black_frames", "lost_cv", "lost_supervisor", "lost_controller"]
 )
-def test_whatever_is_lost_the_car_stops_within_its_lane(name):
+def test_after_any_lost_input_the_car_stops_within_its_lane(name):
     result = drive(load_scenario(name))
     assert result.reasons == ()
     assert result.trace["speed_mps"][-1] == 0.0
@@ -151,7 +151,7 @@ def test_the_same_seed_gives_the_same_trace_and_another_seed_another_one():
     assert first == again != other
 
 
-def test_the_trace_hash_covers_what_the_columns_hold():
+def test_the_trace_hash_covers_the_contents_of_the_columns():
     trace = drive(load_scenario("s_curve").shortened(2.0)).trace
     packed = b"".join(name.encode() + b"\0" + column.tobytes() for name, column in trace.columns.items())
     words = "".join("\0".join((name, *words)) for name, words in trace.words.items())
@@ -179,7 +179,7 @@ def with_true_sight(**fields):
     return Scenario.model_validate(base | fields)
 
 
-def test_with_true_sight_the_lane_is_kept_without_a_single_picture():
+def test_with_the_true_lane_no_picture_is_rendered_and_the_lane_is_kept():
     scenario = load_scenario("s_curve", {"sight": "truth"})
     parts = build_parts(scenario, seed=0)
     result = run(scenario, parts=parts)
@@ -215,7 +215,7 @@ def test_after_a_cut_in_the_time_gap_grows_to_a_safe_one():
     assert trace["lead_gap_m"][-1] / trace["speed_mps"][-1] > 1.5
 
 
-def test_behind_who_leaves_the_lane_a_standing_car_comes_into_sight():
+def test_behind_a_vehicle_that_leaves_the_lane_a_standing_car_is_detected():
     """Cut-out: the sensor sees only the nearest, and the standing car once the other has made way."""
     leaver = {"gap_m": 16, "speed_mps": 7, "phases": [{"kind": "change_lane", "at_s": 3, "to_lane": 1}]}
     scenario = with_true_sight(start={"speed_mps": 7}, traffic=[leaver, {"gap_m": 75}], duration_s=40)
@@ -226,7 +226,7 @@ def test_behind_who_leaves_the_lane_a_standing_car_comes_into_sight():
     assert trace["speed_mps"][-1] < 0.1
 
 
-def test_conditions_are_judged_and_name_what_happened():
+def test_conditions_are_judged_and_name_the_event():
     kept = {"conditions": ["time_gap >= 0.5 s", "speed <= 8.5 m/s"]}
     broken = {"conditions": ["speed >= 7.9 m/s"]}
     fields = {"start": {"speed_mps": 8}, "traffic": [CUT_IN], "duration_s": 12}
@@ -235,7 +235,7 @@ def test_conditions_are_judged_and_name_what_happened():
     assert "speed >= 7.9 m/s" in reason
 
 
-def test_two_estimators_that_lie_alike_are_believed():
+def test_two_equally_biased_estimators_are_not_detected():
     """Nobody can tell a common lie: the car drives beside the lane centre by as much, unafraid."""
     lies = [
         {"kind": "estimator_bias", "estimator": name, "lateral_m": 0.45, "from_s": 6}

@@ -26,7 +26,7 @@ def test_its_clothoid_has_the_curvature_of_the_road_at_the_axle_and_at_the_look_
     assert (seen.t_s, seen.estimator) == (2.0, "cv")
 
 
-def test_the_statistics_that_it_tells_give_no_cause_for_fear():
+def test_the_statistics_of_the_oracle_cause_no_fear():
     """With every other input at its calm end, fear is what it is for a perfect picture: none."""
     rules = FearRules.load(CONFIG_DIR / "fear.yaml")
     calm = {

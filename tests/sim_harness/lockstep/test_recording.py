@@ -89,7 +89,7 @@ def test_the_answer_names_cause_rule_value_and_estimators_in_words(drive: Recall
     assert "separation = 0." in text and "cnn: " in text and "cv: +0.7" in text
 
 
-def test_a_moment_later_in_a_long_slow_down_is_explained_by_what_was_then(drive: Recall) -> None:
+def test_a_later_moment_of_a_long_slow_down_is_explained_by_the_values_of_that_moment(drive: Recall) -> None:
     assert story(drive, 10.0)["moment_s"] == pytest.approx(10.0, abs=0.6)
 
 
@@ -104,7 +104,7 @@ def test_the_controller_is_named_where_the_supervisor_did_not_ask(tmp_path: Path
     assert "a bend of 1" in story_text(answer)
 
 
-def test_the_verb_tells_the_story_as_text_and_as_json(lying: Path) -> None:
+def test_the_verb_prints_the_explanation_as_text_and_as_json(lying: Path) -> None:
     code, text = explain(str(lying), "--at", "5.5")
     assert code == 0
     assert text.startswith("At 5.0")
@@ -121,7 +121,7 @@ def test_without_a_moment_every_slow_down_is_listed(lying: Path) -> None:
     assert json.loads(lines.splitlines()[0])["cause"] == "disagreement"
 
 
-def test_where_it_did_not_slow_down_the_answer_says_where_it_did_and_the_exit_code_is_1(
+def test_a_moment_without_a_slow_down_is_reported_and_exits_with_1(
     tmp_path: Path,
 ) -> None:
     calm = load_scenario("lying_cv", {"sight": "truth", "duration_s": "3"})
@@ -143,7 +143,9 @@ def test_where_it_did_not_slow_down_the_answer_says_where_it_did_and_the_exit_co
         (["--at", "5.5", "--rules", "nowhere.yaml"], r"nowhere\.yaml: cannot be read"),
     ],
 )
-def test_what_cannot_be_answered_is_said_in_one_line(lying: Path, arguments: list[str], message: str) -> None:
+def test_a_question_without_an_answer_is_refused_in_one_line(
+    lying: Path, arguments: list[str], message: str
+) -> None:
     with pytest.raises(InputError, match=message) as error:
         explain(str(lying), *arguments)
     assert "\n" not in str(error.value)
@@ -168,7 +170,7 @@ def test_a_recording_that_was_cut_short_is_explained_as_far_as_it_goes(lying: Pa
     assert "cause disagreement" in text
 
 
-def test_other_rules_are_told_from_those_of_the_drive(lying: Path, tmp_path: Path) -> None:
+def test_other_rules_are_distinguished_from_those_of_the_drive(lying: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.yaml"
     text = (CONFIG_DIR / "fear.yaml").read_text(encoding="utf-8")
     other.write_text(

@@ -12,7 +12,7 @@ CURVE = load_scenario("curve_left_r15").build_road()
 START = Start(station_m=100.0, offset_m=0.2, speed_mps=20.0, drift_mps=0.6)
 
 
-def test_at_the_hand_over_the_car_is_where_and_as_the_scenario_says():
+def test_at_the_hand_over_the_car_has_the_state_of_the_scenario():
     here = rail(START, STRAIGHT, 0.0)
     assert (here.station_m, here.offset_m, here.curvature_1pm) == (100.0, pytest.approx(0.2), 0.0)
     assert 20.0 * math.sin(here.course_rad) == pytest.approx(0.6)

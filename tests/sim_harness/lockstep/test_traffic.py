@@ -126,7 +126,7 @@ def test_a_phase_begins_at_its_time_its_place_or_its_gap(trigger, begins_m):
     assert one.station_m == pytest.approx(begins_m, abs=0.06)
 
 
-def test_a_gap_may_also_be_reached_from_below_as_by_one_that_overtakes():
+def test_a_gap_may_also_be_reached_from_below_by_an_overtaking_vehicle():
     one = actor(station_m=0.0, speed_mps=5.0, phases=[phase("change_lane", at_gap_m=5.0, to_lane=0)])
     one.step(0.0, TICK_S, -10.0)
     one.step(TICK_S, TICK_S, 4.9)
@@ -172,7 +172,7 @@ def test_one_that_comes_towards_us_moves_back_along_the_road_and_heads_that_way(
     ("offset_m", "seen"),
     [(0.0, True), (2.3, True), (2.4, False), (-2.3, True), (-2.4, False), (3.5, False)],
 )
-def test_ahead_is_who_reaches_30_cm_into_our_lane(offset_m, seen):
+def test_a_vehicle_that_reaches_30_cm_into_the_lane_is_ahead(offset_m, seen):
     """Half a lane is 1.75 m and half a car 0.89 m: the border is at 1.75 - 0.3 + 0.89 = 2.34 m."""
     parked = TrafficVehicle(gap_m=30.0, offset_m=offset_m)
     assert (Traffic([parked], STRAIGHT, nose_m=0.0).ahead(0.0) is not None) == seen

@@ -87,7 +87,7 @@ def test_the_place_on_a_closed_road_runs_on_over_laps():
     assert place.heading_error_rad == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_car_starts_where_the_scenario_says():
+def test_the_car_starts_at_the_place_of_the_scenario():
     simulated = vehicle_on(scenario_of(start={"station_m": 40.0, "offset_m": -0.3, "heading_rad": 0.1}))
     state, truth = simulated.step(None, None, now_s=7.0)
     assert (state.t_s, truth.t_s, state.speed_mps) == (7.0, 7.0, 0.0)
@@ -166,7 +166,7 @@ def test_sensors_are_noisy_by_seed():
     assert states[0].speed_mps == pytest.approx(true_mps, rel=0.02)
 
 
-def test_the_plant_of_a_scenario_may_differ_from_the_believed_vehicle():
+def test_the_plant_of_a_scenario_may_differ_from_the_nominal_vehicle():
     soft = scenario_of(plant={"vehicle": {"max_accel_mps2": 0.5}})
     assert run(vehicle_on(soft), drive(), 1.0)[0].speed_mps < 0.5
 
@@ -176,14 +176,14 @@ def drive_past(simulated, command, seconds):
     return [simulated.step(command, 0.0, now_s=k * 0.01)[1] for k in range(round(seconds / 0.01) + 1)]
 
 
-def test_with_traffic_but_nobody_ahead_the_sensor_says_so():
+def test_with_traffic_and_no_vehicle_ahead_the_sensor_reports_none():
     seen = vehicle_on(scenario_of(traffic=[{"gap_m": 30.0, "lane": 1}])).sense_lead()
     assert (seen.confidence, seen.distance_m) == (0.0, None)
     far = vehicle_on(scenario_of(traffic=[{"gap_m": QUIET.lead_range_m + 1}])).sense_lead()
     assert far.confidence == 0.0
 
 
-def test_one_that_comes_towards_us_has_a_negative_speed_for_the_sensor():
+def test_an_oncoming_vehicle_has_a_negative_speed_for_the_sensor():
     seen = vehicle_on(scenario_of(traffic=[{"gap_m": 30.0, "speed_mps": 9.0, "oncoming": True}])).sense_lead()
     assert (seen.distance_m, seen.speed_mps) == (pytest.approx(30.0), pytest.approx(-9.0))
 
@@ -201,13 +201,13 @@ def test_the_truth_carries_every_vehicle_in_the_order_of_the_scenario():
 
 
 @pytest.mark.parametrize("traffic", [{"gap_m": 4.0, "oncoming": True}, {"gap_m": 4.0, "shape": "truck"}])
-def test_whatever_it_runs_into_the_car_stops_there_and_counts_it_once(traffic):
+def test_a_collision_with_any_vehicle_stops_the_car_and_counts_once(traffic):
     truths = drive_past(vehicle_on(scenario_of(traffic=[traffic])), drive(), 6.0)
     assert truths[-1].collisions == 1
     assert truths[-1].speed_mps == pytest.approx(0.0, abs=0.02)
 
 
-def test_who_is_driven_into_from_behind_keeps_its_speed():
+def test_a_car_hit_from_behind_keeps_its_speed():
     chaser = {"station_m": -12.0, "speed_mps": 9.0}
     truths = drive_past(vehicle_on(scenario_of(traffic=[chaser])), drive(0.0, 0.5), 4.0)
     assert truths[-1].collisions == 1
@@ -227,7 +227,7 @@ def test_a_start_at_speed_is_driven_by_a_driver_up_to_the_hand_over():
     assert 10.0 * math.sin(last.heading_error_rad) == pytest.approx(0.4)
 
 
-def test_while_it_waits_nothing_moves_but_the_clock():
+def test_while_the_car_waits_only_the_clock_advances():
     simulated = vehicle_on(scenario_of(traffic=[{"gap_m": 12.0, "speed_mps": 3.0}]))
     before, after = (simulated.wait(now_s=t)[1] for t in (5.0, 9.0))
     assert (before.t_s, after.t_s) == (5.0, 9.0)

@@ -83,7 +83,7 @@ def test_the_worst_moment_is_the_departure_else_fear_else_error():
     assert worst_sample(toy(decision__fear=0.1 * fear, lateral_offset_m=error))[0] == 2
 
 
-def test_a_summary_is_small_and_tells_the_run(filmed, detail):
+def test_a_summary_is_small_and_describes_the_run(filmed, detail):
     trace = filmed[0].trace
     assert len(json.dumps({**detail, "picture": None})) < 30_000
     series = {name: decoded(code) for name, code in detail["series"].items()}
@@ -130,7 +130,7 @@ def page_file(scenario, filmed, detail, tmp_path_factory):
     return path
 
 
-def test_the_page_is_one_file_that_names_no_other(page_file):
+def test_the_page_is_a_single_file_without_references_to_others(page_file):
     text = page_file.read_text()
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)|\ssrc=|<link|@import|url\(", text)
     assert "default-src 'none'" in text
@@ -179,7 +179,7 @@ def click(browser, selector):
     browser.find_element("css selector", selector).click()
 
 
-def test_the_page_asks_the_network_for_nothing_and_reports_no_error(browser, page_file):
+def test_the_page_requests_nothing_from_the_network_and_reports_no_error(browser, page_file):
     assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
     messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
     sent = [m["params"] for m in messages if m["method"] == "Network.requestWillBeSent"]
@@ -252,7 +252,7 @@ def test_the_cursor_reads_the_run_at_its_time(browser, detail):
     assert float(dot.get_attribute("cx")) == pytest.approx(series["x"][-1], abs=0.01)
 
 
-def test_a_run_without_timelines_says_so_and_a_second_click_closes(browser):
+def test_a_run_without_timelines_shows_a_note_and_a_second_click_closes_it(browser):
     click(browser, "#run-9")
     assert "No timelines were kept" in browser.find_element("css selector", "#sheet-9").text
     click(browser, "#run-9")

@@ -45,7 +45,7 @@ def test_a_bias_without_confidence_keeps_that_of_the_estimate():
     assert bias(lateral_m=0.5).falsified(SEEN).confidence == SEEN.confidence
 
 
-def test_who_sees_no_lane_does_not_lie_about_one():
+def test_a_bias_leaves_an_estimate_without_a_lane_unchanged():
     nothing = SteeringEstimate.nothing(1.0, estimator="cv", lookahead_m=8.0, reason="dark")
     assert bias(lateral_m=0.5, confidence=1.0).falsified(nothing) is nothing
 

@@ -97,7 +97,7 @@ def test_a_missing_scenario_names_those_there_are():
         ("road: nowhere", "no road 'nowhere'; there are .*circuit"),
     ],
 )
-def test_what_does_not_fit_together_is_refused_before_the_run(tmp_path, line, message):
+def test_contradicting_values_are_refused_before_the_run(tmp_path, line, message):
     text = GOOD.replace("road: straight\n", "") if line.startswith("road") else GOOD
     with pytest.raises(InputError, match=message):
         load_scenario(write(tmp_path, text + line)).check()
@@ -138,13 +138,13 @@ def test_appearance_width_and_line_replace_those_of_the_road():
     assert load_scenario("straight", {"lane_width_m": "3.0"}).build_road().width_at(5.0) == 3.0
 
 
-def test_a_plant_may_differ_from_the_vehicle_that_the_controller_believes_in():
+def test_a_plant_may_differ_from_the_vehicle_of_the_controller():
     believed = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     real = load_scenario("straight", {"plant.vehicle.steering_lag_s": "0.3"}).plant
     assert real_vehicle(real, believed) == believed.model_copy(update={"steering_lag_s": 0.3})
 
 
-def test_a_shortened_scenario_keeps_only_what_it_can_still_be_expected_to_do():
+def test_a_shortened_scenario_keeps_only_the_expectations_that_still_apply():
     short = load_scenario("circuit").shortened(20.0)
     assert (short.duration_s, short.expect.must_finish, short.expect.min_mean_speed_mps) == (
         20.0,

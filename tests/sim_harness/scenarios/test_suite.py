@@ -29,7 +29,7 @@ def on_the_true_lane(scenario):
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_scenario_fits_together_in_thirty_lines_and_says_what_it_shows(path):
+def test_a_scenario_is_consistent_has_at_most_thirty_lines_and_a_description(path):
     scenario = load_scenario(path.stem)
     lines = path.read_text(encoding="utf-8").splitlines()
     assert len(lines) <= 30

@@ -135,7 +135,7 @@ def test_rows_come_in_the_order_of_the_plan_with_any_number_of_processes(files, 
     assert outputs[0] == outputs[1]
 
 
-def test_sampled_cases_say_their_values_and_are_drawn_again_by_their_seed(files, capsys):
+def test_sampled_cases_report_their_values_and_repeat_with_their_seed(files, capsys):
     path = files / "vary.yaml"
     path.write_text(SECOND + "vary:\n  start.offset_m: [-0.3, 0.3]\n")
     drawn = []

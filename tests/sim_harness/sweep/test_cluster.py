@@ -93,7 +93,7 @@ def test_an_exception_fails_only_its_case(dask):
     assert statuses["failed"][0].startswith("crashed: InputError")
 
 
-def test_a_cluster_that_is_lost_is_said_so(dask):
+def test_a_lost_cluster_is_reported(dask):
     planned = plan(by_seeds([SECONDS], range(CASES)))
     outcomes = cluster.on_cluster(planned, dask.address)
     next(outcomes)
@@ -110,7 +110,7 @@ def test_workers_with_other_code_are_refused(dask, monkeypatch):
 
 
 @pytest.mark.parametrize("address", ["nowhere", "tcp://127.0.0.1:1", ""])
-def test_where_no_scheduler_answers_it_is_said_in_a_line(address, monkeypatch):
+def test_a_scheduler_without_an_answer_is_reported_in_one_line(address, monkeypatch):
     monkeypatch.setattr(cluster, "CONNECT_S", 1.0)
     with pytest.raises(InputError, match="no Dask scheduler answers there"):
         next(cluster.on_cluster(plan(by_seeds([SECONDS], [0])), address))

@@ -75,7 +75,7 @@ def test_only_the_number_changes_in_all_the_sets_where_it_stands(value: float) -
         ),
     ],
 )
-def test_a_sentence_gets_its_weight_where_the_language_wants_it(
+def test_a_sentence_gets_its_weight_at_the_place_of_the_grammar(
     tmp_path: Path, sentence: str, expected: str, quote: str
 ) -> None:
     path = tmp_path / "r.yaml"
@@ -85,7 +85,7 @@ def test_a_sentence_gets_its_weight_where_the_language_wants_it(
     assert text.changed({"rules.0.weight": 0.4}) == f"rules:\n  - {quote}{expected}{quote}  # why\n"
 
 
-def test_a_weight_in_the_shipped_file_can_be_set_and_is_understood(tmp_path: Path) -> None:
+def test_a_weight_in_the_shipped_file_can_be_set_and_is_parsed(tmp_path: Path) -> None:
     path = tmp_path / "fear.yaml"
     _, rules = load_rules(FILE)
     for number in (0, 7, len(rules) - 2):
@@ -167,7 +167,7 @@ def test_fear_follows_the_recorded_inputs_of_a_drive() -> None:
     assert fear[260] > 0.5 > fear[100]
 
 
-def test_a_run_that_crashes_is_no_verdict_on_the_rules() -> None:
+def test_a_run_that_raises_an_error_is_not_a_score_of_the_rules() -> None:
     nowhere = load_scenario("lying_cv", QUICK).model_copy(update={"road": "no_such_road"})
     with pytest.raises(RunCrashed, match="no_such_road"):
         score(FILE, plan(by_seeds([nowhere], [0])), [], SETTINGS.costs)
@@ -179,7 +179,7 @@ def test_the_diff_shows_the_changed_lines_only() -> None:
     assert "0.07" in diff[-1] and diff[-1].endswith(diff[-2][diff[-2].index("#") :])
 
 
-def test_cases_to_judge_by_are_other_ones_than_those_tuned_over() -> None:
+def test_the_validation_cases_differ_from_the_tuned_cases() -> None:
     assert not set(drawn(["lying_cv"], {}, 3, 0)) & set(drawn(["lying_cv"], {}, 3, 1))
     assert set(drawn(["lying_cv"], {}, 3, 0)) == set(drawn(["lying_cv"], {}, 3, 0))
 

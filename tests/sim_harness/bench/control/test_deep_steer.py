@@ -17,7 +17,7 @@ def test_angles_of_5_mph_keep_the_road_at_5_mph_and_lose_it_at_20():
     assert drive_by(angles(), fast).worst_m > 1.05
 
 
-def test_understeer_alone_does_not_mend_it_but_counting_in_the_delay_does():
+def test_understeer_compensation_alone_does_not_keep_the_road_but_with_the_delay_it_does():
     fast = winding_episode(SHUTTLE, 20 * MPH, seed=0)
     assert drive_by(angles(transposed=True), fast).worst_m > 1.05
     assert drive(fast, SETTINGS).worst_m <= 0.25

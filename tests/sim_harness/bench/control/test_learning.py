@@ -7,7 +7,7 @@ from sim_harness.bench.control import learning
 from trepid.vehicle import GRADIENT
 
 
-def test_a_lap_teaches_understeer_within_5_percent_and_the_offset_within_half_a_milliradian():
+def test_one_lap_identifies_understeer_within_5_percent_and_the_offset_within_half_a_milliradian():
     plant = next(iter(learning.random_cars(SHUTTLE, 11)))
     _, learner = learning.lap(SHUTTLE, SETTINGS, plant, 11)
     assert learner.understeer == pytest.approx(plant.vehicle[GRADIENT], rel=0.05)

@@ -15,7 +15,7 @@ def test_on_the_plant_a_comfort_stop_ends_within_20_cm_of_its_closed_form(speed_
     assert last_mps2 <= 0.5
 
 
-def test_a_drive_twice_as_slow_as_believed_costs_30_cm():
+def test_a_drive_with_twice_the_nominal_lag_costs_30_cm():
     metres, _ = braked(SETTINGS, SHUTTLE, PLANTS["drive lag 0.3 s for 0.15 s"], Stop.COMFORT, 8.94)
     meant_m = stop_m_and_s(SETTINGS.speed.comfort, 8.94)[0] + 8.94 * SHUTTLE.accel_lag_s
     assert metres == pytest.approx(meant_m, abs=0.3)

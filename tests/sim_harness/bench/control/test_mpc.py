@@ -14,7 +14,7 @@ from trepid.config import CONFIG_DIR, load
 SETTINGS = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
 
 
-def test_acados_that_is_not_there_is_told_with_what_brings_it(monkeypatch, tmp_path):
+def test_a_missing_acados_is_reported_with_the_command_that_installs_it(monkeypatch, tmp_path):
     monkeypatch.setenv("TREPID_ACADOS", str(tmp_path))
     assert "make acados" in (missing() or "")
 

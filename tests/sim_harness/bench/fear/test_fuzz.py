@@ -20,14 +20,14 @@ def test_no_broken_number_lowers_fear(name: str) -> None:
     assert calmed == []
 
 
-def test_nor_do_several_at_once() -> None:
+def test_several_broken_numbers_do_not_lower_fear() -> None:
     rng = random.Random(0)
     for _ in range(100):
         name = rng.choice(list(WHOLE))
         assert AFRAID.fear(WHOLE[name], at_random(WHOLE[name], rng)) >= AFRAID.fear(WHOLE[name], WHOLE[name])
 
 
-def test_the_situations_frighten_so_that_there_is_something_to_lower() -> None:
+def test_the_situations_have_fear_that_could_be_lowered() -> None:
     fears = [AFRAID.fear(told, told) for told in WHOLE.values()]
     assert min(fears) < 0.1 and sum(fear > 0.1 for fear in fears) >= len(fears) - 2
 

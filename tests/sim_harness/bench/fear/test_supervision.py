@@ -77,7 +77,7 @@ def test_a_warning_is_counted_from_where_it_began_and_not_across_an_intervention
     assert warnings_s(Trace(moved, {})) == [0.0]
 
 
-def test_a_departure_soon_after_an_intervention_belongs_to_the_mishap_before() -> None:
+def test_a_departure_soon_after_an_intervention_belongs_to_the_previous_departure() -> None:
     t_s = np.arange(0.0, 10.0, 0.1)
     departures = (t_s > 4.95).astype(float) + (t_s > 6.95)
     columns = {"t_s": t_s, "decision.fear": np.full(100, 0.8), "departures": departures}
@@ -92,7 +92,7 @@ def test_a_hard_road_is_the_same_for_every_driver_and_can_be_driven() -> None:
         assert case.scenario.build_road().length_m > HARD_ROUTE_M
 
 
-def test_what_was_driven_is_not_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stored_drive_is_not_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "kept.jsonl"
     kept = [
         {"case": f"{case.key} {driver}", "code": fingerprint(), "driver": str(driver), "mine": True}

@@ -81,11 +81,11 @@ def test_the_speed_of_the_model_lags_behind() -> None:
     assert abs(np.mean(speeds[-50:])) < 0.8
 
 
-def test_without_other_vehicles_the_model_tells_of_none() -> None:
+def test_without_other_vehicles_the_model_reports_none() -> None:
     assert build_lead_model(seed=0).step(None) is None
 
 
-def test_figures_count_what_is_missed_and_what_is_wrong() -> None:
+def test_figures_count_missed_and_wrong_detections() -> None:
     nan = math.nan
     table = np.array(
         [
@@ -100,7 +100,7 @@ def test_figures_count_what_is_missed_and_what_is_wrong() -> None:
     assert found["lateral error m (rms)"] == pytest.approx(0.1)
 
 
-def test_a_summary_counts_what_misses_the_target() -> None:
+def test_a_summary_counts_the_cases_beyond_the_target() -> None:
     episode = dict(
         seed=1,
         kind="drives",

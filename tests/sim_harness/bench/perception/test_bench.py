@@ -64,12 +64,12 @@ def test_a_seed_is_a_set_and_the_quick_one_is_smaller() -> None:
 
 
 @pytest.mark.parametrize("kind", Kind)
-def test_every_road_is_drawn_by_its_lots_alone(kind: Kind) -> None:
+def test_every_road_depends_on_its_random_numbers_only(kind: Kind) -> None:
     one, same = (random_road(kind, Shape.BEND, np.random.default_rng(7)).settings for _ in range(2))
     assert one == same != random_road(kind, Shape.BEND, np.random.default_rng(8)).settings
 
 
-def test_frames_and_truth_of_a_clip_hang_on_its_case_alone(clip: list[Moment]) -> None:
+def test_frames_and_truth_of_a_clip_depend_on_its_case_only(clip: list[Moment]) -> None:
     again = next(iter(moments(CASE, CAMERA, VEHICLE)))
     assert (again.frame.image == clip[0].frame.image).all()
     assert again.truth == clip[0].truth
@@ -82,7 +82,7 @@ def test_the_truth_is_the_place_on_the_road(clip: list[Moment]) -> None:
         assert moment.truth.heading_error_rad == pytest.approx(moment.yaw_rad - foot.heading_rad, abs=1e-6)
 
 
-def test_what_the_vehicle_reports_is_how_it_moves(clip: list[Moment]) -> None:
+def test_the_reported_state_is_the_motion_of_the_vehicle(clip: list[Moment]) -> None:
     for before, after in zip(clip, clip[2:], strict=False):
         dt_s = after.frame.t_s - before.frame.t_s
         way_m = np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
@@ -160,13 +160,13 @@ def test_a_boundary_aside_is_as_far_off_as_it_is(clip: list[Moment]) -> None:
     assert np.isnan(errors[1])
 
 
-def test_nothing_given_is_nan_never_zero(clip: list[Moment]) -> None:
+def test_an_absent_estimate_is_nan_and_never_zero(clip: list[Moment]) -> None:
     nothing = SteeringEstimate.nothing(0.0, estimator="x", lookahead_m=8.0, reason="dark")
     row = look(nothing, clip[0].truth, _TrueRoad(clip[0], CAMERA))
     assert np.isnan(row[:8]).all()
 
 
-def test_rates_are_shares_of_frames_and_of_what_was_given() -> None:
+def test_rates_are_shares_of_frames_and_of_given_estimates() -> None:
     half, nan = [0.0] * 10 + [1.0] * 5, [np.nan] * 5
     row = figures(looks(offset_m=half + nan, angle_rad=[0.0] * 15 + nan))
     assert row["given_pct"] == 75.0
@@ -176,7 +176,7 @@ def test_rates_are_shares_of_frames_and_of_what_was_given() -> None:
     assert row["offset_m_rmse_when_right"] == 0.0
 
 
-def test_who_gives_nothing_has_no_errors_and_detects_nothing() -> None:
+def test_an_estimator_without_estimates_has_no_errors_and_a_detection_rate_of_0() -> None:
     row = figures(looks(offset_m=np.nan, angle_rad=np.nan, left_m=np.nan, right_m=np.nan))
     assert (row["given_pct"], row["detected_pct"]) == (0.0, 0.0)
     assert row["offset_m_rmse"] is row["ece"] is row["auroc"] is row["correctness_pct"] is None
@@ -186,7 +186,7 @@ def test_a_lane_that_is_right_at_the_axle_but_not_ahead_is_wrong() -> None:
     assert figures(looks(aim_m=0.4))["detected_pct"] == 0.0
 
 
-def test_confidence_that_knows_has_an_auroc_of_one_and_no_calibration_error() -> None:
+def test_perfect_confidence_has_an_auroc_of_1_and_no_calibration_error() -> None:
     bad = np.array([1.0] * 10 + [0.0] * 10)
     row = figures(looks(angle_rad=np.radians(5) * bad, confidence=1 - bad))
     assert row["auroc"] == 1.0
@@ -228,7 +228,7 @@ def test_the_main_conditions_count_drivable_grades_only() -> None:
     assert all(case.condition != GAP for case in parts["all"])
 
 
-def test_only_what_is_missing_is_watched_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_missing_results_are_computed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     called: list[tuple[str, ...]] = []
 
     def quickly(clip: Sequence[Moment], names: Sequence[str], camera: Camera, vehicle: Vehicle) -> Watched:
@@ -260,7 +260,7 @@ def test_results_are_stored_to_the_last_bit_and_those_of_other_code_are_not_read
         assert ClipStore(store, "other drawing", {"b": "same"}).read(CASE) is None
 
 
-def test_kept_frames_come_back_as_they_were(tmp_path: Path, clip: list[Moment]) -> None:
+def test_stored_frames_are_read_back_unchanged(tmp_path: Path, clip: list[Moment]) -> None:
     frames = [moment.frame.image for moment in clip[:3]]
     album = Pictures(tmp_path)
     assert album.read(CASE, 240) is None
@@ -268,7 +268,7 @@ def test_kept_frames_come_back_as_they_were(tmp_path: Path, clip: list[Moment]) 
     assert all((a == b).all() for a, b in zip(album.read(CASE, 240) or [], frames, strict=True))
 
 
-def test_the_code_of_an_estimator_is_what_it_imports() -> None:
+def test_the_code_of_an_estimator_is_the_set_of_its_imports() -> None:
     of_cv = import_closure(["perception.lane.lane_cv"])
     assert {"perception/lane/fit.py", "perception/lane/edges.py", "trepid/camera.py"} <= set(of_cv)
     assert not any("techniques" in path for path in of_cv)
@@ -307,7 +307,7 @@ class Straight:
         return replace(nothing, road_wheel_angle_rad=0.0)
 
 
-def test_who_never_steers_keeps_its_offset_on_a_straight(
+def test_an_estimator_that_never_steers_keeps_its_offset_on_a_straight(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     entry = type("Entry", (), {"build": staticmethod(lambda camera, vehicle: Straight())})

@@ -82,7 +82,7 @@ def test_overlap_with_the_ego_lane_is_by_its_magenta(tmp_path: Path) -> None:
     }
 
 
-def test_steering_is_told_beside_always_straight() -> None:
+def test_steering_errors_are_reported_next_to_those_of_driving_straight() -> None:
     driven = [replace(picture_of_a_drive(), steering_rad=angle) for angle in np.radians([0, 10, -10, 5])]
     said = [replace(NOTHING, road_wheel_angle_rad=angle) for angle in [*np.radians([1, 11, -9]), None]]
     row = steering(list(zip(driven, said, strict=True)))

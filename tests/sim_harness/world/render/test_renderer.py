@@ -71,7 +71,7 @@ def test_a_painted_line_appears_where_the_camera_model_puts_it(curvature_1pm, pl
     assert np.abs(errors_px).max() < 1.2 and abs(np.mean(errors_px)) < 0.25
 
 
-def test_a_dash_is_as_long_and_a_line_as_wide_as_its_marking_says():
+def test_a_dash_has_the_length_and_a_line_the_width_of_its_marking():
     dashed = Marking(stroke=Stroke.DASHED, dash_m=3, gap_m=6, width_m=0.15)
     road = bend(0.0, closed=False, section=SOLID.model_copy(update={"left": dashed}))
     image, _, y_m = Ground(road, seed=0).crop(0, np.array([0, -2.5]), np.array([45, 2.5]))

@@ -66,7 +66,7 @@ def test_only_a_wet_road_is_darker_and_has_puddles():
     assert np.array_equal(half.bgr, plan(straight(bare(), bare("wet", 50)), 0, 49).bgr)
 
 
-def test_a_bridge_has_a_parapet_on_both_sides_and_water_beside_it():
+def test_a_bridge_has_a_parapet_and_water_on_both_sides():
     deck = bare(kerb_m=0.5, surface=Surface.CONCRETE, verge=Verge.WATER)
     seen = plan(straight(deck), 10, 30, right_m=-4, left_m=4)
     for side in (-1, 1):
