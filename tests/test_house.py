@@ -110,12 +110,12 @@ def test_benchmarks_are_imported_by_the_command_line_only() -> None:
     assert users == set()
 
 
-def test_no_room_holds_more_files_than_a_reader_can_survey() -> None:
+def test_no_room_exceeds_the_limit_of_files() -> None:
     full = {name: count for name, count in Counter(map(room, modules())).items() if count > MAX_FILES}
     assert full == {}
 
 
-def test_no_class_is_longer_than_a_reader_can_follow() -> None:
+def test_no_class_exceeds_the_limit_of_lines() -> None:
     long = {
         f"{module}.{node.name}": node.end_lineno - node.lineno + 1
         for module, path in modules().items()
@@ -125,7 +125,7 @@ def test_no_class_is_longer_than_a_reader_can_follow() -> None:
     assert long == {}
 
 
-def test_every_module_and_room_says_what_it_is() -> None:
+def test_every_module_and_room_has_a_docstring() -> None:
     bare = [m for m, path in modules().items() if not ast.get_docstring(ast.parse(path.read_text()))]
     assert bare == []
 
