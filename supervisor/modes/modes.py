@@ -100,7 +100,7 @@ TRANSITIONS = (
     Transition(
         DRIVING, lambda s: bool(s.fault), Mode.STOP, "a process is lost, data is stale, or the driver acts"
     ),
-    Transition(DRIVING, lambda s: Effect.STOP in s.effects, Mode.STOP, "the level of fear asks for it"),
+    Transition(DRIVING, lambda s: Effect.STOP in s.effects, Mode.STOP, "the level of fear requires it"),
     Transition(
         ON_ROAD,
         lambda s: Effect.STOP_ON_ROAD in s.effects,
@@ -112,7 +112,7 @@ TRANSITIONS = (
     Transition(
         frozenset({Mode.FOLLOW}), lambda s: Effect.ROAD_BACK in s.effects, Mode.CAUTION, "the road is back"
     ),
-    Transition(frozenset({Mode.KEEP}), lambda s: s.afraid, Mode.CAUTION, "the level of fear asks for it"),
+    Transition(frozenset({Mode.KEEP}), lambda s: s.afraid, Mode.CAUTION, "the level of fear requires it"),
     Transition(
         frozenset({Mode.CAUTION}), lambda s: Effect.CALM in s.effects, Mode.KEEP, "calm for long enough"
     ),
