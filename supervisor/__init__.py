@@ -1,7 +1,6 @@
-"""Estimates -> Decision: how afraid to be, of what, which path to drive, and how fast.
+"""Estimates -> Decision: fear and its cause, the mode, the path and the speed cap.
 
-``sightings`` judges the messages, ``watchdog`` who has gone silent, ``fusion`` joins the estimates into one path,
-``follow`` makes a path behind the vehicle ahead, ``features`` turns it all into named numbers, ``rules`` reads the
-rule file, ``inference`` turns numbers into fear, ``modes`` holds every transition, and ``supervisor`` is the step
-that ties them together. ``verify`` tries a rule file before it drives.
+``inputs`` validates messages and computes features over time, ``path`` fuses estimates and follows the trail of the
+vehicle ahead, ``situation`` computes the inputs of the rules, ``rules`` evaluates them, ``modes`` contains causes
+and transitions, and ``supervisor`` is the step that calls them.
 """

@@ -1,1 +1,1 @@
-"""Recorded footage as a simulator: real pixels, seen from beside where they were taken."""
+"""Recorded footage as a simulator: real images, reprojected to the pose of a simulated vehicle."""

@@ -1,4 +1,4 @@
-"""``trepid sim resimulate``: our stack in closed loop on recorded footage."""
+"""``trepid sim resimulate``: the stack in closed loop on recorded footage."""
 
 import json
 import math
@@ -23,14 +23,17 @@ from trepid.vehicle import Vehicle
 
 CALIBRATION_FRAMES = 9
 STARTS = ((0.5, 0.0), (-0.5, 0.0), (0.0, 2.0), (0.0, -2.0))  # m to the left, degrees to the left
-MOST_OFFSET_M, MOST_HEADING_DEG = 1.0, 10.0  # beyond, an intervention is due at once, or little was seen
+MOST_OFFSET_M, MOST_HEADING_DEG = (
+    1.0,
+    10.0,
+)  # beyond, an intervention follows at once, or few pixels were recorded
 PICTURE_WIDTH_PX = 640
 
 
 def resimulate_verb(
     clip: Annotated[Path, typer.Argument(help="A video, or a folder of images in order of name.")],
     camera: Annotated[
-        Path | None, typer.Option(help="Camera file; default: a typical one is assumed.")
+        Path | None, typer.Option(help="Camera file; default: a typical camera, self-calibrated.")
     ] = None,
     speed: Annotated[float | None, typer.Option(min=0.5, max=60, help="Constant speed [m/s].")] = None,
     log: Annotated[
@@ -38,29 +41,33 @@ def resimulate_verb(
     ] = None,
     scale: Annotated[
         float,
-        typer.Option(min=0.01, max=100, help="Multiplies the logged speed, for another scale of length."),
+        typer.Option(min=0.01, max=100, help="Factor of the logged speed, for another scale of length."),
     ] = 1.0,
     offset: Annotated[
-        float | None, typer.Option(min=-MOST_OFFSET_M, max=MOST_OFFSET_M, help="Start so far left [m].")
+        float | None,
+        typer.Option(min=-MOST_OFFSET_M, max=MOST_OFFSET_M, help="Start this far left of the path [m]."),
     ] = None,
     heading: Annotated[
-        float | None, typer.Option(min=-MOST_HEADING_DEG, max=MOST_HEADING_DEG, help="... turned left [deg].")
+        float | None,
+        typer.Option(
+            min=-MOST_HEADING_DEG, max=MOST_HEADING_DEG, help="Start with this heading, + = left [deg]."
+        ),
     ] = None,
-    estimator: Annotated[str, typer.Option(help="Which estimator drives.")] = "cv",
-    skip: Annotated[int, typer.Option(min=0, help="Leave out the first frames.")] = 0,
-    frames: Annotated[int | None, typer.Option(min=1, help="Use at most so many frames.")] = None,
+    estimator: Annotated[str, typer.Option(help="Estimator that steers.")] = "cv",
+    skip: Annotated[int, typer.Option(min=0, help="Number of first frames to skip.")] = 0,
+    frames: Annotated[int | None, typer.Option(min=1, help="Largest number of frames.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Write shifted views of one frame (.png).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON Lines.")] = False,
 ) -> int:
-    """Drive on recorded footage, seen from where our car would be; exit code 1 when it needs an intervention.
+    """Drive in closed loop on footage reprojected to the simulated car; exit code 1 after an intervention.
 
-    Without --offset and --heading it starts 0.5 m left and right and 2 degrees left and right in turn.
+    Without --offset and --heading four runs start 0.5 m left and right, and turned 2 degrees left and right.
     """
     if speed is None and log is None:
         raise InputError(
-            "give the speed of the recording: --speed or --log, or both to drive it at another speed"
+            "the speed of the recording is missing: give --speed or --log, or both for another speed"
         )
-    entry_of(estimator)  # names a wrong one before the footage is read
+    entry_of(estimator)  # raises for an unknown name before the footage is read
     cv2.setNumThreads(1)
     known = load(camera, Camera) if camera else assumed_camera(clip)
     drive = load_drive(clip, known, speed_mps=speed, log=log, scale=scale, skip=skip, most=frames)
@@ -75,7 +82,7 @@ def resimulate_verb(
 
 
 def _runs(drive: Drive, starts: tuple[tuple[float, float], ...], estimator: str) -> Iterator[dict[str, Any]]:
-    """The run without a shift, then those of ``starts``, which are held against it."""
+    """The run without a shift, then those of ``starts``, compared with it."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     unshifted: Resimulation | None = None
     for left_m, heading_deg in ((0.0, 0.0), *starts):
@@ -91,9 +98,10 @@ def _runs(drive: Drive, starts: tuple[tuple[float, float], ...], estimator: str)
 
 
 def assumed_camera(clip: Path) -> Camera:
-    """A typical camera with the horizon of the clip, as `trepid estimate` assumes one."""
+    """A typical camera with the horizon of the clip, as in `trepid estimate`."""
     print(
-        "no --camera given: metres rest on an assumed camera, its horizon found in the clip", file=sys.stderr
+        "no --camera given: distances depend on an assumed camera with the horizon of the clip",
+        file=sys.stderr,
     )
     found = sources(clip)
     if isinstance(found[0], Clip):
@@ -106,7 +114,7 @@ def assumed_camera(clip: Path) -> Camera:
 
 
 def _draw(drive: Drive, path: Path) -> None:
-    """The middle frame 0.5 m left, as recorded, 0.5 m right; 2 degrees left, 1 m left, 2 degrees right."""
+    """Draw the middle frame 0.5 m left, as recorded, 0.5 m right; 2 degrees left, 1 m left, 2 degrees right."""
     reprojection, frame = Reprojection(drive.camera), drive.frames[len(drive.frames) // 2]
     turn = math.radians(2.0)
     shifts = [
@@ -129,8 +137,8 @@ def _one_line(row: dict[str, Any]) -> str:
     returned = "never" if row["return_s"] is None else f"after {row['return_s']:.1f} s"
     return (
         f"{row['clip']} from {row['start_offset_m']:+.2f} m {math.degrees(row['start_heading_rad']):+.1f}°:"
-        f" {row['duration_s']:.1f} s, back {returned}, ends {row['end_offset_m']:+.2f} m beside the recorded path,"
+        f" {row['duration_s']:.1f} s, back {returned}, end at {row['end_offset_m']:+.2f} m from the recorded path,"
         f" {row['interventions']} interventions, autonomy {row['autonomy_percent']:.1f} %,"
-        f" lane seen {row['lane_seen_percent']:.0f} %, unseen pixels {row['mean_unseen_percent']:.1f} %"
+        f" lane found {row['lane_seen_percent']:.0f} %, unrecorded pixels {row['mean_unseen_percent']:.1f} %"
         f" (at most {row['max_unseen_percent']:.1f} %)"
     )

@@ -1,4 +1,4 @@
-"""A recorded drive: its frames, when each was taken, how fast the car was and how it turned."""
+"""A recorded drive: frames, times, speeds and yaw rates."""
 
 import csv
 import math
@@ -19,8 +19,8 @@ from trepid.types import Array, Image
 
 MPS_PER_MPH = 0.44704
 UDACITY_COLUMNS = 7  # center, left, right, steering, throttle, brake, speed [mph]; no header
-LEAST_TRACKED = 0.5  # share of the frames in which the turn must be seen
-SMOOTH_S = 0.2  # of the yaw rate: ten to a hundred times what a car needs to change it
+LEAST_TRACKED = 0.5  # least share of the frames with a measured yaw rate
+SMOOTH_S = 0.2  # of the yaw rate
 LEAST_FRAMES = 5
 CRAWL_MPS = 0.01  # so that every frame has a time of its own, also at standstill
 
@@ -41,16 +41,16 @@ class Drive:
         return _stations_m(self.t_s, self.speed_mps)
 
     def yaw_rates_radps(self) -> Array:
-        """How fast the recorded car turned, at each frame, + = to the left; seen in the footage (visual_yaw).
+        """Yaw rate of the recorded car at each frame, + = to the left, from the images (visual_yaw).
 
-        Raises InputError when too little can be tracked.
+        Raises InputError when too few corners can be tracked.
         """
         dt_s = np.diff(self.t_s)
         rates = yaw_changes_rad(self.frames, self.camera, np.diff(self.station_m)) / dt_s
         known = np.isfinite(rates)
         if known.mean() < LEAST_TRACKED:
             raise InputError(
-                f"{self.name}: too few corners can be tracked to see how the recorded car turned"
+                f"{self.name}: too few corners can be tracked to measure the yaw rate of the recorded car"
             )
         middles_s = (self.t_s[1:] + self.t_s[:-1]) / 2
         at_frames = np.interp(self.t_s, middles_s[known], rates[known])
@@ -69,8 +69,8 @@ def load_drive(
 ) -> Drive:
     """The frames of a video or a folder (25 frames/s) from number ``skip`` on, at most ``most``. Raises InputError.
 
-    Speed is ``speed_mps`` throughout, or that of ``log`` (see read_log) times ``scale``, for a ``camera`` of
-    another scale of length; with both, the distance that was logged is driven at ``speed_mps``.
+    The speed is ``speed_mps``, or that of ``log`` (see read_log) times ``scale``, for a ``camera`` of another scale
+    of length; with both, the logged distance is driven at ``speed_mps``.
     """
     found, end = sources(path), None if most is None else skip + most
     first = found[0]
@@ -98,7 +98,7 @@ def load_drive(
 
 
 def _driven_at(speed_mps: float, t_s: Array, speeds_mps: Array) -> Array:
-    """When each frame is reached by driving the same distance at ``speed_mps``."""
+    """Time of each frame when the same distance is driven at ``speed_mps``."""
     return _stations_m(t_s, np.maximum(speeds_mps, CRAWL_MPS)) / speed_mps
 
 
@@ -111,7 +111,7 @@ def read_log(path: Path) -> tuple[Array, Array]:
     """Times [s] and speeds [m/s], one row a frame. Raises InputError with the line of the first bad row.
 
     Either a CSV file with the columns ``t_s`` and ``speed_mps``, or a driving_log.csv of the Udacity
-    behavioural-cloning simulator, whose times stand in the names of its images.
+    behavioural-cloning simulator, with the times in the names of its images.
     """
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))

@@ -1,10 +1,11 @@
-"""A picture of a flat road as a camera beside the one that took it would have seen it.
+"""Reprojection of images of a flat road to a camera at another pose.
 
-Below the horizon every pixel is a point of the ground, and two views of a plane are related by a homography; above
-it everything is taken to be far away, and two views of that by the rotation alone. Both agree on the horizon.
-Bojarski et al., End to End Learning for Self-Driving Cars (2016), sections 4 and 5; Hartley and Zisserman, Multiple
-View Geometry (2004), section 13.1. What stands upright is smeared away from the camera, as in the paper; what the
-recording did not see is filled with its nearest pixels, and its share is reported.
+Below the horizon every pixel is a point of the ground plane, and two views of a plane are related by a homography.
+Points above the horizon are assumed to be infinitely far away, where two views are related by the rotation alone.
+Both agree on the horizon. Bojarski et al., End to End Learning for Self-Driving Cars (2016), sections 4 and 5;
+Hartley and Zisserman, Multiple View Geometry (2004), section 13.1. Upright objects are distorted away from the
+camera, as in the paper. Pixels outside the recorded image take the value of the nearest recorded pixel; their share
+is reported.
 """
 
 import math
@@ -62,7 +63,7 @@ class Reprojection:
         return np.asarray(intrinsics @ optical @ turn @ optical.T @ np.linalg.inv(intrinsics))
 
     def view(self, image: Image, shift: Shift) -> tuple[Image, float]:
-        """The new view of the recorded ``image``, and the share of its pixels that the recording did not see."""
+        """The new view of the recorded ``image``, and the share of its pixels outside the recorded image."""
         if max(abs(shift.ahead_m), abs(shift.left_m)) < NO_SHIFT_M and abs(shift.yaw_rad) < NO_SHIFT_RAD:
             return image, 0.0
         seen = self._warped(image, shift, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
@@ -71,7 +72,7 @@ class Reprojection:
         return seen, float(np.mean(covered == 0))
 
     def _warped(self, image: Image, shift: Shift, flags: int, border: int) -> Image:
-        """Sky above the horizon, which is level as the camera does not roll, and ground below it."""
+        """Sky above the horizon, which is level because the camera has no roll, and ground below it."""
         height, width = image.shape[:2]
         split = self._first_ground_row
         down = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, split], [0.0, 0.0, 1.0]])

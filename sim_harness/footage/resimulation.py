@@ -1,13 +1,14 @@
 """Closed loop on real pixels: DAVE-2's simulator (Bojarski et al. 2016, section 5).
 
-The recorded driver's path is taken for the truth and for the centre of the lane. The simulated car moves beside it
-by a lateral offset e and a heading ψ:
+The recorded path is used as truth and lane centre. The simulated car has the lateral offset e from it and the
+heading ψ relative to it:
 
     e' = v·sin ψ      ψ' = v·κ - ψ'_rec·(v / v_rec)
 
-with κ from our plant under the commands of our stack and ψ'_rec, the recorded car's own yaw rate, from the footage.
-Each next frame is the last one recorded, seen from there. The speed is the recording's: only the steering is
-judged. A driver drives at first (RUN_UP_S), until the supervisor may take over.
+with κ of the plant under the commands of the stack and the yaw rate ψ'_rec of the recorded car, measured in the
+images. Each frame is the last recorded one, reprojected to the pose of the simulated car. The speed is that of the
+recording, so only the steering is judged. For the first RUN_UP_S a driver drives, until the supervisor may take
+over.
 """
 
 import math
@@ -39,23 +40,23 @@ SAME_STATION_M = 1e-6
 LATENCY_S = 0.02  # capture to estimate; as in lock-step
 RUN_UP_S = 2.2  # a driver must have driven for 2 s before the supervisor takes over (supervisor.yaml)
 INTERVENTION_M = 1.0  # Bojarski et al., section 7
-INTERVENTION_S = 6.0  # what an intervention costs, likewise
+INTERVENTION_S = 6.0  # duration of an intervention, likewise
 LEAST_S = 0.5  # after the hand-over
-HOME_M = 0.2  # this near it is back
+HOME_M = 0.2  # within this distance of the unshifted run the car has returned
 
 
 @dataclass(frozen=True)
 class Resimulation:
-    """One run: a sample per frame, from the hand-over on, and what it comes to."""
+    """One run: a sample per frame from the hand-over on, and the results."""
 
     t_s: Array
     offset_m: Array  # of the car from the recorded path, + = left
     heading_rad: Array
-    seen_m: Array  # the estimator's lateral offset; NaN where it saw no lane
-    unseen: Array  # share of the pixels that the recording did not see
+    seen_m: Array  # lateral offset of the estimator; NaN without a lane
+    unseen: Array  # share of the pixels outside the recorded image
     fear: Array
     interventions: int
-    engaged_share: float  # of the frames in which the supervisor did not ask to stop
+    engaged_share: float  # of the frames in modes other than STOP
     first: Image  # the view at the hand-over
     last: Image
 
@@ -70,9 +71,9 @@ class Resimulation:
         return max(0.0, 100.0 * (1.0 - INTERVENTION_S * self.interventions / self.duration_s))
 
     def return_s(self, unshifted: "Resimulation") -> float | None:
-        """When the car is for good within HOME_M of where it drives from an unshifted start; None when never.
+        """Time from which on the car stays within HOME_M of the run with an unshifted start; None when never.
 
-        The lane centre of a recording is not known, but where the car drives without a shift is.
+        The lane centre of a recording is unknown, so the run without a shift is the reference.
         """
         off = np.abs(self.offset_m - unshifted.offset_m) >= HOME_M
         if off[-1]:
@@ -103,11 +104,11 @@ class Resimulation:
 def resimulate(
     drive: Drive, vehicle: Vehicle, *, start: Shift, estimator: str = "cv", run_up_s: float = RUN_UP_S
 ) -> Resimulation:
-    """Drive beside the recorded path from ``start`` on. Deterministic. Raises InputError when it is too short."""
+    """Drive along the recorded path from ``start`` on. Deterministic. Raises InputError for a short recording."""
     if drive.t_s[-1] < run_up_s + LEAST_S:
         raise InputError(
             f"{drive.name}: {len(drive.frames)} frames last {drive.t_s[-1]:.1f} s: at least"
-            f" {run_up_s + LEAST_S:.1f} s expected, of which a driver drives {run_up_s:.1f} s"
+            f" {run_up_s + LEAST_S:.1f} s expected, with a run-up of {run_up_s:.1f} s"
         )
     return _Loop(drive, vehicle, start, estimator, run_up_s).run()
 
@@ -139,7 +140,7 @@ class _Loop:
         self._engaged: list[bool] = []
 
     def run(self) -> Resimulation:
-        """Every frame in turn."""
+        """Simulate all frames."""
         stack = self._stack
         for tick in range(math.floor(self._drive.t_s[-1] / PERIOD_S) + 1):
             now_s = tick * PERIOD_S
@@ -158,7 +159,7 @@ class _Loop:
         return self._result()
 
     def _view(self, now_s: float) -> tuple[Image, float]:
-        """The last frame recorded before here, seen from here: ahead of where it was taken, and beside."""
+        """The last recorded frame before the present station, reprojected, and its share of unrecorded pixels."""
         drive, beside = self._drive, self._state
         station_m = float(np.interp(now_s, drive.t_s, self._stations_m))
         number = int(np.searchsorted(self._stations_m, station_m + SAME_STATION_M, side="right")) - 1
@@ -187,7 +188,7 @@ class _Loop:
         speed_mps = float(np.interp(now_s, self._drive.t_s, self._drive.speed_mps))
         turned_rad = PERIOD_S * float(np.interp(now_s, self._drive.t_s, self._yaw_rates_radps))
         held = replace(self._state, speed_mps=speed_mps, accel_mps2=0.0)
-        if driven:  # on rails beside the recorded path, with the wheels as it bends
+        if driven:  # at a constant offset from the recorded path, with the wheels at its curvature
             curvature_1pm = turned_rad / PERIOD_S / max(speed_mps, 1.0)
             self._state = self._plant.initial(
                 0.0, self._start.left_m, self._start.yaw_rad, speed_mps, curvature_1pm
@@ -200,7 +201,7 @@ class _Loop:
             self._state = self._recentred(self._state, turned_rad / PERIOD_S)
 
     def _recentred(self, state: PlantState, yaw_rate_radps: float) -> PlantState:
-        """Put back on the recorded path, with the wheels as it bends."""
+        """The state on the recorded path, with the wheels at its curvature."""
         curvature_1pm = yaw_rate_radps / max(state.speed_mps, 1.0)
         return self._plant.initial(0.0, 0.0, 0.0, state.speed_mps, curvature_1pm)
 

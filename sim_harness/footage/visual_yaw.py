@@ -1,15 +1,15 @@
-"""How a car turned, from its pictures alone: yaw without knowing the depth of anything.
+"""Yaw rate of a car from its images, without the depth of the scene.
 
-In coordinates x = (u - c_x)/f_x, y = (v - c_y)/f_y a point moves between two frames away from where the camera
-heads, (x₀, y₀), by its distance from there over its depth; and all points move by Δψ·p(x, y) + Δθ·q(x, y) as the
+In coordinates x = (u - c_x)/f_x, y = (v - c_y)/f_y a point moves between two frames away from the focus of
+expansion (x₀, y₀) by its distance from it over its depth; and all points move by Δψ·p(x, y) + Δθ·q(x, y) as the
 camera turns about the vertical and about its right-hand axis. Without the unknown depth
 
     (Δx - Δψ·p_x - Δθ·q_x)·(y - y₀) = (Δy - Δψ·p_y - Δθ·q_y)·(x - x₀)
 
-which is linear in the two rotations. (x₀, y₀) is where the camera file says that the car heads: an error of it is
-seen as a slow turn. Longuet-Higgins and Prazdny, The interpretation of a moving retinal image,
-Proc. R. Soc. B 208 (1980). Corners are those of Shi and Tomasi, tracked by Lucas and Kanade; outliers (shadows,
-other cars, insects) lose their weight.
+which is linear in the two rotations. (x₀, y₀) follows from the camera file; its error appears as a slow turn.
+Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, Proc. R. Soc. B 208 (1980). Corners by
+Shi and Tomasi, tracked by the method of Lucas and Kanade; robust weights suppress outliers (shadows, other cars,
+insects).
 """
 
 import math
@@ -26,22 +26,22 @@ from trepid.types import Array, Image
 CORNERS = 300
 LEAST_CORNERS = 8
 QUALITY, APART_PX = 0.01, 7
-LOST_PX = 0.5  # between a corner and itself, tracked there and back
-BONNET_SHARE = 0.9  # below this share of the height the car may see itself
+LOST_PX = 0.5  # largest error of a corner tracked forth and back
+BONNET_SHARE = 0.9  # rows below this share of the height may show the bonnet
 ROUNDS = 5
 BEND_ROUNDS = 3
-NEAR = 2e-3  # a third of a pixel of a small picture; half a pixel off is half an outlier
-LEAST_STEP_M = 0.1  # slower, the way of the camera is noise
+NEAR = 2e-3  # scale of the Cauchy weight: a third of a pixel of a small image
+LEAST_STEP_M = 0.1  # below, the distance between frames is noise
 
 
 def yaw_changes_rad(frames: Sequence[Image], camera: Camera, step_m: Array) -> Array:
-    """Change of yaw from each frame to the next, shape (n - 1,); + = to the left, NaN where too little is seen.
+    """Change of yaw [rad] from each frame to the next, shape (n - 1,); + = to the left, NaN with too few corners.
 
-    ``step_m`` is how far the car drove between them, shape (n - 1,). In a bend the camera, x_m ahead of the rear
-    axle, moves to the inside by the angle κ·x_m + Δψ/2, and x₀ with it.
+    ``step_m`` is the distance driven between them, shape (n - 1,). In a bend the camera, x_m ahead of the rear
+    axle, moves inwards by the angle κ·x_m + Δψ/2, and x₀ with it.
     """
     tracks = [_tracks(a, b, camera) for a, b in pairwise(frames)]
-    right, down, ahead = camera.optical_from_vehicle[:, 0]  # where the car heads
+    right, down, ahead = camera.optical_from_vehicle[:, 0]  # direction of travel
     x0, y0 = right / ahead, down / ahead
     inwards = camera.x_m / np.maximum(step_m, LEAST_STEP_M) + 0.5
     turns = [
@@ -51,7 +51,7 @@ def yaw_changes_rad(frames: Sequence[Image], camera: Camera, step_m: Array) -> A
 
 
 def _turn_in_bend(track: "_Track", x0: float, y0: float, inwards: float) -> float:
-    """Δψ, where the camera heads for x₀ - ``inwards``·Δψ."""
+    """Δψ for a focus of expansion at x₀ - ``inwards``·Δψ."""
     yaw = 0.0
     for _ in range(BEND_ROUNDS):
         yaw = _turn(track, x0 - inwards * yaw, y0)

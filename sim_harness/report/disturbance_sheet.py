@@ -24,7 +24,10 @@ from trepid.types import Image
 
 GRADES = range(6)
 STATION_M = 55.0
-STATIONS_M = {DisturbanceKind.BRIDGE_SHADOWS: 71.0, DisturbanceKind.OCCLUSION: 47.0}  # where there is some
+STATIONS_M = {
+    DisturbanceKind.BRIDGE_SHADOWS: 71.0,
+    DisturbanceKind.OCCLUSION: 47.0,
+}  # stations with a visible effect
 GAP_M = 16.0  # to the vehicle ahead
 MOUTH_M = 20.0  # to the end of the tunnel
 SUN_LEFT_RAD = 0.15
@@ -41,7 +44,7 @@ def disturbances_verb(
     seed: Annotated[int, typer.Option(min=0)] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> int:
-    """Show what the grades of each disturbance mean, in numbers and in a picture."""
+    """Show the grades of each disturbance in numbers and in a picture."""
     table = load_table().model_dump()
     if picture is not None:
         if not picture.parent.is_dir():

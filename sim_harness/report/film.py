@@ -77,7 +77,7 @@ def run_filmed(scenario: Scenario, *, seed: int, witness: Witness | None = None)
 def picture(shot: Shot) -> tuple[bytes, str]:
     """The frame with the lane of the most confident estimator, as JPEG, and the name of the estimator."""
     image = cv2.imdecode(np.frombuffer(shot.jpeg, np.uint8), cv2.IMREAD_COLOR)
-    assert image is not None  # it was encoded here
+    assert image is not None  # encoded by this module
     drawn = {name: found for name, found in shot.estimates.items() if found.left_boundary_px}
     sure = max(drawn or shot.estimates, key=lambda name: shot.estimates[name].confidence)
     shown = cv2.resize(

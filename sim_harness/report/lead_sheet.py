@@ -1,4 +1,4 @@
-"""One picture of what the lead detector sees: distances from left to right, conditions from top to bottom."""
+"""One picture of detections of the lead detector: distances from left to right, conditions from top to bottom."""
 
 from pathlib import Path
 from typing import Annotated
@@ -41,7 +41,7 @@ def leads_verb(
     road: Annotated[str, typer.Option(help="A name in config/roads/.")] = "circuit",
     seed: Annotated[int, typer.Option(min=0)] = 0,
 ) -> int:
-    """Draw what the lead detector sees of vehicles on a road, near and far, in good and bad light."""
+    """Draw the detections of the lead detector on a road, near and far, in good and bad light."""
     sheet = lead_sheet(load_road(road), seed=seed)
     picture.parent.mkdir(parents=True, exist_ok=True)
     if not cv2.imwrite(str(picture), sheet, [cv2.IMWRITE_JPEG_QUALITY, 80]):
@@ -62,7 +62,7 @@ def lead_sheet(road: Road, *, seed: int) -> Image:
 
 
 def _tile(renderer: Renderer, vehicle: Vehicle, gap_m: float, body: Body) -> Image:
-    """A vehicle ``gap_m`` ahead, a car that comes towards us behind it, and what is found of them."""
+    """A vehicle ``gap_m`` ahead, an oncoming car behind it, and the detections of both."""
     road, camera = renderer.road, renderer.camera
     nose_m = STATION_M + vehicle.wheelbase_m + vehicle.front_overhang_m
     rear_m = nose_m + gap_m - body.rear_m

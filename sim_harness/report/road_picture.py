@@ -1,4 +1,4 @@
-"""A road in one picture: what the camera sees along it, and the same places from above."""
+"""A road in one picture: camera frames along it, and the same places from above."""
 
 import cv2
 import numpy as np
@@ -10,8 +10,8 @@ from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
 from trepid.types import Image
 
-VIEW_M = (-9.0, 9.0)  # of the road's width, from above
-LENGTH_M = 24.0  # seen from above, from the camera's station on
+VIEW_M = (-9.0, 9.0)  # lateral range of the plan view
+LENGTH_M = 24.0  # length of the plan view, from the station of the camera on
 PLAN_LEVEL = 1
 GAP_PX = 4
 MOST_COLUMNS = 6

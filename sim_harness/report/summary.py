@@ -1,6 +1,6 @@
 """Summary of a run for the report page, a few kilobytes that a worker process sends instead of the trace.
 
-Numbers are whole multiples of a step, each as its difference from the one before; null is absent:
+Numbers are whole multiples of a step, each as the difference from the previous one; null is absent:
 ``{"step": 0.01, "d": [500, -3, null, …]}``.
 """
 
@@ -70,15 +70,15 @@ def kept_samples(trace: Trace) -> NDArray[np.intp]:
 
 
 def worst_sample(trace: Trace) -> tuple[int, str]:
-    """The moment to look at, and why: the last one before the first departure; else the most fearful; else that of
-    the largest error, when the run was never afraid."""
+    """The sample to show, and the reason: the last one before the first departure; else that of the greatest fear;
+    without any fear that of the largest error."""
     left = np.flatnonzero(np.diff(trace["departures"]) > 0)
     if len(left):
-        return int(left[0]), "just before it left the lane"
+        return int(left[0]), "just before the first departure"
     later = trace["t_s"] - trace["t_s"][0] >= CALM_AFTER_S
     if (afraid(trace) & later).any():
-        return int(np.nanargmax(np.where(later, trace["decision.fear"], np.nan))), "when it was most afraid"
-    return int(np.argmax(np.abs(trace["lateral_offset_m"]))), "where the error was largest"
+        return int(np.nanargmax(np.where(later, trace["decision.fear"], np.nan))), "at the greatest fear"
+    return int(np.argmax(np.abs(trace["lateral_offset_m"]))), "at the largest error"
 
 
 def coded(values: Column, step: float) -> dict[str, Any]:
@@ -138,7 +138,7 @@ def _edges(scenario: Scenario) -> list[dict[str, Any]]:
 
 
 def _picture(trace: Trace, film: Film) -> dict[str, Any] | None:
-    """The worst frame with overlay as a data URI, when it was, and why it is shown; None without pictures."""
+    """The worst frame with overlay as a data URI, its time, and the reason; None without pictures."""
     sample, reason = worst_sample(trace)
     shot = film.at(float(trace["t_s"][sample]))
     if shot is None:

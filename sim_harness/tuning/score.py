@@ -38,7 +38,7 @@ class Fearless:
 
     mean_speed_mps: float
     t_s: tuple[float, ...]  # of each decision
-    departures: tuple[int, ...]  # by then
+    departures: tuple[int, ...]  # up to each decision
     speeds_mps: tuple[float | None, ...]
     inputs: tuple[str, ...]
     values: tuple[tuple[float | None, ...], ...]  # of the inputs, a row for each decision
@@ -64,7 +64,7 @@ class Score:
     departures: int  # and collisions
     nuisance_per_km: float
     speed_loss: float  # share; negative: faster than without fear
-    auroc: float | None  # None: the drives without fear have no departures, or nothing else
+    auroc: float | None  # None: the drives without fear contain no departures, or only departures
     mean_speed_mps: float
 
 

@@ -100,7 +100,7 @@ def _unseen(x: Features, s: AnalyserSettings) -> bool:
 
 
 def _nowhere(x: Features, s: AnalyserSettings) -> bool:
-    """No estimator sees a road; or one sees weak edges where the other sees nothing: a field, fallen snow."""
+    """No estimator detects a road, or only one does, from weak edges: a field, fallen snow."""
     weak = _number(x["unmarked"]) > 0.5 and _number(x["sight"]) < s.weak_edges
     return _number(x["sight"]) < s.blind or (weak and _number(x["second_confidence"]) < s.blind)
 

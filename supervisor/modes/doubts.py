@@ -37,7 +37,7 @@ class Moment(NamedTuple):
 
     @property
     def afraid(self) -> bool:
-        """Whether the level of fear asks for CAUTION or more."""
+        """Whether the level of fear requires CAUTION or more."""
         return self.wanted is not Mode.KEEP
 
     @property

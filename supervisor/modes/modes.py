@@ -1,4 +1,4 @@
-"""Modes: every transition in one table, and what a stop latches."""
+"""Modes: the table of all transitions, and the latched stop."""
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from trepid.types import Positive
 
 Seconds = Annotated[float, Field(ge=0)]
 STARTING = Cause.STARTING
-"""Cause of the stop in which every supervisor begins, even one that is restarted while the car moves."""
+"""Cause of the stop in which every supervisor starts, also after a restart while the car moves."""
 
 
 class ModeSettings(Settings):
@@ -23,17 +23,21 @@ class ModeSettings(Settings):
     comfort_stop_age_s: Positive  # no frame for this long: comfort stop
     emergency_stop_age_s: Positive  # ... emergency stop
     blind_s: Positive  # moving without any path for this long: emergency stop
-    near_s: Seconds  # a vehicle ahead too near for the comfort stop going on, for this long: emergency stop
-    guess_s: Positive  # ... in terror, and with no estimator believed by more than ...
-    guess_confidence: Annotated[float, Field(gt=0, le=1)]  # ... nor is one steered by before the first drive
+    near_s: Seconds  # a vehicle ahead too near for the present comfort stop, for this long: emergency stop
+    guess_s: Positive  # fear requires a stop, and no confidence is above guess_confidence: likewise
+    guess_confidence: Annotated[
+        float, Field(gt=0, le=1)
+    ]  # also the least confidence to steer before the first drive
     standstill_mps: Positive
     reengage_after_s: Seconds | None  # at standstill, healthy for this long: drive again; null: never
     reengage_max_fear: Annotated[float, Field(ge=0, lt=1)]
     road_back_s: Seconds  # FOLLOW ends when the road has been seen this long ...
     road_back_confidence: Annotated[float, Field(gt=0, le=1)]  # ... with this confidence
     final_causes: tuple[str, ...]  # a stop for one of these is final
-    stop_after_s: dict[str, Positive]  # cause -> how long it may frighten before a comfort stop ...
-    emergency_after_s: dict[str, Positive]  # ... and on the move before an emergency stop
+    stop_after_s: dict[
+        str, Positive
+    ]  # cause -> greatest time with a fear of medium or more before a comfort stop
+    emergency_after_s: dict[str, Positive]  # ... of a moving car before an emergency stop
 
     @property
     def causes(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
@@ -44,7 +48,7 @@ class ModeSettings(Settings):
 
 
 class Effect(Enum):
-    """The effect of a doubt, or of an assurance, that has lasted for its time."""
+    """The effect of a doubt or an assurance after its delay."""
 
     STOP = auto()  # a comfort stop, also while a vehicle is followed
     STOP_ON_ROAD = auto()  # a comfort stop in KEEP and CAUTION
@@ -53,7 +57,7 @@ class Effect(Enum):
     CALM = auto()  # CAUTION ends
     ROAD_BACK = auto()  # FOLLOW ends
     START = auto()  # a stop ends at standstill
-    HAND_OVER = auto()  # the stop in which a supervisor begins ends on the move
+    HAND_OVER = auto()  # the stop in which a supervisor starts ends while the car moves
 
 
 class Situation(NamedTuple):
@@ -62,24 +66,24 @@ class Situation(NamedTuple):
     fault: str  # the cause of an immediate stop: a lost process, stale data, the driver; "" for none
     lost: bool  # a process is lost
     cause: str  # of fear
-    afraid: bool  # the level of fear asks for CAUTION or more
+    afraid: bool  # the level of fear requires CAUTION or more
     path: bool  # there is a path of the road
     lead: bool  # there is a vehicle to follow
     standstill: bool
-    effects: frozenset[Effect]  # of the doubts and assurances that have lasted for their time
+    effects: frozenset[Effect]  # of the doubts and assurances after their delays
 
 
 class ModeState(NamedTuple):
-    """The mode, and what a stop has latched."""
+    """The mode and the latched stop."""
 
     mode: Mode
     stop: Stop
-    cause: str  # why it stopped; "" when it did not
+    cause: str  # of the stop; "" without a stop
     final: bool  # this stop ends the run
 
     @classmethod
     def initial(cls) -> "ModeState":
-        """Stopping until standstill, because nothing is known yet."""
+        """A comfort stop until standstill, before the first inputs."""
         return cls(Mode.STOP, Stop.COMFORT, STARTING, final=False)
 
 
@@ -130,12 +134,12 @@ HAND_OVER = Transition(
     Mode.CAUTION,
     "a driver has handed over",
 )
-"""Leaves only the stop in which a supervisor begins: one that stopped the car is left at standstill."""
+"""Applies only to the stop in which a supervisor starts; other stops end at standstill."""
 _ROWS = {mode: tuple(row for row in TRANSITIONS if mode in row.sources) for mode in Mode}
 
 
 def next_state(state: ModeState, now: Situation, *, final_causes: Collection[str]) -> ModeState:
-    """The mode after this situation. A stop only grows harder, and ends at standstill or not at all."""
+    """The mode after this situation. A stop can only become harder; it ends at standstill or never."""
     if state.mode is Mode.STOP:
         state = _tightened(state, now)
     if state.final:
@@ -157,10 +161,8 @@ def _entered(mode: Mode, now: Situation, final_causes: Collection[str]) -> ModeS
 
 
 def _tightened(state: ModeState, now: Situation) -> ModeState:
-    """The stop with what has come on top of it: a vehicle near ahead makes it an emergency, blindness a final one,
-    a lost process makes it final.
-
-    Processes that come and go before the first drive are only starting.
+    """The stop after new effects: BRAKE_HARDER makes it an emergency stop, EMERGENCY a final emergency stop, a lost
+    process makes it final, except before the first drive, while the processes start.
     """
     if Effect.EMERGENCY in now.effects and not (state.final and state.stop is Stop.EMERGENCY):
         return ModeState(Mode.STOP, Stop.EMERGENCY, now.fault or now.cause, final=True)

@@ -19,29 +19,31 @@ from trepid.vehicle import Vehicle
 
 STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
 LED_BACK_S = 2.0  # the trail is driven for a while after the road is back (modes.road_back_s)
-SAME_LEAD_M, AT_ONCE_S = 1.0, 0.15  # from one sighting to the next; else it is another vehicle
-ASTRAY_S = 0.2  # a leader off the trail for so long has left the road; less is an error of the detector
+SAME_LEAD_M, AT_ONCE_S = 1.0, 0.15  # from one detection to the next; beyond, it is another vehicle
+ASTRAY_S = (
+    0.2  # a leader off the trail for this long has left the road; shorter errors are those of the detector
+)
 
 
 class FollowSettings(Settings):
     """Section ``follow`` of ``config/supervisor.yaml``."""
 
-    min_confidence: Positive  # below, a lead is none to follow
+    min_confidence: Positive  # least confidence of a lead to follow
     max_distance_m: Positive
-    max_lateral_m: Positive  # farther to the side it drives on another road
+    max_lateral_m: Positive  # farther to the side it is on another road
     time_gap_s: Annotated[float, Field(ge=1.5)]
     standstill_gap_m: Positive
     decel_mps2: Positive  # comfortable braking behind a slower lead, and of a comfort stop
     touch_m: Positive  # nearer than that is a collision
-    hold_s: Positive  # a lead that is no longer detected is assumed to be there for so long
+    hold_s: Positive  # a lead that is no longer detected is assumed to be there for this long
     max_follow_s: Positive  # greatest time of following without a measured road
     least_ahead_m: Positive  # of trail, to drive on it
-    lag_s: Positive  # the trail up to so long ago says where a lead on the road must be now
-    least_lag_m: Positive
-    reference_m: Positive  # so much of the older trail says it
-    gate_sigmas: Positive  # a lead farther from there has left the road, or is another one
-    max_gate_m: Positive  # ... and so far from there is too far, however little is known
-    gate_road_m: Positive  # ... and so far from the middle of the lane, where that is seen
+    lag_s: Positive  # the trail older than this predicts the position of a lead on the road
+    least_lag_m: Positive  # ... and at least this far behind it
+    reference_m: Positive  # length of the older trail that is used
+    gate_sigmas: Positive  # a lead farther from the prediction has left the road, or is another vehicle
+    max_gate_m: Positive  # upper limit of this distance
+    gate_road_m: Positive  # greatest distance from the lane centre, where that is measured
     hand_over_s: Positive
     trail: TrailSettings
 
@@ -50,11 +52,11 @@ class FollowSettings(Settings):
 class Lead:
     """The vehicle ahead after validation."""
 
-    age_s: float = math.inf  # inf: never heard, or a stamp that cannot be
+    age_s: float = math.inf  # inf: no message yet, or an invalid stamp
     confidence: float | None = None  # 0: no vehicle ahead, or no detector at all; None: broken or stale
     distance_m: float | None = None  # now; None: no vehicle ahead
     lateral_m: float = 0.0
-    speed_mps: float = 0.0  # 0 when unknown: the worst to drive behind
+    speed_mps: float = 0.0  # 0 when unknown, the worst case
 
 
 NO_LEAD = Lead(confidence=0.0)
@@ -99,41 +101,43 @@ def judge_lead(
 class Following(NamedTuple):
     """Whether the leader can be followed, and its trail."""
 
-    usable: bool  # it can be followed
-    path: Path | None  # its trail from here, if only to stop on; None also where the road has long been seen
+    usable: bool  # the leader can be followed
+    path: (
+        Path | None
+    )  # along its trail, also for stopping only; None also long after the road is measured again
 
 
 NO_LEADER = Following(usable=False, path=None)
 
 
 class Follower:
-    """Follows the trail of the vehicle ahead, as long as that can be a road.
+    """Follows the trail of the vehicle ahead, as long as the trail can be a road.
 
-    A leader adds to the trail only where a road may be: near the middle of the lane while that is seen, else near
-    the clothoid through its own trail up to a while ago. A leader elsewhere is not followed: it turns off,
-    leaves the road, or drives on another; a vehicle that takes its place on the trail is followed.
+    The position of the leader is added to the trail only near the lane centre while the lane is measured, else near
+    the clothoid through the older part of the trail. A leader elsewhere is not followed: it turns off, leaves the
+    road, or drives on another road. A vehicle that takes its place on the trail is followed.
     """
 
     def __init__(self, settings: FollowSettings, vehicle: Vehicle) -> None:
         self._settings = settings
         self._front_m = vehicle.wheelbase_m + vehicle.front_overhang_m  # front bumper before the rear axle
         self._trail = Trail(settings.trail)
-        self._road: Lane | None = None  # as last seen, or driven, from where the vehicle is now
-        self._road_s = -math.inf  # when it was seen
-        self._held = NO_LEAD  # the lead as last seen, moved on
+        self._road: Lane | None = None  # last measured or driven lane, in the present vehicle frame
+        self._road_s = -math.inf  # time of its last measurement
+        self._held = NO_LEAD  # the last detected lead, moved with the vehicles
         self._now_s: float | None = None
-        self._seen_s = -math.inf  # when there was a lead on the trail
-        self._speed_mps = 0.0  # the greater of ours and the lead's
-        self._led_s = -math.inf  # when the road was not seen
-        self._lead_m = math.inf  # how far ahead the leader was last seen, on the trail or off it, ...
-        self._lead_s = -math.inf  # ... and when
-        self._astray = Held()  # it is off it
-        self._left = False  # it has left the road
+        self._seen_s = -math.inf  # last time of a lead on the trail
+        self._speed_mps = 0.0  # the greater of the speeds of vehicle and lead
+        self._led_s = -math.inf  # last time without a measured road
+        self._lead_m = math.inf  # last distance of the leader, on or off the trail
+        self._lead_s = -math.inf  # time of this distance
+        self._astray = Held()  # the leader is off the trail
+        self._left = False  # the leader has left the road
         self._points = self._trail.seen()
-        self._ahead_m = -math.inf  # how far the trail reaches
+        self._ahead_m = -math.inf  # end of the trail ahead
 
     def usable(self, lead: Lead) -> bool:
-        """Whether ``lead`` is sure, near and ahead enough to be followed."""
+        """Whether the confidence and the position of ``lead`` are within the limits for following."""
         return (
             lead.distance_m is not None
             and (lead.confidence or 0.0) >= self._settings.min_confidence
@@ -166,7 +170,7 @@ class Follower:
         return Following(lately and in_time, self._path(now_s) if led else None)
 
     def _take(self, lead: Lead, *, seen: bool, now_s: float) -> None:
-        """Add the lead to the trail if it is where a road may be."""
+        """Add the position of the lead to the trail if it is within the gate."""
         if lead.distance_m is None or not self.usable(lead):
             return
         ahead_m = self._front_m + lead.distance_m
@@ -177,7 +181,7 @@ class Follower:
         if not astray:
             self._trail.add(ahead_m, lead.lateral_m)
             self._seen_s, self._left = now_s, False
-        if ours or not astray:  # any other vehicle comes in from aside, and is not followed yet
+        if ours or not astray:  # another vehicle enters from the side and is not followed yet
             self._lead_m, self._lead_s = ahead_m, now_s
         if self._astray.lasts(ours and astray, ASTRAY_S, now_s=now_s) and not self._left:
             self._trail.forget_beyond(ahead_m - self._lag_m)
@@ -186,17 +190,17 @@ class Follower:
 
     @property
     def _lag_m(self) -> float:
-        """Of the trail so much is new, and to be judged by what is older."""
+        """Length of the newest part of the trail, which is compared with the older part."""
         return max(self._settings.lag_s * self._speed_mps, self._settings.least_lag_m)
 
     def _lane_gate(self, ahead_m: float) -> "Gate":
-        """The middle of the lane; beyond where lanes are seen well it may bend as roads do."""
+        """The lane centre; the gate widens beyond ``window_m`` by the possible bend of a road."""
         assert self._road is not None
         far_m = max(ahead_m - self._settings.trail.window_m, 0.0)
         return Gate(self._road.y_m(ahead_m), self._settings.gate_road_m + self._bend_m(far_m))
 
     def _trail_gate(self, ahead_m: float) -> "Gate":
-        """Where the older part of the trail leads to; beyond it the road may bend as roads do."""
+        """The extrapolated older part of the trail; the gate widens beyond it by the possible bend of a road."""
         s, x_m = self._settings, self._points[:, 0]
         known = self._points[x_m <= x_m.max(initial=0.0) - self._lag_m]
         end_m = float(known[:, 0].max(initial=0.0))
@@ -209,16 +213,16 @@ class Follower:
         return Gate(reference.lane.y_m(ahead_m), min(within_m, s.max_gate_m))
 
     def _bend_m(self, over_m: float) -> float:
-        """How far aside a road may get within ``over_m`` of bending as fast as roads do."""
+        """Lateral deviation of a road over ``over_m`` at the largest curvature rate [m]: κ'·s³/6."""
         return max_curvature_rate_1pm2(self._speed_mps, self._settings.trail) * over_m**3 / 6
 
     @property
     def _prior(self) -> Lane:
-        """The path as far as it is known without the trail: the road as last seen, else straight on."""
+        """The path without the trail: the last measured road, else straight ahead."""
         return STRAIGHT if self._road is None else self._road._replace(curvature_rate_1pm2=0.0)
 
     def _path(self, now_s: float) -> Path:
-        """The leader's path from here. Where the road is not seen, the next goes on from it."""
+        """The path along the trail; without a measured road it is also the prior of the next one."""
         s = self._settings.trail
         lane = fit(
             self._points, self._prior, s, around_m=0.0, window_m=s.window_m, speed_mps=self._speed_mps
@@ -230,18 +234,18 @@ class Follower:
     def pace_mps(self, lead: Lead) -> float:
         """The speed below which fear does not slow a car that follows ``lead`` [m/s]; 0 without a trail.
 
-        A car that falls behind loses the only evidence of the road. So it is the leader's speed, but at most
-        sqrt(2·a·s), from which a comfort stop ends where the known trail ends, s ahead.
+        A car that falls behind loses the only measurement of the road. So it is the speed of the leader, but at
+        most sqrt(2·a·s), from which a comfort stop ends at the end of the known trail, s ahead.
         """
         if self._ahead_m < self._settings.least_ahead_m or not self.usable(lead):
             return 0.0
         return min(lead.speed_mps, math.sqrt(2 * self._settings.decel_mps2 * self._ahead_m))
 
     def speed_cap_mps(self, lead: Lead) -> float:
-        """Greatest speed behind ``lead`` [m/s], inf without one; one that has just vanished is taken to be there.
+        """Greatest speed behind ``lead`` [m/s], inf without a lead for ``hold_s``.
 
-        min((d - d0)/T, sqrt(v_lead² + 2·a·(d - d0))): holds the time gap T, and closes up on a slower lead no
-        harder than with a.
+        min((d - d0)/T, sqrt(v_lead² + 2·a·(d - d0))): keeps the time gap T and brakes behind a slower lead with at
+        most a.
         """
         ahead = self._held if lead.distance_m is None else lead
         if ahead.distance_m is None:
@@ -251,9 +255,9 @@ class Follower:
         return min(free_m / self._settings.time_gap_s, braking_mps)
 
     def is_near(self, lead: Lead, motion: Motion | None) -> bool:
-        """Whether a comfort stop would end too near to ``lead`` if that brakes as gently.
+        """Whether a comfort stop would end too near to ``lead`` if it brakes with the same deceleration.
 
-        Two vehicles that brake alike approach each other by (v² - v_lead²)/(2·a).
+        Two vehicles with equal deceleration approach each other by (v² - v_lead²)/(2·a).
         """
         ahead = self._held if lead.distance_m is None else lead
         sure = (ahead.confidence or 0.0) >= self._settings.min_confidence
@@ -271,7 +275,7 @@ class Gate(NamedTuple):
 
 
 def _moved_on(held: Lead, lead: Lead, own: Motion, dt_s: float, *, hold_s: float) -> Lead:
-    """The lead; where there is none, the last one for ``hold_s``, closing up as it did."""
+    """The lead; without a lead the last one for ``hold_s``, moved at its last speed."""
     if lead.distance_m is not None:
         return replace(lead, age_s=0.0)
     if held.distance_m is None or held.age_s + dt_s > hold_s:

@@ -28,25 +28,27 @@ from trepid.messages import EstimateKind
 from trepid.types import Positive, PositiveShare
 
 _NORMAL = NormalDist()
-LEAST_BELIEF, MOST_BELIEF = 0.05, 0.98  # the resolution of a calibration by thousands of frames
+MIN_CONFIDENCE, MAX_CONFIDENCE = 0.05, 0.98  # the resolution of a calibration by thousands of frames
 NO_TRUST: Mapping[str, float] = {}
 
 
 class FusionSettings(Settings):
     """Section ``fusion`` of ``config/supervisor.yaml``."""
 
-    trust: dict[str, PositiveShare]  # how far each estimator's own confidence is believed
+    trust: dict[str, PositiveShare]  # constant factor of each estimator's own confidence
     trust_of_others: PositiveShare
     min_lookahead_m: Positive  # where roads are compared: ℓ = max(min_lookahead_m, lookahead_s·v)
     lookahead_s: Positive
     gate_offset_m: Positive  # roads this far apart at the axle ...
     gate_lookahead_m: Positive  # ... or at ℓ are two roads
-    rejoin_share: PositiveShare  # of these gates, within which a view that was left out is joined again
-    memory_s: PositiveShare  # how long the path is remembered when nothing is seen
+    rejoin_share: PositiveShare  # of these gates, within which a rejected view is fused again
+    memory_s: PositiveShare  # how long the path is remembered without estimates
     forgetting_per_s: Positive  # growth of the variance of the memory, in squared tolerances
-    outlier_s: Annotated[float, Field(ge=0)]  # a lone view that contradicts the memory must last this long
-    begin_confidence: PositiveShare  # ... and be this sure, as must be one where nothing is remembered
-    lasting_s: PositiveShare  # a separation counts as far as it has lasted this long
+    outlier_s: Annotated[
+        float, Field(ge=0)
+    ]  # a single view that contradicts the memory is used after this time
+    begin_confidence: PositiveShare  # ... with at least this confidence; likewise without a memory
+    lasting_s: PositiveShare  # the least separation over this time counts
 
 
 class Path(NamedTuple):
@@ -54,7 +56,7 @@ class Path(NamedTuple):
 
     t_s: float
     lane: Lane
-    lookahead_m: float  # how far it was seen
+    lookahead_m: float  # to which it was measured
     source: str
     measured: bool = True  # False: the arc of a steering angle, whose offset and heading error are unknown
 
@@ -63,13 +65,11 @@ class Fused(NamedTuple):
     """The result of the fusion."""
 
     path: Path | None
-    sources: tuple[str, ...]  # estimators that were joined
+    sources: tuple[str, ...]  # the fused estimators
     trust: tuple[float, ...]  # their shares; sums to 1; empty when nothing was fused
     disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two estimates; None with fewer than two
-    weighted_disagreement_mps2: float  # the same, times the share of the less sure; 0 with fewer than two
-    weighted_separation_m: (
-        float  # likewise, how far apart they place the car across the lane, as far as it lasts
-    )
+    weighted_disagreement_mps2: float  # times the share of the less confident one; 0 with fewer than two
+    weighted_separation_m: float  # likewise of two lateral offsets, the least over ``lasting_s``
 
 
 class View(NamedTuple):
@@ -77,23 +77,25 @@ class View(NamedTuple):
 
     name: str
     lane: Lane
-    confidence: float  # as far as it is believed
+    confidence: float  # times the trust
     weight: float  # 1/σ², per squared tolerance
     lookahead_m: float
     ahead_m: float  # lateral position of the lane at the common look-ahead, + left
-    measured: bool = True  # False: the arc of a steering angle, known only by where it leads
+    measured: bool = (
+        True  # False: the arc of a steering angle, of which only the position at the look-ahead is known
+    )
 
 
 class Memory(NamedTuple):
     """The path of an earlier frame."""
 
     path: Path | None
-    variance: float  # in squared tolerances, when it was last seen
-    seen_s: float  # when it was last seen by an estimator
+    variance: float  # in squared tolerances, at the time of the last estimate
+    seen_s: float  # time of the last estimate
 
 
 class Apart(NamedTuple):
-    """How far apart two views placed the car across the lane, times the share of the less sure."""
+    """Difference of the lateral offsets of two views, times the share of the less confident one."""
 
     t_s: float
     offset_m: float
@@ -105,12 +107,12 @@ class Fusion:
     def __init__(self, settings: FusionSettings) -> None:
         self._settings = settings
         self._memory = self._before = Memory(None, math.inf, -math.inf)
-        self._left_out: frozenset[str] = frozenset()  # at the last frame, because they contradicted the rest
-        self._apart: deque[Apart] = deque()  # of the last ``lasting_s``, of frames that two have seen
+        self._left_out: frozenset[str] = frozenset()  # rejected at the last frame
+        self._apart: deque[Apart] = deque()  # of the last ``lasting_s``, of frames with two views
 
     @property
     def offset_m(self) -> float | None:
-        """Where the path of the last step has the vehicle [m]; None without one."""
+        """Lateral offset of the vehicle from the path of the last step [m]; None without one."""
         path = self._memory.path
         return path.lane.offset_m if path is not None and path.measured else None
 
@@ -122,14 +124,14 @@ class Fusion:
         now_s: float,
         trust: Mapping[str, float] = NO_TRUST,
     ) -> Fused:
-        """One path from the usable sightings; the moved memory for a while when there are none.
+        """One path from the usable estimates; without any, the moved memory for up to ``memory_s``.
 
-        ``trust`` is how far each estimator is believed at this moment, 1 where it says nothing.
+        ``trust`` is the present factor of the confidence of each estimator, 1 for estimators without one.
         """
         moving = motion or STANDING
         used = [s for s in sightings if s.lane is not None]
         t_s = max([s.t_s for s in used]) if used else now_s
-        if t_s > self._memory.seen_s:  # of one frame there may be several decisions, but it counts once
+        if t_s > self._memory.seen_s:  # a frame counts once, also with several decisions
             self._before = self._memory
         coasted = self._coast(moving, t_s)
         lookahead_m = at_least(
@@ -142,9 +144,7 @@ class Fusion:
         raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m)
         if raw_1pm is not None:
             separation_m = self._lasting_m(Apart(t_s, separation_m))
-        if (
-            remembered and not group
-        ):  # held back: as far from the road of a moment ago as from another estimator
+        if remembered and not group:  # all rejected: the memory counts as another estimator
             _, held_1pm, held_m = _disagreement([*views, remembered], lookahead_m)
             weighted_1pm, separation_m = at_least(held_1pm, weighted_1pm), at_least(held_m, separation_m)
         total = sum([view.weight for view in group])
@@ -163,13 +163,14 @@ class Fusion:
         )
 
     def _lasting_m(self, now: Apart) -> float:
-        """The least separation of ``lasting_s``: an error of one estimator for a frame or two is not another road.
+        """The least separation over ``lasting_s``, because short errors of one estimator do not count.
 
-        Frames that only one of them measured do not count, so they do not reduce it. The disagreement
-        about the command counts at once.
+        Frames with a single view do not reduce it. The disagreement about the command has no such delay.
         """
         past = self._apart
-        while past and past[-1].t_s >= now.t_s:  # of one frame the last decision counts, or time went back
+        while (
+            past and past[-1].t_s >= now.t_s
+        ):  # only the last decision of a frame counts; also after a step back in time
             past.pop()
         while past and past[0].t_s < now.t_s - self._settings.lasting_s:
             past.popleft()
@@ -181,27 +182,27 @@ class Fusion:
     ) -> View:
         assert sighting.lane is not None and sighting.confidence is not None
         always = self._settings.trust.get(sighting.estimator, self._settings.trust_of_others)
-        believed = trust * sighting.confidence
+        confidence = trust * sighting.confidence
         lane = sighting.lane.after(motion, t_s - sighting.t_s)
         return View(
             name=sighting.estimator,
             lane=lane,
-            confidence=at_least(believed, LEAST_BELIEF),
-            weight=information(always * believed),
+            confidence=at_least(confidence, MIN_CONFIDENCE),
+            weight=information(always * confidence),
             lookahead_m=sighting.lookahead_m,
             ahead_m=lane.y_m(lookahead_m),
             measured=sighting.kind is EstimateKind.LANE,
         )
 
     def _coast(self, motion: Motion, t_s: float) -> Path | None:
-        """The remembered path at ``t_s``, or None when it was last seen too long ago."""
+        """The remembered path at ``t_s``, or None when it is older than ``memory_s``."""
         path, _, seen_s = self._before
         if path is None or t_s - seen_s > self._settings.memory_s:
             return None
         return Path(t_s, path.lane.after(motion, t_s - path.t_s), path.lookahead_m, "memory", path.measured)
 
     def _remembered(self, path: Path | None, t_s: float, lookahead_m: float) -> View | None:
-        """The memory as a view, less exact the longer ago it was seen."""
+        """The memory as a view, whose variance grows with its age."""
         if path is None:
             return None
         unseen_s = at_least(t_s - self._before.seen_s, 0.0)
@@ -211,10 +212,10 @@ class Fusion:
         )
 
     def _agreeing(self, views: list[View], memory: View | None, t_s: float) -> list[View]:
-        """The views that show one road: that of the memory, without one that of the most trusted view.
+        """The views of one road: that of the memory, or without a memory that of the view with the greatest weight.
 
-        Where none agrees with the memory: those that agree with each other, at once; a single view only when it
-        is rather right than wrong and the memory has not been confirmed for ``outlier_s``.
+        If no view agrees with the memory: the views that agree with each other, at once; a single view only with a
+        confidence of at least ``begin_confidence`` and a memory without an estimate for ``outlier_s``.
         """
         if not views:
             return []
@@ -229,7 +230,7 @@ class Fusion:
         return group
 
     def _begins(self, view: View, t_s: float) -> bool:
-        """Whether ``view`` alone may show a road that is not the one remembered."""
+        """Whether ``view`` alone may replace the remembered road."""
         sure = view.confidence >= self._settings.begin_confidence
         return sure and t_s - self._before.seen_s > self._settings.outlier_s
 
@@ -239,8 +240,8 @@ class Fusion:
     def _contradict(self, a: View, b: View) -> bool:
         """Whether two lanes lie too far apart at the axle or at the look-ahead.
 
-        One that was left out must come clearly nearer: else it would be joined, and pull the path over to where
-        it is, as soon as the other errs a little towards it.
+        The gates of a view rejected at the last frame are smaller (``rejoin_share``), so that small errors of the
+        other view do not join it to the path again.
         """
         here_m, ahead_m = _here_m(a, b), abs(a.ahead_m - b.ahead_m)
         share = self._settings.rejoin_share if {a.name, b.name} & self._left_out else 1.0
@@ -249,10 +250,10 @@ class Fusion:
         )
 
     def _joined(self, group: list[View], memory: View | None, t_s: float, lookahead_m: float) -> Memory:
-        """The mean of ``group``, and of the memory where it shows the same road, by their weights.
+        """The weighted mean of ``group``, and of the memory where it agrees.
 
-        Angles turn the mean of the lanes so that it leads where the mean of all leads. Angles alone are driven as
-        they are, without the memory.
+        Angles bend the mean of the lanes so that its position at the look-ahead is the mean of all. Angles alone
+        are driven without the memory.
         """
         lanes = [view for view in group if view.measured]
         angles = [view for view in group if not view.measured]
@@ -281,7 +282,7 @@ def _mean(views: list[View], total: float) -> Lane:
 
 
 def _led(lane: Lane | None, weight: float, angles: list[View], lookahead_m: float) -> tuple[Lane, float]:
-    """``lane`` of a ``weight`` bent by ``angles``, and the sum of all weights; without a lane their mean arc.
+    """``lane`` with ``weight``, bent by ``angles``, and the sum of all weights; without a lane the mean arc.
 
     With y the lateral position at the look-ahead ℓ, the share s of the angles in the weights and the curvature κ at
     the axle: κ + s·2·(y_angles - y_lane)/ℓ² leads to (1 - s)·y_lane + s·y_angles.
@@ -296,9 +297,9 @@ def _led(lane: Lane | None, weight: float, angles: list[View], lookahead_m: floa
 
 
 def information(confidence: float) -> float:
-    """1/σ² of a view that is less than a tolerance wrong with probability ``confidence``, per squared tolerance."""
-    believed = at_most(at_least(confidence, LEAST_BELIEF), MOST_BELIEF)
-    return _NORMAL.inv_cdf((1 + believed) / 2) ** 2
+    """1/σ² of a view whose error is below one tolerance with probability ``confidence``, per squared tolerance."""
+    bounded = at_most(at_least(confidence, MIN_CONFIDENCE), MAX_CONFIDENCE)
+    return _NORMAL.inv_cdf((1 + bounded) / 2) ** 2
 
 
 def _apart_m(a: View, b: View) -> float:
@@ -306,15 +307,14 @@ def _apart_m(a: View, b: View) -> float:
 
 
 def _here_m(a: View, b: View) -> float:
-    """Distance of two lanes at the axle [m]; 0 where one of them is an angle, which has no place there."""
+    """Distance of two lanes at the axle [m]; 0 where one of them is an angle, which has no offset."""
     return abs(a.lane.offset_m - b.lane.offset_m) if a.measured and b.measured else 0.0
 
 
 def _disagreement(views: list[View], lookahead_m: float) -> tuple[float | None, float, float]:
     """Greatest |Δκ_cmd| [1/m] of two views, plain and weighted, and greatest weighted |Δe| [m].
 
-    The weight is the lesser confidence over the greater: an unsure view beside a sure one is an outlier rather
-    than a contradiction.
+    The weight is the lower confidence over the higher one: a view of low confidence is probably an outlier.
     """
     plain, weighted, separation_m = None, 0.0, 0.0
     for a, b in itertools.combinations(views, 2):

@@ -20,7 +20,7 @@ from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics
 
 BEYOND = 1e6  # beyond the range of any input
-_CRAWL_MPS = 1.0  # time gaps are reckoned with at least this speed: at standstill any distance is enough
+_CRAWL_MPS = 1.0  # least speed in the computation of a time gap: at standstill any distance is enough
 
 IMAGE_FEATURES = {
     "brightness": "brightness",
@@ -41,12 +41,12 @@ EARLY_FEATURES = frozenset(
         *("lead_confidence", "lead_distance", "time_gap"),
     }
 )
-"""Known before the estimates are joined: what trust in an estimator may rest on."""
+"""Features that do not depend on the fusion; the rules of trust may use these only."""
 FEATURES = EARLY_FEATURES | {
     *("lane_confidence", "second_confidence", "sight", "disagreement", "separation", "single_source"),
     *("lateral_demand", "lateral_error", "crossing"),
 }
-"""Besides these there are those of the estimators: a name that rates them and one of ESTIMATOR_SUFFIXES."""
+"""Further features belong to the estimators: the name that rates an estimator and one of ESTIMATOR_SUFFIXES."""
 
 Features = dict[str, float | None]
 
@@ -66,8 +66,8 @@ def early_features(
 ) -> Features:
     """EARLY_FEATURES and those of every estimator. ``statistics`` must be fresh or None, ``motion`` None when lost.
 
-    ``rated_as`` is the name under which the features of an estimator are given; of several under one name the worst
-    counts. ``absent`` holds the features of names that rate no running estimator.
+    ``rated_as`` maps an estimator to the name in its features; of several with one name the worst counts.
+    ``absent`` contains the features of names that rate no running estimator.
     """
     speed_mps = None if motion is None else abs(motion.speed_mps)
     ages = [s.age_s for s in estimates]
@@ -81,7 +81,7 @@ def early_features(
     found = {**absent, **found}
     found["frame_age"] = min(ages) if ages else None
     found["estimator_age"] = max(ages) if ages else None
-    found["state_age"] = math.inf if motion is None else state_age_s  # no finite number is feared as missing
+    found["state_age"] = math.inf if motion is None else state_age_s  # inf: missing, which makes fear 1
     found["speed"] = speed_mps
     found["saturated"] = saturated_s
     found["lane_width"] = _narrowest_m(estimates)
@@ -112,32 +112,30 @@ def features(
     single_source_s: float,
     half_width_m: float,
 ) -> Features:
-    """Every input by name: ``early``, and what is known only of estimates that are joined.
+    """Every input by name: ``early`` and the features that depend on the fusion.
 
-    ``trust`` is how far each estimator's confidence is believed, 1 where it says nothing; ``half_width_m`` that
-    of the vehicle.
+    ``trust`` is the factor of the confidence of each estimator, 1 for estimators without one; ``half_width_m`` is
+    half the width of the vehicle.
     """
     speed_mps = early["speed"]
-    believed = [
-        (s, s.confidence * trust.get(s.estimator, 1.0)) for s in estimates if s.confidence is not None
-    ]
+    trusted = [(s, s.confidence * trust.get(s.estimator, 1.0)) for s in estimates if s.confidence is not None]
     found = dict(early)
-    found["lane_confidence"] = max([c for _, c in believed]) if believed else None
-    found["second_confidence"] = sorted([0.0, 0.0, *[c for _, c in believed]])[-2] if believed else None
-    found["sight"] = max([0.0 if s.from_memory else c for s, c in believed]) if believed else None
+    found["lane_confidence"] = max([c for _, c in trusted]) if trusted else None
+    found["second_confidence"] = sorted([0.0, 0.0, *[c for _, c in trusted]])[-2] if trusted else None
+    found["sight"] = max([0.0 if s.from_memory else c for s, c in trusted]) if trusted else None
     found["disagreement"], found["separation"] = _contradiction(estimates, fused, speed_mps)
     found["single_source"] = single_source_s
     found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)
     # An unknown width of a measured lane counts as the narrowest lane: no room at all.
-    untold = True in [s.measures_width and s.width_m is None for s in estimates]
-    found["crossing"] = _crossing_s(fused, motion, 0.0 if untold else early["lane_width"], half_width_m)
+    unknown = True in [s.measures_width and s.width_m is None for s in estimates]
+    found["crossing"] = _crossing_s(fused, motion, 0.0 if unknown else early["lane_width"], half_width_m)
     return found
 
 
 def _contradiction(
     estimates: list[ValidatedEstimate], fused: Fused, speed_mps: float | None
 ) -> tuple[float | None, float | None]:
-    """How far the estimates contradict each other [m/s², m]; unknown when one of them is broken."""
+    """Weighted disagreement [m/s²] and separation [m] of the estimates; None when one of them is broken."""
     if speed_mps is None or True in [s.broken for s in estimates]:
         return None, None
     return fused.weighted_disagreement_mps2, fused.weighted_separation_m
@@ -157,8 +155,8 @@ def _narrowest_m(estimates: list[ValidatedEstimate]) -> float:
 
 def _unmarked(estimates: list[ValidatedEstimate]) -> float:
     """1 where the surest estimator that distinguishes them measures edges, not lines; 0 without one."""
-    teller = surest_of_marking(estimates)
-    return 1.0 if teller is not None and not teller.marked else 0.0
+    surest = surest_of_marking(estimates)
+    return 1.0 if surest is not None and not surest.marked else 0.0
 
 
 def _path(fused: Fused, speed_mps: float | None) -> tuple[float | None, float]:
@@ -177,7 +175,7 @@ def _crossing_s(
 
     In the frame of the lane e(t) = e + v·ψ·t + (v·ω - κ·v²)·t²/2 (Mammar et al., Time to line crossing for lane
     departure avoidance, IEEE Trans. ITS 7 (2006), with constant yaw rate). None when the motion is lost; BEYOND
-    without a path or a width, which are feared elsewhere, and when it never crosses.
+    without a path or a width, for which other features raise fear, and when no wheel crosses.
     """
     if motion is None:
         return None
@@ -200,7 +198,7 @@ def _first_root(room_m: float, drift_mps: float, bend_mps2: float) -> float:
     under_root = drift_mps**2 + 2 * bend_mps2 * room_m
     if under_root < 0:
         return BEYOND
-    # In the form that loses no digits where bend is small: room = t·(drift + sqrt(...))/2.
+    # Without cancellation for a small bend: room = t·(drift + sqrt(...))/2.
     towards = drift_mps + math.sqrt(under_root)
     return 2 * room_m / towards if towards > 0 else BEYOND
 
