@@ -1,4 +1,4 @@
-"""The supervisor's step: what stops the car, what only slows it, and that nothing broken ever calms it."""
+"""The supervisor's step: causes of stops and of slow-downs; a broken input never lowers fear."""
 
 import math
 from dataclasses import fields, replace
@@ -99,16 +99,16 @@ def test_an_estimator_without_a_lane_slows_the_car_without_stopping_it(blind: st
 def test_frames_that_stop_coming_first_slow_then_stop_then_brake_hard() -> None:
     drive = Drive.under_way()
     silent = dict.fromkeys(("cv", "cnn", "statistics"))
-    told = [drive.frame(**silent) for _ in range(20)]
+    results = [drive.frame(**silent) for _ in range(20)]
     first = {
-        stop: next(n for n, d in enumerate(told, 1) if d.stop is stop) * FRAME_S + LATENCY_S
+        stop: next(n for n, d in enumerate(results, 1) if d.stop is stop) * FRAME_S + LATENCY_S
         for stop in (Stop.COMFORT, Stop.EMERGENCY)
     }
     assert first[Stop.COMFORT] == pytest.approx(SETTINGS.modes.comfort_stop_age_s, abs=FRAME_S)
     assert first[Stop.EMERGENCY] == pytest.approx(SETTINGS.modes.emergency_stop_age_s, abs=FRAME_S)
-    fears = [d.fear for d in told]
+    fears = [d.fear for d in results]
     assert fears == sorted(fears)
-    assert told[-1].cause == "stale_data"
+    assert results[-1].cause == "stale_data"
     drive.speed_mps = 0.0
     assert drive.last(10.0).stop is Stop.EMERGENCY  # final
 
@@ -152,7 +152,7 @@ def test_after_a_hand_over_at_speed_the_car_keeps_its_speed() -> None:
 @pytest.mark.parametrize(
     "before",
     [
-        {"duration_s": 1.0},  # too short to have seen enough
+        {"duration_s": 1.0},  # too short for the start condition
         {"duration_s": 3.0, "cv": None},  # an estimator has never answered
         {"duration_s": 3.0, "statistics": None},
     ],
@@ -188,7 +188,7 @@ def test_at_full_fear_without_a_confident_estimate_the_car_soon_brakes_hard() ->
     assert (before.mode, before.stop) == (Mode.STOP, Stop.COMFORT)
     after = drive.last(0.3, cv=UNSURE, cnn=UNSURE, statistics=DAZZLED)
     assert after.stop is Stop.EMERGENCY
-    sure = Drive.under_way()  # lines may be seen in a picture that is feared
+    sure = Drive.under_way()  # lines may be detected in a picture that raises fear
     assert sure.last(2.0, statistics=DAZZLED).stop is Stop.COMFORT
 
 
@@ -372,7 +372,7 @@ def build_once() -> Supervisor:
 
 def test_the_mirror_image_of_a_drive_gives_the_mirror_image_of_every_path() -> None:
     def decisions(side: float) -> list[Decision]:
-        supervisor, told = build_once(), []
+        supervisor, results = build_once(), []
         for n in range(-60, 105):  # then the trail of so odd a leader is no road any more
             t_s, turn = (
                 FRAME_S * (n + 60),
@@ -393,10 +393,10 @@ def test_the_mirror_image_of_a_drive_gives_the_mirror_image_of_every_path() -> N
             rate = turn * 0.1 * math.sin(n / 20)
             state = replace(STATE, t_s=t_s, yaw_rate_radps=rate, driver_override=n < 0)
             lead = replace(LEAD, t_s=t_s, lateral_m=side * 0.5 * math.sin(n / 30)) if n >= 0 else None
-            told.append(
+            results.append(
                 supervisor.step({"cv": cv, "cnn": cnn}, replace(STATISTICS, t_s=t_s), lead, state, now_s=t_s)
             )
-        return told
+        return results
 
     sources = set()
     for left, right in zip(decisions(1.0), decisions(-1.0), strict=True):
@@ -468,11 +468,11 @@ def test_a_wandering_network_does_not_stop_the_car_while_lines_are_confident() -
 
 
 def test_the_same_messages_give_the_same_decisions() -> None:
-    def told() -> list[Decision]:
+    def results() -> list[Decision]:
         drive = Drive(supervisor=build_once())
         return [drive.frame(lead=LEAD, cv=NO_LANE if n % 7 == 0 else ESTIMATE) for n in range(60)]
 
-    assert told() == told()
+    assert results() == results()
 
 
 def test_rules_about_an_unknown_input_are_refused() -> None:
@@ -550,8 +550,8 @@ def test_a_message_that_cannot_be_decoded_makes_its_input_broken(sender: str) ->
     drive = Drive.under_way()
     calm = drive.frame(lead=LEAD)
     drive.now_s += FRAME_S
-    messages = {name: drive.said[name] for name in ("statistics", "lead", "state")}
-    estimates = {name: drive.said[name] for name in ("cv", "cnn")}
+    messages = {name: drive.latest[name] for name in ("statistics", "lead", "state")}
+    estimates = {name: drive.latest[name] for name in ("cv", "cnn")}
     decision = drive.supervisor.step(estimates, *messages.values(), now_s=drive.now_s, malformed=[sender])
     assert calm.fear < 0.5 and decision.fear == 1
     assert decision.mode is Mode.CAUTION, "a single one slows the car and does not stop it"

@@ -1,4 +1,4 @@
-"""The lane beside ours as a view of ours."""
+"""The neighbouring lane as an estimate of the own lane."""
 
 import math
 
@@ -39,9 +39,9 @@ def test_at_the_beginning_the_car_is_taken_to_be_in_its_lane() -> None:
     ("sighting", "offset_m"),
     [
         (seen(1.7), 0.0),  # in its lane, if barely
-        (seen(2.2), 1.8),  # the path says so, too: the car has left its lane
-        (seen(3.5, marked=False), 0.0),  # the edges of a road are no lane beside ours
-        (seen(3.5, width_error_m=0.4), 0.0),  # what is not as wide as a lane is none
+        (seen(2.2), 1.8),  # the path agrees: the car has left its lane
+        (seen(3.5, marked=False), 0.0),  # the edges of a road are no neighbouring lane
+        (seen(3.5, width_error_m=0.4), 0.0),  # a strip of another width is no lane
     ],
 )
 def test_any_other_estimate_stays_unchanged(sighting: ValidatedEstimate, offset_m: float) -> None:

@@ -1,4 +1,4 @@
-"""Jitter and unrest: what jumps shows its error; what moves as the car does shows none."""
+"""Jitter and path jitter: a jump counts as an error; a change that equals the motion of the car does not."""
 
 from collections.abc import Sequence
 

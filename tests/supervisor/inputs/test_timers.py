@@ -1,4 +1,4 @@
-"""Timers: what breaks begins anew, but patience is lost and won as fast."""
+"""Timers: a stopwatch restarts after a break, a patience falls and recovers at the same rate."""
 
 import pytest
 
@@ -7,8 +7,8 @@ from supervisor.inputs.timers import Patience, Stopwatch
 
 def test_a_stopwatch_restarts_after_a_break() -> None:
     watch = Stopwatch()
-    told = [watch.step(now_s != 3.0, now_s=now_s) for now_s in (1.0, 2.0, 3.0, 4.0, 5.5)]
-    assert told == [0.0, 1.0, 0.0, 0.0, 1.5]
+    durations = [watch.step(now_s != 3.0, now_s=now_s) for now_s in (1.0, 2.0, 3.0, 4.0, 5.5)]
+    assert durations == [0.0, 1.0, 0.0, 0.0, 1.5]
 
 
 def times_out(causes: list[str], *, limit_s: float = 1.0, period_s: float = 0.1) -> int | None:

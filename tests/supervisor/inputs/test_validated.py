@@ -1,4 +1,4 @@
-"""What an estimate is worth by itself."""
+"""The validity of a single estimate."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Doubt about edges: a mean by way, so that patches add up and standing changes nothing."""
+"""Doubt about edges: a mean over the distance, so that patches add up and standstill has no effect."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The analyser names the cause before its consequences, and the part in which it lies."""
+"""The analyser names the cause before its consequences, and the part with the cause."""
 
 import pytest
 from hypothesis import given

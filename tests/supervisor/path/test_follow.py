@@ -1,4 +1,4 @@
-"""Following the vehicle ahead: its trail, the gap to it, and what is no vehicle to follow."""
+"""Following the vehicle ahead: its trail, the gap to it, and vehicles that are not followed."""
 
 import math
 
@@ -102,7 +102,7 @@ def follow(
     first: int = 0,
     lead_mps: float | None = None,
 ) -> Following:
-    """Steps of 0.04 s with the lead's rear at ``places``, seen from our axle; the last answer."""
+    """Steps of 0.04 s with the lead's rear at ``places`` relative to our axle; the last answer."""
     motion = Motion(speed_mps, yaw_rate_radps)
     for n, (x_m, y_m) in enumerate(places, start=first):
         now_s = n * STEP_S
@@ -119,7 +119,7 @@ def follow(
 
 
 def follower_on_a_straight(speed_mps: float = 5.0, gap_m: float = 12.0) -> Follower:
-    """One that has followed a lead straight ahead for 4 s, with the lane in sight."""
+    """A follower after 4 s behind a lead straight ahead, with the lane detected."""
     follower = Follower(SETTINGS.follow, VEHICLE)
     follow(follower, [(FRONT_M + gap_m, 0.0)] * 100, speed_mps=speed_mps, road=STRAIGHT)
     return follower
@@ -182,8 +182,8 @@ def test_a_leader_that_leaves_the_road_is_followed_no_farther(side: float) -> No
 
 def test_a_vehicle_that_cuts_in_is_followed_once_it_drives_where_the_road_is() -> None:
     follower = follower_on_a_straight()
-    beside = follow(follower, [(FRONT_M + 8.0, 3.5)] * 50, speed_mps=5.0, first=100)
-    assert not beside.usable
+    aside = follow(follower, [(FRONT_M + 8.0, 3.5)] * 50, speed_mps=5.0, first=100)
+    assert not aside.usable
     assert follow(follower, [(FRONT_M + 8.0, 0.05)] * 10, speed_mps=5.0, first=150).usable
 
 

@@ -16,7 +16,7 @@ SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).fusion
 DRIVING = Motion(speed_mps=8.0, yaw_rate_radps=0.0)
 STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
 LEFT = Lane(0.0, 0.0, 0.06, 0.0)  # a road that bends left ...
-RIGHT = Lane(0.0, 0.0, -0.06, 0.0)  # ... and one that bends right
+RIGHT = Lane(0.0, 0.0, -0.06, 0.0)  # ... and a lane that bends right
 
 
 def sighting(
@@ -93,7 +93,7 @@ def test_a_jump_of_the_only_estimate_is_delayed_and_then_accepted() -> None:
         t_s = 0.04 * frame
         fused = fuse(sighting(aside, t_s=t_s), fusion=fusion, now_s=t_s)
         assert fused.sources == () and lane_of(fused).offset_m == 0.0
-        assert fused.weighted_separation_m == pytest.approx(0.81)  # which is feared
+        assert fused.weighted_separation_m == pytest.approx(0.81)  # which raises fear
     fused = fuse(sighting(aside, t_s=0.28), fusion=fusion, now_s=0.28)
     assert fused.sources == ("cv",) and lane_of(fused) == aside
 
@@ -140,7 +140,7 @@ def test_an_estimate_that_continues_the_remembered_road_may_have_low_confidence(
 
 
 def wobble_m(confidence: float) -> float:
-    """How far the path moves from frame to frame where a lone view jumps 0.2 m to and fro."""
+    """Largest step of the path between frames while the only estimate jumps 0.2 m to and fro."""
     fusion, places = Fusion(SETTINGS), []
     for frame in range(40):
         lane = Lane(0.1 if frame % 2 else -0.1, 0.0, 0.0, 0.0)
@@ -273,7 +273,7 @@ def test_the_mirror_image_of_the_estimates_gives_the_mirror_image_of_the_path(
 
 
 def seen_apart(fusion: Fusion, t_s: float, apart_m: float | None) -> float:
-    """Separation at ``t_s`` of two equally sure views ``apart_m`` apart; None: only one of them sees the lane."""
+    """Separation at ``t_s`` of two equally confident estimates ``apart_m`` apart; None: only one has a lane."""
     views = [sighting(STRAIGHT, t_s=t_s)]
     if apart_m is not None:
         views.append(sighting(Lane(apart_m, 0.0, 0.0, 0.0), "cnn", t_s=t_s))

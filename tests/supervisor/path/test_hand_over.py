@@ -20,7 +20,7 @@ def driven(paths: list[Path | None], *, speed_mps: float = 4.0) -> list[Path | N
 
 
 def switch(before: tuple[Lane, str], after: tuple[Lane, str], *, steps: int = 60) -> list[Path]:
-    """Ten steps on one path, the rest on the other; both stay where they are seen from the vehicle."""
+    """Ten steps on one path, the rest on the other; both stay fixed relative to the vehicle."""
     paths = [
         Path(n * STEP_S, *(before if n < 10 else after)[:1], 20.0, (before if n < 10 else after)[1])
         for n in range(steps)

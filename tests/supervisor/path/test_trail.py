@@ -51,7 +51,7 @@ def test_the_sigma_grows_beyond_the_points() -> None:
 
 
 def test_the_sigma_equals_the_scatter_under_noise() -> None:
-    """Monte Carlo: noisy points scatter the fit by what its covariance says, near the points."""
+    """Monte Carlo: the scatter of the fit to noisy points equals its covariance near the points."""
     rng = np.random.default_rng(1)
     clean = points(STRAIGHT, sigma_m=0.2)
     found = []

@@ -147,11 +147,11 @@ def test_a_bad_file_ends_with_2_and_one_line(
         path.write_bytes(content.encode() if isinstance(content, str) else content)
     monkeypatch.setattr(sys, "argv", ["trepid", "fear", "check", str(path)])
     assert trepid.cli.main() == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.count("\n") == 1
-    assert told.err.startswith(f"trepid: {path}:")
-    assert re.search(message, told.err), told.err
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.count("\n") == 1
+    assert output.err.startswith(f"trepid: {path}:")
+    assert re.search(message, output.err), output.err
 
 
 def test_a_file_that_could_not_drive_ends_with_1(
@@ -164,7 +164,7 @@ def test_a_file_that_could_not_drive_ends_with_1(
 
 
 def loads_or_is_told(path: Path) -> None:
-    """Reads and verifies; or one line says what is wrong."""
+    """Reads and verifies the file, or checks that the error is one line."""
     try:
         rules = FearRules.load(path)
     except InputError as error:
@@ -271,8 +271,8 @@ OTHERS = ["(", ")", "with", "weight", "because", "0.5", "dark", "1e9", "%"]
 
 @given(st.lists(st.sampled_from([*KNOWN, *OTHERS]), max_size=14))
 @settings(max_examples=300, deadline=None)
-def test_shuffled_words_parse_or_are_refused_at_a_place_in_the_sentence(said: list[str]) -> None:
-    sentence = f"if time_gap is {' '.join(said)}"
+def test_shuffled_words_parse_or_are_refused_at_a_place_in_the_sentence(words: list[str]) -> None:
+    sentence = f"if time_gap is {' '.join(words)}"
     try:
         parse_rule(sentence, ("speed", "time_gap"), outputs=("fear", "trust_cv"))
     except SentenceError as error:

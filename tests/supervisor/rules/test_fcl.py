@@ -1,4 +1,4 @@
-"""Fuzzy Control Language: what is written is read back the same, and what is wrong is told where it stands."""
+"""Fuzzy Control Language: a round trip keeps the rules, and an error is reported with its place."""
 
 import random
 from pathlib import Path

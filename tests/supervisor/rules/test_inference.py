@@ -66,9 +66,9 @@ def test_fear_never_falls_as_a_risk_rises(point: dict[str, float], name: str, pa
 def test_a_missing_input_makes_fear_1_and_is_named(
     point: dict[str, float], name: str, absent: float | None
 ) -> None:
-    felt = RULES.evaluate({**point, name: absent})
-    assert felt.fear == 1
-    assert felt.rules[0].text.startswith(f"missing {name}")
+    result = RULES.evaluate({**point, name: absent})
+    assert result.fear == 1
+    assert result.rules[0].text.startswith(f"missing {name}")
 
 
 def test_an_input_left_out_is_missing() -> None:
@@ -85,11 +85,11 @@ def test_a_value_beyond_the_range_counts_as_its_end_only_where_the_file_permits_
 ) -> None:
     spec = RULES.inputs[name]
     middle, end = sum(spec.range) / 2, getattr(spec, side)
-    felt = RULES.evaluate({**CALM, name: end + (end - middle)})
+    result = RULES.evaluate({**CALM, name: end + (end - middle)})
     if spec.beyond == "end":
-        assert felt == RULES.evaluate({**CALM, name: end})
+        assert result == RULES.evaluate({**CALM, name: end})
     else:
-        assert (felt.fear, felt.texts[0].split(" ")[:2]) == (1, ["impossible", name])
+        assert (result.fear, result.texts[0].split(" ")[:2]) == (1, ["impossible", name])
 
 
 def test_fear_is_exactly_0_when_all_is_calm_and_exactly_1_at_the_worst() -> None:
@@ -99,9 +99,9 @@ def test_fear_is_exactly_0_when_all_is_calm_and_exactly_1_at_the_worst() -> None
 
 
 def test_where_no_rule_is_active_fear_is_1() -> None:
-    felt = rules_of("if speed is very_high then fear is low").evaluate(CALM)
-    assert (felt.fear, felt.cause) == (1, "no_rule")
-    assert felt.rules[-1].text == SILENT
+    result = rules_of("if speed is very_high then fear is low").evaluate(CALM)
+    assert (result.fear, result.cause) == (1, "no_rule")
+    assert result.rules[-1].text == SILENT
 
 
 def test_strength_is_min_for_and_max_for_or_and_times_the_weight() -> None:
@@ -121,11 +121,11 @@ def test_strength_is_min_for_and_max_for_or_and_times_the_weight() -> None:
 
 
 def test_fear_is_the_choquet_integral_of_the_levels() -> None:
-    felt = rules_of(
+    result = rules_of(
         "if disagreement is low then fear is medium",
         "if disagreement is medium then fear is very_high",
     ).evaluate({**CALM, "disagreement": 1.4})  # low: 1, medium: 0.6
-    assert felt.fear == pytest.approx(0.5 * 1.0 + 0.5 * 0.6)
+    assert result.fear == pytest.approx(0.5 * 1.0 + 0.5 * 0.6)
 
 
 def test_not_holds_where_the_set_and_all_calmer_ones_do_not() -> None:
@@ -212,8 +212,8 @@ def test_more_fear_is_never_faster(one: float, other: float) -> None:
     ],
 )  # fmt: skip
 def test_the_shipped_rules_name_the_cause(values: dict[str, float | None], cause: str, mode: Mode) -> None:
-    felt = RULES.evaluate({**CALM, **values})
-    assert (felt.cause, RULES.mode(felt.fear)) == (cause, mode)
+    result = RULES.evaluate({**CALM, **values})
+    assert (result.cause, RULES.mode(result.fear)) == (cause, mode)
 
 
 @settings(max_examples=20, deadline=None)
@@ -239,10 +239,10 @@ def test_a_weight_can_only_calm() -> None:
 
 
 def found(seed: int) -> list[tuple[float, str, tuple[float, ...]]]:
-    """What the shipped rules find at random points."""
+    """Fear, cause and strengths of the shipped rules at random points."""
     rng = np.random.default_rng(seed)
     points = [{n: float(rng.uniform(*spec.range)) for n, spec in RULES.inputs.items()} for _ in range(200)]
-    return [(felt.fear, felt.cause, felt.strengths) for felt in map(RULES.evaluate, points)]
+    return [(result.fear, result.cause, result.strengths) for result in map(RULES.evaluate, points)]
 
 
 def test_threads_that_share_the_rules_compute_the_same_bits() -> None:

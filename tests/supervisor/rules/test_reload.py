@@ -1,4 +1,4 @@
-"""Rules that change while driving: good ones take over, bad ones never do, and the diagnostics topic says so."""
+"""Rules that change while driving: valid ones take effect, invalid ones never, and the diagnostics report both."""
 
 import threading
 import time
@@ -93,8 +93,8 @@ def test_the_watch_reports_every_change_once_and_ends_with_its_thread(path: Path
 
 
 @pytest.fixture
-def heard(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
-    """A running supervisor process; waits for a condition over what it last said and decided."""
+def reached(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
+    """A running supervisor process; waits for a condition on its last diagnostic and decision."""
     offset_ns, endpoint = epoch_offset_ns(), free_endpoint()
     spec = ProcessSpec(
         "supervisor", "supervisor.node", {"estimators": ["cv"], "cruise_speed_mps": 8.0, "rules": str(path)}
@@ -105,26 +105,30 @@ def heard(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
             (spec,), vehicle_name="car", endpoint=endpoint, clock_offset_ns=offset_ns, max_restarts=0
         ) as fleet,
     ):
-        said, decided = bus.latest(DIAGNOSTICS), bus.latest(DECISION)
+        diagnostic, decided = bus.latest(DIAGNOSTICS), bus.latest(DECISION)
 
-        def hears(condition: Callable[..., bool]) -> bool:
+        def is_reached(condition: Callable[..., bool]) -> bool:
             def now() -> bool:
-                return said.refresh() is not None and decided.refresh() is not None
+                return diagnostic.refresh() is not None and decided.refresh() is not None
 
             return (
-                until(lambda: now() and condition(said.message, decided.message))
+                until(lambda: now() and condition(diagnostic.message, decided.message))
                 and not fleet.collect_exits()
             )
 
-        yield hears
+        yield is_reached
 
 
 def test_a_running_supervisor_keeps_valid_rules_reports_the_error_and_adopts_corrected_rules(
-    path: Path, heard: Callable[[Callable[..., bool]], bool]
+    path: Path, reached: Callable[[Callable[..., bool]], bool]
 ) -> None:
-    assert heard(lambda said, decided: said.health is Health.OK and MARK not in decided.rules)
+    assert reached(lambda diagnostic, decided: diagnostic.health is Health.OK and MARK not in decided.rules)
     path.write_text(TYPO.replace("rules:\n", f"rules:\n  - {MARK}\n", 1), encoding="utf-8")
-    assert heard(lambda said, _: said.health is Health.WARN and "did you mean 'state_age'?" in said.message)
-    assert heard(lambda said, decided: f"{path}:" in said.message and MARK not in decided.rules)
+    assert reached(
+        lambda diagnostic, _: (
+            diagnostic.health is Health.WARN and "did you mean 'state_age'?" in diagnostic.message
+        )
+    )
+    assert reached(lambda diagnostic, decided: f"{path}:" in diagnostic.message and MARK not in decided.rules)
     path.write_text(MARKED, encoding="utf-8")
-    assert heard(lambda said, decided: said.health is Health.OK and MARK in decided.rules)
+    assert reached(lambda diagnostic, decided: diagnostic.health is Health.OK and MARK in decided.rules)

@@ -1,4 +1,4 @@
-"""Rule files: sentences mean what they say, and what is wrong is named where it stands."""
+"""Rule files: the meaning of sentences, and errors with their place."""
 
 from pathlib import Path
 

@@ -55,6 +55,6 @@ def test_the_schema_rejects_every_file_that_the_loader_refuses(spoil: Callable[[
 
 
 def test_every_field_of_the_schema_has_a_description() -> None:
-    told = SCHEMA["$defs"]["Input"]["properties"]
-    assert all("description" in told[name] for name in ("range", "risk", "missing", "beyond"))
+    properties = SCHEMA["$defs"]["Input"]["properties"]
+    assert all("description" in properties[name] for name in ("range", "risk", "missing", "beyond"))
     assert SCHEMA["properties"].keys() == RuleFile.model_fields.keys()

@@ -1,4 +1,4 @@
-"""Verification: what it proves agrees with brute force, and what cannot drive is told."""
+"""Verification: its proofs agree with brute force, and rules that cannot drive are reported."""
 
 import itertools
 from pathlib import Path
@@ -216,4 +216,4 @@ def test_verified_rules_are_read_again_when_the_file_changes(tmp_path: Path) -> 
 @pytest.mark.parametrize("path", sorted((CONFIG_DIR / "fear").glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_shipped_variant_may_drive(path: Path) -> None:
     assert verify(FearRules.load(path)).problems == ()
-    build(rules=path)  # and asks only for what is measured
+    build(rules=path)  # and needs only measured inputs

@@ -1,4 +1,4 @@
-"""Features: closed forms, and what is absent is either calm and feared elsewhere, or worse than the worst."""
+"""Features: closed forms, and an absent value is either calm, with a rule elsewhere, or worse than the worst."""
 
 import math
 from dataclasses import replace
@@ -23,7 +23,7 @@ CNN: SteeringEstimate = CALM["cnn"]
 STATE: VehicleState = CALM["state"]
 
 
-def looked(
+def observed(
     cv: SteeringEstimate = CV,
     cnn: SteeringEstimate = CNN,
     state: VehicleState = STATE,
@@ -46,16 +46,16 @@ def lane(offset_m: float, heading_rad: float, curvature_1pm: float = 0.0) -> dic
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_time_to_crossing_of_a_car_that_drifts_is_room_over_drift(side: int) -> None:
     drifting = lane(side * 0.1, side * 0.05)
-    found = looked(replace(CV, **drifting), replace(CNN, **drifting)).features["crossing"]
+    found = observed(replace(CV, **drifting), replace(CNN, **drifting)).features["crossing"]
     assert found == pytest.approx((3.4 / 2 - VEHICLE.track_m / 2 - 0.1) / (8.0 * 0.05), rel=0.02)
 
 
 def test_a_car_that_turns_with_its_lane_never_crosses_and_a_car_that_drives_straight_on_soon_does() -> None:
     bend = lane(0.0, 0.0, 0.02)
     seen = {"cv": replace(CV, **bend), "cnn": replace(CNN, **bend)}
-    assert looked(**seen, state=replace(STATE, yaw_rate_radps=8.0 * 0.02)).features["crossing"] == BEYOND
+    assert observed(**seen, state=replace(STATE, yaw_rate_radps=8.0 * 0.02)).features["crossing"] == BEYOND
     room_m = 3.4 / 2 - VEHICLE.track_m / 2
-    straight_on = looked(**seen).features["crossing"]
+    straight_on = observed(**seen).features["crossing"]
     assert straight_on == pytest.approx(math.sqrt(2 * room_m / (0.02 * 8.0**2)), rel=0.01)
 
 
@@ -75,23 +75,23 @@ def test_a_car_that_turns_back_in_time_does_not_cross() -> None:
 
 def test_a_remembered_lane_keeps_its_confidence_and_has_sight_0() -> None:
     blind = replace(CNN, confidence=0.0, **dict.fromkeys(lane(0, 0), None))  # type: ignore[arg-type]
-    asked = looked(replace(CV, lanes_detected=0), blind).features
-    assert (asked["lane_confidence"], asked["sight"]) == (0.9, 0.0)
-    assert looked(CV, blind).features["sight"] == 0.9
+    measured = observed(replace(CV, lanes_detected=0), blind).features
+    assert (measured["lane_confidence"], measured["sight"]) == (0.9, 0.0)
+    assert observed(CV, blind).features["sight"] == 0.9
 
 
 @pytest.mark.parametrize(("marked", "unmarked"), [(True, 0.0), (False, 1.0), (None, 0.0)])
 def test_a_road_detected_by_its_edges_is_unmarked(marked: bool | None, unmarked: float) -> None:
-    assert looked(replace(CV, marked=marked)).features["unmarked"] == unmarked
+    assert observed(replace(CV, marked=marked)).features["unmarked"] == unmarked
 
 
 def test_the_second_confidence_is_the_lesser_one() -> None:
-    assert looked(cnn=replace(CNN, confidence=0.6)).features["second_confidence"] == pytest.approx(0.6)
+    assert observed(cnn=replace(CNN, confidence=0.6)).features["second_confidence"] == pytest.approx(0.6)
 
 
 def test_a_network_has_little_trust_on_a_white_image_at_any_confidence() -> None:
     white = replace(CALM["statistics"], over_exposed=0.9, brightness=0.98, contrast=0.02)
-    world = looked(replace(CV, confidence=0.3), replace(CNN, confidence=0.99), statistics=white)
+    world = observed(replace(CV, confidence=0.3), replace(CNN, confidence=0.99), statistics=white)
     assert world.trust["cnn"] < 0.1 and world.trust["cv"] == 1.0
     assert world.features["lane_confidence"] == pytest.approx(0.3)
     assert world.fused.trust[0] > 0.8
