@@ -37,7 +37,7 @@ def test_bends_of_15_m_at_5_5_mps_are_kept_within_2_cm():
     [(LawName.FEEDFORWARD, False, 0.03), (LawName.MPC, False, 0.13), (LawName.MPC, True, 0.17)],
 )
 def test_bends_are_entered_slowly_enough_from_8_mps(law, limited, most_m):
-    """Nothing announces them here, so the jerk allowed costs the rest: 5 m/s³ to MPC, 4 to the limiter."""
+    """Without a preview of the bends; the error is due to the permitted jerk: 5 m/s³ for MPC, 4 for the limiter."""
     lateral = SETTINGS.lateral.model_copy(update=dict(law=law))
     settings = SETTINGS.model_copy(update=dict(lateral=lateral))
     start = PlantState(speed_mps=8.0)
@@ -65,7 +65,7 @@ def test_an_s_clothoid_at_2_mps2_is_kept_within_2_cm_at_any_speed_and_understeer
 
 
 def test_without_understeer_compensation_the_same_bend_is_missed_by_half_a_metre():
-    """The Deep Steer failure: what is learned slowly does not hold at speed."""
+    """The Deep Steer failure: angles recorded at low speed do not hold at high speed."""
     samples = drive(
         s_clothoid(20.0),
         start=PlantState(speed_mps=20.0),

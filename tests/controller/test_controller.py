@@ -94,9 +94,9 @@ def test_in_a_steady_bend_it_adds_the_understeer_angle():
     angle = angle_from_curvature(curvature, speed_mps=speed, vehicle=SHUTTLE)
     for n in range(50):
         t = 0.02 * n
-        seen = decision(t, curvature_1pm=curvature, speed_cap_mps=12.0)
+        received = decision(t, curvature_1pm=curvature, speed_cap_mps=12.0)
         known = state(t, speed_mps=speed, road_wheel_angle_rad=angle, yaw_rate_radps=speed * curvature)
-        last = one.step(seen, known, now_s=t)
+        last = one.step(received, known, now_s=t)
     assert last.road_wheel_angle_rad == pytest.approx(angle, abs=1e-3)
 
 
@@ -121,28 +121,28 @@ WRONG = {
 
 @pytest.mark.parametrize("what", WRONG)
 def test_missing_old_impossible_inputs_and_mode_stop_brake_at_once(what):
-    seen, known = WRONG[what]
+    received, known = WRONG[what]
     one, now_s, _ = rolling()
-    seen = None if seen is None else decision(now_s, **seen)
+    received = None if received is None else decision(now_s, **received)
     known = None if known is None else state(now_s, **known)
-    asked = one.step(seen, known, now_s=now_s)
-    assert asked.accel_mps2 < 0.0
-    assert finite(asked)
-    assert asked.speed_mps == 0.0
+    output = one.step(received, known, now_s=now_s)
+    assert output.accel_mps2 < 0.0
+    assert finite(output)
+    assert output.speed_mps == 0.0
 
 
 @pytest.mark.parametrize("message,name", NUMBERS)
 @pytest.mark.parametrize("value", BAD)
 def test_a_number_that_is_not_finite_never_drives_and_never_reaches_the_command(message, name, value):
     one, now_s, last = rolling()
-    seen, known = decision(now_s), state(now_s)
+    received, known = decision(now_s), state(now_s)
     if message is Decision:
-        seen = replace(seen, **{name: value})
+        received = replace(received, **{name: value})
     else:
         known = replace(known, **{name: value})
-    asked = one.step(seen, known, now_s=now_s)
-    assert finite(asked)
-    assert asked.accel_mps2 < 0.0 < last.accel_mps2
+    output = one.step(received, known, now_s=now_s)
+    assert finite(output)
+    assert output.accel_mps2 < 0.0 < last.accel_mps2
 
 
 @pytest.mark.parametrize("field", ["rule_strengths", "trust"])
@@ -161,18 +161,18 @@ def test_random_inputs_give_a_bounded_command(data):
     one = controller()
     for n in range(4):
         now_s = 0.02 * n
-        seen, known = decision(now_s), state(now_s)
+        received, known = decision(now_s), state(now_s)
         for message, name in data.draw(st.lists(st.sampled_from(NUMBERS), max_size=6)):
             optional = "None" in str(message.__dataclass_fields__[name].type)
             value = data.draw(anything if optional else required)
             if message is Decision:
-                seen = replace(seen, **{name: value})
+                received = replace(received, **{name: value})
             else:
                 known = replace(known, **{name: value})
-        asked = one.step(seen, known, now_s=now_s)
-        assert finite(asked)
-        assert abs(asked.road_wheel_angle_rad) <= SHUTTLE.max_road_wheel_angle_rad
-        assert -4.0 <= asked.accel_mps2 <= SETTINGS.speed.max_accel_mps2
+        output = one.step(received, known, now_s=now_s)
+        assert finite(output)
+        assert abs(output.road_wheel_angle_rad) <= SHUTTLE.max_road_wheel_angle_rad
+        assert -4.0 <= output.accel_mps2 <= SETTINGS.speed.max_accel_mps2
 
 
 signed = st.floats(-0.3, 0.3)
@@ -225,11 +225,11 @@ def silent(one, now_s, seconds, **changes):
 
 def test_missing_decisions_escalate_from_a_comfort_to_an_emergency_stop():
     one, now_s, _ = rolling()
-    asked = silent(one, now_s, 3.0)
-    before = [c.accel_mps2 for c in asked[: round((INPUTS.lost_s - 0.04) / 0.02)]]
-    speed = SETTINGS.speed  # brakes that do nothing look like a hill, which is counted in
+    output = silent(one, now_s, 3.0)
+    before = [c.accel_mps2 for c in output[: round((INPUTS.lost_s - 0.04) / 0.02)]]
+    speed = SETTINGS.speed  # brakes without effect are identified as a hill, which is compensated
     assert -speed.comfort.decel_mps2 - speed.max_load_mps2 <= min(before) <= -speed.comfort.decel_mps2
-    assert -4.0 <= asked[-1].accel_mps2 <= -speed.emergency.decel_mps2
+    assert -4.0 <= output[-1].accel_mps2 <= -speed.emergency.decel_mps2
 
 
 def test_an_emergency_stop_of_the_controller_latches_until_standstill():
@@ -257,7 +257,7 @@ def test_a_short_gap_in_the_decisions_does_not_stop_the_car():
 def test_without_a_path_the_car_follows_the_remembered_one_then_holds_the_curvature_and_brakes():
     curvature = 0.03
     one, now_s, _ = rolling(curvature_1pm=curvature)
-    asked = [
+    output = [
         one.step(
             decision(now_s + 0.02 * n, **LOST),
             state(now_s + 0.02 * n, speed_mps=4.0, road_wheel_angle_rad=0.0542, yaw_rate_radps=4 * curvature),
@@ -265,8 +265,8 @@ def test_without_a_path_the_car_follows_the_remembered_one_then_holds_the_curvat
         )
         for n in range(200)
     ]
-    assert asked[0].accel_mps2 > 0.0 > asked[30].accel_mps2
-    held = [c.road_wheel_angle_rad for c in asked[130:]]
+    assert output[0].accel_mps2 > 0.0 > output[30].accel_mps2
+    held = [c.road_wheel_angle_rad for c in output[130:]]
     assert max(held) - min(held) <= 3e-4  # learning moves it a little
     assert min(held) > 0.0
 
@@ -277,17 +277,17 @@ def test_a_car_that_loses_its_path_while_it_corrects_stops_along_the_remembered_
     offset_m, heading_rad, speed_mps, wheel_rad = side * 0.4, 0.0, 4.0, 0.0
     for n in range(400):
         t = now_s + 0.02 * n
-        seen = dict(lateral_offset_m=offset_m, heading_error_rad=heading_rad)
-        reported = decision(t, **(seen if n < 25 else LOST))
+        received = dict(lateral_offset_m=offset_m, heading_error_rad=heading_rad)
+        reported = decision(t, **(received if n < 25 else LOST))
         rate_radps = speed_mps * math.tan(wheel_rad) / SHUTTLE.wheelbase_m
         moving = state(t, speed_mps=speed_mps, road_wheel_angle_rad=wheel_rad, yaw_rate_radps=rate_radps)
-        asked = one.step(reported, moving, now_s=t)
-        wheel_rad += 0.02 / 0.1 * (asked.road_wheel_angle_rad - wheel_rad)
+        output = one.step(reported, moving, now_s=t)
+        wheel_rad += 0.02 / 0.1 * (output.road_wheel_angle_rad - wheel_rad)
         offset_m, heading_rad = (
             offset_m + 0.02 * speed_mps * math.sin(heading_rad),
             heading_rad + 0.02 * rate_radps,
         )
-        speed_mps = max(speed_mps + 0.02 * asked.accel_mps2, 0.0)
+        speed_mps = max(speed_mps + 0.02 * output.accel_mps2, 0.0)
         if n == 24:
             assert side * heading_rad < -0.02  # it was turning towards the middle
     assert speed_mps == 0.0
@@ -298,10 +298,10 @@ def test_a_car_that_loses_its_path_while_it_corrects_stops_along_the_remembered_
 def test_a_demanded_emergency_stop_is_made_also_without_a_path():
     def hardest(stop: Stop) -> float:
         one, now_s, _ = rolling()
-        asked = decision(now_s, mode=Mode.STOP, stop=stop, **LOST)
+        output = decision(now_s, mode=Mode.STOP, stop=stop, **LOST)
         times_s = [now_s + 0.02 * n for n in range(1, 100)]
         return min(
-            one.step(replace(asked, decided_s=t, t_s=t), state(t, speed_mps=6.0), now_s=t).accel_mps2
+            one.step(replace(output, decided_s=t, t_s=t), state(t, speed_mps=6.0), now_s=t).accel_mps2
             for t in times_s
         )
 
@@ -327,8 +327,8 @@ def test_without_a_state_it_holds_the_wheel():
 
 
 def test_without_any_path_the_controller_keeps_the_wheel_angle():
-    asked = controller().step(None, state(road_wheel_angle_rad=0.2), now_s=0.0)
-    assert asked.road_wheel_angle_rad == pytest.approx(0.2)
+    output = controller().step(None, state(road_wheel_angle_rad=0.2), now_s=0.0)
+    assert output.road_wheel_angle_rad == pytest.approx(0.2)
 
 
 IMPOSSIBLE_PATHS = {
@@ -342,9 +342,9 @@ IMPOSSIBLE_PATHS = {
 
 @pytest.mark.parametrize("name", IMPOSSIBLE_PATHS)
 def test_an_impossible_path_is_no_path(name):
-    asked = controller().step(decision(**{name: IMPOSSIBLE_PATHS[name]}), state(), now_s=0.0)
-    assert asked.accel_mps2 < 0.0
-    assert asked.road_wheel_angle_rad == 0.0
+    output = controller().step(decision(**{name: IMPOSSIBLE_PATHS[name]}), state(), now_s=0.0)
+    assert output.accel_mps2 < 0.0
+    assert output.road_wheel_angle_rad == 0.0
 
 
 def test_an_unknown_curvature_rate_is_an_arc():
@@ -364,14 +364,14 @@ def test_a_clock_that_runs_backwards_changes_no_demand():
 def test_an_oversteering_car_keeps_below_its_critical_speed():
     car = vehicle(understeer_gradient_rad_per_mps2=-math.radians(2.0) / G)
     one = Controller(car, SETTINGS)
-    asked = one.step(decision(speed_cap_mps=60.0), state(speed_mps=40.0), now_s=0.0)
-    assert asked.speed_mps < math.sqrt(1.75 / (math.radians(2.0) / G))
-    assert finite(asked)
+    output = one.step(decision(speed_cap_mps=60.0), state(speed_mps=40.0), now_s=0.0)
+    assert output.speed_mps < math.sqrt(1.75 / (math.radians(2.0) / G))
+    assert finite(output)
 
 
 def test_the_shipped_configuration_drives_the_default_car():
-    asked = build().step(decision(), state(), now_s=0.0)
-    assert asked == controller().step(decision(), state(), now_s=0.0) != command()
+    output = build().step(decision(), state(), now_s=0.0)
+    assert output == controller().step(decision(), state(), now_s=0.0) != command()
 
 
 def test_a_gain_too_high_for_the_drive_is_refused_with_its_bound():

@@ -153,7 +153,7 @@ def test_without_commands_or_moves_of_them_there_is_no_response(weave):
 
 
 def test_steering_by_the_driver_is_not_used_as_response(weave):
-    """Ten seconds in which the wheels do anything but what was commanded."""
+    """Ten seconds in which the road-wheel angle does not follow the commands."""
     angle, override = weave.angle_rad.copy(), weave.driver_override.copy()
     angle[2000:3000] = 0.3 * np.sin(np.arange(1000) / 50)
     override[2000:3000] = 1.0

@@ -56,8 +56,8 @@ def test_on_the_centre_of_a_bend_it_demands_the_bend():
 
 def test_on_a_clothoid_it_demands_the_curvature_one_lag_ahead():
     car = vehicle(steering_lag_s=0.2)
-    asked = law(car).curvature(acting(curvature=0.02, rate=0.001, path=0.02, wheel=0.02), dt_s=0.02)
-    assert asked == pytest.approx(0.02 + 0.001 * 10.0 * 0.2)
+    demanded = law(car).curvature(acting(curvature=0.02, rate=0.001, path=0.02, wheel=0.02), dt_s=0.02)
+    assert demanded == pytest.approx(0.02 + 0.001 * 10.0 * 0.2)
 
 
 def test_an_offset_that_stays_is_answered_more_and_more_up_to_the_bound():
@@ -84,8 +84,8 @@ def test_far_from_the_centre_nothing_winds_up():
 def test_far_from_the_centre_it_demands_at_most_the_largest_approach_angle():
     approach_rad = math.asin(LQI.max_approach_mps / 10.0)
     for far in (5.0, 7.0):
-        asked = law().curvature(acting(offset=far, heading=-approach_rad), dt_s=0.0)
-        assert asked == pytest.approx(0.0, abs=1e-12)
+        demanded = law().curvature(acting(offset=far, heading=-approach_rad), dt_s=0.0)
+        assert demanded == pytest.approx(0.0, abs=1e-12)
 
 
 def test_far_from_the_centre_it_turns_in_more_gently():
@@ -118,6 +118,6 @@ def test_at_standstill_and_in_reverse_the_law_is_finite():
 
 def test_the_schedule_has_no_steps():
     one = law()
-    asked = [one.curvature(acting(0.1, speed_mps=v), dt_s=0.0) for v in np.geomspace(0.3, 90.0, 1000)]
-    assert max(abs(b / a - 1.0) for a, b in pairwise(asked)) < 0.03
+    demanded = [one.curvature(acting(0.1, speed_mps=v), dt_s=0.0) for v in np.geomspace(0.3, 90.0, 1000)]
+    assert max(abs(b / a - 1.0) for a, b in pairwise(demanded)) < 0.03
     assert len(one.designs) == len(SPEEDS_MPS)

@@ -211,9 +211,9 @@ def law() -> Mpc:
 
 def test_the_law_plans_on_an_ordinary_lane_and_steers_towards_its_centre():
     mpc = law()
-    asked = [mpc.curvature(acting(offset=0.3), dt_s=DT_S) for _ in range(5)]
+    demanded = [mpc.curvature(acting(offset=0.3), dt_s=DT_S) for _ in range(5)]
     assert mpc.doing == "planning"
-    assert asked[-1] < asked[0] < 0.0
+    assert demanded[-1] < demanded[0] < 0.0
 
 
 @pytest.mark.parametrize("speed", [0.0, 3.0, 12.0, 30.0])
@@ -223,18 +223,18 @@ def test_lateral_acceleration_and_jerk_of_the_command_stay_within_their_limits(s
     bend = min(0.05, 5.0 / max(speed, 1.0) ** 2)  # up to 5 m/s² if it were followed
     for _ in range(200):
         seen = acting(draw(-1.0, 1.0), draw(-0.1, 0.1), draw(-bend, bend), 0.0, speed, before)
-        asked = mpc.curvature(seen, dt_s=DT_S)
+        demanded = mpc.curvature(seen, dt_s=DT_S)
         assert mpc.doing == "planning"
-        assert abs(asked) * speed**2 <= most_mps2 + 1e-6
-        assert abs(asked - before) * speed**2 <= most_mps3 * DT_S + 1e-6
-        before = asked
+        assert abs(demanded) * speed**2 <= most_mps2 + 1e-6
+        assert abs(demanded - before) * speed**2 <= most_mps3 * DT_S + 1e-6
+        before = demanded
 
 
 def test_braking_in_a_bend_leaves_less_of_the_jerk_to_the_wheel():
     mpc, speed, before = law(), 10.0, None
     for _ in range(40):
-        asked = mpc.curvature(acting(offset=-0.8, curvature=0.02, speed=speed, turning=0.02), dt_s=DT_S)
-        lateral = asked * speed**2
+        demanded = mpc.curvature(acting(offset=-0.8, curvature=0.02, speed=speed, turning=0.02), dt_s=DT_S)
+        lateral = demanded * speed**2
         if before is not None:
             assert abs(lateral - before) <= SETTINGS.lateral.mpc.max_jerk_mps3 * DT_S + 1e-6
         before, speed = lateral, speed - 3.0 * DT_S
@@ -253,8 +253,8 @@ def test_outside_the_model_the_fallback_steers_in_the_same_call(seen):
 @pytest.mark.parametrize("seen", [acting(offset=math.nan), acting(speed=math.inf), acting(turning=-math.inf)])
 def test_without_finite_inputs_the_last_command_is_held(seen):
     mpc = law()
-    asked = [mpc.curvature(acting(offset=0.3), dt_s=DT_S) for _ in range(3)]
-    assert mpc.curvature(seen, dt_s=DT_S) == asked[-1] != 0.0
+    demanded = [mpc.curvature(acting(offset=0.3), dt_s=DT_S) for _ in range(3)]
+    assert mpc.curvature(seen, dt_s=DT_S) == demanded[-1] != 0.0
 
 
 class Broken:
@@ -277,11 +277,11 @@ def test_a_failed_solution_is_never_used_and_leaves_nothing_behind(status, value
     for one in (mpc, fresh):
         one.curvature(seen, dt_s=DT_S)
     mpc._solver._qp = Broken(status, value)
-    asked = mpc.curvature(seen, dt_s=DT_S)
+    demanded = mpc.curvature(seen, dt_s=DT_S)
     assert mpc.doing == "falling back: no solution"
-    assert asked == lqi(MPC, SHUTTLE).curvature(seen, dt_s=DT_S)
+    assert demanded == lqi(MPC, SHUTTLE).curvature(seen, dt_s=DT_S)
     fresh.release()
-    fresh._demand_1pm = asked
+    fresh._demand_1pm = demanded
     assert mpc.curvature(seen, dt_s=DT_S) == fresh.curvature(seen, dt_s=DT_S)
     assert mpc.doing == "planning"
 
@@ -313,7 +313,7 @@ def random_acting(generator):
 
 
 def not_finite(count, seed):
-    """How many of ``count`` random states were answered with no number, and what the law did how often."""
+    """The number of non-finite answers to ``count`` random states, and the count of each solver status."""
     generator, mpc, bad, did = np.random.default_rng(seed), law(), 0, dict[str, int]()
     for _ in range(count):
         bad += not math.isfinite(mpc.curvature(random_acting(generator), dt_s=generator.uniform(0.0, 0.1)))

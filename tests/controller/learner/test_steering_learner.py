@@ -28,7 +28,7 @@ def learner(car=CAR, **changes):
 
 
 def learned(log, **changes):
-    """A learner that has seen every other state of ``log``, as a controller at 50 Hz does."""
+    """A learner stepped with every other state of ``log``, as in a controller at 50 Hz."""
     one = learner(**changes)
     for t, v, angle, rate in zip(log.t_s, log.speed_mps, log.angle_rad, log.yaw_rate_radps, strict=True):
         if round(t * 100) % 2 == 0:
@@ -52,7 +52,7 @@ def moving(t_s, speed_mps, angle_rad, rate, **changes):
 
 
 def steady(t_s, *, speed_mps=10.0, curvature_1pm=0.0, offset_rad=0.0, car=CAR, zero_radps=0.0):
-    """A car that is exactly what the relation says."""
+    """A car that fulfils the relation exactly."""
     angle_rad = angle_from_curvature(curvature_1pm, speed_mps=speed_mps, vehicle=car) - offset_rad
     return moving(t_s, speed_mps, angle_rad, speed_mps * curvature_1pm + zero_radps)
 

@@ -1,4 +1,4 @@
-"""The limiter's step in closed form: what each limit gives where it alone decides."""
+"""The limiter's step in closed form: the result of each limit where it alone is active."""
 
 import math
 
@@ -22,8 +22,8 @@ def edge_rad(speed_mps, lateral_mps2=AY):
 
 def stepped(one, now_s, *, wanted=0.0, accel=0.0, speed=10.0, **changes):
     """One step with everything fresh."""
-    asked = command(now_s, road_wheel_angle_rad=wanted, accel_mps2=accel)
-    return one.step(asked, now_s, state(now_s, speed_mps=speed, **changes), now_s=now_s)
+    requested = command(now_s, road_wheel_angle_rad=wanted, accel_mps2=accel)
+    return one.step(requested, now_s, state(now_s, speed_mps=speed, **changes), now_s=now_s)
 
 
 def test_the_first_state_is_neither_stopped_nor_handed_over_nor_saturated():
@@ -72,7 +72,7 @@ def test_without_drive_the_speed_to_come_is_that_of_now(accel):
 def test_a_drive_just_let_go_still_makes_speed():
     """It follows with a lag of first order: after n steps of 1.2 m/s², 1.2·(1 - (1 - dt/(τ + dt))ⁿ)."""
     one = limiter(ANY_JERK, QUICK)
-    stepped(one, 0.0, accel=1.2)  # no time has passed: the drive does nothing yet
+    stepped(one, 0.0, accel=1.2)  # no time has passed: the drive has no effect yet
     for n in range(1, 21):
         stepped(one, n * DT_S, accel=1.2)
     gaining = 1.2 * (1.0 - (1.0 - DT_S / (SHUTTLE.accel_lag_s + DT_S)) ** 20)
@@ -114,18 +114,20 @@ def test_a_bend_leaves_as_much_brake_and_drive_as_its_jerk_allows(lateral_mps2):
     little = AT_ONCE.model_copy(update=dict(lateral_jerk_mps3=0.5))
     most = 8.0 / (9.75 * abs(lateral_mps2))
     start = edge_rad(4.0, lateral_mps2)
-    for asked in (1.4, -3.0):
-        out = stepped(limiter(little), 0.0, wanted=start, accel=asked, speed=4.0, road_wheel_angle_rad=start)
-        assert out.accel_mps2 == pytest.approx(math.copysign(most, asked), rel=1e-6)
+    for requested in (1.4, -3.0):
+        out = stepped(
+            limiter(little), 0.0, wanted=start, accel=requested, speed=4.0, road_wheel_angle_rad=start
+        )
+        assert out.accel_mps2 == pytest.approx(math.copysign(most, requested), rel=1e-6)
 
 
 @pytest.mark.parametrize("lateral_mps2,most", [(-2.4, 3.2), (2.4, 3.2), (0.0, 4.0)])
 def test_brake_and_bend_together_are_no_more_than_the_hardest_brake(lateral_mps2, most):
     """2.4² + 3.2² = 4²."""
     start = edge_rad(10.0, lateral_mps2)
-    for asked, given_out in ((-4.0, -most), (-3.0, -3.0), (1.5, 1.5)):
+    for requested, given_out in ((-4.0, -most), (-3.0, -3.0), (1.5, 1.5)):
         one = limiter(ANY_JERK)
-        out = stepped(one, 0.0, wanted=start, accel=asked, speed=10.0, road_wheel_angle_rad=start)
+        out = stepped(one, 0.0, wanted=start, accel=requested, speed=10.0, road_wheel_angle_rad=start)
         assert out.accel_mps2 == pytest.approx(given_out, rel=1e-6)
 
 
@@ -212,12 +214,12 @@ def test_without_a_state_the_driver_does_not_have_the_car():
 
 
 def test_commands_at_too_low_a_rate_brake_the_car():
-    """Eight in 0.5 s are asked for; every 0.125 s one comes, well within the timeout."""
+    """Required: eight commands in 0.5 s. A command arrives every 0.125 s, within the timeout."""
     one, accels = limiter(), []
     for n in range(16 * 8):
         received_s = math.floor(n / 8) * 0.125
-        asked = command(received_s, accel_mps2=1.0)
-        accels.append(one.step(asked, received_s, state(n / 64), now_s=n / 64).accel_mps2)
+        requested = command(received_s, accel_mps2=1.0)
+        accels.append(one.step(requested, received_s, state(n / 64), now_s=n / 64).accel_mps2)
     assert accels[0] == 1.0
     assert accels[-1] == -1.0
     assert one.stopping is False
@@ -287,8 +289,8 @@ def test_the_first_demands_fade_in_too():
     assert out.road_wheel_angle_rad == pytest.approx(SHUTTLE.max_road_wheel_rate_radps * DT_S / 64)
 
 
-@pytest.mark.parametrize("asked,given_out", [(-2.0, -2.0), (-9.0, -4.0), (1.0, -1.0)])
-def test_without_a_state_a_command_may_brake_more_than_gently(asked, given_out):
+@pytest.mark.parametrize("requested,given_out", [(-2.0, -2.0), (-9.0, -4.0), (1.0, -1.0)])
+def test_without_a_state_a_command_may_brake_more_than_gently(requested, given_out):
     one = limiter()
     stepped(one, 0.0)
-    assert one.step(command(DT_S, accel_mps2=asked), DT_S, None, now_s=DT_S).accel_mps2 == given_out
+    assert one.step(command(DT_S, accel_mps2=requested), DT_S, None, now_s=DT_S).accel_mps2 == given_out

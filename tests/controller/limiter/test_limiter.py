@@ -13,7 +13,7 @@ from controller.model.bicycle import angle_from_curvature, critical_speed, curva
 from trepid.messages import Command
 
 DT_S = 0.01
-# The whole of the limits at once: no share for what a real car makes of them, no fading in, no driver by deviation.
+# The full limits: shares of 1, no fading in, no driver override by deviation.
 NO_HANDS = SHIPPED.override.model_copy(update=dict(fade_in_s=1e-9, angle_rad=9.0))
 LIMITS = SHIPPED.model_copy(update=dict(lateral_accel_share=1.0, lateral_jerk_share=1.0, override=NO_HANDS))
 RATE = SHUTTLE.max_road_wheel_rate_radps
@@ -36,17 +36,17 @@ def angle_for(lateral_mps2, speed_mps, car=SHUTTLE):
     return angle_from_curvature(lateral_mps2 / speed_mps**2, speed_mps=speed_mps, vehicle=car)
 
 
-def run(one, seconds, asked=None, known=None, from_s=0.0):
-    """Outputs while ``asked(t)`` and ``known(t)`` come fresh at every step."""
-    asked = asked or command
+def run(one, seconds, requested=None, known=None, from_s=0.0):
+    """Outputs while ``requested(t)`` and ``known(t)`` are fresh at every step."""
+    requested = requested or command
     known = known or state
     times = [from_s + DT_S * n for n in range(round(seconds / DT_S))]
-    return [one.step(asked(t), t, known(t), now_s=t) for t in times]
+    return [one.step(requested(t), t, known(t), now_s=t) for t in times]
 
 
 def test_a_calm_command_passes_unchanged():
-    asked = command(0.0, road_wheel_angle_rad=0.0, accel_mps2=0.5)
-    assert limiter().step(asked, 0.0, state(), now_s=0.0) == asked
+    requested = command(0.0, road_wheel_angle_rad=0.0, accel_mps2=0.5)
+    assert limiter().step(requested, 0.0, state(), now_s=0.0) == requested
 
 
 moves = st.tuples(
@@ -98,7 +98,7 @@ def test_at_constant_speed_acceleration_and_jerk_are_never_exceeded(wanted, spee
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_accelerating_in_a_bend_counts_into_the_jerk(sign):
-    """What the speed makes of the bend is taken off what the wheel may make of it."""
+    """The jerk due to the change of speed reduces the jerk left to the wheel."""
     one, accel, speed = limiter(), 4.0, 20.0
     start = angle_for(sign * 0.6 * AY / 3.0, speed)
     one.step(
@@ -138,14 +138,14 @@ def test_acceleration_comes_before_jerk_and_the_brake_is_applied():
 
 def test_a_bend_too_tight_for_the_speed_brakes_and_one_that_fits_does_not():
     for ratio, accel in ((0.98, 1.0), (1.02, -LIMITS.comfort_decel_mps2)):
-        asked = command(road_wheel_angle_rad=angle_for(ratio * AY, 10.0), accel_mps2=1.0)
-        assert limiter().step(asked, 0.0, state(speed_mps=10.0), now_s=0.0).accel_mps2 == accel
+        requested = command(road_wheel_angle_rad=angle_for(ratio * AY, 10.0), accel_mps2=1.0)
+        assert limiter().step(requested, 0.0, state(speed_mps=10.0), now_s=0.0).accel_mps2 == accel
 
 
 def test_a_slower_wheel_is_granted_and_a_faster_one_is_not():
     for asked_rate, rate in ((0.1, 0.1), (9.0, RATE), (0.0, RATE), (-1.0, RATE)):
-        asked = lambda t, r=asked_rate: command(t, road_wheel_angle_rad=0.5, road_wheel_rate_radps=r)  # noqa: E731
-        out = run(limiter(), 0.11, asked, lambda t: state(t, speed_mps=0.0))
+        requested = lambda t, r=asked_rate: command(t, road_wheel_angle_rad=0.5, road_wheel_rate_radps=r)  # noqa: E731
+        out = run(limiter(), 0.11, requested, lambda t: state(t, speed_mps=0.0))
         assert out[-1].road_wheel_angle_rad == pytest.approx(rate * 0.1)
 
 
@@ -157,16 +157,16 @@ def test_at_standstill_the_wheel_may_turn_to_its_stop():
 
 
 @pytest.mark.parametrize(
-    "asked,given_out", [(9.0, LIMITS.max_accel_mps2), (-9.0, -LIMITS.max_decel_mps2), (-0.3, -0.3)]
+    "requested,given_out", [(9.0, LIMITS.max_accel_mps2), (-9.0, -LIMITS.max_decel_mps2), (-0.3, -0.3)]
 )
-def test_drive_and_brakes_are_bounded(asked, given_out):
-    assert limiter().step(command(accel_mps2=asked), 0.0, state(), now_s=0.0).accel_mps2 == given_out
+def test_drive_and_brakes_are_bounded(requested, given_out):
+    assert limiter().step(command(accel_mps2=requested), 0.0, state(), now_s=0.0).accel_mps2 == given_out
 
 
 @pytest.mark.parametrize("frame_s", [None, -0.6, 0.2])
 def test_a_command_on_no_old_or_future_frame_brakes_at_least_gently(frame_s):
-    for asked, accel in ((1.0, -LIMITS.comfort_decel_mps2), (-2.0, -2.0)):
-        out = limiter().step(command(t_s=frame_s, accel_mps2=asked), 0.0, state(), now_s=0.0)
+    for requested, accel in ((1.0, -LIMITS.comfort_decel_mps2), (-2.0, -2.0)):
+        out = limiter().step(command(t_s=frame_s, accel_mps2=requested), 0.0, state(), now_s=0.0)
         assert out.accel_mps2 == accel
         assert out.t_s == frame_s
 
@@ -214,11 +214,11 @@ def test_the_stop_is_steered_but_not_ended_by_new_commands():
     _, now_s = turning(one)
     now_s += 0.5
     assert one.step(None, None, state(now_s, speed_mps=8.0), now_s=now_s).accel_mps2 < 0
-    asked = lambda t: command(t, road_wheel_angle_rad=0.0, accel_mps2=1.0)  # noqa: E731
-    moving = run(one, 1.0, asked, lambda t: state(t, speed_mps=3.0), from_s=now_s)
+    requested = lambda t: command(t, road_wheel_angle_rad=0.0, accel_mps2=1.0)  # noqa: E731
+    moving = run(one, 1.0, requested, lambda t: state(t, speed_mps=3.0), from_s=now_s)
     assert {c.accel_mps2 for c in moving} == {-LIMITS.stop_decel_mps2}
     assert moving[-1].road_wheel_angle_rad == 0.0
-    standing = run(one, 0.02, asked, lambda t: state(t, speed_mps=0.0), from_s=now_s + 1.0)
+    standing = run(one, 0.02, requested, lambda t: state(t, speed_mps=0.0), from_s=now_s + 1.0)
     assert standing[-1].accel_mps2 == 1.0
     assert not one.stopping
 
@@ -374,10 +374,10 @@ numbers = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-5
 )
 def test_any_input_gives_a_bounded_command(scenes):
     one, now_s = limiter(), 0.0
-    for asked, received_s, known, pause in scenes:
+    for requested, received_s, known, pause in scenes:
         now_s += pause
         out = one.step(
-            None if asked is None else Command(**dict(zip(COMMAND_NUMBERS, asked, strict=True))),
+            None if requested is None else Command(**dict(zip(COMMAND_NUMBERS, requested, strict=True))),
             received_s,
             None
             if known is None
@@ -394,7 +394,7 @@ def test_any_input_gives_a_bounded_command(scenes):
         assert -LIMITS.max_decel_mps2 <= out.accel_mps2 <= LIMITS.max_accel_mps2
         assert math.isfinite(out.speed_mps)
         assert out.t_s is None or math.isfinite(out.t_s)
-        if asked is None or not all(map(math.isfinite, asked)):
+        if requested is None or not all(map(math.isfinite, requested)):
             assert out.accel_mps2 <= 0.0
 
 

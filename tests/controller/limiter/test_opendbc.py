@@ -1,8 +1,8 @@
-"""What opendbc's safety code in C rejects, the limiter never passes at the same limits.
+"""The limiter passes no command that opendbc's safety code in C rejects at the same limits.
 
 ``steer_angle_cmd_checks_vm`` of opendbc/safety/lateral.h compares every angle with the last and with a vehicle
 model: lateral acceleration and jerk of 3.0 + 0.06·g. The wheel of opendbc leaves ``safety.c`` out; the few
-lines that stand for it here only set what the car would report.
+lines that stand for it here only set the values that the car would report.
 """
 
 import ctypes
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
 THEIRS = 3.0 + 0.06 * 9.81  # m/s² and m/s³: "add tolerance to compensate" for banked bends
 RATE_HZ = 100
-CAN_PER_DEG = 1e4  # finer than any car's, so that opendbc's rounding by one unit lets nothing through
+CAN_PER_DEG = 1e4  # finer than any car's, so that opendbc's rounding by one unit is negligible
 SHIM = r"""
 #include <stdbool.h>
 #include <stdint.h>
@@ -95,8 +95,8 @@ def limited(car, scale=1.0):
     one = Limiter(car, same)
 
     def steer(wanted, speed, accel, now_s):
-        asked = command(now_s, road_wheel_angle_rad=wanted, accel_mps2=accel)
-        out = one.step(asked, now_s, state(now_s, speed_mps=speed), now_s=now_s)
+        requested = command(now_s, road_wheel_angle_rad=wanted, accel_mps2=accel)
+        out = one.step(requested, now_s, state(now_s, speed_mps=speed), now_s=now_s)
         return out.road_wheel_angle_rad, out.accel_mps2
 
     return steer
@@ -116,7 +116,7 @@ def test_opendbc_rejects_nothing_that_the_limiter_passes_at_its_limits(safety, n
 
 
 def test_opendbc_rejects_unlimited_commands_and_commands_a_fifth_beyond(safety):
-    """Otherwise the test above would say nothing."""
+    """Shows that the test above can fail."""
     bare = sum(rejections(safety, lambda w, v, a, t: (w, a), car=SHUTTLE, seed=seed) for seed in range(5))
     assert bare > 100
     assert sum(rejections(safety, limited(SHUTTLE, 1.2), car=SHUTTLE, seed=seed) for seed in range(10)) > 100

@@ -195,13 +195,13 @@ def test_commands_come_too_seldom_when_eight_of_them_take_longer_than_the_rate_a
     arrivals = Arrivals(EXACT)  # 8 / 16 Hz = 0.5 s
     gap_s = 0.0625
     for n in range(COUNTED - 1):
-        assert not arrivals.too_seldom(gap_s * n, 100.0)  # fewer than eight prove nothing
+        assert not arrivals.too_seldom(gap_s * n, 100.0)  # fewer than eight are not enough
     last_s = gap_s * (COUNTED - 1)
     assert not arrivals.too_seldom(last_s, 0.5)
     assert arrivals.too_seldom(last_s, 0.5 + 1e-9)
     assert arrivals.too_seldom(None, 0.5 + 1e-9)
     assert not arrivals.too_seldom(last_s, 0.5)  # the same one again is no arrival
-    assert not arrivals.too_seldom(0.5, 0.5625)  # the oldest is forgotten
+    assert not arrivals.too_seldom(0.5, 0.5625)  # the oldest is dropped
     assert arrivals.too_seldom(0.5, 0.5626)
 
 
@@ -252,7 +252,7 @@ def test_without_a_yaw_rate_there_is_no_excess_and_the_filter_is_reset():
 
 
 def watch(**changes):
-    """One that was sent straight on for a long time, at 0 s."""
+    """A watch after a long time of straight demands, at 0 s."""
     one = DriverWatch(SHUTTLE, EXACT)
     one.demanded(0.0, 0.0)
     assert not one.step(seen(), 0.0)
@@ -336,7 +336,7 @@ def test_the_driver_keeps_the_car_until_the_wheel_has_been_still():
     assert one.step(seen(wheel_rad=0.0278), 1.75)  # about as it was
     assert one.step(seen(wheel_rad=0.02), 2.5 - DT_S)
     assert not one.step(seen(wheel_rad=0.02), 2.5)
-    assert not one.step(seen(wheel_rad=0.03), 2.5)  # afterwards turning it means nothing
+    assert not one.step(seen(wheel_rad=0.03), 2.5)  # afterwards a turned wheel has no effect
 
 
 @pytest.mark.parametrize("turned_rad,longer", [(0.0078125, False), (0.0079, True), (-0.0079, True)])

@@ -1,4 +1,4 @@
-"""Ten million random calls, and what no demand within the limits can make of the filter of UN R79 (make proof)."""
+"""Ten million random calls, and the filter of UN R79 for all demands within the limits (make proof)."""
 
 import math
 
@@ -42,7 +42,7 @@ def random_calls(seed, calls):
     for numbers, (lost, blind, hands, pause) in zip(drawn.tolist(), chances.tolist(), strict=True):
         wanted, rate, goal, accel, speed, wheel, yaw, late, torque = numbers
         now_s += 0.2 * pause**8
-        asked = command(
+        requested = command(
             now_s, road_wheel_angle_rad=wanted, road_wheel_rate_radps=rate, speed_mps=goal, accel_mps2=accel
         )
         known = state(
@@ -53,7 +53,12 @@ def random_calls(seed, calls):
             driver_override=hands < 0.01,
             driver_torque_nm=None if hands < 0.9 else torque,
         )
-        yield None if lost < 0.02 else asked, now_s - 0.02 * abs(late), None if blind < 0.02 else known, now_s
+        yield (
+            None if lost < 0.02 else requested,
+            now_s - 0.02 * abs(late),
+            None if blind < 0.02 else known,
+            now_s,
+        )
 
 
 @pytest.mark.proof
@@ -74,8 +79,8 @@ def hold_for_any_call(seed, calls):
     car = CARS[seed % len(CARS)]
     one, last_rad, last_s = limiter(SHIPPED, car), None, None
     fastest = car.max_road_wheel_rate_radps
-    for asked, received_s, known, now_s in random_calls(seed, calls):
-        out = one.step(asked, received_s, known, now_s=now_s)
+    for requested, received_s, known, now_s in random_calls(seed, calls):
+        out = one.step(requested, received_s, known, now_s=now_s)
         angle_rad = out.road_wheel_angle_rad
         assert abs(angle_rad) <= car.max_road_wheel_angle_rad
         assert -SHIPPED.max_decel_mps2 <= out.accel_mps2 <= SHIPPED.max_accel_mps2

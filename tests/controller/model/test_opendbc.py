@@ -1,4 +1,4 @@
-"""The bicycle model against opendbc's VehicleModel, over every platform that it knows."""
+"""The bicycle model against opendbc's VehicleModel, over all of its platforms."""
 
 import math
 from functools import cache
@@ -86,7 +86,7 @@ def test_the_slip_factor_is_minus_the_gradient_over_the_wheelbase(platform):
 def test_the_steady_turn_is_where_the_differential_equations_of_opendbc_settle(
     platform, speed_mps, angle_rad, roll_rad
 ):
-    """An oracle that knows no slip factor: its 2x2 system solved for standstill of drift and yaw."""
+    """An oracle without a slip factor: its 2x2 system solved for standstill of drift and yaw."""
     model, car = theirs(platform), ours(platform)
     settled = vehicle_model.dyn_ss_sol(angle_rad * model.sR, speed_mps, roll_rad, model)
     curvature_1pm = float(settled[1, 0]) / speed_mps

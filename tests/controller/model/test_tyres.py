@@ -41,7 +41,7 @@ def test_they_settle_on_the_steady_turn_with_the_rear_axle_adrift(speed_mps, whe
 
 @pytest.mark.parametrize("speed_mps", [5.0, 10.0, 20.0, 30.0])
 def test_the_path_lags_a_ramp_of_the_wheel_as_in_the_closed_form(speed_mps):
-    """Along the middle of a slow ramp on the plant with tyres, which knows nothing of our formula."""
+    """Along the middle of a slow ramp on the plant with tyres, which is independent of the formula."""
     plant, rate_radps, h = SingleTrackPlant(CAR), 0.002, 0.001
     tyres, car, seconds = Tyres(CAR), SingleTrackPlant(CAR).initial(speed_mps=speed_mps), 2.0
     held = dict(t_s=0.0, road_wheel_rate_radps=0.0, speed_mps=speed_mps, accel_mps2=0.0, jerk_mps3=0.0)

@@ -58,14 +58,14 @@ def ride(demand, speed_mps, seconds, lag_s=LAG_S, accel_mps2=0.0, hill_mps2=0.0)
     trace: tuple = ([], [], [])
     metres, fine_s = 0.0, DT_S / 20
     for n in range(round(seconds / DT_S)):
-        asked = demand(speed_mps, n * DT_S)
+        demanded = demand(speed_mps, n * DT_S)
         for _ in range(20):
-            accel_mps2 = asked + (accel_mps2 - asked) * math.exp(-fine_s / lag_s)
+            accel_mps2 = demanded + (accel_mps2 - demanded) * math.exp(-fine_s / lag_s)
             true_mps2 = accel_mps2 + hill_mps2
             after_mps = max(0.0, speed_mps + true_mps2 * fine_s)
             metres += 0.5 * (speed_mps + after_mps) * fine_s
             speed_mps = after_mps
-        for column, value in zip(trace, (speed_mps, asked, true_mps2), strict=True):
+        for column, value in zip(trace, (speed_mps, demanded, true_mps2), strict=True):
             column.append(value)
     return Ride(*trace, metres)
 
@@ -95,7 +95,7 @@ def test_in_a_bend_lateral_acceleration_is_within_its_budget(sign):
 
 
 def test_before_a_bend_the_speed_falls_as_braking_with_the_planned_deceleration():
-    """A bend that does not tighten further: nothing beyond is to be feared."""
+    """A bend that does not tighten further needs no margin beyond the sight."""
     sight_m = 20.0
     bend = goal(lane(curvature_1pm=1 / 15, curvature_rate_1pm2=-1 / 3000, lookahead_m=sight_m))
     assert bend == Target(pytest.approx(math.sqrt(2.0 * 15)), None)
@@ -157,7 +157,7 @@ def test_a_bend_that_tightens_out_of_sight_slows_one_that_opens_does_not():
 
 @pytest.mark.parametrize("speed_mps", [6.0, 8.0])
 def test_a_bend_behind_a_clothoid_is_entered_within_its_budget(speed_mps):
-    """Straight, then κ = c·(s - 40 m) up to 1/15; seen as far as one second, at least 8 m, straight on beyond."""
+    """Straight, then κ = c·(s - 40 m) up to 1/15; sight of one second, at least 8 m, straight on beyond."""
     control, place = speed_control(0.0), [0.0]
     entry_m, begin_m, worst = 12.0, 40.0, [0.0]
 
