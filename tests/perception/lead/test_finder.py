@@ -1,4 +1,4 @@
-"""The lead detector: geometry, tracking, the choice of the one ahead, and a look at rendered vehicles."""
+"""The lead detector: geometry, tracking, the choice of the lead, and rendered vehicles."""
 
 import math
 from pathlib import Path
@@ -133,7 +133,7 @@ def test_a_point_goes_to_the_odometry_frame_and_back() -> None:
 
 
 def tracked(lead_mps: float, own_mps: float, *, side: float = 1.0, frames: int = 100) -> Tracker:
-    """A lead that drives straight ahead of us, seen with noise."""
+    """Noisy detections of a lead that drives straight ahead of us."""
     rng = np.random.default_rng(3)
     tracker = Tracker(SETTINGS.track, eye_m=CAMERA.x_m)
     for n in range(frames):
@@ -158,16 +158,16 @@ def test_mirrored_detections_give_the_mirrored_track() -> None:
 
 def test_the_confidence_of_an_undetected_vehicle_falls_until_its_track_is_dropped() -> None:
     tracker = tracked(5.0, 5.0)
-    believed = []
+    confidences = []
     while tracker.tracks:
-        believed.append(tracker.tracks[0].confidence)
+        confidences.append(tracker.tracks[0].confidence)
         tracker.step([], speed_mps=5.0, yaw_rate_radps=0.0, dt_s=PERIOD_S)
-    assert believed == sorted(believed, reverse=True)
-    assert len(believed) * PERIOD_S <= SETTINGS.track.max_coast_s + PERIOD_S
+    assert confidences == sorted(confidences, reverse=True)
+    assert len(confidences) * PERIOD_S <= SETTINGS.track.max_coast_s + PERIOD_S
 
 
-class Told:
-    """A detector that says what it is told."""
+class FixedDetector:
+    """A detector that returns given detections."""
 
     def __init__(self, detections: list[Detection]) -> None:
         self.detections = detections
@@ -187,20 +187,20 @@ def state(t_s: float, *, speed_mps: float = 5.0, yaw_rate_radps: float = 0.0) ->
 
 
 def found(detections: list[Detection], *, yaw_rate_radps: float = 0.0, known: bool = True) -> LeadVehicle:
-    """What the finder says after 20 frames in which it was told of the same."""
-    finder = LeadFinder(Told(detections), SETTINGS, CAMERA, VEHICLE)
+    """The finder's answer after 20 frames with the same detections."""
+    finder = LeadFinder(FixedDetector(detections), SETTINGS, CAMERA, VEHICLE)
     for n in range(20):
         t_s = n * PERIOD_S
         frame = Frame(t_s=t_s, image=np.zeros((240, 320, 3), np.uint8))
         own = state(t_s, yaw_rate_radps=yaw_rate_radps) if known else None
-        said = finder.step(frame, own, [], now_s=t_s)
-    return said
+        answer = finder.step(frame, own, [], now_s=t_s)
+    return answer
 
 
 def test_of_two_vehicles_in_our_lane_the_nearer_is_the_lead() -> None:
-    said = found([Detection(25.0, 0.1, 1.8, 0.95), Detection(12.0, -0.2, 1.8, 0.9)])
-    assert said.distance_m == pytest.approx(12.0 - NOSE_M, abs=0.2)
-    assert said.lateral_m == pytest.approx(-0.2, abs=0.05)
+    answer = found([Detection(25.0, 0.1, 1.8, 0.95), Detection(12.0, -0.2, 1.8, 0.9)])
+    assert answer.distance_m == pytest.approx(12.0 - NOSE_M, abs=0.2)
+    assert answer.lateral_m == pytest.approx(-0.2, abs=0.05)
 
 
 def test_a_vehicle_on_the_next_lane_is_not_the_lead() -> None:
@@ -211,25 +211,25 @@ def test_in_a_bend_the_vehicle_on_our_arc_is_the_lead() -> None:
     radius_m, ahead_m = 40.0, 15.0
     aside_m = ahead_m**2 / (2 * radius_m)
     on_arc, straight_on = Detection(ahead_m, aside_m, 1.8, 0.95), Detection(ahead_m, -1.0, 1.8, 0.95)
-    said = found([on_arc, straight_on], yaw_rate_radps=5.0 / radius_m)
-    assert said.lateral_m == pytest.approx(aside_m, abs=0.3)
+    answer = found([on_arc, straight_on], yaw_rate_radps=5.0 / radius_m)
+    assert answer.lateral_m == pytest.approx(aside_m, abs=0.3)
 
 
 def test_without_a_detection_the_message_has_confidence_0_and_no_numbers() -> None:
-    said = found([])
-    assert (said.confidence, said.distance_m, said.lateral_m, said.speed_mps) == (0, None, None, None)
+    answer = found([])
+    assert (answer.confidence, answer.distance_m, answer.lateral_m, answer.speed_mps) == (0, None, None, None)
 
 
 def test_without_odometry_there_is_no_speed() -> None:
-    said = found([Detection(15.0, 0.0, 1.8, 0.95)], known=False)
-    assert said.distance_m is not None
-    assert said.speed_mps is None
+    answer = found([Detection(15.0, 0.0, 1.8, 0.95)], known=False)
+    assert answer.distance_m is not None
+    assert answer.speed_mps is None
 
 
 def test_a_picture_of_the_wrong_size_gives_no_detection() -> None:
-    finder = LeadFinder(Told([Detection(15.0, 0.0, 1.8, 0.95)]), SETTINGS, CAMERA, VEHICLE)
-    said = finder.step(Frame(t_s=0.0, image=np.zeros((10, 10, 3), np.uint8)), state(0.0), [], now_s=0.0)
-    assert said.confidence == 0
+    finder = LeadFinder(FixedDetector([Detection(15.0, 0.0, 1.8, 0.95)]), SETTINGS, CAMERA, VEHICLE)
+    answer = finder.step(Frame(t_s=0.0, image=np.zeros((10, 10, 3), np.uint8)), state(0.0), [], now_s=0.0)
+    assert answer.confidence == 0
 
 
 def lane(t_s: float, confidence: float = 0.9, offset_m: float | None = 0.5) -> SteeringEstimate:
@@ -268,10 +268,10 @@ def test_a_rendered_car_is_found_where_it_is(renderer: Renderer, gap_m: float, a
         pose = (*road.position(rear_m, aside_m), road.heading_at(rear_m))
         here = (*road.position(station_m, 0.0), road.heading_at(station_m))
         image = renderer.render(*here, t_s=t_s, station_m=station_m, lead=pose)
-        said = finder.step(Frame(t_s=t_s, image=image), state(t_s, speed_mps=0.0), [], now_s=t_s)
-    assert said.confidence > 0.6
-    assert said.distance_m == pytest.approx(gap_m, rel=0.15, abs=0.6)
-    assert said.lateral_m == pytest.approx(aside_m, abs=0.35)
+        answer = finder.step(Frame(t_s=t_s, image=image), state(t_s, speed_mps=0.0), [], now_s=t_s)
+    assert answer.confidence > 0.6
+    assert answer.distance_m == pytest.approx(gap_m, rel=0.15, abs=0.6)
+    assert answer.lateral_m == pytest.approx(aside_m, abs=0.35)
 
 
 def test_an_empty_rendered_road_has_no_vehicle(renderer: Renderer) -> None:

@@ -1,4 +1,4 @@
-"""Claims about the canonical view."""
+"""The canonical view of a camera."""
 
 import math
 
@@ -19,7 +19,7 @@ LANE = Lane(offset_m=0.3, heading_rad=0.02, curvature_1pm=0.01, curvature_rate_1
 
 
 def ground_picture(camera: Camera) -> np.ndarray:
-    """What ``camera`` sees of a smooth pattern painted on the road."""
+    """The image of ``camera`` of a smooth pattern painted on the road."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px]
     x, y = camera.road_from_pixel(np.column_stack([u.ravel(), v.ravel()])).T
     scale = camera.height_m / CAMERA.height_m  # the pattern grows with the camera's height
@@ -56,7 +56,7 @@ def test_every_camera_gives_the_same_canonical_image_of_the_same_scene(change):
     seen = CanonicalView(camera, CANONICAL).image(ground_picture(camera)).astype(float)
     wanted = CanonicalView(CAMERA, CANONICAL).image(ground_picture(CAMERA)).astype(float)
     below_horizon = slice(16, 50)
-    common = (seen.min(axis=2) > 0)[below_horizon]  # the other camera does not see everything
+    common = (seen.min(axis=2) > 0)[below_horizon]  # the other camera does not cover the whole image
     assert common.mean() > 0.8
     assert np.abs(seen - wanted)[below_horizon][common].mean() < 4
 

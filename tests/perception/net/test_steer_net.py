@@ -120,7 +120,7 @@ def test_an_image_without_a_road_gives_no_estimate_and_a_reason(net, kind):
 
 
 def faded(image: np.ndarray, kind: str, strength: float) -> np.ndarray:
-    """``image`` in the dark, in fog or over-exposed; 0 leaves it, 1 leaves nothing of it."""
+    """``image`` in the dark, in fog or over-exposed; 0 leaves it, 1 removes it completely."""
     grey = {"dark": 0.0, "fog": 205.0, "glare": 255.0}[kind]
     return cv2.addWeighted(image, 1 - strength, np.full_like(image, grey), strength, 0)
 

@@ -112,7 +112,7 @@ def test_a_stripe_filter_responds_to_ten_centimetres_of_paint_and_to_no_step(nam
             assert np.median(view.ground(np.column_stack([columns, rows]))[:, 1]) == pytest.approx(
                 1.0, abs=0.06
             )
-    # A second derivative has half a stripe's response beside a step.
+    # A second derivative has half a stripe's response next to a step.
     assert found["step"] < (0.5 if name == "oriented" else 0.25) * found["stripe"]
 
 
@@ -182,7 +182,7 @@ def sides(lane):
 @pytest.mark.parametrize("name", ["brightness", "patch_colour"])
 def test_the_road_ahead_is_found_without_markings_in_any_light(name, gain):
     """Overlap of at least 0.9 with the true road up to 25 m (B13, B15)."""
-    soil = (90, 140, 190)  # grass is as bright as asphalt: brightness alone does not tell it
+    soil = (90, 140, 190)  # grass is as bright as asphalt: brightness alone does not separate them
     image, truth = road_of(verge=soil if name == "brightness" else None)
     image = np.clip(image * gain, 0, 255).astype(np.uint8)
     seen = FEATURES[name](image, VIEW)

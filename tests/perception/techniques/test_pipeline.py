@@ -200,8 +200,8 @@ def test_an_error_in_a_pipeline_names_its_place(text, message, tmp_path):
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_stage_has_a_docstring_and_typed_settings_with_defaults(kind):
     for name, entry in KINDS[kind].items():
-        told = (entry.__doc__ or "") + (getattr(getattr(entry, "step", None), "__doc__", "") or "")
-        assert len(told) > 60, name
+        description = (entry.__doc__ or "") + (getattr(getattr(entry, "step", None), "__doc__", "") or "")
+        assert len(description) > 60, name
         assert settings_of(entry)() is not None
 
 

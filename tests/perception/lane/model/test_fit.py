@@ -103,7 +103,9 @@ def test_a_third_of_outliers_moves_the_fit_by_centimetres_only():
 def test_a_pitching_camera_is_distinguished_from_a_widening_lane():
     mean = np.array([0.0, 0.0, 0.0, 0.0, 3.5, 0.0])
     points, side = boundary_points(mean)
-    grown = 1 + 0.01 * (points.x_m - CAMERA.x_m) / CAMERA.height_m  # looks 0.01 rad further down than it says
+    grown = (
+        1 + 0.01 * (points.x_m - CAMERA.x_m) / CAMERA.height_m
+    )  # points 0.01 rad further down than its pitch
     seen = replace(points, x_m=CAMERA.x_m + (points.x_m - CAMERA.x_m) * grown, y_m=points.y_m * grown)
     fitted = fit_lane(seen, side, SETTINGS.prior.lane, mean, CAMERA, SETTINGS.fit)
     assert fitted.state.mean[PITCH] == pytest.approx(0.01, abs=0.002)

@@ -1,4 +1,4 @@
-"""Every boundary model fits its own family, in spite of outliers, and says when there is nothing (B08–B32)."""
+"""Every boundary model fits its own family, in spite of outliers, and reports a missing boundary (B08–B32)."""
 
 import math
 
@@ -69,7 +69,7 @@ def test_each_model_fits_its_own_family_to_a_pixel(name):
 def test_each_model_joins_dashes(name):
     course: Course = (
         STRAIGHT if name == "pchip" else FAMILIES[name][1]
-    )  # it cannot know what an S does in a gap
+    )  # the course of an S in a gap is undetermined
     assert max(errors_px(fit(name, features(course, dashes=True)), course)) < 2.0
 
 

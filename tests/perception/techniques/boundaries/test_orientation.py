@@ -1,4 +1,4 @@
-"""Claims about the direction of texture and the vanishing point that it tells."""
+"""The direction of texture and the vanishing point computed from it."""
 
 import numpy as np
 import pytest

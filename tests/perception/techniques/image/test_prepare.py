@@ -93,7 +93,7 @@ def test_the_adaptive_projection_has_at_least_1_5_times_the_contrast_of_luminanc
 
 
 def test_the_discriminant_is_that_of_fisher():
-    """Checked by what defines it: no other direction has a larger ratio of the scatters between and within."""
+    """Checked by its definition: no other direction has a larger ratio of the scatters between and within."""
     one, other = RNG.normal(0, (1, 4, 9), (400, 3)), RNG.normal((3, 3, 3), (2, 5, 7), (400, 3))
     weights = discriminant(one, other)
 

@@ -95,7 +95,7 @@ def test_half_of_all_frames_lost_raises_the_error_by_less_than_half(name):
     with_all = errors(name, lambda n, b: b, seconds=8)
     with_half = errors(name, lambda n, b: NOTHING if lost[n] else b, seconds=8)
     assert np.isfinite(with_half).all()
-    # What steers is the place eight metres ahead.
+    # The place eight metres ahead determines the steering.
     ahead_all, ahead_half = ((off[:, 0] + 8 * off[:, 1]).mean() for off in (with_all, with_half))
     assert ahead_half < 1.5 * ahead_all
 
