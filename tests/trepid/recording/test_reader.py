@@ -40,7 +40,7 @@ def written(path: Path, *, began_s: float | None = None) -> Path:
 
 
 def foreign(path: Path, key: str, name: str, text: str, data: bytes) -> Path:
-    """A recording that somebody else wrote."""
+    """A recording written by another program."""
     with path.open("wb") as file:
         writer = Writer(file, compression=CompressionType.NONE)
         writer.start(profile="ros2", library="another")
@@ -68,7 +68,7 @@ def test_only_the_requested_topics_and_times_are_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7, 0.9, 0.999])
 def test_a_truncated_recording_is_read_up_to_its_last_complete_chunk(tmp_path: Path, share: float) -> None:
-    """Power is lost at any byte: all but the last second or so of what was on the disk is there."""
+    """Power is lost at any byte: the data on the disk is readable up to about the last second."""
     whole = written(tmp_path / "whole.mcap", began_s=100.0).read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: int(share * len(whole))])

@@ -30,10 +30,10 @@ def record(path: Path, *, patience_s: float = 5) -> None:
         open_bus("car", time.monotonic, connect=endpoint) as vehicle,
         BusRecorder(path, launcher) as recording,
     ):
-        heard = launcher.latest(VEHICLE_STATE)
+        received = launcher.latest(VEHICLE_STATE)
         send_state, send_command = vehicle.publisher(VEHICLE_STATE), vehicle.publisher(COMMAND)
         deadline_s = time.monotonic() + patience_s
-        while heard.take() is None and time.monotonic() < deadline_s:
+        while received.take() is None and time.monotonic() < deadline_s:
             send_state(STATE)
             time.sleep(0.02)
         send_command(COMMAND_SENT)
