@@ -1,4 +1,4 @@
-"""A recording tells by which rules each decision was made, also when they were changed while driving."""
+"""A recording identifies the rules of each decision, also when they were changed while driving."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,16 +34,16 @@ def record_a_change(path: Path) -> None:
         rules = FearRules.load(changed)
         drive.supervisor.adopt(rules)
         announcement.of(News(rules, "", OTHER), from_s=drive.now_s)
-        said = Diagnostic(
+        diagnostic = Diagnostic(
             t_s=drive.now_s,
             process="supervisor",
             health=Health.OK,
             message="",
             values=announcement.values(),
         )
-        file.add(DIAGNOSTICS.key, to_cdr(said), at_s=drive.now_s)
+        file.add(DIAGNOSTICS.key, to_cdr(diagnostic), at_s=drive.now_s)
         drive_on(5)
-    assert announcement.values() == (), "it is told once"
+    assert announcement.values() == (), "it is announced once"
 
 
 def test_every_decision_is_explained_by_the_rules_that_it_was_made_by(tmp_path: Path) -> None:

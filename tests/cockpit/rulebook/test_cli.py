@@ -1,4 +1,4 @@
-"""``trepid fear``: exit codes, JSON fields, and checks that find what is wrong."""
+"""``trepid fear``: exit codes, JSON fields, and checks that find the errors."""
 
 import json
 from pathlib import Path
@@ -72,10 +72,10 @@ def test_a_failed_check_exits_with_1_and_lists_the_problems(tmp_path: Path) -> N
 
 def test_a_passed_check_reports_the_bound_on_the_rate_of_fear() -> None:
     code, out = fear("check", str(FILE))
-    told = json.loads(fear("check", str(FILE), "--json")[1])
+    answer = json.loads(fear("check", str(FILE), "--json")[1])
     assert code == 0
-    assert told["problems"] == []
-    assert told["lipschitz"].keys() == set(RULES.names)
+    assert answer["problems"] == []
+    assert answer["lipschitz"].keys() == set(RULES.names)
     assert all(f"of {name}\n" in out for name in RULES.names)
 
 
@@ -88,18 +88,18 @@ def test_many_files_are_checked_at_once_and_one_bad_one_fails_them(tmp_path: Pat
 
 
 def test_explain_gives_the_fields_of_the_design() -> None:
-    told = explain("disagreement=2")
-    assert list(told)[:7] == ["fear", "level", "memberships", "rules", "cause", "speed_factor", "mode"]
-    assert set(told["rules"][0]) == {"text", "strength"}
-    assert set(told["memberships"]) == {*RULES.names, "fear"}
-    assert set(told["memberships"]["disagreement"]) == {"very_low", "low", "medium", "high", "very_high"}
-    assert told["cause"] == "disagreement"
-    assert told["fear"] == RULES.evaluate({**calmest(RULES), "disagreement": 2.0}).fear
+    answer = explain("disagreement=2")
+    assert list(answer)[:7] == ["fear", "level", "memberships", "rules", "cause", "speed_factor", "mode"]
+    assert set(answer["rules"][0]) == {"text", "strength"}
+    assert set(answer["memberships"]) == {*RULES.names, "fear"}
+    assert set(answer["memberships"]["disagreement"]) == {"very_low", "low", "medium", "high", "very_high"}
+    assert answer["cause"] == "disagreement"
+    assert answer["fear"] == RULES.evaluate({**calmest(RULES), "disagreement": 2.0}).fear
 
 
 def test_explain_of_all_calm_and_all_worst_values() -> None:
     ends = [explain(*(f"{n}={x}" for n, x in point.items())) for point in (calmest(RULES), worst(RULES))]
-    assert [(told["fear"], told["mode"], told["speed_factor"]) for told in ends] == [
+    assert [(answer["fear"], answer["mode"], answer["speed_factor"]) for answer in ends] == [
         (0, "KEEP", 1),
         (1, "STOP", 0),
     ]
@@ -107,14 +107,14 @@ def test_explain_of_all_calm_and_all_worst_values() -> None:
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-inf"])
 def test_explain_takes_a_text_without_a_number_as_missing(text: str) -> None:
-    told = explain(f"brightness={text}")
-    assert (told["fear"], told["cause"]) == (1, "image_statistics_lost")
+    answer = explain(f"brightness={text}")
+    assert (answer["fear"], answer["cause"]) == (1, "image_statistics_lost")
 
 
 def test_explain_assumes_inputs_that_are_not_given_calm_and_lists_them() -> None:
-    told = explain("speed=3", "brightness=0.05")
-    assert (told["mode"], told["cause"]) == ("CAUTION", "dark")
-    assert told["assumed_calm"] == [n for n in RULES.names if n not in ("speed", "brightness")]
+    answer = explain("speed=3", "brightness=0.05")
+    assert (answer["mode"], answer["cause"]) == ("CAUTION", "dark")
+    assert answer["assumed_calm"] == [n for n in RULES.names if n not in ("speed", "brightness")]
     out = fear("explain", str(FILE), "speed=3", "brightness=0.05")[1]
     assert f"assumed calm, because not given: {len(RULES.names) - 2} of {len(RULES.names)} inputs" in out
     everything = [f"{name}={value}" for name, value in calmest(RULES).items()]

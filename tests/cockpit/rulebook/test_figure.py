@@ -1,4 +1,4 @@
-"""Pictures of rule files: what is drawn is what the rules say, and it can be read."""
+"""Pictures of rule files agree with the rules and are legible."""
 
 import itertools
 import subprocess

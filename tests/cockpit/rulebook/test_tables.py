@@ -1,4 +1,4 @@
-"""The pages that are drawn from the code say what the code says."""
+"""The pages generated from the code are current."""
 
 from pathlib import Path
 
