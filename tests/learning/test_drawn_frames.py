@@ -83,7 +83,7 @@ def test_a_mirrored_frame_shows_the_mirror_image_of_the_road():
 
 
 def test_the_labels_place_the_lane_lines_in_the_picture():
-    """Along the labelled right edge of the lane the picture has an edge or a line: more change than beside it."""
+    """Along the labelled right edge of the lane the picture has an edge or a line: more change than next to it."""
     at, beside = [], []
     for sample in SAMPLES:
         if not sample.visible or sample.image.std() < 25:

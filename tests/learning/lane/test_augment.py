@@ -56,8 +56,8 @@ def test_images_keep_their_size_and_type(seed):
 @pytest.mark.parametrize("raised", [0.8, 1.0, 1.3])
 def test_the_lane_from_another_height_is_inverted_by_inference(raised):
     camera = CAMERA.model_copy(update=dict(height_m=raised * CAMERA.height_m))
-    believed = Augmenter(CALM, CANONICAL, lookahead_m=10.0).lane_from(LANE, raised)
-    back = CanonicalView(camera, CANONICAL).lane(lane_of_row(believed, 10.0))
+    shifted = Augmenter(CALM, CANONICAL, lookahead_m=10.0).lane_from(LANE, raised)
+    back = CanonicalView(camera, CANONICAL).lane(lane_of_row(shifted, 10.0))
     assert row_of_lane(back, 10.0) == pytest.approx(LANE, abs=1e-6)
 
 

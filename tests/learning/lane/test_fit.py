@@ -32,7 +32,7 @@ def stripes(count: int, seed: int) -> Labelled:
 
 
 def fit(tmp_path, recipe=TINY, resume=False):
-    said = []
+    lines = []
     network, progress = train(
         recipe,
         stripes(96, 0),
@@ -40,9 +40,9 @@ def fit(tmp_path, recipe=TINY, resume=False):
         canonical=CANONICAL,
         checkpoint=tmp_path / "c.pt",
         resume=resume,
-        report=said.append,
+        report=lines.append,
     )
-    return network, progress, said
+    return network, progress, lines
 
 
 def test_the_command_row_is_pure_pursuit():
@@ -52,11 +52,11 @@ def test_the_command_row_is_pure_pursuit():
 
 
 def test_training_is_the_same_twice_and_the_loss_falls(tmp_path):
-    one, progress, said = fit(tmp_path)
+    one, progress, lines = fit(tmp_path)
     two, *_ = fit(tmp_path)
-    assert progress.epoch == 2 and len(said) == 2 and "epoch 2/2" in said[1]
+    assert progress.epoch == 2 and len(lines) == 2 and "epoch 2/2" in lines[1]
     assert all(torch.equal(a, b) for a, b in zip(one.parameters(), two.parameters(), strict=True))
-    losses = [float(text.split("loss")[1].split()[0]) for text in said]
+    losses = [float(text.split("loss")[1].split()[0]) for text in lines]
     assert losses[1] < losses[0]
 
 
@@ -76,8 +76,8 @@ def test_a_resumed_training_equals_one_in_one_go(tmp_path, monkeypatch):
             resume=False,
             report=interrupt,
         )
-    resumed, progress, said = fit(tmp_path, resume=True)
-    assert progress.epoch == 2 and len(said) == 1
+    resumed, progress, lines = fit(tmp_path, resume=True)
+    assert progress.epoch == 2 and len(lines) == 1
     assert all(torch.equal(a, b) for a, b in zip(whole.parameters(), resumed.parameters(), strict=True))
 
 

@@ -32,10 +32,10 @@ def test_calibrated_confidence_is_the_share_of_good_estimates_for_any_scale_of_s
 def test_an_overconfident_network_is_miscalibrated_before_and_not_after():
     sigma, error = drawn(20_000, 3, 3.0)
     good = np.abs(error) < TOLERANCE_RAD
-    believed = np.array([math.erf(TOLERANCE_RAD / s / math.sqrt(2)) for s in sigma])
+    nominal = np.array([math.erf(TOLERANCE_RAD / s / math.sqrt(2)) for s in sigma])
     calibration = calibrate(sigma, error, tolerance_rad=TOLERANCE_RAD)
     confidence = np.array([calibration.probability(s) for s in sigma])
-    assert expected_calibration_error(believed, good) > 0.2
+    assert expected_calibration_error(nominal, good) > 0.2
     assert expected_calibration_error(confidence, good) < 0.05
 
 

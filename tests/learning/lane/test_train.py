@@ -1,4 +1,4 @@
-"""Claims about the frames that the network learns from, and about `trepid train` without torch."""
+"""The frames for the training of the network, and about `trepid train` without torch."""
 
 import importlib.util
 from pathlib import Path
@@ -21,7 +21,7 @@ SHOT = Shot(CAMERA, CANONICAL, lookahead_m=10.0, frames_per_road=2)
 
 
 def silent(text: str) -> None:
-    """Progress that nobody reads."""
+    """Progress output that is discarded."""
 
 
 def frames(folder: Path, count: int, *, split: str = "train", reuse: bool = False) -> Labelled:
