@@ -1,4 +1,4 @@
-"""The ``sim`` verbs: what they print, where, and with which exit code."""
+"""The ``sim`` verbs: their output, its stream, and the exit codes."""
 
 import json
 

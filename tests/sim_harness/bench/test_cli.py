@@ -1,4 +1,4 @@
-"""The ``bench`` verb runs known benchmarks, refuses others, and keeps results when told to."""
+"""The ``bench`` verb runs known benchmarks, refuses others, and stores results with ``--save``."""
 
 import importlib
 import json

@@ -1,4 +1,4 @@
-"""The benchmark of the loop counts what was driven, by both clocks, and sets the peers beside it."""
+"""The benchmark of the loop counts the driven time by both clocks and lists the peers."""
 
 import pytest
 

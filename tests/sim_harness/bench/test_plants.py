@@ -1,4 +1,4 @@
-"""The benchmark of the plants counts what really stepped and leaves out what is not installed."""
+"""The benchmark of the plants counts executed steps and leaves out peers that are not installed."""
 
 import sys
 
@@ -39,7 +39,7 @@ def test_a_step_of_the_batch_counts_for_each_vehicle_and_no_peer_means_no_ratio(
 
 
 def test_every_contestant_moves_its_vehicle():
-    """What is counted is a step: with nothing to do, the rate would mean nothing."""
+    """A counted step moves the vehicle: without motion the rate would have no meaning."""
     calls = []
     assert bench.steps_per_s(calls.append) > 0
     assert calls == list(range(len(calls)))

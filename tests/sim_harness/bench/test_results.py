@@ -1,4 +1,4 @@
-"""The pages of docs/results and the table of the README are what their stored rows give."""
+"""The pages of docs/results and the table of the README are generated from their stored rows."""
 
 from pathlib import Path
 

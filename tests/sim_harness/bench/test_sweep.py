@@ -1,4 +1,4 @@
-"""The promises of sweeps: one hash under load, whatever runs where."""
+"""Sweeps give one hash under load, independent of the process."""
 
 import pytest
 

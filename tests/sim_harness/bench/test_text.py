@@ -1,4 +1,4 @@
-"""Benchmarks in the terminal: contestants beside each other, and nothing swallowed."""
+"""Benchmarks in the terminal: contestants next to each other, and no figure left out."""
 
 from rich.console import Console
 

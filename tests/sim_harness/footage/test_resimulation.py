@@ -1,4 +1,4 @@
-"""Real footage as a simulator, proved on rendered footage, of which the view from beside is known."""
+"""Real footage as a simulator, checked on rendered footage with known laterally shifted views."""
 
 import math
 import os
@@ -129,7 +129,7 @@ def test_sky_and_ground_meet_on_the_horizon():
 
 
 def test_pixels_without_data_are_counted():
-    # A camera above the axle that looks along the road only turns: what it newly sees are columns.
+    # A camera above the axle that points along the road only turns: columns are uncovered.
     level = CAMERA.model_copy(update={"x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0, "pitch_down_rad": 0.0})
     _, turned = Reprojection(level).view(RECORDED, Shift(yaw_rad=0.1))
     left_rad = math.atan(CAMERA.cx_px / CAMERA.fx_px)

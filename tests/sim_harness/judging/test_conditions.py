@@ -1,4 +1,4 @@
-"""Sentences over time: what they mean by hand, by brute force and by rtamt; and what a wrong one is told."""
+"""Sentences over time: robustness by hand, by brute force and by rtamt; errors of wrong sentences."""
 
 import math
 
@@ -20,7 +20,7 @@ RULES = FearRules.load(CONFIG_DIR / "fear.yaml")
 
 
 def run(n=11, labels=None, start_s=0.0, **signals):
-    """A trace of ``n`` samples every 0.1 s; what is not given is absent."""
+    """A trace of ``n`` samples every 0.1 s; signals that are not given are absent."""
     columns = {name: np.full(n, np.nan) for name in column_names(("cv", "cnn"))}
     for name in ("departures", "interventions", "collisions"):
         columns[name] = np.zeros(n)
@@ -30,9 +30,11 @@ def run(n=11, labels=None, start_s=0.0, **signals):
     }
     words = {}
     for label in ("section", "mode", "stop", "cause", "path_source"):
-        said = (labels or {}).get(label, ["-"] * n)
-        words[label] = tuple(dict.fromkeys(word for word in said if word is not None))
-        columns[label] = np.array([-1 if word is None else words[label].index(word) for word in said], float)
+        column = (labels or {}).get(label, ["-"] * n)
+        words[label] = tuple(dict.fromkeys(word for word in column if word is not None))
+        columns[label] = np.array(
+            [-1 if word is None else words[label].index(word) for word in column], float
+        )
     return Trace(columns, words)
 
 
@@ -170,7 +172,7 @@ def test_an_absent_signal_is_not_judged_and_its_absence_can_be_a_condition():
     assert robustness("time_gap is known", trace) == -math.inf
     assert robustness("time_gap is known from t = 0.2 s on", trace) == math.inf
     assert robustness("fear is not unknown after 0.1 s", trace) == math.inf
-    # One that is false decides a pair, one that is true an alternative; else nothing is claimed.
+    # A false operand decides a conjunction, a true one a disjunction; else the result is open.
     assert robustness("speed <= 9 and time_gap >= 3 s at t = 0 s", trace) == -1.0
     assert robustness("speed >= 9 or time_gap >= 3 s at t = 0 s", trace) == 1.0
     for pair in ("speed >= 9 and time_gap >= 3 s", "speed <= 9 or time_gap >= 3 s"):
@@ -275,7 +277,7 @@ def test_robustness_agrees_with_rtamt(ours, theirs, seed):
         specification.declare_var(name, "float")
     specification.spec = f"out = {theirs}"
     specification.parse()
-    # A scope is true or false by infinity, so that robustness stays that of what is claimed.
+    # A scope is true or false by infinity, so that robustness stays that of the claim.
     infinite = np.where(active > 0, 1e9, -1e9)
     rows = {
         "time": list(range(41)),

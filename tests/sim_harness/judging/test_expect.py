@@ -1,4 +1,4 @@
-"""What is expected of a run, and how it is judged."""
+"""The expect block of a scenario and its verdict."""
 
 from dataclasses import replace
 

@@ -70,7 +70,7 @@ def test_samples_within_three_seconds_of_a_departure_are_followed_by_it():
     assert followed.sum() == 30  # 7.0 s up to 9.9 s
     assert len(fear) == 170  # up to the last 3 s, after which all may happen
     fear, followed = fear_and_departure(trace(departures=counted(19.0)))
-    assert (len(fear), followed.sum()) == (190, 30)  # but what did happen is known
+    assert (len(fear), followed.sum()) == (190, 30)  # but earlier events are known
 
 
 def test_fear_of_a_vehicle_that_stands_is_neither_right_nor_wrong():

@@ -1,4 +1,4 @@
-"""What is left until something goes wrong, against values worked out by hand."""
+"""Margins to contact and to the lane edge, against values worked out by hand."""
 
 import math
 

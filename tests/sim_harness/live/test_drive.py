@@ -18,7 +18,7 @@ from trepid.config import ROOT
 PROCESSES = ("vehicle", "camera", "cv", "cnn", "lead", "supervisor", "controller")
 # A quarter of the kilometre: painting all of it takes a second.
 SHORT_ROAD = ("--scenario", "straight", "--set", "segments=[{length_m: 250}]", "--set", "distance_m=200")
-STARVED_MS = 90.0  # three times what two idle cores take; with its tail no frame is fresh
+STARVED_MS = 90.0  # three times the duration on two idle cores; with its tail no frame is fresh
 STALLED_MS = 250.0  # six frames; half a second of silence is a lost process, for which a stop is final
 pytestmark = pytest.mark.processes
 
@@ -68,7 +68,7 @@ class LiveDrive:
                 parent = int((path / "stat").read_text().rsplit(")", 1)[1].split()[1])
                 arguments = (path / "cmdline").read_text().split("\0")
             except (FileNotFoundError, ProcessLookupError):
-                continue  # it ended while we looked
+                continue  # it ended during the search
             if parent == self.popen.pid and "-m" in arguments:
                 pids[json.loads(arguments[3])["name"]] = int(path.name)
         return pids

@@ -1,4 +1,4 @@
-"""The simulated camera: what it photographs, and what its faults do to the frames."""
+"""The simulated camera: its pictures, and the effect of its faults on the frames."""
 
 from itertools import pairwise
 
@@ -15,14 +15,14 @@ PERIOD_S = 0.04
 
 
 class Painter:
-    """Draws the time into the picture and remembers what it was asked for."""
+    """Draws the number of the call into the picture and records its arguments."""
 
     def __init__(self):
-        self.asked = []
+        self.calls = []
 
     def render(self, *pose, **how):
-        self.asked.append((pose, how))
-        return np.full((2, 2, 3), 1 + len(self.asked), np.uint8)
+        self.calls.append((pose, how))
+        return np.full((2, 2, 3), 1 + len(self.calls), np.uint8)
 
 
 def frames(*faults, count=10, traffic=(), **fields):
@@ -40,23 +40,23 @@ def frames(*faults, count=10, traffic=(), **fields):
 def test_every_frame_shows_the_true_pose_at_its_own_time():
     taken, painter = frames(x_m=3.0, y_m=1.0, yaw_rad=0.2, station_m=9.0)
     assert [frame.t_s for _, frame in taken] == [t_s for t_s, _ in taken]
-    pose, how = painter.asked[0]
+    pose, how = painter.calls[0]
     assert pose == (3.0, 1.0, 0.2)
     assert how == {"station_m": 9.0, "t_s": 100.0, "vehicles": [], "motion": STILL}
 
 
 def test_every_other_vehicle_is_in_the_picture_with_its_shape():
-    """The painter gets them as the truth has them, whatever the station of ours."""
+    """The painter receives their true poses, independent of our station."""
     traffic = [{"gap_m": 10.0}, {"gap_m": 30.0, "shape": "truck"}]
     places = dict(traffic_x_m=(20.0, 40.0), traffic_y_m=(0.5, 3.0), traffic_yaw_rad=(0.1, 0.0))
     _, painter = frames(traffic=traffic, **places)
-    drawn = painter.asked[0][1]["vehicles"]
+    drawn = painter.calls[0][1]["vehicles"]
     assert drawn == [((20.0, 0.5, 0.1), BODIES["car"]), ((40.0, 3.0, 0.0), BODIES["truck"])]
 
 
 def test_the_renderer_receives_the_motion_of_the_camera():
     _, painter = frames(speed_mps=8.0, yaw_rate_radps=0.1)
-    assert painter.asked[0][1]["motion"] == Motion(8.0, 0.1)
+    assert painter.calls[0][1]["motion"] == Motion(8.0, 0.1)
 
 
 def test_without_a_renderer_shots_have_the_truth_and_no_frame():

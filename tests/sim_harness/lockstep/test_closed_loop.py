@@ -45,7 +45,7 @@ class WatchedCamera(SimulatedCamera):
 
 
 class Seer:
-    """Knows the lane behind a frame; blind when the frame is black."""
+    """Returns the true lane of a frame; no lane when the frame is black."""
 
     def __init__(self, name, camera):
         self.name, self.camera = name, camera
@@ -216,7 +216,7 @@ def test_after_a_cut_in_the_time_gap_grows_to_a_safe_one():
 
 
 def test_behind_a_vehicle_that_leaves_the_lane_a_standing_car_is_detected():
-    """Cut-out: the sensor sees only the nearest, and the standing car once the other has made way."""
+    """Cut-out: the sensor measures only the nearest vehicle, the standing car after the other has left."""
     leaver = {"gap_m": 16, "speed_mps": 7, "phases": [{"kind": "change_lane", "at_s": 3, "to_lane": 1}]}
     scenario = with_true_sight(start={"speed_mps": 7}, traffic=[leaver, {"gap_m": 75}], duration_s=40)
     trace = run(scenario).trace
@@ -236,11 +236,11 @@ def test_conditions_are_judged_and_name_the_event():
 
 
 def test_two_equally_biased_estimators_are_not_detected():
-    """Nobody can tell a common lie: the car drives beside the lane centre by as much, unafraid."""
-    lies = [
+    """An equal bias of both estimators is not detectable: the car drives off the centre by it at low fear."""
+    biases = [
         {"kind": "estimator_bias", "estimator": name, "lateral_m": 0.45, "from_s": 6}
         for name in ("cv", "cnn")
     ]
-    alike = run(with_true_sight(faults=lies, lane_width_m=4.0)).trace
+    alike = run(with_true_sight(faults=biases, lane_width_m=4.0)).trace
     assert alike["lateral_offset_m"][-1] == pytest.approx(-0.45, abs=0.05)
     assert alike["decision.fear"][-1] < 0.3

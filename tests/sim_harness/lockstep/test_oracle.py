@@ -1,4 +1,4 @@
-"""Sight without a camera: exact, and nothing to fear."""
+"""Sight without a camera: exact, with image statistics that cause no fear."""
 
 import pytest
 from trace_rig import truth
@@ -27,12 +27,12 @@ def test_its_clothoid_has_the_curvature_of_the_road_at_the_axle_and_at_the_look_
 
 
 def test_the_statistics_of_the_oracle_cause_no_fear():
-    """With every other input at its calm end, fear is what it is for a perfect picture: none."""
+    """With every other input at its calm end, fear is 0 as for a perfect picture."""
     rules = FearRules.load(CONFIG_DIR / "fear.yaml")
     calm = {
         name: one.range[0] if one.risk == "rising" else one.range[1]
         for name, one in rules.file.inputs.items()
     }
     view = clear_view(1.0)
-    told = {name: getattr(view, field) for name, field in IMAGE_FEATURES.items()}
-    assert rules.evaluate({**calm, **told}).fear == rules.evaluate(calm).fear == 0.0
+    measured = {name: getattr(view, field) for name, field in IMAGE_FEATURES.items()}
+    assert rules.evaluate({**calm, **measured}).fear == rules.evaluate(calm).fear == 0.0

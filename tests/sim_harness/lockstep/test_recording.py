@@ -21,7 +21,7 @@ from trepid.recording.reader import read_recording
 from trepid.topics import DECISION
 
 LYING = load_scenario("lying_cv", {"sight": "truth", "duration_s": "12"})
-"""From 5 s on the cv says that the car stands 0.7 m too far left."""
+"""From 5 s on the cv reports the car 0.7 m too far left."""
 CORNER = load_scenario("sharp_corner_r12", {"sight": "truth"})
 
 
@@ -48,8 +48,8 @@ def explain(*arguments: str) -> tuple[int, str]:
 
 def test_a_recorded_decision_gives_its_fear_again_with_the_rules_that_were_recorded(drive: Recall) -> None:
     for decision in drive.decisions:
-        felt = drive.rules.evaluate(dict(zip(decision.inputs, decision.input_values, strict=True)))
-        assert (felt.fear, felt.level, felt.texts, felt.strengths) == (
+        evaluated = drive.rules.evaluate(dict(zip(decision.inputs, decision.input_values, strict=True)))
+        assert (evaluated.fear, evaluated.level, evaluated.texts, evaluated.strengths) == (
             decision.fear,
             decision.level,
             decision.rules,
@@ -74,9 +74,11 @@ def test_why_did_it_slow_down_when_an_estimator_lied(drive: Recall) -> None:
     assert told_inputs["separation"]["value"] > 0.4
     assert told_inputs["separation"]["unit"] == "m"
     assert sum(told_inputs["separation"]["sets"].values()) == pytest.approx(1.0)
-    said = {item["estimator"]: item for item in answer["estimates"]}
-    assert said["cv"]["lateral_offset_m"] - said["cnn"]["lateral_offset_m"] == pytest.approx(0.7, abs=0.01)
-    assert sum(item["trust"] for item in said.values()) == pytest.approx(1.0)
+    estimates = {item["estimator"]: item for item in answer["estimates"]}
+    assert estimates["cv"]["lateral_offset_m"] - estimates["cnn"]["lateral_offset_m"] == pytest.approx(
+        0.7, abs=0.01
+    )
+    assert sum(item["trust"] for item in estimates.values()) == pytest.approx(1.0)
     modes = [(moment["mode"], moment["cause"]) for moment in answer["timeline"]]
     assert modes.index(("KEEP", "none")) < modes.index(("CAUTION", "disagreement"))
 

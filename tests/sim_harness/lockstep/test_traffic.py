@@ -1,4 +1,4 @@
-"""Other vehicles: they move as the closed forms say, and are seen where they are."""
+"""Other vehicles: they move by the closed forms, and the sensor measures their positions."""
 
 import math
 

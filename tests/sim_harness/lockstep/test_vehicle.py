@@ -20,7 +20,7 @@ QUIET = load_simulator().model_copy(
 
 
 class PassOn:
-    """A limiter that limits nothing and brakes without a command."""
+    """A limiter without limits that brakes without a command."""
 
     def step(self, command, received_s, state, *, now_s):
         return command or drive(0.0, -6.0)

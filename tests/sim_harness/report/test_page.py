@@ -183,8 +183,8 @@ def test_the_page_requests_nothing_from_the_network_and_reports_no_error(browser
     assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
     messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
     sent = [m["params"] for m in messages if m["method"] == "Network.requestWillBeSent"]
-    asked = {m["request"]["url"] for m in sent if m["documentURL"] == page_file.as_uri()}
-    assert asked == {page_file.as_uri()}
+    requested = {m["request"]["url"] for m in sent if m["documentURL"] == page_file.as_uri()}
+    assert requested == {page_file.as_uri()}
 
 
 def test_every_run_has_a_row_and_odd_names_are_only_text(browser):
@@ -202,7 +202,7 @@ def test_a_click_on_a_head_sorts_from_the_worst_and_another_turns_it(browser):
     click(browser, "th[data-name=max_lateral_error_m]")
     assert column(browser, "max_lateral_error_m") == [*falling[::-1], last]
     assert last == "–"
-    for _ in range(2):  # what is absent comes last either way
+    for _ in range(2):  # absent values come last in both orders
         click(browser, "th[data-name=min_time_gap_s]")
         assert column(browser, "min_time_gap_s")[-20:] == ["–"] * 20
 
@@ -246,8 +246,8 @@ def test_the_cursor_reads_the_run_at_its_time(browser, detail):
         """const lines = document.querySelector('#sheet-3 svg.lines'), box = lines.getBoundingClientRect();
            lines.dispatchEvent(new PointerEvent('pointermove', {clientX: box.right - 8, clientY: box.top + 20}));"""
     )
-    told = browser.find_element("css selector", "#sheet-3 .readout").text
-    assert f"t {series['t'][-1]:.2f} s" in told and f"speed {series['speed'][-1]:.2f} m/s" in told
+    readout = browser.find_element("css selector", "#sheet-3 .readout").text
+    assert f"t {series['t'][-1]:.2f} s" in readout and f"speed {series['speed'][-1]:.2f} m/s" in readout
     dot = browser.find_element("css selector", "#sheet-3 svg.map circle")
     assert float(dot.get_attribute("cx")) == pytest.approx(series["x"][-1], abs=0.01)
 

@@ -29,9 +29,9 @@ def test_the_example_of_the_documentation_is_a_road(tmp_path):
 
 
 def test_facts_of_a_road():
-    told = facts(load_road("dual_carriageway"))
-    assert told["length_m"] == 1400.0 and told["min_radius_m"] == 400.0
-    assert (told["lanes_left"], told["lanes_right"]) == (2, 1)
+    row = facts(load_road("dual_carriageway"))
+    assert row["length_m"] == 1400.0 and row["min_radius_m"] == 400.0
+    assert (row["lanes_left"], row["lanes_right"]) == (2, 1)
     assert facts(load_road("gravel_track"))["lane_width_m"] == [2.7, 3.6]
     assert facts(load_road("straight"))["min_radius_m"] is None
 

@@ -88,7 +88,7 @@ BAD = {
     "start beyond the end": (GOOD + "start: {station_m: 5e3}\n", ":5:9: start.station_m: the road runs"),
     "start beside the road": (GOOD + "start: {offset_m: 1e9}\n", ":5:9: start.offset_m: .*less than"),
     "drift without speed": (GOOD + "start: {drift_mps: 1}\n", ":5:1: start: drift_mps 1 needs"),
-    # What drives, and what goes wrong.
+    # Vehicle and faults.
     "unknown estimator": (GOOD + "estimators: [lidar]\n", ":5:14: estimators.0: no estimator 'lidar'"),
     "estimator twice": (GOOD + "estimators: [cv, cv]\n", ":5:18: estimators.1: 'cv' is named twice"),
     "unknown fault": (
@@ -123,7 +123,7 @@ BAD = {
         GOOD + "plant: {vehicle: {weelbase_m: 3}}\n",
         ":5:.*plant: .*weelbase_m",
     ),
-    # What is expected.
+    # Expectations.
     "sentence that means nothing": (
         GOOD + "expect: {conditions: ['fear is hgh']}\n",
         ":5:23: expect.conditions.0: .*column 9: no signal 'hgh'; did you mean 'high'",
@@ -152,7 +152,7 @@ BAD = {
         GOOD + "expect: {conditions: ['section is wrn']}\n",
         ":5:23: expect.conditions.0: .*column 12: no section 'wrn'",
     ),
-    # What varies.
+    # Ranges.
     "varied field that is not there": (
         GOOD + "vary: {start.ofset_m: [0, 1]}\n",
         ":5:8: vary: unknown field 'start.ofset_m'; did you mean 'offset_m'",
@@ -252,7 +252,7 @@ def mutated(data, change, place, value):
 
 
 def loads_or_is_told(path):
-    """The scenario, or None after one line that says what is wrong."""
+    """The scenario, or None after one line with the error."""
     try:
         return load_scenario(str(path))
     except InputError as error:

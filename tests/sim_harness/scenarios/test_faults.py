@@ -1,4 +1,4 @@
-"""Faults: when they are there, and what a lying estimator says."""
+"""Faults: their times, and the output of a biased estimator."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Scenario files: what they say, what they get wrong, and where."""
+"""Scenario files: their fields, and errors with their place."""
 
 import textwrap
 
@@ -139,9 +139,9 @@ def test_appearance_width_and_line_replace_those_of_the_road():
 
 
 def test_a_plant_may_differ_from_the_vehicle_of_the_controller():
-    believed = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    nominal = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     real = load_scenario("straight", {"plant.vehicle.steering_lag_s": "0.3"}).plant
-    assert real_vehicle(real, believed) == believed.model_copy(update={"steering_lag_s": 0.3})
+    assert real_vehicle(real, nominal) == nominal.model_copy(update={"steering_lag_s": 0.3})
 
 
 def test_a_shortened_scenario_keeps_only_the_expectations_that_still_apply():

@@ -29,7 +29,7 @@ PATIENCE_S = 60.0
 
 @pytest.fixture
 def files(tmp_path):
-    """A scenario of a second, and one that does not end by itself."""
+    """A scenario of a second, and a scenario that does not end by itself."""
     for name, text in (("second", SECOND), ("endless", ENDLESS)):
         (tmp_path / f"{name}.yaml").write_text(text)
     return tmp_path
@@ -52,12 +52,12 @@ def start():
 
     yield start
     for command in commands:
-        with command, suppress(ProcessLookupError):  # also what a failed test left
+        with command, suppress(ProcessLookupError):  # also those left by a failed test
             os.killpg(command.pid, signal.SIGKILL)
 
 
 def wait_for_lines(path, count):
-    """Wait until ``path`` has ``count`` lines; what decides is that they come, not when."""
+    """Wait until ``path`` has ``count`` lines; the time is not checked."""
     until_s = time.monotonic() + PATIENCE_S
     while not path.exists() or path.read_bytes().count(b"\n") < count:
         assert time.monotonic() < until_s, "the sweep does not get on"

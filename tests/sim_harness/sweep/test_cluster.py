@@ -35,13 +35,13 @@ class Dask:
         fingerprint.cache_clear()  # the workers read the code as it is now
         scheduler = self.started("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
         self.scheduler = scheduler
-        self.address = told(scheduler, r"Scheduler at:\s+(tcp://\S+)")
+        self.address = awaited_line(scheduler, r"Scheduler at:\s+(tcp://\S+)")
         self.workers = [self.worker(), self.worker()]
 
     def worker(self) -> subprocess.Popen[str]:
         options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--memory-limit", "0")
         worker = self.started("worker", self.address, *options)
-        told(worker, r"(Registered to)")
+        awaited_line(worker, r"(Registered to)")
         return worker
 
     def started(self, *arguments: str) -> subprocess.Popen[str]:
@@ -53,8 +53,8 @@ class Dask:
         return process
 
 
-def told(process, pattern):
-    """The first match in what ``process`` says."""
+def awaited_line(process, pattern):
+    """The first match in the output of ``process``."""
     for line in process.stderr:
         found = re.search(pattern, line)
         if found:

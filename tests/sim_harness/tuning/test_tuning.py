@@ -32,7 +32,7 @@ TEXT = NumberedText(FILE)
 SETTINGS = load(CONFIG_DIR / "tune.yaml", TuneSettings)
 CORNER = "inputs.separation.corner.2"
 QUICK = {"sight": "truth", "duration_s": "7"}
-"""An estimator lies from 5 s on, nothing is rendered."""
+"""An estimator is biased from 5 s on; no picture is rendered."""
 
 
 def data(text: str) -> dict:
@@ -268,7 +268,7 @@ def test_two_workers_tune_on_one_storage_are_interrupted_and_go_on(tmp_path: Pat
     counts = [
         int(line.split(": ")[1].split()[0]) for line in second.stderr.splitlines() if " of 6 trials" in line
     ]
-    assert counts[0] >= 2, "what the first session finished is there"
+    assert counts[0] >= 2, "results of the first session are kept"
     assert result["seen"]["after"]["cost"] <= result["seen"]["before"]["cost"]
     if result["out"]:
         assert not verify(FearRules.load(new)).problems

@@ -1,4 +1,4 @@
-"""Stops on a plant end where their closed form says."""
+"""Stops on a plant end at the place of their closed form."""
 
 import pytest
 from controller_rig import SETTINGS, SHUTTLE

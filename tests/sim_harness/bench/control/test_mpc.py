@@ -1,4 +1,4 @@
-"""The bench of MPC beside acados: same problems, same optimum."""
+"""The bench of MPC against acados: same problems, same optimum."""
 
 from itertools import pairwise
 
@@ -22,10 +22,10 @@ def test_a_missing_acados_is_reported_with_the_command_that_installs_it(monkeypa
 def test_the_problems_are_those_of_a_drive_and_depend_on_the_seed_only(monkeypatch):
     monkeypatch.setattr(bench, "SPEEDS_MPS", (16.0,))
     monkeypatch.setattr(bench, "S_DURATION_S", 3.0)
-    asked, again, other = (bench.recorded(SETTINGS, seed) for seed in (1, 1, 2))
-    assert len(asked) >= 140
-    assert asked == again != other
-    assert all(abs(b.now.offset_m - a.now.offset_m) < 0.2 for a, b in pairwise(asked))
+    problems, again, other = (bench.recorded(SETTINGS, seed) for seed in (1, 1, 2))
+    assert len(problems) >= 140
+    assert problems == again != other
+    assert all(abs(b.now.offset_m - a.now.offset_m) < 0.2 for a, b in pairwise(problems))
 
 
 @pytest.mark.skipif(missing() is not None, reason=str(missing()))
@@ -35,10 +35,10 @@ def test_acados_finds_the_same_plan(monkeypatch, tmp_path, name):
     monkeypatch.setattr(bench, "S_DURATION_S", 0.5)
     grid, soft = bench.grid_and_soft(SETTINGS.lateral.mpc)
     peer = Acados(tmp_path, "lane_keeping_test", grid, soft, CONFIGURATIONS[name])
-    for asked in bench.recorded(SETTINGS, 3)[::5]:
+    for problems in bench.recorded(SETTINGS, 3)[::5]:
         ours = Solver(grid, soft)
         for _ in range(12):
-            plan = ours.solve(asked.now)
-            peer.prepare(asked.now, shift=0.0, scale=1.0)
+            plan = ours.solve(problems.now)
+            peer.prepare(problems.now, shift=0.0, scale=1.0)
             assert peer.solve() == 0
         assert peer.plan() == pytest.approx(np.array(plan), abs=3e-4)  # HPIPM stops there

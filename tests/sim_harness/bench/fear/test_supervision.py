@@ -57,13 +57,13 @@ def test_the_summary_counts() -> None:
     rows.append(row(Driver.CV, clean=False, departures=2, warned_s=(2.5, 0.4)))
     # The supervised car stopped for its fear: that is no false alarm.
     heeded = {**row(SUPERVISED, clean=False), "fear_else": [0] * 99 + [1000]}
-    told = summary([*rows, heeded])
-    assert told["cv: departures"].startswith("2 in 1")
-    assert told["mishaps feared 2 s ahead, all drivers"] == "50.0 % of 2"
-    assert told["mishaps feared 2 s ahead, fused path"] is None
-    assert told["AUROC of fear, all fearless drivers"] == 1.0
-    assert told["loss of mean speed on clean roads"] == "5.0 %"
-    assert told["nuisance slow-downs on clean roads"] == "1 in 1.0 km"
+    figures = summary([*rows, heeded])
+    assert figures["cv: departures"].startswith("2 in 1")
+    assert figures["mishaps feared 2 s ahead, all drivers"] == "50.0 % of 2"
+    assert figures["mishaps feared 2 s ahead, fused path"] is None
+    assert figures["AUROC of fear, all fearless drivers"] == 1.0
+    assert figures["loss of mean speed on clean roads"] == "5.0 %"
+    assert figures["nuisance slow-downs on clean roads"] == "1 in 1.0 km"
 
 
 def test_a_warning_is_counted_from_where_it_began_and_not_across_an_intervention() -> None:

@@ -52,23 +52,23 @@ def lead(t_s: float, gap_m: float, speed_mps: float = 4.0) -> LeadVehicle:
     return LeadVehicle(t_s=t_s, distance_m=gap_m, lateral_m=0.5, speed_mps=speed_mps, confidence=1.0)
 
 
-def told(gap_m: float, *, seed: int = 1, frames: int = 8000) -> list[LeadVehicle]:
+def detections(gap_m: float, *, seed: int = 1, frames: int = 8000) -> list[LeadVehicle]:
     model = build_lead_model(seed=seed)
-    said = [model.step(lead(n * PERIOD_S, gap_m)) for n in range(frames)]
-    return [one for one in said if one is not None]
+    answers = [model.step(lead(n * PERIOD_S, gap_m)) for n in range(frames)]
+    return [one for one in answers if one is not None]
 
 
 def test_the_model_errs_and_misses_as_much_as_its_settings_say() -> None:
-    said = told(17.5)
-    seen = [one for one in said if one.distance_m is not None]
-    assert len(seen) / len(said) == pytest.approx(0.898, abs=0.08)
-    assert np.std([(one.distance_m or 0.0) / 17.5 for one in seen]) == pytest.approx(0.031, rel=0.25)
-    assert np.std([one.lateral_m or 0.0 for one in seen]) == pytest.approx(0.19, rel=0.25)
+    answers = detections(17.5)
+    valid = [one for one in answers if one.distance_m is not None]
+    assert len(valid) / len(answers) == pytest.approx(0.898, abs=0.08)
+    assert np.std([(one.distance_m or 0.0) / 17.5 for one in valid]) == pytest.approx(0.031, rel=0.25)
+    assert np.std([one.lateral_m or 0.0 for one in valid]) == pytest.approx(0.19, rel=0.25)
 
 
 def test_the_model_is_the_same_by_seed() -> None:
-    assert told(12.0, frames=100) == told(12.0, frames=100)
-    assert told(12.0, frames=100) != told(12.0, seed=2, frames=100)
+    assert detections(12.0, frames=100) == detections(12.0, frames=100)
+    assert detections(12.0, frames=100) != detections(12.0, seed=2, frames=100)
 
 
 def test_the_speed_of_the_model_lags_behind() -> None:

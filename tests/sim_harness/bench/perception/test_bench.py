@@ -1,4 +1,4 @@
-"""The bench of lane estimators: its set, its truth, its scores, and what it keeps on file."""
+"""The bench of lane estimators: its set, its truth, its scores, and its stored results."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,7 +37,7 @@ def clip() -> list[Moment]:
 
 
 def looks(frames: int = 20, **fields: float | Sequence[float]) -> np.ndarray:
-    """Looks without any error, but for ``fields``."""
+    """Rows without any error, except for ``fields``."""
     rows = np.zeros(frames, LOOK)
     rows["confidence"] = 1.0
     for name, value in fields.items():

@@ -58,7 +58,7 @@ def test_tusimple_counts_points_within_twenty_pixels_of_the_ego_lines(
 def test_overlap_with_the_road_is_intersection_over_union_where_the_label_is_known(tmp_path: Path) -> None:
     label = np.zeros((100, 100), np.uint8)
     label[50:, 20:60] = 3
-    label[:50] = 11  # void: what is said there does not count
+    label[:50] = 11  # void: not counted
     estimate = replace(
         NOTHING, left_boundary_px=upright(40, (0, 100)), right_boundary_px=upright(79, (0, 100))
     )
@@ -84,8 +84,8 @@ def test_overlap_with_the_ego_lane_is_by_its_magenta(tmp_path: Path) -> None:
 
 def test_steering_errors_are_reported_next_to_those_of_driving_straight() -> None:
     driven = [replace(picture_of_a_drive(), steering_rad=angle) for angle in np.radians([0, 10, -10, 5])]
-    said = [replace(NOTHING, road_wheel_angle_rad=angle) for angle in [*np.radians([1, 11, -9]), None]]
-    row = steering(list(zip(driven, said, strict=True)))
+    estimates = [replace(NOTHING, road_wheel_angle_rad=angle) for angle in [*np.radians([1, 11, -9]), None]]
+    row = steering(list(zip(driven, estimates, strict=True)))
     assert row["given_pct"] == 75.0
     assert row["mae_deg"] == pytest.approx(1.0)
     assert row["mae_of_straight_deg"] == pytest.approx(20 / 3)
@@ -97,8 +97,8 @@ def picture_of_a_drive() -> Picture:
 
 
 def test_widths_are_compared_with_a_lane_of_the_us() -> None:
-    said = [replace(NOTHING, lane_width_m=width, lateral_offset_m=0.1) for width in (3.7, 3.885, None)]
-    row = lane_widths([(picture_of_a_drive(), estimate) for estimate in said])
+    estimates = [replace(NOTHING, lane_width_m=width, lateral_offset_m=0.1) for width in (3.7, 3.885, None)]
+    row = lane_widths([(picture_of_a_drive(), estimate) for estimate in estimates])
     assert row["given_pct"] == pytest.approx(200 / 3)
     assert row["width_error_pct_median"] == pytest.approx(2.5)
     assert row["offset_jump_m_p95"] == 0.0
@@ -121,17 +121,17 @@ def test_the_data_folder_is_the_given_one_the_environments_or_the_neighbour(
 
 
 def test_a_set_is_judged_once_for_the_same_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
+    judged = []
 
     def pictures(folder: Path, every: int) -> Iterator[Picture]:
-        asked.append(every)
+        judged.append(every)
         yield replace(picture_of_a_drive(), image=np.zeros((240, 320, 3), np.uint8), steering_rad=0.1)
 
     (tmp_path / "set").mkdir()
     monkeypatch.setattr(real, "SETS", {"made up": real.RealSet("set", pictures, steering)})
     first = bench_real(["cv"], tmp_path, tmp_path / "out", quick=False)
     assert bench_real(["cv"], tmp_path, tmp_path / "out", quick=False) == first
-    assert asked == [1]
+    assert judged == [1]
     assert first["made up"]["cv"]["given_pct"] == 0.0
 
 

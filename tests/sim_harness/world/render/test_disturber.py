@@ -138,7 +138,7 @@ def test_fog_follows_koschmieders_law():
         foggy = frame(of("fog", grade)).astype(float)
         clear = CLEAR.astype(float)
         beta_1pm = extinction_1pm(TABLE.fog.visibility_m, grade)
-        air = (foggy[75, 160] / 255) ** 2  # the sky is nothing but air
+        air = (foggy[75, 160] / 255) ** 2  # the sky has the colour of the fog
         for ahead_m in (6.0, 12.0, 25.0):
             u, v = CAMERA.pixel_from_road([(ahead_m, 0.0)])[0]
             row, column = round(v), round(u)
