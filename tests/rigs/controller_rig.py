@@ -1,4 +1,4 @@
-"""What the controller's tests share: messages with calm defaults, and a closed loop on perfect sight."""
+"""Shared by the controller's tests: messages with calm defaults, and a closed loop on perfect sight."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What the limiter's tests share: messages with calm defaults, and limits whose edges are exact in binary."""
+"""Shared by the limiter's tests: messages with calm defaults, and limits whose edges are exact in binary."""
 
 from controller.limiter import Limiter, Limits
 from controller.limiter.inputs import Seen
@@ -48,7 +48,7 @@ def vehicle(**changes) -> Vehicle:
 
 
 def limiter(limits: Limits = AT_ONCE, car: Vehicle = SHUTTLE) -> Limiter:
-    """One that has not been stepped yet."""
+    """A limiter before its first step."""
     return Limiter(car, limits)
 
 

@@ -1,4 +1,4 @@
-"""A straight road seen from above, for tests of the painters of the ground."""
+"""A straight road in a plan view, for tests of the painters of the ground."""
 
 from dataclasses import dataclass
 

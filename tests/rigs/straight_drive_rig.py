@@ -1,4 +1,4 @@
-"""Pairs of frames of a straight drive with a known camera, drawn from a textured road seen from above."""
+"""Pairs of frames of a straight drive with a known camera, drawn from a plan view of a textured road."""
 
 import math
 from functools import cache
@@ -14,7 +14,7 @@ KNOWN = load(CONFIG_DIR / "camera.yaml", Camera)
 TRUE = KNOWN.model_copy(update={"pitch_down_rad": 0.09, "yaw_rad": -0.04, "height_m": 1.7})
 LANE_M, SPEED_MPS, PERIOD_S = 3.3, 8.0, 0.04
 WAVE_M = 40.0  # wavelength of the sway of the vehicle
-PIXEL_M, LENGTH_M, HALF_M = 0.02, 110.0, 8.0  # of the road seen from above
+PIXEL_M, LENGTH_M, HALF_M = 0.02, 110.0, 8.0  # of the plan view of the road
 ROAD_HALF_M, LINE_M = 3.0, 0.12
 FINER = 3  # oversampling of a frame
 GREY, WHITE, YELLOW, GRASS, SKY = (105,) * 3, (225,) * 3, (60, 180, 225), (60, 120, 80), (220, 180, 150)

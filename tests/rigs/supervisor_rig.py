@@ -61,12 +61,12 @@ STATE = VehicleState(
 
 @dataclass
 class Drive:
-    """A supervisor fed with fresh messages at 25 Hz; what is set to None is silent from then on."""
+    """A supervisor fed with fresh messages at 25 Hz; a message set to None is missing from then on."""
 
     supervisor: Supervisor = field(default_factory=build)
     now_s: float = 0.0
     speed_mps: float = 0.0
-    said: dict[str, Any] = field(default_factory=dict)  # the last message of every sender
+    latest: dict[str, Any] = field(default_factory=dict)  # the last message of every sender
 
     def frame(
         self,
@@ -80,11 +80,11 @@ class Drive:
         self.now_s += FRAME_S
         seen_s = self.now_s - LATENCY_S
         if state is not None:
-            self.said["state"] = replace(state, t_s=self.now_s - 0.01, speed_mps=self.speed_mps)
+            self.latest["state"] = replace(state, t_s=self.now_s - 0.01, speed_mps=self.speed_mps)
         for name, message in (("cv", cv), ("cnn", cnn), ("statistics", statistics), ("lead", lead)):
             if message is not None:
-                self.said[name] = replace(message, t_s=seen_s)
-        get = self.said.get
+                self.latest[name] = replace(message, t_s=seen_s)
+        get = self.latest.get
         return self.supervisor.step(
             {"cv": get("cv"), "cnn": get("cnn")},
             get("statistics"),
