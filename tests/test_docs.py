@@ -28,4 +28,4 @@ def test_every_page_that_code_or_configuration_names_exists() -> None:
         for page in PAGE_OF_SOURCE.findall(path.read_text(encoding="utf-8"))
     }
     assert [page for page in sorted(named) if not (ROOT / page).is_file()] == []
-    assert named  # the search finds what it looks for
+    assert named  # the search finds a name

@@ -110,7 +110,7 @@ def options_of(command: typer.core.TyperCommand) -> set[str]:
 
 
 def check(documented: Documented) -> None:
-    """Raise what the command line raises for these words; nothing is executed."""
+    """Raise what the command line raises for these words; no command is executed."""
     verb, command, rest = resolved(documented.words[1:])
     if documented.inline or SYNOPSIS.search(" ".join(rest)):
         named = set(re.findall(r"--[a-z][a-z-]*", " ".join(rest)))
