@@ -46,7 +46,7 @@ BAD: dict[str, tuple[str | bytes | None, str]] = {
     "unclosed quote": (with_part('unit: "1"', 'unit: "1'), r":\d+:\d+: not valid YAML"),
     "input twice": (with_part("  brightness:\n", "  speed:\n"), ":.*: not valid YAML: .*duplicate key"),
     "unknown alias": (with_part("*estimator_age", "*nowhere"), r":\d+:11: not valid YAML: .*alias"),
-    "tag": (with_part("risk: rising", "risk: !!python/name:os.system rising"), "not valid YAML: the tag"),
+    "tag": (with_part("risk: rising", "risk: !!python/name:os.system rising"), "not valid YAML: unknown tag"),
     "nested 500 deep": (GOOD + "a: " + "{a: " * 500 + "1" + "}" * 500, r"bad\.yaml: nested too deeply"),
     # Fields of the file.
     "misspelt section": (with_part("rules:", "ruels:"), r":\d+:1: unknown field 'ruels'; did you mean 'rules'"),
