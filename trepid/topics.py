@@ -26,7 +26,7 @@ class Topic(Generic[M]):
     key: str
     type: type[M]
     rate_hz: float
-    flow: str  # who publishes -> who reads
+    flow: str  # publisher -> subscribers
     urgent: bool = True  # has priority over images and diagnostics
 
 

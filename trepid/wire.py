@@ -293,7 +293,7 @@ def _absent(field: Field[Any]) -> Any:
         return None
     if get_origin(field.type) is tuple:
         return ()
-    raise WireError(f"it says nothing of {field.name}")
+    raise WireError(f"it has no field {field.name}")
 
 
 def _required(t_s: float | None) -> float:

@@ -188,7 +188,7 @@ def jitter(values: Array) -> float:
 
 
 def excited(drive: Drive) -> dict[str, float]:
-    """What the log offers: seconds, speeds and lateral accelerations that can be used."""
+    """Usable seconds, speeds and lateral accelerations of the log."""
     used = drive.used
     period_s = float(drive.t_s[1] - drive.t_s[0]) if len(drive.t_s) > 1 else 0.0
     offered = {"used_s": float(used.sum() * period_s)}
@@ -206,7 +206,7 @@ def excited(drive: Drive) -> dict[str, float]:
 
 
 def lacking(excitation: dict[str, float]) -> str | None:
-    """What the log misses before anything can be fitted."""
+    """The first requirement of the fit that the log does not meet, as text; None if it meets all."""
     if excitation["used_s"] < LEAST_S:
         return (
             f"only {excitation['used_s']:.0f} s of driving faster than {SLOWEST_MPS:g} m/s "

@@ -104,7 +104,7 @@ def auroc(score: Array, positive: Flags) -> float:
 
 
 def scores(network: Network, data: Labelled, task: Task, calibration: Calibration) -> dict[str, float]:
-    """Errors on the frames with a visible road: mean absolute unless the name says otherwise."""
+    """Errors on the frames with a visible road: mean absolute errors except where named otherwise."""
     data = data.part(data.visible)
     found = predict(network, data.images, task)
     error = np.abs(found.lanes - data.lanes).mean(axis=0)

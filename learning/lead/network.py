@@ -31,7 +31,7 @@ FOCUS = 2.0  # Lin et al., Focal Loss for Dense Object Detection (ICCV 2017)
 class LeadNetwork(nn.Module):
     """Four convolutions over strips (n, ROWS, COLUMNS, 3): 26 million multiply-adds for the 25 strips of a frame.
 
-    The rows are folded away, the columns halved: each cell sees 3.2 m of one strip.
+    The rows are reduced to one, the columns halved: each cell has a receptive field of 3.2 m of one strip.
     """
 
     def __init__(self) -> None:

@@ -35,7 +35,7 @@ class CameraCheckSettings(Settings):
 class MountingError:
     """Deviation of the mounting from its file; None: not yet known."""
 
-    pitch_rad: float | None  # positive: the camera points further down than its file says
+    pitch_rad: float | None  # positive: the camera points further down than in its file
     height_ratio: float | None  # height in the file over the true height, or closer to 1
 
 
@@ -91,7 +91,7 @@ class CameraCheck:
         pitch, ratio, found = self.error.pitch_rad, self.error.height_ratio, []
         if pitch is not None and abs(pitch) > self._settings.pitch_limit_rad:
             direction = "down" if pitch > 0 else "up"
-            found.append(f"points {abs(pitch):.3f} rad further {direction} than its file says")
+            found.append(f"points {abs(pitch):.3f} rad further {direction} than in its file")
         if ratio is not None and abs(ratio - 1) > self._settings.height_limit:
-            found.append(f"is {'lower' if ratio > 1 else 'higher'} than its file says")
+            found.append(f"is {'lower' if ratio > 1 else 'higher'} than in its file")
         return "the camera " + " and ".join(found) if found else ""

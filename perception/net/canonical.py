@@ -2,8 +2,8 @@
 
 Turning a camera about its centre moves pixels by the homography K_c·R·K⁻¹ whatever the scene (Hartley and
 Zisserman, Multiple View Geometry, 2004, section 8.4), so pitch, yaw, focal length and distortion are undone
-exactly. What remains is the place of the camera. A camera at height h that sees the canonical image sees a world
-that is s = h/h_c times larger than the network believes: lengths grow by s, curvature shrinks by s.
+exactly. The position of the camera remains. The canonical image of a camera at height h shows a world that is
+s = h/h_c times as large: lengths from the network are multiplied by s, curvatures divided by s.
 """
 
 import cv2
@@ -37,7 +37,7 @@ def scaled(lane: Lane, scale: float) -> Lane:
 
 
 def cropped(camera: Camera, *, top_px: int, bottom_px: int, width_px: int, height_px: int) -> Camera:
-    """The camera that sees only rows ``top_px`` to ``bottom_px``, resized to ``width_px`` x ``height_px``."""
+    """The camera of rows ``top_px`` to ``bottom_px`` only, resized to ``width_px`` x ``height_px``."""
     strip = camera.model_copy(update=dict(height_px=bottom_px - top_px, cy_px=camera.cy_px - top_px))
     return strip.resized(width_px, height_px)
 

@@ -118,10 +118,12 @@ class SteerNet:
         if not (np.isfinite(lanes).all() and math.isfinite(sigma) and math.isfinite(visible)):
             return self._nothing(frame, "the network's output is not finite")
         if visible < self._settings.min_visible:
-            return self._nothing(frame, "the network sees no road")
+            return self._nothing(frame, "the network detects no road")
         confidence = visible * self._probability(sigma)
         if confidence < self._settings.min_confidence:
-            return self._nothing(frame, "the network sees a road but does not trust its lane")
+            return self._nothing(
+                frame, "the network detects a road, but the confidence of its lane is too low"
+            )
         lane = lane_of_row(lanes[0], self._record.lane_lookahead_m)
         return self._seen(frame, self._view.lane(lane), confidence)
 

@@ -60,7 +60,7 @@ class Pipeline:
             return self._nothing(frame.t_s, problem)
         picture, view = self._working(frame.image)
         if not (view.ahead_m > 0).any():
-            return self._nothing(frame.t_s, "the camera sees no road")
+            return self._nothing(frame.t_s, "no pixel of the image shows the road")
         motion = self._motion(frame.t_s, state)
         predicted = moved(self._last, motion) if self._last is not None else None
         boundaries, evidence = self._boundaries(picture, view, predicted, motion.speed_mps)

@@ -1,7 +1,7 @@
 """Scores of the suite with known seeds and with random ones; a difference shows overfitting to the known seeds.
 
-A public seed gets learned, by people if not by networks. Both scores come from the same scenarios; they should
-differ by no more than 2 %.
+Settings tuned on public seeds can overfit to them. Both scores come from the same scenarios; they should differ by
+at most 2 %.
 """
 
 import math
@@ -65,7 +65,7 @@ def scored_scenarios() -> list[Scenario]:
 def bench_seeds(seed: int) -> dict[str, Any]:
     """Scores of the shipped scenarios with the known seeds, and with as many random ones from ``seed``.
 
-    Rows are kept in ``runs/seeds_<seed>.jsonl``: a bench that was stopped goes on from there.
+    Rows are stored in ``runs/seeds_<seed>.jsonl``, from which an interrupted benchmark continues.
     """
     fresh = np.random.default_rng(seed).integers(2**32, size=len(KNOWN_SEEDS)).tolist()
     return compared(scored_scenarios(), KNOWN_SEEDS, fresh, out=ROOT / "runs" / f"seeds_{seed}.jsonl")
@@ -76,8 +76,8 @@ def compared(
 ) -> dict[str, Any]:
     """Scores with ``known`` and with ``fresh`` seeds, and their difference; rows are kept in ``out``.
 
-    Of the pass rates the difference is in points, with its standard error, below which it says nothing; of the
-    errors in percent of what the known seeds gave.
+    The difference of the pass rates is in percentage points, with its standard error; that of the errors in percent
+    of the errors with the known seeds.
     """
     planned = plan(by_seeds(scenarios, [*known, *fresh]))
     work = workforce(jobs=os.cpu_count() or 1)

@@ -45,9 +45,9 @@ def bench_determinism(here: int = RUNS_HERE, elsewhere: int = RUNS_ELSEWHERE) ->
 def bench_sweep(cases: int = CASES, case_s: float = CASE_S, sums: int = SUMS) -> dict[str, Any]:
     """Two jobs and one on the same cases in turn, start of the workers included.
 
-    ``speed_up`` is of wall-clock time and needs two free cores; ``speed_up_by_cpu`` is what the processor time that
-    both took leaves of a factor of two, whoever else is on the machine. The peer says what the machine itself
-    allows: bare processes that share nothing and only add numbers.
+    ``speed_up`` is of wall-clock time and requires two free cores; ``speed_up_by_cpu`` is twice the ratio of the
+    processor times, which depends less on other work on the machine. The peer measures the limit of the machine:
+    independent processes that only add numbers.
     """
     planned = plan(by_seeds([_moving("s_curve", case_s)], range(cases)))
     hashes = set()

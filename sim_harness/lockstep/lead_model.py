@@ -55,7 +55,7 @@ class LeadModel:
         self._t_s: float | None = None
 
     def step(self, lead: LeadVehicle | None) -> LeadVehicle | None:
-        """What the detector would say where ``lead`` is true; None in a run without other vehicles."""
+        """The output of the detector for the true ``lead``; None in a run without other vehicles."""
         if lead is None:
             return None
         s, dt_s = self._settings, 0.0 if self._t_s is None else lead.t_s - self._t_s

@@ -1,1 +1,1 @@
-"""What happens in a run and what is expected of it."""
+"""Scenarios: roads, traffic, faults and disturbances of a run, and its expectations."""

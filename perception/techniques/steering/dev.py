@@ -34,8 +34,8 @@ def bisector(left: ImageLine, right: ImageLine) -> ImageLine:
 def dev_angle(left: ImageLine | None, right: ImageLine | None) -> ImageAngle | None:
     """Lean of the bisector, δ = atan2(x₁−x₂, y₂−y₁) from its foot to the meeting point of the lines (S02).
 
-    Printed: arctan((y₂−y₁)/(x₂−x₁)), the angle to the horizontal, ±90° for a centred car where the text says 0.
-    None with fewer than two lines (S03). Limit: the angle depends on the offset alone, not on the heading (S18).
+    Printed: arctan((y₂−y₁)/(x₂−x₁)), the angle to the horizontal, ±90° for a centred car, for which the text gives
+    0. None with fewer than two lines (S03). Limit: the angle depends on the offset alone, not on the heading (S18).
     """
     return None if left is None or right is None else lean(bisector(left, right))
 

@@ -1,12 +1,12 @@
 """The failure of the Deep Steer paper and its remedy: one winding road at 5 to 20 mph.
 
-Its network maps a picture to the steering angle that a driver held there at 5 mph, five times a second and until
-the next picture. It followed its road at 5 mph and lost it "in high road curvature areas" at speeds near 20 mph
-(section 5.2). Two things are missing. The car needs more angle at speed (understeer; section 6 leaves that to the
-future), and what a picture asks for comes too late: picture, network, half of the hold and the actuator take a
-metre at 5 mph, but four at 20 mph, of the five that the driver looked ahead.
+The network of the paper maps an image to the steering angle of a driver at 5 mph, five times a second, and the
+angle is held until the next image. It followed the road at 5 mph and lost it "in high road curvature areas" at
+speeds near 20 mph (section 5.2). Two effects are not compensated: the angle that grows with speed (understeer;
+future work in section 6), and the delay: image, network, half of the hold and the actuator take one metre at 5 mph,
+but four metres at 20 mph, with a look-ahead of five metres.
 
-Every steering sees the same exact lane, so nothing here is a failure to see.
+Every controller gets the same exact lane, so that no error is one of perception.
 """
 
 import math
@@ -34,11 +34,11 @@ class AnglesOfFiveMph:
     """The angle that a driver holds at 5 mph for the newest frame, at any speed."""
 
     def __init__(self, vehicle: Vehicle, *, transposed: bool) -> None:
-        """``transposed``: corrected to the present speed by the understeer gradient (section 6 of the paper)."""
+        """``transposed``: correct the angle to the present speed by the understeer gradient (section 6)."""
         self._vehicle, self._transposed = vehicle, transposed
 
     def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
-        """Holds the angle until the next decision."""
+        """Hold the angle until the next decision."""
         angle_rad = self._angle(decision) if decision is not None else 0.0
         if self._transposed and state is not None and state.speed_mps is not None:
             angle_rad = (

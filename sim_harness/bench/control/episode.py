@@ -1,7 +1,7 @@
 """One closed loop on a known lane: true state, the controller, a plant that differs from the vehicle file.
 
-Nothing is rendered and nobody decides: a frame brings the lane as it is, late and with noise if asked for, as the
-decision to keep it. There is no limiter, so that what is seen is what the law does.
+There is no rendering, no supervisor and no limiter: every frame gives the true lane as a decision in mode KEEP,
+delayed, and with noise if set. So the results are those of the law alone.
 """
 
 from collections.abc import Sequence
@@ -86,7 +86,7 @@ def road_of(segments: Sequence[tuple[float, float | tuple[float, float]]]) -> Ro
 
 
 def s_clothoid(speed_mps: float, *, lateral_mps2: float = 2.0, jerk_mps3: float = 1.0) -> Road:
-    """Left and right for 2 s each at ``lateral_mps2``, every bend entered and left at ``jerk_mps3``."""
+    """Two arcs, left and right, 2 s each at ``lateral_mps2``, with entries and exits at ``jerk_mps3``."""
     bend, entry = lateral_mps2 / speed_mps**2, speed_mps * lateral_mps2 / jerk_mps3
     pieces: list[tuple[float, float | tuple[float, float]]] = [(speed_mps, 0.0)]
     for k in (bend, -bend):
@@ -94,7 +94,7 @@ def s_clothoid(speed_mps: float, *, lateral_mps2: float = 2.0, jerk_mps3: float 
     return road_of([*pieces, (speed_mps, 0.0)])
 
 
-S_DURATION_S = 13.0  # as long as the S takes
+S_DURATION_S = 13.0  # of the S
 
 
 def drive(episode: Episode, settings: ControllerSettings) -> Track:

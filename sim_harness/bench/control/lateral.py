@@ -1,7 +1,7 @@
 """Tracking error of the lateral laws, pure pursuit and Stanley on the same episodes and seeds.
 
-A lane is seen as far ahead as a command takes to act: how well perception foresees a bend is not the laws' doing,
-only the first figure asks for it. Without its understeer a baseline steers a car that it believes to have none.
+The lane is measured as far ahead as the car drives until a command takes effect, because preview of bends is a
+property of perception; only the first figure requires it. Baselines without understeer assume a neutral car.
 """
 
 import math

@@ -1,16 +1,16 @@
 """Random drives through the limiter on four plants: compliance with ISO 11270 and UN R79.
 
-An episode is feasible by construction: the car is what the limiter believes, has grip, and begins within the limits
-on a steady bend. What is asked for is anything: angles up to the stops as steps, ramps, sines and noise, full drive
-and full brake in spans of random length. Judged is what the plant does, not what was commanded:
+An episode is feasible by construction: the car equals its vehicle file, has grip, and starts within the limits on a
+steady bend. The demands are arbitrary: angles up to the stops as steps, ramps, sines and noise, full drive and full
+brake in spans of random length. The motion of the plant is judged, not the commands:
 
     lateral acceleration  |a_y| ≤ 3 m/s²                                                    ISO 11270:2014
     lateral jerk          |a_y(t + 0.5 s) - a_y(t)|/0.5 s ≤ 5 m/s³, of a_y as it is         ISO 11270:2014
     the same              of a_y after a Butterworth filter of fourth order, 0.5 Hz         UN R79 rev. 4 annex 8
     deceleration          ≤ 4 m/s²                                                          UN R157 5.3
 
-CommonRoad's plants are driven up to 15 m/s: a BMW's mass on the wheelbase of the shuttle turns in by itself when it
-brakes hard in a bend any faster, and spins.
+CommonRoad's plants are driven up to 15 m/s: above it, the mass of a BMW on the wheelbase of the shuttle spins when
+it brakes hard in a bend.
 
 Every episode is written down in ``out/limits``, so that a run that was cut short goes on where it was.
 """
@@ -96,7 +96,7 @@ def bench_limits(seed: int, groups: tuple[Group, ...] = GROUPS, folder: Path | N
 
 
 def _driven(group: Group, seed: int, file: Path) -> list[Worst]:
-    """Every episode of ``group``, those in ``file`` read and the others driven and written there."""
+    """Every episode of ``group``: stored ones from ``file``, the others are driven and stored there."""
     lines = file.read_text().splitlines(keepends=True) if file.exists() else []
     worst = [Worst(*map(float, line.split(","))) for line in lines if line.endswith("\n")][: group.episodes]
     began_s = said_s = time.monotonic()

@@ -1,7 +1,7 @@
 """Stops relative to their closed form, and gaps behind a braking vehicle.
 
-Stops are driven by the speed control alone on a plant whose drive differs from what is believed; the distance is
-compared with :func:`stop_m_and_s` plus the way of the drive's lag. Following is driven by the whole chain.
+Stops are driven by the speed control alone on plants with and without an unmodelled drive lag; the distance is
+compared with :func:`stop_m_and_s` plus the way during the lag. Following is driven by the whole chain.
 """
 
 import math
@@ -32,7 +32,7 @@ FOLLOWING = ("leader_brakes", "stop_and_go", "lead_slow", "standing_car")
 def stop_m_and_s(profile: StopProfile, speed_mps: float) -> tuple[float, float]:
     """Distance and time of a stop from a steady speed, without drive lag: jerk up to b, b, √(2·j·v) down to f, f.
 
-    A slow car never gets to b: the two ramps meet at the deceleration √(j·v).
+    At low speed b is not reached: the two ramps meet at the deceleration √(j·v).
     """
     b, j, f = profile.decel_mps2, profile.jerk_mps3, profile.final_decel_mps2
     peak = min(b, math.sqrt(j * speed_mps))

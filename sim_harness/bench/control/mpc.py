@@ -1,12 +1,11 @@
 """Time of an MPC step, relative to acados on the same problems in the same run.
 
-The problems are those of a drive: an S with noise and an offset to come back from, at three speeds, by the law
-itself. Then every solver solves each of them in turn, beginning at its own last solution. Ours is timed with all it
-does: taking the problem in, linearising, solving, checking. acados is timed with its solve alone, which is compiled
-C; telling it the problem stage by stage through its Python interface takes several times as long and is left out.
+The problems are recorded from drives of the law: an S with noise and an initial offset, at three speeds. Every
+solver solves each problem in turn, starting at its own last solution. The time of the law includes the input of the
+problem, linearisation, solution and check. The time of acados is that of its solve, compiled C; setting the problem
+stage by stage through its Python interface takes several times as long and is not included.
 
-Times are by wall clock, as the car waits, and by processor time, which other work on the machine lengthens less: a
-solve that the system interrupts takes as long as the other process's turn, whoever solves.
+Times are by wall clock and by processor time; other work on the machine lengthens the latter less.
 """
 
 import multiprocessing
@@ -79,12 +78,12 @@ def bench_mpc(seed: int) -> dict[str, Any]:
 
 
 def grid_and_soft(settings: MpcSettings) -> tuple[Grid, Soft]:
-    """Arguments of the solver that the law builds."""
+    """Arguments of the solver, built by the law."""
     return Grid(settings.stages, settings.stage, settings.quickness), Soft(*settings.soft_price)
 
 
 def recorded(settings: ControllerSettings, seed: int) -> list[Asked]:
-    """Problems that the law posed on a drive."""
+    """Problems of the law on a drive."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     lateral = settings.lateral.model_copy(update=dict(law=LawName.MPC))
     calls: list[Asked] = []

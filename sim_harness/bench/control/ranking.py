@@ -1,7 +1,7 @@
 """Agreement of the plants on the order of the laws: Kendall's rank correlation between every two vehicles.
 
-Laws are ranked by the root mean square of the offset on the S at 2 m/s², at 10 and 20 m/s. A figure that only one
-plant gives says something about the plant; an order that all of them give says something about the laws.
+Laws are ranked by the root mean square of the offset on the S at 2 m/s², at 10 and 20 m/s. An order that is equal
+on all plants is a property of the laws; another one may be a property of the plant.
 """
 
 from itertools import combinations

@@ -1,4 +1,4 @@
-"""One tuning from 5 mph to 30 m/s: the S at 2 m/s², or at R = 15 m where that is gentler."""
+"""One tuning from 5 mph to 30 m/s: the S at 2 m/s², or at R = 15 m if the acceleration is lower there."""
 
 from collections.abc import Iterator
 from typing import Any

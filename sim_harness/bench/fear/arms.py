@@ -40,15 +40,15 @@ class Way(NamedTuple):
     lane: dict[str, float | None]  # the fields LANE
 
     @classmethod
-    def of(cls, told: SteeringEstimate | Decision, t_s: float) -> Self:
-        """The lane of ``told``, valid at ``t_s``."""
-        return cls(t_s, told.lookahead_m, {name: getattr(told, name) for name in LANE})
+    def of(cls, message: SteeringEstimate | Decision, t_s: float) -> Self:
+        """The lane of ``message``, valid at ``t_s``."""
+        return cls(t_s, message.lookahead_m, {name: getattr(message, name) for name in LANE})
 
 
 class Watched:
     """Follows ``driver`` without fear; a supervisor runs in parallel, and its fear is part of the decision.
 
-    Where nothing is seen the last lane is driven on: a driver without fear has nobody to say when to stop.
+    Without an estimate it follows the last lane, because a driver without fear never stops.
     """
 
     def __init__(self, supervisor: Supervisor, driver: Driver, *, cruise_speed_mps: float) -> None:

@@ -1,8 +1,8 @@
 """Rate and delay of the right cause: faults injected into rendered drives with the real estimators.
 
-A trial is a drive along a marked road that suddenly goes wrong in one way. What counts is the cause that the
-supervisor would publish at the first or second frame after that, so the fear rules must speak, too. How hard the
-fault is, where it strikes and what it looks like are drawn by lot. Times are processor times.
+A trial is a drive along a marked road with the sudden onset of one fault. The cause in the decision at the first or
+second frame after it counts, so the fear rules must hold, too. Strength, place and appearance of the fault are
+random. Times are processor times.
 """
 
 import time

@@ -32,8 +32,8 @@ class Case:
     @property
     def key(self) -> str:
         """Unique key of the case."""
-        told = f"{self.seed} {self.scenario.model_dump_json()}"
-        return hashlib.sha256(told.encode()).hexdigest()[:16]
+        content = f"{self.seed} {self.scenario.model_dump_json()}"
+        return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
 def cases(seed: int, count: int) -> Iterator[Case]:

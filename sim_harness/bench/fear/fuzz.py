@@ -1,8 +1,7 @@
 """Broken numbers in messages: fear never falls below that of the intact messages, and no exception is raised.
 
-Several situations, calm and frightening ones, since where fear is 0 nothing could lower it. In each, every number
-of every message is once NaN, infinite and far beyond what can be; then messages are broken at random, several
-numbers at once.
+There are calm and risky situations, because a fear of 0 cannot fall. In each, every number of every message is once
+NaN, infinite and far beyond its range; then several random numbers are broken at once.
 """
 
 import math

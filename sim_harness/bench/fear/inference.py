@@ -1,8 +1,8 @@
 """One inference: time relative to scikit-fuzzy, memory growth, equality across processes.
 
 The rules are those of the target, 8 inputs with 5 sets each and 40 rules, and the shipped file. Points are drawn
-from the whole range of every input, where many rules hold, and from the calm end, where a car spends its days.
-Times are by the clock on the wall and, as other work on the machine lengthens those, by the processor time spent.
+from the whole range of every input, where many rules hold, and from its calm end, as on most drives. Times are by
+wall clock and by processor time, which depends less on other work on the machine.
 """
 
 import gc
@@ -88,7 +88,7 @@ def times_us(rules: FearRules, points: list[Point], *, count: int = INFERENCES) 
 def beside_scikit(rules: FearRules, points: list[Point]) -> dict[str, Any]:
     """Times, and their ratio to scikit-fuzzy's ControlSystemSimulation, both taking turns.
 
-    The turns count for the ratio only: scikit-fuzzy leaves the processor's caches cold to whoever comes next.
+    Times in turn count for the ratio only, because scikit-fuzzy replaces the contents of the processor's caches.
     """
     row = times_us(rules, points)
     row["target"] = "met" if all(row[name] <= limit for name, limit in TARGET_US.items()) else "missed"

@@ -1,15 +1,15 @@
 """Departures of the supervised car and of unsupervised drivers on the same drives.
 
-Hard drives are drawn by lot (:mod:`sim_harness.bench.fear.drives`) and driven once by every driver, each on what
-the real estimators see. The drivers without fear drive on the last lane there was, at full speed. In their drives
-the supervisor watches, so that its fear can be held against the departures that it did not prevent. Clean drives
-give what fear costs: nuisance slow-downs and speed, beside the plain average.
+Hard drives are random (:mod:`sim_harness.bench.fear.drives`) and driven once by every driver with the real
+estimators. The drivers without fear follow the last available lane at full speed. In their drives a supervisor runs
+in parallel, so that its fear can be compared with departures that it did not prevent. Clean drives measure the cost
+of fear, nuisance slow-downs and loss of speed, relative to the plain average.
 
-A fearless car that has left its lane is put back, and mostly leaves it again within seconds. That is one mishap:
-what fear must foretell is its beginning, the departure before which the car drove undisturbed for a while.
+A car without fear that has left its lane is put back, and often leaves it again within seconds. These departures
+count as one mishap: the first of them, after UNDISTURBED_S without a departure, must be preceded by fear.
 
-Every drive is one line in ``runs/supervision_<seed>.jsonl``; what is there is not driven again, so a bench that was
-stopped goes on, and one with more cases adds to it.
+Every drive is one line in ``runs/supervision_<seed>.jsonl``; stored drives are not repeated, so an interrupted
+benchmark continues, and more cases extend it.
 """
 
 from dataclasses import replace
@@ -53,7 +53,7 @@ def drive(case: Case, driver: Driver | None) -> Result:
 
 
 def driven_row(task: tuple[Case, str]) -> Row:
-    """What is kept of a drive: scores, how early each mishap was feared, and fear with and without departure."""
+    """The stored row of a drive: scores, warning time of each mishap, and fear with and without departure."""
     case, driver = task
     result = drive(case, None if driver == SUPERVISED else Driver(driver))
     fear, left = fear_and_departure(result.trace)
@@ -72,9 +72,9 @@ def driven_row(task: tuple[Case, str]) -> Row:
 
 
 def warnings_s(trace: Trace) -> list[float]:
-    """For every mishap, how long before its departure fear first was at least medium, looking back 5 s [s].
+    """For every mishap the time from the first fear of at least medium in the last 5 s to the departure [s].
 
-    Not further back than the start, and the last intervention: before it the car was elsewhere.
+    The window ends at the start and at the last intervention, before which the car was elsewhere.
     """
     t_s, warned = trace["t_s"], afraid(trace)
     found = []
@@ -93,7 +93,7 @@ def bench_supervision(seed: int) -> Row:
 
 
 def driven(seed: int, count: int, path: Path) -> list[Row]:
-    """Every drive, those that ``path`` holds from there."""
+    """Every drive; stored ones are read from ``path``."""
     tasks = {f"{case.key} {name}": (case, str(name)) for case in cases(seed, count) for name in drivers(case)}
     return stored_rows(path, driven_row, tasks)
 

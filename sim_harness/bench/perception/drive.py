@@ -1,7 +1,7 @@
-"""Each estimator at the wheel, alone: its road-wheel angle goes straight to the car, as the review's rules do it.
+"""Each estimator alone in closed loop: its road-wheel angle is the command, as in the review.
 
-No supervisor, no controller: where there is no estimate the wheels stay as they are. When a wheel leaves the lane
-or the car is more than a metre off, it is put back on the lane centre.
+There is no supervisor and no controller; without an estimate the angle is held. When a wheel leaves the lane or the
+offset exceeds a metre, the car is put back on the lane centre.
 """
 
 import math
@@ -141,7 +141,7 @@ class _World:
 
 def _driven(name: str, world: _World) -> Row:
     real = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    car = real.model_copy(update={"understeer_gradient_rad_per_mps2": 0.0})  # estimates know of none
+    car = real.model_copy(update={"understeer_gradient_rad_per_mps2": 0.0})  # estimates contain no understeer
     plant, referee = KinematicPlant(car), Referee(world.road, car, max_offset_m=MAX_OFFSET_M)
     estimator = entry_of(name).build(world.camera, real)
     state = _placed(plant, world.road, START_M, START_OFFSET_M)
@@ -175,7 +175,7 @@ def _placed(plant: KinematicPlant, road: Road, station_m: float, offset_m: float
 def _look(
     estimator: Estimator, world: _World, plant: KinematicPlant, state: PlantState, place: Place, t_s: float
 ) -> float | None:
-    """The road-wheel angle that the estimator asks for."""
+    """The road-wheel angle of the estimator."""
     rate = plant.yaw_rate_radps(state)
     image = world.renderer.render(
         state.x_m,
@@ -185,14 +185,14 @@ def _look(
         station_m=place.station_m,
         motion=Motion(state.speed_mps, rate),
     )
-    told = VehicleState(
+    reported = VehicleState(
         t_s=t_s,
         speed_mps=state.speed_mps,
         road_wheel_angle_rad=state.road_wheel_angle_rad,
         yaw_rate_radps=rate,
         driver_override=False,
     )
-    return estimator.step(Frame(t_s=t_s, image=image), told, now_s=t_s).road_wheel_angle_rad
+    return estimator.step(Frame(t_s=t_s, image=image), reported, now_s=t_s).road_wheel_angle_rad
 
 
 def _command(angle_rad: float, t_s: float) -> Command:

@@ -1,4 +1,4 @@
-"""What the bench found, as pictures: rates by condition, by grade, against time; confidence against truth."""
+"""Figures of the benchmark: rates by condition and by grade, rates and time, confidence and accuracy."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -76,7 +76,7 @@ def _grades(path: Path, parts: Parts, order: Sequence[str]) -> None:
 
 
 def _cost(path: Path, ranking: Mapping[str, Mapping[str, Any]]) -> None:
-    """Time against what it buys."""
+    """Time per frame and rate of right lanes."""
     from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(figsize=(7, 4.4))
@@ -121,7 +121,7 @@ def _confidence(path: Path, results: Results, order: Sequence[str]) -> None:
 
 
 def _best(order: Sequence[str]) -> list[str]:
-    """The first few of the ranking, and what is driven with whatever its rank."""
+    """The first estimators of the ranking, and the default ones at any rank."""
     chosen = [name for name in order if name in ("cv", "cnn")]
     return [*chosen, *(name for name in order if name not in chosen)][:MOST_LINES]
 

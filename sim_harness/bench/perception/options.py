@@ -1,4 +1,4 @@
-"""What ``trepid bench perception`` takes from the command line."""
+"""Command-line options of ``trepid bench perception``."""
 
 from dataclasses import dataclass
 from pathlib import Path

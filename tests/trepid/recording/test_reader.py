@@ -152,7 +152,7 @@ def test_an_estimate_recorded_without_a_kind_is_one_of_the_lane(tmp_path: Path) 
     [
         ("std_msgs/msg/String", "string data\n", "holds std_msgs/msg/String, expected trepid_msgs"),
         (ros_name(m.SteeringEstimate), "float64", "its definition of .* cannot be read"),
-        (ros_name(m.SteeringEstimate), "string data\n", "not a .*SteeringEstimate|it says nothing of"),
+        (ros_name(m.SteeringEstimate), "string data\n", "not a .*SteeringEstimate|it has no field"),
     ],
 )
 def test_an_error_names_a_message_of_another_type(tmp_path: Path, name: str, text: str, message: str) -> None:
