@@ -4,7 +4,8 @@ import math
 
 import pytest
 from closed_loop_rig import generous, s_clothoid, worst_m
-from controller_rig import SETTINGS, SHUTTLE, G, drive, road, vehicle
+from controller_rig import SETTINGS, G, drive, road
+from message_rig import SHUTTLE, vehicle
 
 from controller.laws.lateral import LawName
 from sim_harness.world.plants.kinematic import KinematicPlant

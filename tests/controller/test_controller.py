@@ -4,9 +4,10 @@ import math
 from dataclasses import fields, replace
 
 import pytest
-from controller_rig import SETTINGS, SHUTTLE, G, command, decision, state, vehicle
+from controller_rig import SETTINGS, G
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from message_rig import SHUTTLE, command, decision, state, vehicle
 
 from controller.controller import Controller, build
 from controller.model.bicycle import angle_from_curvature

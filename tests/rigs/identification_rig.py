@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from controller_rig import vehicle
+from message_rig import vehicle
 
 from controller.identify.drive_log import DriveLog
 from sim_harness.lockstep.vehicle import load_simulator

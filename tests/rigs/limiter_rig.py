@@ -1,12 +1,14 @@
-"""Shared by the limiter's tests: messages with calm defaults, and limits whose edges are exact in binary."""
+"""A limiter and its inputs for tests, with limits whose edges are exact in binary."""
+
+import message_rig
+from message_rig import SHUTTLE
 
 from controller.limiter import Limiter, Limits
 from controller.limiter.inputs import Seen
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Command, VehicleState
+from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle
 
-SHUTTLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 SHIPPED = load(CONFIG_DIR / "limiter.yaml", Limits)
 DT_S = 1.0 / 128.0  # a tick whose multiples are exact
 
@@ -42,11 +44,6 @@ AT_ONCE = EXACT.model_copy(  # no fading in, no driver found by deviation
 )
 
 
-def vehicle(**changes) -> Vehicle:
-    """The shuttle, changed."""
-    return SHUTTLE.model_copy(update=changes)
-
-
 def limiter(limits: Limits = AT_ONCE, car: Vehicle = SHUTTLE) -> Limiter:
     """A limiter before its first step."""
     return Limiter(car, limits)
@@ -54,23 +51,7 @@ def limiter(limits: Limits = AT_ONCE, car: Vehicle = SHUTTLE) -> Limiter:
 
 def state(now_s=0.0, **changes) -> VehicleState:
     """A fresh state: straight on at 5 m/s, no yaw rate measured; changed."""
-    calm = dict(
-        t_s=now_s, speed_mps=5.0, road_wheel_angle_rad=0.0, yaw_rate_radps=None, driver_override=False
-    )
-    return VehicleState(**(calm | changes))
-
-
-def command(now_s=0.0, **changes) -> Command:
-    """Straight on at constant speed, changed."""
-    calm = dict(
-        t_s=now_s,
-        road_wheel_angle_rad=0.0,
-        road_wheel_rate_radps=0.0,
-        speed_mps=5.0,
-        accel_mps2=0.0,
-        jerk_mps3=0.0,
-    )
-    return Command(**(calm | changes))
+    return message_rig.state(now_s, **(dict(yaw_rate_radps=None) | changes))
 
 
 def seen(**changes) -> Seen:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controller_rig import vehicle
 from identification_rig import PER_DEG_PER_G, drive
+from message_rig import vehicle
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 from typer.testing import CliRunner

@@ -3,9 +3,10 @@
 import math
 
 import pytest
-from controller_rig import SETTINGS, SHUTTLE
+from controller_rig import SETTINGS
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from message_rig import SHUTTLE
 
 from controller.laws.lateral import LawName, build_law
 from controller.laws.law import Acting

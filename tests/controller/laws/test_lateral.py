@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from controller_rig import SETTINGS, SHUTTLE, state, vehicle
+from controller_rig import SETTINGS
 from hypothesis import given
 from hypothesis import strategies as st
+from message_rig import SHUTTLE, state, vehicle
 
 from controller.laws.feedforward import gains, path_curvature
 from controller.model.bicycle import angle_from_curvature

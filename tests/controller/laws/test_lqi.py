@@ -5,9 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from controller_rig import SETTINGS, SHUTTLE, drive, road, vehicle
+from controller_rig import SETTINGS, drive, road
 from hypothesis import given
 from hypothesis import strategies as st
+from message_rig import SHUTTLE, vehicle
 
 from controller.laws.lateral import LawName
 from controller.laws.law import Acting

@@ -8,7 +8,8 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 import pytest
-from controller_rig import SETTINGS, SHUTTLE
+from controller_rig import SETTINGS
+from message_rig import SHUTTLE
 from scipy.linalg import solve_continuous_are
 
 from controller.laws.lateral import LawName, build_law, lqi

@@ -5,11 +5,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from controller_rig import SETTINGS, drive, road, state, vehicle
+from controller_rig import SETTINGS, drive, road
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identification_rig import PER_DEG_PER_G
 from identification_rig import drive as weave
+from message_rig import state, vehicle
 
 from controller.identify.identification import identify_understeer
 from controller.learner.steering_learner import SteeringLearner, yaw_lag_s

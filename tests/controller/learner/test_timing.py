@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from controller_rig import command, state, vehicle
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from message_rig import command, state, vehicle
 
 from controller.learner.steering_timing import SteeringTiming
 from sim_harness.world.plants.kinematic import KinematicPlant

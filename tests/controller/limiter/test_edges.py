@@ -3,7 +3,8 @@
 import math
 
 import pytest
-from limiter_rig import AT_ONCE, DT_S, EXACT, SHUTTLE, command, limiter, seen, state, vehicle
+from limiter_rig import AT_ONCE, DT_S, EXACT, limiter, seen, state
+from message_rig import SHUTTLE, command, vehicle
 
 from controller.limiter.excess import Excess
 from controller.limiter.turn import SteadyTurn

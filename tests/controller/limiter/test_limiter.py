@@ -6,7 +6,8 @@ from dataclasses import fields, replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from limiter_rig import SHIPPED, SHUTTLE, command, state, vehicle
+from limiter_rig import SHIPPED, state
+from message_rig import SHUTTLE, command, vehicle
 
 from controller.limiter import Limiter, build
 from controller.model.bicycle import angle_from_curvature, critical_speed, curvature_from_angle

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from limiter_rig import SHIPPED, SHUTTLE, command, state, vehicle
+from limiter_rig import SHIPPED, state
+from message_rig import SHUTTLE, command, vehicle
 
 from controller.limiter import Limiter
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from limiter_rig import DT_S, EXACT, SHUTTLE, command, seen, state, vehicle
+from limiter_rig import DT_S, EXACT, seen, state
+from message_rig import SHUTTLE, command, vehicle
 
 import controller.limiter
 from controller.limiter.excess import FILTER_S, LEAD_S, Excess

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from limiter_rig import SHIPPED, SHUTTLE, command, limiter, state, vehicle
+from limiter_rig import SHIPPED, limiter, state
+from message_rig import SHUTTLE, command, vehicle
 from scipy.optimize import linprog
 from scipy.signal import butter, sosfilt
 from scipy.sparse import diags_array, vstack

@@ -1,7 +1,8 @@
 """Saturation, from the limiter up: quiet when tracking is fine, prompt when it is not, and the car slows down."""
 
 import pytest
-from controller_rig import SETTINGS, SHUTTLE, command, decision, state
+from controller_rig import SETTINGS
+from message_rig import SHUTTLE, command, decision, state
 
 from controller.controller import Controller
 from controller.limiter import build

@@ -3,9 +3,10 @@
 import math
 
 import pytest
-from controller_rig import SHUTTLE, G, vehicle
+from controller_rig import G
 from hypothesis import given
 from hypothesis import strategies as st
+from message_rig import SHUTTLE, vehicle
 
 from controller.model.bicycle import (
     angle_from_curvature,

@@ -4,9 +4,10 @@ import math
 from functools import cache
 
 import pytest
-from controller_rig import SHUTTLE, G
+from controller_rig import G
 from hypothesis import given
 from hypothesis import strategies as st
+from message_rig import SHUTTLE
 
 from controller.model.bicycle import angle_from_curvature, curvature_from_angle, understeer_angle
 from trepid.vehicle import Chassis, Vehicle

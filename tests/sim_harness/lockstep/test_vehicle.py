@@ -2,6 +2,7 @@
 
 import math
 
+import plant_rig
 import pytest
 
 from sim_harness.lockstep.referee import locate, wheel_outside
@@ -10,7 +11,6 @@ from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.render.scene.vehicles import Body
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Command
 from trepid.vehicle import Vehicle
 
 SHUTTLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
@@ -30,14 +30,7 @@ class PassOn:
 
 
 def drive(angle_rad=0.0, accel_mps2=1.5):
-    return Command(
-        t_s=0.0,
-        road_wheel_angle_rad=angle_rad,
-        road_wheel_rate_radps=0.0,
-        speed_mps=0.0,
-        accel_mps2=accel_mps2,
-        jerk_mps3=0.0,
-    )
+    return plant_rig.command(angle_rad, accel_mps2)
 
 
 def scenario_of(**fields):

@@ -1,7 +1,8 @@
 """The paper's failure is reproduced, for the paper's reasons."""
 
 import pytest
-from controller_rig import SETTINGS, SHUTTLE
+from controller_rig import SETTINGS
+from message_rig import SHUTTLE
 
 from sim_harness.bench.control.deep_steer import MPH, AnglesOfFiveMph, winding_episode
 from sim_harness.bench.control.episode import drive, drive_by

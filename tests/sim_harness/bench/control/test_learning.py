@@ -1,7 +1,8 @@
 """The bench of learning."""
 
 import pytest
-from controller_rig import SETTINGS, SHUTTLE
+from controller_rig import SETTINGS
+from message_rig import SHUTTLE
 
 from sim_harness.bench.control import learning
 from trepid.vehicle import GRADIENT

@@ -1,7 +1,8 @@
 """Stops on a plant end at the place of their closed form."""
 
 import pytest
-from controller_rig import SETTINGS, SHUTTLE
+from controller_rig import SETTINGS
+from message_rig import SHUTTLE
 
 from sim_harness.bench.control.longitudinal import PLANTS, braked, stop_m_and_s
 from trepid.messages import Stop

@@ -1,7 +1,8 @@
 """The sweep over speeds stays on one tuning, and the ranking has vehicles that differ."""
 
 import pytest
-from controller_rig import SETTINGS, SHUTTLE
+from controller_rig import SETTINGS
+from message_rig import SHUTTLE
 
 from sim_harness.bench.control.episode import drive
 from sim_harness.bench.control.ranking import VEHICLES

@@ -4,7 +4,8 @@ import math
 from itertools import pairwise
 
 import pytest
-from plant_rig import SHUTTLE, command, drive
+from message_rig import SHUTTLE
+from plant_rig import command, drive
 
 from sim_harness.world.plants.actuators import Actuators
 from sim_harness.world.plants.kinematic import KinematicPlant

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from plant_rig import SHUTTLE, command
+from message_rig import SHUTTLE
+from plant_rig import command
 
 from sim_harness.world.plants.batch import BatchPlant
 from sim_harness.world.plants.kinematic import KinematicPlant

@@ -3,7 +3,8 @@
 import math
 
 import pytest
-from plant_rig import SHUTTLE, command, drive
+from message_rig import SHUTTLE
+from plant_rig import command, drive
 
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.commonroad import ROLLING_MPS, UNDERSTEER

@@ -1,7 +1,8 @@
 """highway-env's vehicle as a plant: an independent linear single track."""
 
 import pytest
-from plant_rig import SHUTTLE, command, drive
+from message_rig import SHUTTLE
+from plant_rig import command, drive
 
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import Model, PlantSettings

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from plant_rig import SHUTTLE, command, drive
+from message_rig import SHUTTLE
+from plant_rig import command, drive
 from scipy.special import fresnel
 
 from sim_harness.world.plants.actuators import Motion

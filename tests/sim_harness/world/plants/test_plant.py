@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 from closed_loop_rig import generous, s_clothoid, worst_m
 from controller_rig import drive as closed_loop
-from plant_rig import SHUTTLE, command, drive
+from message_rig import SHUTTLE
+from plant_rig import command, drive
 
 from controller.laws.lateral import LawName
 from sim_harness.world.plants.axles import GRAVITY_MPS2
