@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from rule_rig import small_rules
 from scipy.stats import kendalltau
 
-from sim_harness.bench.fear.determinism import differing_processes
 from supervisor.rules.coverage import calmest, worst
 from supervisor.rules.inference import SILENT, FearRules, Trust
 from supervisor.rules.rule_file import LEVELS, Input, RuleFile, Sets
@@ -255,10 +254,6 @@ def test_rules_sent_to_another_process_and_back_compute_the_same_bits() -> None:
     for point in (CALM, WORST, {**CALM, "disagreement": 1.9, "speed": 7.7}):
         assert again.evaluate(point) == RULES.evaluate(point)
         assert again.trust(point) == RULES.trust(point)
-
-
-def test_processes_with_other_hash_seeds_compute_the_same_bits() -> None:
-    assert differing_processes(5, processes=1) == 0
 
 
 def test_trust_is_1_without_an_active_rule_and_falls_to_the_value_of_a_rule() -> None:

@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 
 import pytest
+from supervisor_rig import ESTIMATE, STATE, STATISTICS
 
-from sim_harness.bench.fear.fuzz import AGE_S, situations
 from supervisor.rules.inference import FearRules
 from supervisor.situation.features import BEYOND, _first_root
 from supervisor.situation.world_state import WorldState, WorldStateObserver
@@ -17,17 +17,16 @@ from trepid.vehicle import Vehicle
 RULES = FearRules.load(CONFIG_DIR / "fear.yaml")
 SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-CALM = situations()["calm"]
-CV: SteeringEstimate = CALM["cv"]
-CNN: SteeringEstimate = CALM["cnn"]
-STATE: VehicleState = CALM["state"]
+CV = replace(ESTIMATE, marked=True)
+CNN = replace(ESTIMATE, estimator="cnn", lanes_detected=0, lane_width_m=None, marked=None)
+AGE_S = 0.03
 
 
 def observed(
     cv: SteeringEstimate = CV,
     cnn: SteeringEstimate = CNN,
     state: VehicleState = STATE,
-    statistics: ImageStatistics = CALM["statistics"],
+    statistics: ImageStatistics = STATISTICS,
 ) -> WorldState:
     s = SETTINGS
     observer = WorldStateObserver(s.sightings, s.fusion, s.follow, VEHICLE)
@@ -90,7 +89,7 @@ def test_the_second_confidence_is_the_lesser_one() -> None:
 
 
 def test_a_network_has_little_trust_on_a_white_image_at_any_confidence() -> None:
-    white = replace(CALM["statistics"], over_exposed=0.9, brightness=0.98, contrast=0.02)
+    white = replace(STATISTICS, over_exposed=0.9, brightness=0.98, contrast=0.02)
     world = observed(replace(CV, confidence=0.3), replace(CNN, confidence=0.99), statistics=white)
     assert world.trust["cnn"] < 0.1 and world.trust["cv"] == 1.0
     assert world.features["lane_confidence"] == pytest.approx(0.3)
