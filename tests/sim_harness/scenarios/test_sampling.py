@@ -214,5 +214,5 @@ def test_the_verb_prints_the_limits_of_a_scenario(tmp_path, capsys):
     assert down["fails"]["start.offset_m"] < down["passes"]["start.offset_m"]
     assert down["fails"]["start.offset_m"] == pytest.approx(-0.3, abs=0.02)
     assert (up["ray"], up["fails"]) == ("start.offset_m up", None)
-    with pytest.raises(InputError, match="nothing in vary"):
+    with pytest.raises(InputError, match="no ranges under vary"):
         app(["limits", str(path), "--set", "vary={}"], standalone_mode=False)
