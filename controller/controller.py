@@ -206,7 +206,7 @@ class Controller:
     def _steer(
         self, acting: Acting | None, state: VehicleState | None, speed_mps: float | None, dt_s: float
     ) -> float:
-        """Road-wheel angle demand [rad], within what the vehicle can turn."""
+        """Road-wheel angle demand [rad], within the limit of the vehicle."""
         if state is None or speed_mps is None:
             return self._angle_rad or 0.0
         model_mps = at_most(abs(speed_mps), self._modelled_mps)

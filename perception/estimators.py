@@ -1,4 +1,4 @@
-"""The table of estimators: what `--estimator NAME` and the perception process can run."""
+"""The table of estimators for `--estimator NAME` and the perception process."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -217,7 +217,7 @@ class Supervisor:
 def unknown_causes(
     settings: SupervisorSettings, rules: FearRules
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Path and error text of every cause in ``settings`` that neither Trepid nor ``rules`` know."""
+    """Path and error text of every cause in ``settings`` that neither Trepid nor ``rules`` define."""
     known = rules.file.known_causes
     for path, cause in settings.named_causes:
         problem = unknown_cause(cause, known)

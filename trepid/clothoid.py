@@ -9,7 +9,7 @@ IEEE PAMI 14(2), 1992). It moves by
 
 with the speed v, the yaw rate r and the drift β (course minus heading of the rear axle, 0 without tyre slip;
 De Luca, Oriolo, Samson, Feedback control of a nonholonomic car-like robot, 1998, section 2.2). Three forms, each of
-second order in the time step, solve it from what is known: :meth:`Lane.seen_from` for a displacement of the
+second order in the time step, solve it from the known quantities: :meth:`Lane.seen_from` for a displacement of the
 vehicle, :func:`advanced` for a way along the lane and a turn (state estimation), :func:`lane_after` for speed, yaw
 rate and drift (prediction through bends with tyre slip).
 

@@ -271,7 +271,7 @@ def _derived_to_ros(message: Message) -> Any:
 def derived_from_ros(ros: Any, message_type: type[M]) -> M:
     """The message of a derived type in a ROS object, which may be of an older version: missing fields are absent.
 
-    Raises WireError when it lacks what cannot be absent.
+    Raises WireError when a required field is missing.
     """
     values: dict[str, Any] = {}
     for field in fields(cast(Any, message_type)):

@@ -23,7 +23,7 @@ _MEASURED_CLEAR = 0.1  # of the cruise speed: the measured speed is noisier than
 _NOTHING = 1e-9
 
 Story = dict[str, Any]
-"""What ``trepid fear explain RECORDING --at T --json`` prints; docs/recordings.md lists the fields."""
+"""The output of ``trepid fear explain RECORDING --at T --json``; docs/recordings.md lists the fields."""
 
 
 def story(drive: Recall, at_s: float) -> Story:

@@ -18,7 +18,7 @@ def story_text(story: Story) -> str:
 
 
 def overview_text(recorded: Recorded, found: list[Story]) -> str:
-    """Every slow-down on a line of its own."""
+    """One line for each slow-down."""
     lines = [] if recorded.complete else ["(the recording is cut short)"]
     for slow in found:
         until = "the end" if slow["until_s"] is None else f"{slow['until_s']:.2f} s"
@@ -49,11 +49,11 @@ def _by_supervisor(story: Story) -> Iterator[str]:
     yield _course(story)
     yield _reason(story)
     yield f"\nRules that fired at {story['moment_s']:.2f} s, by contribution to fear ({story['rules_from']}):"
-    frightening = [rule for rule in story["rules"] if rule["adds"] > 0]
-    for rule in frightening[:SHOWN_RULES]:
+    adding = [rule for rule in story["rules"] if rule["adds"] > 0]
+    for rule in adding[:SHOWN_RULES]:
         yield f"  {rule['adds']:.2f}  {rule['text']}  (strength {rule['strength']:.2f})"
-    if len(frightening) > SHOWN_RULES:
-        yield f"        and {len(frightening) - SHOWN_RULES} more"
+    if len(adding) > SHOWN_RULES:
+        yield f"        and {len(adding) - SHOWN_RULES} more"
     if not story["repeats"]:
         yield "  These rules do not reproduce the recorded fear: the drive used other rules."
     if story["inputs"]:

@@ -117,7 +117,7 @@ def show(
     ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="F.png", help="Draw it instead.")] = None,
 ) -> None:
-    """Show the inputs with their sets, the rules, and what each level of fear does; or fear over two inputs."""
+    """Show the inputs with their sets, the rules, and the effect of each level of fear; or fear over two inputs."""
     rules = FearRules.load(file)
     point = {**calmest(rules), **_values(values or [], rules)}
     axes = _axes(surface, rules) if surface else None

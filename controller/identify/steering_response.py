@@ -97,7 +97,7 @@ class Fit:
         return np.asarray(used)
 
     def moves_rad(self) -> float:
-        """95th percentile of how far the command moves within ``MOVE_S``."""
+        """95th percentile of the change of the command within ``MOVE_S``."""
         apart = max(1, round(MOVE_S / self.period_s))
         held = self._demand(0.0)
         moves = np.abs(held[apart:] - held[:-apart])[self.used[apart : len(held)]]

@@ -7,8 +7,8 @@ The limits of w and c are hard, and there always is a w within them: c_0 is wher
 the limit comes down from there no faster than w may. The lane is soft. So every QP has a solution, and a solver
 that finds no solution has failed.
 
-States are eliminated (single shooting): the plan's own roll-out is what it is linearised about, so it never has a
-gap, and the QP is left with N unknowns. Its solver starts from the constraints that were active last. DAQP can
+States are eliminated (single shooting): the problem is linearised about the roll-out of the plan, so there are no
+defects, and the QP has N unknowns. Its solver starts from the last active constraints. DAQP can
 report success with a solution of NaN and keep it in its memory: the solution is checked, and after a failure
 solver and plan are discarded.
 

@@ -226,8 +226,9 @@ class Limiter:
         """``accel_mps2`` within the limits of drive and brake in a bend.
 
         2·v·|a·κ| is within the jerk limit. A brake and κ·v² together, √(a² + (κ·v²)²), use no more grip
-        than the hardest brake alone: beyond, a car turns in by itself. The comfort brake is always allowed.
-        Beyond the limit of lateral acceleration, where braking is urgent, only that limit counts as κ·v².
+        than the hardest brake alone: beyond, the car turns inwards without a steering demand. The comfort brake is
+        always allowed. Beyond the limit of lateral acceleration, where braking is urgent, only that limit counts as
+        κ·v².
         """
         speed_mps, limits = max(speed_mps, SLOWEST_MPS), self._limits
         lateral_mps2 = min(abs(held_1pm) * speed_mps**2, self._lateral_mps2)

@@ -29,7 +29,7 @@ _MAX_NEWTON_STEPS = 60  # six suffice but for oversteer close to its tightest tu
 def angle_from_curvature(
     curvature_1pm: float, *, speed_mps: float, vehicle: Vehicle, roll_rad: float = 0.0
 ) -> float:
-    """Road-wheel angle δ [rad] that holds ``curvature_1pm``; not limited to what the vehicle can turn."""
+    """Road-wheel angle δ [rad] that holds ``curvature_1pm``; not limited to the range of the vehicle."""
     tyres_rad = understeer_angle(curvature_1pm, speed_mps=speed_mps, vehicle=vehicle, roll_rad=roll_rad)
     return road_wheel_angle(curvature_1pm, wheelbase_m=vehicle.wheelbase_m) + tyres_rad
 

@@ -28,8 +28,8 @@ from trepid.bounds import at_least, at_most, within
 from trepid.messages import Stop
 
 RATE_S = 0.5
-STEP_MPS = 0.4  # between two decisions (40 ms): ten times what a car can do
-HOLD_JERK_MPS3 = 0.25  # with which the brake that holds grows, while the last centimetres roll
+STEP_MPS = 0.4  # between two decisions (40 ms): ten times the change that a car can make
+HOLD_JERK_MPS3 = 0.25  # of the holding brake at the last centimetres
 STOOD_MPS = 0.01
 HILL_SHARE = 0.5
 STRONGEST_MPS2 = 4.0  # UN R157 5.3

@@ -29,7 +29,7 @@ from trepid.config import CONFIG_DIR, InputError, load
 FRAMES_PER_ROAD = 60
 FIRST_ROAD = {"train": 0, "validation": 800_000, "test": 900_000}
 ROADS_PER_SEED = 1_000_000
-HELD_BACK_SHARE = 10  # one road in so many for validation, and as many for the test
+HELD_BACK_SHARE = 10  # every tenth road for validation, another tenth for the test
 MIN_PROBABILITY = 0.3  # least output of a cell that counts
 SURE = 0.5
 REACH_M = 40.0

@@ -1,1 +1,1 @@
-"""Images from files, and pictures of what an estimator found."""
+"""Images from files, and pictures of estimates."""

@@ -78,7 +78,7 @@ def written(
 
 
 def print_json(rows: Iterable[dict[str, Any]]) -> None:
-    """One JSON object a line, each as soon as it is there."""
+    """One JSON object a line, printed at once."""
     for row in rows:
         print(json.dumps(row, allow_nan=False), flush=True)
 

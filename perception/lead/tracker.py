@@ -8,8 +8,8 @@ is on the ground and how fast it moves there. With p = (x, y) and v = (ẋ, ẏ)
 
 that is, the range is known to a share of itself, and across the line of sight the bearing counts (Bar-Shalom, Li
 and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), sections 6.2.2 and 10.4). Whether
-there is a vehicle at all is a log-odds that grows by every detection's own and falls by every miss (Thrun, Burgard
-and Fox, Probabilistic Robotics (2005), section 4.2).
+there is a vehicle is a log-odds that grows with the score of every detection and falls with every miss (Thrun,
+Burgard and Fox, Probabilistic Robotics (2005), section 4.2).
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The confidence of a pipeline's estimate, from what its boundaries rest on."""
+"""The confidence of a pipeline's estimate, from the evidence of its boundaries."""
 
 import math
 

@@ -1,1 +1,1 @@
-"""`trepid bench`: benchmarks, each beside a peer in the same run."""
+"""`trepid bench`: benchmarks, each with a peer in the same run."""

@@ -13,7 +13,7 @@ HERE = "sim_harness.bench"
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """A function that measures, as ``module:function`` below ``sim_harness.bench``, and what it needs."""
+    """A benchmark function, as ``module:function`` below ``sim_harness.bench``, and its requirements."""
 
     source: str
     summary: str  # one line for `trepid bench --list`

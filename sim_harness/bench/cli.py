@@ -56,7 +56,7 @@ def bench(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="perception: folder for tables and figures.")] = None,
 ) -> int:
-    """Measure what the parts cost and how well they work, next to a peer in the same run."""
+    """Measure time and accuracy of the parts, relative to a peer in the same run."""
     if list_only:
         for name, benchmark in BENCHMARKS.items():
             print(f"{name:22} {benchmark.summary}")

@@ -1,7 +1,7 @@
 """Steps per second of the plants, of CommonRoad's models and of highway-env's lane keeping in the same run.
 
-All take turns, so that a machine that slows down slows them alike. CommonRoad's models are stepped bare, by our
-Runge-Kutta, with nothing around them; highway-env does what a user of its lane-keeping task calls.
+All run in turn, so that other work on the machine affects them equally. CommonRoad's models are stepped by Trepid's
+Runge-Kutta method without any other code; highway-env runs the step of its lane-keeping task.
 """
 
 import importlib.metadata

@@ -62,7 +62,7 @@ ROWS: tuple[tuple[str, str, Callable[[Measured], str]], ...] = (
     ("fear-inference", "inference of 8 inputs and 40 rules; relative to scikit-fuzzy", _inference),
     ("estimators", "320×240 frame: CV, CNN, image statistics, a plain Canny and Hough chain", _estimators),
 )
-"""Benchmark, what its figure means, and how the figure is read from its result."""
+"""Benchmark, meaning of its figure, and function that reads the figure from its result."""
 
 
 def table(results: Mapping[str, Measured]) -> str:

@@ -1,4 +1,4 @@
-"""What benchmarks share: a description of the machine, and times of calls."""
+"""Helpers of benchmarks: a description of the machine, and times of calls."""
 
 import importlib.metadata
 import os

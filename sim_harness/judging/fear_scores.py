@@ -14,7 +14,7 @@ from trepid.config import CONFIG_DIR
 from trepid.types import Column
 
 HORIZON_S = 3.0  # fear counts as a prediction at most this long before a departure
-AFRAID = "medium"  # the level from which on fear changes what the vehicle does
+AFRAID = "medium"  # the lowest level of fear that affects the drive
 SLOWED = 0.9  # speed factor; below it the decision counts as a slow-down
 JOINED_S = 1.0  # slow-downs closer than this count as one
 CLOSE_GAP_S = 2.0  # a vehicle ahead closer than this is a reason to slow down
@@ -42,8 +42,8 @@ def afraid(trace: Trace) -> Flags:
 def fear_lead_time_s(trace: Trace) -> float | None:
     """The shortest warning of a departure [s]; None without departures.
 
-    The warning of a departure is how long fear had been at least medium without a break, up to the last
-    sample before it, and since the last intervention: 0 for a departure at low fear.
+    The warning of a departure is the time with a fear of at least medium, without a break, up to the last
+    sample before it and since the last intervention: 0 for a departure at low fear.
     """
     t_s, warned = trace["t_s"], afraid(trace)
     leads_s = []

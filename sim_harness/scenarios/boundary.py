@@ -1,8 +1,8 @@
 """Boundary search: the greatest change of a parameter that the scenario passes.
 
-From the scenario as it is written a ray runs to each end of each range and, if asked for, to random corners of all
-ranges together. On a ray between a case that passes and one that fails the limit is found by bisection: n runs find
-it to within 2⁻ⁿ of the ray. Where passing and failing alternate along a ray, it is one of the limits.
+From the values of the scenario a ray runs to each end of each range and, optionally, to random corners of all
+ranges together. On a ray between a passing and a failing case the limit is found by bisection: n runs find it to
+within 2⁻ⁿ of the ray. Where passing and failing alternate along a ray, it is one of the limits.
 """
 
 from collections.abc import Callable, Iterator

@@ -3,7 +3,7 @@
 Every parameter is sampled in the unit interval and mapped to its values by its :mod:`~sim_harness.scenarios.vary`
 entry. All randomness, the seed of each case included, comes from one seed and the name of the scenario (NumPy's
 ``SeedSequence``), so that the printed seed reproduces a case; case k of ``random`` sampling
-does not depend on how many cases there are.
+does not depend on the number of cases.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""``trepid sim limits``: how far each range of a scenario may go until it fails."""
+"""``trepid sim limits``: the limits of each range of a scenario beyond which it fails."""
 
 import json
 import sys

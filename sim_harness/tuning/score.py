@@ -29,7 +29,7 @@ from trepid.messages import Decision, Mode
 
 
 class RunCrashed(Exception):
-    """A run of a candidate crashed, so that it has no score."""
+    """A crashed run of a candidate, which therefore has no score."""
 
 
 @dataclass(frozen=True, slots=True)

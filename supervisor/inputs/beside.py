@@ -1,8 +1,8 @@
-"""Use of a neighbouring lane as evidence of ours: lanes of one road are parallel and about equally wide.
+"""Use of a neighbouring lane as evidence of the ego lane: lanes of a road are parallel and about equally wide.
 
 A marking filter may find the two lines of the next lane and report with confidence that the car is a lane's width
-away from the centre. Where the path so far has the car in its lane, the measured lane is shifted by whole lane
-widths and used as an estimate of our lane with reduced confidence.
+away from the centre. If the car is in its lane by the path so far, the measured lane is shifted by whole lane
+widths and used as an estimate of the ego lane with reduced confidence.
 """
 
 from supervisor.inputs.validated import ValidatedEstimate

@@ -34,10 +34,10 @@ class Held:
 
 
 class Patience:
-    """Accumulates how long a condition holds: grows while it holds, shrinks as fast while it does not.
+    """Integrates the time of a condition: grows while it holds, shrinks at the same rate while it does not.
 
-    A condition that comes and goes from frame to frame is neither forgotten nor made worse than it is. ``pause``
-    keeps the time as it is.
+    A condition that changes from frame to frame neither resets the time nor increases it in the mean. ``pause``
+    holds the time constant.
     """
 
     def __init__(self) -> None:

@@ -35,7 +35,7 @@ class AnalyserSettings(Settings):
     occluding_m: Positive  # a vehicle ahead nearer than this hides the road ...
     occluding_s: Positive  # ... or at a time gap less than this
     unsure: PositiveShare  # confidence below: the road is hard to see
-    blind: PositiveShare  # ... it is not seen at all
+    blind: PositiveShare  # ... the road is not detected
     weak_edges: (
         PositiveShare  # confidence below which edges without lines, seen by one estimator only, are no road
     )
@@ -169,7 +169,7 @@ SYMPTOMS = frozenset(
 
 
 def analyse(x: Features, settings: AnalyserSettings, *, ages_s: Mapping[str, float]) -> Finding:
-    """The first suspect with enough evidence in the features ``x``; of estimators the one that is behind is named.
+    """The first suspect with enough evidence in the features ``x``; of estimators the late one is named.
 
     ``ages_s`` are those of the estimators.
     """

@@ -29,7 +29,7 @@ class Moment(NamedTuple):
     standstill: bool
     moving: bool  # by the last valid state
     frameless: bool  # no frame for the time of an emergency stop
-    guess: bool  # every estimator is rather wrong than right
+    guess: bool  # every estimator is more likely wrong than right
     road: bool  # an estimator measures the road with confidence
     drivable: bool  # estimates are valid, fear is low, and no cause that would stop the car is active
     driver: bool  # a driver acts now ...
@@ -61,7 +61,7 @@ def moment(
     """The conditions of the doubts, from the world, fear and its cause, and the mode so far."""
     wanted = rules.mode(fear)
     motion, last = world.motion, world.last_motion
-    # Do not start while a cause that would stop the car again is active, or the one that has stopped it.
+    # Do not start while a cause that would stop the car is active, or the cause of the present stop.
     doubted = not {cause, state.cause}.isdisjoint(modes.stop_after_s)
     startable = wanted is Mode.KEEP or not doubted
     frameless = fault.cause == Cause.STALE_DATA and min(world.ages_s.values()) > modes.emergency_stop_age_s
@@ -86,7 +86,7 @@ def moment(
 
 
 def is_guess(world: WorldState, modes: ModeSettings) -> bool:
-    """Whether every estimator is rather wrong than right."""
+    """Whether every estimator is more likely wrong than right."""
     return (world.features["lane_confidence"] or 0.0) < modes.guess_confidence
 
 
@@ -111,12 +111,12 @@ class Doubt:
     after_s: Time  # None: never
     effect: Effect
     cleared: str
-    pauses: Condition = _never  # keeps the time as it is
+    pauses: Condition = _never  # holds the time constant
     timer: type[Held] | type[Patience] = Held
 
 
 def _unguided(m: Moment) -> bool:
-    """Fear is at its highest, nothing can be followed, and no estimator is rather right than wrong."""
+    """The highest level of fear, no trail to follow, and no estimator more likely right than wrong."""
     return m.moving and m.wanted is Mode.STOP and not m.lead and not m.driver and m.guess
 
 
@@ -201,7 +201,7 @@ DRIVERS = frozenset({Effect.EMERGENCY, Effect.HAND_OVER})
 def doubts_of(modes: ModeSettings) -> tuple[Doubt, ...]:
     """DOUBTS, and a row for every cause under ``stop_after_s`` and ``emergency_after_s``.
 
-    While another cause of the same section is active the time stays as it is: these are doubts about the same road.
+    The time is held while another cause of the same section is active, because these doubts concern the same road.
     """
     return (
         *DOUBTS,

@@ -16,18 +16,18 @@ Vector = NDArray[np.float64]
 class TrailSettings(Settings):
     """Section ``follow.trail`` of ``config/supervisor.yaml``."""
 
-    spacing_m: Positive  # sightings so close are one point
+    spacing_m: Positive  # detections within this distance are one point
     length_m: Positive  # ahead of the axle
     behind_m: Positive  # kept behind it, for the heading
-    sigma_m: Positive  # of the lateral place of a sighting right before us …
+    sigma_m: Positive  # of the lateral position of a detection directly ahead …
     sigma_per_m: Positive  # … and its growth with the distance
-    least_sigma_m: Positive  # of many sightings of one place: they err alike
-    window_m: Positive  # the path is fitted to what is so near; farther off points count less and less
-    offset_sigma_m: Positive  # how well we know without a trail where the path is: offset, …
+    least_sigma_m: Positive  # of many detections at one place, whose errors are correlated
+    window_m: Positive  # scale of the weights of the fit, which fall with the distance
+    offset_sigma_m: Positive  # standard deviation of the path without a trail: offset, …
     heading_sigma_rad: Positive
     curvature_sigma_1pm: Positive
-    road_jerk_mps3: Positive  # roads bend no faster than this allows at the speed driven: κ' ≤ j/v³
-    max_curvature_rate_1pm2: Positive  # … nor than this at a crawl
+    road_jerk_mps3: Positive  # limit of the curvature rate of roads at the present speed: κ' ≤ j/v³
+    max_curvature_rate_1pm2: Positive  # … and at low speed
 
 
 class Fit(NamedTuple):

@@ -32,7 +32,7 @@ def _void(rules: FearRules) -> Iterator[tuple[Rule, Rule]]:
 
 
 def _special(case: list[Ramp], of: list[Ramp]) -> bool:
-    """Whether the degree of ``case`` is nowhere above that of ``of``."""
+    """Whether the degree of ``case`` is at no point above that of ``of``."""
     return all(any(_no_earlier(ramp, other) for ramp in case) for other in of)
 
 

@@ -158,7 +158,7 @@ class FearRules:
         return FearResult(fear, self.level(fear), self._cause(ranked, missing, fear), texts, degrees)
 
     def trust(self, values: Values) -> dict[str, Trust]:
-        """Trust in every estimator of the file. Only the inputs of its own rules are asked for.
+        """Trust in every estimator of the file. Only the inputs of the trust rules are evaluated.
 
         A missing or impossible value counts as the worst, so more risk and less knowledge are never more trust.
         """

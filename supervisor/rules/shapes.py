@@ -180,6 +180,6 @@ def _simplified(s: Column, y: Column, tolerance: float) -> list[int]:
 
 
 def below(lower: Knots, upper: Knots) -> bool:
-    """Whether an edge with the knots ``lower`` is nowhere above one with ``upper``, between the same ends."""
+    """Whether an edge with the knots ``lower`` is at no point above one with ``upper``, between the same ends."""
     places = sorted({s for s, _ in itertools.chain(lower, upper)})
     return all(curved(s, lower) <= curved(s, upper) for s in places)

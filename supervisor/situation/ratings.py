@@ -1,4 +1,4 @@
-"""Which inputs and which trust of the fear rules rate an estimator: those of its own name, else those of its kind.
+"""Which inputs and which trust of the fear rules rate an estimator: those of its name, else those of its kind.
 
 A rule file names estimators in inputs such as ``cv_confidence`` and in outputs such as ``trust_cv``. An estimator
 that it does not name is rated by the name that ``rated_as`` in ``config/supervisor.yaml`` gives to it or its kind.

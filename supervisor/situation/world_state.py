@@ -21,7 +21,7 @@ from trepid.vehicle import Vehicle
 
 
 class WorldState(NamedTuple):
-    """Everything that the decision of one moment depends on, besides mode and timers."""
+    """The inputs of a decision except mode and timers."""
 
     estimates: list[ValidatedEstimate]
     ahead: Lead

@@ -1,1 +1,1 @@
-"""Processes of a drive: start, watch, stop; what every process shares."""
+"""Processes of a drive: start, monitoring and stop; the loop of every process."""

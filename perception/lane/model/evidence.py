@@ -1,4 +1,4 @@
-"""The evidence for a fitted lane: how much of each boundary is covered by points."""
+"""The evidence for a fitted lane: the share of each boundary that is covered by points."""
 
 import math
 from dataclasses import dataclass, replace

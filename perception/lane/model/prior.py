@@ -74,7 +74,7 @@ def straightened(state: LaneState, settings: PriorSettings) -> LaneState:
 
 
 def looks_straight(state: LaneState, settings: PriorSettings, *, log_odds: float) -> bool:
-    """Whether a straight road explains ``state`` better than one that may bend.
+    """Whether a straight road explains ``state`` better than a road with curvature.
 
     Compares the log densities of m = (κ0, κ') under N(0, P + S), where P is the covariance of ``state`` and S
     that of the straight or the general prior; ``log_odds`` favour the straight road (MacKay 2003, chapter

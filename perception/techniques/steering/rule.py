@@ -126,7 +126,7 @@ def road_wheel(angle: ImageAngle | None, *, gain: float) -> RoadWheel | None:
 
 
 def lean(line: ImageLine) -> ImageAngle:
-    """−atan(m): how far the line's foot lies to the left of its head.
+    """−atan(m), positive if the foot of the line lies to the left of its head.
 
     The centre line of a lane has m = e/h (S18), so this is −atan(e/h): it steers back to the centre. It is the
     printed atan2(x₁−x₂, y₂−y₁) from foot (x₂, y₂) to head (x₁, y₁). The papers read its sign as "to the right",

@@ -107,7 +107,7 @@ def winding_episode(vehicle: Vehicle, speed_mps: float, seed: int) -> Episode:
         road=road,
         speed_mps=speed_mps,
         duration_s=math.floor((road.length_m - 2.0) / speed_mps),
-        believed=vehicle,
+        nominal=vehicle,
         frame_every=PAPER_EVERY,
         latency_s=PAPER_LATENCY_S,
         seed=seed,

@@ -32,18 +32,18 @@ LOST_M = 5.0  # beyond this offset the lane counts as lost, and the episode ends
 
 @dataclass(frozen=True, kw_only=True)
 class Episode:
-    """A lane and a car: ``believed`` is the vehicle file of the controller, ``plant`` the simulated deviation."""
+    """A lane and a car: ``nominal`` is the vehicle file of the controller, ``plant`` the simulated deviation."""
 
     road: Road
     speed_mps: float
     duration_s: float
-    believed: Vehicle
+    nominal: Vehicle
     plant: PlantSettings = field(default_factory=PlantSettings)
     frame_every: int = FRAME_EVERY  # ticks
     latency_s: float = LATENCY_S
     offset_noise_m: float = 0.0  # standard deviation of every frame's offset
     sight_s: float | None = (
-        None  # distance at which the clothoid equals the road besides at the axle; None: it touches the road
+        None  # distance at which the clothoid equals the road, in addition to the axle; None: it touches the road
     )
     start_m: float = 0.0  # offset at the start
     seed: int = 0
@@ -99,12 +99,12 @@ S_DURATION_S = 13.0  # of the S
 
 def drive(episode: Episode, settings: ControllerSettings) -> Track:
     """Drive ``episode`` at its speed with the laws of ``settings``. Ends early where the lane is lost."""
-    return drive_by(Controller(episode.believed, _at_any_speed(settings, episode.speed_mps)), episode)
+    return drive_by(Controller(episode.nominal, _at_any_speed(settings, episode.speed_mps)), episode)
 
 
 def drive_by(steering: Steering, episode: Episode) -> Track:
     """Drive ``episode`` at its speed by ``steering``. Ends early where the lane is lost."""
-    plant = build_plant(episode.plant, episode.believed)
+    plant = build_plant(episode.plant, episode.nominal)
     sight = _Sight(episode)
     road, car = episode.road, plant.initial(y_m=episode.start_m, speed_mps=episode.speed_mps)
     station_m, command, rows = 0.0, None, []

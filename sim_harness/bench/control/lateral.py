@@ -76,7 +76,7 @@ def _errors(figure: Figure, episode: Episode) -> Iterator[tuple[str, float]]:
     for name, settings in contestants().items():
         yield name, figure.error_m(drive(episode, settings))
         if name in BASELINES:
-            blind = replace(episode, believed=_neutral(episode.believed), plant=_real(episode))
+            blind = replace(episode, nominal=_neutral(episode.nominal), plant=_real(episode))
             unlearning = settings.learning.model_copy(update=dict(enabled=False))
             fixed = settings.model_copy(update=dict(learning=unlearning))
             yield f"{name}, no understeer", figure.error_m(drive(blind, fixed))
@@ -88,7 +88,7 @@ def _neutral(vehicle: Vehicle) -> Vehicle:
 
 def _real(episode: Episode) -> PlantSettings:
     """The plant of ``episode`` for a controller with another understeer."""
-    understeer = episode.believed.understeer_gradient_rad_per_mps2
+    understeer = episode.nominal.understeer_gradient_rad_per_mps2
     differs = {"understeer_gradient_rad_per_mps2": understeer} | episode.plant.vehicle
     return episode.plant.model_copy(update=dict(vehicle=differs))
 
@@ -119,13 +119,13 @@ def _straight() -> Road:
     return road_of([(1000.0, 0.0)])
 
 
-def s_curve(speed_mps: float, believed: Vehicle, *, sight_s: float | None = None, **real: Any) -> Episode:
-    """The S on a car that differs from ``believed`` by the plant fields ``real``."""
+def s_curve(speed_mps: float, nominal: Vehicle, *, sight_s: float | None = None, **real: Any) -> Episode:
+    """The S on a car that differs from ``nominal`` by the plant fields ``real``."""
     return Episode(
         road=_s(speed_mps),
         speed_mps=speed_mps,
         duration_s=S_DURATION_S,
-        believed=believed,
+        nominal=nominal,
         plant=PlantSettings.model_validate(real),
         sight_s=sight_s,
     )
@@ -134,8 +134,8 @@ def s_curve(speed_mps: float, believed: Vehicle, *, sight_s: float | None = None
 def s_curves(model: Model) -> Iterator[Episode]:
     """Over understeer and speed, on a car that equals its vehicle file, without preview of bends."""
     for understeer, speed_mps in product(UNDERSTEER_DEG_PER_G, SPEEDS_MPS):
-        believed = vehicle(understeer_deg_per_g=understeer)
-        yield s_curve(speed_mps, believed if model is Model.KINEMATIC else tyred(believed), model=model)
+        nominal = vehicle(understeer_deg_per_g=understeer)
+        yield s_curve(speed_mps, nominal if model is Model.KINEMATIC else tyred(nominal), model=model)
 
 
 def timings(wrong: tuple[float, ...]) -> Iterator[Episode]:
@@ -148,13 +148,13 @@ def timings(wrong: tuple[float, ...]) -> Iterator[Episode]:
 
 def pushed(model: Model = Model.KINEMATIC, **real: Any) -> Iterator[Episode]:
     """Straight on at every speed, with the disturbance present from the start."""
-    believed = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    nominal = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     for speed_mps in SPEEDS_MPS:
         yield Episode(
             road=_straight(),
             speed_mps=speed_mps,
             duration_s=2 * SETTLED_S,
-            believed=believed if model is Model.KINEMATIC else tyred(believed),
+            nominal=nominal if model is Model.KINEMATIC else tyred(nominal),
             plant=PlantSettings(model=model, **real),
         )
 
@@ -162,19 +162,19 @@ def pushed(model: Model = Model.KINEMATIC, **real: Any) -> Iterator[Episode]:
 def random_cases(seed: int, cases: int = RANDOM_CASES) -> Iterator[Episode]:
     """The S at any speed on a car that differs in all parameters, with 3 cm of noise in the offset."""
     lots = np.random.default_rng(seed)
-    believed = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    nominal = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     for _ in range(cases):
         speed_mps = float(lots.uniform(10.0, 30.0))
         understeer, delay, lag = lots.uniform(0.7, 1.3, 3)
         real = dict(
-            understeer_gradient_rad_per_mps2=understeer * believed.understeer_gradient_rad_per_mps2,
-            steering_delay_s=delay * believed.steering_delay_s,
-            steering_lag_s=lag * believed.steering_lag_s,
+            understeer_gradient_rad_per_mps2=understeer * nominal.understeer_gradient_rad_per_mps2,
+            steering_delay_s=delay * nominal.steering_delay_s,
+            steering_lag_s=lag * nominal.steering_lag_s,
         )
         episode = s_curve(
             speed_mps,
-            believed,
-            sight_s=FROM_FRAME_S + 1.3 * (believed.steering_delay_s + believed.steering_lag_s),
+            nominal,
+            sight_s=FROM_FRAME_S + 1.3 * (nominal.steering_delay_s + nominal.steering_lag_s),
             vehicle=real,
             load_kg=float(lots.uniform(0.0, 200.0)),
             bank_rad=float(lots.uniform(-BANK_RAD, BANK_RAD)),

@@ -60,7 +60,7 @@ def _straight(model: Model, speed_mps: float, seed: int) -> Episode:
         road=road_of([((STRAIGHT_S + 1.0) * speed_mps, 0.0)]),
         speed_mps=speed_mps,
         duration_s=STRAIGHT_S,
-        believed=known_vehicle(model),
+        nominal=known_vehicle(model),
         plant=PlantSettings(model=model, steering_offset_rad=OFFSET_RAD),
         seed=seed,
     )
@@ -69,11 +69,11 @@ def _straight(model: Model, speed_mps: float, seed: int) -> Episode:
 def _laps(seed: int) -> dict[str, Any]:
     """Random cars on the circuit; errors relative to the truth for K [%], absolute for the offset [mrad]."""
     rows: dict[str, str] = {}
-    believed = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    nominal = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     settings = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
-    for number, plant in enumerate(random_cars(believed, seed)):
-        trace, learner = lap(believed, settings, plant, seed + number)
-        found = identify_understeer(_log(trace), believed)
+    for number, plant in enumerate(random_cars(nominal, seed)):
+        trace, learner = lap(nominal, settings, plant, seed + number)
+        found = identify_understeer(_log(trace), nominal)
         gradient, offset = plant.vehicle[GRADIENT], plant.steering_offset_rad
         rows[f"lap of {plant.model.value}, K {gradient:.5f}, offset {offset:+.4f}"] = (
             f"learned {_errors(learner.understeer, learner.offset_rad, gradient, offset)}; identified "
@@ -95,7 +95,7 @@ def _errors(gradient: float, offset_rad: float, true_gradient: float, true_offse
     return f"K {percent:+.1f} %, offset {1e3 * (offset_rad - true_offset_rad):+.2f} mrad"
 
 
-def random_cars(believed: Vehicle, seed: int) -> Iterator[PlantSettings]:
+def random_cars(nominal: Vehicle, seed: int) -> Iterator[PlantSettings]:
     """Understeer within ±30 %, offset within ±0.5°, on both plants in turn."""
     draw = np.random.default_rng(seed)
     for number in range(CARS):
@@ -103,16 +103,16 @@ def random_cars(believed: Vehicle, seed: int) -> Iterator[PlantSettings]:
         yield PlantSettings(
             model=(Model.KINEMATIC, Model.SINGLE_TRACK)[number % 2],
             steering_offset_rad=float(offset_rad),
-            vehicle={GRADIENT: float(share * believed.understeer_gradient_rad_per_mps2)},
+            vehicle={GRADIENT: float(share * nominal.understeer_gradient_rad_per_mps2)},
         )
 
 
 def lap(
-    believed: Vehicle, settings: ControllerSettings, plant: PlantSettings, seed: int
+    nominal: Vehicle, settings: ControllerSettings, plant: PlantSettings, seed: int
 ) -> tuple[Trace, SteeringLearner]:
-    """A lap of the circuit on ``plant`` with the vehicle file ``believed``; returns the learned values."""
+    """A lap of the circuit on ``plant`` with the vehicle file ``nominal``; returns the learned values."""
     scenario = load_scenario("circuit", {"sight": "truth"}).model_copy(update=dict(plant=plant))
-    controller = Controller(believed, settings)
+    controller = Controller(nominal, settings)
     parts = replace(build_parts(scenario, seed=seed), controller=controller)
     return ClosedLoop(scenario.shortened(LAP_S), parts, load_simulator()).drive(), controller.learner
 

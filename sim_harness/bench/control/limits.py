@@ -5,7 +5,7 @@ steady bend. The demands are arbitrary: angles up to the stops as steps, ramps, 
 brake in spans of random length. The motion of the plant is judged, not the commands:
 
     lateral acceleration  |a_y| ≤ 3 m/s²                                                    ISO 11270:2014
-    lateral jerk          |a_y(t + 0.5 s) - a_y(t)|/0.5 s ≤ 5 m/s³, of a_y as it is         ISO 11270:2014
+    lateral jerk          |a_y(t + 0.5 s) - a_y(t)|/0.5 s ≤ 5 m/s³, of a_y unfiltered       ISO 11270:2014
     the same              of a_y after a Butterworth filter of fourth order, 0.5 Hz         UN R79 rev. 4 annex 8
     deceleration          ≤ 4 m/s²                                                          UN R157 5.3
 

@@ -23,7 +23,7 @@ from trepid.vehicle import Vehicle
 SPEEDS_MPS = (2.0, 5.0, 8.94, 20.0, 30.0)
 TICK_S, CONTROL_EVERY = 0.01, 2
 PLANTS = {
-    "as believed": PlantSettings(),
+    "as modelled": PlantSettings(),
     "drive lag 0.3 s for 0.15 s": PlantSettings(vehicle={"accel_lag_s": 0.3}),
 }
 FOLLOWING = ("leader_brakes", "stop_and_go", "lead_slow", "standing_car")

@@ -99,7 +99,7 @@ def recorded(settings: ControllerSettings, seed: int) -> list[Asked]:
                 road=s_clothoid(speed_mps),
                 speed_mps=speed_mps,
                 duration_s=S_DURATION_S,
-                believed=vehicle,
+                nominal=vehicle,
                 offset_noise_m=NOISE_M,
                 start_m=START_M,
                 seed=seed,

@@ -56,7 +56,7 @@ def _rms_m(plant: PlantSettings, settings: ControllerSettings, seed: int) -> flo
                 road=s_clothoid(speed_mps),
                 speed_mps=speed_mps,
                 duration_s=S_DURATION_S,
-                believed=known_vehicle(plant.model),
+                nominal=known_vehicle(plant.model),
                 plant=plant,
                 seed=seed,
             ),

@@ -32,7 +32,7 @@ def episodes(seed: int) -> Iterator[tuple[Model, Episode]]:
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     rear_slip = 1.0 / (PlantSettings().chassis.rear_stiffness_per_rad * GRAVITY_MPS2)
     tyred = vehicle.model_copy(update=dict(rear_slip_gradient_rad_per_mps2=rear_slip))
-    for model, believed in ((Model.KINEMATIC, vehicle), (Model.SINGLE_TRACK, tyred)):
+    for model, nominal in ((Model.KINEMATIC, vehicle), (Model.SINGLE_TRACK, tyred)):
         for speed_mps in SPEEDS_MPS:
             lateral_mps2 = min(LATERAL_MPS2, speed_mps**2 / TIGHTEST_M)
             jerk_mps3 = min(JERK_MPS3, speed_mps * lateral_mps2 / SHORTEST_ENTRY_M)
@@ -42,7 +42,7 @@ def episodes(seed: int) -> Iterator[tuple[Model, Episode]]:
                     road=s_clothoid(speed_mps, lateral_mps2=lateral_mps2, jerk_mps3=jerk_mps3),
                     speed_mps=speed_mps,
                     duration_s=ARCS_S - 1.0 + 4.0 * lateral_mps2 / jerk_mps3,
-                    believed=believed,
+                    nominal=nominal,
                     plant=PlantSettings(model=model),
                     seed=seed,
                 ),

@@ -90,10 +90,10 @@ class Afraid:
         s = self._settings
         observer = WorldStateObserver(s.sightings, s.fusion, s.follow, self._vehicle)
         for number in range(WARM_UP + 1):
-            told = broken if number == WARM_UP else whole
+            messages = broken if number == WARM_UP else whole
             t_s = PERIOD_S * number
             # Stamps are counted from t = 0 of the situation; a broken one stays broken.
-            now = {name: replace(message, t_s=message.t_s + t_s) for name, message in told.items()}
+            now = {name: replace(message, t_s=message.t_s + t_s) for name, message in messages.items()}
             world = observer.step(
                 self._rules,
                 {name: now[name] for name in ("cv", "cnn")},
@@ -140,8 +140,8 @@ def bench_fuzz(seed: int) -> dict[str, Any]:
     """Number of broken messages, and of those that lowered fear; an exception ends the benchmark."""
     afraid, rng = Afraid(), random.Random(seed)
     whole = situations()
-    clean = {name: afraid.fear(told, told) for name, told in whole.items()}
-    singles = [(name, broken) for name, told in whole.items() for broken in one_by_one(told)]
+    clean = {name: afraid.fear(messages, messages) for name, messages in whole.items()}
+    singles = [(name, broken) for name, messages in whole.items() for broken in one_by_one(messages)]
     several = [
         (name, at_random(whole[name], rng)) for name in (rng.choice(list(whole)) for _ in range(MESSAGES))
     ]

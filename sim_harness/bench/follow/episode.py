@@ -41,7 +41,7 @@ class Episode:
 
 @dataclass(slots=True)
 class Watcher:
-    """Records what the scores need."""
+    """Records the data of the scores."""
 
     leaders: list[list[tuple[float, float]]] = field(default_factory=list)
     own: list[tuple[float, float]] = field(default_factory=list)

@@ -36,7 +36,7 @@ PICTURES = (
 )
 """Code and settings that the frames of the set depend on."""
 WATCHING = (*PICTURES, "sim_harness/bench/perception/watch.py", "sim_harness/lockstep/oracle.py")
-"""Code that the truth and the errors depend on, besides."""
+"""Further code that the truth and the errors depend on."""
 PARTS = ("set", "real", "drive")
 REPORT_EVERY_S = 10.0
 

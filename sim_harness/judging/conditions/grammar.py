@@ -105,7 +105,7 @@ _UNIT_LIKE = re.compile(r"\s*([^\W\d_][\w/^]*|[°%]\S*)")
 
 
 class SentenceError(ValueError):
-    """A sentence that is not a condition: the sentence, the column from 1, and what was expected there."""
+    """A sentence that is not a condition: the sentence, the column from 1, and the expected words."""
 
     def __init__(self, text: str, offset: int, message: str) -> None:
         super().__init__(f"{text!r}, column {offset + 1}: {message}")

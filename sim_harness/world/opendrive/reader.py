@@ -319,7 +319,7 @@ class _Reader:
 
     @property
     def _is_as_exported(self) -> bool:
-        """True when the lane is the one that export writes: its <userData> then applies."""
+        """True for a lane as written by the export: its <userData> applies."""
         return not self._backward and set(self._lanes) == {-1}
 
     def _notes(self) -> tuple[str, ...]:

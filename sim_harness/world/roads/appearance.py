@@ -76,7 +76,7 @@ class Marking(Settings):
 
 
 class NeighbourLane(Settings):
-    """A lane parallel to the one that the vehicle keeps."""
+    """A lane parallel to the ego lane."""
 
     # Constant, or (at the start, at the end); None: that of the kept lane.
     width_m: Width | tuple[Width, Width] | None = None

@@ -1,4 +1,4 @@
-"""Lanes parallel to the one that the vehicle keeps, with the four methods of highway-env's ``AbstractLane``.
+"""Lanes parallel to the ego lane, with the four methods of highway-env's ``AbstractLane``.
 
 A lane's centre has the offset d(s) from the reference line, linear along each section. Offsets are measured
 perpendicular to the reference line, so lane and road coordinates have the same stations.
@@ -15,7 +15,7 @@ Ends = tuple[float, float]
 
 
 class RoadLane:
-    """Lane ``index`` of a road: 0 the one that the vehicle keeps, 1 the next to the left, -1 the next to the right.
+    """Lane ``index`` of a road: 0 the ego lane, 1 the next to the left, -1 the next to the right.
 
     All methods return NaN at stations where the road has no such lane.
     """

@@ -338,7 +338,7 @@ def test_a_million_random_states_are_answered_with_a_number():
 
 def test_the_bends_of_an_s_are_kept_within_a_centimetre():
     settings = SETTINGS.model_copy(update=dict(lateral=MPC))
-    episode = Episode(road=s_clothoid(20.0), speed_mps=20.0, duration_s=S_DURATION_S, believed=SHUTTLE)
+    episode = Episode(road=s_clothoid(20.0), speed_mps=20.0, duration_s=S_DURATION_S, nominal=SHUTTLE)
     assert drive(episode, settings).worst_m <= 0.010
 
 

@@ -80,7 +80,7 @@ class SurfacePainter:
             colour[:, :, channel] = cv2.convertScaleAbs(tone, alpha=tint[channel])
 
     def cover(self, colour: Image, here: Stretch) -> None:
-        """Paint what covers the markings: kerbs, puddles, snow."""
+        """Paint kerbs, puddles and snow over the markings."""
         section = here.section
         if section.kerb_m:
             self._paint_kerbs(colour, here)

@@ -10,7 +10,7 @@ from trepid.messages import Stop
 
 @pytest.mark.parametrize("speed_mps", [0.3, 2.0, 8.94])
 def test_on_the_plant_a_comfort_stop_ends_within_20_cm_of_its_closed_form(speed_mps):
-    metres, last_mps2 = braked(SETTINGS, SHUTTLE, PLANTS["as believed"], Stop.COMFORT, speed_mps)
+    metres, last_mps2 = braked(SETTINGS, SHUTTLE, PLANTS["as modelled"], Stop.COMFORT, speed_mps)
     meant_m = stop_m_and_s(SETTINGS.speed.comfort, speed_mps)[0] + speed_mps * SHUTTLE.accel_lag_s
     assert metres == pytest.approx(meant_m, abs=0.2)
     assert last_mps2 <= 0.5
