@@ -192,7 +192,7 @@ def test_at_full_fear_without_a_confident_estimate_the_car_soon_brakes_hard() ->
     assert sure.last(2.0, statistics=DAZZLED).stop is Stop.COMFORT
 
 
-def test_one_bad_frame_slows_but_does_not_stop() -> None:
+def test_a_single_bad_frame_slows_but_does_not_stop_the_car() -> None:
     drive = Drive.under_way()
     bad = drive.frame(cv=replace(ESTIMATE, lateral_offset_m=math.nan))
     assert (bad.fear, bad.mode, bad.speed_cap_mps) == (1, Mode.CAUTION, 0)

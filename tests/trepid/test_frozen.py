@@ -49,7 +49,7 @@ def test_takes_exactly_its_fields(given):
         Quick(1.0)
 
 
-def test_is_locked_once_it_is_made():
+def test_an_instance_is_immutable():
     made = Quick(near_m=1.0)
     with pytest.raises(FrozenInstanceError):
         made.near_m = 2.0

@@ -46,7 +46,7 @@ def record_a_change(path: Path) -> None:
     assert announcement.values() == (), "it is announced once"
 
 
-def test_every_decision_is_explained_by_the_rules_that_it_was_made_by(tmp_path: Path) -> None:
+def test_every_decision_is_explained_by_its_own_rules(tmp_path: Path) -> None:
     record_a_change(tmp_path / "drive.mcap")
     drive = recall(tmp_path / "drive.mcap")
     before, after = drive.decisions[4].fear, drive.decisions[9].fear

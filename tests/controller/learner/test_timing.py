@@ -53,14 +53,14 @@ def test_noise_and_an_offset_of_the_sensor_change_the_estimate_little(seed):
     assert late_s == pytest.approx(0.05, abs=0.015)
 
 
-def test_it_is_learned_within_a_second_of_the_first_bend():
+def test_the_delay_is_learned_within_a_second_of_the_first_bend():
     real = vehicle(steering_delay_s=0.15, steering_lag_s=0.1)
     assert learned(real, seconds=3.0, angle=lambda t_s: 0.006 * max(0.0, t_s - 2.0)) == pytest.approx(
         0.05, abs=0.015
     )
 
 
-def test_it_stays_within_its_share():
+def test_the_estimate_stays_within_its_share():
     assert learned(vehicle(steering_delay_s=0.5), share=0.4) == pytest.approx(0.4 * 0.2)
     assert learned(vehicle(steering_delay_s=0.5), share=0.0) == 0.0
 

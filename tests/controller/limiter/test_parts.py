@@ -18,6 +18,7 @@ from controller.limiter.interval import clip, inside, narrow
 from controller.limiter.override import DriverWatch
 from controller.limiter.saturation import SaturationWatch
 from controller.limiter.turn import SLOPE, SteadyTurn
+from controller.model import bicycle
 
 BAD = (math.nan, math.inf, -math.inf)
 
@@ -75,8 +76,7 @@ def test_angle_and_curvature_are_inverse_and_the_car_understeers(angle_rad, spee
 
 
 @given(st.floats(-0.55, 0.55), st.floats(0.0, 30.0), st.floats(0.0, 0.01))
-def test_it_is_the_bicycle_of_the_controller(angle_rad, speed_mps, gradient):
-    bicycle = pytest.importorskip("controller.model.bicycle", reason="the controller is not here")
+def test_the_steady_turn_is_that_of_the_bicycle_of_the_controller(angle_rad, speed_mps, gradient):
     car = vehicle(understeer_gradient_rad_per_mps2=gradient)
     theirs = bicycle.curvature_from_angle(angle_rad, speed_mps=speed_mps, vehicle=car)
     assert SteadyTurn(car).curvature_1pm(angle_rad, speed_mps) == pytest.approx(theirs, abs=1e-8)
@@ -284,7 +284,7 @@ def test_a_wheel_that_stays_outside_all_demands_is_held_by_the_driver(sign):
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_on_the_edge_of_the_tolerance_it_is_explained(sign):
+def test_a_wheel_on_the_edge_of_the_tolerance_is_explained(sign):
     one, edge = watch(), seen(wheel_rad=sign * 0.03125)
     assert not any(one.step(edge, n / 16) for n in range(50))
 
@@ -410,7 +410,7 @@ def test_a_slow_car_is_not_saturated():
         assert saturated_after(1.0, wanted_rad=0.5, speed_mps=speed_mps).saturated is cut
 
 
-def test_it_saturates_exactly_at_the_time():
+def test_saturation_begins_exactly_at_its_time():
     assert saturated_after(0.5, wanted_rad=0.1).saturated
 
 

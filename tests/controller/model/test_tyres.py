@@ -31,7 +31,7 @@ def settled(tyres, wheel_rad, speed_mps, seconds=3.0, steps=300):
 
 @pytest.mark.parametrize("speed_mps", [0.3, 1.0, 5.0, 20.0, 30.0])
 @pytest.mark.parametrize("wheel_rad", [0.002, -0.03])
-def test_they_settle_on_the_steady_turn_with_the_rear_axle_adrift(speed_mps, wheel_rad):
+def test_the_tyres_settle_on_the_steady_turn_with_the_drift_of_the_rear_axle(speed_mps, wheel_rad):
     tyres = Tyres(CAR)
     turning = settled(tyres, wheel_rad, speed_mps)
     steady_1pm = tyres.steady_1pm(wheel_rad, speed_mps)
@@ -77,7 +77,7 @@ def test_without_a_known_slip_there_is_no_drift_and_no_lag():
 
 
 @given(st.floats(-0.3, 0.3), st.floats(-0.2, 0.2), st.floats(-0.1, 0.1), st.floats(0.0, 40.0))
-def test_they_are_mirror_symmetric(wheel_rad, yaw_1pm, drift_rad, speed_mps):
+def test_the_tyres_are_mirror_symmetric(wheel_rad, yaw_1pm, drift_rad, speed_mps):
     tyres = Tyres(CAR)
     left = tyres.after(Turning(yaw_1pm, drift_rad), wheel_rad, wheel_rad, speed_mps, 0.02)
     right = tyres.after(Turning(-yaw_1pm, -drift_rad), -wheel_rad, -wheel_rad, speed_mps, 0.02)

@@ -40,7 +40,7 @@ def test_the_time_gap_is_zero_in_contact_infinite_at_standstill_and_absent_witho
     assert np.isnan(time_gap_s(gaps)[3])
 
 
-def test_time_to_collision_is_gap_over_the_rate_at_which_it_closes():
+def test_time_to_collision_is_the_gap_over_its_closing_rate():
     gaps = trace(5, lead_gap_m=[30.0, 25.0, 25.0, 27.0, -1.0])
     assert time_to_collision_s(gaps).tolist()[1:] == [5.0, math.inf, math.inf, 0.0]
     assert np.isnan(time_to_collision_s(gaps)[0])

@@ -30,7 +30,7 @@ def run(one, seconds, *, from_s=0.0, gap_m=None):
     return one
 
 
-def test_it_begins_with_its_near_end_at_the_gap():
+def test_a_vehicle_begins_with_its_near_end_at_the_gap():
     assert actor(gap_m=12.0, nose_m=30.0).station_m + CAR.rear_m == pytest.approx(42.0)
     assert actor(gap_m=12.0, nose_m=30.0, oncoming=True).station_m - CAR.front_m == pytest.approx(42.0)
     assert actor(station_m=80.0, nose_m=30.0).station_m == 80.0

@@ -80,7 +80,7 @@ def hashes(text):
     return [(row["seed"], row["trace_sha256"]) for row in map(json.loads, text.splitlines())]
 
 
-def test_a_sweep_that_was_killed_goes_on_where_it_was(files, start, capsys):
+def test_a_killed_sweep_resumes_at_its_last_case(files, start, capsys):
     stored = files / "out.jsonl"
     sources = (files / "second.yaml", "--seeds", 3)
     command = start(*sources, files / "endless.yaml", "--out", stored)

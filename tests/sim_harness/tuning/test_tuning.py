@@ -43,7 +43,7 @@ def quick_plan() -> Plan:
     return plan(by_seeds([load_scenario("lying_cv", QUICK)], [0]))
 
 
-def test_the_numbers_that_are_tuned_by_default_are_in_the_shipped_file_and_may_stay_as_they_are() -> None:
+def test_the_default_tuned_numbers_are_in_the_shipped_file_and_setting_them_unchanged_keeps_it() -> None:
     check_start(FILE, dict(SETTINGS.parameters))
     same = TEXT.changed({name: TEXT.value(name) for name in SETTINGS.parameters})
     assert data(same) == data(TEXT.text)
@@ -118,7 +118,7 @@ def test_a_bad_span_is_refused(text: str) -> None:
 
 
 @given(st.floats(-100, 100), st.floats(1e-3, 1e3), st.floats(0, 1))
-def test_values_are_rounded_but_stay_where_they_may_go(low: float, width: float, share: float) -> None:
+def test_values_are_rounded_within_their_range(low: float, width: float, share: float) -> None:
     span = Span(low=low, high=low + width)
     value = low + share * width
     rounded = span.rounded(value)
@@ -241,7 +241,7 @@ COMMAND = [
 
 
 @pytest.mark.parametrize("kind", ["sqlite", pytest.param("journal", marks=pytest.mark.proof)])
-def test_two_workers_tune_on_one_storage_are_interrupted_and_go_on(tmp_path: Path, kind: str) -> None:
+def test_two_workers_tune_on_one_storage_and_resume_after_an_interruption(tmp_path: Path, kind: str) -> None:
     rules, new = tmp_path / "fear.yaml", tmp_path / "new.yaml"
     rules.write_text(TEXT.text)
     file = tmp_path / "study"

@@ -30,7 +30,7 @@ def test_time_of_a_condition_that_comes_and_goes_accumulates_slowly() -> None:
 
 
 @pytest.mark.parametrize("limit_s", [0.5, 2.0])
-def test_time_shrinks_as_fast_as_it_grew(limit_s: float) -> None:
+def test_time_without_the_cause_reduces_the_patience_as_fast_as_it_grew(limit_s: float) -> None:
     n = round(limit_s / 0.1)
     causes = ["no_road"] * (10 * n) + [""] * n + ["no_road"] * (n - 1)
     patience = Patience()

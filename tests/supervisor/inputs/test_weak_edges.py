@@ -24,12 +24,12 @@ def doubt(edges: WeakEdges, seen: list[ValidatedEstimate], *, way_m: float, from
 
 
 @pytest.mark.parametrize("confidence", [0.2, 0.6, 0.95])
-def test_it_grows_towards_the_doubt_by_way(confidence: float) -> None:
+def test_the_mean_doubt_converges_over_the_distance(confidence: float) -> None:
     found = doubt(WeakEdges(), [sighting(confidence, marked=False)], way_m=EDGES_M)
     assert found == pytest.approx((1 - confidence) * (1 - math.exp(-1)))
 
 
-def test_a_road_of_lines_has_none_however_unsure_they_are() -> None:
+def test_lines_of_any_confidence_have_no_doubt() -> None:
     assert doubt(WeakEdges(), [sighting(0.3, marked=True)], way_m=50.0) == 0.0
 
 

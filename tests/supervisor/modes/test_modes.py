@@ -128,7 +128,7 @@ def test_a_stop_brakes_hard_for_a_vehicle_too_near_for_a_comfort_stop_and_is_not
     )
 
 
-def test_a_frozen_camera_ends_the_run_because_it_looks_healthy_at_standstill() -> None:
+def test_a_frozen_camera_ends_the_run_because_it_is_not_detectable_at_standstill() -> None:
     assert after(KEEPING, fine(Effect.STOP, cause="frozen_camera")).final
 
 

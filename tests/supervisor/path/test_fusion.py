@@ -118,7 +118,7 @@ def test_a_view_that_was_left_out_is_not_joined_when_the_other_errs_towards_it()
 
 
 @pytest.mark.parametrize(("confidence", "begins"), [(0.3, False), (0.49, False), (0.6, True)])
-def test_a_lone_view_begins_a_road_only_when_it_is_rather_right_than_wrong(
+def test_a_single_estimate_starts_a_road_only_at_sufficient_confidence(
     confidence: float, *, begins: bool
 ) -> None:
     fused = fuse(sighting(STRAIGHT, confidence=confidence))
@@ -156,7 +156,7 @@ def test_memory_steadies_an_unsure_view_and_hardly_slows_a_sure_one() -> None:
     assert wobble_m(0.3) < 0.06
 
 
-def test_a_frame_counts_once_however_often_it_is_decided_upon() -> None:
+def test_a_frame_counts_once_for_any_number_of_decisions() -> None:
     once, often = Fusion(SETTINGS), Fusion(SETTINGS)
     for fusion, times in ((once, 1), (often, 5)):
         for frame in range(3):
@@ -201,7 +201,7 @@ def test_separation_is_how_far_apart_the_car_is_placed() -> None:
     assert unsure.weighted_separation_m == pytest.approx(0.2)
 
 
-def test_one_estimate_cannot_disagree() -> None:
+def test_a_single_estimate_has_no_disagreement() -> None:
     fused = fuse(sighting(LEFT, "cv"), sighting(None, "cnn"))
     assert fused.disagreement_mps2 is None
     assert fused.sources == ("cv",)

@@ -43,7 +43,7 @@ def test_the_wheel_makes_no_step_of_more_than_a_tenth_of_a_degree(
     assert wheels[-1] == pytest.approx(wheel_rad(ends[1][0]))
 
 
-def test_it_ends_on_the_new_path_exactly() -> None:
+def test_the_hand_over_ends_on_the_new_path_exactly() -> None:
     paths = switch((ROAD, "memory"), (TRAIL, "lead"))
     assert paths[10].lane == pytest.approx(ROAD, abs=1e-9)
     assert paths[-1].lane == TRAIL

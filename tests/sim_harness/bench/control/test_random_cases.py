@@ -4,7 +4,7 @@ from sim_harness.bench.control import random_cases
 from sim_harness.bench.control.random_cases import bench_random
 
 
-def test_it_counts_the_cases_beyond_the_target(monkeypatch):
+def test_the_summary_counts_the_cases_beyond_the_target(monkeypatch):
     monkeypatch.setattr(random_cases, "RANDOM_TARGET_M", 0.0)
     found = bench_random(1, cases=2)
     assert found["cases"] == found["beyond the target"] == 2

@@ -65,7 +65,7 @@ def test_single_track_with_their_mass_and_tyres_has_their_yaw_rate(model, speed_
 
 
 @pytest.mark.parametrize("model", FOREIGN)
-def test_they_drive_off_from_standstill_turn_and_stop(model):
+def test_the_models_drive_off_from_standstill_turn_and_stop(model):
     plant = build_plant(PlantSettings(model=model), SHUTTLE)
     fast = drive(plant, plant.initial(), command(0.1, 1.5), 1.2)
     assert fast.speed_mps > 3 * ROLLING_MPS - 0.2

@@ -29,7 +29,7 @@ def test_single_track_and_highway_env_drive_the_same_path_while_tyres_are_linear
     assert rates[0] == pytest.approx(rates[1], rel=0.005)
 
 
-def test_it_drives_off_from_standstill_and_stops():
+def test_the_plant_drives_off_from_standstill_and_stops():
     plant = build_plant(PlantSettings(model=Model.HIGHWAY_ENV), SHUTTLE)
     fast = drive(plant, plant.initial(), command(0.1, 1.5), 2.0)
     assert fast.speed_mps > 2.0

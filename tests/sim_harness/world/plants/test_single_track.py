@@ -60,7 +60,7 @@ def test_near_the_grip_understeer_grows_as_the_inverse_magic_formula(lateral_mps
 
 
 @pytest.mark.parametrize("speed_mps", [0.3, 1.0, 2.0])
-def test_at_low_speed_it_moves_as_the_kinematic_plant(speed_mps):
+def test_at_low_speed_the_plant_moves_as_the_kinematic_one(speed_mps):
     """The remaining difference is the drift, which grows with the square of the speed."""
     seconds, demand = 4.0, command(0.2)
     start = PlantState(speed_mps=speed_mps)
@@ -80,7 +80,7 @@ def test_soft_and_stiff_tyres_settle_down_to_standstill(rear_stiffness_per_rad):
         assert end.inner[1] == pytest.approx(math.tan(0.1) / SHUTTLE.wheelbase_m, rel=5e-3)
 
 
-def test_it_starts_turns_and_stops_without_a_jump():
+def test_the_plant_starts_turns_and_stops_without_a_jump():
     plant, state = SingleTrackPlant(SHUTTLE), PlantState()
     rates = []
     for k in range(900):
