@@ -1,4 +1,4 @@
-"""Trepid: a camera lane keeper for research vehicles that knows when to be afraid.
+"""Trepid: a camera lane keeper for research vehicles with a fuzzy supervisor.
 
 This package is the vocabulary that the others share: messages, topics, the Zenoh bus, camera and vehicle
 geometry, configuration, processes and the command line. It holds no driving algorithm.

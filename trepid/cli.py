@@ -135,7 +135,7 @@ class Verbs(TyperGroup):
 app = typer.Typer(
     cls=Verbs,
     name="trepid",
-    help="A camera lane keeper for research vehicles that knows when to be afraid.",
+    help="A camera lane keeper for research vehicles, with a fuzzy supervisor of its estimates.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -144,7 +144,7 @@ app = typer.Typer(
 
 @app.callback(invoke_without_command=True)
 def root(version: bool = typer.Option(False, "--version", help="Print the version and exit.")) -> None:
-    """A camera lane keeper for research vehicles that knows when to be afraid."""
+    """A camera lane keeper for research vehicles, with a fuzzy supervisor of its estimates."""
     if version:
         typer.echo(f"trepid {__version__}")
         raise typer.Exit

@@ -43,7 +43,7 @@ def significant(found: list[SlowDown], speed_mps: Column, deep_mps: float) -> li
 
 
 def nearest(found: list[SlowDown], t_s: Column, at_s: float) -> SlowDown | None:
-    """The slow-down at ``at_s``: the last one that begins before it and still lasts, else the nearest."""
+    """The slow-down at ``at_s``: the last of those that contain it, else the nearest."""
     during = [s for s in found if t_s[s.before] <= at_s + 1e-9 and (s.back is None or at_s <= t_s[s.back])]
     if during:
         return during[-1]

@@ -119,7 +119,7 @@ class Scenario(Settings):
     name: str = ""  # default: the name of the file
     description: str
     tags: Annotated[tuple[Tag, ...], Field(min_length=1)]
-    road: str  # a name in config/roads/, or a .yaml or .xodr (OpenDRIVE) file beside the scenario
+    road: str  # a name in config/roads/, or a .yaml or .xodr (OpenDRIVE) file in the folder of the scenario
     segments: tuple[Segment, ...] | None = None  # reference line instead of the road's, as an open road
     marks: tuple[RoadMark, ...] | None = None  # instead of the road's; default with `segments`: none
     junctions: tuple[Junction, ...] | None = None  # as `marks`
@@ -132,7 +132,7 @@ class Scenario(Settings):
     estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")
     sight: Sight = Sight.CAMERA
     lead_sensor: LeadSensor | None = None  # default: camera with sight: camera, else truth
-    rules: str | None = None  # a rule file beside the scenario; default: config/fear.yaml
+    rules: str | None = None  # a rule file in the folder of the scenario; default: config/fear.yaml
     speed_mps: Positive | None = None  # set speed; default: cruise_speed_mps of supervisor.yaml
     plant: PlantSettings = PlantSettings()  # deviations from config/vehicle.yaml
     disturbances: tuple[Disturbance, ...] = ()

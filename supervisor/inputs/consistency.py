@@ -20,10 +20,10 @@ from trepid.clothoid import STANDING, Lane, Motion
 MEMORY_S = 0.5  # over which jumps are averaged: twelve frames
 PATH_JITTER_M = 10.0  # ... or of the way: the length of a comfort stop, after which the value still holds
 STEP_M = 0.3  # of way between the frames compared for it: images of a creeping car are nearly the same
-KNOWN_M = 0.05  # what the network jumps on roads it knows ...
+KNOWN_M = 0.05  # jump of the network on roads like its training data ...
 KNOWN_SHARE = 0.2  # ... and its weight before the first jump
 AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle
-LONGEST_S = 0.3  # two sightings further apart are not compared; as fresh_s, the age of a usable estimate
+LONGEST_S = 0.3  # longest time between two compared estimates; as fresh_s, the age of a usable estimate
 
 
 class Steadiness(NamedTuple):

@@ -87,7 +87,7 @@ class Umamaheswari:
         self._turn = Turn.STRAIGHT
 
     def step(self, boundaries: Boundaries, view: View, dt_s: float) -> RuleAngle | None:
-        """The angle for this frame; None without a boundary, or with one that falls to the wrong side."""
+        """The angle for this frame; None without a boundary, or with a single one of wrong inclination."""
         left, right, picture = level_lines(boundaries, view)
         if left is None and right is not None:
             left = self._virtual(right, picture, self._width_m)

@@ -23,10 +23,10 @@ WARM_UP = 3  # frames before the broken one
 PERIOD_S, AGE_S = 0.04, 0.03
 BROKEN = (math.nan, math.inf, -math.inf, 1e30, -1e30)
 NOT_FEARED = {"latency_ms", "road_wheel_angle_rad"}  # fields of an estimate for display only
-Told = dict[str, Any]
+Messages = dict[str, Any]
 
 
-def situations() -> dict[str, Told]:
+def situations() -> dict[str, Messages]:
     """Messages of calm and of risky situations, with stamps around t = 0."""
     estimate = SteeringEstimate(
         t_s=0.0,
@@ -46,7 +46,7 @@ def situations() -> dict[str, Told]:
         right_boundary_px=(),
         marked=True,
     )
-    calm: Told = {
+    calm: Messages = {
         "cv": estimate,
         "cnn": replace(estimate, estimator="cnn", lanes_detected=0, lane_width_m=None, marked=None),
         "statistics": ImageStatistics(
@@ -85,7 +85,7 @@ class Afraid:
         self._settings = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
         self._vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
-    def fear(self, whole: Told, broken: Told) -> float:
+    def fear(self, whole: Messages, broken: Messages) -> float:
         """Fear at the last of a few frames, of which only the last is ``broken``."""
         s = self._settings
         observer = WorldStateObserver(s.sightings, s.fusion, s.follow, self._vehicle)
@@ -112,7 +112,7 @@ def numbers(message: Any) -> list[str]:
     return [name for name in named if not (isinstance(message, SteeringEstimate) and name in NOT_FEARED)]
 
 
-def one_by_one(whole: Told) -> Iterator[Told]:
+def one_by_one(whole: Messages) -> Iterator[Messages]:
     """Every number of every message broken in every way, one at a time."""
     for sender, message in whole.items():
         for name in numbers(message):
@@ -121,7 +121,7 @@ def one_by_one(whole: Told) -> Iterator[Told]:
                     yield whole | {sender: replace(message, **{name: value})}
 
 
-def at_random(whole: Told, rng: random.Random) -> Told:
+def at_random(whole: Messages, rng: random.Random) -> Messages:
     """One to five numbers broken, anywhere."""
     broken = dict(whole)
     for _ in range(rng.randint(1, 5)):

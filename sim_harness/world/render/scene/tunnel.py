@@ -136,7 +136,7 @@ def _facade() -> NDArray[np.float64]:
 def _outlines(
     view: View, shot: Shot, stations_m: Sequence[float], section: NDArray[np.float64]
 ) -> list[NDArray[np.int32]]:
-    """Fixed-point outlines of a cross-section at rising stations, without the first ones that are not ahead."""
+    """Fixed-point outlines of a cross-section at rising stations, from the first station ahead on."""
     count, corners = len(stations_m), len(section)
     across = shot.road.positions(np.repeat(stations_m, corners), np.tile(section[:, 0], count))
     points = np.column_stack([shot.from_world(across), np.tile(section[:, 1], count)])
