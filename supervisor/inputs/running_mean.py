@@ -22,3 +22,8 @@ class RunningMean(NamedTuple):
         """
         kept = math.exp(-step / length)
         return RunningMean(kept * self.total + (1 - kept) * value, kept * self.weight + (1 - kept))
+
+    def moved(self, value: float, step: float, *, length: float) -> "RunningMean":
+        """:meth:`after` for a mean of weight 1, in the form mean + share·(value - mean), which rounds otherwise."""
+        share = 1.0 - math.exp(-step / length)
+        return RunningMean(self.total + share * (value - self.total))

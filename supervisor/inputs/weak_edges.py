@@ -29,5 +29,5 @@ class WeakEdges:
         estimate = surest_of_marking(seen)
         if estimate is not None:
             doubt = 0.0 if estimate.marked else 1.0 - (estimate.confidence or 0.0)
-            self._doubt = self._doubt.after(doubt, at_least(way_m, 0.0), length=EDGES_M)
+            self._doubt = self._doubt.moved(doubt, at_least(way_m, 0.0), length=EDGES_M)
         return self._doubt.mean
