@@ -1,4 +1,4 @@
-"""What holds for all tests."""
+"""Settings of all tests."""
 
 import signal
 
@@ -9,6 +9,6 @@ settings.load_profile("untimed")
 
 
 def pytest_configure() -> None:
-    """Hear SIGINT also in the background of a script, whose children would ignore it as their parent does."""
+    """Handle SIGINT also in the background of a script, whose children inherit that it is ignored."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -35,7 +35,7 @@ def features(
     shown: tuple[bool, bool] = (True, True),
     far_m: float = 30.0,
 ) -> Features:
-    """One pixel for each point of the boundaries; a share ``outliers`` of all lies up to 1 m beside them."""
+    """One pixel for each point of the boundaries; a share ``outliers`` of all lies up to 1 m aside."""
     x_m = np.arange(3.0, far_m, 0.02)
     painted = (x_m % 9.0 < 3.0) if dashes else np.full(len(x_m), True)
     lines = [side for side, seen in zip(sides(course, x_m), shown, strict=True) if seen]

@@ -31,7 +31,7 @@ def stripes(count: int, seed: int) -> Labelled:
     return Labelled(images, lanes, np.ones(count, bool))
 
 
-def fit(tmp_path, recipe=TINY, resume=False):
+def fit(tmp_path, recipe=TINY, resume=False, report=None):
     lines = []
     network, progress = train(
         recipe,
@@ -40,7 +40,7 @@ def fit(tmp_path, recipe=TINY, resume=False):
         canonical=CANONICAL,
         checkpoint=tmp_path / "c.pt",
         resume=resume,
-        report=lines.append,
+        report=report or lines.append,
     )
     return network, progress, lines
 
@@ -67,15 +67,7 @@ def test_a_resumed_training_equals_one_in_one_go(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train(
-            TINY,
-            stripes(96, 0),
-            stripes(32, 1),
-            canonical=CANONICAL,
-            checkpoint=tmp_path / "c.pt",
-            resume=False,
-            report=interrupt,
-        )
+        fit(tmp_path, report=interrupt)
     resumed, progress, lines = fit(tmp_path, resume=True)
     assert progress.epoch == 2 and len(lines) == 1
     assert all(torch.equal(a, b) for a, b in zip(whole.parameters(), resumed.parameters(), strict=True))

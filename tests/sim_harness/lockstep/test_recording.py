@@ -70,10 +70,10 @@ def test_why_did_it_slow_down_when_an_estimator_lied(drive: Recall) -> None:
     assert (answer["cause"], answer["limited_by"], answer["mode"]) == ("disagreement", "fear", "CAUTION")
     assert answer["rules"][0]["text"].endswith("because disagreement")
     assert answer["repeats"]
-    told_inputs = {item["name"]: item for item in answer["inputs"]}
-    assert told_inputs["separation"]["value"] > 0.4
-    assert told_inputs["separation"]["unit"] == "m"
-    assert sum(told_inputs["separation"]["sets"].values()) == pytest.approx(1.0)
+    reported_inputs = {item["name"]: item for item in answer["inputs"]}
+    assert reported_inputs["separation"]["value"] > 0.4
+    assert reported_inputs["separation"]["unit"] == "m"
+    assert sum(reported_inputs["separation"]["sets"].values()) == pytest.approx(1.0)
     estimates = {item["estimator"]: item for item in answer["estimates"]}
     assert estimates["cv"]["lateral_offset_m"] - estimates["cnn"]["lateral_offset_m"] == pytest.approx(
         0.7, abs=0.01

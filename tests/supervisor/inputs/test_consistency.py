@@ -11,7 +11,7 @@ from trepid.clothoid import Lane, Motion
 MOTION = Motion(8.0, 0.2)
 
 
-def sighting(lane: Lane | None, t_s: float) -> ValidatedEstimate:
+def estimate_of(lane: Lane | None, t_s: float) -> ValidatedEstimate:
     return ValidatedEstimate("cnn", 0.0, t_s, False, 0.9, lane, 8.0, None, False)
 
 
@@ -19,7 +19,7 @@ def steadiness(lanes: Sequence[Lane | None], *, repeats: int = 1) -> Steadiness:
     consistency = Consistency()
     for number, lane in enumerate(lanes):
         for _ in range(repeats):
-            found = consistency.step([sighting(lane, 0.04 * number)], MOTION)
+            found = consistency.step([estimate_of(lane, 0.04 * number)], MOTION)
     return found["cnn"]
 
 
@@ -73,9 +73,9 @@ def test_two_steady_seconds_end_the_jitter_but_not_the_path_jitter() -> None:
 def test_path_jitter_does_not_decay_at_standstill() -> None:
     consistency, standing = Consistency(), Motion(0.0, 0.0)
     for number, lane in enumerate(jumping(60)):
-        moved = consistency.step([sighting(lane, 0.04 * number)], MOTION)["cnn"]
+        moved = consistency.step([estimate_of(lane, 0.04 * number)], MOTION)["cnn"]
     for number in range(60, 600):
-        stood = consistency.step([sighting(lane, 0.04 * number)], standing)["cnn"]
+        stood = consistency.step([estimate_of(lane, 0.04 * number)], standing)["cnn"]
     assert stood.jitter_m < 1e-6
     assert stood.path_jitter_m == moved.path_jitter_m
 

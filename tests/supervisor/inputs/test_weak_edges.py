@@ -11,31 +11,33 @@ from trepid.clothoid import Motion
 SPEED_MPS, DT_S = 5.0, 0.04
 
 
-def sighting(confidence: float | None, *, marked: bool | None) -> ValidatedEstimate:
+def estimate_of(confidence: float | None, *, marked: bool | None) -> ValidatedEstimate:
     return ValidatedEstimate("cv", 0.0, 0.0, False, confidence, None, 8.0, None, True, marked=marked)
 
 
-def doubt(edges: WeakEdges, seen: list[ValidatedEstimate], *, way_m: float, from_s: float = 0.0) -> float:
+def doubt(
+    edges: WeakEdges, estimates: list[ValidatedEstimate], *, way_m: float, from_s: float = 0.0
+) -> float:
     frames = round(way_m / (SPEED_MPS * DT_S))
-    edges.step(seen, Motion(0.0, 0.0), now_s=from_s)
-    return [edges.step(seen, Motion(SPEED_MPS, 0.0), now_s=from_s + n * DT_S) for n in range(1, frames + 1)][
-        -1
-    ]
+    edges.step(estimates, Motion(0.0, 0.0), now_s=from_s)
+    return [
+        edges.step(estimates, Motion(SPEED_MPS, 0.0), now_s=from_s + n * DT_S) for n in range(1, frames + 1)
+    ][-1]
 
 
 @pytest.mark.parametrize("confidence", [0.2, 0.6, 0.95])
 def test_the_mean_doubt_converges_over_the_distance(confidence: float) -> None:
-    found = doubt(WeakEdges(), [sighting(confidence, marked=False)], way_m=EDGES_M)
+    found = doubt(WeakEdges(), [estimate_of(confidence, marked=False)], way_m=EDGES_M)
     assert found == pytest.approx((1 - confidence) * (1 - math.exp(-1)))
 
 
 def test_lines_of_any_confidence_have_no_doubt() -> None:
-    assert doubt(WeakEdges(), [sighting(0.3, marked=True)], way_m=50.0) == 0.0
+    assert doubt(WeakEdges(), [estimate_of(0.3, marked=True)], way_m=50.0) == 0.0
 
 
 def test_doubt_decays_over_lines_by_distance_and_not_at_standstill() -> None:
-    edges, lines = WeakEdges(), [sighting(0.99, marked=True)]
-    doubt(edges, [sighting(0.5, marked=False)], way_m=60.0)
+    edges, lines = WeakEdges(), [estimate_of(0.99, marked=True)]
+    doubt(edges, [estimate_of(0.5, marked=False)], way_m=60.0)
     before, *standing = [edges.step(lines, Motion(0.0, 0.0), now_s=100.0 + n) for n in range(60)]
     assert before > 0.45
     assert set(standing) == {before}
@@ -44,9 +46,9 @@ def test_doubt_decays_over_lines_by_distance_and_not_at_standstill() -> None:
 
 def test_without_an_estimator_of_marking_the_doubt_is_unchanged() -> None:
     edges = WeakEdges()
-    before = doubt(edges, [sighting(0.5, marked=False)], way_m=30.0)
-    assert doubt(edges, [sighting(0.9, marked=None)], way_m=30.0, from_s=10.0) == before
+    before = doubt(edges, [estimate_of(0.5, marked=False)], way_m=30.0)
+    assert doubt(edges, [estimate_of(0.9, marked=None)], way_m=30.0, from_s=10.0) == before
 
 
 def test_edges_of_unknown_confidence_have_full_doubt() -> None:
-    assert doubt(WeakEdges(), [sighting(None, marked=False)], way_m=200.0) == pytest.approx(1.0, abs=1e-3)
+    assert doubt(WeakEdges(), [estimate_of(None, marked=False)], way_m=200.0) == pytest.approx(1.0, abs=1e-3)

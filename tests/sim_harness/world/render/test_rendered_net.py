@@ -102,12 +102,13 @@ def test_another_camera_mounting_gives_the_same_lane(net):
         update=dict(height_m=1.6, pitch_down_rad=0.17, x_m=1.6, y_m=0.2, fx_px=210.0, fy_px=210.0)
     )
     there = SteerNet(SETTINGS, other, VEHICLE)
-    eyes = Renderer(road, CAMERA, seed=5), Renderer(road, other, seed=5)
+    renderers = Renderer(road, CAMERA, seed=5), Renderer(road, other, seed=5)
     offsets = []
     for index, station in enumerate(np.linspace(5, 100, 12)):
         x, y = road.position(station, OFFSETS_M[index % 3])
-        images = (eye.render(x, y, road.heading_at(station), t_s=0.0, station_m=station) for eye in eyes)
-        pair = [step(each, image) for each, image in zip((net, there), images, strict=True)]
+        here = (x, y, road.heading_at(station))
+        images = (each.render(*here, t_s=0.0, station_m=station) for each in renderers)
+        pair = [step(estimator, image) for estimator, image in zip((net, there), images, strict=True)]
         offsets.append([estimate.lateral_offset_m for estimate in pair])
     here_m, there_m = np.array(offsets, float).T
     assert np.median(np.abs(here_m - there_m)) < 0.2
