@@ -75,7 +75,7 @@ def read_log(path: Path, renamed: Mapping[str, str] | None = None) -> DriveLog:
     if path.suffix not in readers:
         raise InputError(f"{path}: expected a recording (.mcap), a trace (.npz) or a table (.csv)")
     if renamed:
-        raise InputError(f"--column: {path} is no table; its columns have the names they need")
+        raise InputError(f"--column: {path} only the columns of a table (.csv) can be renamed")
     try:
         return readers[path.suffix](path)
     except OSError as error:

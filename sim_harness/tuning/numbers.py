@@ -106,10 +106,10 @@ class NumberedText:
                         )
                     return value, at
             known = ", ".join(key.value for key, _ in node.value)
-            raise InputError(f"{self.path}: {name}: nothing is called {part!r} here; known: {known}")
+            raise InputError(f"{self.path}: {name}: unknown name {part!r}; known: {known}")
         if node.id == "sequence" and part.isdecimal() and int(part) < len(node.value):
             return node.value[int(part)], begins
-        raise InputError(f"{self.path}: {name}: there is no {part!r} here")
+        raise InputError(f"{self.path}: {name}: unknown name {part!r}")
 
     def _number(self, name: str, node: Any) -> _Spot:
         spot = _spot(node)
@@ -118,7 +118,7 @@ class NumberedText:
         except ValueError:
             finite = False
         if not finite:
-            raise InputError(f"{self.path}: {name}: is no number")
+            raise InputError(f"{self.path}: {name}: is not a number")
         return spot
 
 

@@ -1,4 +1,4 @@
-"""A running mean that forgets exponentially with distance or time."""
+"""A running mean with weights that decay exponentially with distance or time."""
 
 import math
 from typing import NamedTuple

@@ -98,12 +98,12 @@ def test_a_weight_in_the_shipped_file_can_be_set_and_is_parsed(tmp_path: Path) -
     ("name", "message"),
     [
         ("inputs.cnn_confidence.corner.1", r"sets is \*confidence, defined elsewhere"),
-        ("inputs.nope.corner.1", "nothing is called 'nope' here; known: frame_age"),
+        ("inputs.nope.corner.1", "unknown name 'nope'; known: frame_age"),
         ("inputs.speed.corner.0", "the inner corners of speed are 1 to 5"),
         ("inputs.speed.corner.x", "the inner corners of speed are 1 to 5"),
-        ("rules.999.weight", "there is no '999' here"),
-        ("inputs.speed.unit", "is no number"),
-        ("fear", "is no number"),
+        ("rules.999.weight", "unknown name '999'"),
+        ("inputs.speed.unit", "is not a number"),
+        ("fear", "is not a number"),
     ],
 )
 def test_an_unknown_name_is_refused_with_the_known_ones(name: str, message: str) -> None:
