@@ -97,8 +97,12 @@ def simulation(rules: FearRules, *, places: int = 101) -> Any:
 
 
 def fear_of(simulated: Any, point: Point) -> float | None:
-    """Fear at ``point`` [0..1] by scikit-fuzzy; None where no rule fires, for which it leaves the output out."""
-    simulated.inputs(point)
+    """Fear at ``point`` [0..1] by scikit-fuzzy; None where no rule fires, for which it leaves the output out.
+
+    An input that only ``trust_`` rules use is no antecedent of the control system, which raises for its value.
+    """
+    used = {antecedent.label for antecedent in simulated.ctrl.antecedents}
+    simulated.inputs({name: x for name, x in point.items() if name in used})
     simulated.compute()
     fear = simulated.output.get(FEAR)
     return None if fear is None else float(fear)

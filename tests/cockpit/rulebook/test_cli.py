@@ -182,6 +182,13 @@ def test_a_check_against_scikit_fuzzy_reports_differences_and_rank_agreement() -
     assert "rank agreement (Kendall)" in text
 
 
+def test_the_shipped_rules_with_inputs_of_trust_alone_are_compared_with_scikit_fuzzy() -> None:
+    assert "angle_jitter" not in {name for rule in RULES.fear_voice.rules for name in rule.inputs}
+    code, out = fear("check", str(FILE), "--against-skfuzzy", "--points", "2", "--json")
+    assert code == 0
+    assert json.loads(out)["skfuzzy"]["greatest_difference_mamdani"] < 1e-4
+
+
 def test_a_check_reports_the_error_of_every_compiled_membership_function(tmp_path: Path) -> None:
     path = tmp_path / "curved.yaml"
     text = (CONFIG_DIR / "fear" / "first_drive.yaml").read_text(encoding="utf-8")
