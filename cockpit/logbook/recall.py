@@ -14,7 +14,7 @@ import numpy as np
 from supervisor.rules.inference import FearRules
 from supervisor.rules.reload import FROM_S, TEXT
 from trepid.config import CONFIG_DIR, InputError
-from trepid.messages import Command, CompressedFrame, Decision, SteeringEstimate, VehicleState
+from trepid.messages import CompressedFrame, Decision, SteeringEstimate, VehicleState
 from trepid.recording.reader import Recorded, read_recording
 from trepid.topics import CAMERA_COMPRESSED, COMMAND, DECISION, DIAGNOSTICS, VEHICLE_STATE, estimate_topic
 from trepid.types import Column
@@ -84,10 +84,6 @@ class Recall:
     def state_at(self, index: int) -> VehicleState | None:
         """The newest report of the vehicle when decision ``index`` was made."""
         return self._newest(VEHICLE_STATE, index)
-
-    def command_at(self, index: int) -> Command | None:
-        """The newest command when decision ``index`` was made."""
-        return self._newest(COMMAND, index)
 
     def estimates_at(self, index: int) -> dict[str, SteeringEstimate]:
         """The newest estimate of every estimator that had one when decision ``index`` was made."""

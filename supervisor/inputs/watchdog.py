@@ -17,9 +17,6 @@ class Fault(NamedTuple):
     lost: bool
 
 
-NO_FAULT = Fault("", False)
-
-
 class Watchdog:
     """Holds the senders that have sent a message; only these can be lost."""
 
