@@ -73,6 +73,7 @@ def _rule(rule: Rule) -> str:
 def _options(rules: FearRules) -> list[str]:
     file = rules.file
     lines = ["OPTION", f"  METHOD := {file.method};"]
+    lines += [f"  CAUSE {name} := {_quoted(meaning)};" for name, meaning in file.causes.items()]
     for name, spec in file.inputs.items():
         lines += [f"  MEANING {name} := {_quoted(spec.meaning)};", f"  UNIT {name} := {_quoted(spec.unit)};"]
         lines += [f"  RISK {name} := {spec.risk};", f"  MISSING {name} := {spec.missing};"]

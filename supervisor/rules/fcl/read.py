@@ -21,6 +21,7 @@ from supervisor.rules.rule_file import FEAR, LEVELS, TRUST_PREFIX, RuleFile
 from supervisor.rules.sentence import SentenceError, parse_rule
 from supervisor.rules.shapes import polyline
 from trepid import config
+from trepid.causes import unknown_cause
 
 Corner = tuple[float, float]
 
@@ -42,7 +43,8 @@ class _Reader:
         self.outputs: dict[str, dict[str, tuple[Token, list[Corner]]]] = {}
         self.rules: list[tuple[str, list[tuple[int, Token]]]] = []
         self.labels: dict[str, int] = {}
-        self.causes: dict[int, str] = {}
+        self.causes: dict[int, str] = {}  # of a rule
+        self.declared: dict[str, str] = {}
         self.places: dict[tuple[str | int, ...], Token] = {}
         self.actions = {
             level: action.model_dump() for level, action in zip(LEVELS, like.fear.all, strict=True)
@@ -143,7 +145,9 @@ class _Reader:
                 return self.hysteresis, ("hysteresis",), self.source.expect(name, self.hysteresis)
             case "because", [label]:
                 self.require(label in self.labels, label, "the number of a rule above")
-                return self.causes, ("causes",), self.labels[str(label)]
+                return self.causes, ("because",), self.labels[str(label)]
+            case "cause", [name]:
+                return self.declared, ("causes",), str(name)
         return self.head, (), "method"
 
     def require(self, good: bool, token: Token, expected: str) -> None:
@@ -159,6 +163,7 @@ class _Reader:
         data = {
             **self.head,
             "estimators": estimators,
+            **({"causes": self.declared} if self.declared else {}),
             "inputs": self.inputs,
             "rules": [self.sentence(index) for index in range(len(self.rules))],
             "fear": self.actions,
@@ -195,12 +200,15 @@ class _Reader:
         return self.rules[index][0] + (f" because {cause}" if cause else "")
 
     def check_rule(self, index: int, file: RuleFile) -> None:
-        """Refuse a sentence that is not a rule, at its wrong word."""
+        """Refuse a sentence that is not a rule, at its wrong word, and a cause that is not known."""
         try:
-            parse_rule(self.sentence(index), file.inputs, outputs=file.outputs)
+            rule = parse_rule(self.sentence(index), file.inputs, outputs=file.outputs)
         except SentenceError as error:
             passed = [token for offset, token in self.rules[index][1] if offset <= error.offset]
             self.source.fail(passed[-1] if passed else self.places["rules", index], str(error))
+        problem = unknown_cause(rule.cause, file.known_causes)
+        if problem:
+            self.source.fail(self.places["because", index], problem)
 
     def place(self, path: tuple[str | int, ...]) -> Token | None:
         """The token of the part of the file at ``path``, or of the nearest part around it."""

@@ -55,6 +55,9 @@ def test_exported_and_imported_rules_infer_the_same_to_the_last_bit(rules: FearR
 def test_export_and_import_lose_no_part_of_a_file() -> None:
     assert read_back(SMALL).file == SMALL.file
     assert fcl(read_back(SHIPPED)) == fcl(SHIPPED)
+    declaring = FearRules.load(CONFIG_DIR / "fear" / "first_drive.yaml")
+    assert declaring.file.causes
+    assert read_back(declaring).file.causes == declaring.file.causes
 
 
 def test_the_verbs_export_and_import_make_a_rule_file_that_checks_as_before(tmp_path: Path) -> None:
@@ -64,6 +67,7 @@ def test_the_verbs_export_and_import_make_a_rule_file_that_checks_as_before(tmp_
     )
     (tmp_path / "f.yaml").write_text(run(app, ["import", str(tmp_path / "f.fcl")]).stdout, encoding="utf-8")
     assert YAML(typ="safe").load(tmp_path / "f.yaml")["method"] == "monotone"
+    assert "causes" not in YAML(typ="safe").load(tmp_path / "f.yaml"), "the file declares none"
     assert run(app, ["check", str(tmp_path / "f.yaml")]).exit_code == 0
 
 
@@ -128,6 +132,7 @@ def test_a_foreign_file_is_read_as_mamdanis_with_the_risks_that_it_states() -> N
         ("RISK a := rising;", "RISK a := up;", "inputs.a.risk: Input should be 'rising' or 'falling'"),
         ("  RISK a := rising;", "", "the direction of the risk a is missing: expected RISK a := rising; in OPTION"),
         ("BECAUSE 1 ", "BECAUSE 9 ", "expected the number of a rule above"),
+        ("BECAUSE 1 := dark", "BECAUSE 1 := dakr", "unknown cause 'dakr'; did you mean 'dark'?"),
         ("HYSTERESIS band", "HYSTERESIS bund", "expected one of band"),
         ("MODE low := KEEP", "MODE low := STOP", "the mode of medium is milder"),
         ("END_FUNCTION_BLOCK", "END_FUNCTION", "did you mean 'END_FUNCTION_BLOCK'?"),
