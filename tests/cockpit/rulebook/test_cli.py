@@ -157,6 +157,11 @@ def test_show_prints_inputs_sets_rules_and_levels() -> None:
     assert "CAUTION" in out
 
 
+def test_show_refuses_values_without_a_surface() -> None:
+    with pytest.raises(InputError, match="^speed=3: values are for --surface X Y; "):
+        fear("show", str(FILE), "speed=3")
+
+
 def test_a_missing_file_is_named() -> None:
     with pytest.raises(InputError, match=r"nowhere\.yaml: cannot be read"):
         fear("check", "nowhere.yaml")
