@@ -120,7 +120,9 @@ def show(
     """Show the inputs with their sets, the rules, and the effect of each level of fear; or fear over two inputs."""
     rules = FearRules.load(file)
     if values and surface is None:
-        raise InputError(f"{values[0]}: values are for --surface X Y; `trepid fear explain` rates values alone")
+        raise InputError(
+            f"{values[0]}: values are for --surface X Y; `trepid fear explain` rates values alone"
+        )
     point = {**calmest(rules), **_values(values or [], rules)}
     axes = _axes(surface, rules) if surface else None
     if picture is not None:

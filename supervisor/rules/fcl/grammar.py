@@ -16,7 +16,8 @@ KEYWORDS = (
     *("FUZZIFY", "END_FUZZIFY", "DEFUZZIFY", "END_DEFUZZIFY", "TERM", "RANGE", "DEFAULT"),
     *("RULEBLOCK", "END_RULEBLOCK", "RULE", "WITH", "OPTION", "END_OPTION"),
     *("AND", "OR", "ACT", "ACCU", "METHOD", "MIN", "MAX", "COG"),
-    *("MEANING", "UNIT", "RISK", "MISSING", "BEYOND", "SPEED_FACTOR", "MODE", "HYSTERESIS", "BECAUSE", "CAUSE"),
+    *("MEANING", "UNIT", "RISK", "MISSING", "BEYOND", "SPEED_FACTOR", "MODE", "HYSTERESIS"),
+    *("BECAUSE", "CAUSE"),
 )
 """Words of FCL and of the OPTION block: the same in capitals and small letters."""
 SIGNS = {

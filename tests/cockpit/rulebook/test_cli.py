@@ -158,7 +158,7 @@ def test_show_prints_inputs_sets_rules_and_levels() -> None:
 
 
 def test_show_refuses_values_without_a_surface() -> None:
-    with pytest.raises(InputError, match="^speed=3: values are for --surface X Y; "):
+    with pytest.raises(InputError, match=r"^speed=3: values are for --surface X Y; "):
         fear("show", str(FILE), "speed=3")
 
 
