@@ -227,10 +227,15 @@ def unknown_causes(
 
 def _refuse_unknown(rules: FearRules) -> None:
     """Raises InputError when ``rules`` name an input that is no feature."""
+    for name, hint in _unknown_inputs(rules):
+        raise InputError(f"the fear rules name an unknown input {name!r}; {hint}")
+
+
+def _unknown_inputs(rules: FearRules) -> Iterator[tuple[str, str]]:
+    """Every input of ``rules`` that is no feature, and the nearest feature or all of them as text."""
     for name in unknown_features(rules.names):
         close = difflib.get_close_matches(name, FEATURES, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(FEATURES))}"
-        raise InputError(f"the fear rules name an unknown input {name!r}; {hint}")
+        yield name, f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(FEATURES))}"
 
 
 def build(
@@ -244,6 +249,8 @@ def build(
     loaded, verified = load(settings, SupervisorSettings), load_verified(rules)
     for path, problem in unknown_causes(loaded, verified):
         raise InputError(located(path, problem, read(settings), settings, {}))
+    for name, hint in _unknown_inputs(verified):
+        raise InputError(located(("inputs", name), f"unknown input; {hint}", read(rules), rules, {}))
     if cruise_speed_mps is not None:
         loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps})
     return Supervisor(verified, loaded, load(vehicle, Vehicle))
