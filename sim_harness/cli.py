@@ -12,6 +12,7 @@ from rich.console import Console
 
 import sim_harness.report.road_cli
 from sim_harness.footage.cli import resimulate_verb
+from sim_harness.lockstep.configuration import check_configuration
 from sim_harness.report.disturbance_sheet import disturbances_verb
 from sim_harness.report.lead_sheet import leads_verb
 from sim_harness.report.page import Page
@@ -142,6 +143,7 @@ def run_verb(
         planned = plan(by_sampling(selection.scenarios, sample, cases, seed=first))
     check_outputs(planned, trace, picture, record)
     check_folders(report, trace, picture, record)
+    check_configuration(case.scenario for case in planned.values())
     work: Workforce = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=report is not None)
     if trace or picture or record:
         work = partial(saving, trace=trace, picture=picture, record=record, detailed=report is not None)

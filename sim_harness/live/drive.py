@@ -18,6 +18,7 @@ from sim_harness.judging.conditions.expect import judge
 from sim_harness.judging.metrics import measure
 from sim_harness.judging.trace import Trace
 from sim_harness.live.drive_log import DriveLog
+from sim_harness.lockstep.configuration import check_configuration
 from sim_harness.scenarios.events import with_events, with_manoeuvres
 from sim_harness.scenarios.faults import EstimatorBias, LostLane, LostProcess
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
@@ -83,10 +84,11 @@ def drive(
 ) -> dict[str, Any]:
     """Drive ``scenario`` live and return its row of ``drive --json``.
 
-    Raises InputError for a scenario that only the lock-step loop can simulate.
+    Raises InputError for a scenario that only the lock-step loop can simulate, and for invalid configuration.
     """
     for what in lockstep_only(scenario):
         raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
+    check_configuration([scenario])
     offset_ns = epoch_offset_ns()
     clock = epoch_clock(offset_ns)
     endpoint = free_endpoint()

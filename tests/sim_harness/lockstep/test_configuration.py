@@ -1,0 +1,66 @@
+"""Bad configuration is one error with its place before a run starts."""
+
+import re
+
+import pytest
+
+import controller.controller
+import supervisor.supervisor
+from sim_harness.cli import app
+from sim_harness.live import drive_cli
+from sim_harness.lockstep.configuration import check_configuration
+from sim_harness.scenarios.scenario import RULES_FILE, Scenario, load_scenario
+from trepid.config import CONFIG_DIR, InputError
+
+SCENARIO = Scenario(description="", tags=("nominal",), road="straight", duration_s=1.0, sight="truth")
+
+
+@pytest.fixture
+def bad_supervisor(tmp_path, monkeypatch):
+    """The place of a misspelt cause in the file of the supervisor."""
+    text = (CONFIG_DIR / "supervisor.yaml").read_text()
+    file = tmp_path / "supervisor.yaml"
+    file.write_text(text.replace("    unconfirmed:", "    unconfimed:", 1))
+    monkeypatch.setitem(supervisor.supervisor.build.__kwdefaults__, "settings", file)
+    line = text[: text.index("    unconfirmed:")].count("\n") + 1
+    return f"{file}:{line}:5: "
+
+
+def test_the_configuration_of_the_repository_is_valid():
+    check_configuration([SCENARIO, load_scenario("straight")])
+
+
+def test_sim_run_refuses_a_bad_file_of_the_supervisor_before_the_first_run(bad_supervisor, capsys):
+    with pytest.raises(InputError, match=f"^{re.escape(bad_supervisor)}.*did you mean 'unconfirmed'"):
+        app(["run", "straight", "--set", "sight=truth"], standalone_mode=False)
+    assert capsys.readouterr().out == ""
+
+
+def test_drive_refuses_a_bad_file_of_the_supervisor_before_the_first_process(bad_supervisor, monkeypatch):
+    monkeypatch.setattr("sim_harness.live.drive.Fleet", lambda *_, **__: pytest.fail("a process was started"))
+    with pytest.raises(InputError, match=f"^{re.escape(bad_supervisor)}"):
+        drive_cli.drive(scenario="straight", duration=1.0, dashboard=False)
+
+
+def test_a_bad_file_of_the_controller_is_refused_with_its_place(tmp_path, monkeypatch):
+    text = (CONFIG_DIR / "controller.yaml").read_text()
+    (tmp_path / "controller.yaml").write_text(f"{text}\nbogus: 1\n")
+    (tmp_path / "vehicle.yaml").write_text((CONFIG_DIR / "vehicle.yaml").read_text())
+    monkeypatch.setattr(controller.controller, "CONFIG_DIR", tmp_path)
+    with pytest.raises(InputError, match=r"controller\.yaml:\d+:1: unknown field 'bogus'"):
+        check_configuration([SCENARIO])
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "error"),
+    [
+        ("rules:", "rules: [", r"bad\.yaml:\d+:\d+: not valid YAML"),
+        ("rules:", "rulse:", r"bad\.yaml:\d+:1: unknown field 'rulse'"),
+        ("cv_confidence", "cv_confidense", r"bad\.yaml:\d+:3: inputs\.cv_confidense: unknown input"),
+    ],
+)
+def test_a_bad_rule_file_of_a_scenario_is_refused_with_its_place(tmp_path, before, after, error):
+    rules = tmp_path / "bad.yaml"
+    rules.write_text(RULES_FILE.read_text().replace(before, after))
+    with pytest.raises(InputError, match=error):
+        check_configuration([SCENARIO.model_copy(update={"rules": str(rules)})])
