@@ -309,10 +309,10 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     if scenario.rules is not None:
         update["rules"] = str(_beside("rules", path, overrides) / scenario.rules)
     scenario = scenario.model_copy(update=update)
-    check_vary(scenario, scenario.vary, data, path, misfit=_misfit if check else None)
     problem = scenario.problem() if check else None
     if problem:
         raise InputError(located(*problem, data, path, overrides or {}))
+    check_vary(scenario, scenario.vary, data, path, misfit=_misfit if check else None)
     return scenario
 
 

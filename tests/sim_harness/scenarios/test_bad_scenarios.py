@@ -153,6 +153,10 @@ BAD = {
         ":5:23: expect.conditions.0: .*column 12: no section 'wrn'",
     ),
     # Ranges.
+    "mistake beside ranges": (
+        GOOD + "expect: {conditions: ['never cause is unconfimed']}\nvary: {start.offset_m: [0, 1]}\n",
+        ":5:23: expect.conditions.0: .*no cause 'unconfimed'",
+    ),
     "varied field that is not there": (
         GOOD + "vary: {start.ofset_m: [0, 1]}\n",
         ":5:8: vary: unknown field 'start.ofset_m'; did you mean 'offset_m'",
@@ -198,6 +202,12 @@ def test_a_bad_file_is_one_line_and_exit_code_2(kind, tmp_path, monkeypatch, cap
     assert err.startswith("trepid: ")
     with pytest.raises(InputError, match=message):
         load_scenario("bad.yaml")
+
+
+def test_a_mistake_on_the_command_line_is_named_there_in_a_scenario_with_ranges(tmp_path):
+    (tmp_path / "ranges.yaml").write_text(GOOD + "vary: {start.offset_m: [0, 1]}\n")
+    with pytest.raises(InputError, match=r"^--set estimators: estimators\.0: no estimator 'rule_tuu'"):
+        load_scenario(str(tmp_path / "ranges.yaml"), {"estimators": "[rule_tuu,cv]"})
 
 
 def test_a_folder_instead_of_a_file_is_named(tmp_path, monkeypatch, capsys):
