@@ -4,12 +4,14 @@ import difflib
 import math
 import pathlib
 from collections.abc import Collection, Iterator, Mapping
+from functools import lru_cache
+from types import MappingProxyType
 from typing import Annotated
 
 from pydantic import Field
 
 from supervisor.inputs.validated import ValidationSettings
-from supervisor.inputs.watchdog import Watchdog
+from supervisor.inputs.watchdog import FAULTS, Watchdog
 from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explained
 from supervisor.modes.doubts import Doubts, is_guess, moment
 from supervisor.modes.modes import ModeSettings, ModeState, next_state
@@ -24,7 +26,7 @@ from supervisor.situation.ratings import RATED_AS
 from supervisor.situation.world_state import WorldState, WorldStateObserver, unknown_features
 from trepid.bounds import at_least, at_most
 from trepid.causes import unknown_cause
-from trepid.config import CONFIG_DIR, InputError, Settings, load, located, read
+from trepid.config import CONFIG_DIR, InputError, Settings, load, located, position, read, read_text
 from trepid.messages import (
     Decision,
     ImageStatistics,
@@ -35,6 +37,9 @@ from trepid.messages import (
     VehicleState,
 )
 from trepid.vehicle import Vehicle
+
+FieldPath = tuple[str | int, ...]
+NO_PLACES: Mapping[FieldPath, str] = MappingProxyType({})
 
 
 class SupervisorSettings(Settings):
@@ -51,7 +56,7 @@ class SupervisorSettings(Settings):
     follow: FollowSettings
 
     @property
-    def named_causes(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    def named_causes(self) -> Iterator[tuple[FieldPath, str]]:
         """Every cause that the settings name, with the path of its field."""
         yield from ((("modes", *path), cause) for path, cause in self.modes.causes)
 
@@ -64,11 +69,21 @@ class Supervisor:
     mode and its timers. It alone holds the rules; its parts get them at every step.
     """
 
-    def __init__(self, rules: FearRules, settings: SupervisorSettings, vehicle: Vehicle) -> None:
-        """Raises InputError when ``rules`` name an unknown input, or ``settings`` an unknown cause."""
-        _refuse_unknown(rules)
-        for path, problem in unknown_causes(settings, rules):
-            raise InputError(f"{'.'.join(map(str, path))}: {problem}")
+    def __init__(
+        self,
+        rules: FearRules,
+        settings: SupervisorSettings,
+        vehicle: Vehicle,
+        *,
+        places: Mapping[FieldPath, str] = NO_PLACES,
+    ) -> None:
+        """``places`` holds file:line:column of the causes in ``settings``, for errors.
+
+        Raises InputError when ``rules`` name an unknown input, or ``settings`` a cause that is unknown or that no
+        rule gives.
+        """
+        self._places = places
+        self._refuse_unfit(rules, settings)
         self._rules, self._settings = rules, settings
         self._observer = WorldStateObserver(
             settings.sightings, settings.fusion, settings.follow, vehicle, rated_as=settings.rated_as
@@ -89,17 +104,17 @@ class Supervisor:
     def adopt(self, rules: FearRules) -> None:
         """Use other rules from the next step on; mode, timers and memory stay.
 
-        Raises InputError, and keeps the old rules, when ``rules`` name an unknown input, or when they no longer
-        give a cause that the settings name: the stop for it would never come.
+        Raises InputError, and keeps the old rules, when ``rules`` name an unknown input, or do not give a cause
+        that the settings name: the stop for it would never come.
         """
-        _refuse_unknown(rules)
-        for path, cause in self._settings.named_causes:
-            if cause in self._rules.causes and cause not in rules.causes:
-                where = ".".join(map(str, path))
-                raise InputError(
-                    f"no rule gives the cause {cause!r} any more, which the settings name in {where}"
-                )
+        self._refuse_unfit(rules, self._settings)
         self._rules = rules
+
+    def _refuse_unfit(self, rules: FearRules, settings: SupervisorSettings) -> None:
+        _refuse_unknown(rules)
+        for path, problem in cause_problems(settings, rules):
+            place = f"{self._places[path]}: " if path in self._places else ""
+            raise InputError(f"{place}{'.'.join(map(str, path))}: {problem}")
 
     def step(
         self,
@@ -214,13 +229,20 @@ class Supervisor:
         )
 
 
-def unknown_causes(
-    settings: SupervisorSettings, rules: FearRules
-) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Path and error text of every cause in ``settings`` that neither Trepid nor ``rules`` define."""
-    known = rules.file.known_causes
+def cause_problems(settings: SupervisorSettings, rules: FearRules) -> Iterator[tuple[FieldPath, str]]:
+    """Path and error text of every cause in ``settings`` that is unknown, or whose stop can never come.
+
+    A rule for fear or a missing input gives the cause of a stop; a final stop may also have the cause of a fault.
+    A rule file lists the causes that it does not give under ``without``.
+    """
+    known, given = rules.file.known_causes, rules.causes.union(rules.file.without)
     for path, cause in settings.named_causes:
         problem = unknown_cause(cause, known)
+        if not problem and cause not in (given | FAULTS if "final_causes" in path else given):
+            close = difflib.get_close_matches(cause, sorted(rules.causes), n=1)
+            otherwise = f"a rule file that does not give it needs without: [{cause}]"
+            hint = f"did you mean {close[0]!r}?" if close else otherwise
+            problem = f"no rule gives the cause {cause!r}; {hint}"
         if problem:
             yield path, problem
 
@@ -247,10 +269,17 @@ def build(
 ) -> Supervisor:
     """A supervisor from its files; ``cruise_speed_mps`` instead of that of the settings. Raises InputError."""
     loaded, verified = load(settings, SupervisorSettings), load_verified(rules)
-    for path, problem in unknown_causes(loaded, verified):
-        raise InputError(located(path, problem, read(settings), settings, {}))
     for name, hint in _unknown_inputs(verified):
         raise InputError(located(("inputs", name), f"unknown input; {hint}", read(rules), rules, {}))
+    places = _places(settings, read_text(settings))
     if cruise_speed_mps is not None:
         loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps})
-    return Supervisor(verified, loaded, load(vehicle, Vehicle))
+    return Supervisor(verified, loaded, load(vehicle, Vehicle), places=places)
+
+
+@lru_cache(maxsize=16)
+def _places(settings: pathlib.Path, _: str) -> Mapping[FieldPath, str]:
+    """file:line:column of every cause in the file ``settings``. Cached by content, as its settings are."""
+    data = read(settings)
+    named = load(settings, SupervisorSettings).named_causes
+    return {path: "{}:{}:{}".format(settings, *position(data, path)) for path, _ in named}

@@ -40,7 +40,8 @@ def import_(
     yaml = YAML()
     yaml.width = 10_000  # a rule stays on its line
     yaml.indent(mapping=2, sequence=4, offset=2)
-    yaml.dump(_plain(rules.model_dump(mode="json", exclude=None if rules.causes else {"causes"})), sys.stdout)
+    empty = {name for name in ("causes", "without") if not getattr(rules, name)}
+    yaml.dump(_plain(rules.model_dump(mode="json", exclude=empty)), sys.stdout)
 
 
 def _plain(data: Any) -> Any:

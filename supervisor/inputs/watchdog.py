@@ -8,6 +8,13 @@ from trepid.causes import Cause
 
 STATISTICS, LEAD, STATE = "statistics", "lead", "state"
 """Names of the inputs besides the estimators."""
+FAULTS = frozenset(
+    {
+        *(Cause.STALE_DATA, Cause.LOST_ESTIMATOR, Cause.VEHICLE_STATE_LOST),
+        *(Cause.IMAGE_STATISTICS_LOST, Cause.LEAD_LOST, Cause.DRIVER_OVERRIDE),
+    }
+)
+"""Causes of a :class:`Fault`."""
 
 
 class Fault(NamedTuple):

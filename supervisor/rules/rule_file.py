@@ -299,6 +299,8 @@ class RuleFile(Settings):
     """Estimators with rules for their trust."""
     causes: dict[Name, str] = Field(default={})
     """Causes that only this file names, with their meaning; those of ``trepid.causes`` are known without."""
+    without: tuple[Name, ...] = ()
+    """Causes named in ``config/supervisor.yaml`` that no rule of this file gives; all others must be given."""
     inputs: Annotated[dict[Name, Input], Field(min_length=1)]
     rules: Annotated[tuple[Sentence, ...], Field(min_length=1)]
     """if A is SET and/or/not ... then fear (or trust_NAME) is LEVEL [with weight W] [because CAUSE]"""
@@ -323,6 +325,14 @@ class RuleFile(Settings):
             problem = unknown_cause(spec.missing, known)
             if problem:
                 raise wrong_at(("inputs", name, "missing"), problem)
+        return self
+
+    @model_validator(mode="after")
+    def _absent_causes_are_known(self) -> "RuleFile":
+        for index, cause in enumerate(self.without):
+            problem = unknown_cause(cause, self.known_causes)
+            if problem:
+                raise wrong_at(("without", index), problem)
         return self
 
     @model_validator(mode="after")

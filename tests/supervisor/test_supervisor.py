@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from supervisor_rig import ESTIMATE, FRAME_S, LATENCY_S, SETTINGS, STATE, STATISTICS, Drive
 
 from supervisor.rules.inference import FearRules
-from supervisor.supervisor import Supervisor, build
+from supervisor.rules.sentence import parse_rule
+from supervisor.supervisor import Supervisor, SupervisorSettings, build
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import (
     Decision,
@@ -530,10 +531,35 @@ def test_rules_without_a_cause_that_the_settings_name_are_refused_while_driving(
     file = tmp_path / "fear.yaml"
     renamed = text.replace(f"because {cause}\n", "because demand\n").replace(f": {cause}\n", ": demand\n")
     file.write_text(renamed, encoding="utf-8")
-    supervisor = build_once()
-    with pytest.raises(InputError, match=f"no rule gives the cause '{cause}' any more, .* in modes"):
+    supervisor = build()
+    refusal = rf"supervisor\.yaml:\d+:\d+: modes\..*: no rule gives the cause '{cause}'; "
+    with pytest.raises(InputError, match=refusal):
         supervisor.adopt(FearRules.load(file))
+    with pytest.raises(InputError, match=refusal):
+        build(rules=file)
     supervisor.adopt(FearRules.load(CONFIG_DIR / "fear.yaml"))
+    file.write_text(f"without: [{cause}]\n{renamed}", encoding="utf-8")
+    supervisor.adopt(FearRules.load(file))
+
+
+def test_a_fault_may_be_final_without_a_rule() -> None:
+    def with_modes(**changes: object) -> SupervisorSettings:
+        return SETTINGS.model_copy(update={"modes": SETTINGS.modes.model_copy(update=changes)})
+
+    Supervisor(RULES, with_modes(final_causes=("driver_override",)), VEHICLE)
+    with pytest.raises(InputError, match="no rule gives the cause 'driver_override'"):
+        Supervisor(RULES, with_modes(stop_after_s={"driver_override": 1.0}), VEHICLE)
+
+
+def test_a_near_miss_of_a_cause_is_named_at_the_start(tmp_path: Path) -> None:
+    text = (CONFIG_DIR / "fear.yaml").read_text(encoding="utf-8")
+    file = tmp_path / "fear.yaml"
+    renamed = text.replace("because odd_road\n", "because odd_raod\n").replace(": odd_road\n", ": odd_raod\n")
+    file.write_text(f"causes: {{odd_raod: misspelt}}\n{renamed}", encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"stop_after_s\.odd_road: no rule gives .*; did you mean 'odd_raod'\?"
+    ):
+        build(rules=file)
 
 
 def test_settings_may_name_a_cause_that_the_rules_declare() -> None:
@@ -542,7 +568,10 @@ def test_settings_may_name_a_cause_that_the_rules_declare() -> None:
     with pytest.raises(InputError, match=r"modes\.stop_after_s\.ice: unknown cause 'ice'"):
         Supervisor(RULES, settings_with_ice, VEHICLE)
     declared = RULES.file.model_copy(update={"causes": {"ice": "the road is slippery"}})
-    Supervisor(FearRules(declared, RULES.rules), settings_with_ice, VEHICLE)
+    with pytest.raises(InputError, match="no rule gives the cause 'ice'"):
+        Supervisor(FearRules(declared, RULES.rules), settings_with_ice, VEHICLE)
+    icy = parse_rule("if brightness is very_low then fear is high because ice", RULES.names)
+    Supervisor(FearRules(declared, (*RULES.rules, icy)), settings_with_ice, VEHICLE)
 
 
 @pytest.mark.parametrize("sender", ["cv", "cnn", "statistics", "lead", "state"])

@@ -74,6 +74,7 @@ def _options(rules: FearRules) -> list[str]:
     file = rules.file
     lines = ["OPTION", f"  METHOD := {file.method};"]
     lines += [f"  CAUSE {name} := {_quoted(meaning)};" for name, meaning in file.causes.items()]
+    lines += [f"  WITHOUT {cause};" for cause in file.without]
     for name, spec in file.inputs.items():
         lines += [f"  MEANING {name} := {_quoted(spec.meaning)};", f"  UNIT {name} := {_quoted(spec.unit)};"]
         lines += [f"  RISK {name} := {spec.risk};", f"  MISSING {name} := {spec.missing};"]

@@ -17,7 +17,7 @@ KEYWORDS = (
     *("RULEBLOCK", "END_RULEBLOCK", "RULE", "WITH", "OPTION", "END_OPTION"),
     *("AND", "OR", "ACT", "ACCU", "METHOD", "MIN", "MAX", "COG"),
     *("MEANING", "UNIT", "RISK", "MISSING", "BEYOND", "SPEED_FACTOR", "MODE", "HYSTERESIS"),
-    *("BECAUSE", "CAUSE"),
+    *("BECAUSE", "CAUSE", "WITHOUT"),
 )
 """Words of FCL and of the OPTION block: the same in capitals and small letters."""
 SIGNS = {
@@ -46,13 +46,14 @@ _setting: (_AND | _ACT) _COLON _MIN _SEMICOLON
     | _METHOD _COLON _COG _SEMICOLON
 ruleblock: _RULEBLOCK NAME (rule | _setting)* _END_RULEBLOCK
 rule: _RULE _value _COLON (_value | LPAR | RPAR | WITH _value)* _SEMICOLON
-option: _OPTION (of_input | of_level | hysteresis | method | because | cause)* _END_OPTION
+option: _OPTION (of_input | of_level | hysteresis | method | because | cause | without)* _END_OPTION
 of_input: (MEANING | UNIT | RISK | MISSING | BEYOND) NAME _ASSIGN _value _SEMICOLON
 of_level: (SPEED_FACTOR | MODE) NAME _ASSIGN _value _SEMICOLON
 hysteresis: _HYSTERESIS NAME _ASSIGN _value _SEMICOLON
 method: _METHOD _ASSIGN _value _SEMICOLON
 because: _BECAUSE _value _ASSIGN _value _SEMICOLON
 cause: _CAUSE NAME _ASSIGN _value _SEMICOLON
+without: _WITHOUT NAME _SEMICOLON
 _value: NAME | NUMBER | TEXT
 
 NAME: /[A-Za-z_]\w*/

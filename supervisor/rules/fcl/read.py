@@ -45,6 +45,7 @@ class _Reader:
         self.labels: dict[str, int] = {}
         self.causes: dict[int, str] = {}  # of a rule
         self.declared: dict[str, str] = {}
+        self.without: list[str] = []
         self.places: dict[tuple[str | int, ...], Token] = {}
         self.actions = {
             level: action.model_dump() for level, action in zip(LEVELS, like.fear.all, strict=True)
@@ -127,6 +128,10 @@ class _Reader:
 
     def option(self, entries: list[Any]) -> None:
         for entry in entries:
+            if entry.data == "without":
+                self.places["without", len(self.without)] = entry.children[0]
+                self.without.append(str(entry.children[0]))
+                continue
             store, around, key = self.stored(entry)
             value = entry.children[-1]
             self.places[(*around, key)] = value
@@ -164,6 +169,7 @@ class _Reader:
             **self.head,
             "estimators": estimators,
             **({"causes": self.declared} if self.declared else {}),
+            **({"without": self.without} if self.without else {}),
             "inputs": self.inputs,
             "rules": [self.sentence(index) for index in range(len(self.rules))],
             "fear": self.actions,
