@@ -149,11 +149,14 @@ class Referee:
     def wait_until_ready(self, signals: list[str]) -> bool:
         """Wait for a heartbeat of every process, a first decision, and the end of any run-up.
 
-        False when that fails.
+        False when that fails. Raises InputError when a process refuses its input.
         """
         while not signals and not self._problems:
             self._receive()
-            self._problems += [f"{exited} before the drive began" for exited in self._fleet.collect_exits()]
+            for exited in self._fleet.collect_exits():
+                if exited.from_bad_input:
+                    raise InputError(str(exited))
+                self._problems.append(f"{exited} before the drive began")
             missing = [name for name in self._fleet.children if name not in self._log.diagnostics]
             if not missing and self._log.decision is not None and self._begun():
                 self._log.restart()

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import IO, Any
 
 from trepid.config import ROOT
-from trepid.processes.process import Assignment
+from trepid.processes.process import BAD_INPUT, Assignment
 
 ABORT_GRACE_S = 0.3
 TERM_GRACE_S = 1.2  # SIGTERM to SIGKILL; with the kill this keeps a stop below 2 s
@@ -57,7 +57,14 @@ class UnexpectedExit:
     returncode: int
     stderr_tail: str
 
+    @property
+    def from_bad_input(self) -> bool:
+        """True when the process refused its input; it would refuse it again."""
+        return self.returncode == BAD_INPUT
+
     def __str__(self) -> str:
+        if self.from_bad_input:
+            return f"process {self.name}: {self.stderr_tail}"
         how = (
             f"was killed by {signal.Signals(-self.returncode).name}"
             if self.returncode < 0
@@ -117,15 +124,19 @@ class Fleet:
         return Child(spec, popen, log)
 
     def collect_exits(self) -> list[UnexpectedExit]:
-        """The children that ended since the last call; each is started again while it has restarts left."""
+        """The children that ended since the last call; each is started again while it has restarts left.
+
+        A process that refused its input is not started again.
+        """
         exits = []
         for name, child in self.children.items():
             returncode = child.popen.poll()
             if returncode is None or child.log.closed:
                 continue
-            exits.append(UnexpectedExit(name, child.popen.pid, returncode, child.stderr_tail()))
+            ended = UnexpectedExit(name, child.popen.pid, returncode, child.stderr_tail())
+            exits.append(ended)
             _close(child)
-            if child.spec.restart and child.restarts < self._max_restarts:
+            if child.spec.restart and not ended.from_bad_input and child.restarts < self._max_restarts:
                 self.children[name] = self._start(child.spec)
                 self.children[name].restarts = child.restarts + 1
         return exits

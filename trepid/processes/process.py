@@ -19,7 +19,7 @@ from pydantic import Field, ValidationError
 
 from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock
-from trepid.config import Settings
+from trepid.config import InputError, Settings
 from trepid.messages import Diagnostic, Health
 from trepid.topics import DIAGNOSTICS
 
@@ -29,6 +29,7 @@ HEARTBEAT_PERIOD_S = 1.0
 READY = "ready"
 MALFORMED = "malformed "  # beginning of the names of values, followed by the key of a topic
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
+BAD_INPUT = 2  # exit code after an InputError; the same input would fail again
 EXIT_GRACE_S = 1.0  # from the end of the launcher to the end of a process whose main thread is stuck
 
 
@@ -141,7 +142,10 @@ class Ticker:
 
 @contextmanager
 def process() -> Iterator[Process]:
-    """The process that the assignment on the command line describes; closes the bus on leaving."""
+    """The process that the assignment on the command line describes; closes the bus on leaving.
+
+    An InputError in the body becomes one line on standard error and exit code 2.
+    """
     try:
         assignment = Assignment.model_validate_json(sys.argv[1])
     except (IndexError, ValidationError):
@@ -154,7 +158,11 @@ def process() -> Iterator[Process]:
     threading.Thread(target=_stop_with_launcher, args=(stop,), daemon=True).start()
     clock = epoch_clock(assignment.clock_offset_ns)
     with open_bus(assignment.vehicle_name, clock, connect=assignment.connect) as bus:
-        yield Process(assignment, bus, stop)
+        try:
+            yield Process(assignment, bus, stop)
+        except InputError as error:
+            print(" ".join(str(error).split()), file=sys.stderr)
+            sys.exit(BAD_INPUT)
 
 
 def _resume_when_the_launcher_ends() -> None:
@@ -165,7 +173,8 @@ def _resume_when_the_launcher_ends() -> None:
 
 def _stop_with_launcher(stop: threading.Event) -> None:
     """Stop when the pipe from the launcher closes; after a grace time end a stuck main thread too."""
-    sys.stdin.buffer.read()
+    while os.read(sys.stdin.fileno(), 1):  # sys.stdin.buffer would hold a lock at the end of the interpreter
+        pass
     stop.set()
     time.sleep(EXIT_GRACE_S)
     os._exit(1)

@@ -82,6 +82,20 @@ def test_a_module_that_fails_is_reported_with_the_end_of_its_stderr(
     assert "No module named controller.no_such_module" in str(ended)
 
 
+def test_a_process_with_bad_input_ends_with_one_line_and_is_not_started_again(
+    drive: tuple[Bus, Callable[..., Fleet]],
+) -> None:
+    _, fleet = drive
+    options = {"rules": "no.yaml", "estimators": [], "cruise_speed_mps": None}
+    with fleet(ProcessSpec("supervisor", "supervisor.node", options), max_restarts=3) as running:
+        assert until(lambda: running.children["supervisor"].popen.poll() is not None, patience_s=20)
+        (ended,) = running.collect_exits()
+        assert running.collect_exits() == []
+        assert running.children["supervisor"].restarts == 0
+    assert ended.returncode == 2
+    assert str(ended) == "process supervisor: no.yaml: cannot be read: No such file or directory"
+
+
 def test_even_a_frozen_process_is_stopped(drive: tuple[Bus, Callable[..., Fleet]]) -> None:
     bus, fleet = drive
     beats = beats_of(bus)
