@@ -13,7 +13,7 @@ import cv2
 import typer
 
 from perception.camera.self_calibration import self_calibrated
-from perception.estimators import ESTIMATORS, entry_of, estimators, lane_cv_settings
+from perception.estimators import ESTIMATORS, entry_of, estimators, lane_cv_settings, no_estimator
 from perception.images.annotate import annotated, as_path
 from perception.images.frames import FrameResult, Step, print_json, print_table, results, written
 from perception.images.sources import Source, Still
@@ -65,7 +65,7 @@ def estimate(
         _list_estimators(as_json)
         return
     if estimator not in (*ESTIMATORS, LEAD) and estimator not in estimators():
-        raise InputError(f"no estimator {estimator!r}; there are {', '.join((*estimators(), LEAD))}")
+        raise InputError(no_estimator(estimator, (*estimators(), LEAD)))
     if detector is not None and estimator != LEAD:
         raise InputError(f"--detector is an option of --estimator {LEAD}")
     if not inputs:

@@ -1,6 +1,6 @@
 """The table of estimators for `--estimator NAME` and the perception process."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import Protocol
 from perception.lane.lane_cv import LaneCv
 from perception.lane.settings import LaneCvSettings
 from trepid.camera import Camera
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import CONFIG_DIR, InputError, load, nearest
 from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
 from trepid.vehicle import Vehicle
 
@@ -84,14 +84,19 @@ def estimators() -> dict[str, Entry]:
 
 
 def entry_of(name: str) -> Entry:
-    """The estimator called ``name``. Raises InputError with the known names.
+    """The estimator called ``name``. Raises InputError with the nearest names.
 
     ``ESTIMATORS`` do not depend on the file of the pipelines.
     """
     known = ESTIMATORS if name in ESTIMATORS else estimators()
     if name not in known:
-        raise InputError(f"no estimator {name!r}; there are {', '.join(known)}")
+        raise InputError(no_estimator(name, known))
     return known[name]
+
+
+def no_estimator(name: str, known: Iterable[str]) -> str:
+    """The error text for ``name``, which is not in ``known``, with the nearest names."""
+    return f"no estimator {name!r}; {nearest(name, known, 'trepid estimate --estimator list')}"
 
 
 def kind_of(name: str) -> EstimateKind:

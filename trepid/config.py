@@ -3,7 +3,7 @@
 import copy
 import difflib
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -120,6 +120,13 @@ def parse(
         return model.model_validate(data)
     except ValidationError as error:
         raise InputError(_explain(error, data, model, source, overrides or {})) from error
+
+
+def nearest(name: str, known: Iterable[str], listing: str) -> str:
+    """The names of ``known`` nearest to ``name`` as a question, and the command ``listing`` that prints all."""
+    close = difflib.get_close_matches(name, list(known), n=3)
+    question = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
+    return f"{question}`{listing}` prints all"
 
 
 def parse_overrides(texts: Sequence[str]) -> dict[str, str]:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Self, get_type_hints
 
 from pydantic import Field, ValidationError, create_model, model_validator
 
-from perception.estimators import ESTIMATORS, estimators
+from perception.estimators import ESTIMATORS, estimators, no_estimator
 from sim_harness.judging.conditions.conditions import parse_condition
 from sim_harness.judging.conditions.expect import Expect
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera
@@ -28,7 +28,7 @@ from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.features import Junction, RoadMark
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from supervisor.rules.rule_file import RuleFile
-from trepid.config import CONFIG_DIR, InputError, Settings, load, located, parse, read
+from trepid.config import CONFIG_DIR, InputError, Settings, load, located, nearest, parse, read
 from trepid.types import NonNegative, Positive
 from trepid.vehicle import Vehicle
 
@@ -211,7 +211,7 @@ class Scenario(Settings):
         """
         for number, name in enumerate(self.estimators):
             if name not in ESTIMATORS and name not in estimators():
-                return ("estimators", number), f"no estimator {name!r}; there are {', '.join(estimators())}"
+                return ("estimators", number), no_estimator(name, estimators())
             if name in self.estimators[:number]:
                 return ("estimators", number), f"{name!r} is named twice"
         if not self.road.endswith(ROAD_SUFFIXES) and not self._road_file().is_file():
@@ -299,8 +299,9 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     if path.suffix not in (".yaml", ".yml"):
         path = SCENARIO_DIR / f"{source}.yaml"
         if not path.is_file():
-            names = ", ".join(sorted(p.stem for p in SCENARIO_DIR.glob("*.yaml")))
-            raise InputError(f"no scenario {source!r}; there are {names}, or give a .yaml or .py file")
+            names = sorted(p.stem for p in SCENARIO_DIR.glob("*.yaml"))
+            hint = nearest(source, names, "trepid sim list")
+            raise InputError(f"no scenario {source!r}; {hint}, or give a .yaml or .py file")
     data = read(path)
     scenario = parse(data, Scenario, source=path, overrides=overrides)
     update = {"name": scenario.name or path.stem}

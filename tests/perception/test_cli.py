@@ -134,8 +134,8 @@ def test_bad_input_is_named_in_one_line_and_earlier_results_are_kept(kind, folde
     assert lines(capsys)[0]["file"] == str(good)
 
 
-def test_an_unknown_estimator_is_named_with_those_that_exist(folder):
-    with pytest.raises(InputError, match=r"magic.*cv"):
+def test_an_unknown_estimator_is_refused_with_the_command_that_lists_all(folder):
+    with pytest.raises(InputError, match=r"'magic'.*--estimator list"):
         estimate([folder], estimator="magic")
 
 

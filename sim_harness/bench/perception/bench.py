@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from perception.estimators import estimators
+from perception.estimators import estimators, no_estimator
 from sim_harness.bench.perception.clips import VERSION, Case, harness_set, moments
 from sim_harness.bench.perception.drive import bench_drive
 from sim_harness.bench.perception.figures import draw
@@ -42,11 +42,11 @@ REPORT_EVERY_S = 10.0
 
 
 def names_of(options: PerceptionOptions) -> tuple[str, ...]:
-    """The estimators to measure. Raises InputError that lists the known ones."""
+    """The estimators to measure. Raises InputError with the nearest names."""
     known = estimators()
     for name in options.estimators:
         if name not in known:
-            raise InputError(f"no estimator {name!r}; there are {', '.join(known)}")
+            raise InputError(no_estimator(name, known))
     return options.estimators or tuple(known)
 
 

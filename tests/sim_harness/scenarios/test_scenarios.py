@@ -71,9 +71,12 @@ def test_a_mistake_in_a_scenario_is_named_with_its_place(tmp_path, line, where):
         load_scenario(write(tmp_path, GOOD + line))
 
 
-def test_a_missing_scenario_names_those_there_are():
-    with pytest.raises(InputError, match=r"no scenario 'circus'; there are .*circuit"):
+def test_a_missing_scenario_names_the_nearest_ones_and_the_command_that_lists_all():
+    nearest = r"^no scenario 'circus'; did you mean 'circuit'\? `trepid sim list` prints all, or give"
+    with pytest.raises(InputError, match=nearest):
         load_scenario("circus")
+    with pytest.raises(InputError, match=r"^no scenario 'qqq'; `trepid sim list` prints all, or give"):
+        load_scenario("qqq")
 
 
 @pytest.mark.parametrize(
@@ -84,7 +87,7 @@ def test_a_missing_scenario_names_those_there_are():
             r"mine\.yaml:5:1: segments: .*curvature jumps",
         ),
         ("plant: {vehicle: {wheelbase: 2}}", r"mine\.yaml:5:1: plant: .*wheelbase"),
-        ("estimators: [lidar]", r"mine\.yaml:5:14: estimators\.0: no estimator 'lidar'; there are cv, cnn"),
+        ("estimators: [lidar]", r"mine\.yaml:5:14: estimators\.0: no estimator 'lidar'; .*--estimator list"),
         (
             "sight: truth\nfaults: [{kind: black_frames, from_s: 1}]",
             r"mine\.yaml:6:10: faults\.0: black_frames: with sight: truth there is no image",
