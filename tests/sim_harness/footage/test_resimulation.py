@@ -247,7 +247,7 @@ def test_a_clip_that_is_too_short_or_longer_than_its_log_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        ([], "give the speed"),
+        ([], "give --speed"),
         (["--speed", "5", "--estimator", "x"], "no estimator 'x'"),
         (["--speed", "5", "--camera", "no.yaml"], "no.yaml: cannot be read"),
         (["--speed", "5"], "no such file or folder"),
