@@ -3,6 +3,7 @@
 import difflib
 import math
 import pathlib
+import sys
 from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 from types import MappingProxyType
@@ -22,7 +23,7 @@ from supervisor.path.hand_over import HandOver
 from supervisor.rules.inference import CALM, FearResult, FearRules
 from supervisor.rules.verify import load_verified
 from supervisor.situation.features import FEATURES
-from supervisor.situation.ratings import RATED_AS
+from supervisor.situation.ratings import RATED_AS, near_misses, unrated_names
 from supervisor.situation.world_state import WorldState, WorldStateObserver, unknown_features
 from trepid.bounds import at_least, at_most
 from trepid.causes import unknown_cause
@@ -271,6 +272,9 @@ def build(
     loaded, verified = load(settings, SupervisorSettings), load_verified(rules)
     for name, hint in _unknown_inputs(verified):
         raise InputError(located(("inputs", name), f"unknown input; {hint}", read(rules), rules, {}))
+    for name, problem in unrated_names(verified, loaded.rated_as):
+        raise InputError(located(("rated_as", name), problem, read(settings), settings, {}))
+    _warn_of_near_misses(settings, read_text(settings), verified)
     places = _places(settings, read_text(settings))
     if cruise_speed_mps is not None:
         loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps})
@@ -283,3 +287,19 @@ def _places(settings: pathlib.Path, _: str) -> Mapping[FieldPath, str]:
     data = read(settings)
     named = load(settings, SupervisorSettings).named_causes
     return {path: "{}:{}:{}".format(settings, *position(data, path)) for path, _ in named}
+
+
+@lru_cache(maxsize=16)  # one warning a file
+def _warn_of_near_misses(settings: pathlib.Path, _: str, rules: FearRules) -> None:
+    """Report keys of ``rated_as`` and ``fusion.trust`` that are nearly the name of a known estimator or kind."""
+    loaded = load(settings, SupervisorSettings)
+    sections: tuple[tuple[FieldPath, Mapping[str, object]], ...] = (
+        (("rated_as",), loaded.rated_as),
+        (("fusion", "trust"), loaded.fusion.trust),
+    )
+    for section, names in sections:
+        for name, close in near_misses(rules, names, also=RATED_AS):
+            warning = f"warning: no rule rates an estimator {name!r}; did you mean {close!r}?"
+            print(
+                "trepid:", located((*section, name), warning, read(settings), settings, {}), file=sys.stderr
+            )

@@ -4,7 +4,8 @@ A rule file names estimators in inputs such as ``cv_confidence`` and in outputs 
 that it does not name is rated by the name that ``rated_as`` in ``config/supervisor.yaml`` gives to it or its kind.
 """
 
-from collections.abc import Iterable, Mapping
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 
 from supervisor.inputs.validated import ValidatedEstimate
@@ -28,6 +29,31 @@ def rating_names(
         else rated_as.get(e.estimator) or rated_as.get(e.kind, e.estimator)
         for e in estimates
     }
+
+
+def unrated_names(rules: FearRules, rated_as: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Key and error text of every name in ``rated_as`` that ``rules`` do not rate, where they name any."""
+    named = _named(rules.names, rules.file.estimators)
+    known = named.union(RATED_AS.values())
+    for key, name in rated_as.items():
+        if named and name not in known:
+            close = difflib.get_close_matches(name, sorted(known), n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(known))}"
+            yield key, f"no rule rates {name!r}; {hint}"
+
+
+def near_misses(
+    rules: FearRules, names: Iterable[str], *, also: Iterable[str] = ()
+) -> Iterator[tuple[str, str]]:
+    """Each of ``names`` that is nearly a name in ``rules`` or ``also``, with that name.
+
+    Estimators may have further names, so that these are no errors.
+    """
+    known = _named(rules.names, rules.file.estimators).union(RATED_AS.values(), also)
+    for name in names:
+        close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.75)
+        if name not in known and close:
+            yield name, close[0]
 
 
 def absent_values(rules: FearRules, estimators: int) -> dict[str, float | None]:

@@ -1,6 +1,7 @@
 """The supervisor's step: causes of stops and of slow-downs; a broken input never lowers fear."""
 
 import math
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -540,6 +541,37 @@ def test_rules_without_a_cause_that_the_settings_name_are_refused_while_driving(
     supervisor.adopt(FearRules.load(CONFIG_DIR / "fear.yaml"))
     file.write_text(f"without: [{cause}]\n{renamed}", encoding="utf-8")
     supervisor.adopt(FearRules.load(file))
+
+
+def settings_with(tmp_path: Path, old: str, new: str) -> Path:
+    text = (CONFIG_DIR / "supervisor.yaml").read_text(encoding="utf-8")
+    assert old in text
+    file = tmp_path / "supervisor.yaml"
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+    return file
+
+
+def test_a_rating_by_a_name_without_rules_is_refused_at_its_place(tmp_path: Path) -> None:
+    file = settings_with(tmp_path, "lane: cv ", "lane: cvv ")
+    with pytest.raises(
+        InputError, match=r"supervisor\.yaml:4:3: rated_as\.lane: .*'cvv'; did you mean 'cv'\?$"
+    ):
+        build(settings=file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "warning"),
+    [
+        ("  lane: cv ", "  lanee: cv ", r":4:3: rated_as\.lanee: warning: .*; did you mean 'lane'\?"),
+        ("    cnn: 0.7", "    cnnn: 0.7", r":\d+:5: fusion\.trust\.cnnn: warning: .*; did you mean 'cnn'\?"),
+        ("    cnn: 0.7", "    cnn: 0.7\n    hough: 0.7", "^$"),
+    ],
+)
+def test_a_near_miss_of_an_estimator_gives_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, warning: str
+) -> None:
+    build(settings=settings_with(tmp_path, old, new))
+    assert re.search(warning, capsys.readouterr().err)
 
 
 def test_a_fault_may_be_final_without_a_rule() -> None:
