@@ -151,7 +151,7 @@ DOUBTS = (
         "by confidence, less fear, a vehicle to follow",
     ),
     Doubt(
-        "no frame on the move",
+        "no frame for `emergency_stop_age_s` on the move",
         lambda m: m.moving and m.frameless,
         _now,
         Effect.EMERGENCY,

@@ -7,9 +7,11 @@ import pytest
 from cockpit.rulebook.tables import MODES_PAGE, TERMS_PAGE, pages, table
 from cockpit.rulebook.terms import WHY
 from supervisor.modes.analyser import SUSPECTS
+from supervisor.modes.doubts import doubts_of
 from supervisor.modes.modes import TRANSITIONS
 from supervisor.rules.inference import FearRules
-from trepid.config import CONFIG_DIR
+from supervisor.supervisor import SupervisorSettings
+from trepid.config import CONFIG_DIR, load
 
 
 @pytest.mark.parametrize("path", [MODES_PAGE, TERMS_PAGE], ids=lambda p: p.name)
@@ -21,6 +23,13 @@ def test_every_transition_and_every_suspect_is_on_the_page() -> None:
     page = pages()[str(MODES_PAGE)]
     assert all(page.count(row.because) >= 2 for row in TRANSITIONS)  # diagram and table
     assert all(f"`{suspect.cause}`" in page for suspect in SUSPECTS)
+
+
+def test_every_delay_is_on_the_page_with_the_condition_that_ends_it() -> None:
+    settings = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
+    lines = pages()[str(MODES_PAGE)].splitlines()
+    for doubt in doubts_of(settings.modes):
+        assert any(doubt.name in line and line.endswith(f"| {doubt.cleared} |") for line in lines)
 
 
 def test_every_term_has_a_reason_and_every_reason_a_term() -> None:
