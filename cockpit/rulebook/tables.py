@@ -147,9 +147,10 @@ def _delay(after_s: float | None) -> str:
 
 def _limits(modes: ModeSettings, rules: FearRules) -> str:
     return (
-        f"Without a frame the vehicle stops after {modes.comfort_stop_age_s:g} s (`comfort_stop_age_s`), on the move by "
-        f"an emergency stop after {modes.emergency_stop_age_s:g} s (`emergency_stop_age_s`). An estimator is rather "
-        f"right than wrong from a confidence of {modes.guess_confidence:g}, and measures the road with confidence from "
+        f"Without a frame the vehicle stops after {modes.comfort_stop_age_s:g} s (`comfort_stop_age_s`), "
+        f"on the move by an emergency stop after {modes.emergency_stop_age_s:g} s (`emergency_stop_age_s`). "
+        "An estimator is rather right than wrong from a confidence of "
+        f"{modes.guess_confidence:g}, and measures the road with confidence from "
         f"{modes.road_back_confidence:g}. Calm: fear is below the border of its level by "
         f"{rules.file.hysteresis.band:g}."
     )
