@@ -15,7 +15,7 @@ from rich.table import Table
 from sim_harness.live.drive import DriveSettings, Show
 from sim_harness.live.drive import drive as drive_scenario
 from sim_harness.live.drive_log import DriveLog
-from sim_harness.live.drive_status import driving_line, status
+from sim_harness.live.drive_status import Warnings, driving_line, status
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import CONFIG_DIR, load, parse_overrides
 from trepid.processes.launch import Fleet
@@ -52,7 +52,10 @@ def drive(
 
 @contextmanager
 def shown(dashboard: bool) -> Iterator[Show]:
-    """Display of the drive on standard error: a live table in a terminal, else a line every few seconds."""
+    """Display of the drive on standard error: a live table in a terminal, else a line every few seconds.
+
+    Without the table, each new warning or error of a process is a line of its own.
+    """
     console = Console(stderr=True)
     if dashboard and console.is_terminal:
         with Live(console=console, auto_refresh=False, transient=True) as live:
@@ -61,9 +64,12 @@ def shown(dashboard: bool) -> Iterator[Show]:
             )
         return
     printed_s = -PLAIN_PERIOD_S
+    warnings = Warnings()
 
     def show(log: DriveLog, fleet: Fleet, elapsed_s: float) -> None:
         nonlocal printed_s
+        for line in warnings.new(log.diagnostics.values()):
+            print(line, file=sys.stderr, flush=True)
         if elapsed_s - printed_s >= PLAIN_PERIOD_S or elapsed_s < printed_s:
             printed_s = elapsed_s
             print(driving_line(log, elapsed_s=elapsed_s).plain, file=sys.stderr, flush=True)

@@ -1,10 +1,13 @@
 """The live status of a drive in the terminal."""
 
+from collections.abc import Iterable
+
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
 from sim_harness.live.drive_log import DriveLog
+from trepid.messages import Diagnostic, Health
 from trepid.processes.launch import Fleet
 
 FEAR_COLOURS = {
@@ -14,6 +17,24 @@ FEAR_COLOURS = {
     "high": "dark_orange",
     "very_high": "red",
 }
+
+
+class Warnings:
+    """The warnings and errors of the processes, each returned once until the process reports another state."""
+
+    def __init__(self) -> None:
+        self._reported: dict[str, tuple[Health, str]] = {}
+
+    def new(self, beats: Iterable[Diagnostic]) -> list[str]:
+        """One line for each process whose newest heartbeat has another warning or error than before."""
+        lines = []
+        for beat in beats:
+            state = beat.health, beat.message
+            if beat.health is not Health.OK and state != self._reported.get(beat.process):
+                message = " ".join(beat.message.split())
+                lines.append(f"process {beat.process}: {beat.health}: {message}")
+            self._reported[beat.process] = state
+        return lines
 
 
 def status(log: DriveLog, fleet: Fleet, *, elapsed_s: float) -> Group:
