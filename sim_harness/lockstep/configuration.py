@@ -9,8 +9,11 @@ import perception.lead.finder
 import supervisor.supervisor
 from sim_harness.lockstep.lead_model import build_lead_model
 from sim_harness.lockstep.vehicle import load_simulator
-from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
+from sim_harness.scenarios.scenario import RULES_FILE, LeadSensor, Scenario, Sight
 from sim_harness.world.roads.disturbance_table import load_table
+from supervisor.rules.rule_file import RuleFile
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
 
 
 def check_configuration(scenarios: Iterable[Scenario]) -> None:
@@ -20,6 +23,8 @@ def check_configuration(scenarios: Iterable[Scenario]) -> None:
     """
     scenarios = tuple(scenarios)
     load_simulator()
+    load(CONFIG_DIR / "camera.yaml", Camera)
+    load(RULES_FILE, RuleFile)  # its levels of fear are words of conditions
     controller.limiter.build()
     controller.controller.build()
     for rules in dict.fromkeys(scenario.rules_file for scenario in scenarios):

@@ -5,6 +5,7 @@ import re
 import pytest
 
 import controller.controller
+import sim_harness.lockstep.configuration
 import supervisor.supervisor
 from sim_harness.cli import app
 from sim_harness.live import drive_cli
@@ -48,6 +49,13 @@ def test_a_bad_file_of_the_controller_is_refused_with_its_place(tmp_path, monkey
     (tmp_path / "vehicle.yaml").write_text((CONFIG_DIR / "vehicle.yaml").read_text())
     monkeypatch.setattr(controller.controller, "CONFIG_DIR", tmp_path)
     with pytest.raises(InputError, match=r"controller\.yaml:\d+:1: unknown field 'bogus'"):
+        check_configuration([SCENARIO])
+
+
+def test_a_bad_file_of_the_camera_is_refused_also_for_runs_without_images(tmp_path, monkeypatch):
+    (tmp_path / "camera.yaml").write_text("bogus: 1\n")
+    monkeypatch.setattr(sim_harness.lockstep.configuration, "CONFIG_DIR", tmp_path)
+    with pytest.raises(InputError, match=r"camera\.yaml:1:1: unknown field 'bogus'"):
         check_configuration([SCENARIO])
 
 
