@@ -207,7 +207,7 @@ class Scenario(Settings):
     def problem(self) -> Problem | None:
         """The first unknown name or contradiction: the field and the message; None for a valid scenario.
 
-        Raises InputError for an invalid road file.
+        Raises InputError for an invalid road or vehicle file.
         """
         for number, name in enumerate(self.estimators):
             if name not in ESTIMATORS and name not in estimators():
@@ -229,8 +229,9 @@ class Scenario(Settings):
     def _problem_with_parts(self, road: RoadSettings) -> Problem | None:
         if not self.rules_file.is_file():
             return ("rules",), f"no rule file {self.rules_file}"
+        vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
         try:
-            build_plant(self.plant, load(CONFIG_DIR / "vehicle.yaml", Vehicle))
+            build_plant(self.plant, vehicle)
         except InputError as error:
             return ("plant",), str(error).removeprefix("plant: ")
         for number, fault in enumerate(self.faults):

@@ -106,6 +106,13 @@ def test_contradicting_values_are_refused_before_the_run(tmp_path, line, message
         load_scenario(write(tmp_path, text + line)).check()
 
 
+def test_a_bad_file_of_the_vehicle_is_reported_at_its_own_place_only(tmp_path, monkeypatch):
+    (tmp_path / "vehicle.yaml").write_text("bogus: 1\n")
+    monkeypatch.setattr("sim_harness.scenarios.scenario.CONFIG_DIR", tmp_path)
+    with pytest.raises(InputError, match=f"^{tmp_path}/vehicle.yaml:1:1: unknown field 'bogus'"):
+        load_scenario(write(tmp_path, GOOD))
+
+
 def test_settings_from_the_command_line_replace_those_of_the_file(tmp_path):
     overrides = {"duration_s": "3", "camera.latency_s": "0.1"}
     scenario = load_scenario(write(tmp_path, GOOD), overrides)
