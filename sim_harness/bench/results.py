@@ -5,6 +5,7 @@ draws the pages, their index and the table of the README again from the stored r
 """
 
 import json
+import math
 import shlex
 import subprocess
 import sys
@@ -142,7 +143,7 @@ def draw(result: Result, folder: Path) -> None:
     axes = figure.subplots(1, len(numeric), sharey=True, squeeze=False)[0]
     for panel, column in zip(axes, numeric, strict=True):
         values = [rows[name].get(column) for name in names]
-        panel.barh(names, [value if _is_number(value) else 0.0 for value in values], color="#0072B2")
+        panel.barh(names, [value if _is_number(value) else math.nan for value in values], color="#0072B2")
         panel.set_title(column, fontsize=9)
         panel.tick_params(labelsize=8)
         panel.grid(axis="x", alpha=0.3)
