@@ -45,10 +45,6 @@ def _inference(m: Measured) -> str:
     return f"{ours['median_us']:.0f} µs median, {ours['ratio']} times as fast"
 
 
-def _sweep(m: Measured) -> str:
-    return f"{m['speed_up']:.2f} times as fast"
-
-
 ROWS: tuple[tuple[str, str, Callable[[Measured], str]], ...] = (
     ("drive", "one lap live, seven processes over Zenoh, 1141 m, bends to R = 15 m", _lap),
     ("drive", "published frame to command, live", _latency),
@@ -58,7 +54,6 @@ ROWS: tuple[tuple[str, str, Callable[[Measured], str]], ...] = (
         "the lap in lock-step on one core: rendered with both estimators; with the true lane",
         _lockstep,
     ),
-    ("sweep", "two jobs, relative to one", _sweep),
     ("fear-inference", "inference of 8 inputs and 40 rules; relative to scikit-fuzzy", _inference),
     ("estimators", "320×240 frame: CV, CNN, image statistics, a plain Canny and Hough chain", _estimators),
 )

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_harness.bench.readme import BEGIN, END, table, write_table
+from sim_harness.bench.readme import BEGIN, END, ROWS, table, write_table
 from sim_harness.bench.results import index, page, stored
 from trepid.config import ROOT
 
@@ -27,10 +27,14 @@ def test_the_table_of_the_readme_is_generated_from_the_rows() -> None:
     assert text.split(BEGIN)[1].split(END)[0].strip() == table(measured)
 
 
+def test_every_row_of_the_readme_has_a_stored_result() -> None:
+    assert {name for name, _, _ in ROWS} <= set(STORED)
+
+
 def test_a_new_result_changes_the_table_and_nothing_else(tmp_path: Path) -> None:
     readme = tmp_path / "README.md"
     readme.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
-    write_table(readme, {"sweep": {"speed_up": 1.9}})
+    write_table(readme, {"fear-inference": {"8 inputs, 5 sets, 40 rules": {"median_us": 20.0, "ratio": 900}}})
     text = readme.read_text()
     assert text.startswith(f"before\n{BEGIN}\n| what |") and text.endswith(f"{END}\nafter\n")
-    assert "1.90 times as fast" in text and "old" not in text
+    assert "20 µs median, 900 times as fast" in text and "old" not in text
