@@ -10,7 +10,7 @@ from typing import Self
 
 from sim_harness.sweep.outcome import is_complete
 from sim_harness.sweep.plan import Plan
-from sim_harness.sweep.store import CASE, CODE, Row, Store
+from sim_harness.sweep.store import CODE, Row, Store, content
 from trepid.config import InputError
 
 RUNS = "runs"  # name of the files in a folder
@@ -43,7 +43,7 @@ class PlanStore:
                 f"{self.lines}: of another plan: {len(foreign)} of its cases are not in this one"
             )
         current = {key: row for key, row in stored.items() if row[CODE] == self._code}
-        self.done = {key: _content(row) for key, row in current.items() if is_complete(row)}
+        self.done = {key: content(row) for key, row in current.items() if is_complete(row)}
         self.crashed, self.outdated = len(current) - len(self.done), len(stored) - len(current)
 
     def add(self, key: str, row: Row) -> None:
@@ -67,10 +67,6 @@ class PlanStore:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _content(stored: Row) -> Row:
-    return {name: value for name, value in stored.items() if name not in (CASE, CODE)}
 
 
 def _files(out: Path) -> tuple[Path, Path | None]:

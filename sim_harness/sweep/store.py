@@ -80,9 +80,13 @@ class Store:
             if row is None or not row.keys() >= self._fields:
                 raise InputError(f"{self.path}:{number}: not a result of a sweep")
             newest[row[CASE]] = row
-            content = {name: value for name, value in row.items() if name not in (CASE, CODE)}
-            self._rows[row[CASE], row[CODE]] = content
+            self._rows[row[CASE], row[CODE]] = content(row)
         return newest
+
+
+def content(line: Row) -> Row:
+    """The row in a stored line: all but its case and code."""
+    return {name: value for name, value in line.items() if name not in (CASE, CODE)}
 
 
 def _parsed(line: bytes) -> Row | None:
