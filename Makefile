@@ -9,11 +9,12 @@ LIMITER_TESTS := tests/controller/limiter/test_edges.py tests/controller/limiter
 # By file name: importing all test files would take longer than these tests.
 PROCESS_TESTS := $(shell grep -rl mark.processes tests --include=test_*.py)
 
-.PHONY: help setup drive test suite proof mutation lint train acados clean
+.PHONY: help setup drive test live suite proof mutation lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
 	@echo "make test    set up and run the tests"
+	@echo "make live    every process of a live drive killed, frozen or left alone: the tests of this kind that make test omits"
 	@echo "make suite   all scenarios against their expectations, on the exact lane instead of rendered pictures"
 	@echo "make proof   run the long tests: 100 runs on a loaded machine, a sweep on a Dask cluster that loses a worker"
 	@echo "make mutation  mutate the limiter; its tests must fail at every mutation (15 min on two quiet cores)"
@@ -47,8 +48,12 @@ ifdef ARGS
 	@$(BIN)/python -m pytest $(ARGS)
 else
 	@$(BIN)/python -m pytest -n 2 -m "not processes and not proof and not suite"
-	@$(BIN)/python -m pytest -m "processes and not proof" $(PROCESS_TESTS)
+	@$(BIN)/python -m pytest -m "processes and smoke" $(PROCESS_TESTS)
 endif
+
+live: $(TESTED)
+	@echo "== pytest -m processes"
+	@$(BIN)/python -m pytest -m "processes and not smoke" $(PROCESS_TESTS) $(ARGS)
 
 suite: $(TESTED)
 	@echo "== pytest -m suite"

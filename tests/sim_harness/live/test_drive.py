@@ -21,6 +21,7 @@ SHORT_ROAD = ("--scenario", "straight", "--set", "segments=[{length_m: 250}]", "
 STARVED_MS = 90.0  # three times the duration on two idle cores; with its tail no frame is fresh
 STALLED_MS = 250.0  # six frames; half a second of silence is a lost process, for which a stop is final
 pytestmark = pytest.mark.processes
+SMOKE = pytest.mark.smoke
 
 
 class LiveDrive:
@@ -102,6 +103,7 @@ def all_gone(pids: list[int], *, patience_s: float) -> bool:
     return until(lambda: not any(map(alive, pids)), patience_s=patience_s)
 
 
+@SMOKE
 def test_a_short_drive_keeps_the_lane_with_every_process_alive() -> None:
     returncode, row = LiveDrive("--duration", "12").result()
     assert (returncode, row["status"], row["reasons"]) == (0, "passed", [])
@@ -122,7 +124,9 @@ def harmed(harm: signal.Signals, name: str) -> tuple[int, int, dict]:
     return pids[name], returncode, row
 
 
-@pytest.mark.parametrize("name", [name for name in PROCESSES if name != "lead"])
+@pytest.mark.parametrize(
+    "name", ["vehicle", "camera", "cv", "cnn", "supervisor", pytest.param("controller", marks=SMOKE)]
+)
 def test_the_car_stops_when_a_process_is_killed(name: str) -> None:
     pid, returncode, row = harmed(signal.SIGKILL, name)
     assert returncode == 1
@@ -175,7 +179,7 @@ def test_a_driver_hands_over_a_live_car_at_speed() -> None:
     assert "STOP" not in row["modes"] or row["modes"]["STOP"] < 0.2
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGHUP, pytest.param(signal.SIGKILL, marks=SMOKE)])
 def test_no_process_outlives_the_launcher(ending: signal.Signals) -> None:
     drive = driving(0.0, *SHORT_ROAD)
     pids = drive.pids()
