@@ -9,8 +9,9 @@ from typing import Protocol
 from perception.lane.lane_cv import LaneCv
 from perception.lane.settings import LaneCvSettings
 from trepid.camera import Camera
-from trepid.config import CONFIG_DIR, InputError, load, nearest
+from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
+from trepid.spelling import did_you_mean_or_list
 from trepid.vehicle import Vehicle
 
 
@@ -96,7 +97,7 @@ def entry_of(name: str) -> Entry:
 
 def no_estimator(name: str, known: Iterable[str]) -> str:
     """The error text for ``name``, which is not in ``known``, with the nearest names."""
-    return f"no estimator {name!r}; {nearest(name, known, 'trepid estimate --estimator list')}"
+    return f"no estimator {name!r}; {did_you_mean_or_list(name, known, 'trepid estimate --estimator list')}"
 
 
 def kind_of(name: str) -> EstimateKind:

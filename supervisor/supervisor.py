@@ -1,6 +1,5 @@
 """The step of the supervisor: messages in, decision out."""
 
-import difflib
 import math
 import pathlib
 import sys
@@ -37,6 +36,7 @@ from trepid.messages import (
     Stop,
     VehicleState,
 )
+from trepid.spelling import did_you_mean
 from trepid.vehicle import Vehicle
 
 FieldPath = tuple[str | int, ...]
@@ -240,10 +240,8 @@ def cause_problems(settings: SupervisorSettings, rules: FearRules) -> Iterator[t
     for path, cause in settings.named_causes:
         problem = unknown_cause(cause, known)
         if not problem and cause not in (given | FAULTS if "final_causes" in path else given):
-            close = difflib.get_close_matches(cause, sorted(rules.causes), n=1)
             otherwise = f"a rule file that does not give it needs without: [{cause}]"
-            hint = f"did you mean {close[0]!r}?" if close else otherwise
-            problem = f"no rule gives the cause {cause!r}; {hint}"
+            problem = f"no rule gives the cause {cause!r}; {did_you_mean(cause, rules.causes, otherwise)}"
         if problem:
             yield path, problem
 
@@ -257,8 +255,7 @@ def _refuse_unknown(rules: FearRules) -> None:
 def _unknown_inputs(rules: FearRules) -> Iterator[tuple[str, str]]:
     """Every input of ``rules`` that is no feature, and the nearest feature or all of them as text."""
     for name in unknown_features(rules.names):
-        close = difflib.get_close_matches(name, FEATURES, n=1)
-        yield name, f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(FEATURES))}"
+        yield name, did_you_mean(name, FEATURES)
 
 
 def build(
@@ -298,8 +295,8 @@ def _warn_of_near_misses(settings: pathlib.Path, _: str, rules: FearRules) -> No
         (("fusion", "trust"), loaded.fusion.trust),
     )
     for section, names in sections:
-        for name, close in near_misses(rules, names, also=RATED_AS):
-            warning = f"warning: no rule rates an estimator {name!r}; did you mean {close!r}?"
+        for name, hint in near_misses(rules, names, also=RATED_AS):
+            warning = f"warning: no rule rates an estimator {name!r}; {hint}"
             print(
                 "trepid:", located((*section, name), warning, read(settings), settings, {}), file=sys.stderr
             )

@@ -4,9 +4,10 @@ The causes of the code and of ``config/fear.yaml`` are :class:`Cause`. A rule fi
 ``causes``; these are known in that file and wherever its rules are used.
 """
 
-import difflib
 from collections.abc import Collection, Iterable
 from enum import StrEnum
+
+from trepid.spelling import did_you_mean
 
 
 class Cause(StrEnum):
@@ -60,9 +61,7 @@ def unknown_cause(name: str, known: Collection[str] = CAUSES) -> str:
     """Error text for a cause that is not in ``known``, with the nearest known one; "" for a known cause."""
     if name in known:
         return ""
-    close = difflib.get_close_matches(name, sorted(known), n=1)
-    hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(known))}"
-    return f"unknown cause {name!r}; {hint}"
+    return f"unknown cause {name!r}; {did_you_mean(name, sorted(known))}"
 
 
 def known_causes(declared: Iterable[str] = ()) -> frozenset[str]:

@@ -1,9 +1,8 @@
 """YAML files as frozen, validated settings; errors give file:line:column, the fault and the expected value."""
 
 import copy
-import difflib
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -14,6 +13,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
+
+from trepid.spelling import did_you_mean
 
 ROOT = Path(__file__).resolve().parents[1]
 CONFIG_DIR = ROOT / "config"
@@ -122,13 +123,6 @@ def parse(
         raise InputError(_explain(error, data, model, source, overrides or {})) from error
 
 
-def nearest(name: str, known: Iterable[str], listing: str) -> str:
-    """The names of ``known`` nearest to ``name`` as a question, and the command ``listing`` that prints all."""
-    close = difflib.get_close_matches(name, list(known), n=3)
-    question = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
-    return f"{question}`{listing}` prints all"
-
-
 def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
     """The ``KEY=VALUE`` texts of ``--set`` as a mapping. Raises InputError."""
     overrides = {}
@@ -209,9 +203,7 @@ def complaint(error: ValidationError, data: object, model: type[BaseModel]) -> s
     dotted = ".".join(map(str, path))
     if problem["type"] == "extra_forbidden":
         known = _field_names(model, problem["loc"][:-1])
-        close = difflib.get_close_matches(str(path[-1]), known, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(known)}"
-        return f"unknown field {dotted!r}; {hint}"
+        return f"unknown field {dotted!r}; {did_you_mean(str(path[-1]), known)}"
     if problem["type"] == "missing":
         return f"{'.'.join(map(str, [*path, problem['loc'][-1]]))!r} is missing"
     what = " ".join(problem["msg"].removeprefix("Value error, ").split())

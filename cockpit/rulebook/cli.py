@@ -1,6 +1,5 @@
 """``trepid fear``: check, show and explain rule files."""
 
-import difflib
 import json
 import math
 import warnings
@@ -19,6 +18,7 @@ from supervisor.rules.coverage import calmest
 from supervisor.rules.inference import FearRules
 from supervisor.rules.verify import place, verify
 from trepid.config import InputError
+from trepid.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from supervisor.rules.scikit import Agreement
@@ -219,9 +219,7 @@ def _values(texts: list[str], rules: FearRules) -> dict[str, float | None]:
 
 def _check_name(name: str, rules: FearRules, place: str) -> None:
     if name not in rules.inputs:
-        close = difflib.get_close_matches(name, rules.names, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(rules.names)}"
-        raise InputError(f"{place}: unknown input {name!r}; {hint}")
+        raise InputError(f"{place}: unknown input {name!r}; {did_you_mean(name, rules.names)}")
 
 
 def _axes(names: tuple[str, str], rules: FearRules) -> tuple[str, str]:

@@ -1,6 +1,5 @@
 """``config/pipelines.yaml``: named pipelines as short lists of stages, checked on reading."""
 
-import difflib
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from ruamel.yaml.comments import CommentedMap
 from perception.techniques.stages import KINDS
 from trepid.config import CONFIG_DIR, InputError, Settings, located, parse, read, read_text
 from trepid.messages import EstimateKind
+from trepid.spelling import did_you_mean
 from trepid.types import Positive, PositiveShare
 
 PIPELINES = CONFIG_DIR / "pipelines.yaml"
@@ -106,20 +106,14 @@ def _stage(pipeline: str, number: int, data: CommentedMap, path: Path) -> Stage:
     name = next(iter(item)) if isinstance(item, CommentedMap) else item
     kind = next((kind for kind, table in KINDS.items() if name in table), None)
     if kind is None:
-        raise InputError(located(place, _unknown(str(name)), data, path, {}))
+        known = [stage for table in KINDS.values() for stage in table]
+        problem = f"no stage {str(name)!r}; {did_you_mean(str(name), known)}"
+        raise InputError(located(place, problem, data, path, {}))
     entry = KINDS[kind][name]
     given = item[name] if isinstance(item, CommentedMap) else None
     settings = settings_of(entry)
     read_in = parse(given, settings, source=path) if given is not None else settings()
     return Stage(str(name), kind, entry, dict(read_in))
-
-
-def _unknown(name: str) -> str:
-    known = [stage for table in KINDS.values() for stage in table]
-    close = difflib.get_close_matches(name, known, n=1)
-    return f"no stage {name!r}; " + (
-        f"did you mean {close[0]!r}?" if close else f"there are {', '.join(known)}"
-    )
 
 
 @cache

@@ -28,7 +28,8 @@ from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.features import Junction, RoadMark
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from supervisor.rules.rule_file import RuleFile
-from trepid.config import CONFIG_DIR, InputError, Settings, load, located, nearest, parse, read
+from trepid.config import CONFIG_DIR, InputError, Settings, load, located, parse, read
+from trepid.spelling import did_you_mean_or_list
 from trepid.types import NonNegative, Positive
 from trepid.vehicle import Vehicle
 
@@ -301,7 +302,7 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
         path = SCENARIO_DIR / f"{source}.yaml"
         if not path.is_file():
             names = sorted(p.stem for p in SCENARIO_DIR.glob("*.yaml"))
-            hint = nearest(source, names, "trepid sim list")
+            hint = did_you_mean_or_list(source, names, "trepid sim list")
             raise InputError(f"no scenario {source!r}; {hint}, or give a .yaml or .py file")
     data = read(path)
     scenario = parse(data, Scenario, source=path, overrides=overrides)

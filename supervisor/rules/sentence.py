@@ -8,7 +8,6 @@ EXPRESSION joins ``input is [not] set`` by ``and``, ``or``, ``not`` and parenthe
 ``trust_NAME`` for an estimator that the file names under ``estimators``.
 """
 
-import difflib
 import itertools
 import math
 import re
@@ -26,6 +25,7 @@ from supervisor.rules.rule_file import FEAR, FORMER_PATH_JITTER, LEVELS, PATH_JI
 from trepid import config
 from trepid.causes import unknown_cause
 from trepid.config import InputError
+from trepid.spelling import did_you_mean
 
 MAX_CASES, MAX_DEPTH = 256, 32
 """Limits of one rule, far above any legible one: a mistyped rule must not fill the memory."""
@@ -229,10 +229,9 @@ def _expectation(got: str, accepted: Iterable[str], known: dict[str, tuple[str, 
     expected = known[names] if names else (_keyword(terminals),)
     if not got:
         return f"the rule ends too early: expected {what or repr(expected[0])}"
-    close = difflib.get_close_matches(got, expected, n=1)
-    if not what and not close:
+    hint = did_you_mean(got, expected, otherwise=None if what else "")
+    if not hint:
         return f"expected {expected[0]!r}, got {got!r}"
-    hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(expected)}"
     return f"unknown {what or 'word'} {got!r}; {hint}"
 
 

@@ -4,7 +4,6 @@ A rule file names estimators in inputs such as ``cv_confidence`` and in outputs 
 that it does not name is rated by the name that ``rated_as`` in ``config/supervisor.yaml`` gives to it or its kind.
 """
 
-import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 
@@ -12,6 +11,7 @@ from supervisor.inputs.validated import ValidatedEstimate
 from supervisor.rules.inference import FearRules
 from supervisor.rules.rule_file import FORMER_PATH_JITTER
 from trepid.messages import EstimateKind
+from trepid.spelling import did_you_mean
 
 CONFIDENCE, JITTER, PATH_JITTER = "_confidence", "_jitter", "_path_jitter"
 ESTIMATOR_SUFFIXES = (CONFIDENCE, PATH_JITTER, FORMER_PATH_JITTER, JITTER)  # longer endings first
@@ -37,23 +37,21 @@ def unrated_names(rules: FearRules, rated_as: Mapping[str, str]) -> Iterator[tup
     known = named.union(RATED_AS.values())
     for key, name in rated_as.items():
         if named and name not in known:
-            close = difflib.get_close_matches(name, sorted(known), n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(known))}"
-            yield key, f"no rule rates {name!r}; {hint}"
+            yield key, f"no rule rates {name!r}; {did_you_mean(name, known)}"
 
 
 def near_misses(
     rules: FearRules, names: Iterable[str], *, also: Iterable[str] = ()
 ) -> Iterator[tuple[str, str]]:
-    """Each of ``names`` that is nearly a name in ``rules`` or ``also``, with that name.
+    """Each of ``names`` that is nearly a name in ``rules`` or ``also``, and a question with that name.
 
     Estimators may have further names, so that these are no errors.
     """
     known = _named(rules.names, rules.file.estimators).union(RATED_AS.values(), also)
     for name in names:
-        close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.75)
-        if name not in known and close:
-            yield name, close[0]
+        hint = did_you_mean(name, known, otherwise="", cutoff=0.75)
+        if name not in known and hint:
+            yield name, hint
 
 
 def absent_values(rules: FearRules, estimators: int) -> dict[str, float | None]:

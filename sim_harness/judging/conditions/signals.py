@@ -4,7 +4,6 @@
 lookup order is: column names, truth and vehicle state, decision. Absent is NaN.
 """
 
-import difflib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -16,6 +15,7 @@ from sim_harness.judging import margins
 from sim_harness.judging.trace import LABELS, Trace, column_names
 from supervisor.rules.rule_file import LEVELS, RuleFile
 from trepid.config import CONFIG_DIR, load
+from trepid.spelling import did_you_mean
 from trepid.types import Column
 
 SUFFIXES = {
@@ -108,10 +108,8 @@ def signal_names() -> list[str]:
 def close_to(name: str, known: Iterable[str]) -> str:
     """``; did you mean 'this'?`` where one of ``known`` is close to ``name``; else all of them, if few."""
     known = list(known)
-    close = difflib.get_close_matches(name, known, n=1)
-    if close:
-        return f"; did you mean {close[0]!r}?"
-    return f"; there are {', '.join(known)}" if 0 < len(known) <= 20 else ""
+    hint = did_you_mean(name, known, f"there are {', '.join(known)}" if 0 < len(known) <= 20 else "")
+    return f"; {hint}" if hint else ""
 
 
 def fear_border(level: str) -> tuple[float, float]:

@@ -1,6 +1,5 @@
 """The grammar of Fuzzy Control Language (IEC 61131-7), in the subset that rule files need, and its errors."""
 
-import difflib
 import re
 from collections.abc import Iterable
 from functools import cache
@@ -10,6 +9,7 @@ from lark import Lark, Token, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
 from trepid.config import InputError
+from trepid.spelling import did_you_mean
 
 KEYWORDS = (
     *("FUNCTION_BLOCK", "END_FUNCTION_BLOCK", "VAR_INPUT", "VAR_OUTPUT", "END_VAR", "REAL"),
@@ -122,8 +122,8 @@ class Source:
 def hint(word: str, known: Iterable[str]) -> str:
     """``; did you mean ...?`` with the name of ``known`` that is nearest to ``word``, if one is near."""
     known = tuple(known)
-    close = difflib.get_close_matches(word, known, n=1) or difflib.get_close_matches(word.upper(), known, n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    question = did_you_mean(word, known, "") or did_you_mean(word.upper(), known, "")
+    return f"; {question}" if question else ""
 
 
 def _expected(accepted: set[str], words: list[str]) -> str:
