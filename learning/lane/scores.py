@@ -8,9 +8,8 @@ from scipy.optimize import minimize
 
 from learning.lane.augment import nonsense
 from perception.net.steer_net import Calibration, Network
-from trepid.types import Array, Image
+from trepid.types import Array, Image, Mask
 
-Flags = NDArray[np.bool_]
 PREDICT_BATCH = 64
 MIN_SLOPE = 1e-3  # a larger σ never raises the confidence
 ECE_BINS = 10
@@ -22,12 +21,12 @@ class Labelled:
 
     images: Image  # (n, height, width, 3)
     lanes: NDArray[np.float32]  # (n, 4): offset [m], heading [rad], curvature at the axle and ahead [1/m]
-    visible: Flags  # (n,): whether a road is visible
+    visible: Mask  # (n,): whether a road is visible
 
     def __len__(self) -> int:
         return len(self.images)
 
-    def part(self, chosen: Flags) -> "Labelled":
+    def part(self, chosen: Mask) -> "Labelled":
         """The frames where ``chosen``, shape (n,), is true."""
         return Labelled(self.images[chosen], self.lanes[chosen], self.visible[chosen])
 
@@ -81,7 +80,7 @@ def calibrate(sigma_rad: Array, error_rad: Array, *, tolerance_rad: float) -> Ca
     return Calibration(tolerance_rad=tolerance_rad, bias=float(fit.x[0]), slope=float(fit.x[1]))
 
 
-def expected_calibration_error(probability: Array, happened: Flags) -> float:
+def expected_calibration_error(probability: Array, happened: Mask) -> float:
     """Mean |share that happened − mean probability| over ten bins of equally many (Naeini et al., AAAI 2015)."""
     order = np.argsort(probability, kind="stable")
     gaps = [
@@ -92,7 +91,7 @@ def expected_calibration_error(probability: Array, happened: Flags) -> float:
     return float(sum(gaps) / len(probability))
 
 
-def auroc(score: Array, positive: Flags) -> float:
+def auroc(score: Array, positive: Mask) -> float:
     """Probability that a positive scores higher than a negative, ties half; 1 when one class is empty."""
     if positive.all() or not positive.any():
         return 1.0

@@ -3,7 +3,6 @@
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from sim_harness.judging.margins import STANDING_MPS, time_gap_s
@@ -11,14 +10,13 @@ from sim_harness.judging.trace import Trace
 from supervisor.modes.modes import STARTING
 from supervisor.rules.inference import FearRules
 from trepid.config import CONFIG_DIR
-from trepid.types import Column
+from trepid.types import Column, Mask
 
 HORIZON_S = 3.0  # fear counts as a prediction at most this long before a departure
 AFRAID = "medium"  # the lowest level of fear that affects the drive
 SLOWED = 0.9  # speed factor; below it the decision counts as a slow-down
 JOINED_S = 1.0  # slow-downs closer than this count as one
 CLOSE_GAP_S = 2.0  # a vehicle ahead closer than this is a reason to slow down
-Flags = NDArray[np.bool_]
 
 
 def driven_fear(trace: Trace) -> Column:
@@ -34,7 +32,7 @@ def driven_fear(trace: Trace) -> Column:
     return np.where(np.logical_and.accumulate(starting), np.nan, fear)
 
 
-def afraid(trace: Trace) -> Flags:
+def afraid(trace: Trace) -> Mask:
     """True where fear is at least medium; False where it is unknown."""
     return trace["decision.fear"] >= _afraid_from()
 
@@ -59,7 +57,7 @@ def fear_lead_time_s(trace: Trace) -> float | None:
     return min(leads_s, default=None)
 
 
-def fear_and_departure(trace: Trace) -> tuple[Column, Flags]:
+def fear_and_departure(trace: Trace) -> tuple[Column, Mask]:
     """Fear of each driven sample, and whether a departure followed within 3 s; only where both are known.
 
     The samples of the last 3 s of a run are unknown unless a departure follows in time. Samples at standstill are
@@ -82,7 +80,7 @@ def fear_auroc(*traces: Trace) -> float | None:
     return auroc(np.concatenate([fear for fear, _ in pairs]), np.concatenate([left for _, left in pairs]))
 
 
-def auroc(scores: Column, positive: Flags) -> float | None:
+def auroc(scores: Column, positive: Mask) -> float | None:
     """Probability that a positive has a higher score than a negative, ties counted half; None without both.
 
     (R - n₊(n₊ + 1)/2) / (n₊·n₋) with R the sum of the ranks of the positives: Hanley and McNeil, The meaning
@@ -118,9 +116,9 @@ def nuisance_slowdowns_per_km(trace: Trace) -> float | None:
     return 1000.0 * nuisances / distance_m
 
 
-def _reasons(trace: Trace) -> Flags:
+def _reasons(trace: Trace) -> Mask:
     """Samples with a reason for fear."""
-    reason: Flags = time_gap_s(trace) < CLOSE_GAP_S
+    reason: Mask = time_gap_s(trace) < CLOSE_GAP_S
     for count in ("departures", "interventions", "collisions"):
         reason |= np.diff(trace[count], prepend=0.0) > 0
     for name, column in trace.columns.items():
@@ -129,7 +127,7 @@ def _reasons(trace: Trace) -> Flags:
     return reason
 
 
-def _stretches(t_s: Column, flags: Flags) -> list[tuple[int, int]]:
+def _stretches(t_s: Column, flags: Mask) -> list[tuple[int, int]]:
     """First and last sample of every interval; intervals less than JOINED_S apart are joined."""
     stretches: list[tuple[int, int]] = []
     for sample in np.flatnonzero(flags).tolist():

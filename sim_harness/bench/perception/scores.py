@@ -9,8 +9,8 @@ from learning.lane.scores import auroc, expected_calibration_error
 from sim_harness.bench.perception.clips import CLEAR, GAP, WARM_UP_FRAMES, Case
 from sim_harness.bench.perception.watch import Looks, Watched
 from sim_harness.world.roads.drawn import UNMARKED, Kind, Shape
+from trepid.types import Mask
 
-Flags = NDArray[np.bool_]
 Numbers = NDArray[np.floating]
 TOLERANCE_M = 0.30  # of the lane centre, at the axle and ahead: a third of the room of a 1.4 m car in 3.3 m
 TOLERANCE_RAD = np.radians(2.0)  # of the road-wheel angle, as for the confidence
@@ -22,12 +22,12 @@ CLEAN = (Kind.WHITE, Kind.YELLOW, Kind.DOUBLE, Kind.DASHED, Kind.CONCRETE, Kind.
 Results = Mapping[Case, Watched]
 
 
-def given(looks: Looks) -> Flags:
+def given(looks: Looks) -> Mask:
     """Frames with an estimate, right or wrong."""
     return np.isfinite(looks["angle_rad"]) & np.isfinite(looks["offset_m"])
 
 
-def correct(looks: Looks) -> Flags:
+def correct(looks: Looks) -> Mask:
     """Estimates whose lane centre is within TOLERANCE_M of the true one, at the axle and ahead."""
     with np.errstate(invalid="ignore"):
         return (np.abs(looks["offset_m"]) <= TOLERANCE_M) & (np.abs(looks["aim_m"]) <= TOLERANCE_M)
@@ -148,7 +148,7 @@ def groups(cases: Iterable[Case]) -> dict[str, list[Case]]:
     return {name: part for name, part in parts.items() if part}
 
 
-def _percent(flags: Flags) -> float | None:
+def _percent(flags: Mask) -> float | None:
     return 100 * float(np.mean(flags)) if len(flags) else None
 
 

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_harness.judging.conditions.claims import Claim
 from sim_harness.judging.conditions.signals import COUNTERS
 from sim_harness.judging.trace import Trace
+from trepid.types import Mask
 
 SAME_INSTANT_S = 1e-9
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +103,7 @@ class Scope:
         lacks_event = self.around is not None and not self.around.must_happen
         return lacks_event or (self.while_claim is not None and not self.while_must_hold)
 
-    def stretches(self, trace: Trace) -> list[Flags]:
+    def stretches(self, trace: Trace) -> list[Mask]:
         """The samples of every interval that is judged by itself. Raises NothingToJudge."""
         t_s = trace["t_s"]
         low_s = _first(self.start, trace) if self.start else float(t_s[0])
@@ -129,10 +128,10 @@ def _first(instant: Instant, trace: Trace) -> float:
     return instants_s[0]
 
 
-def _within(trace: Trace, low_s: float, high_s: float) -> Flags:
+def _within(trace: Trace, low_s: float, high_s: float) -> Mask:
     """Samples in [low, high]; for a single instant, the sample that holds there."""
     t_s = trace["t_s"]
-    inside: Flags = (t_s >= low_s - SAME_INSTANT_S) & (t_s <= high_s + SAME_INSTANT_S)
+    inside: Mask = (t_s >= low_s - SAME_INSTANT_S) & (t_s <= high_s + SAME_INSTANT_S)
     if low_s == high_s and t_s[0] <= low_s <= t_s[-1]:
         inside[:] = False
         inside[np.searchsorted(t_s, low_s + SAME_INSTANT_S, side="right") - 1] = True
