@@ -138,10 +138,8 @@ class Controller:
             road_wheel_angle_rad=within(
                 self.learner.command_rad(angle_rad), self._vehicle.max_road_wheel_angle_rad
             ),
-            road_wheel_rate_radps=0.0,
             speed_mps=goal_mps,
             accel_mps2=accel_mps2,
-            jerk_mps3=0.0,
         )
 
     @property

@@ -179,12 +179,11 @@ class Decision:
     level: str  # very_low, low, medium, high, very_high
     cause: str  # cause of the fear; "none" when calm
     part: str = ""  # part concerned: "camera", "lens", "traffic", "road", "vehicle", an estimator
-    rules: tuple[str, ...]  # the rules that fired, strongest first
-    rule_strengths: tuple[float, ...]
-    inputs: tuple[str, ...]  # names of the inputs of the rules ...
-    input_values: tuple[
-        float | None, ...
-    ]  # ... and their values, from which the rule file gives the same fear
+    rules: tuple[str, ...] = ()  # the rules that fired, strongest first
+    rule_strengths: tuple[float, ...] = ()
+    inputs: tuple[str, ...] = ()  # names of the inputs of the rules ...
+    # ... and their values, from which the rule file gives the same fear
+    input_values: tuple[float | None, ...] = ()
     # The fused path, in the terms of SteeringEstimate and valid at path_t_s; all None when there is no path.
     path_t_s: float | None
     lateral_offset_m: float | None
@@ -195,7 +194,7 @@ class Decision:
     path_source: str  # e.g. "cv+cnn", "cv", "memory", "lead", "none"
     sources: tuple[str, ...]  # estimator names …
     trust: tuple[float, ...]  # … and their weights in the fusion, sum 1 (empty without fusion)
-    disagreement_mps2: float | None  # |Δκ_cmd|·v² between estimators
+    disagreement_mps2: float | None = None  # |Δκ_cmd|·v² between estimators
     speed_factor: float  # 0..1, non-increasing in fear
     speed_cap_mps: float
 
@@ -207,10 +206,10 @@ class Command:
 
     t_s: float | None  # capture time of the underlying frame; None: no frame yet
     road_wheel_angle_rad: float
-    road_wheel_rate_radps: float  # 0 = as fast as the limits allow, as in AckermannDrive
+    road_wheel_rate_radps: float = 0.0  # 0 = as fast as the limits allow, as in AckermannDrive
     speed_mps: float  # target speed
     accel_mps2: float  # the demand; negative brakes
-    jerk_mps3: float
+    jerk_mps3: float = 0.0  # likewise
 
 
 @quick

@@ -107,10 +107,8 @@ def _plant(model: Model, vehicle: Vehicle) -> Advance:
         Command(
             t_s=None,
             road_wheel_angle_rad=_angle_rad(step),
-            road_wheel_rate_radps=0.0,
             speed_mps=SPEED_MPS,
             accel_mps2=0.0,
-            jerk_mps3=0.0,
         )
         for step in range(600)
     ]

@@ -54,9 +54,7 @@ def driven(plant: Plant, state: PlantState, rail: Rail, dt_s: float, speed_mps: 
     command = Command(
         t_s=None,
         road_wheel_angle_rad=angle_rad,
-        road_wheel_rate_radps=0.0,
         speed_mps=speed_mps,
         accel_mps2=0.0,
-        jerk_mps3=0.0,
     )
     return replace(plant.step(state, command, dt_s), speed_mps=speed_mps, accel_mps2=0.0)

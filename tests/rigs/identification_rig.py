@@ -57,10 +57,8 @@ def drive(
             command = Command(
                 t_s=None,
                 road_wheel_angle_rad=angle_rad,
-                road_wheel_rate_radps=0.0,
                 speed_mps=target_mps,
                 accel_mps2=accel_mps2,
-                jerk_mps3=0.0,
             )
         speed_mps = state.speed_mps * (1 + NOISE.speed_noise_ratio * jitter[0])
         measured_rad = state.road_wheel_angle_rad + NOISE.road_wheel_angle_noise_rad * jitter[1]

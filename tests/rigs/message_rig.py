@@ -23,10 +23,6 @@ def decision(now_s=0.0, **changes) -> Decision:
         fear=0.0,
         level="very_low",
         cause="none",
-        rules=(),
-        rule_strengths=(),
-        inputs=(),
-        input_values=(),
         path_t_s=now_s,
         lateral_offset_m=0.0,
         heading_error_rad=0.0,
@@ -36,7 +32,6 @@ def decision(now_s=0.0, **changes) -> Decision:
         path_source="cv",
         sources=("cv",),
         trust=(1.0,),
-        disagreement_mps2=None,
         speed_factor=1.0,
         speed_cap_mps=5.0,
     )
@@ -54,9 +49,7 @@ def command(now_s=0.0, **changes) -> Command:
     calm = dict(
         t_s=now_s,
         road_wheel_angle_rad=0.0,
-        road_wheel_rate_radps=0.0,
         speed_mps=5.0,
         accel_mps2=0.0,
-        jerk_mps3=0.0,
     )
     return Command(**(calm | changes))

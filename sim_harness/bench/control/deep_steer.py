@@ -53,10 +53,8 @@ class AnglesOfFiveMph:
         return Command(
             t_s=now_s,
             road_wheel_angle_rad=angle_rad,
-            road_wheel_rate_radps=0.0,
             speed_mps=0.0,
             accel_mps2=0.0,
-            jerk_mps3=0.0,
         )
 
     def _angle(self, seen: Decision) -> float:

@@ -5,7 +5,7 @@ delayed, and with noise if set. So the results are those of the law alone.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 
 from controller.controller import Controller, ControllerSettings
 from sim_harness.world.plants.build import build_plant
-from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
-from sim_harness.world.plants.state import PlantState
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.bounds import at_least
 from trepid.clothoid import Lane
@@ -112,7 +110,7 @@ def drive_by(steering: Steering, episode: Episode) -> Track:
         now_s = tick * TICK_S
         station_m, offset_m = road.local_coordinates(car.x_m, car.y_m, near_station_m=station_m)
         heading_rad = car.yaw_rad - road.heading_at(station_m)
-        measured = _measured(plant, car, now_s)
+        measured = plant.measured(car, now_s)
         if tick % episode.frame_every == 0:
             sight.look(now_s, station_m, offset_m, heading_rad)
         if tick % CONTROL_EVERY == 0 or command is None:
@@ -122,7 +120,7 @@ def drive_by(steering: Steering, episode: Episode) -> Track:
         rows.append((now_s, offset_m, heading_rad, lateral_mps2, car.road_wheel_angle_rad, angle_rad))
         if abs(offset_m) > LOST_M:
             break
-        car = plant.step(car, _at_constant_speed(command), TICK_S)
+        car = plant.step(car, replace(command, accel_mps2=0.0), TICK_S)
     return Track(*np.array(rows).T)
 
 
@@ -130,27 +128,6 @@ def _at_any_speed(settings: ControllerSettings, speed_mps: float) -> ControllerS
     """``settings`` with speed planning that keeps the speed of the episode."""
     return settings.model_copy(
         update=dict(speed=settings.speed.model_copy(update=dict(lateral_accel_mps2=1e3)))
-    )
-
-
-def _at_constant_speed(command: Command) -> Command:
-    return Command(
-        t_s=command.t_s,
-        road_wheel_angle_rad=command.road_wheel_angle_rad,
-        road_wheel_rate_radps=0.0,
-        speed_mps=command.speed_mps,
-        accel_mps2=0.0,
-        jerk_mps3=0.0,
-    )
-
-
-def _measured(plant: Plant, car: PlantState, now_s: float) -> VehicleState:
-    return VehicleState(
-        t_s=now_s,
-        speed_mps=car.speed_mps,
-        road_wheel_angle_rad=car.road_wheel_angle_rad,
-        yaw_rate_radps=plant.yaw_rate_radps(car),
-        driver_override=False,
     )
 
 
@@ -181,10 +158,6 @@ class _Sight:
                 fear=0.0,
                 level="very_low",
                 cause="none",
-                rules=(),
-                rule_strengths=(),
-                inputs=(),
-                input_values=(),
                 path_t_s=now_s,
                 lateral_offset_m=offset_m + noise_m,
                 heading_error_rad=heading_rad,
@@ -194,7 +167,6 @@ class _Sight:
                 path_source="truth",
                 sources=("truth",),
                 trust=(1.0,),
-                disagreement_mps2=None,
                 speed_factor=1.0,
                 speed_cap_mps=self._speed_mps,
             )

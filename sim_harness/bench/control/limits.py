@@ -25,14 +25,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from controller.limiter import Limiter, build
+from controller.limiter import build
 from sim_harness.judging.comfort import JERK_WINDOW_S, R79_CUTOFF_HZ, R79_ORDER
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import Model, PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.config import CONFIG_DIR, ROOT, load
-from trepid.messages import Command, VehicleState
+from trepid.messages import Command
 from trepid.types import Column
 from trepid.vehicle import Vehicle
 
@@ -141,24 +141,17 @@ def episode(group: Group, generator: np.random.Generator) -> Worst:
     for tick in range(ticks):
         now_s = tick * TICK_S
         if tick % CONTROL_TICKS == 0:
-            command = _command(now_s, angles_rad[tick], accels_mps2[tick])
-        car = _advance(plant, limiter, car, command, now_s)
+            command = Command(
+                t_s=now_s,
+                road_wheel_angle_rad=angles_rad[tick],
+                speed_mps=0.0,
+                accel_mps2=accels_mps2[tick],
+            )
+        given = limiter.step(command, now_s, plant.measured(car, now_s), now_s=now_s)
+        car = plant.step(car, given, TICK_S)
         rows.append((plant.lateral_accel_mps2(car), car.accel_mps2))
     lateral_mps2, accel_mps2 = np.array(rows).T
     return judged(lateral_mps2, accel_mps2)
-
-
-def _advance(
-    plant: Plant, limiter: Limiter, car: PlantState, command: Command | None, now_s: float
-) -> PlantState:
-    state = VehicleState(
-        t_s=now_s,
-        speed_mps=car.speed_mps,
-        road_wheel_angle_rad=car.road_wheel_angle_rad,
-        yaw_rate_radps=plant.yaw_rate_radps(car),
-        driver_override=False,
-    )
-    return plant.step(car, limiter.step(command, now_s, state, now_s=now_s), TICK_S)
 
 
 def _start(plant: Plant, fastest_mps: float, generator: np.random.Generator) -> PlantState:
@@ -210,14 +203,3 @@ def judged(lateral_mps2: Column, accel_mps2: Column) -> Worst:
 def _mean_jerk(lateral_mps2: Column) -> float:
     window = round(JERK_WINDOW_S / TICK_S)
     return float(np.abs(lateral_mps2[window:] - lateral_mps2[:-window]).max() / JERK_WINDOW_S)
-
-
-def _command(now_s: float, angle_rad: float, accel_mps2: float) -> Command:
-    return Command(
-        t_s=now_s,
-        road_wheel_angle_rad=angle_rad,
-        road_wheel_rate_radps=0.0,
-        speed_mps=0.0,
-        accel_mps2=accel_mps2,
-        jerk_mps3=0.0,
-    )

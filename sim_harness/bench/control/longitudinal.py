@@ -87,19 +87,9 @@ def braked(
         if tick % CONTROL_EVERY == 0:
             demand_mps2 = control.stop(how, speed_mps=car.speed_mps, dt_s=CONTROL_EVERY * TICK_S)
         last_mps2 = -car.accel_mps2
-        car, tick = plant.step(car, _braking(demand_mps2), TICK_S), tick + 1
+        command = Command(t_s=None, road_wheel_angle_rad=0.0, speed_mps=0.0, accel_mps2=demand_mps2)
+        car, tick = plant.step(car, command, TICK_S), tick + 1
     return car.x_m, last_mps2
-
-
-def _braking(accel_mps2: float) -> Command:
-    return Command(
-        t_s=None,
-        road_wheel_angle_rad=0.0,
-        road_wheel_rate_radps=0.0,
-        speed_mps=0.0,
-        accel_mps2=accel_mps2,
-        jerk_mps3=0.0,
-    )
 
 
 def _follow(name: str, seed: int) -> dict[str, float]:

@@ -199,10 +199,8 @@ def _command(angle_rad: float, t_s: float) -> Command:
     return Command(
         t_s=t_s,
         road_wheel_angle_rad=angle_rad,
-        road_wheel_rate_radps=0.0,
         speed_mps=SPEED_MPS,
         accel_mps2=0.0,
-        jerk_mps3=0.0,
     )
 
 

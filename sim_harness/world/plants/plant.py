@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 
 from sim_harness.world.plants.actuators import Actuators
 from sim_harness.world.plants.state import PlantState
-from trepid.messages import Command
+from trepid.messages import Command, VehicleState
 from trepid.vehicle import Vehicle
 
 
@@ -44,6 +44,16 @@ class Plant(ABC):
     def lateral_accel_mps2(self, state: PlantState) -> float:
         """Lateral acceleration v·ψ' in the plane of the road, positive to the left."""
         return state.speed_mps * self.yaw_rate_radps(state)
+
+    def measured(self, state: PlantState, t_s: float) -> VehicleState:
+        """``state`` as sensors without noise measure it at ``t_s``."""
+        return VehicleState(
+            t_s=t_s,
+            speed_mps=state.speed_mps,
+            road_wheel_angle_rad=state.road_wheel_angle_rad,
+            yaw_rate_radps=self.yaw_rate_radps(state),
+            driver_override=False,
+        )
 
     def settled(self, _curvature_1pm: float, _speed_mps: float) -> tuple[float, ...]:
         """``PlantState.inner`` of the steady state; () where tyres settle from rolling without slip."""

@@ -228,10 +228,8 @@ def command(angle_rad):
     return Command(
         t_s=None,
         road_wheel_angle_rad=angle_rad,
-        road_wheel_rate_radps=0.0,
         speed_mps=5.0,
         accel_mps2=0.0,
-        jerk_mps3=0.0,
     )
 
 

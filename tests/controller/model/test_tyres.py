@@ -45,7 +45,7 @@ def test_the_path_lags_a_ramp_of_the_wheel_as_in_the_closed_form(speed_mps):
     """Along the middle of a slow ramp on the plant with tyres, which is independent of the formula."""
     plant, rate_radps, h = SingleTrackPlant(CAR), 0.002, 0.001
     tyres, car, seconds = Tyres(CAR), SingleTrackPlant(CAR).initial(speed_mps=speed_mps), 2.0
-    held = dict(t_s=0.0, road_wheel_rate_radps=0.0, speed_mps=speed_mps, accel_mps2=0.0, jerk_mps3=0.0)
+    held = dict(t_s=0.0, speed_mps=speed_mps, accel_mps2=0.0)
     courses = []
     for n in range(round(seconds / h)):
         car = plant.step(car, Command(road_wheel_angle_rad=rate_radps * (n + 0.5) * h, **held), h)
@@ -59,7 +59,7 @@ def test_the_path_lags_a_ramp_of_the_wheel_as_in_the_closed_form(speed_mps):
 def test_through_a_step_of_the_wheel_they_stay_close_to_the_plant(speed_mps):
     plant, wheel_rad = SingleTrackPlant(CAR), 0.01
     car, tyres, turning = plant.initial(speed_mps=speed_mps), Tyres(CAR), Turning(0.0, 0.0)
-    held = dict(t_s=0.0, road_wheel_rate_radps=0.0, speed_mps=speed_mps, accel_mps2=0.0, jerk_mps3=0.0)
+    held = dict(t_s=0.0, speed_mps=speed_mps, accel_mps2=0.0)
     car = plant.step(car, Command(road_wheel_angle_rad=wheel_rad, **held), 1e-6)
     steady_1pm = tyres.steady_1pm(wheel_rad, speed_mps)
     for _ in range(200):
