@@ -16,6 +16,14 @@ from trepid.vehicle import Vehicle
 if TYPE_CHECKING:
     from controller.identify.identification import Parameter
 
+VEHICLE = CONFIG_DIR / "vehicle.yaml"
+VehicleFile = Annotated[Path, typer.Option(help="Vehicle file.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a field of the vehicle file."),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON only.")]
+
 app = typer.Typer(no_args_is_help=True)
 
 
@@ -28,27 +36,29 @@ def vehicle() -> None:
 def steer(
     curvature: Annotated[float, typer.Option(help="Path curvature [1/m], + = bends left.")],
     speed: Annotated[float, typer.Option(help="Speed [m/s]; negative: reverse.")],
-    vehicle: Annotated[Path, typer.Option(help="Vehicle file.")] = CONFIG_DIR / "vehicle.yaml",
+    vehicle: VehicleFile = VEHICLE,
     roll: Annotated[float, typer.Option(help="Bank of the road [rad], + = left side up.")] = 0.0,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a field of the vehicle file."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
+    settings: Settings = None,
+    as_json: AsJson = False,
 ) -> None:
     """Steering angles that hold a curvature at a speed: δ = atan(L·κ) + K_us·(κ·v² + g·roll)."""
     for name, value in (("--curvature", curvature), ("--speed", speed), ("--roll", roll)):
         if not math.isfinite(value):
             raise InputError(f"{name}: expected a finite number, got {value}")
     car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
-    angles = steering(car, curvature_1pm=curvature, speed_mps=speed, roll_rad=roll)
-    if not math.isfinite(angles["road_wheel_angle_rad"]):
+    kinematic_rad = road_wheel_angle(curvature, wheelbase_m=car.wheelbase_m)
+    understeer_rad = understeer_angle(curvature, speed_mps=speed, vehicle=car, roll_rad=roll)
+    angle_rad = kinematic_rad + understeer_rad
+    if not math.isfinite(angle_rad):
         raise InputError(f"--curvature {curvature} --speed {speed}: too large to compute with")
-    if abs(angles["road_wheel_angle_rad"]) > car.max_road_wheel_angle_rad:
-        typer.echo(
-            f"{car.name}: larger than the largest road-wheel angle, {car.max_road_wheel_angle_rad} rad",
-            err=True,
-        )
+    if abs(angle_rad) > (most_rad := car.max_road_wheel_angle_rad):
+        typer.echo(f"{car.name}: larger than the largest road-wheel angle, {most_rad} rad", err=True)
+    angles = {
+        "road_wheel_angle_rad": angle_rad,
+        "steering_wheel_angle_deg": math.degrees(angle_rad) * car.steering_ratio,
+        "kinematic_road_wheel_angle_rad": kinematic_rad,
+        "understeer_rad": understeer_rad,
+    }
     if as_json:
         typer.echo(json.dumps(angles))
         return
@@ -61,7 +71,7 @@ def identify(
     log: Annotated[Path, typer.Argument(help="Recording (.mcap), trace (.npz) or table (.csv).")],
     vehicle: Annotated[
         Path, typer.Option(help="Vehicle file: wheelbase, rate limit, initial steering ratio.")
-    ] = CONFIG_DIR / "vehicle.yaml",
+    ] = VEHICLE,
     known_ratio: Annotated[
         bool,
         typer.Option(
@@ -77,11 +87,8 @@ def identify(
             metavar="NAME=COLUMN", help="Column of a table (.csv) that holds NAME; -COLUMN reverses its sign."
         ),
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a field of the vehicle file."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
+    settings: Settings = None,
+    as_json: AsJson = False,
 ) -> int:
     """Understeer, ratio, offset, dead time and lag of the steering from a log, with 95 % confidence intervals.
 
@@ -92,18 +99,23 @@ def identify(
     from controller.identify.steering_response import identify_response
 
     car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
-    renamed = dict(_renaming(text) for text in column or [])
-    drive = read_log(log, renamed)
+    drive = read_log(log, dict(_renaming(text) for text in column or []))
     if not drive.complete:
         print(f"trepid: {log}: cut short; read up to its last whole chunk", file=sys.stderr)
     steady = identify_understeer(drive, car, known_ratio=known_ratio, anyway=anyway)
     response = identify_response(drive, car)
     found = {**steady.parameters, **response.parameters}
     excitation = {**steady.excitation, **response.excitation}
-    refused = {
-        name: part.refused for name, part in (("understeer", steady), ("response", response)) if part.refused
-    }
-    _print_identified(found, excitation, refused, as_json=as_json)
+    parts = {"understeer": steady, "response": response}
+    refused = {name: part.refused for name, part in parts.items() if part.refused}
+    if as_json:
+        values = {name: {"value": p.value, "ci95": list(p.ci95), "unit": p.unit} for name, p in found.items()}
+        print(json.dumps({"parameters": values, "excitation": excitation, "refused": refused}))
+    else:
+        for name, p in found.items():
+            print(f"{name:34} {p.value:+.5f}   95 %: {p.ci95[0]:+.5f} to {p.ci95[1]:+.5f}   {_readable(p)}")
+        for name, amount in excitation.items():
+            print(f"excited: {name:38} {amount:.4g}")
     for name, reason in refused.items():
         print(f"trepid: {log}: {name} not identified: {reason}", file=sys.stderr)
     return 1 if steady.refused else 0
@@ -111,16 +123,13 @@ def identify(
 
 @app.command()
 def margins(
-    vehicle: Annotated[Path, typer.Option(help="Vehicle file.")] = CONFIG_DIR / "vehicle.yaml",
+    vehicle: VehicleFile = VEHICLE,
     picture: Annotated[
         Path | None,
         typer.Option(help="Draw Bode and step diagrams of the loop into this file (.png, .svg, .pdf)."),
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a field of the vehicle file."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
+    settings: Settings = None,
+    as_json: AsJson = False,
 ) -> None:
     """Bandwidth [rad/s] and gain [dB], phase [deg], delay [s] and disk margins of the LQI loop over speed [m/s]."""
     from controller.controller import ControllerSettings
@@ -153,22 +162,6 @@ def margins(
         typer.echo(" ".join(f"{'inf' if value is None else value:>16}" for value in row.values()))
 
 
-def _print_identified(
-    found: dict[str, "Parameter"], excitation: dict[str, float], refused: dict[str, str], *, as_json: bool
-) -> None:
-    """Parameters with their intervals and measures of excitation, as lines or as JSON."""
-    if as_json:
-        parameters = {
-            name: {"value": p.value, "ci95": list(p.ci95), "unit": p.unit} for name, p in found.items()
-        }
-        print(json.dumps({"parameters": parameters, "excitation": excitation, "refused": refused}))
-    else:
-        for name, p in found.items():
-            print(f"{name:34} {p.value:+.5f}   95 %: {p.ci95[0]:+.5f} to {p.ci95[1]:+.5f}   {_readable(p)}")
-        for name, amount in excitation.items():
-            print(f"excited: {name:38} {amount:.4g}")
-
-
 def _renaming(text: str) -> tuple[str, str]:
     name, sign, theirs = text.partition("=")
     if not (name and sign and theirs):
@@ -183,18 +176,3 @@ def _readable(parameter: "Parameter") -> str:
     if parameter.unit in {"rad", "rad/s"}:
         return f"= {math.degrees(parameter.value):.3f} {parameter.unit.replace('rad', 'deg')}"
     return parameter.unit
-
-
-def steering(
-    vehicle: Vehicle, *, curvature_1pm: float, speed_mps: float, roll_rad: float
-) -> dict[str, float]:
-    """Road-wheel and steering-wheel angle of a steady turn, and the two parts of the former."""
-    kinematic_rad = road_wheel_angle(curvature_1pm, wheelbase_m=vehicle.wheelbase_m)
-    understeer_rad = understeer_angle(curvature_1pm, speed_mps=speed_mps, vehicle=vehicle, roll_rad=roll_rad)
-    angle_rad = kinematic_rad + understeer_rad
-    return {
-        "road_wheel_angle_rad": angle_rad,
-        "steering_wheel_angle_deg": math.degrees(angle_rad) * vehicle.steering_ratio,
-        "kinematic_road_wheel_angle_rad": kinematic_rad,
-        "understeer_rad": understeer_rad,
-    }

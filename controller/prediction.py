@@ -2,11 +2,8 @@
 
 The path is as old as its frame, and a command acts only after the dead time of the steering. Both times are known,
 and the lane is moved over them: from the capture of the frame to the last vehicle state by measured speed and yaw
-rate, from there to now + dead time by the commands already given, through the steering model
-
-    δ' = (δ_cmd(t - T_d) - δ)/τ, |δ'| ≤ rate limit
-
-and the tyres (`controller.model.tyres`). Their drift is not measured; it is computed from the measured yaw rate.
+rate, from there to now + dead time by the commands already given, through the models of steering
+(`controller.model.lag`) and tyres (`controller.model.tyres`). The drift is computed from the measured yaw rate.
 
 The feedback then controls a plant without dead time (Smith predictor; Åström & Hägglund, Advanced PID Control
 (2006), section 8.4).
@@ -17,8 +14,9 @@ from collections import deque
 
 from controller.laws.law import Acting
 from controller.learner.steering_timing import SteeringTiming
+from controller.model.lag import wheel_after
 from controller.model.tyres import Turning, Tyres
-from trepid.bounds import at_least, at_most, within
+from trepid.bounds import at_least, at_most
 from trepid.clothoid import Clothoid, Lane, lane_after
 from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle
@@ -37,7 +35,6 @@ class Predictor:
         ``timing_share``: largest estimated change of the delay, as a share of dead time plus lag.
         """
         self._vehicle, self._tyres = vehicle, Tyres(vehicle)
-        self._lag_s, self._rate_radps = vehicle.steering_lag_s, vehicle.max_road_wheel_rate_radps
         self._delay_s = command_delay_s + vehicle.steering_delay_s
         self._longest_s = self._delay_s + timing_share * (self._delay_s + vehicle.steering_lag_s)
         self._timing = SteeringTiming(vehicle, delay_s=self._delay_s, share=timing_share)
@@ -136,7 +133,7 @@ class Predictor:
             while from_s < constant_s:
                 until_s = at_most(from_s + _STEP_S, constant_s)
                 before_rad, before, dt_s = wheel_rad, turning, until_s - from_s
-                wheel_rad = self._wheel_after(wheel_rad, demand_rad, dt_s)
+                wheel_rad = wheel_after(wheel_rad, demand_rad, dt_s, self._vehicle)
                 turning = self._tyres.after(turning, before_rad, wheel_rad, speed_mps, dt_s)
                 rate = 0.5 * speed_mps * (before.yaw_1pm + turning.yaw_1pm)
                 drift_rad = 0.5 * (before.drift_rad + turning.drift_rad)
@@ -144,7 +141,3 @@ class Predictor:
                 from_s = until_s
             demand_rad = next_rad
         return Lane(*moved), wheel_rad, turning
-
-    def _wheel_after(self, wheel_rad: float, demand_rad: float, dt_s: float) -> float:
-        share = 1.0 - math.exp(-dt_s / self._lag_s) if self._lag_s > 0.0 else 1.0
-        return wheel_rad + within((demand_rad - wheel_rad) * share, self._rate_radps * dt_s)

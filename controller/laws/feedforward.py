@@ -31,7 +31,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from controller.laws.law import Acting
+from controller.laws.law import Acting, LateralLaw
 from controller.model.tyres import Tyres
 from trepid.bounds import at_least, at_most, within
 from trepid.clothoid import Lane
@@ -59,7 +59,7 @@ class Gains(NamedTuple):
     heading_1pm: float  # k_ψ
 
 
-class Feedforward:
+class Feedforward(LateralLaw):
     """The law; it has no state."""
 
     def __init__(self, settings: FeedforwardSettings, vehicle: Vehicle) -> None:
@@ -71,9 +71,6 @@ class Feedforward:
         """κ_cmd [1/m]."""
         lag_s = self._lag_s + self._tyres.lag_s(at.speed_mps)
         return path_curvature(at.lane, speed_mps=at.speed_mps, lag_s=lag_s, settings=self._settings)
-
-    def release(self) -> None:
-        """No state to reset."""
 
 
 def gains(speed_mps: float, *, lag_s: float, settings: FeedforwardSettings) -> Gains:

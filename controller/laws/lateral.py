@@ -5,13 +5,12 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controller.laws.baselines import PurePursuit, PurePursuitSettings, Stanley, StanleySettings
 from controller.laws.feedforward import Feedforward, FeedforwardSettings
 from controller.laws.law import LateralLaw
 from controller.laws.lqi import Lqi
 from controller.laws.lqi_settings import LqiSettings
 from controller.laws.mpc import Mpc, MpcSettings
-from controller.laws.pure_pursuit import PurePursuit, PurePursuitSettings
-from controller.laws.stanley import Stanley, StanleySettings
 from trepid.config import Settings
 from trepid.types import NonNegative
 from trepid.vehicle import Vehicle
@@ -43,21 +42,17 @@ class LateralSettings(Settings):
 
 
 def build_law(settings: LateralSettings, vehicle: Vehicle) -> LateralLaw:
-    """The law that ``settings`` names, for ``vehicle``."""
+    """The law that ``settings`` names, for ``vehicle``. LQI is also the fallback of MPC."""
+    delay_s = settings.command_delay_s
     match settings.law:
         case LawName.FEEDFORWARD:
             return Feedforward(settings.feedforward, vehicle)
         case LawName.LQI:
-            return lqi(settings, vehicle)
+            return Lqi(settings.lqi, vehicle, command_delay_s=delay_s)
         case LawName.MPC:
-            fallback = lqi(settings, vehicle)
-            return Mpc(settings.mpc, vehicle, command_delay_s=settings.command_delay_s, fallback=fallback)
+            fallback = Lqi(settings.lqi, vehicle, command_delay_s=delay_s)
+            return Mpc(settings.mpc, vehicle, command_delay_s=delay_s, fallback=fallback)
         case LawName.PURE_PURSUIT:
             return PurePursuit(settings.pure_pursuit)
         case LawName.STANLEY:
             return Stanley(settings.stanley, vehicle)
-
-
-def lqi(settings: LateralSettings, vehicle: Vehicle) -> Lqi:
-    """The LQI law, also the fallback of :class:`controller.laws.mpc.Mpc`."""
-    return Lqi(settings.lqi, vehicle, command_delay_s=settings.command_delay_s)

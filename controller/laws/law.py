@@ -27,5 +27,5 @@ class LateralLaw(Protocol):
         ...
 
     def release(self) -> None:
-        """Reset the state of the law: a driver steers, or there is no path."""
-        ...
+        """Reset the state of the law, if it has one: a driver steers, or there is no path."""
+        return

@@ -29,7 +29,7 @@ Anderson and Moore, Optimal Control (1990), sections 2.3 and 3.3; Hippe, Windup 
 import math
 from itertools import pairwise
 
-from controller.laws.law import Acting
+from controller.laws.law import Acting, LateralLaw
 from controller.laws.lqi_gains import schedule
 from controller.laws.lqi_settings import SPEEDS_MPS, Gains, Lags, LqiSettings
 from controller.model.tyres import Tyres
@@ -40,7 +40,7 @@ from trepid.vehicle import Vehicle
 _MIN_SPEED_MPS = SPEEDS_MPS[0]
 
 
-class Lqi:
+class Lqi(LateralLaw):
     """The law."""
 
     def __init__(self, settings: LqiSettings, vehicle: Vehicle, *, command_delay_s: float) -> None:

@@ -69,7 +69,7 @@ class MpcSettings(Settings):
     soft_price: tuple[Positive, Positive]  # per metre and half per square metre beyond; an e² costs ½
 
 
-class Mpc:
+class Mpc(LateralLaw):
     """The law. casadi and daqp are imported here, since other laws and most commands do not need them."""
 
     def __init__(

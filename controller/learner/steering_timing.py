@@ -16,6 +16,7 @@ Ljung, System Identification (1999), sections 4.2 (linear regression) and 11.2 (
 import math
 from collections import deque
 
+from controller.model.lag import wheel_after
 from trepid.bounds import at_least, at_most, within
 from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle
@@ -30,8 +31,7 @@ class SteeringTiming:
 
     def __init__(self, vehicle: Vehicle, *, delay_s: float, share: float) -> None:
         """``delay_s``: from a command to the wheels; ``share`` of it plus the lag limits the estimate."""
-        self._lag_s, self._rate_radps = vehicle.steering_lag_s, vehicle.max_road_wheel_rate_radps
-        self._delay_s = delay_s
+        self._vehicle, self._delay_s = vehicle, delay_s
         self._most_s = share * (delay_s + vehicle.steering_lag_s)
         self._coming: deque[tuple[float, float]] = deque()  # time at which a command acts, angle
         self._t_s: float | None = None  # of the model
@@ -74,10 +74,8 @@ class SteeringTiming:
         self._turn(to_s - from_s)
 
     def _turn(self, dt_s: float) -> None:
-        if dt_s <= 0.0:
-            return
-        share = 1.0 - math.exp(-dt_s / self._lag_s) if self._lag_s > 0.0 else 1.0
-        self._model_rad += within((self._demand_rad - self._model_rad) * share, self._rate_radps * dt_s)
+        if dt_s > 0.0:
+            self._model_rad = wheel_after(self._model_rad, self._demand_rad, dt_s, self._vehicle)
 
     def _learn(self, x: float, y: float, dt_s: float) -> None:
         keep = at_most(math.exp(-x * x * dt_s / _WINDOW), 1.0)

@@ -1,1 +1,1 @@
-"""Models of the car: bicycle with understeer, tyres."""
+"""Models of the car: bicycle with understeer, tyres, lags."""

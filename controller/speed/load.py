@@ -13,8 +13,7 @@ Luenberger, An introduction to observers, IEEE TAC 16(6), 1971; Rajamani, Vehicl
 section 4.1 (longitudinal forces).
 """
 
-import math
-
+from controller.model.lag import left_after
 from trepid.bounds import within
 
 BANDWIDTH_RADPS = 1.0
@@ -33,7 +32,7 @@ class LoadObserver:
     def step(self, demand_mps2: float, *, speed_mps: float, dt_s: float) -> None:
         """Update with the speed after ``dt_s`` of ``demand_mps2``."""
         before_mps2 = self.acting_mps2
-        keep = math.exp(-dt_s / self._lag_s) if self._lag_s > 0.0 else 0.0
+        keep = left_after(dt_s, self._lag_s)
         self.acting_mps2 = demand_mps2 + (before_mps2 - demand_mps2) * keep
         gained_mps = demand_mps2 * dt_s + (before_mps2 - demand_mps2) * self._lag_s * (1.0 - keep)
         if self._speed_mps is None:

@@ -65,13 +65,11 @@ BENCHMARKS: dict[str, Benchmark] = {
     "control-longitudinal": _seeded(
         "control.longitudinal:bench_longitudinal", "stopping distance and following of a braking vehicle"
     ),
-    "control-ranking": _seeded(
-        "control.ranking:bench_ranking", "rank correlation of the laws between plants"
-    ),
+    "control-ranking": _seeded("control.speeds:bench_ranking", "rank correlation of the laws between plants"),
     "control-limits": _seeded(
         "control.limits:bench_limits", "random drives to the limits of ISO 11270 and R79"
     ),
-    "control-random": _seeded("control.random_cases:bench_random", "1000 cars that differ from their file"),
+    "control-random": _seeded("control.lateral:bench_random", "1000 cars that differ from their file"),
     "fear-inference": _seeded(
         "fear.inference:bench_inference", "time of an inference, relative to scikit-fuzzy"
     ),

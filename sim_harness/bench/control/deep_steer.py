@@ -13,16 +13,15 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from controller.controller import ControllerSettings
 from controller.model.bicycle import angle_from_curvature, transposed_angle
+from sim_harness.bench.control.contestants import nominal, shipped
 from sim_harness.bench.control.episode import FRAME_EVERY, LATENCY_S, Episode, drive, drive_by, road_of
+from sim_harness.bench.control.speeds import MPH
 from sim_harness.world.roads.road import Road
 from trepid.clothoid import Lane
-from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Decision, VehicleState
 from trepid.vehicle import Vehicle
 
-MPH = 0.44704
 SPEEDS_MPH = (5, 10, 15, 20)
 LEARNED_AT_MPS = 5 * MPH
 DRIVER_AHEAD_M = 5.0  # 2.2 s at 5 mph
@@ -41,21 +40,12 @@ class AnglesOfFiveMph:
         """Hold the angle until the next decision."""
         angle_rad = self._angle(decision) if decision is not None else 0.0
         if self._transposed and state is not None and state.speed_mps is not None:
-            angle_rad = (
-                transposed_angle(
-                    angle_rad,
-                    from_speed_mps=LEARNED_AT_MPS,
-                    to_speed_mps=state.speed_mps,
-                    vehicle=self._vehicle,
-                )
-                or 0.0
+            to_mps = state.speed_mps
+            angle = transposed_angle(
+                angle_rad, from_speed_mps=LEARNED_AT_MPS, to_speed_mps=to_mps, vehicle=self._vehicle
             )
-        return Command(
-            t_s=now_s,
-            road_wheel_angle_rad=angle_rad,
-            speed_mps=0.0,
-            accel_mps2=0.0,
-        )
+            angle_rad = angle or 0.0
+        return Command(t_s=now_s, road_wheel_angle_rad=angle_rad, speed_mps=0.0, accel_mps2=0.0)
 
     def _angle(self, seen: Decision) -> float:
         lane = Lane.from_ahead(
@@ -80,15 +70,15 @@ def winding_road() -> Road:
 
 def bench_deep_steer(seed: int) -> dict[str, Any]:
     """Largest distance from the centre [m] by speed; "lost": a wheel left the lane."""
-    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    settings = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
+    vehicle, settings = nominal(), shipped()
     rows: dict[str, dict[str, str]] = {}
     for mph in SPEEDS_MPH:
         paper = winding_episode(vehicle, mph * MPH, seed)
         ours = replace(paper, frame_every=FRAME_EVERY, latency_s=LATENCY_S)
+        plain = AnglesOfFiveMph(vehicle, transposed=False)
         tracks = {
-            "angles of 5 mph, 5 Hz": drive_by(AnglesOfFiveMph(vehicle, transposed=False), paper),
-            "angles of 5 mph, 25 Hz": drive_by(AnglesOfFiveMph(vehicle, transposed=False), ours),
+            "angles of 5 mph, 5 Hz": drive_by(plain, paper),
+            "angles of 5 mph, 25 Hz": drive_by(plain, ours),
             "transposed by understeer, 5 Hz": drive_by(AnglesOfFiveMph(vehicle, transposed=True), paper),
             "Trepid's controller, 5 Hz": drive(paper, settings),
             "Trepid's controller, 25 Hz": drive(ours, settings),

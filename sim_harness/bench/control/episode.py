@@ -6,10 +6,10 @@ delayed, and with noise if set. So the results are those of the law alone.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Protocol
+from functools import cache
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.controller import Controller, ControllerSettings
 from sim_harness.world.plants.build import build_plant
@@ -18,6 +18,7 @@ from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.bounds import at_least
 from trepid.clothoid import Lane
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
+from trepid.types import Column
 from trepid.vehicle import Vehicle
 
 TICK_S = 0.01  # of the vehicle, as in config/simulator.yaml
@@ -25,6 +26,8 @@ CONTROL_EVERY, FRAME_EVERY = 2, 4  # ticks: 50 Hz, 25 Hz
 LATENCY_S = 0.04  # from the frame to its decision
 SIGHT_M, SIGHT_S = 8.0, 1.0  # validity of the clothoid that touches the road: least distance, and time
 TANGENT_M = 0.01  # over which the rate of the curvature at the axle is taken
+S_DURATION_S = 13.0  # of the S
+SETTLED_S = 5.0  # after which an offset is no longer that of the start
 LOST_M = 5.0  # beyond this offset the lane counts as lost, and the episode ends
 
 
@@ -40,9 +43,8 @@ class Episode:
     frame_every: int = FRAME_EVERY  # ticks
     latency_s: float = LATENCY_S
     offset_noise_m: float = 0.0  # standard deviation of every frame's offset
-    sight_s: float | None = (
-        None  # distance at which the clothoid equals the road, in addition to the axle; None: it touches the road
-    )
+    # Distance [s] at which the clothoid equals the road, in addition to the axle; None: it touches the road.
+    sight_s: float | None = None
     start_m: float = 0.0  # offset at the start
     seed: int = 0
 
@@ -58,17 +60,18 @@ class Steering(Protocol):
 class Track(NamedTuple):
     """The drive, by tick."""
 
-    t_s: NDArray[np.float64]
-    offset_m: NDArray[np.float64]
-    heading_rad: NDArray[np.float64]
-    lateral_mps2: NDArray[np.float64]
-    wheel_rad: NDArray[np.float64]
-    command_rad: NDArray[np.float64]
+    offset_m: Column
 
     @property
     def worst_m(self) -> float:
         """Largest distance from the centre of the lane."""
         return float(np.abs(self.offset_m).max())
+
+    @property
+    def settled_m(self) -> float:
+        """The largest from ``SETTLED_S`` on; the last offset where the lane was lost before."""
+        late_m = self.offset_m[round(SETTLED_S / TICK_S) :]
+        return float(np.abs(late_m).max(initial=abs(self.offset_m[-1])))
 
 
 def road_of(segments: Sequence[tuple[float, float | tuple[float, float]]]) -> Road:
@@ -76,13 +79,11 @@ def road_of(segments: Sequence[tuple[float, float | tuple[float, float]]]) -> Ro
     pieces = tuple(Segment(length_m=length, curvature_1pm=curvature) for length, curvature in segments)
     line = {"stroke": "solid"}
     section = {"name": "all", "start_m": 0.0, "left": line, "right": line}
-    return Road(
-        RoadSettings.model_validate(
-            dict(name="bench", closed=False, lane_width_m=3.5, segments=pieces, sections=(section,))
-        )
-    )
+    fields = dict(name="bench", closed=False, lane_width_m=3.5, segments=pieces, sections=(section,))
+    return Road(RoadSettings.model_validate(fields))
 
 
+@cache
 def s_clothoid(speed_mps: float, *, lateral_mps2: float = 2.0, jerk_mps3: float = 1.0) -> Road:
     """Two arcs, left and right, 2 s each at ``lateral_mps2``, with entries and exits at ``jerk_mps3``."""
     bend, entry = lateral_mps2 / speed_mps**2, speed_mps * lateral_mps2 / jerk_mps3
@@ -92,12 +93,22 @@ def s_clothoid(speed_mps: float, *, lateral_mps2: float = 2.0, jerk_mps3: float 
     return road_of([*pieces, (speed_mps, 0.0)])
 
 
-S_DURATION_S = 13.0  # of the S
+def s_curve(speed_mps: float, nominal: Vehicle, plant: PlantSettings | None = None, **fields: Any) -> Episode:
+    """The S at 2 m/s² on a car that differs from ``nominal`` by ``plant``; ``fields`` of the episode."""
+    return Episode(
+        road=s_clothoid(speed_mps),
+        speed_mps=speed_mps,
+        duration_s=S_DURATION_S,
+        nominal=nominal,
+        plant=plant or PlantSettings(),
+        **fields,
+    )
 
 
 def drive(episode: Episode, settings: ControllerSettings) -> Track:
-    """Drive ``episode`` at its speed with the laws of ``settings``. Ends early where the lane is lost."""
-    return drive_by(Controller(episode.nominal, _at_any_speed(settings, episode.speed_mps)), episode)
+    """Drive ``episode`` with the laws of ``settings``, whose speed planning keeps its speed."""
+    any_speed = settings.speed.model_copy(update=dict(lateral_accel_mps2=1e3))
+    return drive_by(Controller(episode.nominal, settings.model_copy(update=dict(speed=any_speed))), episode)
 
 
 def drive_by(steering: Steering, episode: Episode) -> Track:
@@ -105,7 +116,7 @@ def drive_by(steering: Steering, episode: Episode) -> Track:
     plant = build_plant(episode.plant, episode.nominal)
     sight = _Sight(episode)
     road, car = episode.road, plant.initial(y_m=episode.start_m, speed_mps=episode.speed_mps)
-    station_m, command, rows = 0.0, None, []
+    station_m, command, offsets_m = 0.0, None, []
     for tick in range(round(episode.duration_s / TICK_S)):
         now_s = tick * TICK_S
         station_m, offset_m = road.local_coordinates(car.x_m, car.y_m, near_station_m=station_m)
@@ -115,20 +126,11 @@ def drive_by(steering: Steering, episode: Episode) -> Track:
             sight.look(now_s, station_m, offset_m, heading_rad)
         if tick % CONTROL_EVERY == 0 or command is None:
             command = steering.step(sight.decided(now_s), measured, now_s=now_s)
-        angle_rad = command.road_wheel_angle_rad
-        lateral_mps2 = plant.lateral_accel_mps2(car)
-        rows.append((now_s, offset_m, heading_rad, lateral_mps2, car.road_wheel_angle_rad, angle_rad))
+        offsets_m.append(offset_m)
         if abs(offset_m) > LOST_M:
             break
         car = plant.step(car, replace(command, accel_mps2=0.0), TICK_S)
-    return Track(*np.array(rows).T)
-
-
-def _at_any_speed(settings: ControllerSettings, speed_mps: float) -> ControllerSettings:
-    """``settings`` with speed planning that keeps the speed of the episode."""
-    return settings.model_copy(
-        update=dict(speed=settings.speed.model_copy(update=dict(lateral_accel_mps2=1e3)))
-    )
+    return Track(np.array(offsets_m))
 
 
 class _Sight:

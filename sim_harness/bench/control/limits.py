@@ -15,10 +15,7 @@ it brakes hard in a bend.
 Every episode is written down in ``out/limits``, so that a run that was cut short goes on where it was.
 """
 
-import hashlib
 import math
-import sys
-import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,6 +24,8 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from controller.limiter import build
 from sim_harness.judging.comfort import JERK_WINDOW_S, R79_CUTOFF_HZ, R79_ORDER
+from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.progress import SweepProgress
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import Model, PlantSettings
@@ -38,8 +37,10 @@ from trepid.vehicle import Vehicle
 
 TICK_S, CONTROL_TICKS = 0.01, 2
 SLOWEST_MPS = 2.0
-PROGRESS_S = 10.0
-HELD_AGAINST = ("controller/limiter", "sim_harness/world/plants", "sim_harness/bench/control/limits.py")
+DEPENDS_ON = (
+    *("controller/limiter", "sim_harness/world/plants", "sim_harness/bench/control/limits.py"),
+    *("config/limiter.yaml", "config/vehicle.yaml"),
+)
 
 
 class Group(NamedTuple):
@@ -85,7 +86,7 @@ def bench_limits(seed: int, groups: tuple[Group, ...] = GROUPS, folder: Path | N
     folder.mkdir(parents=True, exist_ok=True)
     result: dict[str, Any] = {}
     for group in groups:
-        worst = _driven(group, seed, folder / f"{seed}-{group.model.value}-{_digest()}.csv")
+        worst = _driven(group, seed, folder / f"{seed}-{group.model.value}-{fingerprint(*DEPENDS_ON)}.csv")
         peak = Worst(*np.max(worst, axis=0).tolist())
         result[group.model.value] = {
             "episodes": len(worst),
@@ -99,35 +100,19 @@ def _driven(group: Group, seed: int, file: Path) -> list[Worst]:
     """Every episode of ``group``: stored ones from ``file``, the others are driven and stored there."""
     lines = file.read_text().splitlines(keepends=True) if file.exists() else []
     worst = [Worst(*map(float, line.split(","))) for line in lines if line.endswith("\n")][: group.episodes]
-    began_s = said_s = time.monotonic()
-    first = len(worst)
-    with file.open("w") as out:
-        out.writelines(_line(one) for one in worst)
-        for index in range(first, group.episodes):
+    left = group.episodes - len(worst)
+    with file.open("w") as out, SweepProgress(left, left) as progress:
+        out.writelines(map(_line, worst))
+        for index in range(len(worst), group.episodes):
             worst.append(episode(group, np.random.default_rng((seed, index))))
             out.write(_line(worst[-1]))
-            now_s = time.monotonic()
-            if now_s - said_s > PROGRESS_S:
-                said_s = now_s
-                out.flush()
-                left_s = (now_s - began_s) / (len(worst) - first) * (group.episodes - len(worst))
-                done = f"{len(worst)} of {group.episodes} episodes, about {left_s:.0f} s left"
-                print(f"limits, {group.model.value}: {done}", file=sys.stderr, flush=True)
+            out.flush()
+            progress.step(1.0)
     return worst
 
 
 def _line(one: Worst) -> str:
     return ",".join(map(repr, one)) + "\n"
-
-
-def _digest() -> str:
-    """Hash of the code that an episode depends on."""
-    digest = hashlib.sha256()
-    files = [file for name in HELD_AGAINST for file in (ROOT / name, *(ROOT / name).rglob("*.py"))]
-    for file in sorted([*files, CONFIG_DIR / "limiter.yaml", CONFIG_DIR / "vehicle.yaml"]):
-        if file.is_file():
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:12]
 
 
 def episode(group: Group, generator: np.random.Generator) -> Worst:

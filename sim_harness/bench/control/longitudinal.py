@@ -12,11 +12,11 @@ import numpy as np
 from controller.controller import ControllerSettings
 from controller.speed.control import SpeedControl
 from controller.speed.limits import StopProfile
+from sim_harness.bench.control.contestants import nominal, shipped
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
-from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Stop
 from trepid.vehicle import Vehicle
 
@@ -41,10 +41,8 @@ def stop_m_and_s(profile: StopProfile, speed_mps: float) -> tuple[float, float]:
         left_mps = speed_mps - j * rise_s**2 / 2.0
         return speed_mps * rise_s - j * rise_s**3 / 6.0 + left_mps**2 / (2.0 * f), rise_s + left_mps / f
     rise_s, fall_s = peak / j, (peak - f) / j
-    ramp_mps, end_mps = (
-        peak**2 / (2.0 * j),
-        f**2 / (2.0 * j),
-    )  # speed lost on a ramp; speed left when f is reached
+    ramp_mps = peak**2 / (2.0 * j)  # speed lost on a ramp
+    end_mps = f**2 / (2.0 * j)  # speed left when f is reached
     flat_s = (speed_mps - 2.0 * ramp_mps) / peak
     metres = (
         speed_mps * rise_s
@@ -60,8 +58,7 @@ def stop_m_and_s(profile: StopProfile, speed_mps: float) -> tuple[float, float]:
 
 def bench_longitudinal(seed: int) -> dict[str, Any]:
     """Errors of stops [m] by speed, the last deceleration and largest jerk; gaps and comfort behind a leader."""
-    settings = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
-    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    settings, vehicle = shipped(), nominal()
     rows: dict[str, Any] = {}
     for how, profile in ((Stop.COMFORT, settings.speed.comfort), (Stop.EMERGENCY, settings.speed.emergency)):
         for name, plant in PLANTS.items():

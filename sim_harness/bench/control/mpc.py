@@ -12,6 +12,7 @@ import multiprocessing
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,11 +27,10 @@ from controller.laws.mpc import MpcSettings
 from controller.laws.mpc_model import Grid, Problem
 from controller.laws.mpc_solver import Soft, Solver
 from sim_harness.bench.control.acados_peer import CONFIGURATIONS, Acados, missing
-from sim_harness.bench.control.episode import S_DURATION_S, Episode, drive, s_clothoid
-from trepid.config import CONFIG_DIR, load
-from trepid.vehicle import Vehicle
+from sim_harness.bench.control.contestants import nominal, shipped, with_law
+from sim_harness.bench.control.episode import S_DURATION_S, drive, s_curve
 
-SPEEDS_MPS = (8.0, 16.0, 30.0)
+SPEEDS_MPS, DURATION_S = (8.0, 16.0, 30.0), S_DURATION_S
 NOISE_M, START_M = 0.03, 0.4
 LOADED_TICKS, TICK_S = 400, 0.02
 CONVERGED = 12  # iterations
@@ -56,9 +56,8 @@ class Asked(NamedTuple):
 
 def bench_mpc(seed: int) -> dict[str, Any]:
     """Times per tick [µs], their ratios to acados, and the error of the first w."""
-    settings = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
-    mpc = settings.lateral.mpc
-    asked = recorded(settings, seed)
+    mpc = shipped().lateral.mpc
+    asked = recorded(shipped(), seed)
     times: Times = {"trepid": []}
     with tempfile.TemporaryDirectory() as folder:
         peers = _peers(Path(folder), mpc)
@@ -84,8 +83,6 @@ def grid_and_soft(settings: MpcSettings) -> tuple[Grid, Soft]:
 
 def recorded(settings: ControllerSettings, seed: int) -> list[Asked]:
     """Problems of the law on a drive."""
-    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    lateral = settings.lateral.model_copy(update=dict(law=LawName.MPC))
     calls: list[Asked] = []
     solve = Solver.solve
 
@@ -95,16 +92,8 @@ def recorded(settings: ControllerSettings, seed: int) -> list[Asked]:
 
     with mock.patch.object(Solver, "solve", noted):
         for speed_mps in SPEEDS_MPS:
-            episode = Episode(
-                road=s_clothoid(speed_mps),
-                speed_mps=speed_mps,
-                duration_s=S_DURATION_S,
-                nominal=vehicle,
-                offset_noise_m=NOISE_M,
-                start_m=START_M,
-                seed=seed,
-            )
-            drive(episode, settings.model_copy(update=dict(lateral=lateral)))
+            episode = s_curve(speed_mps, nominal(), offset_noise_m=NOISE_M, start_m=START_M, seed=seed)
+            drive(replace(episode, duration_s=DURATION_S), with_law(settings, LawName.MPC))
     return calls
 
 

@@ -1,24 +1,37 @@
-"""One tuning from 5 mph to 30 m/s: the S at 2 m/s², or at R = 15 m if the acceleration is lower there."""
+"""Tracking of the laws over speeds and over vehicles."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations, product
 from typing import Any
 
-from sim_harness.bench.control.deep_steer import MPH
-from sim_harness.bench.control.episode import Episode, drive, s_clothoid
-from sim_harness.bench.control.lateral import contestants
-from sim_harness.world.plants.axles import GRAVITY_MPS2
-from sim_harness.world.plants.settings import Model, PlantSettings
-from trepid.config import CONFIG_DIR, load
-from trepid.vehicle import Vehicle
+import numpy as np
+from scipy.stats import kendalltau
 
+from controller.controller import ControllerSettings
+from sim_harness.bench.control.contestants import contestants, nominal, tyred
+from sim_harness.bench.control.episode import Episode, drive, s_clothoid, s_curve
+from sim_harness.world.plants.settings import Model, PlantSettings
+
+MPH = 0.44704
 SPEEDS_MPS = (5 * MPH, 10 * MPH, 15 * MPH, 20 * MPH, 15.0, 20.0, 25.0, 30.0)
 LATERAL_MPS2, JERK_MPS3 = 2.0, 1.0
 TIGHTEST_M, SHORTEST_ENTRY_M = 15.0, 10.0
 ARCS_S = 2 * 2.0 + 2.0  # both arcs, and the straights before and after
 
+RANKING_SPEEDS_MPS = (10.0, 20.0)
+VEHICLES = {
+    "kinematic": PlantSettings(),
+    "kinematic, bank 6 %": PlantSettings(bank_rad=0.06),
+    "single track": PlantSettings(model=Model.SINGLE_TRACK),
+    "single track, 300 kg more": PlantSettings(model=Model.SINGLE_TRACK, load_kg=300.0),
+    "single track, play 0.5°": PlantSettings(model=Model.SINGLE_TRACK, steering_friction_rad=0.0044),
+    "CommonRoad drift": PlantSettings(model=Model.COMMONROAD_DRIFT),
+}
+
 
 def bench_speeds(seed: int) -> dict[str, Any]:
-    """Largest distance from the centre of the lane [m] by law and plant, over the speeds [m/s]."""
+    """One tuning: largest distance from the lane's centre [m] by law and plant, over the speeds [m/s]."""
     rows: dict[str, dict[str, float]] = {}
     for model, episode in episodes(seed):
         for law, settings in contestants().items():
@@ -28,22 +41,47 @@ def bench_speeds(seed: int) -> dict[str, Any]:
 
 
 def episodes(seed: int) -> Iterator[tuple[Model, Episode]]:
-    """Cars that equal their vehicle file, with known tyre stiffness."""
-    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    rear_slip = 1.0 / (PlantSettings().chassis.rear_stiffness_per_rad * GRAVITY_MPS2)
-    tyred = vehicle.model_copy(update=dict(rear_slip_gradient_rad_per_mps2=rear_slip))
-    for model, nominal in ((Model.KINEMATIC, vehicle), (Model.SINGLE_TRACK, tyred)):
-        for speed_mps in SPEEDS_MPS:
-            lateral_mps2 = min(LATERAL_MPS2, speed_mps**2 / TIGHTEST_M)
-            jerk_mps3 = min(JERK_MPS3, speed_mps * lateral_mps2 / SHORTEST_ENTRY_M)
-            yield (
-                model,
-                Episode(
-                    road=s_clothoid(speed_mps, lateral_mps2=lateral_mps2, jerk_mps3=jerk_mps3),
-                    speed_mps=speed_mps,
-                    duration_s=ARCS_S - 1.0 + 4.0 * lateral_mps2 / jerk_mps3,
-                    nominal=nominal,
-                    plant=PlantSettings(model=model),
-                    seed=seed,
-                ),
-            )
+    """The S at 2 m/s², or at R = 15 m if the acceleration is lower there, on cars that equal their vehicle file."""
+    for model, speed_mps in product((Model.KINEMATIC, Model.SINGLE_TRACK), SPEEDS_MPS):
+        lateral_mps2 = min(LATERAL_MPS2, speed_mps**2 / TIGHTEST_M)
+        jerk_mps3 = min(JERK_MPS3, speed_mps * lateral_mps2 / SHORTEST_ENTRY_M)
+        episode = s_curve(speed_mps, tyred(nominal(), model), PlantSettings(model=model), seed=seed)
+        yield (
+            model,
+            replace(
+                episode,
+                road=s_clothoid(speed_mps, lateral_mps2=lateral_mps2, jerk_mps3=jerk_mps3),
+                duration_s=ARCS_S - 1.0 + 4.0 * lateral_mps2 / jerk_mps3,
+            ),
+        )
+
+
+def bench_ranking(seed: int) -> dict[str, Any]:
+    """Root mean square of the offset [m] by vehicle and law, and Kendall's τ between the orders.
+
+    An order of the laws that is equal on all plants is a property of the laws; another one may be a property of the
+    plant.
+    """
+    table = {
+        name: {law: _rms_m(plant, settings, seed) for law, settings in contestants().items()}
+        for name, plant in VEHICLES.items()
+    }
+    taus = {
+        (one, other): kendalltau(list(table[one].values()), list(table[other].values())).statistic
+        for one, other in combinations(VEHICLES, 2)
+    }
+    least = min(taus, key=lambda pair: taus[pair])
+    return {
+        **{name: {law: round(value, 4) for law, value in row.items()} for name, row in table.items()},
+        "Kendall's τ": {
+            "mean": round(float(np.mean(list(taus.values()))), 3),
+            "least": f"{taus[least]:.2f} between {least[0]} and {least[1]}",
+        },
+    }
+
+
+def _rms_m(plant: PlantSettings, settings: ControllerSettings, seed: int) -> float:
+    """Rms on the S over both speeds; a lost lane counts up to the loss."""
+    known = tyred(nominal(), plant.model)
+    tracks = [drive(s_curve(speed, known, plant, seed=seed), settings) for speed in RANKING_SPEEDS_MPS]
+    return float(np.sqrt(np.mean(np.concatenate([track.offset_m for track in tracks]) ** 2)))

@@ -12,7 +12,7 @@ from controller_rig import SETTINGS
 from message_rig import SHUTTLE
 from scipy.linalg import solve_continuous_are
 
-from controller.laws.lateral import LawName, build_law, lqi
+from controller.laws.lateral import LawName, build_law
 from controller.laws.law import Acting
 from controller.laws.mpc import Mpc
 from controller.laws.mpc_model import Grid, Problem, command_bounds, preview, stage
@@ -40,6 +40,7 @@ CALM = Problem(
     most_offset_m=0.5,
 )
 MPC = SETTINGS.lateral.model_copy(update=dict(law=LawName.MPC))
+LQI = SETTINGS.lateral.model_copy(update=dict(law=LawName.LQI))
 DT_S = 0.02
 
 
@@ -247,7 +248,7 @@ def test_braking_in_a_bend_leaves_less_of_the_jerk_to_the_wheel():
 def test_outside_the_model_the_fallback_steers_in_the_same_call(seen):
     mpc = law()
     mpc.curvature(acting(offset=0.1), dt_s=DT_S)
-    assert mpc.curvature(seen, dt_s=DT_S) == lqi(MPC, SHUTTLE).curvature(seen, dt_s=DT_S)
+    assert mpc.curvature(seen, dt_s=DT_S) == build_law(LQI, SHUTTLE).curvature(seen, dt_s=DT_S)
     assert mpc.doing == "falling back: outside the model"
 
 
@@ -280,7 +281,7 @@ def test_a_failed_solution_is_never_used_and_leaves_nothing_behind(status, value
     mpc._solver._qp = Broken(status, value)
     demanded = mpc.curvature(seen, dt_s=DT_S)
     assert mpc.doing == "falling back: no solution"
-    assert demanded == lqi(MPC, SHUTTLE).curvature(seen, dt_s=DT_S)
+    assert demanded == build_law(LQI, SHUTTLE).curvature(seen, dt_s=DT_S)
     fresh.release()
     fresh._demand_1pm = demanded
     assert mpc.curvature(seen, dt_s=DT_S) == fresh.curvature(seen, dt_s=DT_S)

@@ -4,8 +4,9 @@ import pytest
 from controller_rig import SETTINGS
 from message_rig import SHUTTLE
 
-from sim_harness.bench.control.deep_steer import MPH, AnglesOfFiveMph, winding_episode
+from sim_harness.bench.control.deep_steer import AnglesOfFiveMph, winding_episode
 from sim_harness.bench.control.episode import drive, drive_by
+from sim_harness.bench.control.speeds import MPH
 
 
 def angles(transposed=False):

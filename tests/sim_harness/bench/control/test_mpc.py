@@ -21,7 +21,7 @@ def test_a_missing_acados_is_reported_with_the_command_that_installs_it(monkeypa
 
 def test_the_problems_are_those_of_a_drive_and_depend_on_the_seed_only(monkeypatch):
     monkeypatch.setattr(bench, "SPEEDS_MPS", (16.0,))
-    monkeypatch.setattr(bench, "S_DURATION_S", 3.0)
+    monkeypatch.setattr(bench, "DURATION_S", 3.0)
     problems, again, other = (bench.recorded(SETTINGS, seed) for seed in (1, 1, 2))
     assert len(problems) >= 140
     assert problems == again != other
@@ -32,7 +32,7 @@ def test_the_problems_are_those_of_a_drive_and_depend_on_the_seed_only(monkeypat
 @pytest.mark.parametrize("name", list(CONFIGURATIONS))
 def test_acados_finds_the_same_plan(monkeypatch, tmp_path, name):
     monkeypatch.setattr(bench, "SPEEDS_MPS", (16.0,))
-    monkeypatch.setattr(bench, "S_DURATION_S", 0.5)
+    monkeypatch.setattr(bench, "DURATION_S", 0.5)
     grid, soft = bench.grid_and_soft(SETTINGS.lateral.mpc)
     peer = Acados(tmp_path, "lane_keeping_test", grid, soft, CONFIGURATIONS[name])
     for problems in bench.recorded(SETTINGS, 3)[::5]:

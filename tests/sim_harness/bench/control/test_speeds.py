@@ -5,8 +5,7 @@ from controller_rig import SETTINGS
 from message_rig import SHUTTLE
 
 from sim_harness.bench.control.episode import drive
-from sim_harness.bench.control.ranking import VEHICLES
-from sim_harness.bench.control.speeds import LATERAL_MPS2, TIGHTEST_M, episodes
+from sim_harness.bench.control.speeds import LATERAL_MPS2, TIGHTEST_M, VEHICLES, episodes
 from sim_harness.world.plants.build import build_plant
 
 

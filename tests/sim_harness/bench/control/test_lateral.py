@@ -1,11 +1,11 @@
 """The bench of cars that differ in all at once."""
 
-from sim_harness.bench.control import random_cases
-from sim_harness.bench.control.random_cases import bench_random
+from sim_harness.bench.control import lateral
+from sim_harness.bench.control.lateral import bench_random
 
 
 def test_the_summary_counts_the_cases_beyond_the_target(monkeypatch):
-    monkeypatch.setattr(random_cases, "RANDOM_TARGET_M", 0.0)
+    monkeypatch.setattr(lateral, "RANDOM_TARGET_M", 0.0)
     found = bench_random(1, cases=2)
     assert found["cases"] == found["beyond the target"] == 2
     assert 0.0 < found["median [m]"] <= found["99th percentile [m]"] <= found["largest [m]"] < 0.2
