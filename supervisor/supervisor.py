@@ -6,7 +6,7 @@ import sys
 from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -46,11 +46,13 @@ NO_PLACES: Mapping[FieldPath, str] = MappingProxyType({})
 class SupervisorSettings(Settings):
     """The contents of ``config/supervisor.yaml``."""
 
+    former_names: ClassVar = {"sightings": ("validation",)}
+
     cruise_speed_mps: Annotated[float, Field(gt=0)]
     rated_as: dict[str, str] = Field(
         default=dict(RATED_AS)
     )  # estimator or kind -> its name in the fear rules
-    sightings: ValidationSettings
+    validation: ValidationSettings
     analyser: AnalyserSettings
     fusion: FusionSettings
     modes: ModeSettings
@@ -87,13 +89,13 @@ class Supervisor:
         self._refuse_unfit(rules, settings)
         self._rules, self._settings = rules, settings
         self._observer = WorldStateObserver(
-            settings.sightings, settings.fusion, settings.follow, vehicle, rated_as=settings.rated_as
+            settings.validation, settings.fusion, settings.follow, vehicle, rated_as=settings.rated_as
         )
         self._watchdog = Watchdog(
-            fresh_s=settings.sightings.fresh_s,
-            lost_s=settings.sightings.lost_s,
+            fresh_s=settings.validation.fresh_s,
+            lost_s=settings.validation.lost_s,
             frames_s=settings.modes.comfort_stop_age_s,
-            state_s=settings.sightings.state_fresh_s,
+            state_s=settings.validation.state_fresh_s,
         )
         self._doubts = Doubts(settings.modes)
         self._mode = ModeState.initial()
@@ -192,9 +194,9 @@ class Supervisor:
             return 0.0
         cruise_mps = self._settings.cruise_speed_mps * factor
         if self._mode.mode is Mode.FOLLOW and self._rules.mode(fear) is not Mode.STOP:
-            pace_mps = at_most(self._observer.pace_mps(world.ahead), self._settings.cruise_speed_mps)
+            pace_mps = at_most(self._observer.follower.pace_mps(world.ahead), self._settings.cruise_speed_mps)
             cruise_mps = at_least(cruise_mps, pace_mps)
-        return at_most(self._observer.speed_cap_mps(world.ahead), cruise_mps)
+        return at_most(self._observer.follower.speed_cap_mps(world.ahead), cruise_mps)
 
     def _decision(
         self, world: WorldState, rated: FearResult, cause: str, finding: Finding, factor: float, now_s: float

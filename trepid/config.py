@@ -1,13 +1,14 @@
 """YAML files as frozen, validated settings; errors give file:line:column, the fault and the expected value."""
 
 import copy
+import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, ClassVar, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
@@ -24,6 +25,22 @@ class Settings(BaseModel):
     """Base of every settings class: frozen, unknown fields and NaN/inf refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    former_names: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    """Former names of fields, which set the fields of today, with a warning on stderr."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_former_names(cls, data: Any) -> Any:
+        """``data`` with former names replaced; a former name overrides the fields of today."""
+        if not cls.former_names or not isinstance(data, Mapping):
+            return data
+        today = {name: value for name, value in data.items() if name not in cls.former_names}
+        for former in cls.former_names.keys() & data.keys():
+            names = cls.former_names[former]
+            print(f"trepid: warning: the setting {former} is now {' and '.join(names)}", file=sys.stderr)
+            today |= dict.fromkeys(names, data[former])
+        return today
 
 
 class InputError(Exception):

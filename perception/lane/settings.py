@@ -1,10 +1,8 @@
 """Settings of the lane estimator: ``config/perception.yaml``."""
 
-import sys
-from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from perception.camera.self_calibration import SelfCalibrationSettings
 from perception.lane.camera_check import CameraCheckSettings
@@ -20,14 +18,6 @@ from trepid.config import Settings
 from trepid.steering import SteeringSettings
 from trepid.types import Positive, Share
 
-RENAMED = {
-    "min_confidence": ("min_score", "min_probability"),
-    "enough_confidence": ("enough_score",),
-    "good_confidence": ("good_score", "good_probability"),
-    "sure_confidence": ("sure_probability",),
-}
-"""Former names of fields. A file with a former name sets the fields of today, with a warning on stderr."""
-
 
 class VoteStages(Settings):
     """Section ``vote``: the lane shapes of a search with and without a prediction."""
@@ -41,6 +31,13 @@ class VoteStages(Settings):
 
 class LaneCvSettings(Settings):
     """``config/perception.yaml``. Limits of the score and of the probability are separate fields."""
+
+    former_names: ClassVar = {
+        "min_confidence": ("min_score", "min_probability"),
+        "enough_confidence": ("enough_score",),
+        "good_confidence": ("good_score", "good_probability"),
+        "sure_confidence": ("sure_probability",),
+    }
 
     working_width_px: Annotated[int, Field(ge=64, le=1280)]
     reach_m: Positive
@@ -65,16 +62,3 @@ class LaneCvSettings(Settings):
     self_calibration: SelfCalibrationSettings
     camera_check: CameraCheckSettings
     edges: EdgeSettings
-
-    @model_validator(mode="before")
-    @classmethod
-    def _with_former_names(cls, data: Any) -> Any:
-        """``data`` with former names replaced; a former name overrides the fields of today."""
-        if not isinstance(data, Mapping) or not RENAMED.keys() & data.keys():
-            return data
-        today = {name: value for name, value in data.items() if name not in RENAMED}
-        for former in RENAMED.keys() & data.keys():
-            names = RENAMED[former]
-            print(f"warning: perception.yaml: {former} is now {' and '.join(names)}", file=sys.stderr)
-            today |= dict.fromkeys(names, data[former])
-        return today

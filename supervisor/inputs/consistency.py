@@ -1,20 +1,23 @@
-"""Steadiness of an estimator: its lane now compared with its lane before, moved by odometry.
+"""Features of estimates over time: how steady lanes are, and how weak the edges of an unmarked road are.
 
-A road does not jump, so the change of the lane from frame to frame is the error of an estimator without memory,
-measured without ground truth. For a network on images unlike its training data it grows before its confidence
-falls (compare Michelmore et al., Evaluating uncertainty quantification in end-to-end autonomous driving control,
-2018; ensembles and dropout measure the same at several times the price).
+A road does not jump, so the change of the lane from frame to frame, moved by odometry, is the error of an estimator
+without memory, measured without ground truth. For a network on images unlike its training data it grows before its
+confidence falls (compare Michelmore et al., Evaluating uncertainty quantification in end-to-end autonomous driving
+control, 2018; ensembles and dropout measure the same at several times the price). Jitter is the rms jump from frame
+to frame over the last half second: an error at present. Path jitter is the rms jump between frames STEP_M apart
+over the last PATH_JITTER_M of road: a road unlike the training data.
 
-Jitter is the rms jump from frame to frame over the last half second: an error at present. Path jitter is the rms
-jump between frames STEP_M apart over the last PATH_JITTER_M of road: a road unlike the training data. Path jitter
-decays with distance only, because the image of a standing car does not change.
+The edges of an unmarked road are measured all along. Trodden snow has edges of its own in patches, between which
+the edges of the road come and go: single frames look valid, the mean over the way does not.
+
+Means over the way do not change at standstill, because the image of a standing car does not change.
 """
 
 import math
 from typing import NamedTuple
 
-from supervisor.inputs.running_mean import RunningMean
-from supervisor.inputs.validated import ValidatedEstimate
+from supervisor.inputs.validated import ValidatedEstimate, surest_of_marking
+from trepid.bounds import at_least
 from trepid.clothoid import STANDING, Lane, Motion
 
 MEMORY_S = 0.5  # over which jumps are averaged: twelve frames
@@ -24,6 +27,32 @@ KNOWN_M = 0.05  # jump of the network on roads like its training data ...
 KNOWN_SHARE = 0.2  # ... and its weight before the first jump
 AHEAD_M = 8.0  # where lanes are compared: a second ahead at the speed of the shuttle
 LONGEST_S = 0.3  # longest time between two compared estimates; as fresh_s, the age of a usable estimate
+EDGES_M = 20.0  # patches of snow are some metres long; a comfort stop from 8 m/s takes 16 m
+
+
+class RunningMean(NamedTuple):
+    """A mean whose weights decay exponentially with distance or time: weighted sum, and sum of the weights."""
+
+    total: float
+    weight: float = 1.0
+
+    @property
+    def mean(self) -> float:
+        """The weighted mean."""
+        return self.total / self.weight
+
+    def after(self, value: float, step: float, *, length: float) -> "RunningMean":
+        """The mean with ``value`` over ``step``; former values keep exp(-step/length) of their weight.
+
+        ``step`` and ``length`` have one unit, of way or of time.
+        """
+        kept = math.exp(-step / length)
+        return RunningMean(kept * self.total + (1 - kept) * value, kept * self.weight + (1 - kept))
+
+    def moved(self, value: float, step: float, *, length: float) -> "RunningMean":
+        """:meth:`after` for a mean of weight 1, in the form mean + share·(value - mean), which rounds otherwise."""
+        share = 1.0 - math.exp(-step / length)
+        return RunningMean(self.total + share * (value - self.total))
 
 
 class Steadiness(NamedTuple):
@@ -57,6 +86,15 @@ class _Track(NamedTuple):
     square_m2: RunningMean  # of squared jumps by time
     path_jitter: _PathJitter
 
+    def after(self, lane: Lane, t_s: float, motion: Motion) -> "_Track":
+        """The means with the jump to ``lane``; after a gap there is no jump, and the mean by time restarts."""
+        dt_s = t_s - self.t_s
+        if not 0 < dt_s <= LONGEST_S:
+            return _Track(t_s, lane, RunningMean(0.0), self.path_jitter._replace(before=lane, way_m=0.0))
+        jump_m = lane.y_m(AHEAD_M) - self.lane.after(motion, dt_s).y_m(AHEAD_M)
+        square_m2 = self.square_m2.after(jump_m**2, dt_s, length=MEMORY_S)
+        return _Track(t_s, lane, square_m2, self.path_jitter.after(lane, motion, dt_s))
+
 
 class Consistency:
     """Steadiness of the lane of every estimator."""
@@ -66,26 +104,37 @@ class Consistency:
 
     def step(self, seen: list[ValidatedEstimate], motion: Motion | None) -> dict[str, Steadiness]:
         """The steadiness of every estimator."""
-        moving = motion or STANDING
-        return {s.estimator: self._steadiness(s, moving) for s in seen}
+        return {s.estimator: self._steadiness(s, motion or STANDING) for s in seen}
 
     def _steadiness(self, s: ValidatedEstimate, motion: Motion) -> Steadiness:
         track = self._tracks.get(s.estimator)
-        if s.lane is not None and (track is None or s.t_s != track.t_s):
-            track = self._tracks[s.estimator] = _updated(track, s.lane, s.t_s, motion)
+        if s.lane is not None and track is None:
+            track = _Track(s.t_s, s.lane, RunningMean(0.0), _PathJitter(s.lane))
+        elif s.lane is not None and track is not None and s.t_s != track.t_s:
+            track = track.after(s.lane, s.t_s, motion)
         if track is None:
             return Steadiness(0.0, KNOWN_M)
+        self._tracks[s.estimator] = track
         jitter_m = math.sqrt(track.square_m2.mean) if s.lane is not None else 0.0
         return Steadiness(jitter_m, math.sqrt(track.path_jitter.square_m2.mean))
 
 
-def _updated(track: _Track | None, lane: Lane, t_s: float, motion: Motion) -> _Track:
-    """The means with the jump to ``lane``; after a gap there is no jump, and the mean by time restarts."""
-    if track is None:
-        return _Track(t_s, lane, RunningMean(0.0), _PathJitter(lane))
-    dt_s = t_s - track.t_s
-    if not 0 < dt_s <= LONGEST_S:
-        return _Track(t_s, lane, RunningMean(0.0), track.path_jitter._replace(before=lane, way_m=0.0))
-    jump_m = lane.y_m(AHEAD_M) - track.lane.after(motion, dt_s).y_m(AHEAD_M)
-    square_m2 = track.square_m2.after(jump_m**2, dt_s, length=MEMORY_S)
-    return _Track(t_s, lane, square_m2, track.path_jitter.after(lane, motion, dt_s))
+class WeakEdges:
+    """Mean doubt about the edges of a road without lines over the last metres of way."""
+
+    def __init__(self) -> None:
+        self._doubt = RunningMean(0.0)
+        self._last_s: float | None = None
+
+    def step(self, seen: list[ValidatedEstimate], motion: Motion | None, *, now_s: float) -> float:
+        """Mean of 1 - confidence of edges, of 0 for lines, over the last EDGES_M, the nearer the heavier [0..1].
+
+        Without an estimator that distinguishes edges from lines it stays as it is.
+        """
+        way_m = 0.0 if self._last_s is None else abs((motion or STANDING).speed_mps) * (now_s - self._last_s)
+        self._last_s = now_s
+        estimate = surest_of_marking(seen)
+        if estimate is not None:
+            doubt = 0.0 if estimate.marked else 1.0 - (estimate.confidence or 0.0)
+            self._doubt = self._doubt.moved(doubt, at_least(way_m, 0.0), length=EDGES_M)
+        return self._doubt.mean

@@ -1,27 +1,28 @@
 """Validation of messages: the age of every message and the range of every number are checked here only."""
 
 import math
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from trepid.bounds import at_least
 from trepid.clothoid import Lane, Motion
 from trepid.config import Settings
-from trepid.messages import EstimateKind, SteeringEstimate, VehicleState
+from trepid.messages import EstimateKind, ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.types import Positive
 
 MAX_ANGLE_RAD = math.pi / 2
+SHARE = 0.7  # of the confidence of a neighbouring lane: lanes differ by decimetres (RAA: 3.25 to 3.75 m)
 
 
 class ValidationSettings(Settings):
-    """Section ``sightings`` of ``config/supervisor.yaml``."""
+    """Section ``validation`` of ``config/supervisor.yaml``."""
+
+    former_names: ClassVar = {"frozen_s": ("unused_frozen_s",), "frozen_speed_mps": ("moving_mps",)}
 
     clock_tolerance_s: Positive  # stamps may lie this far in the future
     fresh_s: Positive  # older estimates, statistics and leads are not used
     state_fresh_s: Positive  # older vehicle states are not used
-    frozen_s: (
-        Positive  # lanes in an image that has repeated itself for longer while the car moves are not used
-    )
-    frozen_speed_mps: Positive  # ... from this speed on
+    unused_frozen_s: Positive  # lanes in an image that has repeated itself for longer are not used ...
+    moving_mps: Positive  # ... while the car moves at least so fast
     lost_s: Positive  # a process that has sent messages and none for this long is lost
     min_confidence: Positive  # estimates below are not used
     max_offset_m: Positive  # a message with a number beyond these is broken
@@ -34,6 +35,18 @@ class ValidationSettings(Settings):
     min_lane_width_m: Positive
     max_lane_width_m: Positive
     max_unmarked_width_m: Positive  # wider roads without lines have two lanes, and ours is unknown
+
+    def age_s(
+        self,
+        message: SteeringEstimate | ImageStatistics | LeadVehicle | VehicleState | None,
+        *,
+        now_s: float,
+    ) -> float:
+        """Age of a message [s]; inf for None, for a stamp that is not finite, or one in the future."""
+        latest_s = now_s + self.clock_tolerance_s
+        if message is None or not math.isfinite(message.t_s) or message.t_s > latest_s:
+            return math.inf
+        return at_least(now_s - message.t_s, 0.0)
 
 
 class ValidatedEstimate(NamedTuple):
@@ -54,13 +67,6 @@ class ValidatedEstimate(NamedTuple):
     kind: EstimateKind = EstimateKind.LANE  # ANGLE: ``lane`` is the arc of the road-wheel angle from the axle
 
 
-def age_s(t_s: float | None, *, now_s: float, settings: ValidationSettings) -> float:
-    """Age of a stamp [s]; inf for None, for a stamp that is not finite, or one in the future."""
-    if t_s is None or not math.isfinite(t_s) or t_s > now_s + settings.clock_tolerance_s:
-        return math.inf
-    return at_least(now_s - t_s, 0.0)
-
-
 def validate(
     name: str,
     estimate: SteeringEstimate | None,
@@ -76,19 +82,18 @@ def validate(
     ``frozen``: the image repeats itself while the car moves, so its lane is not used.
     ``malformed``: the newest message could not be decoded, so ``estimate`` is an older one and counts as broken.
     """
-    age = age_s(estimate.t_s if estimate else None, now_s=now_s, settings=settings)
+    age = settings.age_s(estimate, now_s=now_s)
     if estimate is None or age > settings.lost_s:
         t_s = estimate.t_s if estimate and math.isfinite(age) else math.nan
         return ValidatedEstimate(name, age, t_s, malformed, None, None, math.nan, None, False)
     angle = estimate.kind is EstimateKind.ANGLE
-    lane = arc_of(estimate, settings, wheelbase_m) if angle else lane_of(estimate, settings)
+    lane = _arc_of(estimate, settings, wheelbase_m) if angle else _lane_of(estimate, settings)
     broken = malformed or not 0 <= estimate.confidence <= 1 or (estimate.confidence > 0 and lane is None)
-    two_lanes = _is_of_two_lanes(estimate, settings)
-    usable = (
-        not (broken or frozen or two_lanes)
-        and age <= settings.fresh_s
-        and estimate.confidence >= settings.min_confidence
-    )
+    width_m, widest_m = estimate.lane_width_m, settings.max_unmarked_width_m
+    # Only the edges of a road of more than one lane are measured; so may be an impossible width.
+    two_lanes = estimate.marked is False and width_m is not None and not 0 < width_m <= widest_m
+    usable = not (broken or frozen or two_lanes) and age <= settings.fresh_s
+    usable = usable and estimate.confidence >= settings.min_confidence
     from_memory = estimate.marked is not None and estimate.lanes_detected == 0
     return ValidatedEstimate(
         estimator=name,
@@ -98,13 +103,31 @@ def validate(
         confidence=None if broken else 0.0 if two_lanes else estimate.confidence,
         lane=lane if usable else None,
         lookahead_m=estimate.lookahead_m,
-        width_error_m=_width_error_m(estimate.lane_width_m, settings),
+        width_error_m=_width_error_m(width_m, settings),
         measures_width=usable and not angle and (estimate.lanes_detected > 0 or from_memory),
-        width_m=within(estimate.lane_width_m, settings.max_offset_m) if usable else None,
+        width_m=within(width_m, settings.max_offset_m) if usable else None,
         marked=estimate.marked if usable and not angle else None,
         from_memory=from_memory,
         kind=estimate.kind,
     )
+
+
+def in_own_lane(s: ValidatedEstimate, offset_m: float | None) -> ValidatedEstimate:
+    """``s``, moved by whole lane widths to the lane of the car where it measures a neighbouring one.
+
+    A marking filter may find the two lines of the next lane and report with confidence that the car is a lane's
+    width away from the centre. Lanes of a road are parallel and about equally wide, so that such a lane is evidence
+    of the ego lane, of reduced confidence, if the car is in its lane by the path so far.
+    ``offset_m`` is the offset of the car on that path; None at the beginning, in a lane by assumption.
+    """
+    lane, width_m = s.lane, s.width_m
+    if lane is None or width_m is None or not s.marked or s.width_error_m != 0.0 or s.confidence is None:
+        return s
+    lanes_over = round(lane.offset_m / width_m)
+    if lanes_over == 0 or abs(offset_m or 0.0) > width_m / 2:
+        return s
+    own = lane._replace(offset_m=lane.offset_m - lanes_over * width_m)
+    return s._replace(lane=own, confidence=SHARE * s.confidence)
 
 
 def surest_of_marking(estimates: list[ValidatedEstimate]) -> ValidatedEstimate | None:
@@ -113,7 +136,37 @@ def surest_of_marking(estimates: list[ValidatedEstimate]) -> ValidatedEstimate |
     return max(marking, key=lambda e: e.confidence or 0.0, default=None)
 
 
-def lane_of(estimate: SteeringEstimate, settings: ValidationSettings) -> Lane | None:
+def motion_of(state: VehicleState | None, *, now_s: float, settings: ValidationSettings) -> Motion | None:
+    """The motion of the vehicle; None when its state is missing, stale, or has an impossible number."""
+    if state is None or settings.age_s(state, now_s=now_s) > settings.state_fresh_s:
+        return None
+    speed_mps = within(state.speed_mps, settings.max_speed_mps)
+    yaw_rate_radps = within(state.yaw_rate_radps, settings.max_yaw_rate_radps)
+    wheel_rad = within(state.road_wheel_angle_rad, MAX_ANGLE_RAD)
+    if speed_mps is None or yaw_rate_radps is None or wheel_rad is None:
+        return None
+    return Motion(speed_mps, yaw_rate_radps)
+
+
+def is_frozen(
+    frozen_s: float | None, speed_mps: float | None, *, after_s: float, from_mps: float, if_unknown: bool
+) -> bool:
+    """Whether no new image has come for more than ``after_s`` at a speed of at least ``from_mps``.
+
+    Sensor noise never repeats. ``if_unknown`` stands for a comparison with None or NaN: True where the lane in the
+    image would be used, False where evidence of a frozen camera is needed.
+    """
+    still = if_unknown if frozen_s is None or math.isnan(frozen_s) else frozen_s > after_s
+    moves = if_unknown if speed_mps is None or math.isnan(speed_mps) else abs(speed_mps) >= from_mps
+    return still and moves
+
+
+def within(value: float | None, limit: float) -> float | None:
+    """``value`` if its size is at most ``limit``, else None; NaN fails every comparison."""
+    return value if value is not None and abs(value) <= limit else None
+
+
+def _lane_of(estimate: SteeringEstimate, settings: ValidationSettings) -> Lane | None:
     """The lane at the rear axle; None unless every number is given, finite and possible."""
     offset_m = within(estimate.lateral_offset_m, settings.max_offset_m)
     heading_rad = within(estimate.heading_error_rad, settings.max_heading_rad)
@@ -133,7 +186,7 @@ def lane_of(estimate: SteeringEstimate, settings: ValidationSettings) -> Lane | 
     return None if within(lane.curvature_1pm, settings.max_curvature_1pm) is None else lane
 
 
-def arc_of(estimate: SteeringEstimate, settings: ValidationSettings, wheelbase_m: float) -> Lane | None:
+def _arc_of(estimate: SteeringEstimate, settings: ValidationSettings, wheelbase_m: float) -> Lane | None:
     """The arc from the rear axle that the road-wheel angle δ drives, κ = tan(δ)/L; None for an impossible angle."""
     angle_rad = within(estimate.road_wheel_angle_rad, MAX_ANGLE_RAD)
     if angle_rad is None or not 0 <= estimate.lookahead_m < math.inf:
@@ -142,33 +195,8 @@ def arc_of(estimate: SteeringEstimate, settings: ValidationSettings, wheelbase_m
     return None if curvature_1pm is None else Lane(0.0, 0.0, curvature_1pm, 0.0)
 
 
-def motion_of(state: VehicleState | None, *, now_s: float, settings: ValidationSettings) -> Motion | None:
-    """The motion of the vehicle; None when its state is missing, stale, or has an impossible number."""
-    if state is None or age_s(state.t_s, now_s=now_s, settings=settings) > settings.state_fresh_s:
-        return None
-    speed_mps = within(state.speed_mps, settings.max_speed_mps)
-    yaw_rate_radps = within(state.yaw_rate_radps, settings.max_yaw_rate_radps)
-    wheel_rad = within(state.road_wheel_angle_rad, MAX_ANGLE_RAD)
-    if speed_mps is None or yaw_rate_radps is None or wheel_rad is None:
-        return None
-    return Motion(speed_mps, yaw_rate_radps)
-
-
-def _is_of_two_lanes(estimate: SteeringEstimate, settings: ValidationSettings) -> bool:
-    """Whether only the edges of a road of more than one lane are measured; so may be an impossible width."""
-    width_m = estimate.lane_width_m
-    return (
-        estimate.marked is False and width_m is not None and not 0 < width_m <= settings.max_unmarked_width_m
-    )
-
-
 def _width_error_m(width_m: float | None, settings: ValidationSettings) -> float | None:
     if width_m is None or not math.isfinite(width_m):
         return None
     beyond_m = at_least(settings.min_lane_width_m - width_m, width_m - settings.max_lane_width_m)
     return at_least(beyond_m, 0.0)
-
-
-def within(value: float | None, limit: float) -> float | None:
-    """``value`` if its size is at most ``limit``, else None; NaN fails every comparison."""
-    return value if value is not None and abs(value) <= limit else None

@@ -10,9 +10,9 @@ It is a pure function of the features, like the rules, and takes a few microseco
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
-from supervisor.inputs.frozen import is_frozen
+from supervisor.inputs.validated import is_frozen
 from supervisor.situation.features import Features
 from trepid.causes import Cause
 from trepid.config import Settings
@@ -22,12 +22,14 @@ from trepid.types import Positive, PositiveShare
 class AnalyserSettings(Settings):
     """Section ``analyser`` of ``config/supervisor.yaml``: from where on a number is evidence."""
 
+    former_names: ClassVar = {"frozen_s": ("reported_frozen_s",)}
+
     stale_s: Positive  # age of the newest frame, or of the vehicle's state
     behind_s: Positive  # one estimator behind the other: it has missed a frame
     dark: PositiveShare  # brightness below
     under_exposed: PositiveShare  # share of black pixels above
     over_exposed: PositiveShare  # share of white pixels above
-    frozen_s: Positive  # no new image for longer
+    reported_frozen_s: Positive  # no new image for longer ...
     moving_mps: Positive  # ... while the car moves at least so fast
     blurred: Positive  # sharpness below [grey²]
     flat: PositiveShare  # contrast below
@@ -37,7 +39,7 @@ class AnalyserSettings(Settings):
     unsure: PositiveShare  # confidence below: the road is hard to see
     blind: PositiveShare  # ... the road is not detected
     weak_edges: (
-        PositiveShare  # confidence below which edges without lines, seen by one estimator only, are no road
+        PositiveShare  # confidence below which edges of one estimator only, without lines, are no road
     )
     disagreement_mps2: Positive
     separation_m: Positive
@@ -76,10 +78,6 @@ def _any(*pieces: Evidence) -> Evidence:
     return lambda x, s: any(piece(x, s) for piece in pieces)
 
 
-def _all(*pieces: Evidence) -> Evidence:
-    return lambda x, s: all(piece(x, s) for piece in pieces)
-
-
 def _lost(name: str) -> Evidence:
     return lambda x, s: x[name] is None or not math.isfinite(_number(x[name]))
 
@@ -91,7 +89,9 @@ def _behind(x: Features, s: AnalyserSettings) -> bool:
 
 def _frozen(x: Features, s: AnalyserSettings) -> bool:
     """No new image comes while the car moves."""
-    return is_frozen(x["frozen"], x["speed"], after_s=s.frozen_s, from_mps=s.moving_mps, if_unknown=False)
+    return is_frozen(
+        x["frozen"], x["speed"], after_s=s.reported_frozen_s, from_mps=s.moving_mps, if_unknown=False
+    )
 
 
 def _unseen(x: Features, s: AnalyserSettings) -> bool:
@@ -99,9 +99,18 @@ def _unseen(x: Features, s: AnalyserSettings) -> bool:
     return not _number(x["sight"]) >= s.unsure
 
 
+def _occluded(x: Features, s: AnalyserSettings) -> bool:
+    near = _number(x["lead_distance"]) < s.occluding_m or _number(x["time_gap"]) < s.occluding_s
+    return near and _unseen(x, s)
+
+
+def _without_lines(x: Features, _: AnalyserSettings) -> bool:
+    return _number(x["unmarked"]) > 0.5
+
+
 def _nowhere(x: Features, s: AnalyserSettings) -> bool:
     """No estimator detects a road, or only one does, from weak edges: a field, fallen snow."""
-    weak = _number(x["unmarked"]) > 0.5 and _number(x["sight"]) < s.weak_edges
+    weak = _without_lines(x, s) and _number(x["sight"]) < s.weak_edges
     return _number(x["sight"]) < s.blind or (weak and _number(x["second_confidence"]) < s.blind)
 
 
@@ -126,12 +135,7 @@ SUSPECTS = (
     Suspect(
         Cause.OVER_EXPOSED, "camera", _above("over_exposed", "over_exposed"), "much of the image is white"
     ),
-    Suspect(
-        Cause.FROZEN_CAMERA,
-        "camera",
-        _frozen,
-        "the car moves and no new image comes",
-    ),
+    Suspect(Cause.FROZEN_CAMERA, "camera", _frozen, "the car moves and no new image comes"),
     Suspect(
         Cause.BLURRED,
         "camera",
@@ -139,12 +143,7 @@ SUSPECTS = (
         "no edges and no contrast",
     ),
     Suspect(Cause.DIRTY_LENS, "lens", _above("spots", "spots"), "spots all over the image stand still"),
-    Suspect(
-        Cause.OCCLUDED,
-        "traffic",
-        _all(_unseen, _any(_below("lead_distance", "occluding_m"), _below("time_gap", "occluding_s"))),
-        "the road is hard to see and a vehicle is in the way",
-    ),
+    Suspect(Cause.OCCLUDED, "traffic", _occluded, "the road is hard to see and a vehicle is in the way"),
     Suspect(
         Cause.DISAGREEMENT,
         "perception",
@@ -152,9 +151,7 @@ SUSPECTS = (
         "the estimators measure different roads",
     ),
     Suspect(Cause.NO_ROAD, "road", _nowhere, "no road is measured, or only unconfirmed weak edges"),
-    Suspect(
-        Cause.UNMARKED, "road", lambda x, s: _number(x["unmarked"]) > 0.5, "edges are measured, but no lines"
-    ),
+    Suspect(Cause.UNMARKED, "road", _without_lines, "edges are measured, but no lines"),
     Suspect(Cause.LOW_CONFIDENCE, "road", _unseen, "the road is hard to see"),
 )
 """In the order of causation: the first row with evidence is the cause."""

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from supervisor.inputs.timers import Held
-from supervisor.inputs.validated import ValidationSettings, age_s, within
+from supervisor.inputs.validated import ValidationSettings, within
 from supervisor.path.fusion import Path
 from supervisor.path.hand_over import LEAD
 from supervisor.path.trail import Trail, TrailSettings, fit, max_curvature_rate_1pm2
@@ -74,12 +74,10 @@ def judge_lead(
 
     ``malformed``: the newest message could not be decoded, so ``lead`` is older and only its age counts.
     """
-    if malformed:
-        return Lead(age_s=age_s(lead.t_s if lead else None, now_s=now_s, settings=settings))
-    if lead is None:
-        return Lead(confidence=0.0)
-    age = age_s(lead.t_s, now_s=now_s, settings=settings)
-    if age > settings.fresh_s or not 0 <= lead.confidence <= 1:
+    age = settings.age_s(lead, now_s=now_s)
+    if lead is None and not malformed:
+        return NO_LEAD
+    if lead is None or malformed or age > settings.fresh_s or not 0 <= lead.confidence <= 1:
         return Lead(age_s=age)
     if lead.confidence == 0:
         return Lead(age_s=age, confidence=0.0)

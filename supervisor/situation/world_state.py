@@ -3,13 +3,17 @@
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from supervisor.inputs.beside import in_own_lane
-from supervisor.inputs.consistency import Consistency
-from supervisor.inputs.frozen import is_frozen
+from supervisor.inputs.consistency import Consistency, WeakEdges
 from supervisor.inputs.timers import Stopwatch
-from supervisor.inputs.validated import ValidatedEstimate, ValidationSettings, age_s, motion_of, validate
+from supervisor.inputs.validated import (
+    ValidatedEstimate,
+    ValidationSettings,
+    in_own_lane,
+    is_frozen,
+    motion_of,
+    validate,
+)
 from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
-from supervisor.inputs.weak_edges import WeakEdges
 from supervisor.path.follow import Follower, Following, FollowSettings, Lead, judge_lead
 from supervisor.path.fusion import Fused, Fusion, FusionSettings
 from supervisor.rules.inference import FearRules
@@ -66,18 +70,10 @@ class WorldStateObserver:
     ) -> None:
         self._validation, self._rated_as = validation, rated_as
         self._half_width_m, self._wheelbase_m = vehicle.track_m / 2, vehicle.wheelbase_m
-        self._fusion, self._follower = Fusion(fusion), Follower(follow, vehicle)
+        self._fusion, self.follower = Fusion(fusion), Follower(follow, vehicle)
         self._consistency, self._weak_edges = Consistency(), WeakEdges()
         self._saturated, self._single = Stopwatch(), Stopwatch()
         self._last_motion: Motion | None = None
-
-    def speed_cap_mps(self, lead: Lead) -> float:
-        """Greatest speed behind ``lead`` [m/s], inf without one."""
-        return self._follower.speed_cap_mps(lead)
-
-    def pace_mps(self, lead: Lead) -> float:
-        """Speed below which fear does not slow a vehicle that follows ``lead`` [m/s]; 0 without a trail."""
-        return self._follower.pace_mps(lead)
 
     def step(
         self,
@@ -99,12 +95,30 @@ class WorldStateObserver:
         motion = None if STATE in malformed else motion_of(state, now_s=now_s, settings=limits)
         self._last_motion = moving = motion or self._last_motion
         ahead = judge_lead(lead, motion, now_s=now_s, settings=limits, malformed=LEAD in malformed)
-        statistics_age_s = age_s(statistics.t_s if statistics else None, now_s=now_s, settings=limits)
+        statistics_age_s = limits.age_s(statistics, now_s=now_s)
         valid = statistics_age_s <= limits.fresh_s and STATISTICS not in malformed
         fresh = statistics if valid else None
-        frozen = self._is_frozen(fresh, moving)
-        seen = self._validated(estimates, now_s=now_s, frozen=frozen, malformed=malformed)
-        state_age_s = age_s(state.t_s if state else None, now_s=now_s, settings=limits)
+        frozen = fresh is not None and is_frozen(  # also where the vehicle may move
+            fresh.frozen_s,
+            moving and moving.speed_mps,
+            after_s=limits.unused_frozen_s,
+            from_mps=limits.moving_mps,
+            if_unknown=True,
+        )
+        before_m = self._fusion.offset_m
+        seen = []
+        for name, estimate in estimates.items():
+            validated = validate(
+                name,
+                estimate,
+                now_s=now_s,
+                settings=limits,
+                wheelbase_m=self._wheelbase_m,
+                frozen=frozen,
+                malformed=name in malformed,
+            )
+            seen.append(in_own_lane(validated, before_m))
+        state_age_s = limits.age_s(state, now_s=now_s)
         rated = rating_names(seen, rules, self._rated_as)
         early = early_features(
             seen,
@@ -132,48 +146,19 @@ class WorldStateObserver:
             half_width_m=self._half_width_m,
         )
         road = fused.path if fused.sources else None
-        trail = self._follower.step(ahead, road, moving, now_s=now_s)
-        near = self._follower.is_near(ahead, moving)
         return WorldState(
-            seen, ahead, motion, moving, state_age_s, statistics_age_s, trust, fused, trail, near, inputs
+            estimates=seen,
+            ahead=ahead,
+            motion=motion,
+            last_motion=moving,
+            state_age_s=state_age_s,
+            statistics_age_s=statistics_age_s,
+            trust=trust,
+            fused=fused,
+            trail=self.follower.step(ahead, road, moving, now_s=now_s),
+            near=self.follower.is_near(ahead, moving),
+            features=inputs,
         )
-
-    def _is_frozen(self, statistics: ImageStatistics | None, motion: Motion | None) -> bool:
-        """True while the vehicle moves, or may move, and the image does not change."""
-        limits = self._validation
-        return statistics is not None and is_frozen(
-            statistics.frozen_s,
-            None if motion is None else motion.speed_mps,
-            after_s=limits.frozen_s,
-            from_mps=limits.frozen_speed_mps,
-            if_unknown=True,
-        )
-
-    def _validated(
-        self,
-        estimates: Mapping[str, SteeringEstimate | None],
-        *,
-        now_s: float,
-        frozen: bool,
-        malformed: Collection[str],
-    ) -> list[ValidatedEstimate]:
-        """The estimates, judged by age and plausibility, and moved to the lane of the vehicle."""
-        before_m = self._fusion.offset_m
-        return [
-            in_own_lane(
-                validate(
-                    name,
-                    estimate,
-                    now_s=now_s,
-                    settings=self._validation,
-                    wheelbase_m=self._wheelbase_m,
-                    frozen=frozen,
-                    malformed=name in malformed,
-                ),
-                before_m,
-            )
-            for name, estimate in estimates.items()
-        ]
 
 
 def unknown_features(names: tuple[str, ...]) -> list[str]:

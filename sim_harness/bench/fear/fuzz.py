@@ -88,7 +88,7 @@ class Afraid:
     def fear(self, whole: Messages, broken: Messages) -> float:
         """Fear at the last of a few frames, of which only the last is ``broken``."""
         s = self._settings
-        observer = WorldStateObserver(s.sightings, s.fusion, s.follow, self._vehicle)
+        observer = WorldStateObserver(s.validation, s.fusion, s.follow, self._vehicle)
         for number in range(WARM_UP + 1):
             messages = broken if number == WARM_UP else whole
             t_s = PERIOD_S * number

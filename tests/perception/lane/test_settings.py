@@ -1,6 +1,6 @@
 import pytest
 
-from perception.lane.settings import RENAMED, LaneCvSettings
+from perception.lane.settings import LaneCvSettings
 from trepid.config import CONFIG_DIR, InputError, load
 
 
@@ -12,13 +12,13 @@ def config_with(tmp_path, *, added: str = "", removed: tuple[str, ...] = ()):
     return path
 
 
-@pytest.mark.parametrize("former", RENAMED)
-def test_a_former_name_of_a_limit_sets_the_fields_of_today_with_a_warning(former, tmp_path, capsys):
-    path = config_with(tmp_path, added=f"{former}: 0.42", removed=RENAMED[former])
+@pytest.mark.parametrize(("former", "names"), LaneCvSettings.former_names.items())
+def test_a_former_name_of_a_limit_sets_the_fields_of_today_with_a_warning(former, names, tmp_path, capsys):
+    path = config_with(tmp_path, added=f"{former}: 0.42", removed=names)
     settings = load(path, LaneCvSettings)
-    assert [getattr(settings, name) for name in RENAMED[former]] == [0.42] * len(RENAMED[former])
+    assert [getattr(settings, name) for name in names] == [0.42] * len(names)
     warning = capsys.readouterr().err
-    assert all(name in warning for name in (former, *RENAMED[former]))
+    assert all(name in warning for name in (former, *names))
 
 
 def test_the_shipped_file_has_no_former_names(capsys):

@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from supervisor.inputs.beside import SHARE, in_own_lane
-from supervisor.inputs.validated import ValidatedEstimate
+from supervisor.inputs.validated import SHARE, ValidatedEstimate, in_own_lane
 from trepid.clothoid import Lane
 
 WIDTH_M = 3.5

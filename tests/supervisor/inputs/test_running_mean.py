@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supervisor.inputs.running_mean import RunningMean
+from supervisor.inputs.consistency import RunningMean
 
 VALUES = st.lists(st.floats(0.0, 10.0), min_size=1, max_size=20)
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from supervisor_rig import ESTIMATE
@@ -10,7 +11,7 @@ from supervisor.inputs.validated import validate
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, load
 
-LIMITS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).sightings
+LIMITS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).validation
 
 
 @pytest.mark.parametrize(
@@ -41,3 +42,17 @@ def test_a_remembered_lane_has_a_width_and_an_estimator_without_boundaries_has_n
     assert found.width_error_m == pytest.approx(LIMITS.min_lane_width_m - 2.0)
     whole = validate("cnn", replace(remembered, marked=None), now_s=1.04, settings=LIMITS, wheelbase_m=1.75)
     assert (whole.from_memory, whole.measures_width) == (False, False)
+
+
+def test_the_former_names_of_settings_still_work_with_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, text = tmp_path / "supervisor.yaml", (CONFIG_DIR / "supervisor.yaml").read_text(encoding="utf-8")
+    former = {"validation:": "sightings:", "unused_frozen_s: 0.1": "frozen_s: 0.12"}
+    for name, other in former.items():
+        assert name in text
+        text = text.replace(name, other)
+    path.write_text(text, encoding="utf-8")
+    assert load(path, SupervisorSettings).validation == LIMITS.model_copy(update={"unused_frozen_s": 0.12})
+    warnings = capsys.readouterr().err
+    assert "sightings is now validation" in warnings and "frozen_s is now unused_frozen_s" in warnings

@@ -23,7 +23,7 @@ TENTHS = st.integers(0, 120).map(lambda n: n / 10)
 
 
 def judged(message: LeadVehicle | None, *, speed_mps: float = 8.0, now_s: float = 0.0) -> Lead:
-    return judge_lead(message, Motion(speed_mps, 0.0), now_s=now_s, settings=SETTINGS.sightings)
+    return judge_lead(message, Motion(speed_mps, 0.0), now_s=now_s, settings=SETTINGS.validation)
 
 
 def lead(
