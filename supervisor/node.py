@@ -1,14 +1,15 @@
 """Supervisor process: one decision per camera frame, and at least one every IDLE_PERIOD_S without frames."""
 
+from collections import deque
 from pathlib import Path
 from typing import Any
 
 from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
-from supervisor.rules.reload import Announcement, RuleWatch, taken_over
+from supervisor.rules.reload import RuleWatch
 from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
 from trepid.messages import Health, SteeringEstimate
-from trepid.processes.process import Process, process
+from trepid.processes.process import Process, Values, process
 from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 
 IDLE_PERIOD_S = 0.05  # decide at least this often
@@ -31,8 +32,8 @@ def decide(me: Process, supervisor: Supervisor, changes: RuleWatch) -> None:
     inputs: dict[str, Latest[Any]] = {**estimates, STATISTICS: statistics, LEAD: lead, STATE: state}
     send = me.bus.publisher(DECISION)
     health = Health.OK, ""
-    announcement = Announcement()
-    me.ready(values=announcement.values)
+    adopted: deque[Values] = deque(maxlen=1)  # rules that the next heartbeat reports
+    me.ready(values=lambda: adopted.popleft() if adopted else ())
     decided_s = me.now_s()
     first_s: float | None = None  # when the first estimate since the last decision came
     while me.running():
@@ -55,11 +56,11 @@ def decide(me: Process, supervisor: Supervisor, changes: RuleWatch) -> None:
         )
         send(decision)
         decided_s, first_s = now_s, None
-        news = changes.take()
-        if news is not None:
-            health = taken_over(news, supervisor.adopt)
+        change = changes.take()
+        if change is not None:
+            health = change.adopted(supervisor.adopt)
             if health[0] is Health.OK:
-                announcement.of(news, from_s=now_s)
+                adopted.append(change.values(from_s=now_s))
         me.stepped(*health)
 
 

@@ -13,7 +13,6 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple
 
 import watchfiles
@@ -28,15 +27,29 @@ TIMEOUT_S = 60.0  # greatest time to read a file: usually about a second, ten on
 SETTLE_MS = 100  # an editor writes a file in several steps
 POLL_MS = 1000  # for file systems that report no changes
 NICENESS = 5
-FROM_S, TEXT = "rules_from_s", "rules"  # values of the diagnostics that announce changed rules
+FROM_S, TEXT = "rules_from_s", "rules"  # values of the diagnostics about changed rules
 
 
-class News(NamedTuple):
-    """The result of reading a changed file."""
+class RuleChange(NamedTuple):
+    """A changed rule file after reading and verification."""
 
     rules: FearRules | None  # None: the file is refused
-    complaint: str  # the error; "" for a good file
+    error: str  # "" for a good file
     text: str = ""  # of the rules
+
+    def values(self, *, from_s: float) -> Values:
+        """For a heartbeat, which carries the text into the recording: decisions after ``from_s`` use the rules."""
+        return ((FROM_S, repr(from_s)), (TEXT, self.text))
+
+    def adopted(self, adopt: Callable[[FearRules], None]) -> tuple[Health, str]:
+        """Pass good rules to ``adopt``; return health and message for the diagnostics topic."""
+        error = self.error
+        if self.rules is not None:
+            try:
+                adopt(self.rules)
+            except InputError as refusal:
+                error = str(refusal)
+        return (Health.WARN, f"old rules kept: {error}") if error else (Health.OK, "drives by changed rules")
 
 
 class RuleWatch:
@@ -44,7 +57,7 @@ class RuleWatch:
 
     def __init__(self, path: Path) -> None:
         self._path = path.resolve()
-        self._news: deque[News] = deque(maxlen=1)  # the latest counts
+        self._changes: deque[RuleChange] = deque(maxlen=1)  # the latest counts
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="rule-watch", daemon=True)
 
@@ -53,15 +66,13 @@ class RuleWatch:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._thread.join(TIMEOUT_S)
 
-    def take(self) -> News | None:
+    def take(self) -> RuleChange | None:
         """The result of the last change, once; None without a change."""
-        return self._news.popleft() if self._news else None
+        return self._changes.popleft() if self._changes else None
 
     def _watch(self) -> None:
         try:
@@ -76,13 +87,13 @@ class RuleWatch:
             ):
                 self._poll()
         except (OSError, RuntimeError) as error:  # the limit of watches is reached, or the folder is gone
-            self._news.append(News(None, f"{self._path.parent} cannot be watched: {error}"))
+            self._changes.append(RuleChange(None, f"{self._path.parent} cannot be watched: {error}"))
 
     def _poll(self) -> None:
         text = _text(self._path)
         if text != self._text:
             self._text = text
-            self._news.append(reread(self._path))
+            self._changes.append(reread(self._path))
 
 
 def _text(path: Path) -> str | None:
@@ -92,47 +103,20 @@ def _text(path: Path) -> str | None:
         return None  # missing at the moment, or unreadable: reread reports the error
 
 
-def reread(path: Path) -> News:
+def reread(path: Path) -> RuleChange:
     """The rules in the file at ``path``, read and verified by another process."""
     command = [sys.executable, "-m", "supervisor.rules.reload", str(path)]
     try:
         done = subprocess.run(command, cwd=ROOT, capture_output=True, timeout=TIMEOUT_S, check=False)
     except subprocess.TimeoutExpired:
-        return News(None, f"{path}: takes longer than {TIMEOUT_S:.0f} s to read")
+        return RuleChange(None, f"{path}: takes longer than {TIMEOUT_S:.0f} s to read")
     if done.returncode:
         lines = done.stderr.decode(errors="replace").strip().splitlines()
-        return News(None, lines[-1] if lines else f"{path}: reading it ended with code {done.returncode}")
+        return RuleChange(
+            None, lines[-1] if lines else f"{path}: reading it ended with code {done.returncode}"
+        )
     rules, text = pickle.loads(done.stdout)
-    return News(rules, "", text)
-
-
-class Announcement:
-    """Adopted rules, reported once: the next heartbeat carries their text into the recording."""
-
-    def __init__(self) -> None:
-        self._values: Values = ()
-
-    def of(self, news: News, *, from_s: float) -> None:
-        """Decisions after ``from_s`` use the rules in ``news``."""
-        self._values = ((FROM_S, repr(from_s)), (TEXT, news.text))
-
-    def values(self) -> Values:
-        """The values of the next heartbeat; empty afterwards."""
-        values, self._values = self._values, ()
-        return values
-
-
-def taken_over(news: News, adopt: Callable[[FearRules], None]) -> tuple[Health, str]:
-    """Pass good rules to ``adopt``; return health and message for the diagnostics topic."""
-    complaint = news.complaint
-    if news.rules is not None:
-        try:
-            adopt(news.rules)
-        except InputError as error:
-            complaint = str(error)
-    return (
-        (Health.WARN, f"old rules kept: {complaint}") if complaint else (Health.OK, "drives by changed rules")
-    )
+    return RuleChange(rules, "", text)
 
 
 def main() -> int:

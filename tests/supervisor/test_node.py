@@ -8,7 +8,10 @@ import pytest
 from supervisor_rig import ESTIMATE, STATE, STATISTICS
 
 from supervisor.node import decide
+from supervisor.rules.inference import FearRules
+from supervisor.rules.reload import RuleChange
 from supervisor.supervisor import build
+from trepid.config import CONFIG_DIR
 from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 
 
@@ -26,8 +29,8 @@ class Input:
         return self.message
 
 
-def fear_of_one_decision(broken: str | None) -> float:
-    """Fear when the newest message on the key ``broken`` could not be decoded."""
+def one_decision(broken: str | None = None, change: RuleChange | None = None) -> tuple[Any, list[Any]]:
+    """The decision when the newest message on the key ``broken`` could not be decoded; values of two heartbeats."""
     inputs = {
         estimate_topic("cv").key: Input(ESTIMATE),
         estimate_topic("cnn").key: Input(replace(ESTIMATE, estimator="cnn")),
@@ -38,6 +41,7 @@ def fear_of_one_decision(broken: str | None) -> float:
     if broken is not None:
         inputs[broken].broken = True
     sent: list[Any] = []
+    further: list[Any] = []
     bus = SimpleNamespace(
         latest=lambda topic: inputs[topic.key],
         publisher=lambda topic: sent.append if topic is DECISION else None,
@@ -48,17 +52,22 @@ def fear_of_one_decision(broken: str | None) -> float:
         options={"estimators": ["cv", "cnn"]},
         now_s=lambda: 0.0,
         running=lambda: not sent,
-        ready=lambda values: None,
+        ready=lambda *, values: further.append(values),
         stepped=lambda health, message: None,
     )
-    decide(me, build(), SimpleNamespace(take=lambda: None))  # type: ignore[arg-type]
-    fear: float = sent[0].fear
-    return fear
+    decide(me, build(), SimpleNamespace(take=lambda: change))  # type: ignore[arg-type]
+    return sent[0], [further[0](), further[0]()]
 
 
 @pytest.mark.parametrize(
     "topic", [estimate_topic("cv"), estimate_topic("cnn"), IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE]
 )
 def test_a_malformed_message_on_any_input_raises_fear_to_one(topic: Any) -> None:
-    assert fear_of_one_decision(None) < 0.5
-    assert fear_of_one_decision(topic.key) == 1
+    assert one_decision()[0].fear < 0.5
+    assert one_decision(broken=topic.key)[0].fear == 1
+
+
+def test_adopted_rules_are_reported_by_one_heartbeat() -> None:
+    change = RuleChange(FearRules.load(CONFIG_DIR / "fear.yaml"), "", "the text")
+    assert one_decision(change=change)[1] == [(("rules_from_s", "0.0"), ("rules", "the text")), ()]
+    assert one_decision(change=RuleChange(None, "refused"))[1] == [(), ()]

@@ -7,7 +7,7 @@ from supervisor_rig import ESTIMATE, Drive
 
 from cockpit.logbook.recall import recall
 from supervisor.rules.inference import FearRules
-from supervisor.rules.reload import Announcement, News
+from supervisor.rules.reload import RuleChange
 from trepid.config import CONFIG_DIR
 from trepid.messages import Diagnostic, Health
 from trepid.recording.writer import Recording
@@ -22,7 +22,7 @@ EDGES = replace(ESTIMATE, marked=False)
 def record_a_change(path: Path) -> None:
     changed = path.with_name("other.yaml")
     changed.write_text(OTHER, encoding="utf-8")
-    drive, announcement = Drive.under_way(), Announcement()
+    drive = Drive.under_way()
     with Recording(path, [SHIPPED]) as file:
 
         def drive_on(frames: int) -> None:
@@ -33,17 +33,15 @@ def record_a_change(path: Path) -> None:
         drive_on(5)
         rules = FearRules.load(changed)
         drive.supervisor.adopt(rules)
-        announcement.of(News(rules, "", OTHER), from_s=drive.now_s)
         diagnostic = Diagnostic(
             t_s=drive.now_s,
             process="supervisor",
             health=Health.OK,
             message="",
-            values=announcement.values(),
+            values=RuleChange(rules, "", OTHER).values(from_s=drive.now_s),
         )
         file.add(DIAGNOSTICS.key, to_cdr(diagnostic), at_s=drive.now_s)
         drive_on(5)
-    assert announcement.values() == (), "it is announced once"
 
 
 def test_every_decision_is_explained_by_its_own_rules(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from supervisor.rules.inference import FearRules
-from supervisor.rules.reload import News, RuleWatch, reread, taken_over
+from supervisor.rules.reload import RuleChange, RuleWatch, reread
 from supervisor.supervisor import build
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
@@ -41,35 +41,36 @@ def until(condition: Callable[[], object], *, patience_s: float = 90) -> bool:
 
 def test_valid_rules_come_back_compiled_and_give_the_same_result_as_rules_loaded_here(path: Path) -> None:
     path.write_text(MARKED, encoding="utf-8")
-    news, here = reread(path), FearRules.load(path)
-    assert news.rules is not None
-    assert news.complaint == ""
+    change, here = reread(path), FearRules.load(path)
+    assert change.rules is not None
+    assert change.error == ""
     for values in ({}, {name: spec.calmest for name, spec in here.inputs.items()}):
-        assert news.rules.evaluate(values) == here.evaluate(values)
+        assert change.rules.evaluate(values) == here.evaluate(values)
 
 
 def test_rules_that_could_not_drive_come_back_as_one_line(path: Path) -> None:
     always = SHIPPED.replace("rules:\n", "rules:\n  - if speed is very_low then fear is high\n", 1)
     path.write_text(always, encoding="utf-8")
-    news = reread(path)
-    assert news.rules is None
-    assert news.complaint.startswith(f"{path}:")
-    assert "always fires" in news.complaint
-    assert "\n" not in news.complaint
+    change = reread(path)
+    assert change.rules is None
+    assert change.error.startswith(f"{path}:")
+    assert "always fires" in change.error
+    assert "\n" not in change.error
 
 
 def test_valid_rules_are_handed_over_and_invalid_rules_are_reported() -> None:
     adopted: list[FearRules] = []
     rules = FearRules.load(CONFIG_DIR / "fear.yaml")
-    assert taken_over(News(rules, ""), adopted.append) == (Health.OK, "drives by changed rules")
-    assert taken_over(News(None, "f:1:1: no"), adopted.append) == (Health.WARN, "old rules kept: f:1:1: no")
+    assert RuleChange(rules, "").adopted(adopted.append) == (Health.OK, "drives by changed rules")
+    refused = RuleChange(None, "f:1:1: no").adopted(adopted.append)
+    assert refused == (Health.WARN, "old rules kept: f:1:1: no")
     assert adopted == [rules]
 
 
 def test_rules_about_an_unmeasured_input_are_refused_and_the_old_rules_stay(path: Path) -> None:
     supervisor = build()
     path.write_text(SHIPPED.replace("state_age", "moon_phase"), encoding="utf-8")
-    health, message = taken_over(reread(path), supervisor.adopt)
+    health, message = reread(path).adopted(supervisor.adopt)
     assert health is Health.WARN
     assert "unknown input 'moon_phase'" in message
     decision = supervisor.step({}, None, None, None, now_s=0.0)
@@ -80,9 +81,9 @@ def test_the_watch_reports_every_change_once_and_ends_with_its_thread(path: Path
     with RuleWatch(path) as watch:
         assert watch.take() is None
         path.write_text(TYPO, encoding="utf-8")
-        found: list[News] = []
+        found: list[RuleChange] = []
         assert until(lambda: found.extend(filter(None, [watch.take()])) or found)
-        assert "did you mean 'state_age'?" in found[0].complaint
+        assert "did you mean 'state_age'?" in found[0].error
         other = path.with_suffix(".new")  # as editors do it
         other.write_text(MARKED, encoding="utf-8")
         other.replace(path)
