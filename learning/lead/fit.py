@@ -23,12 +23,7 @@ NEAR_STEPS = 2.5
 
 
 def fit(
-    strips: Strips,
-    vehicles: NDArray[np.float32],
-    *,
-    epochs: int,
-    seed: int,
-    report: Callable[[str], None],
+    strips: Strips, vehicles: NDArray[np.float32], *, epochs: int, seed: int, report: Callable[[str], None]
 ) -> LeadNetwork:
     """A network fitted to frames (n, STRIPS, ROWS, COLUMNS, 3) and their vehicles (n, m, LABEL).
 

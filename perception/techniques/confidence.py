@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from perception.techniques.image.picture import Boundaries, Features, Kind, MeasuredLane, View
+from perception.techniques.image.picture import Boundaries, Evidence, Kind, MeasuredLane
 from perception.techniques.recipe import Recipe
 
 RESIDUAL_M = 0.15  # scatter of the evidence that halves the score: the width of a line
@@ -17,7 +17,7 @@ MURKY, CLEAR = 0.45, 0.85  # shares of the features on the boundaries; white noi
 
 def lane_score(boundaries: Boundaries, measured: MeasuredLane, recipe: Recipe) -> float:
     """0..1: support × small residual × plausible width × a lane that contains the vehicle, now and ahead."""
-    sides = [side for side in (boundaries.left, boundaries.right) if side is not None]
+    sides = [side for side, _ in boundaries.found]
     support = math.prod(side.support for side in sides) ** (1 / len(sides))
     residual = max(side.residual_m for side in sides)
     fits = 1 / (1 + (residual / RESIDUAL_M) ** 2)
@@ -30,16 +30,16 @@ def lane_score(boundaries: Boundaries, measured: MeasuredLane, recipe: Recipe) -
     return min(1.0, support) * fits * plausible * inside
 
 
-def clarity(features: Features, view: View, boundaries: Boundaries) -> float:
+def clarity(evidence: Evidence, boundaries: Boundaries) -> float:
     """0..1: how empty the lane is of the features of its boundaries; noise and texture fill it, paint does not.
 
     With the shares of line features up to ``CLEAR_TO_M`` ahead that lie on the boundaries, a, and between them or
     on the lane side of a single one, b: a/(a + b), scaled from ``MURKY`` (0) to ``CLEAR`` (1). 1 for regions.
     """
-    if features.kind is not Kind.LINE or not boundaries.seen:
+    if evidence.features.kind is not Kind.LINE or not boundaries.seen:
         return 1.0
-    rows, columns = np.nonzero(features.response)
-    x_m, y_m = view.ground(np.column_stack([columns, rows])).T
+    rows, columns = np.nonzero(evidence.features.response)
+    x_m, y_m = evidence.view.ground(np.column_stack([columns, rows])).T
     ahead = (x_m > 0) & (x_m < CLEAR_TO_M)
     to_right, to_left = np.full(len(x_m), WIDE_M / 2), np.full(len(x_m), WIDE_M / 2)
     if boundaries.left is not None:

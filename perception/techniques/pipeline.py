@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.lane.view import as_bgr, unusable
-from perception.techniques.boundaries.pixel_path import boundary_path
 from perception.techniques.confidence import clarity, lane_score
 from perception.techniques.image.picture import (
     Boundaries,
+    Boundary,
+    Evidence,
     Features,
     MeasuredLane,
     Motion,
@@ -26,12 +27,13 @@ from perception.techniques.recipe import Recipe, Stage
 from perception.techniques.steering.lane import pursuit
 from perception.techniques.steering.rule import RuleAngle
 from trepid.camera import Camera
-from trepid.messages import Frame, SteeringEstimate, VehicleState
-from trepid.types import Image, Mask
+from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
+from trepid.types import Array, Image, Mask
 from trepid.vehicle import Vehicle
 
 WORKING_WIDTH_PX = 320  # as the default estimator, so that times compare
 LOOKAHEAD_M = 8.0  # where the curvature of the estimate holds, as config/perception.yaml
+ROW_STEP_PX = 10  # between the points of a boundary in the input image
 MAX_GAP_S = 1.0  # longest time between frames over which boundaries are predicted
 
 
@@ -63,13 +65,15 @@ class Pipeline:
             return self._nothing(frame.t_s, "no pixel of the image shows the road")
         motion = self._motion(frame.t_s, state)
         predicted = moved(self._last, motion) if self._last is not None else None
-        boundaries, evidence = self._boundaries(picture, view, predicted, motion.speed_mps)
+        evidence = self._evidence(picture, view, predicted, motion.speed_mps)
+        boundaries: Boundaries = self._model(evidence)
+        clear = clarity(evidence, boundaries)
         for track in self._track:
             boundaries = track(boundaries, motion)
         self._last, self._last_t_s = (boundaries if boundaries.seen else None), frame.t_s
         measured: MeasuredLane | None = self._state(boundaries, view)
         if measured is not None:
-            self._score = self._recipe.trust * evidence * lane_score(boundaries, measured, self._recipe)
+            self._score = self._recipe.trust * clear * lane_score(boundaries, measured, self._recipe)
         if self._rule is not None:
             return self._angle_estimate(frame.t_s, boundaries, self._rule(boundaries, view, motion.dt_s))
         return self._lane_estimate(frame.t_s, boundaries, measured)
@@ -100,10 +104,10 @@ class Pipeline:
         speed, rate = (state.speed_mps, state.yaw_rate_radps) if state else (None, None)
         return Motion(dt_s, _finite(speed), _finite(rate))
 
-    def _boundaries(
+    def _evidence(
         self, picture: Image, view: View, predicted: Boundaries | None, speed_mps: float | None
-    ) -> tuple[Boundaries, float]:
-        """Prepared picture → features → without outliers → boundaries on the road, and their clarity."""
+    ) -> Evidence:
+        """The features of the prepared picture without outliers."""
         mask: Mask | None = None
         for kind, call in self._before:
             if kind == "prepare":
@@ -115,12 +119,11 @@ class Pipeline:
                 picture, view, mask = _within(call(view, predicted, speed_mps), picture, view, mask)
         features = _all_of([call(picture, view) for call in self._features])
         if mask is not None:
-            response = np.where(mask, features.response, features.response.dtype.type(0))
-            features = replace(features, response=response)
+            features = features.where(mask)
+        evidence = Evidence(features, view, predicted, self._rng)
         for call in self._outliers:
-            features = call(features, view, predicted)
-        boundaries: Boundaries = self._model(features, view, predicted, self._rng)
-        return boundaries, clarity(features, view, boundaries)
+            evidence = replace(evidence, features=call(evidence))
+        return evidence
 
     def _lane_estimate(
         self, t_s: float, boundaries: Boundaries, measured: MeasuredLane | None
@@ -165,9 +168,9 @@ class Pipeline:
         )
 
     def _nothing(self, t_s: float, reason: str) -> SteeringEstimate:
-        recipe = self._recipe
+        name, kind = self._recipe.name, self._recipe.kind
         return SteeringEstimate.nothing(
-            t_s, estimator=recipe.name, lookahead_m=LOOKAHEAD_M, reason=reason, kind=recipe.kind
+            t_s, estimator=name, lookahead_m=LOOKAHEAD_M, reason=reason, kind=kind
         )
 
 
@@ -195,3 +198,30 @@ def _all_of(features: list[Features]) -> Features:
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
+
+
+def boundary_path(boundary: Boundary | None, camera: Camera) -> PixelPath:
+    """Pixels (x, y) of the boundary in the distorted input image, one every ten rows from the bottom up."""
+    if boundary is None:
+        return ()
+    pixels = _distorted(np.column_stack([boundary.x_m, boundary.y_m]), camera)
+    if len(pixels) < 2:
+        return ()
+    rows = np.arange(camera.height_px // ROW_STEP_PX * ROW_STEP_PX, -1.0, -ROW_STEP_PX)
+    order = np.argsort(pixels[:, 1])
+    columns = np.interp(rows, pixels[order, 1], pixels[order, 0], left=np.nan, right=np.nan)
+    near = (columns >= -camera.width_px) & (columns < 2 * camera.width_px)  # NaN is not near
+    return tuple(zip(columns[near].tolist(), rows[near].tolist(), strict=True))
+
+
+def _distorted(ground_m: Array, camera: Camera) -> Array:
+    """Pixels, shape (n, 2), of the road points that lie ahead of the camera, with lens distortion."""
+    points = np.column_stack([ground_m - [camera.x_m, camera.y_m], np.full(len(ground_m), -camera.height_m)])
+    rays = points @ camera.optical_from_vehicle.T
+    rays = rays[rays[:, 2] > 0.1]
+    if not len(rays):
+        return np.empty((0, 2))
+    zero = np.zeros(3)
+    distortion = np.array(camera.distortion or [0.0] * 4)
+    pixels, _ = cv2.projectPoints(rays, zero, zero, camera.intrinsics, distortion)
+    return np.asarray(pixels, float).reshape(-1, 2)

@@ -8,160 +8,122 @@ settings are those of its constructor, and its ``step`` is called.
 ``warp``      ``(image, view) -> (image, view)``: another picture of the same road
 ``region``    ``(view, predicted, speed_mps) -> Region``: the picture is cut to its box, features to its mask
 ``features``  ``(image, view) -> Features``; several are joined by "and"
-``outliers``  ``(features, view, predicted) -> Features``
-``model``     ``(features, view, predicted, rng) -> Boundaries``
+``outliers``  ``(evidence) -> Features``
+``model``     ``(evidence) -> Boundaries``
 ``track``     ``step(boundaries, motion) -> Boundaries``
 ``state``     ``(boundaries, view) -> MeasuredLane | None``
 ``steer``     ``(lane, wheelbase_m) -> float``: the road-wheel angle [rad], + left, of a lane state
 ``rule``      ``(boundaries, view, dt_s) -> RuleAngle | None``: a printed steering rule
 ============  ==========================================================================================
 
-``predicted``: the boundaries of the last frame in the present vehicle frame; None without any. ``view`` of
-``state`` and ``rule`` is that of the whole working image. ``prepare``, ``warp`` and ``region`` may come in any
-order before the features; ``track`` may be left out; several trackers are chained. A pipeline has a ``steer`` or a
-``rule``, not both; without either it steers by ``pursuit``. The estimate of a pipeline with a ``rule`` is of kind
-``angle``: its lane state only goes into its confidence.
+``view`` of ``state`` and ``rule`` is that of the whole working image. ``prepare``, ``warp`` and ``region`` may come
+in any order before the features; ``track`` may be left out; several trackers are chained. A pipeline has a
+``steer`` or a ``rule``, not both; without either it steers by ``pursuit``. The estimate of a pipeline with a
+``rule`` is of kind ``angle``: its lane state only goes into its confidence.
 """
 
 from collections.abc import Callable
 from typing import Any
 
-from perception.techniques.boundaries.bezier import ransac_bezier
-from perception.techniques.boundaries.curves import (
-    histogram_cubic,
-    hough_standard,
-    hyperbola,
-    near_line_far_parabola,
-    pchip,
+from perception.techniques.boundaries import (
+    bezier,
+    curves,
+    ground_curve,
+    lines,
+    orientation,
+    outliers,
+    ransac,
 )
-from perception.techniques.boundaries.ground_curve import ground_curve
-from perception.techniques.boundaries.lines import hough
-from perception.techniques.boundaries.orientation import dominant_edges, gabor
-from perception.techniques.boundaries.outliers import (
-    along_road,
-    as_wide_as_paint,
-    clusters,
-    middle_to_side,
-    near_prediction,
-    outline,
-    patch_component,
+from perception.techniques.image import (
+    colour,
+    edges,
+    light,
+    region,
+    shadow,
+    smoothing,
+    stripes,
+    surface,
+    warp,
 )
-from perception.techniques.boundaries.ransac import (
-    ransac_bspline,
-    ransac_line,
-    ransac_parabola,
-    straight_curve,
-)
-from perception.techniques.image.colour import adaptive_grey, binary, channel, grey
-from perception.techniques.image.edges import canny, canny_auto, edlines, prewitt, sobel
-from perception.techniques.image.light import clahe, low_light, match_histogram
-from perception.techniques.image.region import roi_fixed, roi_speed, roi_tracked
-from perception.techniques.image.shadow import without_shadows
-from perception.techniques.image.smoothing import gaussian, gaussian_auto, high_pass, median, median_auto
-from perception.techniques.image.stripes import (
-    dark_bright_dark,
-    mser_blue,
-    oriented,
-    paint_colour,
-    top_hat,
-    wavelet,
-)
-from perception.techniques.image.surface import brightness, patch_colour, texture
-from perception.techniques.image.warp import BirdEyeSelf, area_resize, bird_eye
-from perception.techniques.steering.abdelrahman import Abdelrahman
-from perception.techniques.steering.dev import dev
-from perception.techniques.steering.lane import exact_pair, pursuit
-from perception.techniques.steering.sujatha import Sujatha
-from perception.techniques.steering.tu import Tu
-from perception.techniques.steering.umamaheswari import Umamaheswari
-from perception.techniques.tracking.kalman import Extended, Kalman, Unscented
-from perception.techniques.tracking.sampled import Bayes, Particles
+from perception.techniques.steering import abdelrahman, centre_line, lane, sujatha, umamaheswari
+from perception.techniques.tracking import kalman, sampled
 
-Table = dict[str, Callable[..., Any]]
-
-PREPARE: Table = {
-    "grey": grey,
-    "channel": channel,
-    "adaptive_grey": adaptive_grey,
-    "binary": binary,
-    "gaussian": gaussian,
-    "gaussian_auto": gaussian_auto,
-    "median": median,
-    "median_auto": median_auto,
-    "high_pass": high_pass,
-    "clahe": clahe,
-    "low_light": low_light,
-    "match_histogram": match_histogram,
-    "without_shadows": without_shadows,
-    "wavelet": wavelet,
-}
-WARP: Table = {"area_resize": area_resize, "bird_eye": bird_eye, "bird_eye_self": BirdEyeSelf}
-REGION: Table = {"roi_fixed": roi_fixed, "roi_tracked": roi_tracked, "roi_speed": roi_speed}
-FEATURES: Table = {
-    "canny": canny,
-    "canny_auto": canny_auto,
-    "sobel": sobel,
-    "prewitt": prewitt,
-    "edlines": edlines,
-    "dark_bright_dark": dark_bright_dark,
-    "top_hat": top_hat,
-    "oriented": oriented,
-    "paint_colour": paint_colour,
-    "mser_blue": mser_blue,
-    "brightness": brightness,
-    "patch_colour": patch_colour,
-    "texture": texture,
-    "gabor": gabor,
-}
-OUTLIERS: Table = {
-    "near_prediction": near_prediction,
-    "along_road": along_road,
-    "as_wide_as_paint": as_wide_as_paint,
-    "middle_to_side": middle_to_side,
-    "clusters": clusters,
-    "patch_component": patch_component,
-    "outline": outline,
-}
-MODEL: Table = {
-    "hough": hough,
-    "hough_standard": hough_standard,
-    "ransac_line": ransac_line,
-    "ransac_parabola": ransac_parabola,
-    "ransac_bspline": ransac_bspline,
-    "ransac_bezier": ransac_bezier,
-    "straight_curve": straight_curve,
-    "near_line_far_parabola": near_line_far_parabola,
-    "histogram_cubic": histogram_cubic,
-    "hyperbola": hyperbola,
-    "pchip": pchip,
-    "dominant_edges": dominant_edges,
-}
-TRACK: Table = {
-    "kalman": Kalman,
-    "extended_kalman": Extended,
-    "unscented_kalman": Unscented,
-    "particles": Particles,
-    "bayes": Bayes,
-}
-STATE: Table = {"exact_pair": exact_pair, "ground_curve": ground_curve}
-STEER: Table = {"pursuit": pursuit}
-RULE: Table = {
-    "dev": dev,
-    "tu": Tu,
-    "sujatha": Sujatha,
-    "umamaheswari": Umamaheswari,
-    "abdelrahman": Abdelrahman,
-}
-
-KINDS: dict[str, Table] = {
-    "prepare": PREPARE,
-    "warp": WARP,
-    "region": REGION,
-    "features": FEATURES,
-    "outliers": OUTLIERS,
-    "model": MODEL,
-    "track": TRACK,
-    "state": STATE,
-    "steer": STEER,
-    "rule": RULE,
+KINDS: dict[str, dict[str, Callable[..., Any]]] = {
+    "prepare": {
+        "grey": colour.grey,
+        "channel": colour.channel,
+        "adaptive_grey": colour.adaptive_grey,
+        "binary": colour.binary,
+        "gaussian": smoothing.gaussian,
+        "gaussian_auto": smoothing.gaussian_auto,
+        "median": smoothing.median,
+        "median_auto": smoothing.median_auto,
+        "high_pass": smoothing.high_pass,
+        "clahe": light.clahe,
+        "low_light": light.low_light,
+        "match_histogram": light.match_histogram,
+        "without_shadows": shadow.without_shadows,
+        "wavelet": stripes.wavelet,
+    },
+    "warp": {"area_resize": warp.area_resize, "bird_eye": warp.bird_eye, "bird_eye_self": warp.BirdEyeSelf},
+    "region": {
+        "roi_fixed": region.roi_fixed,
+        "roi_tracked": region.roi_tracked,
+        "roi_speed": region.roi_speed,
+    },
+    "features": {
+        "canny": edges.canny,
+        "canny_auto": edges.canny_auto,
+        "sobel": edges.sobel,
+        "prewitt": edges.prewitt,
+        "edlines": edges.edlines,
+        "dark_bright_dark": stripes.dark_bright_dark,
+        "top_hat": stripes.top_hat,
+        "oriented": stripes.oriented,
+        "paint_colour": stripes.paint_colour,
+        "mser_blue": stripes.mser_blue,
+        "brightness": surface.brightness,
+        "patch_colour": surface.patch_colour,
+        "texture": surface.texture,
+        "gabor": orientation.gabor,
+    },
+    "outliers": {
+        "near_prediction": outliers.near_prediction,
+        "along_road": outliers.along_road,
+        "as_wide_as_paint": outliers.as_wide_as_paint,
+        "middle_to_side": outliers.middle_to_side,
+        "clusters": outliers.clusters,
+        "patch_component": outliers.patch_component,
+        "outline": outliers.outline,
+    },
+    "model": {
+        "hough": lines.hough,
+        "hough_standard": lines.hough_standard,
+        "ransac_line": ransac.ransac_line,
+        "ransac_parabola": ransac.ransac_parabola,
+        "ransac_bspline": ransac.ransac_bspline,
+        "ransac_bezier": bezier.ransac_bezier,
+        "straight_curve": ransac.straight_curve,
+        "near_line_far_parabola": curves.near_line_far_parabola,
+        "histogram_cubic": curves.histogram_cubic,
+        "hyperbola": curves.hyperbola,
+        "pchip": curves.pchip,
+        "dominant_edges": orientation.dominant_edges,
+    },
+    "track": {
+        "kalman": kalman.Kalman,
+        "extended_kalman": kalman.Extended,
+        "unscented_kalman": kalman.Unscented,
+        "particles": sampled.Particles,
+        "bayes": sampled.Bayes,
+    },
+    "state": {"exact_pair": lane.exact_pair, "ground_curve": ground_curve.ground_curve},
+    "steer": {"pursuit": lane.pursuit},
+    "rule": {
+        "dev": centre_line.dev,
+        "tu": centre_line.Tu,
+        "sujatha": sujatha.Sujatha,
+        "umamaheswari": umamaheswari.Umamaheswari,
+        "abdelrahman": abdelrahman.Abdelrahman,
+    },
 }

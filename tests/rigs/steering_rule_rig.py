@@ -5,8 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from perception.techniques.steering.rule import LevelPicture
-from perception.techniques.steering.straight_lane import ImageLine
+from perception.techniques.steering.rule import ImageLine, LevelPicture
 
 HEIGHT_M, FOCAL_PX, WIDTH_M, WHEELBASE_M = 1.2, 320.0, 3.5, 2.7
 PICTURE = LevelPicture(640.0, 480.0, FOCAL_PX, 320.0, 240.0, HEIGHT_M)

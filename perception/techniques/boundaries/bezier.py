@@ -1,13 +1,14 @@
 """Aly's fast urban detector: Bezier curves by random samples of a filtered picture (inventory B32; R [61])."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from perception.techniques.boundaries.evidence import Points, each_side, support
-from perception.techniques.boundaries.ransac import STEP_M
-from perception.techniques.image.picture import Boundaries, Boundary, Features, View
+from perception.techniques.boundaries.evidence import STEP_M, Points, each_side, rms, sampled
+from perception.techniques.boundaries.ransac import drawn_from
+from perception.techniques.image.picture import Boundaries, Boundary, Evidence
 from trepid.types import Array, Positive
 
 BERNSTEIN = np.array([[1, 0, 0, 0], [-3, 3, 0, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], float)  # from 1, t, t², t³
@@ -30,10 +31,7 @@ def control_points(points_m: Array) -> Array:
 
 
 def ransac_bezier(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
+    evidence: Evidence,
     *,
     inlier_m: Positive = 0.2,
     tries: Annotated[int, Field(ge=1, le=500)] = 60,
@@ -42,10 +40,10 @@ def ransac_bezier(
     """The Bezier curve of third order, of ``tries`` random ones, with the best score for each side (B32).
 
     The score is Aly's: evidence under the curve, more for long and for straight curves. Use after ``bird_eye`` and
-    ``oriented``, his selective Gaussian. Source: R [61]; Aly, Real Time Detection of Lane Markers in Urban Streets
-    (2008). Limit: lines that begin outside of its corridor; the score has no memory.
+    ``oriented``. Source: R [61]; Aly, Real Time Detection of Lane Markers in Urban Streets (2008).
+    Limit: lines that begin outside of its corridor; the score has no memory.
     """
-    return each_side(features, view, predicted, lambda points: _best(points, rng, inlier_m, tries, samples))
+    return each_side(evidence, lambda points: _best(points, evidence.rng, inlier_m, tries, samples))
 
 
 def _best(
@@ -54,7 +52,7 @@ def _best(
     if len(points) < 2 * samples or np.ptp(points.x_m) < 2 * STEP_M:
         return None
     edges = np.linspace(0, len(points), samples + 1)
-    picks = np.floor(edges[:-1] + rng.random((tries, samples)) * np.diff(edges)).astype(int)
+    picks = drawn_from(edges, tries, rng)
     chosen = np.stack([points.x_m[picks], points.y_m[picks]], axis=-1)
     control = control_points(chosen)
     curves = bezier_points(control, np.linspace(0, 1, 24))
@@ -85,9 +83,7 @@ def _at(curve: Array, x_m: Array) -> Array:
 def _refined(points: Points) -> Boundary:
     """The Bezier curve through all inliers."""
     curve = bezier_points(control_points(np.column_stack([points.x_m, points.y_m])), np.linspace(0, 1, 60))
+    curve = curve[np.argsort(curve[:, 0])]
     near, far = float(points.x_m[0]), float(points.x_m[-1])
-    x_m = np.linspace(near, far, max(3, round((far - near) / STEP_M)))
-    order = np.argsort(curve[:, 0])
-    y_m = np.interp(x_m, curve[order, 0], curve[order, 1])
-    residual = points.y_m - np.interp(points.x_m, x_m, y_m)
-    return Boundary(x_m, y_m, float(np.sqrt(np.mean(residual**2))), support(points.x_m, near, far))
+    boundary = sampled(lambda x_m: np.interp(x_m, *curve.T), near, far, points)
+    return replace(boundary, residual_m=rms(points.y_m - boundary.at(points.x_m)))

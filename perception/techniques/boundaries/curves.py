@@ -1,10 +1,8 @@
 """Curved boundaries without random samples (inventory B08, B20, B27, B29, B30)."""
 
-from typing import Annotated
+from dataclasses import replace
 
-import cv2
 import numpy as np
-from pydantic import Field
 from scipy.interpolate import PchipInterpolator
 
 from perception.techniques.boundaries.evidence import (
@@ -13,15 +11,15 @@ from perception.techniques.boundaries.evidence import (
     both,
     by_side,
     each_side,
+    rms,
     road_points,
-    support,
+    sampled,
 )
-from perception.techniques.boundaries.lines import NEAR_M, Segments, nearest_pair, on_road
-from perception.techniques.boundaries.ransac import STEP_M, Curve, along, polynomial
-from perception.techniques.image.picture import Boundaries, Boundary, Features, View
+from perception.techniques.boundaries.lines import NO_LINE, hough_segments, hough_standard
+from perception.techniques.boundaries.ransac import Curve, along, polynomial, two_sections
+from perception.techniques.image.picture import Boundaries, Boundary, Evidence, Features
 from trepid.types import Array, Positive
 
-STRONGEST = 200  # lines of the standard Hough transform that are used
 NODE_M = 3.0  # between the nodes of interpolation: one dash
 
 
@@ -43,71 +41,21 @@ def agreed(points: Points, basis_values: Array, coefficients: Array, *, scale_m:
     close = np.abs(residual) < 2 * scale_m
     if np.count_nonzero(close) < max(8, 0.2 * len(points)):
         return None
-    return Curve(coefficients, points.where(close), float(np.sqrt(np.mean(residual[close] ** 2))))
-
-
-def hough_standard(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
-    *,
-    votes: Annotated[int, Field(ge=1)] = 15,
-    share: Annotated[float, Field(gt=0, le=1)] = 0.35,
-    max_heading_rad: Annotated[float, Field(gt=0, lt=1.4)] = 0.35,
-) -> Boundaries:
-    """The nearest pair among the strongest lines of the standard Hough transform (B08).
-
-    ρ = x·cosθ + y·sinθ; lines with less than ``share`` of the votes of the strongest do not count. Source: R
-    [58]–[64]. It joins dashes over any gap. Limit: the ends of a line; curves; arrows and text.
-    """
-    ahead = view.ahead_m
-    rows = np.flatnonzero((ahead > 0) & (ahead < 25.0))
-    binary = np.asarray(features.response > 0, np.uint8)
-    found = cv2.HoughLinesWithAccumulator(binary, 1, np.pi / 360, votes) if len(rows) > 1 else None
-    if found is None:
-        return Boundaries(None, None, "no straight line found")
-    rho, theta, strength = np.asarray(found, float).reshape(-1, 3)[:STRONGEST].T
-    good = (np.abs(np.cos(theta)) > 0.05) & (strength >= share * strength[0])
-    rho, theta = rho[good], theta[good]
-    ends = [
-        np.column_stack([(rho - row * np.sin(theta)) / np.cos(theta), np.full(len(rho), row)])
-        for row in (float(rows[-1]), float(rows[0]))
-    ]
-    segments = on_road(np.stack(ends, axis=1), view)
-    segments = segments.where(np.abs(segments.slope) < np.tan(max_heading_rad))
-    return nearest_pair(_apart(segments), min_length_m=3.0)
-
-
-def _apart(segments: Segments, *, least_m: float = 0.6) -> Segments:
-    """The lines (strongest first) that lie ``least_m`` from all stronger ones at ``NEAR_M``."""
-    place = segments.place_m(NEAR_M)
-    kept: list[int] = []
-    for number, here in enumerate(place):
-        if all(abs(here - place[other]) > least_m for other in kept):
-            kept.append(number)
-    return segments.where(np.isin(np.arange(len(place)), kept))
+    return Curve(coefficients, points.where(close), rms(residual[close]))
 
 
 def near_line_far_parabola(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
-    *,
-    near_m: Positive = 12.0,
-    scale_m: Positive = 0.12,
+    evidence: Evidence, *, near_m: Positive = 12.0, scale_m: Positive = 0.12
 ) -> Boundaries:
     """A Hough line near, and a parabola far that leaves it smoothly, by least squares (B27).
 
     y = a + bx up to x₀ = ``near_m``, + c(x − x₀)² beyond. Source: R [78], top view. Unlike B21 the near line is
     fixed first and the far points only bend it. Limit: a wrong near line.
     """
-    far = ~(view.ahead_m <= near_m)  # and above the horizon
-    near = features.response.copy()
-    near[far] = 0
-    lines = hough_standard(Features(near, features.kind), view, predicted, rng, votes=8)
-    points = road_points(features, view)
+    near = evidence.features.response.copy()
+    near[~(evidence.view.ahead_m <= near_m)] = 0  # and above the horizon
+    lines = hough_standard(replace(evidence, features=Features(near, evidence.features.kind)), votes=8)
+    points = road_points(evidence)
     near_lines = [
         None if line is None else _near_line(line, points, near_m, scale_m)
         for line in (lines.left, lines.right)
@@ -136,11 +84,8 @@ def _bent(a: float, b: float, c: float, points: Points, near_m: float, scale_m: 
     if np.count_nonzero(far) >= 8:
         c = float(robust(Points(points.x_m[far], off[far]), beyond[far, None] ** 2, scale_m=scale_m)[0])
     residual = np.abs(off - c * beyond**2)
-    kept = points.where(residual < 2 * scale_m)
-    curve = Curve(np.array([a, b, c]), kept, float(np.sqrt(np.mean(residual[residual < 2 * scale_m] ** 2))))
-    return along(
-        curve, lambda x_m: np.column_stack([np.ones_like(x_m), x_m, np.maximum(0.0, x_m - near_m) ** 2])
-    )
+    kept = residual < 2 * scale_m
+    return along(Curve(np.array([a, b, c]), points.where(kept), rms(residual[kept])), two_sections(near_m))
 
 
 def _near_line(line: Boundary, points: Points, near_m: float, scale_m: float) -> tuple[float, float]:
@@ -154,18 +99,10 @@ def _near_line(line: Boundary, points: Points, near_m: float, scale_m: float) ->
     return float(a), float(b)
 
 
-def histogram_cubic(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
-    *,
-    scale_m: Positive = 0.15,
-) -> Boundaries:
+def histogram_cubic(evidence: Evidence, *, scale_m: Positive = 0.15) -> Boundaries:
     """Windows ahead from the peaks of the histogram across the road, then y = a + bx + cx² + dx³ (B29).
 
-    Printed in pixels from above, x = ay³ + by² + cy + d, the same curve. Source: R [80]. Each window starts at the
-    extrapolation of the last two. Limit: anything as long and as thin as a line.
+    Source: R [80], in pixels from above: x = ay³ + by² + cy + d. Limit: anything as long and as thin as a line.
     """
 
     def fitted(points: Points) -> Boundary | None:
@@ -176,7 +113,7 @@ def histogram_cubic(
         coefficients = robust(followed, basis, scale_m=scale_m)
         return along(agreed(followed, basis, coefficients, scale_m=scale_m), polynomial(3))
 
-    return each_side(features, view, predicted, fitted)
+    return each_side(evidence, fitted)
 
 
 def _followed(points: Points, *, window_m: float = 2.0, half_m: float = 0.45) -> Points | None:
@@ -198,28 +135,19 @@ def _followed(points: Points, *, window_m: float = 2.0, half_m: float = 0.45) ->
     return points.where(kept) if np.count_nonzero(kept) >= 8 else None
 
 
-def hyperbola(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
-    *,
-    scale_m: Positive = 0.12,
-) -> Boundaries:
+def hyperbola(evidence: Evidence, *, scale_m: Positive = 0.12) -> Boundaries:
     """The hyperbola of the picture, u = k/(v − h) + b(v − h) + c, with h the row of the horizon (B30).
 
     On the road of a level camera it is exactly the parabola y = c₀ + c₁x + c₂x²: k ∝ c₂, c ∝ c₁, b ∝ c₀. The
-    residual is in pixels, so it is weighted by 1/x. Source: R [14], [41].
-    Limit: S-bends.
+    residual is in pixels, so it is weighted by 1/x. Source: R [14], [41]. Limit: S-bends.
     """
-    return each_side(
-        features, view, predicted, lambda points: along(_in_pixels(points, view, scale_m), polynomial(2))
-    )
+    camera_x_m = evidence.view.camera.x_m
+    return each_side(evidence, lambda points: along(_in_pixels(points, camera_x_m, scale_m), polynomial(2)))
 
 
-def _in_pixels(points: Points, view: View, scale_m: float) -> Curve | None:
+def _in_pixels(points: Points, camera_x_m: float, scale_m: float) -> Curve | None:
     """y/x = c₀/x + c₁ + c₂x by robust least squares: pixels, up to the focal length."""
-    ahead = np.maximum(points.x_m - view.camera.x_m, 0.5)
+    ahead = np.maximum(points.x_m - camera_x_m, 0.5)
     tangent = Points(points.x_m, points.y_m / ahead)
     basis = polynomial(2)(points.x_m)
     reference = float(np.median(ahead))
@@ -227,40 +155,20 @@ def _in_pixels(points: Points, view: View, scale_m: float) -> Curve | None:
     return agreed(points, basis, coefficients, scale_m=scale_m)
 
 
-def pchip(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
-    *,
-    half_m: Positive = 0.4,
-) -> Boundaries:
+def pchip(evidence: Evidence, *, half_m: Positive = 0.4) -> Boundaries:
     """Hough segments joined by shape-preserving cubic interpolation, monotone between nodes (B20).
 
-    Source: R [60], 87–98 %, the best of linear, cubic spline and PCHIP; Fritsch and Carlson, Monotone Piecewise
-    Cubic Interpolation, SIAM J. Numer. Anal. 17(2), 1980. A node every ``NODE_M``: the median of the segments'
-    points there. Limit: noise, since it interpolates every node.
+    A node every ``NODE_M``: the median of the segments' points there. Source: R [60]; Fritsch and Carlson, Monotone
+    Piecewise Cubic Interpolation, SIAM J. Numer. Anal. 17(2), 1980. Limit: noise, since it interpolates every node.
     """
-    binary = np.asarray(features.response > 0, np.uint8)
-    found = cv2.HoughLinesP(binary, 1, np.pi / 180, 8, None, 5.0, 3.0)
-    if found is None:
-        return Boundaries(None, None, "no straight line found")
-    points = _sampled(on_road(np.asarray(found, float).reshape(-1, 2, 2), view))
-    sides = by_side(points, predicted, gate_m=half_m)
+    segments = hough_segments(evidence, np.pi / 180, 8, 5.0, 3.0)
+    if segments is None:
+        return NO_LINE
+    points = segments.where(np.abs(segments.slope) < 0.7).points(0.2)
+    points = points.where((points.x_m < 35.0) & (np.abs(points.y_m) < 7.0))
+    order = np.argsort(points.x_m, kind="stable")
+    sides = by_side(Points(points.x_m[order], points.y_m[order]), evidence.predicted, gate_m=half_m)
     return both(*(_interpolated(side) for side in sides))
-
-
-def _sampled(segments: Segments) -> Points:
-    """Points every 0.2 m of all segments along the road, near to far."""
-    segments = segments.where(np.abs(segments.slope) < 0.7)
-    pieces = [
-        first + np.linspace(0, 1, max(2, round(length / 0.2)))[:, None] * (last - first)
-        for (first, last), length in zip(segments.ends_m, segments.length_m, strict=True)
-    ]
-    road = np.concatenate(pieces) if pieces else np.empty((0, 2))
-    road = road[(road[:, 0] < 35.0) & (np.abs(road[:, 1]) < 7.0)]
-    road = road[np.argsort(road[:, 0], kind="stable")]
-    return Points(road[:, 0], road[:, 1])
 
 
 def _interpolated(points: Points | None) -> Boundary | None:
@@ -269,16 +177,11 @@ def _interpolated(points: Points | None) -> Boundary | None:
     if followed is None:
         return None
     cell = np.floor(followed.x_m / NODE_M).astype(int)
-    nodes = np.array(
-        [
-            (np.mean(followed.x_m[cell == number]), np.median(followed.y_m[cell == number]))
-            for number in np.unique(cell)
-        ]
-    )
-    if len(nodes) < 2:
+    inside = [cell == number for number in np.unique(cell)]
+    if len(inside) < 2:
         return None
+    nodes = np.array([(np.mean(followed.x_m[own]), np.median(followed.y_m[own])) for own in inside])
     curve = PchipInterpolator(nodes[:, 0], nodes[:, 1])
     near, far = float(nodes[0, 0]), float(nodes[-1, 0])
-    x_m = np.linspace(near, far, max(3, round((far - near) / STEP_M)))
-    residual = float(np.sqrt(np.mean((followed.y_m - curve(np.clip(followed.x_m, near, far))) ** 2)))
-    return Boundary(x_m, np.asarray(curve(x_m), float), residual, support(followed.x_m, near, far))
+    residual_m = rms(followed.y_m - curve(np.clip(followed.x_m, near, far)))
+    return sampled(curve, near, far, followed, residual_m)

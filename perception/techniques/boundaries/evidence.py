@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.techniques.image.picture import Boundaries, Boundary, Features, View
+from perception.techniques.image.picture import Boundaries, Boundary, Evidence
 from trepid.types import Array, Mask
 
 REACH_M = 35.0  # ahead of the rear axle: beyond it, a pixel of a 320 × 240 picture is longer than a dash
@@ -23,6 +23,7 @@ BENDS = np.concatenate([-BENDS[:0:-1], BENDS])
 # prefers the straighter of two roads with equal evidence
 PLAIN = (1 - 0.3 * np.abs(HEADINGS)[:, None] - 2.0 * np.abs(BENDS)).ravel()
 CELL_M = 1.0  # support is counted in pieces of this length
+STEP_M = 0.5  # between the points of a boundary
 
 
 @dataclass(frozen=True)
@@ -40,14 +41,15 @@ class Points:
         return len(self.x_m)
 
 
-def road_points(features: Features, view: View) -> Points:
+def road_points(evidence: Evidence) -> Points:
     """Road points of the pixels above a third of the greatest response, near to far.
 
-    A pixel near the car covers far less road than one far ahead, so near points would outvote the others: each
-    ``SLICE_M`` of road keeps at most ``MOST`` points, evenly spread. Regions must be outlined first.
+    Each ``SLICE_M`` of road keeps at most ``MOST`` points, evenly spread: near pixels cover less road and would
+    outvote the others. Regions must be outlined first.
     """
-    top = float(features.response.max(initial=0))
-    rows, columns = np.nonzero(features.response > top / 3 if top > 0 else np.zeros((1, 1), bool))
+    response, view = evidence.features.response, evidence.view
+    top = float(response.max(initial=0))
+    rows, columns = np.nonzero(response > top / 3 if top > 0 else np.zeros((1, 1), bool))
     road = view.ground(np.column_stack([columns, rows]).astype(float)) if len(rows) else np.empty((0, 2))
     inside = (road[:, 0] > 0) & (road[:, 0] < REACH_M) & (np.abs(road[:, 1]) < ASIDE_M)  # NaN is outside
     road = road[inside]
@@ -61,11 +63,7 @@ def road_points(features: Features, view: View) -> Points:
 
 
 def by_side(
-    points: Points,
-    predicted: Boundaries | None,
-    *,
-    gate_m: float = 0.8,
-    spread: float = 0.05,
+    points: Points, predicted: Boundaries | None, *, gate_m: float = 0.8, spread: float = 0.05
 ) -> tuple[Points | None, Points | None]:
     """The candidates for the left and for the right boundary; None: no place to begin with.
 
@@ -82,17 +80,17 @@ def by_side(
         max((peak for peak in peaks if peak + ahead <= 0), default=None),
     )
     gate = gate_m + spread * points.x_m
-    left, right = (
-        _about(points, straight, side, place, gate) for side, place in zip(before, places, strict=True)
+    return (
+        _about(points, straight, before[0], places[0], gate),
+        _about(points, straight, before[1], places[1], gate),
     )
-    return left, right
 
 
 def course(points: Points) -> tuple[float, float]:
     """Heading ψ [rad] and bend κ [1/m] of the road with the sharpest peaks of y − ψx − κx²/2.
 
-    The histogram across the road (B29) suits only straight roads straight ahead; here it is computed for every
-    road of a grid, with Σ count² as its sharpness. Boundaries are parallel, so both vote for one road.
+    The histogram across the road (B29) is computed for every road of a grid, with Σ count² as its sharpness.
+    Boundaries are parallel, so both vote for one road.
     """
     near = points.where(points.x_m < COURSE_M)
     if len(near) < 8:
@@ -163,14 +161,22 @@ def support(x_m: Array, near_m: float, far_m: float) -> float:
     return min(1.0, len(np.unique(np.floor(x_m / CELL_M))) / cells)
 
 
-def each_side(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    fitted: Callable[[Points], Boundary | None],
-) -> Boundaries:
+def rms(values: Array) -> float:
+    """The root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def sampled(
+    curve: Callable[[Array], Array], near_m: float, far_m: float, points: Points, residual_m: float = 0.0
+) -> Boundary:
+    """The boundary along y = ``curve(x)``, with the support of its ``points``."""
+    x_m = np.linspace(near_m, far_m, max(3, round((far_m - near_m) / STEP_M)))
+    return Boundary(x_m, np.asarray(curve(x_m), float), residual_m, support(points.x_m, near_m, far_m))
+
+
+def each_side(evidence: Evidence, fitted: Callable[[Points], Boundary | None]) -> Boundaries:
     """The boundary that ``fitted`` returns for the candidates of each side."""
-    sides = by_side(road_points(features, view), predicted)
+    sides = by_side(road_points(evidence), evidence.predicted)
     return both(*(None if points is None else fitted(points) for points in sides))
 
 

@@ -4,11 +4,12 @@ import math
 from typing import Annotated
 
 import numpy as np
+from numpy.polynomial import polynomial
 from pydantic import Field
 
 from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLane, View
 from trepid.clothoid import Lane
-from trepid.types import Array
+from trepid.types import Array, Positive
 
 LINE_M = 0.15  # scatter that halves the weight of a boundary: the width of a line
 
@@ -18,7 +19,7 @@ def ground_curve(
     view: View,
     *,
     degree: Annotated[int, Field(ge=1, le=3)] = 2,
-    width_m: Annotated[float, Field(gt=0)] = 3.4,
+    width_m: Positive = 3.4,
 ) -> MeasuredLane | None:
     """The stage of :func:`parallel_sides`. Source: derived, as S18. Limit: lanes that widen."""
     return parallel_sides(boundaries, degree=degree, width_m=width_m)
@@ -31,8 +32,7 @@ def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 
     At the rear axle ψ = −atan(c₁), e = −c₀·cosψ, κ = 2c₂·cos³ψ, κ' = 6c₃·cos⁴ψ. With one boundary W is ``width_m``
     and the measured width None.
     """
-    sides = [(boundaries.left, 1.0), (boundaries.right, -1.0)]
-    found = [(boundary, sign) for boundary, sign in sides if boundary is not None]
+    found = boundaries.found
     if not found:
         return None
     x_m = np.concatenate([boundary.x_m for boundary, _ in found])
@@ -49,13 +49,12 @@ def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 
             c, found_m = solution[:-1], float(solution[-1])
         else:
             c = _solved(powers, y_m - aside * width_m, weight)
-        root = np.sqrt(1 + np.polynomial.polynomial.polyval(x_m, np.polynomial.polynomial.polyder(c)) ** 2)
+        root = np.sqrt(1 + polynomial.polyval(x_m, polynomial.polyder(c)) ** 2)
     c = np.pad(c, (0, 4 - len(c)))
     psi = -math.atan(c[1])
     cos = math.cos(psi)
-    width = found_m if len(found) == 2 else None
     lane = Lane(float(-c[0] * cos), psi, float(2 * c[2] * cos**3), float(6 * c[3] * cos**4))
-    return MeasuredLane(lane, width)
+    return MeasuredLane(lane, found_m if len(found) == 2 else None)
 
 
 def _weights(boundary: Boundary) -> Array:
@@ -75,13 +74,9 @@ def drawn(
     """Both boundaries of a lane as curves on the road: the inverse of :func:`ground_curve`."""
     x_m = np.linspace(near_m, far_m, max(3, round((far_m - near_m) / 0.5)))
     cos = math.cos(lane.heading_rad)
-    c = [
-        -lane.offset_m / cos,
-        -math.tan(lane.heading_rad),
-        lane.curvature_1pm / 2 / cos**3,
-        lane.curvature_rate_1pm2 / 6 / cos**4,
-    ]
-    centre = np.polynomial.polynomial.polyval(x_m, c)
-    root = np.sqrt(1 + np.polynomial.polynomial.polyval(x_m, np.polynomial.polynomial.polyder(c)) ** 2)
+    bend, change = lane.curvature_1pm / 2 / cos**3, lane.curvature_rate_1pm2 / 6 / cos**4
+    c = [-lane.offset_m / cos, -math.tan(lane.heading_rad), bend, change]
+    centre = polynomial.polyval(x_m, c)
+    root = np.sqrt(1 + polynomial.polyval(x_m, polynomial.polyder(c)) ** 2)
     left, right = (Boundary(x_m, centre + sign * width_m / 2 * root, residual_m, support) for sign in (1, -1))
     return Boundaries(left, right)

@@ -1,4 +1,4 @@
-"""Straight boundaries from line features (inventory B08, B09)."""
+"""Straight boundaries from line features by Hough transforms (inventory B08, B09)."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -7,12 +7,15 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from perception.techniques.boundaries.evidence import both
-from perception.techniques.image.picture import Boundaries, Boundary, Features, View
-from trepid.types import Array, Positive
+from perception.techniques.boundaries.evidence import STEP_M, Points, both
+from perception.techniques.image.picture import Boundaries, Boundary, Evidence, View
+from trepid.types import Array, Mask, Positive, PositiveShare
 
+Votes = Annotated[int, Field(ge=1)]
+MaxHeading = Annotated[float, Field(gt=0, lt=1.4)]  # [rad]
 NEAR_M = 6.0  # where the places of lines are compared: the nearest road of most cameras
-STEP_M = 0.5
+STRONGEST = 200  # lines of the standard Hough transform that are used
+NO_LINE = Boundaries(None, None, "no straight line found")
 
 
 @dataclass(frozen=True)
@@ -36,39 +39,89 @@ class Segments:
         """Distance between the ends."""
         return np.hypot(*(self.ends_m[:, 1] - self.ends_m[:, 0]).T)
 
-    def where(self, kept: np.ndarray) -> "Segments":
+    def where(self, kept: Mask) -> "Segments":
         """The segments selected by the mask ``kept``."""
         return Segments(self.ends_m[kept])
 
+    def within(self, max_heading_rad: float) -> "Segments":
+        """The segments along the road."""
+        return self.where(np.abs(self.slope) < np.tan(max_heading_rad))
+
+    def points(self, step_m: float) -> Points:
+        """Points about every ``step_m`` of all segments."""
+        pieces = [
+            first + np.linspace(0, 1, max(2, round(length / step_m)))[:, None] * (last - first)
+            for (first, last), length in zip(self.ends_m, self.length_m, strict=True)
+        ]
+        road = np.concatenate(pieces) if pieces else np.empty((0, 2))
+        return Points(road[:, 0], road[:, 1])
+
 
 def hough(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
+    evidence: Evidence,
     *,
-    votes: Annotated[int, Field(ge=1)] = 12,
+    votes: Votes = 12,
     min_length_px: Positive = 9.0,
     max_gap_px: Positive = 10.0,
-    max_heading_rad: Annotated[float, Field(gt=0, lt=1.4)] = 0.35,
+    max_heading_rad: MaxHeading = 0.35,
     min_length_m: Positive = 3.0,
 ) -> Boundaries:
     """The nearest line on each side among the segments of the probabilistic Hough transform (B08, B09).
 
     ρ = x·cosθ + y·sinθ. Segments along the road (±``max_heading_rad``) on one line are joined. Source: R [58]–[64],
-    R 1.1. Limit: curves, which become chords; arrows, text and the edges of shadows, which become lines.
+    R 1.1. Limit: curves, which become chords; arrows, text and the edges of shadows.
     """
-    found = cv2.HoughLinesP(
-        np.asarray(features.response > 0, np.uint8), 1, np.pi / 360, votes, None, min_length_px, max_gap_px
-    )
+    segments = hough_segments(evidence, np.pi / 360, votes, min_length_px, max_gap_px)
+    if segments is None:
+        return NO_LINE
+    return nearest_pair(segments.within(max_heading_rad), min_length_m=min_length_m)
+
+
+def hough_standard(
+    evidence: Evidence, *, votes: Votes = 15, share: PositiveShare = 0.35, max_heading_rad: MaxHeading = 0.35
+) -> Boundaries:
+    """The nearest pair among the strongest lines of the standard Hough transform (B08).
+
+    ρ = x·cosθ + y·sinθ; lines with less than ``share`` of the votes of the strongest do not count. Source: R
+    [58]–[64]. It joins dashes over any gap. Limit: the ends of a line; curves; arrows and text.
+    """
+    view = evidence.view
+    rows = np.flatnonzero((view.ahead_m > 0) & (view.ahead_m < 25.0))
+    binary = np.asarray(evidence.features.response > 0, np.uint8)
+    found = cv2.HoughLinesWithAccumulator(binary, 1, np.pi / 360, votes) if len(rows) > 1 else None
     if found is None:
-        return Boundaries(None, None, "no straight line found")
-    segments = on_road(np.asarray(found, float).reshape(-1, 2, 2), view)
-    segments = segments.where(np.abs(segments.slope) < np.tan(max_heading_rad))
-    return nearest_pair(segments, min_length_m=min_length_m)
+        return NO_LINE
+    rho, theta, strength = np.asarray(found, float).reshape(-1, 3)[:STRONGEST].T
+    good = (np.abs(np.cos(theta)) > 0.05) & (strength >= share * strength[0])
+    rho, theta = rho[good], theta[good]
+    ends = [
+        np.column_stack([(rho - row * np.sin(theta)) / np.cos(theta), np.full(len(rho), row)])
+        for row in (float(rows[-1]), float(rows[0]))
+    ]
+    segments = _on_road(np.stack(ends, axis=1), view).within(max_heading_rad)
+    return nearest_pair(_apart(segments), min_length_m=3.0)
 
 
-def on_road(ends_px: Array, view: View) -> Segments:
+def _apart(segments: Segments, *, least_m: float = 0.6) -> Segments:
+    """The lines (strongest first) that lie ``least_m`` from all stronger ones at ``NEAR_M``."""
+    place = segments.place_m(NEAR_M)
+    kept: list[int] = []
+    for number, here in enumerate(place):
+        if all(abs(here - place[other]) > least_m for other in kept):
+            kept.append(number)
+    return segments.where(np.isin(np.arange(len(place)), kept))
+
+
+def hough_segments(
+    evidence: Evidence, step_rad: float, votes: int, min_length_px: float, max_gap_px: float
+) -> Segments | None:
+    """The segments of the probabilistic Hough transform on the road; None without any in the picture."""
+    binary = np.asarray(evidence.features.response > 0, np.uint8)
+    found = cv2.HoughLinesP(binary, 1, step_rad, votes, None, min_length_px, max_gap_px)
+    return None if found is None else _on_road(np.asarray(found, float).reshape(-1, 2, 2), evidence.view)
+
+
+def _on_road(ends_px: Array, view: View) -> Segments:
     """Segments of the picture, shape (n, 2, 2), on the road, without those that reach the horizon."""
     ends = view.ground(ends_px.reshape(-1, 2)).reshape(-1, 2, 2)
     ends = ends[np.isfinite(ends).all(axis=(1, 2))]
@@ -76,20 +129,16 @@ def on_road(ends_px: Array, view: View) -> Segments:
     return Segments(np.take_along_axis(ends, order[:, :, None], axis=1))
 
 
-def nearest_pair(segments: Segments, *, min_length_m: float, join_m: float = 0.3) -> Boundaries:
-    """The nearest line to the left and to the right of the vehicle, of pieces within ``join_m``.
-
-    A line has at least ``min_length_m`` of pieces (a dash is 3 m long). Its side is that of its place ``NEAR_M``
-    ahead.
-    """
+def nearest_pair(segments: Segments, *, min_length_m: float) -> Boundaries:
+    """The nearest line to the left and to the right of the vehicle ``NEAR_M`` ahead."""
     place = segments.place_m(NEAR_M)
-    left = _line(segments, place, min_length_m=min_length_m, join_m=join_m)
-    right = _line(segments, -place, min_length_m=min_length_m, join_m=join_m)
-    return both(left, right)
+    return both(_nearest(segments, place, min_length_m), _nearest(segments, -place, min_length_m))
 
 
-def _line(segments: Segments, aside_m: Array, *, min_length_m: float, join_m: float) -> Boundary | None:
-    """The nearest group of pieces with ``aside_m`` > 0 and the least length, as one straight line."""
+def _nearest(
+    segments: Segments, aside_m: Array, min_length_m: float, *, join_m: float = 0.3
+) -> Boundary | None:
+    """The nearest group of pieces within ``join_m`` with ``aside_m`` > 0 and the least length, as one line."""
     for number in np.argsort(np.where(aside_m > 0, aside_m, np.inf)):
         if aside_m[number] <= 0:
             return None
@@ -104,17 +153,13 @@ def _fitted(group: Segments) -> Boundary:
 
     The width of a pixel on the road grows with x, so points and residuals are weighted by 1/x.
     """
-    pieces = [
-        first + np.linspace(0, 1, max(2, round(length / STEP_M)))[:, None] * (last - first)
-        for (first, last), length in zip(group.ends_m, group.length_m, strict=True)
-    ]
-    points = np.concatenate(pieces)
-    weight = 1 / np.maximum(points[:, 0], STEP_M)
-    b, a = np.polyfit(points[:, 0], points[:, 1], 1, w=weight)
-    near, far = float(points[:, 0].min()), float(points[:, 0].max())
+    points = group.points(STEP_M)
+    weight = 1 / np.maximum(points.x_m, STEP_M)
+    b, a = np.polyfit(points.x_m, points.y_m, 1, w=weight)
+    near, far = float(points.x_m.min()), float(points.x_m.max())
     steps = [np.arange(first // STEP_M, last // STEP_M + 1) for first, last in group.ends_m[:, :, 0]]
     covered = np.unique(np.concatenate(steps)).size * STEP_M
     x_m = np.linspace(near, far, max(2, round((far - near) / STEP_M)))
-    away = points[:, 1] - a - b * points[:, 0]
+    away = points.y_m - a - b * points.x_m
     residual = float(np.sqrt(np.average(away**2, weights=weight**2)))
     return Boundary(x_m, a + b * x_m, residual, min(1.0, covered / max(far - near, STEP_M)))

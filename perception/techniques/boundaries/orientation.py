@@ -1,17 +1,14 @@
 """The direction of the texture at every pixel, and the vanishing point with most votes of it (R [73]; S17)."""
 
-from typing import Annotated
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from perception.techniques.boundaries.evidence import both
 from perception.techniques.boundaries.lines import NEAR_M
 from perception.techniques.image.colour import grey
-from perception.techniques.image.picture import Boundaries, Boundary, Features, Kind, View
-from trepid.types import Array, Floats, Image, OpenShare, Positive
+from perception.techniques.image.picture import Boundaries, Boundary, Evidence, Features, Kind, View
+from trepid.types import Array, Floats, Image, NonNegative, OpenShare, Positive
 
 ORIENTATIONS_RAD = np.deg2rad([0.0, 45.0, 90.0, 135.0])
 EVEN_GREY = 2.0  # amplitude of a filter on sensor noise: no direction
@@ -21,9 +18,7 @@ SHALLOW = 0.25  # sine; perspective flattens the grain of any ground, so flat di
 EVIDENCE_M = 0.4  # across a boundary
 
 
-def gabor(
-    image: Image, view: View, *, wavelength_px: Positive = 12.0, least: Annotated[float, Field(ge=0)] = 0.35
-) -> Features:
+def gabor(image: Image, view: View, *, wavelength_px: Positive = 12.0, least: NonNegative = 0.35) -> Features:
     """Direction of the texture by four Gabor filters; the response is its consistency.
 
     Energies E_k = |I ∗ g_k|² of the complex filters at θ_k = 0, 45, 90, 135°; direction of the stripes
@@ -57,10 +52,7 @@ def _filter(along_rad: float, phase_rad: float, wavelength_px: float, size: int)
 
 
 def dominant_edges(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
+    evidence: Evidence,
     *,
     agree_rad: Positive = 0.1,
     max_heading_rad: OpenShare = 0.35,
@@ -70,56 +62,49 @@ def dominant_edges(
 ) -> Boundaries:
     """The vanishing point by soft voting, then the two straight edges to it with most texture along them.
 
-    Pixel p votes for a point v of the horizon with its response · (1 − |∠(v − p) − φ_p|/``agree_rad``); the pitch
-    of the camera is known, so only the columns of the horizon are candidates. Of all parallel lines on the road
-    with that heading, a side has the greatest share of pixels along it (the orientation
-    consistency ratio), at least ``least``. Source: Kong, Audibert, Ponce, IEEE T. Image Processing 19
-    (2010). Limit: curves, which become a tangent; ruts, which look like edges.
+    Pixel p votes for a point v of the horizon with its response · (1 − |∠(v − p) − φ_p|/``agree_rad``). Of all
+    lines on the road with that heading, a side has the greatest share of pixels along it (the orientation
+    consistency ratio), at least ``least``. Source: Kong, Audibert, Ponce, IEEE T. Image Processing 19 (2010).
+    Limit: curves, which become a tangent; ruts, which look like edges.
     """
-    if features.direction_rad is None:
+    direction_rad = evidence.features.direction_rad
+    if direction_rad is None:
         return Boundaries(None, None, "no directions: gabor must be the only feature")
-    slope = _heading(features, features.direction_rad, view, rng, agree_rad, np.tan(max_heading_rad))
+    slope = _heading(evidence, direction_rad, agree_rad, np.tan(max_heading_rad))
     if slope is None:
         return Boundaries(None, None, "the texture points nowhere")
     aside_m = np.arange(NEAREST_SIDE_M, widest_m, STEP_M)
     left, right = (
-        _side(features, features.direction_rad, view, slope, sign * aside_m, agree_rad, reach_m, least)
+        _side(evidence, direction_rad, slope, sign * aside_m, agree_rad, reach_m, least)
         for sign in (1.0, -1.0)
     )
     return both(left, right, kind="edge")
 
 
-def _heading(
-    features: Features,
-    direction_rad: Floats,
-    view: View,
-    rng: np.random.Generator,
-    agree_rad: float,
-    steepest: float,
-) -> float | None:
+def _heading(evidence: Evidence, direction_rad: Floats, agree_rad: float, steepest: float) -> float | None:
     """dy/dx of the road towards the column of the horizon with the most votes; None without a voter."""
+    response = evidence.features.response
     steep = np.abs(np.sin(direction_rad)) > SHALLOW
-    rows, columns = np.nonzero(np.where(steep, features.response, 0))
+    rows, columns = np.nonzero(np.where(steep, response, 0))
     if not len(rows):
         return None
     if len(rows) > MOST_VOTERS:
-        chosen = rng.choice(len(rows), MOST_VOTERS, replace=False)
+        chosen = evidence.rng.choice(len(rows), MOST_VOTERS, replace=False)
         rows, columns = rows[chosen], columns[chosen]
     slopes = np.linspace(-steepest, steepest, 121)
-    far = view.pixel_from_ground @ np.stack([np.ones_like(slopes), slopes, np.zeros_like(slopes)])
+    far = evidence.view.pixel_from_ground @ np.stack([np.ones_like(slopes), slopes, np.zeros_like(slopes)])
     ends_px = (far[:2] / far[2]).T  # vanishing points of these slopes
     towards = np.arctan2(ends_px[None, :, 1] - rows[:, None], ends_px[None, :, 0] - columns[:, None])
     away = _between(towards, direction_rad[rows, columns][:, None])
-    sure = features.response[rows, columns][:, None]
+    sure = response[rows, columns][:, None]
     votes = (sure * np.maximum(1 - away / agree_rad, 0)).sum(axis=0)
     best = int(votes.argmax())
     return float(slopes[best]) if votes[best] > 0 else None
 
 
 def _side(
-    features: Features,
+    evidence: Evidence,
     direction_rad: Floats,
-    view: View,
     slope: float,
     aside_m: Array,
     agree_rad: float,
@@ -127,16 +112,15 @@ def _side(
     least: float,
 ) -> Boundary | None:
     """The line of this slope with most texture along it, of those ``aside_m`` to the left ``NEAR_M`` ahead."""
-    x_m = np.arange(
-        max(float(np.nanmin(np.where(view.ahead_m > 0, view.ahead_m, np.nan))), 1.0), reach_m, 0.25
-    )
+    view = evidence.view
+    x_m = np.arange(max(view.nearest_m, 1.0), reach_m, 0.25)
     y_m = aside_m[:, None] + slope * (x_m - NEAR_M)[None]
     place = view.pixels(np.column_stack([np.tile(x_m, len(aside_m)), y_m.ravel()])).reshape(*y_m.shape, 2)
     step = np.gradient(place, axis=1)
     inside = ((place >= 0) & (place <= (view.width_px - 1, view.height_px - 1))).all(axis=2)
     columns, rows = (np.where(inside, np.rint(np.nan_to_num(place[..., i])), 0).astype(int) for i in (0, 1))
     away = _between(np.arctan2(step[..., 1], step[..., 0]), direction_rad[rows, columns])
-    sure = np.where(inside & (away < agree_rad), features.response[rows, columns], 0.0)
+    sure = np.where(inside & (away < agree_rad), evidence.features.response[rows, columns], 0.0)
     seen = inside.sum(axis=1)
     consistency = np.where(seen > len(x_m) / 4, sure.sum(axis=1) / np.maximum(seen, 1), 0.0)
     best = int(consistency.argmax())
@@ -148,8 +132,8 @@ def _side(
     scatter_m = float(np.sqrt(np.average((aside_m[near] - middle_m) ** 2, weights=weight)))
     there = np.asarray(inside)[best]
     covered = x_m[there]
-    support = float(np.mean(sure[best][there] > 0))
-    return Boundary(covered, middle_m + slope * (covered - NEAR_M), scatter_m, support)
+    share = float(np.mean(sure[best][there] > 0))
+    return Boundary(covered, middle_m + slope * (covered - NEAR_M), scatter_m, share)
 
 
 def _between(one_rad: NDArray[np.floating], other_rad: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -1,7 +1,6 @@
 """Removal of features that are no boundary (inventory A02, B01, B06, B12, B13)."""
 
 import math
-from dataclasses import replace
 from typing import Annotated
 
 import cv2
@@ -10,11 +9,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from perception.techniques.image.picture import Boundaries, Features, Kind, View
+from perception.techniques.image.picture import Boundaries, Evidence, Features, Kind, View
 from perception.techniques.image.region import near
 from perception.techniques.image.rows import width_px
 from perception.techniques.image.surface import patch
-from trepid.types import Array, Mask, Positive
+from trepid.types import Array, Mask, NonNegative, Positive
 
 HALF = 0.5  # response of a region above which a pixel is road
 SOLID = 0.75  # least share of road pixels in a road; the rest are markings, cracks and shadows
@@ -23,120 +22,92 @@ MOST_PIECES = 400  # the cost of the hierarchy is quadratic
 
 
 def near_prediction(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    *,
-    half_width_m: Positive = 0.4,
-    growth: Annotated[float, Field(ge=0)] = 0.02,
+    evidence: Evidence, *, half_width_m: Positive = 0.4, growth: NonNegative = 0.02
 ) -> Features:
     """Features within ``half_width_m`` + ``growth``·x of the boundaries of the last frame (A02).
 
     All features while a side is unknown. Limit: a boundary that jumps.
     """
-    if predicted is None or predicted.left is None or predicted.right is None:
-        return features
-    kept = near(view, [predicted.left, predicted.right], half_width_m=half_width_m, growth=growth)
-    return _kept(features, kept)
+    if evidence.predicted is None or evidence.predicted.seen < 2:
+        return evidence.features
+    return evidence.features.where(
+        near(evidence.view, evidence.predicted, half_width_m=half_width_m, growth=growth)
+    )
 
 
 def along_road(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
+    evidence: Evidence,
     *,
     max_heading_rad: Annotated[float, Field(gt=0, lt=1.5)] = 0.4,
     min_length_m: Positive = 1.0,
 ) -> Features:
     """Connected pieces along the road: within ``max_heading_rad`` of ahead, ``min_length_m`` long (B06).
 
-    The direction is that of the line y(x) through the piece on the road. A slope limit in the picture, as printed,
+    The direction is that of the line y(x) through the piece on the road; the printed slope limit in the picture
     would remove the outer lines of a wide road. Source: R [56]. Limit: sharp bends as one piece.
     """
-    labels, pieces = _pieces(features, view)
+    labels, pieces = _pieces(evidence)
     good = [
         number
         for number, ground in pieces
-        if np.ptp(ground[:, 0]) >= min_length_m and abs(_heading_rad(ground)) <= max_heading_rad
+        if np.ptp(ground[:, 0]) >= min_length_m and abs(math.atan(_line(ground)[1])) <= max_heading_rad
     ]
-    return _kept(features, np.isin(labels, good))
+    return evidence.features.where(np.isin(labels, good))
 
 
-def as_wide_as_paint(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    *,
-    widest_m: Positive = 0.4,
-    least_px: Positive = 2.5,
-) -> Features:
+def as_wide_as_paint(evidence: Evidence, *, widest_m: Positive = 0.4, least_px: Positive = 2.5) -> Features:
     """Runs of a row no wider than ``widest_m`` on the road; removes arrows, zebras, patches, glare (B12 guard).
 
     Runs up to ``least_px`` are always kept: far paint is as thin as an edge. Limit: text in thin strokes.
     """
-    high = features.response > 0
-    limit = np.maximum(width_px(view, widest_m), least_px)[:, None]
-    return _kept(features, high & (_run_lengths(high) <= limit))
+    high = evidence.features.response > 0
+    limit = np.maximum(width_px(evidence.view, widest_m), least_px)[:, None]
+    return evidence.features.where(high & (_run_lengths(high) <= limit))
 
 
-def middle_to_side(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    *,
-    step_m: Positive = 0.35,
-    from_m: Positive = 0.3,
-) -> Features:
+def middle_to_side(evidence: Evidence, *, step_m: Positive = 0.35, from_m: Positive = 0.3) -> Features:
     """In every row the first response left and right of the middle that continues the row below (B12).
 
-    The scan goes from near to far and starts in the middle of the predicted lane, or before the vehicle. A row
-    links within ``step_m`` of the row below on the road, + 0.2 m a metre of gap. Source: R [72], whose scan fails
-    when the first pair is an artefact: no boundary begins within ``from_m`` of the middle.
+    The scan goes from near to far and starts ``from_m`` beside the middle of the predicted lane, or before the
+    vehicle. A row links within ``step_m`` of the row below on the road, + 0.2 m a metre of gap. Source: R [72].
     Limit: a second line on the same side; an arrow in the middle, which blocks a side without a line.
     """
-    high = features.response > 0
+    high = evidence.features.response > 0
     kept = np.zeros_like(high)
     for sign in (1, -1):
-        rows, columns = _linked(high, view, _middle(predicted), sign, step_m, from_m)
+        rows, columns = _linked(high, evidence.view, _middle(evidence.predicted), sign, step_m, from_m)
         kept[rows, columns] = True
-    return _kept(features, kept)
+    return evidence.features.where(kept)
 
 
 def clusters(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    *,
-    join_m: Positive = 0.35,
-    join_rad: Positive = 0.12,
-    min_length_m: Positive = 3.0,
+    evidence: Evidence, *, join_m: Positive = 0.35, join_rad: Positive = 0.12, min_length_m: Positive = 3.0
 ) -> Features:
     """Pieces joined to lines by their place and heading, without lines shorter than ``min_length_m`` (B06).
 
     Agglomerative clustering, single linkage, of (place at 6 m / ``join_m``, heading / ``join_rad``), cut at 1; the
     length of a line is the sum of its pieces ahead. Source: R [56]. Limit: a single short dash.
     """
-    labels, pieces = _pieces(features, view)
+    labels, pieces = _pieces(evidence)
     pieces = [(number, ground) for number, ground in pieces if np.ptp(ground[:, 0]) > 0.1][:MOST_PIECES]
     if not pieces:
-        return _kept(features, np.zeros(features.response.shape, bool))
+        return evidence.features.where(np.zeros(labels.shape, bool))
     lines = [_line(ground) for _, ground in pieces]
     lengths = np.array([np.ptp(ground[:, 0]) for _, ground in pieces])
     spaced = np.array([[(a + b * MIDDLE_M) / join_m, math.atan(b) / join_rad] for a, b in lines])
     group = fcluster(linkage(spaced, "single"), 1.0, "distance") if len(pieces) > 1 else np.array([1])
     total = np.bincount(group, weights=lengths)
     good = [number for (number, _), own in zip(pieces, group, strict=True) if total[own] >= min_length_m]
-    return _kept(features, np.isin(labels, good))
+    return evidence.features.where(np.isin(labels, good))
 
 
-def patch_component(
-    features: Features, view: View, predicted: Boundaries | None, *, close_m: Positive = 0.3
-) -> Features:
+def patch_component(evidence: Evidence, *, close_m: Positive = 0.3) -> Features:
     """The connected part of a region below the vehicle; gaps of a row up to ``close_m`` are closed (B13).
 
     Source: R 1.2. Limit: a connected side road or pavement.
     """
-    road = features.response > HALF
+    response, view = evidence.features.response, evidence.view
+    road = response > HALF
     between = (
         np.logical_or.accumulate(road, axis=1) & np.logical_or.accumulate(road[:, ::-1], axis=1)[:, ::-1]
     )
@@ -145,25 +116,24 @@ def patch_component(
     road = cv2.morphologyEx(road.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
     labels = np.asarray(cv2.connectedComponents(road.astype(np.uint8), connectivity=4)[1])
     below = labels[patch(view) & road]
-    if not len(below):
-        return _kept(features, np.zeros(road.shape, bool))
-    own = labels == np.bincount(below).argmax()
-    whole = _filled(own)
-    if np.mean(features.response[whole] > HALF) < SOLID:
-        return _kept(features, np.zeros(road.shape, bool))  # noise: mostly holes
+    nothing = np.zeros(road.shape, bool)
+    whole = _filled(labels == np.bincount(below).argmax()) if len(below) else nothing
+    if not len(below) or np.mean(response[whole] > HALF) < SOLID:  # noise is mostly holes
+        return evidence.features.where(nothing)
     return Features(whole.astype(np.float32), Kind.REGION)
 
 
-def outline(features: Features, view: View, predicted: Boundaries | None) -> Features:
+def outline(evidence: Evidence) -> Features:
     """The left and the right border of a region in every row, as line features (B13).
 
     In each row the run of road at, or next to, the middle of the run below. A border of the picture is no border of
     the road. Limit: the road beyond a vehicle that covers its full width.
     """
-    road = features.response > HALF
+    view = evidence.view
+    road = evidence.features.response > HALF
     line = np.zeros(road.shape, np.uint8)
-    middle = _middle(predicted)
-    column = float("nan")
+    middle = _middle(evidence.predicted)
+    column = math.nan
     for row in np.flatnonzero(np.isfinite(view.pixel_m))[::-1]:
         runs = _runs(road[row])
         if not len(runs):
@@ -182,15 +152,12 @@ def outline(features: Features, view: View, predicted: Boundaries | None) -> Fea
     return Features(line, Kind.LINE)
 
 
-def _kept(features: Features, where: Mask) -> Features:
-    return replace(features, response=np.where(where, features.response, features.response.dtype.type(0)))
-
-
-def _pieces(features: Features, view: View) -> tuple[NDArray[np.int32], list[tuple[int, Array]]]:
+def _pieces(evidence: Evidence) -> tuple[NDArray[np.int32], list[tuple[int, Array]]]:
     """Connected pieces: their label image, and number and road points (x, y), shape (n, 2), of each."""
-    count, labels = cv2.connectedComponents((features.response > 0).astype(np.uint8), connectivity=8)
+    high = (evidence.features.response > 0).astype(np.uint8)
+    count, labels = cv2.connectedComponents(high, connectivity=8)
     rows, columns = np.nonzero(labels)
-    ground = view.ground(np.column_stack([columns, rows]))
+    ground = evidence.view.ground(np.column_stack([columns, rows]))
     finite = np.isfinite(ground).all(axis=1)
     number = labels[rows, columns][finite]
     order = np.argsort(number, kind="stable")
@@ -205,10 +172,6 @@ def _line(ground: Array) -> tuple[float, float]:
     spread = float(np.var(x))
     b = float(np.mean((x - x.mean()) * (y - y.mean())) / max(spread, 1e-6))
     return float(y.mean()) - b * float(x.mean()), b
-
-
-def _heading_rad(ground: Array) -> float:
-    return math.atan(_line(ground)[1])
 
 
 def _runs(row: Mask) -> NDArray[np.int64]:

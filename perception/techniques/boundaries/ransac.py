@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 from scipy.interpolate import BSpline
 
-from perception.techniques.boundaries.evidence import Points, each_side, evenly, support
-from perception.techniques.image.picture import Boundaries, Boundary, Features, View
+from perception.techniques.boundaries.evidence import STEP_M, Points, each_side, evenly, rms, sampled
+from perception.techniques.image.picture import Boundaries, Boundary, Evidence
 from trepid.types import Array, Mask, Positive
 
 Tries = Annotated[int, Field(ge=1, le=2000)]
@@ -21,7 +22,6 @@ Basis = Callable[[Array], Array]  # x, shape (n,), to the values of k basis func
 RIDGE = 1e-9  # two equal points would make a sample singular
 VOTERS = 240  # points that vote on samples
 REFINED = 4  # samples: the best is often not quite free of outliers (Chum et al., LO-RANSAC, 2003)
-STEP_M = 0.5  # between the points of a boundary
 KNOT_M = (12.0, 22.0)  # inner knots of the B-spline: one change of curvature within reach
 BENDS_M = (0.0, 6.0, 12.0, 18.0)  # candidate ends of the straight section (B21)
 
@@ -49,8 +49,7 @@ def consensus(
 
     All samples are drawn and solved at once; a sample takes one point from each of ``size`` equal pieces of the
     road, because close points do not determine the course. With a share p of inliers the probability that every
-    sample has an outlier is (1 − p^size)^n: 3·10⁻⁶ for p = 0.5, n = 100 and a parabola. Deterministic for a seed
-    of ``rng``.
+    sample has an outlier is (1 − p^size)^n: 3·10⁻⁶ for p = 0.5, n = 100 and a parabola.
     """
     if len(points) < 2 * size:
         return None
@@ -61,7 +60,7 @@ def consensus(
     road = np.cumsum(weight**2)
     edges = np.searchsorted(road, np.linspace(0, road[-1], size + 1)[1:-1])
     edges = np.r_[0, np.clip(edges, 1, len(points) - 1), len(points)]
-    picks = np.floor(edges[:-1] + rng.random((tries, size)) * np.diff(edges)).astype(int)
+    picks = drawn_from(edges, tries, rng)
     matrices, values = whole[picks], sorted_points.y_m[picks]
     turned = matrices.transpose(0, 2, 1)
     guesses = np.linalg.solve(turned @ matrices + RIDGE * np.eye(size), (turned @ values[..., None]))[..., 0]
@@ -86,6 +85,11 @@ def consensus(
     )
 
 
+def drawn_from(edges: Array | NDArray[np.int64], tries: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """``tries`` rows of random indices, one from each range between neighbours of ``edges``."""
+    return np.floor(edges[:-1] + rng.random((tries, len(edges) - 1)) * np.diff(edges)).astype(np.int64)
+
+
 def _refined(
     points: Points, whole: Array, weight: Array, kept: Mask, *, inlier_m: float, least: float
 ) -> Curve | None:
@@ -101,9 +105,7 @@ def _refined(
         kept = residual < inlier_m
     if not kept.any():
         return None
-    return Curve(
-        np.asarray(coefficients, float), points.where(kept), float(np.sqrt(np.mean(residual[kept] ** 2)))
-    )
+    return Curve(np.asarray(coefficients, float), points.where(kept), rms(residual[kept]))
 
 
 def along(curve: Curve | None, basis: Basis) -> Boundary | None:
@@ -113,9 +115,8 @@ def along(curve: Curve | None, basis: Basis) -> Boundary | None:
     near, far = float(curve.agreed.x_m[0]), float(curve.agreed.x_m[-1])
     if far - near < 2 * STEP_M:
         return None
-    x_m = np.linspace(near, far, max(3, round((far - near) / STEP_M)))
-    y_m = basis(x_m) @ curve.coefficients
-    return Boundary(x_m, y_m, curve.residual_m, support(curve.agreed.x_m, near, far))
+    coefficients = curve.coefficients
+    return sampled(lambda x_m: basis(x_m) @ coefficients, near, far, curve.agreed, curve.residual_m)
 
 
 def polynomial(degree: int) -> Basis:
@@ -134,15 +135,8 @@ def cubic_spline(x_m: Array) -> Array:
     return np.asarray(BSpline.design_matrix(np.clip(x_m, 0.0, 40.0), knots, 3).toarray(), float)
 
 
-def _pair(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
-    *families: Basis,
-    size: int,
-    inlier_m: float,
-    tries: int,
+def largest_consensus(
+    evidence: Evidence, *families: Basis, size: int, inlier_m: float, tries: int
 ) -> Boundaries:
     """For each side the curve, of all ``families``, with the largest consensus."""
 
@@ -150,71 +144,35 @@ def _pair(
         best: Boundary | None = None
         most = 0.0
         for basis in families:
-            curve = consensus(points, basis, rng, size=size, inlier_m=inlier_m, tries=tries)
+            curve = consensus(points, basis, evidence.rng, size=size, inlier_m=inlier_m, tries=tries)
             agreed = float(evenly(curve.agreed).sum()) if curve is not None else 0.0
             if agreed > most:
                 best, most = along(curve, basis), agreed
         return best
 
-    return each_side(features, view, predicted, fitted)
+    return each_side(evidence, fitted)
 
 
-def ransac_line(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
-    *,
-    inlier_m: Positive = 0.15,
-    tries: Tries = 60,
-) -> Boundaries:
+def ransac_line(evidence: Evidence, *, inlier_m: Positive = 0.15, tries: Tries = 60) -> Boundaries:
     """A straight line y = a + bx a side (B17, B18). Source: R [81], [62], [70]. Limit: curves."""
-    return _pair(features, view, predicted, rng, polynomial(1), size=2, inlier_m=inlier_m, tries=tries)
+    return largest_consensus(evidence, polynomial(1), size=2, inlier_m=inlier_m, tries=tries)
 
 
-def ransac_parabola(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
-    *,
-    inlier_m: Positive = 0.15,
-    tries: Tries = 100,
-) -> Boundaries:
+def ransac_parabola(evidence: Evidence, *, inlier_m: Positive = 0.15, tries: Tries = 100) -> Boundaries:
     """A parabola y = a + bx + cx² a side: an arc of R = 1/2c (B17, B18). Source: R [81]. Limit: S-bends."""
-    return _pair(features, view, predicted, rng, polynomial(2), size=3, inlier_m=inlier_m, tries=tries)
+    return largest_consensus(evidence, polynomial(2), size=3, inlier_m=inlier_m, tries=tries)
 
 
-def ransac_bspline(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
-    *,
-    inlier_m: Positive = 0.15,
-    tries: Tries = 300,
-) -> Boundaries:
-    """A cubic B-spline with two inner knots a side (B19). Source: R [59], 92 % and at most 72 ms a frame there.
-
-    Limit: gaps without paint, which do not constrain its six coefficients.
-    """
-    return _pair(features, view, predicted, rng, cubic_spline, size=6, inlier_m=inlier_m, tries=tries)
+def ransac_bspline(evidence: Evidence, *, inlier_m: Positive = 0.15, tries: Tries = 300) -> Boundaries:
+    """A cubic B-spline with two inner knots a side (B19). Source: R [59]. Limit: gaps without paint."""
+    return largest_consensus(evidence, cubic_spline, size=6, inlier_m=inlier_m, tries=tries)
 
 
-def straight_curve(
-    features: Features,
-    view: View,
-    predicted: Boundaries | None,
-    rng: np.random.Generator,
-    *,
-    inlier_m: Positive = 0.15,
-    tries: Tries = 40,
-) -> Boundaries:
+def straight_curve(evidence: Evidence, *, inlier_m: Positive = 0.15, tries: Tries = 40) -> Boundaries:
     """Straight near, curved far, one smooth curve in two sections: y = a + bx + c·max(0, x − x₀)² (B21).
 
-    Source: R [64], 92–93 %, where the sections meet in a fixed row and are fitted one after the other, so that
-    intrusions on the near line spoil both; here both share one consensus, with the best x₀ of ``BENDS_M``.
-    Limit: S-bends.
+    Source: R [64], where the sections are fitted one after the other and meet in a fixed row; here both share one
+    consensus, with the best x₀ of ``BENDS_M``. Limit: S-bends.
     """
     families = [two_sections(bend_m) for bend_m in BENDS_M]
-    return _pair(features, view, predicted, rng, *families, size=3, inlier_m=inlier_m, tries=tries)
+    return largest_consensus(evidence, *families, size=3, inlier_m=inlier_m, tries=tries)

@@ -1,16 +1,15 @@
 """Colour images to the single channel of the later stages (inventory A04, A06, A08, B10)."""
 
 import math
-from typing import Annotated, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
-from pydantic import Field
 
 from perception.techniques.image.picture import View
 from perception.techniques.image.rows import row_top_hat
 from trepid.config import InputError
-from trepid.types import Floats, Image
+from trepid.types import Floats, Image, Positive
 
 CHANNELS = {
     "bgr": (None, "bgr"),
@@ -28,9 +27,9 @@ OUTSTANDING = 5.0  # multiple of it from which a pixel is paint
 
 
 def grey(image: Image, view: View) -> Image:
-    """Luminance, Y = 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601) (A04).
+    """Luminance, Y = 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601) (A04). Source: R [8]–[12].
 
-    Source: R [8]–[12]. Limit: yellow paint on concrete, which has the same luminance.
+    Limit: yellow paint on concrete, which has the same luminance.
     """
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
@@ -38,9 +37,8 @@ def grey(image: Image, view: View) -> Image:
 def binary(image: Image, view: View) -> Image:
     """White above the threshold that separates the grey levels best, else black (A06).
 
-    Otsu, A Threshold Selection Method from Gray-Level Histograms (1979): the threshold with the greatest variance
-    between the two classes. Source: R [14], [58], [64]. Limit: paint in a picture with sky, or with sun and
-    shadow; a region and a channel for markings must come first.
+    Otsu, A Threshold Selection Method from Gray-Level Histograms (1979): the greatest variance between the two
+    classes. Source: R [14], [58], [64]. Limit: a picture with sky, or with sun and shadow.
     """
     return np.asarray(cv2.threshold(grey(image, view), 0, 255, cv2.THRESH_OTSU)[1], np.uint8)
 
@@ -54,8 +52,8 @@ def channel(
 ) -> Image:
     """One channel of a colour space; of YCbCr, "b" and "r" are Cb and Cr (A08).
 
-    Source: R [67]–[70]. V of HSV and L of HLS respond to white, b of Lab and Cb to yellow. Limit: the respective
-    other colour. Raises InputError when the space has no such channel.
+    Source: R [67]–[70]. V of HSV and L of HLS respond to white, b of Lab and Cb to yellow. Raises InputError when
+    the space has no such channel.
     """
     code, letters = CHANNELS[space]
     if name not in letters:
@@ -80,15 +78,14 @@ def hsi(image: Image) -> tuple[Floats, Floats, Floats]:
     return hue, saturation, intensity
 
 
-def adaptive_grey(image: Image, view: View, *, marking_m: Annotated[float, Field(gt=0)] = 0.15) -> Image:
+def adaptive_grey(image: Image, view: View, *, marking_m: Positive = 0.15) -> Image:
     """Projections of colour in which white and yellow paint differ most from the road of this frame (B10).
 
     Fisher's discriminant g = wᵀ·(R,G,B) with w = S_w⁻¹·(μ_paint − μ_road), once for white and once for yellow
     paint; road becomes grey 96 ± 12, the brighter of both projections counts. The samples of paint are pixels that
-    stand out of their row (top-hat of ``marking_m`` in any channel), separated into white and yellow by their blue.
-    Printed: "random vectors", an error for adaptive ones. Source: R [65]; Fisher, The Use of Multiple
-    Measurements in Taxonomic Problems (1936). Luminance without samples of paint. Limit: paint of the
-    colour and brightness of the road.
+    stand out of their row (top-hat of ``marking_m`` in any channel); luminance without such samples. Printed:
+    "random vectors", an error for adaptive ones. Source: R [65]; Fisher, The Use of Multiple Measurements in
+    Taxonomic Problems (1936).
     """
     if image.ndim == 2:
         return image
@@ -96,15 +93,19 @@ def adaptive_grey(image: Image, view: View, *, marking_m: Annotated[float, Field
     pixels = image.astype(np.float32)
     hats = np.stack([row_top_hat(image[:, :, i], view, marking_m) for i in range(3)], axis=2)
     scatter = np.percentile(hats[road][::2, ::2].reshape(-1, 3), USUAL, axis=0) + SENSOR_GREY
-    paint = (hats / scatter).max(axis=2) > OUTSTANDING
-    paint[~road] = False
-    plain = (hats / scatter).max(axis=2) < 1
-    plain[~road] = False
+    standing_out = (hats / scatter).max(axis=2)
+    paint = (standing_out > OUTSTANDING) & road[:, None]
+    plain = (standing_out < 1) & road[:, None]
     if np.count_nonzero(paint) < MIN_SAMPLES or np.count_nonzero(plain) < MIN_SAMPLES:
         return grey(image, view)
     ground = pixels[plain][:: max(1, np.count_nonzero(plain) // 4000)]
-    found = pixels[paint]
-    return _brightest(pixels, ground, _white_and_yellow(found, ground))
+    projected = []
+    for colour in _white_and_yellow(pixels[paint], ground):
+        weights = discriminant(colour, ground)
+        on_road = ground @ weights
+        projected.append((pixels @ weights - on_road.mean()) / max(float(on_road.std()), 1e-6))
+    grey_levels = ROAD_GREY + TEXTURE_GREY * np.maximum.reduce(projected)
+    return np.asarray(np.clip(grey_levels, 0, 255), np.uint8)
 
 
 def _white_and_yellow(found: Floats, ground: Floats) -> list[Floats]:
@@ -112,17 +113,6 @@ def _white_and_yellow(found: Floats, ground: Floats) -> list[Floats]:
     rise = found - ground.mean(axis=0)
     yellow = rise[:, 0] < 0.5 * rise[:, 1:].mean(axis=1)
     return [part for part in (found[~yellow], found[yellow]) if len(part) >= MIN_SAMPLES // 2]
-
-
-def _brightest(pixels: Floats, ground: Floats, paints: list[Floats]) -> Image:
-    projected = []
-    for paint in paints:
-        weights = discriminant(paint, ground)
-        on_road = ground @ weights
-        deviation = max(float(on_road.std()), 1e-6)
-        projected.append((pixels @ weights - on_road.mean()) / deviation)
-    grey_levels = ROAD_GREY + TEXTURE_GREY * np.maximum.reduce(projected)
-    return np.asarray(np.clip(grey_levels, 0, 255), np.uint8)
 
 
 def discriminant(paint: Floats, ground: Floats) -> Floats:

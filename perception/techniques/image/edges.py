@@ -5,9 +5,9 @@ import numpy as np
 
 from perception.techniques.image.colour import grey
 from perception.techniques.image.picture import Features, Kind, View
-from perception.techniques.image.rows import row_peaks
+from perception.techniques.image.rows import upright_line
 from perception.techniques.image.warp import road_segments_px
-from trepid.types import Floats, Image, Positive
+from trepid.types import Image, Positive
 
 PREWITT = np.array([[-1, 0, 1]] * 3, np.float32) / 6
 STROKE = 255
@@ -16,8 +16,8 @@ STROKE = 255
 def canny(image: Image, view: View, *, low: Positive = 50.0, high: Positive = 150.0) -> Features:
     """Edges of one pixel: gradient, non-maximum suppression, two thresholds [Sobel grey levels] (B03, B09).
 
-    Source: R [43]–[51]; Canny, A Computational Approach to Edge Detection (1986). Limit: shadows and cracks
-    with enough contrast are edges too; fixed thresholds miss dark pictures.
+    Source: R [43]–[51]; Canny, A Computational Approach to Edge Detection (1986). Limit: shadows and cracks; dark
+    pictures.
     """
     return Features(np.asarray(cv2.Canny(image, low, high), np.uint8), Kind.LINE)
 
@@ -25,8 +25,8 @@ def canny(image: Image, view: View, *, low: Positive = 50.0, high: Positive = 15
 def canny_auto(image: Image, view: View, *, factor: Positive = 6.0, least: Positive = 12.0) -> Features:
     """Canny with thresholds that follow the light: high = ``factor`` medians of |∂x| + |∂y|, low half of it (B15).
 
-    The median gradient of a picture is that of the asphalt's texture and of sensor noise. Source: R [74] on
-    thresholds that must follow the illumination. Limit: paint weaker than ``factor`` times the texture.
+    The median gradient is that of the asphalt's texture and of sensor noise. Source: R [74]. Limit: paint weaker
+    than ``factor`` times the texture.
     """
     dx, dy = (cv2.Sobel(grey(image, view), cv2.CV_16S, *order) for order in ((1, 0), (0, 1)))
     texture = float(np.median(np.abs(dx[::2, ::2]).astype(np.int32) + np.abs(dy[::2, ::2])))
@@ -37,32 +37,27 @@ def canny_auto(image: Image, view: View, *, factor: Positive = 6.0, least: Posit
 def sobel(image: Image, view: View, *, least: Positive = 12.0) -> Features:
     """Upright edges: peaks along the row of |∂x| above ``least`` [grey/px], by (1, 2, 1) × (−1, 0, 1)/8 (B04).
 
-    Only ∂x, so the edge of a shadow across the road gives no response (A16; the printed "vertical gradient" is the
-    gradient of upright edges). Source: R [24], [52]–[54]. Limit: upright edges that are no paint.
+    Only ∂x, so the edge of a shadow across the road gives no response (A16). Source: R [24], [52]–[54].
+    Limit: upright edges that are no paint.
     """
     slope = cv2.Sobel(grey(image, view), cv2.CV_32F, 1, 0, scale=1 / 8)
-    return _upright(np.asarray(np.abs(slope), np.float32), least)
+    return upright_line(np.asarray(np.abs(slope), np.float32), least)
 
 
 def prewitt(image: Image, view: View, *, least: Positive = 12.0) -> Features:
     """Upright edges as :func:`sobel`, with equal weights: (1, 1, 1) × (−1, 0, 1)/6 (B05).
 
-    Source: R [55]. Limit: as Sobel; and slanted edges, blurred by equal weights up and down.
+    Source: R [55]. Limit: as Sobel, and slanted edges.
     """
     slope = cv2.filter2D(grey(image, view), cv2.CV_32F, PREWITT)
-    return _upright(np.asarray(np.abs(slope), np.float32), least)
-
-
-def _upright(slope: Floats, least: float) -> Features:
-    return Features(np.where(row_peaks(slope) & (slope > least), slope, np.float32(0)), Kind.LINE)
+    return upright_line(np.asarray(np.abs(slope), np.float32), least)
 
 
 def edlines(image: Image, view: View) -> Features:
     """Straight line segments, drawn one pixel wide (B06).
 
-    Segments are those of LSD, which validates like EDLines (a segment counts when noise hardly ever produces it,
-    Helmholtz's principle) and like it has no threshold; EDLines is not in OpenCV's main package. Source: R [56];
-    Akinlar and Topal, EDLines (2011). Limit: curves, which become chords.
+    Segments are those of LSD, which validates like EDLines (Helmholtz's principle); EDLines is not in OpenCV's main
+    package. Source: R [56]; Akinlar and Topal, EDLines (2011). Limit: curves, which become chords.
     """
     lines = np.zeros(image.shape[:2], np.uint8)
     for ends in road_segments_px(grey(image, view), view):

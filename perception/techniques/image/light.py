@@ -35,8 +35,8 @@ def clahe(
 def low_light(image: Image, view: View, *, road_grey: Level = 90.0, most: Positive = 8.0) -> Image:
     """Brighter dark pictures: v·g, with the gain g from 1 to ``most`` that takes the road to ``road_grey`` (A19).
 
-    The median below the horizon counts as the road. The published form trains a network to restyle night as day;
-    this is its exposure alone. Daylight is unchanged. Source: R [30]. Limit: noise; lamps, which saturate.
+    The median below the horizon counts as the road. Source: R [30], whose trained network restyles night as day;
+    this is its exposure alone. Limit: noise; lamps, which saturate.
     """
     road = grey(image, view)[np.isfinite(view.pixel_m)]
     gain = min(road_grey / max(float(np.median(road)), 1.0), most) if road.size else 1.0
@@ -46,9 +46,8 @@ def low_light(image: Image, view: View, *, road_grey: Level = 90.0, most: Positi
 def match_histogram(image: Image, view: View, *, mean: Level = 110.0, deviation: Positive = 45.0) -> Image:
     """Grey levels mapped so that their histogram becomes the reference: a normal one of these moments (A20).
 
-    See :func:`matching`. Deep Steer takes the histogram of a picture of its training set; a normal one needs no
-    picture. Colour images are mapped by the histogram of their luminance. Source: D 4.2, eq. 1–3, [14], [15].
-    Limit: pictures half in shadow; the noise of an empty road, which becomes contrast.
+    See :func:`matching`. Colour images are mapped by the histogram of their luminance. Source: D 4.2, eq. 1–3,
+    [14], [15], with the histogram of a training picture. Limit: pictures half in shadow.
     """
     levels = np.arange(LEVELS)
     reference = np.exp(-0.5 * ((levels - mean) / deviation) ** 2)
@@ -60,7 +59,7 @@ def matching(counts: NDArray[np.number], reference: NDArray[np.number]) -> NDArr
     """The table of grey levels that maps the histogram ``counts`` to ``reference``.
 
     h(i) = n_i/N, H(j) = Σ_{i≤j} h(i), T(j) = ⌊(K−1)·H(j)⌋ with K = 256 for both; v goes to the smallest z with
-    T_ref(z) ≥ T(v). Printed: the index runs "0 … 245, 255", and the step back through T_ref stands in words only.
+    T_ref(z) ≥ T(v). Printed: the index runs "0 … 245, 255".
     """
     own, wanted = _levels(counts), _levels(reference)
     return np.minimum(np.searchsorted(wanted, own, side="left"), LEVELS - 1).astype(np.uint8)

@@ -5,7 +5,8 @@ homography holds all of its geometry. Boundaries are points on the road in the v
 independent of the picture in which they were found.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -71,6 +72,11 @@ class View:
         rows = np.arange(self.height_px, dtype=float)
         return self.ground(np.column_stack([np.full_like(rows, (self.width_px - 1) / 2), rows]))[:, 0]
 
+    @cached_property
+    def nearest_m(self) -> float:
+        """Distance x [m] ahead of the rear axle of the nearest road in the middle of the picture."""
+        return float(np.nanmin(np.where(self.ahead_m > 0, self.ahead_m, np.nan)))
+
     def cropped(self, box: "Box") -> "View":
         """The view of the part of the picture inside ``box``."""
         shift = np.array([[1.0, 0, -box.left_px], [0, 1, -box.top_px], [0, 0, 1]])
@@ -86,18 +92,11 @@ class View:
         """The view of the area-averaged picture: pixel u of it is centred on s·(u + ½) − ½."""
         sx, sy = width_px / self.width_px, height_px / self.height_px
         scale = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
-        seen = self.seen
+        seen, size = self.seen, (width_px, height_px)
         if seen is not None:
-            seen = (
-                cv2.resize(seen.astype(np.uint8), (width_px, height_px), interpolation=cv2.INTER_NEAREST) > 0
-            )
-        return replace(
-            self,
-            width_px=width_px,
-            height_px=height_px,
-            pixel_from_ground=scale @ self.pixel_from_ground,
-            seen=seen,
-        )
+            seen = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+        matrix = scale @ self.pixel_from_ground
+        return replace(self, width_px=width_px, height_px=height_px, pixel_from_ground=matrix, seen=seen)
 
 
 def camera_view(camera: Camera) -> View:
@@ -116,12 +115,10 @@ class Box:
 
     @property
     def rows(self) -> slice:
-        """Its rows."""
         return slice(self.top_px, self.bottom_px)
 
     @property
     def columns(self) -> slice:
-        """Its columns."""
         return slice(self.left_px, self.right_px)
 
 
@@ -148,6 +145,10 @@ class Features:
     response: NDArray[np.uint8] | NDArray[np.float32]  # (height, width); 0 = none
     kind: Kind
     direction_rad: NDArray[np.float32] | None = None  # of texture, from columns to rows
+
+    def where(self, kept: Mask) -> "Features":
+        """The features with no response outside of ``kept``."""
+        return replace(self, response=np.where(kept, self.response, self.response.dtype.type(0)))
 
 
 @dataclass(frozen=True)
@@ -178,9 +179,33 @@ class Boundaries:
     reason: str = ""  # for a missing side
 
     @property
+    def found(self) -> list[tuple[Boundary, float]]:
+        """The sides that were found, with their signs: +1 left, −1 right."""
+        return [(side, sign) for side, sign in ((self.left, 1.0), (self.right, -1.0)) if side is not None]
+
+    @property
     def seen(self) -> int:
         """The number of sides: 0, 1 or 2."""
-        return (self.left is not None) + (self.right is not None)
+        return len(self.found)
+
+    def each(self, change: Callable[[Boundary], Boundary | None]) -> "Boundaries":
+        """The boundaries with ``change`` applied to the sides that were found."""
+        left, right = (None if side is None else change(side) for side in (self.left, self.right))
+        return replace(self, left=left, right=right)
+
+
+def _seeded() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The features of a frame, and what else the stages need that select features and fit boundaries."""
+
+    features: Features
+    view: View
+    predicted: Boundaries | None = None  # those of the last frame in the present vehicle frame
+    rng: np.random.Generator = field(default_factory=_seeded)
 
 
 @dataclass(frozen=True)
@@ -211,15 +236,15 @@ class Motion:
 
 
 def moved(boundaries: Boundaries, motion: Motion) -> Boundaries:
-    """The same boundaries on the road, in the frame of the vehicle after ``motion``."""
-    return replace(boundaries, left=_moved(boundaries.left, motion), right=_moved(boundaries.right, motion))
+    """The same boundaries on the road, in the frame of the vehicle after ``motion``.
 
-
-def _moved(boundary: Boundary | None, motion: Motion) -> Boundary | None:
-    """Points p become R(−φ)·(p − t), with the chord t of an arc of length s that turns by φ."""
-    if boundary is None:
-        return None
+    Points p become R(−φ)·(p − t), with the chord t of an arc of length s that turns by φ.
+    """
     along_m, aside_m = chord(motion.moved_m, motion.turned_rad)
-    x, y = boundary.x_m - along_m, boundary.y_m - aside_m
     cos, sin = np.cos(motion.turned_rad), np.sin(motion.turned_rad)
-    return replace(boundary, x_m=cos * x + sin * y, y_m=cos * y - sin * x)
+
+    def turned(side: Boundary) -> Boundary:
+        x, y = side.x_m - along_m, side.y_m - aside_m
+        return replace(side, x_m=cos * x + sin * y, y_m=cos * y - sin * x)
+
+    return boundaries.each(turned)

@@ -1,13 +1,11 @@
 """The part of the picture that is processed (inventory A01–A03)."""
 
 from dataclasses import replace
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from perception.techniques.image.picture import Boundaries, Boundary, Box, Region, View
-from trepid.types import Mask, Positive
+from trepid.types import Array, Mask, NonNegative, Positive
 
 MIN_PX = 16  # least height and width of a part
 
@@ -22,8 +20,7 @@ def roi_fixed(
 ) -> Region:
     """The picture from ``margin_px`` above the horizon down; features count up to ``reach_m`` ahead (A01).
 
-    y ≥ y_horizon − margin: both boundaries and their junction, which the steering rules use, lie inside. Farther
-    than ``reach_m`` a pixel is longer than a dash. Source: R II.A, [7]. Limit: hills, which move the horizon.
+    y ≥ y_horizon − margin: the junction of the boundaries lies inside. Source: R II.A, [7]. Limit: hills.
     """
     near = _rows(view, reach_m)
     junction_px = view.horizon_px - margin_px if np.isfinite(view.horizon_px) else near.top_px
@@ -40,7 +37,7 @@ def roi_tracked(
     *,
     reach_m: Positive = 40.0,
     half_width_m: Positive = 0.5,
-    growth: Annotated[float, Field(ge=0)] = 0.02,
+    growth: NonNegative = 0.02,
 ) -> Region:
     """Bands around the two boundaries of the last frame; without them all rows up to ``reach_m`` (A02).
 
@@ -50,8 +47,12 @@ def roi_tracked(
     box = _rows(view, reach_m)
     if predicted is None or predicted.seen < 2:  # the missing side may be anywhere
         return Region(box)
-    sides = [side for side in (predicted.left, predicted.right) if side is not None]
-    return _around(sides, view, box, half_width_m, growth)
+    mask = near(view, predicted, half_width_m=half_width_m, growth=growth)
+    mask[: box.top_px] = False
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if len(rows) < MIN_PX or len(columns) < MIN_PX:
+        return Region(box)  # the prediction has left the picture
+    return Region(Box(int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1), mask)
 
 
 def roi_speed(
@@ -63,7 +64,7 @@ def roi_speed(
     min_reach_m: Positive = 15.0,
     max_reach_m: Positive = 60.0,
     half_width_m: Positive = 0.5,
-    growth: Annotated[float, Field(ge=0)] = 0.02,
+    growth: NonNegative = 0.02,
 ) -> Region:
     """The road of the next ``seconds``, in bands around the boundaries of the last frame (A03, DROI).
 
@@ -75,13 +76,13 @@ def roi_speed(
     return roi_tracked(view, predicted, None, reach_m=reach_m, half_width_m=half_width_m, growth=growth)
 
 
-def near(view: View, sides: list[Boundary], *, half_width_m: float, growth: float) -> Mask:
-    """Pixels within ``half_width_m`` + ``growth``·x of one of ``sides``, extended straight at both ends."""
+def near(view: View, boundaries: Boundaries, *, half_width_m: float, growth: float) -> Mask:
+    """Pixels within ``half_width_m`` + ``growth``·x of one of the boundaries, extended straight at both ends."""
     rows = np.arange(view.height_px, dtype=float)
     columns = np.arange(view.width_px, dtype=float)
     mask = np.zeros((view.height_px, view.width_px), bool)
     reach_px = (half_width_m + growth * np.maximum(view.ahead_m, 0)) / view.pixel_m
-    for side in sides:
+    for side, _ in boundaries.found:
         pixels = view.pixels(_extended(side))
         pixels = pixels[np.isfinite(pixels).all(axis=1)]
         if not len(pixels):
@@ -93,7 +94,7 @@ def near(view: View, sides: list[Boundary], *, half_width_m: float, growth: floa
     return mask
 
 
-def _extended(side: Boundary, *, near_m: float = 0.5, far_m: float = 100.0) -> np.ndarray:
+def _extended(side: Boundary, *, near_m: float = 0.5, far_m: float = 100.0) -> Array:
     """Points (x, y) of the boundary, with its tangents at both ends drawn on."""
     x, y = side.x_m, side.y_m
     step = max(1, len(x) // 4)
@@ -101,21 +102,8 @@ def _extended(side: Boundary, *, near_m: float = 0.5, far_m: float = 100.0) -> n
     last = (y[-1] - y[-1 - step]) / max(x[-1] - x[-1 - step], 1e-6)
     before = np.linspace(min(near_m, x[0] - 0.1), x[0] - 0.05, 10)
     beyond = np.linspace(x[-1] + 0.1, max(far_m, x[-1] + 1.0), 10)
-    return np.column_stack(
-        [
-            np.concatenate([before, x, beyond]),
-            np.concatenate([y[0] + first * (before - x[0]), y, y[-1] + last * (beyond - x[-1])]),
-        ]
-    )
-
-
-def _around(sides: list[Boundary], view: View, box: Box, half_width_m: float, growth: float) -> Region:
-    mask = near(view, sides, half_width_m=half_width_m, growth=growth)
-    mask[: box.top_px] = False
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if len(rows) < MIN_PX or len(columns) < MIN_PX:
-        return Region(box)  # the prediction has left the picture
-    return Region(Box(int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1), mask)
+    y_m = np.concatenate([y[0] + first * (before - x[0]), y, y[-1] + last * (beyond - x[-1])])
+    return np.column_stack([np.concatenate([before, x, beyond]), y_m])
 
 
 def _rows(view: View, reach_m: float) -> Box:

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.techniques.image.picture import View
-from trepid.types import Floats, Image, Mask
+from perception.techniques.image.picture import Features, Kind, View
+from trepid.types import Floats, Image
 
 MAX_HAT_PX = 41  # wider paint is nearer than the nearest row
 
@@ -64,8 +64,9 @@ def row_top_hat(image: Image, view: View, width_m: float) -> Image:
     return hat
 
 
-def row_peaks(response: Floats) -> Mask:
-    """Where a response is greatest among its neighbours in the row."""
+def upright_line(response: Floats, least: float) -> Features:
+    """The responses above ``least`` that are the greatest among their neighbours in the row, as line features."""
     left = np.pad(response[:, :-1], ((0, 0), (1, 0)), constant_values=np.inf)
     right = np.pad(response[:, 1:], ((0, 0), (0, 1)), constant_values=np.inf)
-    return np.asarray((response >= right) & (response > left))
+    peak = (response >= right) & (response > left)
+    return Features(np.where(peak & (response > least), response, np.float32(0)), Kind.LINE)

@@ -7,7 +7,7 @@ from scipy.fft import dctn, idctn
 
 from perception.techniques.image.picture import View
 from perception.techniques.image.rows import row_top_hat
-from trepid.types import Array, Floats, Image, Mask, Positive
+from trepid.types import Floats, Image, Mask, Positive
 
 DARK = 4.0  # grey levels added before the logarithm: colour below is noise
 ANGLES = np.deg2rad(np.arange(0.0, 91.0, 5.0))  # sky light is bluer: ln R/G falls while ln B/G rises
@@ -19,21 +19,15 @@ STRIPE_GREY = 8.0  # least contrast of paint
 
 
 def without_shadows(
-    image: Image,
-    view: View,
-    *,
-    step: Positive = 0.08,
-    material: Positive = 0.06,
-    marking_m: Positive = 0.30,
+    image: Image, view: View, *, step: Positive = 0.08, material: Positive = 0.06, marking_m: Positive = 0.30
 ) -> Image:
     """The picture without cast shadows: zero their edges, then integrate the gradient again (A14).
 
-    1. Invariant g = cosθ·ln(R/G) + sinθ·ln(B/G): one axis does not change from sun to sky light: the θ with
-       the least entropy of g.
+    1. Invariant g = cosθ·ln(R/G) + sinθ·ln(B/G) with the θ of least entropy of g.
     2. Shadow edges: ∇ln I above ``step`` in all channels alike with ∇g below ``material``. White paint on
        grey asphalt has no step in g either, so a stripe as narrow as a marking is never a shadow edge.
     3. Re-integration: the picture whose gradient is ∇ln I without those edges, min ‖∇u − p‖² (Poisson, with no flow
-       through the border), solved by the discrete cosine transform.
+       through the border).
 
     Source: R [21]; Finlayson, Hordley, Lu and Drew, On the Removal of Shadows from Images, IEEE PAMI 28(1), 2006.
     Limit: the edge between two grey surfaces (asphalt and concrete), which is removed too.
@@ -57,7 +51,8 @@ def shadow_edges(image: Image, view: View, *, step: float, material: float, mark
     """Pixels of a BGR image on the edge of a cast shadow."""
     logs = np.log(image.astype(np.float32) + DARK)
     smooth = cv2.GaussianBlur(logs, (0, 0), 1.0)
-    edge = _dims_all(smooth, step) & (_slope(invariant(smooth)) < material)
+    g_x, g_y = _gradient(invariant(smooth))
+    edge = _dims_all(smooth, step) & (cv2.magnitude(g_x, g_y) < material)
     hat = row_top_hat(np.asarray(image.max(axis=2), np.uint8), view, marking_m)
     grown = np.ones((2 * NEAR_PX + 1, 2 * NEAR_PX + 1), np.uint8)
     paint = cv2.dilate((hat > STRIPE_GREY).astype(np.uint8), grown) > 0
@@ -67,7 +62,7 @@ def shadow_edges(image: Image, view: View, *, step: float, material: float, mark
 
 def _dims_all(logs: Floats, step: float) -> Mask:
     """Pixels where ln I steps by more than ``step`` and every channel has a share of it in the same direction."""
-    dx, dy = cv2.Sobel(logs, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(logs, cv2.CV_32F, 0, 1, scale=1 / 8)
+    dx, dy = _gradient(logs)
     mean_x, mean_y = dx.mean(axis=2), dy.mean(axis=2)
     size = np.maximum(np.hypot(mean_x, mean_y), 1e-6)
     along = (dx * mean_x[..., None] + dy * mean_y[..., None]) / size[..., None]
@@ -83,10 +78,7 @@ def invariant(logs: Floats) -> Floats:
 
 
 def _entropy(values: NDArray[np.floating]) -> float:
-    """−Σ p·ln p of the middle 90 % of ``values`` in bins by Scott's rule, in nats, plus the log of the bin.
-
-    The width of the bins is part of it: otherwise a narrow distribution would have the entropy of a wide one.
-    """
+    """−Σ p·ln p [nat] of the middle 90 % of ``values`` in ``BINS`` bins, plus the log of the width of a bin."""
     low, high = np.percentile(values, [5, 95])
     if high - low < 1e-6:
         return -np.inf
@@ -95,11 +87,13 @@ def _entropy(values: NDArray[np.floating]) -> float:
     return float(-(share * np.log(share)).sum() + np.log((high - low) / BINS))
 
 
-def _slope(values: Floats) -> Floats:
-    """Magnitude of the gradient per pixel (Sobel)."""
-    dx = cv2.Sobel(values, cv2.CV_32F, 1, 0, scale=1 / 8)
-    dy = cv2.Sobel(values, cv2.CV_32F, 0, 1, scale=1 / 8)
-    return np.asarray(cv2.magnitude(dx, dy), np.float32)
+def _gradient(values: Floats) -> tuple[Floats, Floats]:
+    """∂/∂x and ∂/∂y per pixel (Sobel)."""
+    across, down = (
+        cv2.Sobel(values, cv2.CV_32F, 1, 0, scale=1 / 8),
+        cv2.Sobel(values, cv2.CV_32F, 0, 1, scale=1 / 8),
+    )
+    return np.asarray(across, np.float32), np.asarray(down, np.float32)
 
 
 def reintegrated(values: Floats, without: Mask) -> Floats:
@@ -116,18 +110,11 @@ def reintegrated(values: Floats, without: Mask) -> Floats:
     divergence[:, 1:] -= dx
     divergence[:-1] += dy
     divergence[1:] -= dy
-    return np.asarray(_poisson(divergence), np.float32)
-
-
-def _poisson(divergence: Array) -> Array:
-    """u with ∇²u = ``divergence``, mean 0 and no slope across the border."""
-    height, width = divergence.shape
-    eigen = (
-        2 * np.cos(np.pi * np.arange(height) / height)[:, None]
-        + 2 * np.cos(np.pi * np.arange(width) / width)
-        - 4
-    )
+    height, width = values.shape
+    down = 2 * np.cos(np.pi * np.arange(height) / height)
+    across = 2 * np.cos(np.pi * np.arange(width) / width)
+    eigen = down[:, None] + across - 4
     eigen[0, 0] = 1.0
     spectrum = dctn(divergence, type=2, norm="ortho") / eigen
     spectrum[0, 0] = 0.0
-    return np.asarray(idctn(spectrum, type=2, norm="ortho"), np.float64)
+    return np.asarray(idctn(spectrum, type=2, norm="ortho"), np.float32)

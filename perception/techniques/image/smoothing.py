@@ -36,8 +36,8 @@ def gaussian_auto(
 ) -> Image:
     """Gaussian blur that halves the contrast of a marking of ``marking_m``, ``at_m`` ahead (A13).
 
-    With w columns of paint there, erf(w/(2√2·σ)) = ½ gives σ = w/1.349, at most ``most_px``. Source: R II.A.1,
-    which only warns that too large a filter removes the markings. Coarse pictures are unchanged.
+    With w columns of paint there, erf(w/(2√2·σ)) = ½ gives σ = w/1.349, at most ``most_px``. Source: R II.A.1.
+    Coarse pictures are unchanged.
     """
     sigma_px = min(auto_sigma_px(view, marking_m, at_m), most_px)
     return gaussian(image, view, sigma_px=sigma_px) if sigma_px > 0.3 else image
@@ -61,7 +61,7 @@ def median_auto(image: Image, view: View, *, marking_m: Positive = 0.10, most_px
     """The median of the largest square that keeps a stripe of ``marking_m`` in its row (A13).
 
     A k × k median keeps a stripe of w columns that fills more than half of the square: k < 2·w. Source: R II.A.1.
-    Limit: far rows, where not even 3 × 3 fits, are unchanged.
+    Far rows are unchanged.
     """
     limit_px = 2 * width_px(view, marking_m)[:, None]
     smooth = image.copy()
@@ -74,8 +74,7 @@ def median_auto(image: Image, view: View, *, marking_m: Positive = 0.10, most_px
 def high_pass(image: Image, view: View, *, sigma_px: Positive = 12.0) -> Image:
     """128 + image − its Gaussian blur: removes slow changes of light, keeps stripes and edges (A17).
 
-    Source: R [25], [26], there for omnidirectional images. Limit: the contrast of worn paint is
-    unchanged; the edge of a shadow stays, with a halo.
+    Source: R [25], [26], for omnidirectional images. Limit: worn paint; the edge of a shadow stays, with a halo.
     """
     slow = cv2.GaussianBlur(image, (0, 0), sigma_px)
     return np.asarray(np.clip(128 + image.astype(np.int16) - slow.astype(np.int16), 0, 255), np.uint8)

@@ -9,8 +9,8 @@ from pydantic import Field
 
 from perception.techniques.image.colour import grey, hsi
 from perception.techniques.image.picture import Features, Kind, View
-from perception.techniques.image.rows import row_means, row_peaks, row_top_hat, width_px
-from trepid.types import Floats, Image, OpenShare, Positive
+from perception.techniques.image.rows import row_means, row_top_hat, upright_line, width_px
+from trepid.types import Floats, Image, OpenShare, Positive, Share
 
 BLUR_PX = 1.2
 LEAST_GREY = 4.0  # contrast of a region above sensor noise
@@ -31,23 +31,18 @@ def dark_bright_dark(
     left, middle, right = row_means(grey(image, view), edges_m, view)
     response = middle - np.maximum(left, right)
     response[~np.isfinite(view.pixel_m)] = 0
-    threshold = max(least, noise * float(np.abs(response).mean()))
-    return Features(
-        np.where(row_peaks(response) & (response > threshold), response, np.float32(0)), Kind.LINE
-    )
+    return upright_line(response, max(least, noise * float(np.abs(response).mean())))
 
 
 def top_hat(image: Image, view: View, *, marking_m: Positive = 0.25, least: Positive = 8.0) -> Features:
     """Stripes brighter than the opening of their row by ``marking_m``, above Otsu's threshold and ``least`` (B25).
 
-    Image − opening; the structuring element follows the distance. Source: R [75]. Limit: widths
-    below ``marking_m``: gravel and arrows remain.
+    Image − opening; the structuring element follows the distance. Source: R [75]. Limit: gravel and arrows.
     """
     hat = row_top_hat(grey(image, view), view, marking_m)
-    threshold, _ = (
-        cv2.threshold(hat[hat > 0].reshape(-1, 1), 0, 255, cv2.THRESH_OTSU) if hat.any() else (0, None)
-    )
-    return Features(np.where(hat > max(threshold, least), hat, np.uint8(0)), Kind.LINE)
+    if hat.any():
+        least = max(least, cv2.threshold(hat[hat > 0].reshape(-1, 1), 0, 255, cv2.THRESH_OTSU)[0])
+    return Features(np.where(hat > least, hat, np.uint8(0)), Kind.LINE)
 
 
 def oriented(
@@ -62,9 +57,8 @@ def oriented(
     """Second derivative of a Gaussian across the road, Gaussian along it; the highest ``1 − share`` of it (B32).
 
     f(u) ∝ exp(−u²/2σ²)·(1 − u²/σ²) across and exp(−v²/2σ_v²) along, with zero mean, σ half a marking and σ_v
-    ``along_m``; scaled so that a stripe of contrast c gives about c. For the view from above; elsewhere the width
-    is that of the middle row. Source: R [61]; Aly, Real time Detection of Lane Markers in Urban Streets, IV
-    2008. Limit: lines at an angle to the vehicle of more than about 10°.
+    ``along_m``; a stripe of contrast c gives about c. For the view from above. Source: R [61]; Aly, Real time
+    Detection of Lane Markers in Urban Streets, IV 2008. Limit: lines more than about 10° from straight ahead.
     """
     metre_px = 1 / float(np.nanmedian(view.pixel_m))
     across = _ricker(max(marking_m * metre_px / 2, 0.6))
@@ -88,16 +82,15 @@ def wavelet(
     *,
     levels: Annotated[int, Field(ge=1, le=5)] = 3,
     upright: Annotated[float, Field(ge=0, le=4)] = 1.6,
-    level: Annotated[float, Field(ge=0, le=1)] = 0.15,
+    level: Share = 0.15,
 ) -> Image:
     """Wavelet reconstruction with details of upright edges times ``upright``, of level ones times ``level`` (B11).
 
     For the view from above, where markings are upright and the edges of shadows across the road are level. The
     spline smoothing S along rows (x) and columns (y), its taps 2^j pixels apart, splits the approximation a into
     S_xS_y·a, upright details (1 − S_x)S_y·a, level ones S_x(1 − S_y)·a and diagonal ones (1 − S_x)(1 − S_y)·a:
-    gains of 1 restore the picture. No decimation, which leaves blocks on slanted lines. Source: R [71];
-    Holschneider et al., algorithme à trous (1989). Limit: level details of paint, such as the ends of
-    dashes and stop lines, are damped too.
+    gains of 1 restore the picture. Source: R [71]; Holschneider et al., algorithme à trous (1989).
+    Limit: the ends of dashes and stop lines are damped too.
     """
     smooth = grey(image, view).astype(np.float32)
     details = np.zeros_like(smooth)
@@ -119,23 +112,16 @@ def _spline(apart: int) -> Floats:
 
 
 def paint_colour(
-    image: Image,
-    view: View,
-    *,
-    brighter: Positive = 0.10,
-    pale: OpenShare = 0.25,
-    coloured: OpenShare = 0.25,
+    image: Image, view: View, *, brighter: Positive = 0.10, pale: OpenShare = 0.25, coloured: OpenShare = 0.25
 ) -> Features:
     """White: ``brighter`` than the road and pale; yellow: of that hue and coloured. Loose limits in HSI (A07, B23).
 
-    Intensity is compared with the median below the horizon, so that the limit follows the light. Source: R [15],
-    [66], [70]. Limit: pale gravel, white vehicles and sunlit patches.
+    Intensity is compared with the median below the horizon. Source: R [15], [66], [70]. Limit: pale gravel, white
+    vehicles and sunlit patches.
     """
-    if image.ndim == 2:
-        return Features(np.zeros(image.shape, np.uint8), Kind.LINE)
     road = np.isfinite(view.pixel_m)
     paint = np.zeros(image.shape[:2], np.uint8)
-    if not road.any():
+    if image.ndim == 2 or not road.any():
         return Features(paint, Kind.LINE)
     hue, saturation, intensity = hsi(image[road])
     middle = float(np.median(intensity))
@@ -155,15 +141,15 @@ def mser_blue(
 ) -> Features:
     """Stable bright regions, slim as paint, of the blue channel (white) and of its enhanced form (yellow) (A15).
 
-    A maximally stable region hardly changes while the threshold moves by ``delta`` levels, in any light. Blue stays
-    bright in shadow by sky light; yellow paint is dark in it, hence the enhanced channel 2·((R+G)/2 − B). Kept are
-    regions up to ``widest_m`` wide on the road and
-    ``slimness`` times longer. Source: R [22], [23]; Matas et al. (2002). Limit: crumbled paint.
+    A maximally stable region hardly changes while the threshold moves by ``delta`` levels. Blue stays bright in
+    shadow by sky light; yellow paint is dark in it, hence the enhanced channel 2·((R+G)/2 − B). Kept are regions
+    up to ``widest_m`` wide on the road and ``slimness`` times longer. Source: R [22], [23]; Matas et al. (2002).
+    Limit: crumbled paint.
     """
-    if image.ndim == 2:
-        return Features(np.zeros(image.shape, np.uint8), Kind.LINE)
-    widest_px = width_px(view, widest_m)
     paint = np.zeros(image.shape[:2], np.uint8)
+    if image.ndim == 2:
+        return Features(paint, Kind.LINE)
+    widest_px = width_px(view, widest_m)
     largest = image.shape[0] * image.shape[1] // 20
     finder = cv2.MSER.create(
         delta=delta, min_area=15, max_area=max(largest, 16), max_variation=1.0, min_diversity=0.0

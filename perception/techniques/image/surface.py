@@ -1,5 +1,6 @@
 """Similarity of each pixel to the road ahead of the vehicle (inventory B13, B15, B16)."""
 
+import math
 from typing import Annotated
 
 import cv2
@@ -9,7 +10,7 @@ from pydantic import Field
 from perception.lane.detection.surface import SurfaceSettings, road_likelihood, surface_bins
 from perception.techniques.image.colour import grey
 from perception.techniques.image.picture import Features, Kind, View
-from trepid.types import Floats, Image, Mask, Positive
+from trepid.types import Floats, Image, Mask, Positive, Share
 
 PATCH_M = 6.0  # length of the patch, from the nearest visible road
 PATCH_HALF_M = 0.8  # half its width: the road between the wheels
@@ -33,16 +34,12 @@ def patch(view: View, *, half_width_m: float = PATCH_HALF_M, length_m: float = P
 def brightness(image: Image, view: View, *, spread: Positive = 3.0) -> Features:
     """Road where the grey level is within ``spread`` deviations of that of the patch ahead (B13, B15).
 
-    |I − median| < k·max(1.48·MAD, 3), both of the patch, so the threshold follows the illumination; response 1 or
-    0. Source: R 1.2, [74]. Limit: edges of the same brightness; shadows on the road.
+    |I − median| < k·max(1.48·MAD, 3), both of the patch; response 1 or 0. Source: R 1.2, [74]. Limit: edges of the
+    same brightness; shadows on the road.
     """
     plain = cv2.GaussianBlur(grey(image, view), (0, 0), 1.5)
-    inside = patch(view)
-    if not inside.any():
-        return Features(np.zeros(plain.shape, np.float32), Kind.REGION)
-    middle = float(np.median(plain[inside]))
-    deviation = max(1.48 * float(np.median(np.abs(plain[inside] - middle))), LEAST_GREY)
-    alike = np.abs(plain - np.float32(middle)) < spread * deviation
+    middle, deviation = _of_patch(np.asarray(plain, np.uint8), view)
+    alike = np.abs(plain - np.float32(middle)) < spread * max(deviation, LEAST_GREY)
     return _region(np.asarray(alike, np.float32), view)
 
 
@@ -52,14 +49,13 @@ def patch_colour(
     *,
     chroma_limit: Positive = 2.5,
     light_limit: Positive = 1.5,
-    light_weight: Annotated[float, Field(ge=0, le=1)] = 0.6,
+    light_weight: Share = 0.6,
     smoothing: Positive = 20.0,
 ) -> Features:
     """Probability of road by the colour of the patch ahead against that of the sides of the picture (B16).
 
     1/(1 + exp(−Λ)) of the log-likelihood ratio Λ of smoothed CIELAB histograms
-    (:mod:`perception.lane.detection.surface`). Source: R 1.3, "colour in every method". Limit: verges of the colour
-    of the road.
+    (:mod:`perception.lane.detection.surface`). Source: R 1.3. Limit: verges of the colour of the road.
     """
     inside = patch(view)
     outside = np.isfinite(view.pixel_m)[:, None] & ~patch(view, half_width_m=REST_HALF_M, length_m=60.0)
@@ -77,18 +73,22 @@ def texture(image: Image, view: View, *, window_px: Annotated[int, Field(ge=3, l
     """Road where the local contrast is that of the patch ahead: 1, falling with the deviation (B13).
 
     Local contrast t = ln(1 + √(mean of the squared Laplacian in a square)); response exp(−½·((t − t₀)/σ)²) for
-    rougher places, 1 for smoother ones. Source: R 1.2. Limit: verges as smooth as the road, such as snow; paint,
-    which is rough.
+    rougher places, 1 for smoother ones. Source: R 1.2. Limit: verges as smooth as the road, such as snow; paint.
     """
     curvature = cv2.Laplacian(grey(image, view), cv2.CV_32F)
     rough = np.log1p(np.sqrt(cv2.boxFilter(curvature * curvature, -1, (window_px, window_px))))
-    inside = patch(view)
-    if not inside.any():
-        return Features(np.zeros(rough.shape, np.float32), Kind.REGION)
-    middle = float(np.median(rough[inside]))
-    deviation = max(1.48 * float(np.median(np.abs(rough[inside] - middle))), 0.15)
-    beyond = np.maximum(rough - middle, 0) / (2 * deviation)
+    middle, deviation = _of_patch(np.asarray(rough, np.float32), view)
+    beyond = np.maximum(rough - middle, 0) / (2 * max(deviation, 0.15))
     return _region(np.asarray(np.exp(-0.5 * beyond**2), np.float32), view)
+
+
+def _of_patch(values: Image | Floats, view: View) -> tuple[float, float]:
+    """Median and deviation, 1.48·MAD, of ``values`` in the patch ahead; −∞ and 0 when no row shows the road."""
+    inside = values[patch(view)]
+    if not len(inside):
+        return -math.inf, 0.0
+    middle = float(np.median(inside))
+    return middle, 1.48 * float(np.median(np.abs(inside - middle)))
 
 
 def _region(response: Floats, view: View) -> Features:

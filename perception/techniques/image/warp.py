@@ -10,7 +10,7 @@ from pydantic import Field
 
 from perception.techniques.image.colour import grey
 from perception.techniques.image.picture import View
-from trepid.types import Array, Image, Positive
+from trepid.types import Array, Image, Positive, PositiveShare
 
 EDGE_PX = 3  # reach of the filters at the border of the picture
 MIN_SEGMENT_PX = 12.0  # shorter segments have no reliable direction
@@ -19,13 +19,8 @@ MIN_SEGMENTS = 4
 FIT_ROUNDS = 8
 
 
-def area_resize(
-    image: Image, view: View, *, scale: Annotated[float, Field(gt=0, le=1)] = 0.5
-) -> tuple[Image, View]:
-    """The picture scaled down by averaging areas, which keeps its mean grey (A05, A21).
-
-    Source: R [13]; D 4.1. Limit: lines thinner than a pixel lose contrast (A09).
-    """
+def area_resize(image: Image, view: View, *, scale: PositiveShare = 0.5) -> tuple[Image, View]:
+    """The picture scaled down by averaging areas, which keeps its mean grey (A05, A21). Source: R [13]; D 4.1."""
     size = (max(16, round(view.width_px * scale)), max(16, round(view.height_px * scale)))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), view.resized(*size)
 
@@ -40,9 +35,8 @@ def bird_eye(
 ) -> tuple[Image, View]:
     """The road from above, by inverse perspective mapping with the known camera (A23).
 
-    x' ~ H·x with H from K, pitch and height: parallel lines are parallel and equally wide everywhere. Pixels
-    outside of the camera image are filled from its border and give no features. Source: R II.A.2 [31]–[41].
-    Limit: hills and pitching, which bend the lines apart or together; vehicles, which become long smears.
+    x' ~ H·x with H from K, pitch and height. Pixels outside of the camera image are filled from its border and
+    give no features. Source: R II.A.2 [31]–[41]. Limit: hills and pitching; vehicles, which become long smears.
     """
     above = view_from_above(view, reach_m=reach_m, half_width_m=half_width_m, pixel_m=pixel_m)
     source_from_above = view.pixel_from_ground @ above.ground_from_pixel
@@ -57,26 +51,18 @@ def bird_eye(
 
 def view_from_above(view: View, *, reach_m: float, half_width_m: float, pixel_m: float) -> View:
     """From the nearest road in the middle of ``view`` to ``reach_m``; the top row is the farthest."""
-    nearest_m = float(np.nanmin(np.where(view.ahead_m > 0, view.ahead_m, np.nan)))
-    reach_m = max(reach_m, nearest_m + 16 * pixel_m)
-    corner_x, corner_y = (
-        reach_m - pixel_m / 2,
-        half_width_m - pixel_m / 2,
-    )  # road at the centre of pixel (0, 0)
-    matrix = np.array(
-        [[0, -1 / pixel_m, corner_y / pixel_m], [-1 / pixel_m, 0, corner_x / pixel_m], [0, 0, 1.0]]
-    )
-    return View(
-        view.camera,
-        round(2 * half_width_m / pixel_m),
-        round((reach_m - nearest_m) / pixel_m),
-        matrix,
-        from_above=True,
-    )
+    reach_m = max(reach_m, view.nearest_m + 16 * pixel_m)
+    x_m, y_m = reach_m - pixel_m / 2, half_width_m - pixel_m / 2  # road at the centre of pixel (0, 0)
+    matrix = np.array([[0, -1 / pixel_m, y_m / pixel_m], [-1 / pixel_m, 0, x_m / pixel_m], [0, 0, 1.0]])
+    size = (round(2 * half_width_m / pixel_m), round((reach_m - view.nearest_m) / pixel_m))
+    return View(view.camera, *size, matrix, from_above=True)
 
 
 class BirdEyeSelf:
-    """The road from above, with the pitch estimated from the picture (A24)."""
+    """The road from above, with the pitch estimated from the picture (A24).
+
+    Source: R [39]. Limit: lines that are not of the road; with few lines the pitch is kept.
+    """
 
     def __init__(
         self,
@@ -93,10 +79,7 @@ class BirdEyeSelf:
         self._change_rad: float | None = None
 
     def step(self, image: Image, view: View) -> tuple[Image, View]:
-        """As :func:`bird_eye`, after :func:`pitched` by the smoothed change of pitch.
-
-        Source: R [39]. Limit: lines that are not of the road; with few lines the pitch is kept.
-        """
+        """As :func:`bird_eye`, after :func:`pitched` by the smoothed change of pitch."""
         change = pitch_change_rad(image, view)
         if change is not None and abs(change) <= self._most_rad:
             old = change if self._change_rad is None else self._change_rad

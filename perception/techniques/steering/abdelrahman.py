@@ -11,6 +11,7 @@ from perception.techniques.steering.rule import (
     Gain,
     Hold,
     ImageAngle,
+    ImageLine,
     LevelPicture,
     RuleAngle,
     lean,
@@ -18,7 +19,6 @@ from perception.techniques.steering.rule import (
     mean_line,
     road_wheel,
 )
-from perception.techniques.steering.straight_lane import ImageLine
 from trepid.types import Positive
 
 
@@ -66,22 +66,23 @@ def lower_tree(
     beside it. None: straight.
 
     The mirrored branches are not in print, nor is a rule for a wrong pair while driving straight. Printed, the
-    output is the mean of the slopes dy/dx, ±78° at e = ±0.5 m; here the mean of m (S16). Limit: the heading.
+    output is the mean of the slopes dy/dx; here the mean of m (S16). Limit: the heading.
     """
     left, right = lines.left, lines.right
     half_m = width_m / 2
+    half_width = half_m / picture.camera_height_m  # in the unit of m
     if left is not None and right is not None:
         width = picture.camera_height_m * (right.m - left.m)
-        wrong = implausibility(left, right, before, turned_rad, half_m / picture.camera_height_m)
+        wrong = implausibility(left, right, before, turned_rad, half_width)
         if abs(width / width_m - 1) <= tolerance or wrong == 0:
             return Outcome(Leaf.BOTH, mean_line(left, right))
         left, right = (None, right) if wrong > 0 else (left, None)
     if right is not None:
-        if _was(right, before.left, before.right, picture, width_m):
+        if _was(right, before.left, before.right, half_width):
             return Outcome(Leaf.CROSSED_LEFT, picture.beside(right, -half_m))
         return Outcome(Leaf.ONLY_RIGHT, picture.beside(right, half_m))
     if left is not None:
-        if _was(left, before.right, before.left, picture, width_m):
+        if _was(left, before.right, before.left, half_width):
             return Outcome(Leaf.CROSSED_RIGHT, picture.beside(left, half_m))
         return Outcome(Leaf.ONLY_LEFT, picture.beside(left, -half_m))
     return Outcome(Leaf.NONE, None)
@@ -106,33 +107,24 @@ def implausibility(
 
 
 def _was(
-    line: ImageLine,
-    other_side: ImageLine | None,
-    same_side: ImageLine | None,
-    picture: LevelPicture,
-    width_m: float,
+    line: ImageLine, other_side: ImageLine | None, same_side: ImageLine | None, half_width: float
 ) -> bool:
     """``line`` was on the other side a step ago: nearer to that line than half a lane, and than to its own."""
     if other_side is None:
         return False
     jump = abs(line.m - other_side.m)
-    near = jump < width_m / 2 / picture.camera_height_m
-    return near and (same_side is None or jump < abs(line.m - same_side.m))
+    return jump < half_width and (same_side is None or jump < abs(line.m - same_side.m))
 
 
 def upper_tree(upper: Lines, lower: Lines) -> Lines:
     """The upper lines without the extension of the lower line of the other side (S15).
 
     In a bend the left boundary reaches into the right half of the picture further up: an upper right line goes
-    if (upper right and lower left and not lower right), and the mirror image. The text states the inverse,
-    which would remove the true right line, present above and below, and keep the extension.
+    if (upper right and lower left and not lower right), and the mirror image. The text states the inverse.
     """
-    left, right = upper.left, upper.right
-    if right is not None and lower.left is not None and lower.right is None:
-        right = None
-    if left is not None and lower.right is not None and lower.left is None:
-        left = None
-    return Lines(left, right)
+    only_left = lower.left is not None and lower.right is None
+    only_right = lower.right is not None and lower.left is None
+    return Lines(None if only_right else upper.left, None if only_left else upper.right)
 
 
 def mean_angle(lower: Outcome, upper: Lines) -> ImageAngle | None:
@@ -147,12 +139,7 @@ class Abdelrahman:
     """The angle of both trees; straight on for at most ``blind_s`` without lines (S14–S16)."""
 
     def __init__(
-        self,
-        *,
-        gain: Gain = 0.2,
-        width_m: Positive = 3.4,
-        split_m: Positive = 10.0,
-        blind_s: Positive = 0.5,
+        self, *, gain: Gain = 0.2, width_m: Positive = 3.4, split_m: Positive = 10.0, blind_s: Positive = 0.5
     ) -> None:
         self._gain, self._width_m, self._split_m = gain, width_m, split_m
         self._hold = Hold(blind_s, straight=True)
@@ -180,19 +167,12 @@ class Abdelrahman:
 
 def _half(boundaries: Boundaries, view: View, near_m: float, far_m: float) -> tuple[Lines, LevelPicture]:
     """The lines of the boundaries between ``near_m`` and ``far_m``."""
-    part = replace(
-        boundaries,
-        left=_between(boundaries.left, near_m, far_m),
-        right=_between(boundaries.right, near_m, far_m),
-    )
-    left, right, picture = level_lines(part, view)
+
+    def part(side: Boundary) -> Boundary | None:
+        inside = (side.x_m >= near_m) & (side.x_m < far_m)
+        if np.count_nonzero(inside) < 2:
+            return None
+        return replace(side, x_m=side.x_m[inside], y_m=side.y_m[inside])
+
+    left, right, picture = level_lines(boundaries.each(part), view)
     return Lines(left, right), picture
-
-
-def _between(boundary: Boundary | None, near_m: float, far_m: float) -> Boundary | None:
-    if boundary is None:
-        return None
-    inside = (boundary.x_m >= near_m) & (boundary.x_m < far_m)
-    if np.count_nonzero(inside) < 2:
-        return None
-    return replace(boundary, x_m=boundary.x_m[inside], y_m=boundary.y_m[inside])

@@ -1,13 +1,48 @@
 """From boundaries on the road to a lane state, and from a lane state to the road-wheel angle (inventory S18)."""
 
 import math
+from dataclasses import dataclass
 
 from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLane, View
-from perception.techniques.steering.rule import level_line
-from perception.techniques.steering.straight_lane import straight_lane
+from perception.techniques.steering.rule import ImageLine, level_line, meeting_point
 from trepid.clothoid import Lane
 from trepid.steering import road_wheel_angle
 from trepid.types import Positive
+
+
+@dataclass(frozen=True, slots=True)
+class StraightLane:
+    """Lane state at the camera's foot point; signs as in :mod:`trepid.messages`."""
+
+    offset_m: float
+    heading_rad: float
+    width_m: float
+
+
+def straight_lane(
+    left: ImageLine, right: ImageLine, *, focal_px: float, centre_x_px: float, height_m: float
+) -> StraightLane | None:
+    """Offset, heading and width of a lane from its two lines in a level camera; None for parallel lines.
+
+    Let the camera stand at height h and lateral place e (+ left of the lane centre) and point ψ to the left of the
+    lane. A boundary at lateral place b has the points (s, b), which lie d = s·cosψ + (b−e)·sinψ ahead of and
+    a = −s·sinψ + (b−e)·cosψ to the left of the camera. The pinhole gives x − cx = −f·a/d and y − cy = f·h/d.
+    With s eliminated, x = cx + f·tanψ − (b−e)/(h·cosψ) · (y − cy), and with b = ±W/2:
+
+        ψ = atan((x_vp − cx)/f),   e = h·(m_l + m_r)/2·cosψ,   W = h·(m_r − m_l)·cosψ.
+
+    The inventory prints −e, positive to the right. The row of the horizon cancels.
+    """
+    vanishing_px = meeting_point(left, right)
+    if vanishing_px is None:
+        return None
+    heading_rad = math.atan((vanishing_px[0] - centre_x_px) / focal_px)
+    scale_m = height_m * math.cos(heading_rad)
+    return StraightLane(
+        offset_m=scale_m * (left.m + right.m) / 2,
+        heading_rad=heading_rad,
+        width_m=scale_m * (right.m - left.m),
+    )
 
 
 def exact_pair(boundaries: Boundaries, view: View, *, width_m: Positive = 3.4) -> MeasuredLane | None:

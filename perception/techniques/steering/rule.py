@@ -1,12 +1,10 @@
-"""The common parts of the printed steering rules: a level picture, image angles, and the hold after a lost line.
+"""The common parts of the printed steering rules: image lines, a level picture, image angles, and the hold.
 
 The rules work on two straight lines x = m·y + k of one picture. The review prints slopes s = dy/dx, which are
-infinite for upright lines and cannot be averaged (±78° for a car 0.5 m beside the centre, S16); here every rule
-is written in m. All of them assume a camera that is level and points straight ahead, so boundaries are drawn into
-such a picture first.
-
-Every rule returns an :data:`ImageAngle`, + = steer to the left (ISO 8855), not the sign of its paper. An image
-angle is neither a heading nor a road-wheel angle (S19): only :func:`road_wheel` converts one into the other.
+infinite for upright lines and cannot be averaged (S16); here every rule is written in m. All of them assume a
+camera that is level and points straight ahead, so boundaries are drawn into such a picture first. Every rule
+returns an :data:`ImageAngle`, + = steer to the left (ISO 8855), not the sign of its paper. It is neither a heading
+nor a road-wheel angle (S19): only :func:`road_wheel` converts one into the other.
 """
 
 import math
@@ -17,7 +15,6 @@ import numpy as np
 from pydantic import Field
 
 from perception.techniques.image.picture import Boundaries, Boundary, View
-from perception.techniques.steering.straight_lane import ImageLine
 from trepid.camera import Camera
 
 ImageAngle = NewType("ImageAngle", float)  # [rad] in the picture, + = steer left
@@ -25,6 +22,29 @@ RoadWheel = NewType("RoadWheel", float)  # [rad] at the road wheels, + = left
 Gain = Annotated[float, Field(gt=0, le=2)]  # road-wheel angle per image angle
 
 CLEAR_M = 0.5  # ahead of the camera; nearer points lie below the picture
+
+
+@dataclass(frozen=True, slots=True)
+class ImageLine:
+    """Image line x = m·y + k [px]. A slope dy/dx would be infinite for upright lines, the normal case."""
+
+    m: float
+    k: float
+
+    def x(self, y_px: float) -> float:
+        """Column at row ``y_px``."""
+        return self.m * y_px + self.k
+
+
+def meeting_point(left: ImageLine, right: ImageLine) -> tuple[float, float] | None:
+    """The vanishing point (X, Y) [px] as the cross product l₁×l₂; None for parallel lines (S08, S17).
+
+    Printed: X = (C₂−C₁)/(s_l−s_r), Y = s_l·X + C₁: the same point, but undefined for upright lines.
+    """
+    if left.m == right.m:
+        return None
+    y_px = (right.k - left.k) / (left.m - right.m)
+    return left.x(y_px), y_px
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,14 +101,9 @@ class LevelPicture:
 def level_picture(view: View) -> LevelPicture:
     """The level camera at the place of ``view``'s, with its focal length and size."""
     camera = view.camera
-    return LevelPicture(
-        camera.width_px,
-        camera.height_px,
-        camera.fx_px,
-        (camera.width_px - 1) / 2,
-        (camera.height_px - 1) / 2,
-        camera.height_m,
-    )
+    width_px, height_px = camera.width_px, camera.height_px
+    middle_px = ((width_px - 1) / 2, (height_px - 1) / 2)
+    return LevelPicture(width_px, height_px, camera.fx_px, *middle_px, camera.height_m)
 
 
 def level_line(boundary: Boundary, camera: Camera) -> ImageLine | None:
@@ -121,23 +136,19 @@ def level_lines(
 
 
 def road_wheel(angle: ImageAngle | None, *, gain: float) -> RoadWheel | None:
-    """δ = gain·angle, None for None. The rules know no unit of steering: the gain belongs to the vehicle."""
+    """δ = gain·angle, None for None; the gain belongs to the vehicle."""
     return None if angle is None else RoadWheel(gain * angle)
 
 
 def lean(line: ImageLine) -> ImageAngle:
     """−atan(m), positive if the foot of the line lies to the left of its head.
 
-    The centre line of a lane has m = e/h (S18), so this is −atan(e/h): it steers back to the centre. It is the
-    printed atan2(x₁−x₂, y₂−y₁) from foot (x₂, y₂) to head (x₁, y₁). The papers read its sign as "to the right",
-    which would steer a car left of the centre farther to the left.
+    The centre line of a lane has m = e/h (S18), so this is −atan(e/h). It is the printed atan2(x₁−x₂, y₂−y₁) from
+    foot (x₂, y₂) to head (x₁, y₁). The papers read its sign as "to the right", away from the centre.
     """
     return ImageAngle(-math.atan(line.m))
 
 
 def mean_line(left: ImageLine, right: ImageLine) -> ImageLine:
-    """The mean of x(y) of both lines: exactly the centre of the lane, since x is linear across the road in a row.
-
-    The mean of the angles differs: 7.9° instead of 22.6° for a car 0.5 m beside the centre (h = 1.2 m).
-    """
+    """The mean of x(y) of both lines: the centre of the lane, unlike the mean of their angles."""
     return ImageLine((left.m + right.m) / 2, (left.k + right.k) / 2)

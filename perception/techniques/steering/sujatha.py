@@ -8,12 +8,13 @@ from perception.techniques.steering.rule import (
     Gain,
     Hold,
     ImageAngle,
+    ImageLine,
     LevelPicture,
     RuleAngle,
     level_lines,
+    meeting_point,
     road_wheel,
 )
-from perception.techniques.steering.straight_lane import ImageLine, meeting_point
 from trepid.types import Positive
 
 
@@ -22,8 +23,8 @@ def left_and_right(
 ) -> tuple[ImageLine | None, ImageLine | None]:
     """The steepest line that falls to the left in the left half, and to the right in the right half (S08).
 
-    Left: slope dy/dx < 0, so m < 0, with its foot in the left half; right: the mirror image. A foot outside of
-    the picture counts for its side. Of several lines on one side the steepest is the nearest to the car.
+    Left: slope dy/dx < 0, so m < 0, with its foot in the left half; right: the mirror image. The steepest line of a
+    side is the nearest.
     """
     bottom = picture.height_px - 1
     left = [line for line in lines if line.m < 0 and line.x(bottom) < picture.centre_x_px]
@@ -37,9 +38,8 @@ def left_and_right(
 def case_2(left: ImageLine, right: ImageLine, picture: LevelPicture) -> ImageAngle | None:
     """δ = −atan2(X − w/2, h − Y), from the middle of the lower edge to the meeting point (S09).
 
-    Printed: S = (X−w/2) − (Y−h), which must be a quotient, and 90° − atan(1/S): as a difference it is 89.8° for
-    any pose, as a quotient it jumps by 180° at straight ahead (176° for 3° of heading). None for parallel lines.
-    Limits: the offset (S18); and the angle is not the heading, which is atan((X−c_x)/f).
+    Printed: S = (X−w/2) − (Y−h), which must be a quotient, and 90° − atan(1/S), which jumps by 180° at straight
+    ahead. None for parallel lines. Limits: the offset (S18); the angle is not the heading, atan((X−c_x)/f).
     """
     point = meeting_point(left, right)
     if point is None:
@@ -53,8 +53,7 @@ def case_3a(
     """Keep the middle of the road by one line: the other is put ``width_m`` beside it; then case 2 (S10).
 
     x_r(y) = x_l(y) + W/h·(y − y_v), with y_v the row of the horizon. Printed: the missing line is the last column
-    of pixels. That is no line of the road: a centred car gets 34.8° (f = 320 px, h = 1.2 m, W = 3.5 m) and its
-    infinite slope breaks case 2. None unless exactly one line is given.
+    of pixels, which gives 34.8° for a centred car. None unless exactly one line is given.
     """
     if left is None and right is not None:
         return case_2(picture.beside(right, width_m), right, picture)
@@ -66,9 +65,7 @@ def case_3a(
 def base_angle(distance_m: float, camera_height_m: float) -> float:
     """Inclination [rad] to the horizontal of a line on the road ``distance_m`` beside the camera: atan(h/d) (S11).
 
-    Printed through an equi-angular camera (pixels per degree), with points x₁ and x₁+d on the line; the angle
-    then depends on x₁, which it does not in a pinhole camera, and x_im2 has lost its parenthesis (5–10° instead
-    of 26–28°). 30.96° for h = 1.2 m and d = 2 m.
+    Printed through an equi-angular camera (pixels per degree); x_im2 has lost its parenthesis.
     """
     return math.atan2(camera_height_m, distance_m)
 
@@ -78,8 +75,7 @@ def case_3b(
 ) -> ImageAngle | None:
     """Keep ``distance_m`` from one boundary: base angle − its inclination, mirrored per side (S12).
 
-    None unless exactly one line is given. Limit: the heading, without which the car swings about its distance for
-    ever; :func:`heading` adds it.
+    None unless exactly one line is given. Without :func:`heading` the car swings about its distance.
     """
     base = base_angle(distance_m, picture.camera_height_m)
     if left is not None and right is None:

@@ -5,8 +5,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from perception.techniques.image.picture import Boundaries, View
-from perception.techniques.steering.rule import Gain, LevelPicture, RoadWheel, RuleAngle, level_lines
-from perception.techniques.steering.straight_lane import ImageLine
+from perception.techniques.steering.rule import (
+    Gain,
+    ImageLine,
+    LevelPicture,
+    RoadWheel,
+    RuleAngle,
+    level_lines,
+)
 from trepid.types import Positive
 
 
@@ -41,9 +47,8 @@ class Crossings:
 def crossings(left: ImageLine, right: ImageLine, picture: LevelPicture) -> Crossings | None:
     """θ = μ₁ − μ₂ and φ = b₁ − b₂ with μ = atan(b/(w/2)), b₁ = h − y_l(0), b₂ = h − y_r(w), both signed (S05).
 
-    θ, φ > 0: the car is right of the centre or points to the right, so steer left: the opposite sign to
-    Sujatha's. Offset and heading add up in one number. None for a line that falls to the wrong side: it crosses the
-    other border of the picture.
+    θ, φ > 0: the car is right of the centre or points to the right, so steer left: the opposite sign to Sujatha's.
+    None for a line that falls to the wrong side.
     """
     if left.m >= 0 or right.m <= 0:
         return None
@@ -64,8 +69,8 @@ class Turn(StrEnum):
 def decide(phi_px: float, before: Turn, *, enter_px: float = 30.0, leave_px: float = 20.0) -> Turn:
     """Straight for −30 < φ < 30, left above, right below [px of a picture 640 wide] (S06).
 
-    Printed: straight only for μ₁ = μ₂, which never happens: 30 px are a dead band of 5.4°; and "φ varies between
-    150 to 100" has lost its minus. A turn ends below ``leave_px``, so that noise causes no chatter.
+    Printed: straight only for μ₁ = μ₂; and "φ varies between 150 to 100" has lost its minus. A turn ends below
+    ``leave_px``, so that noise causes no chatter.
     """
     turned = Turn.LEFT if phi_px > 0 else Turn.RIGHT
     if abs(phi_px) > enter_px or (before is turned and abs(phi_px) > leave_px):

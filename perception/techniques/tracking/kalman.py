@@ -5,10 +5,8 @@ The tests compare them with filterpy.
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from perception.techniques.boundaries.ground_curve import parallel_sides
 from perception.techniques.image.picture import Boundaries, Motion
@@ -18,14 +16,13 @@ from perception.techniques.tracking.model import (
     TrackState,
     expected,
     expected_slope,
-    expired,
     initial,
     moved_state,
     process_noise,
     samples_of,
     transition,
 )
-from trepid.types import Array
+from trepid.types import Array, Positive
 
 GATE = 5.0  # greatest normalised innovation squared per measured value
 RESTART_S = 0.4  # a track with all measurements outside of the gate for longer begins again
@@ -48,7 +45,7 @@ def nis(covariance: Array, innovation: Array, slope: Array, noise: Array) -> flo
 class _Gaussian(ABC):
     """The common part of the filters: prediction, gate, coasting and restart; each has its own ``_updated``."""
 
-    def __init__(self, *, gate: Annotated[float, Field(gt=0)] = GATE) -> None:
+    def __init__(self, *, gate: Positive = GATE) -> None:
         self._gate = gate
         self._track: TrackState | None = None
         self._refused_s = 0.0
@@ -64,12 +61,8 @@ class _Gaussian(ABC):
             self._track, self._refused_s = after, 0.0
             return after.boundaries(boundaries.reason)
         self._refused_s += motion.dt_s if boundaries.seen else 0.0
-        self._track = replace(
-            before,
-            unseen_s=before.unseen_s + motion.dt_s,
-            unseen_m=before.unseen_m + abs(motion.moved_m),
-        )
-        if self._refused_s > RESTART_S or expired(self._track):
+        self._track = before.unmeasured(motion)
+        if self._refused_s > RESTART_S or self._track.expired:
             self._track = initial(boundaries)
             return boundaries
         return self._track.boundaries(boundaries.reason or "the lines are not those of the tracked lane")
@@ -115,8 +108,8 @@ class Kalman(_Gaussian):
 class Extended(_Gaussian):
     """Extended Kalman filter: places of the boundaries measure the structure of the road (T02, B26).
 
-    Source: R [77], [73]. No curve is fitted in one frame, so a dash or the end of a line is a measurement too; H is
-    the slope of :func:`expected` at the prediction. For interrupted markings.
+    Source: R [77], [73]. No curve is fitted in one frame, so a dash is a measurement too; H is the slope of
+    :func:`expected` at the prediction.
     """
 
     def _updated(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:

@@ -1,12 +1,11 @@
 """The model of all trackers: the motion of the lane, and the places of its boundaries (T01–T06, B26).
 
-State x = (e, ψ, κ, W): offset, heading, curvature at the rear axle and width, as in
-trepid.clothoid. The two boundaries share all of it, which is the structure of the road; so one boundary, or an old
-one, is enough.
+State x = (e, ψ, κ, W): offset, heading, curvature at the rear axle and width, as in trepid.clothoid. The two
+boundaries share all of it, which is the structure of the road; so one boundary, or an old one, is enough.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,12 +67,11 @@ class Samples:
 def samples_of(boundaries: Boundaries) -> Samples:
     """The boundaries at ``SAMPLES_M``, as far as they reach; their errors are correlated, so n count as two."""
     parts = []
-    for boundary, side in ((boundaries.left, 1.0), (boundaries.right, -1.0)):
-        if boundary is not None:
-            inside = SAMPLES_M[(boundary.x_m[0] <= SAMPLES_M) & (boundary.x_m[-1] >= SAMPLES_M)]
-            sigma = np.hypot(np.hypot(LINE_M, boundary.residual_m), LINE_PER_M * inside)
-            sigma *= math.sqrt(max(1.0, len(inside) / 2))
-            parts.append(np.stack([inside, boundary.at(inside), np.full(len(inside), side), sigma]))
+    for boundary, side in boundaries.found:
+        inside = SAMPLES_M[(boundary.x_m[0] <= SAMPLES_M) & (boundary.x_m[-1] >= SAMPLES_M)]
+        sigma = np.hypot(np.hypot(LINE_M, boundary.residual_m), LINE_PER_M * inside)
+        sigma *= math.sqrt(max(1.0, len(inside) / 2))
+        parts.append(np.stack([inside, boundary.at(inside), np.full(len(inside), side), sigma]))
     x_m, y_m, side_of, sigma_m = np.concatenate(parts, axis=1) if parts else np.empty((4, 0))
     return Samples(x_m, y_m, side_of, sigma_m)
 
@@ -102,6 +100,16 @@ class TrackState:
     unseen_s: float = 0.0
     unseen_m: float = 0.0
 
+    def unmeasured(self, motion: Motion) -> "TrackState":
+        """The state after a frame without a measurement."""
+        unseen_s, unseen_m = self.unseen_s + motion.dt_s, self.unseen_m + abs(motion.moved_m)
+        return replace(self, unseen_s=unseen_s, unseen_m=unseen_m)
+
+    @property
+    def expired(self) -> bool:
+        """Whether the lane has been unseen for too long."""
+        return self.unseen_s > FORGET_S or self.unseen_m > FORGET_M
+
     def boundaries(self, reason: str) -> Boundaries:
         """The lane drawn from the mean; its support falls with the unseen way and time."""
         e, psi, kappa, width_m = self.mean.tolist()
@@ -121,8 +129,3 @@ def initial(boundaries: Boundaries) -> TrackState | None:
     width_m = measured.width_m if measured.width_m is not None else PRIOR[WIDTH]
     mean = np.array([*measured.lane[:3], width_m])
     return TrackState(mean, np.diag(sigma**2))
-
-
-def expired(track: TrackState) -> bool:
-    """Whether the lane has been unseen for too long."""
-    return track.unseen_s > FORGET_S or track.unseen_m > FORGET_M

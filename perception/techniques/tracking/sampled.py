@@ -1,5 +1,6 @@
 """Lanes between frames by sampled distributions: particles and a grid (inventory T03, T04)."""
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -18,21 +19,21 @@ from perception.techniques.tracking.model import (
     E,
     TrackState,
     expected,
-    expired,
     initial,
     moved_state,
     samples_of,
 )
-from trepid.types import Array
+from trepid.types import Array, PositiveShare
 
 OUTLIER = 0.2  # likelihood of a side far from a particle: a single wrong line removes no particle
 
 
+@dataclass
 class _Unseen:
     """Time and way since a measurement."""
 
-    def __init__(self) -> None:
-        self.unseen_s = self.unseen_m = 0.0
+    unseen_s: float = 0.0
+    unseen_m: float = 0.0
 
     def after(self, boundaries: Boundaries, motion: Motion) -> None:
         """Count this frame."""
@@ -45,9 +46,8 @@ class Particles:
     """Particle filter: ``count`` particles (e, ψ, κ, W), weighted by the likelihood of the boundaries (T03).
 
     p(y | x) = Π over sides of (exp(−Σ(y − expected)²/2σ²) + outlier), systematic resampling; a share ``fresh``
-    of the particles is drawn from the frame, so that the other lane is found after a swap. The result is the
-    mean about the greatest mode. Gordon, Salmond and Smith (1993).
-    Source: R [42], [68]. The seed is fixed.
+    of the particles is drawn from the frame, so that the other lane is found after a swap. The result is the mean
+    about the greatest mode. Source: R [42], [68]; Gordon, Salmond and Smith (1993).
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Particles:
         track = self._track(weight)
         self._particles = self._particles[resampled(weight, self._rng)]
         self._rng.shuffle(self._particles)  # the first of them are replaced in the next step
-        if expired(track):
+        if track.expired:
             self._particles = None
             return boundaries
         return track.boundaries(boundaries.reason)
@@ -127,15 +127,14 @@ def resampled(weight: Array, rng: np.random.Generator) -> Array:
 class Bayes:
     """Histogram filter over offset and heading, Bayes' rule cell by cell (T04). Source: R [73].
 
-    Prediction moves the whole grid with the vehicle and blurs it; the frame multiplies it with its likelihood.
-    κ and W are smoothed values of the frames. Thrun, Burgard and Fox, Probabilistic Robotics (2005), section
-    4.1. Limit: two lanes of different curvature.
+    Prediction moves the grid with the vehicle and blurs it; the frame multiplies it with its likelihood. κ and W
+    are smoothed values of the frames. Thrun, Burgard and Fox, Probabilistic Robotics (2005), section 4.1.
     """
 
     OFFSETS = np.linspace(-2.4, 2.4, 61)
     HEADINGS = np.linspace(-0.3, 0.3, 41)
 
-    def __init__(self, *, smoothing: Annotated[float, Field(gt=0, le=1)] = 0.3) -> None:
+    def __init__(self, *, smoothing: PositiveShare = 0.3) -> None:
         self._smoothing = smoothing
         self._grid: Array | None = None
         self._shape = np.zeros(2)  # κ and W
@@ -158,7 +157,7 @@ class Bayes:
             self._grid = self._grid * likelihood(self._states(), boundaries).reshape(self._grid.shape)
         self._grid = self._grid / self._grid.sum() + 1e-6 / self._grid.size  # no cell is impossible
         track = self._track(self._grid)
-        if expired(track):
+        if track.expired:
             self._grid = None
             return boundaries
         return track.boundaries(boundaries.reason)

@@ -10,7 +10,8 @@ from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, WHITE, YELLOW, look, ribbo
 from perception.camera.self_calibration import self_calibrated, vanishing_point
 from perception.lane.lane_cv import LaneCv
 from perception.lane.model.geometry import lane_curve
-from perception.techniques.steering.straight_lane import ImageLine, straight_lane
+from perception.techniques.steering.lane import straight_lane
+from perception.techniques.steering.rule import ImageLine
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState

@@ -23,11 +23,12 @@ from technique_rig import (
 from perception.techniques.boundaries import outliers
 from perception.techniques.image import edges, stripes, surface
 from perception.techniques.image.colour import grey
-from perception.techniques.image.picture import Boundaries, Box, Features, Kind
+from perception.techniques.image.picture import Boundaries, Box, Evidence, Features, Kind
 from perception.techniques.image.smoothing import gaussian
 from perception.techniques.image.warp import bird_eye
-from perception.techniques.stages import FEATURES, OUTLIERS
+from perception.techniques.stages import KINDS
 
+FEATURES, OUTLIERS = KINDS["features"], KINDS["outliers"]
 RNG = np.random.default_rng(5)
 WIDE = 4.0  # verge: asphalt on both sides of the paint
 PLAIN = np.full((240, 320, 3), 100, np.uint8)
@@ -186,7 +187,7 @@ def test_the_road_ahead_is_found_without_markings_in_any_light(name, gain):
     image, truth = road_of(verge=soil if name == "brightness" else None)
     image = np.clip(image * gain, 0, 255).astype(np.uint8)
     seen = FEATURES[name](image, VIEW)
-    found = outliers.patch_component(seen, VIEW, None).response > 0.5
+    found = outliers.patch_component(Evidence(seen, VIEW)).response > 0.5
     near = (VIEW.ahead_m < 25)[:, None] & np.ones((240, 320), bool)
     assert (found & truth & near).sum() / ((found | truth) & near).sum() > 0.9
 
@@ -219,7 +220,7 @@ def whole(seen):
 def test_outlier_stages_only_remove_and_keep_the_lane(name):
     image = road(LANE, verge_m=WIDE)
     seen, view = line_features(image)
-    kept = OUTLIERS[name](seen, view, Boundaries(*sides(LANE)))
+    kept = OUTLIERS[name](Evidence(seen, view, Boundaries(*sides(LANE))))
     assert ((kept.response > 0) <= (seen.response > 0)).all() and kept.kind is Kind.LINE
     assert recall(whole(kept), paint(verge_m=WIDE)) > 0.95
 
@@ -228,7 +229,7 @@ def test_outlier_stages_only_remove_and_keep_the_lane(name):
 def test_outlier_stages_accept_an_empty_map(name):
     for kind in Kind:
         empty = Features(np.zeros((240, 320), np.float32), kind)
-        assert not OUTLIERS[name](empty, VIEW, None).response.any()
+        assert not OUTLIERS[name](Evidence(empty, VIEW)).response.any()
 
 
 @pytest.mark.parametrize("name", ["along_road", "clusters"])
@@ -236,7 +237,7 @@ def test_pieces_across_the_road_are_removed(name):
     image = road(LANE, verge_m=WIDE)
     cv2.rectangle(image, (120, 150), (200, 152), (20, 20, 20), -1)
     seen, view = line_features(image)
-    kept = whole(OUTLIERS[name](seen, view, None))
+    kept = whole(OUTLIERS[name](Evidence(seen, view)))
     assert whole(seen)[145:158, 125:195].any()
     assert not kept[145:158, 125:195].any() or name == "clusters"
 
@@ -246,7 +247,7 @@ def test_arrows_are_wider_than_paint():
     ribbon(image, CAMERA, (0.0, 0.0, 0.0, 0.0), 0.3, 0.8, WHITE, lambda s: 8 <= s < 12)
     lower, view = below_horizon(image)
     bright = Features(np.where(grey(lower, view) > 160, np.uint8(255), np.uint8(0)), Kind.LINE)
-    kept = whole(outliers.as_wide_as_paint(bright, view, None))
+    kept = whole(outliers.as_wide_as_paint(Evidence(bright, view)))
     rows = (VIEW.ahead_m > 8.5) & (VIEW.ahead_m < 11)
     columns = slice(140, 165)
     assert whole(bright)[rows][:, columns].mean() > 100 and not kept[rows][:, columns].any()
@@ -257,7 +258,7 @@ def test_the_scan_from_the_middle_takes_the_inner_line_of_several():
     image = road(LANE, verge_m=WIDE)
     ribbon(image, CAMERA, LANE, 3.4 / 2 + 0.6, 0.12, WHITE)  # a second line outside of the left one
     seen, view = line_features(image)
-    kept = whole(outliers.middle_to_side(seen, view, None))
+    kept = whole(outliers.middle_to_side(Evidence(seen, view)))
     rows, columns = np.nonzero(kept)
     y = VIEW.ground(np.column_stack([columns, rows]))
     away = np.minimum(*(np.abs(y[:, 1] - side.at(y[:, 0])) for side in sides(LANE)))
@@ -269,15 +270,15 @@ def test_only_features_near_the_prediction_are_kept():
     image = road(LANE, verge_m=WIDE)
     ribbon(image, CAMERA, LANE, 0.0, 0.12, WHITE)  # a false line in the middle of the lane
     seen, view = line_features(image)
-    kept = whole(outliers.near_prediction(seen, view, Boundaries(*sides(LANE))))
+    kept = whole(outliers.near_prediction(Evidence(seen, view, Boundaries(*sides(LANE)))))
     truth = paint(verge_m=WIDE)
     assert precision(whole(seen), truth, reach_m=15) < 0.8 < precision(kept, truth, reach_m=15)
 
 
 def test_the_outline_of_a_region_are_the_edges_of_the_road():
     image, _ = road_of()
-    seen = outliers.patch_component(surface.patch_colour(image, VIEW), VIEW, None)
-    line = outliers.outline(seen, VIEW, None)
+    seen = outliers.patch_component(Evidence(surface.patch_colour(image, VIEW), VIEW))
+    line = outliers.outline(Evidence(seen, VIEW))
     rows, columns = np.nonzero(line.response)
     near = (VIEW.ahead_m[rows] < 15) & (VIEW.ahead_m[rows] > 4)
     y = VIEW.ground(np.column_stack([columns, rows]))[near]

@@ -9,12 +9,12 @@ from boundary_rig import VIEW, WIDTH_M, Course, arc, errors_px, features
 from perception.techniques.boundaries.bezier import bezier_points, control_points, ransac_bezier
 from perception.techniques.boundaries.curves import (
     histogram_cubic,
-    hough_standard,
     hyperbola,
     near_line_far_parabola,
     pchip,
 )
 from perception.techniques.boundaries.evidence import Points, histogram_peaks, road_points
+from perception.techniques.boundaries.lines import hough_standard
 from perception.techniques.boundaries.ransac import (
     consensus,
     cubic_spline,
@@ -24,7 +24,7 @@ from perception.techniques.boundaries.ransac import (
     ransac_parabola,
     straight_curve,
 )
-from perception.techniques.image.picture import Boundaries, Boundary, Features, Kind
+from perception.techniques.image.picture import Boundaries, Boundary, Evidence, Features, Kind
 
 STRAIGHT = arc(math.inf, offset_m=0.2, heading_rad=0.03)
 
@@ -56,7 +56,7 @@ BENDING = ["parabola", "bspline", "histogram_cubic", "hyperbola", "bezier", "nea
 
 
 def fit(name: str, seen: Features, predicted: Boundaries | None = None) -> Boundaries:
-    return FAMILIES[name][0](seen, VIEW, predicted, np.random.default_rng(0))
+    return FAMILIES[name][0](Evidence(seen, VIEW, predicted))
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -146,7 +146,7 @@ def test_a_hyperbola_of_the_picture_is_a_parabola_of_the_road():
 
 
 def test_histogram_peaks_lie_at_the_lines():
-    peaks = histogram_peaks(road_points(features(arc(math.inf)), VIEW))
+    peaks = histogram_peaks(road_points(Evidence(features(arc(math.inf)), VIEW)))
     assert any(abs(peak - 1.7) < 0.2 for peak in peaks) and any(abs(peak + 1.7) < 0.2 for peak in peaks)
 
 

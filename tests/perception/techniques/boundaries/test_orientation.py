@@ -6,7 +6,7 @@ from technique_rig import CAMERA, VIEW, below_horizon, ribbon, straight_boundari
 
 from perception.techniques.boundaries.orientation import dominant_edges, gabor
 from perception.techniques.boundaries.outliers import near_prediction
-from perception.techniques.image.picture import Features, Kind
+from perception.techniques.image.picture import Evidence, Features, Kind
 
 PLAIN = np.full((240, 320), 100, np.uint8)
 OFFSET_M, HEADING_RAD, WIDTH_M = 0.3, 0.06, 4.6
@@ -25,7 +25,7 @@ def between_deg(one, other):
 
 def edges(image, **how):
     lower, view = below_horizon(image)
-    return dominant_edges(gabor(lower, view), view, None, np.random.default_rng(0), **how)
+    return dominant_edges(Evidence(gabor(lower, view), view), **how)
 
 
 def unmarked(sign=1.0):
@@ -70,21 +70,18 @@ def test_the_mirrored_road_has_the_mirrored_edges():
 
 
 def test_without_directions_there_is_a_reason_and_no_edge():
-    found = dominant_edges(
-        Features(np.ones((240, 320), np.float32), Kind.LINE), VIEW, None, np.random.default_rng(0)
-    )
+    found = dominant_edges(Evidence(Features(np.ones((240, 320), np.float32), Kind.LINE), VIEW))
     assert found.seen == 0 and "gabor" in found.reason
 
 
 def test_a_line_without_texture_along_it_is_no_edge():
     """A grating across the road points nowhere near it."""
     lower, view = below_horizon(np.dstack([grating(0.0)] * 3))
-    seen = gabor(lower, view)
-    assert dominant_edges(seen, view, None, np.random.default_rng(0)).seen == 0
+    assert dominant_edges(Evidence(gabor(lower, view), view)).seen == 0
 
 
 def test_outlier_stages_keep_the_directions():
     seen = gabor(grating(0.0), VIEW)
-    left = near_prediction(seen, VIEW, straight_boundaries())
+    left = near_prediction(Evidence(seen, VIEW, straight_boundaries()))
     assert np.count_nonzero(left.response) < np.count_nonzero(seen.response)
     assert left.direction_rad is seen.direction_rad

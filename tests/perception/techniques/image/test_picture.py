@@ -17,7 +17,7 @@ from perception.techniques.image.warp import (
     view_from_above,
 )
 from perception.techniques.steering.lane import beside, exact_pair
-from perception.techniques.steering.straight_lane import ImageLine, meeting_point
+from perception.techniques.steering.rule import ImageLine, meeting_point
 
 ABOVE = view_from_above(VIEW, reach_m=30.0, half_width_m=8.0, pixel_m=0.08)
 CROP = VIEW.cropped(Box(100, 240, 20, 300))
@@ -161,7 +161,7 @@ def test_bands_around_the_prediction_hold_its_lines_in_less_than_half_of_the_pic
         assert inside.sum() > 10 and region.mask[rows[inside], columns[inside]].all()
     assert region.mask.sum() < 0.5 * 240 * 320
     assert roi_tracked(VIEW, None, None).mask is None, "without a prediction everything is looked at"
-    assert near(VIEW, [predicted.left], half_width_m=0.3, growth=0).sum() < region.mask.sum()
+    assert near(VIEW, Boundaries(predicted.left, None), half_width_m=0.3, growth=0).sum() < region.mask.sum()
 
 
 def test_the_region_reaches_farther_the_faster_the_vehicle_is():

@@ -8,9 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from steering_rule_rig import HEIGHT_M, PICTURE, WIDTH_M, line, pair
 
-from perception.techniques.steering.dev import bisector, dev_angle
-from perception.techniques.steering.rule import Hold, ImageAngle, RoadWheel, RuleAngle, mean_line, road_wheel
-from perception.techniques.steering.straight_lane import ImageLine, meeting_point
+from perception.techniques.steering.centre_line import bisector, dev_angle, tu_angle
+from perception.techniques.steering.rule import (
+    Hold,
+    ImageAngle,
+    ImageLine,
+    RoadWheel,
+    RuleAngle,
+    mean_line,
+    meeting_point,
+    road_wheel,
+)
 from perception.techniques.steering.sujatha import (
     base_angle,
     case_2,
@@ -19,7 +27,6 @@ from perception.techniques.steering.sujatha import (
     heading,
     left_and_right,
 )
-from perception.techniques.steering.tu import tu_angle
 from perception.techniques.steering.umamaheswari import (
     Turn,
     affine_left,

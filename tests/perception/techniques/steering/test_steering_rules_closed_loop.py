@@ -20,12 +20,11 @@ from perception.techniques.steering.abdelrahman import (
     mean_angle,
     upper_tree,
 )
-from perception.techniques.steering.dev import dev as dev_stage
-from perception.techniques.steering.dev import dev_angle
-from perception.techniques.steering.rule import level_lines
-from perception.techniques.steering.straight_lane import ImageLine, straight_lane
+from perception.techniques.steering.centre_line import Tu, dev_angle, tu_angle
+from perception.techniques.steering.centre_line import dev as dev_stage
+from perception.techniques.steering.lane import straight_lane
+from perception.techniques.steering.rule import ImageLine, level_lines
 from perception.techniques.steering.sujatha import Sujatha, case_2, case_3a, case_3b, heading
-from perception.techniques.steering.tu import Tu, tu_angle
 from perception.techniques.steering.umamaheswari import Umamaheswari, crossings
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load

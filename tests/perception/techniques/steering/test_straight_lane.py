@@ -5,11 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.techniques.steering.straight_lane import (
-    ImageLine,
-    meeting_point,
-    straight_lane,
-)
+from perception.techniques.steering.lane import straight_lane
+from perception.techniques.steering.rule import ImageLine, meeting_point
 from trepid.camera import Camera
 
 offsets = st.floats(-1.5, 1.5)
