@@ -15,8 +15,8 @@ from typing import Annotated, Any, Self, get_type_hints
 from pydantic import Field, ValidationError, create_model, model_validator
 
 from perception.estimators import ESTIMATORS, estimators, no_estimator
-from sim_harness.judging.conditions.conditions import parse_condition
 from sim_harness.judging.conditions.expect import Expect
+from sim_harness.judging.conditions.meaning import parse_condition
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera
 from sim_harness.scenarios.traffic import TrafficVehicle
 from sim_harness.scenarios.vary import Variation, check_vary

@@ -11,13 +11,13 @@ Robustness ≥ 0 passes. Samples hold until the next one; samples with an absent
 any sample to judge the condition fails: robustness -inf.
 """
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim_harness.judging.conditions.claims import Claim
-from sim_harness.judging.conditions.meaning import Word, parse
 from sim_harness.judging.conditions.scopes import NothingToJudge, Scope
 from sim_harness.judging.conditions.signals import close_to
 from sim_harness.judging.trace import Trace
@@ -26,12 +26,21 @@ _UNKNOWN = {"event": "nothing called {name!r} happens here", "estimator": "no es
 
 
 @dataclass(frozen=True, slots=True)
+class Word:
+    """A name in a sentence that must be known in its scenario, and its column, from 1."""
+
+    kind: str  # event (a fault, disturbance, manoeuvre or section), estimator, or the label that has the word
+    text: str
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """The result of a condition on a run."""
 
     robustness: float  # in the unit of the signal; ≥ 0 passes
     elapsed_s: float | None  # time of the deciding sample, from the start of the run
-    values: tuple[tuple[str, float], ...]  # the signals at this sample
+    values: dict[str, float]  # the signals at this sample
     note: str  # the reason when nothing was judged, else ""
 
 
@@ -64,53 +73,33 @@ class Condition:
         status = "passed" if verdict.robustness >= 0 else "failed"
         if verdict.elapsed_s is None:
             return f"{self.text}: {status}: {verdict.note}"
-        by = f" by {_amount(abs(verdict.robustness), self._unit)}" if np.isfinite(verdict.robustness) else ""
-        values = ", ".join(f"{name} = {value:.4g}" for name, value in verdict.values)
-        return f"{self.text}: {status}{by} at {verdict.elapsed_s:.2f} s" + (f", {values}" if values else "")
+        units = {signal.unit for signal in self.claim.signals}
+        unit = units.pop() if len(units) == 1 else ""
+        by = f" by {abs(verdict.robustness):.4g} {unit}".rstrip() if math.isfinite(verdict.robustness) else ""
+        values = "".join(f", {name} = {value:.4g}" for name, value in verdict.values.items())
+        return f"{self.text}: {status}{by} at {verdict.elapsed_s:.2f} s{values}"
 
     def judge(self, trace: Trace) -> Verdict:
         """The robustness of ``trace`` and the sample that decided it."""
         try:
             margin, stretches = self.claim.margin(trace), self.scope.stretches(trace)
         except NothingToJudge as reason:
-            return Verdict(-np.inf, None, (), str(reason))
+            return Verdict(-np.inf, None, {}, str(reason))
         except KeyError as missing:
-            return Verdict(-np.inf, None, (), f"the run has no {missing.args[0]}")
+            return Verdict(-np.inf, None, {}, f"the run has no {missing.args[0]}")
         known = ~np.isnan(margin)
         judged = [np.flatnonzero(stretch & known) for stretch in stretches]
         if not self.eventually:  # an interval without samples satisfies *always*
             judged = [samples for samples in judged if len(samples)]
         if not judged:
-            return self._without_samples(stretches)
+            if self.scope.may_be_empty and not any(stretch.any() for stretch in stretches):
+                return Verdict(np.inf, None, {}, "its event or `whenever` condition did not occur")
+            return Verdict(-np.inf, None, {}, "there was no sample to judge")
         if any(len(samples) == 0 for samples in judged):
-            return Verdict(-np.inf, None, (), "its signals were absent throughout")
+            return Verdict(-np.inf, None, {}, "its signals were absent throughout")
         pick = np.argmax if self.eventually else np.argmin
         deciding = [int(samples[pick(margin[samples])]) for samples in judged]
         worst = min(deciding, key=lambda sample: float(margin[sample]))
-        values = tuple((str(signal), float(signal.values(trace)[worst])) for signal in self.claim.signals())
+        values = {str(signal): float(signal.values(trace)[worst]) for signal in self.claim.signals}
         elapsed_s = float(trace["t_s"][worst] - trace["t_s"][0])
-        return Verdict(float(margin[worst]), elapsed_s, tuple(dict(values).items()), "")
-
-    def _without_samples(self, stretches: list[np.ndarray]) -> Verdict:
-        """The verdict without any sample: passed only when the scope may be empty."""
-        if self.scope.may_be_empty and not any(stretch.any() for stretch in stretches):
-            return Verdict(np.inf, None, (), "its event or `whenever` condition did not occur")
-        return Verdict(-np.inf, None, (), "there was no sample to judge")
-
-    @property
-    def _unit(self) -> str:
-        units = {signal.unit for signal in self.claim.signals()}
-        return units.pop() if len(units) == 1 else ""
-
-
-def parse_condition(text: str) -> Condition:
-    """The condition that ``text`` states.
-
-    Raises ValueError with the column, the text found there and the text expected.
-    """
-    sentence = parse(text)
-    return Condition(text, sentence.claim, sentence.scope, sentence.eventually, sentence.words)
-
-
-def _amount(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit}".rstrip()
+        return Verdict(float(margin[worst]), elapsed_s, values, "")

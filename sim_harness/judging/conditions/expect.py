@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, Field
 
-from sim_harness.judging.conditions.conditions import parse_condition
+from sim_harness.judging.conditions.meaning import parse_condition
 from sim_harness.judging.trace import Trace
 from trepid.config import Settings
 from trepid.types import Positive
@@ -61,15 +61,11 @@ def judge(expect: Expect, metrics: "Metrics", trace: Trace) -> list[str]:
     }
     least = {"mean_speed_mps": expect.min_mean_speed_mps, "min_time_gap_s": expect.min_time_gap_s}
     reasons = []
-    for name, limit in most.items():
+    for name, limit in (most | least).items():
         value = getattr(metrics, name)
-        if limit is not None and value > limit:
-            reasons.append(f"{name} {value:.4g}: expected at most {limit:.4g}")
-    for name, limit in least.items():
-        value = getattr(metrics, name)
-        if limit is not None and (value is None or value < limit):
+        if limit is not None and (value is None or (value > limit if name in most else value < limit)):
             found = "unknown" if value is None else f"{value:.4g}"
-            reasons.append(f"{name} {found}: expected at least {limit:.4g}")
+            reasons.append(f"{name} {found}: expected at {'most' if name in most else 'least'} {limit:.4g}")
     if expect.must_finish and not trace["finished"][-1]:
         reasons.append("the route was not driven to its end")
     if expect.must_stop_by_s is not None:

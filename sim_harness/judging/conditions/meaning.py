@@ -8,7 +8,8 @@ from lark.exceptions import VisitError
 from lark.tree import Meta
 from lark.visitors import Transformer_NonRecursive, v_args
 
-from sim_harness.judging.conditions.claims import Above, Active, Both, Claim, Either, Is, Known, Sum
+from sim_harness.judging.conditions.claims import Active, AtLeastZero, Both, Claim, Is, Known, Sum, negated
+from sim_harness.judging.conditions.conditions import Condition, Word
 from sim_harness.judging.conditions.grammar import COMPARISON, SentenceError, error_after, parse_tree
 from sim_harness.judging.conditions.scopes import Around, Begins, Counted, Elapsed, Ending, Instant, Scope
 from sim_harness.judging.conditions.signals import (
@@ -22,28 +23,9 @@ from sim_harness.judging.conditions.signals import (
 from supervisor.rules.rule_file import LEVELS
 from trepid.messages import Mode, Stop
 
-_SPELLINGS = {"≥": ">=", "≤": "<=", "≠": "!=", "=": "=="}
+_SPELLINGS = {"≥": ">=", "≤": "<=", "≠": "!=", "=": "==", "is": "=="}
 _FEAR = Sum(((1.0, Signal("decision.fear")),), 0.0)
 _LABEL_WORDS = {"mode": [mode.value for mode in Mode], "stop": [stop.value for stop in Stop]}
-
-
-@dataclass(frozen=True, slots=True)
-class Word:
-    """A name in a sentence that must be known in its scenario, and its column, from 1."""
-
-    kind: str  # event (a fault, disturbance, manoeuvre or section), estimator, or the label that has the word
-    text: str
-    column: int
-
-
-@dataclass(frozen=True, slots=True)
-class Sentence:
-    """The meaning of a sentence."""
-
-    claim: Claim
-    scope: Scope
-    eventually: bool
-    words: tuple[Word, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,234 +46,194 @@ class _Limit:
     fields: dict[str, Any]
 
 
-def parse(text: str) -> Sentence:
-    """The meaning of ``text``. Raises SentenceError: the column, the text found there and the text expected."""
+def parse_condition(text: str) -> Condition:
+    """The condition that ``text`` states. Raises SentenceError: the column, and the text found and expected."""
     tree = parse_tree(text)
-    meaning = _Meaning(text)
     try:
-        quantifier, claim, *limits = meaning.transform(tree)
+        condition: Condition = _Meaning(text).transform(tree)
     except VisitError as error:
         raise error.orig_exc from None
-    scope = Scope()
-    taken: set[str] = set()
-    for limit in limits:
-        if taken & limit.fields.keys():
-            offset = limit.word.start_pos or 0
-            raise SentenceError(text, offset, f"{str(limit.word)!r} limits again what was limited before")
-        taken |= limit.fields.keys()
-        scope = replace(scope, **limit.fields)
-    at_some_time = any(limit.word == "within" for limit in limits)
-    eventually = quantifier == "eventually" or (quantifier is None and at_some_time)
-    words = sorted(meaning.words, key=lambda word: word.column)
-    return Sentence(claim.negated() if quantifier == "never" else claim, scope, eventually, tuple(words))
+    return condition
 
 
+@v_args(inline=True)
 class _Meaning(Transformer_NonRecursive[Token, Any]):
     """The meaning of each rule of the grammar, from the meanings of its parts."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
         self._text = text
-        self.words: list[Word] = []
+        self._words: list[Word] = []
 
-    def start(self, parts: list[Any]) -> list[Any]:
-        return parts
+    def start(self, quantifier: Token | None, claim: Claim, *limits: _Limit) -> Condition:
+        scope, taken = Scope(), set[str]()
+        for limit in limits:
+            if taken & limit.fields.keys():
+                raise self._error(limit.word, f"{str(limit.word)!r} limits again what was limited before")
+            taken |= limit.fields.keys()
+            scope = replace(scope, **limit.fields)
+        at_some_time = quantifier is None and any(limit.word == "within" for limit in limits)
+        return Condition(
+            self._text,
+            negated(claim) if quantifier == "never" else claim,
+            scope,
+            eventually=quantifier == "eventually" or at_some_time,
+            words=tuple(sorted(self._words, key=lambda word: word.column)),
+        )
+
+    def _error(self, place: Token | _Operand, message: str) -> SentenceError:
+        offset = place.offset if isinstance(place, _Operand) else place.start_pos or 0
+        return SentenceError(self._text, offset, message)
 
     # Claims.
 
-    def conjunction(self, parts: list[Claim]) -> Claim:
-        return Both(*parts)
+    conjunction = Both
 
-    def disjunction(self, parts: list[Claim]) -> Claim:
-        return Either(*parts)
+    def disjunction(self, first: Claim, second: Claim) -> Claim:
+        return negated(Both(negated(first), negated(second)))
 
-    def negation(self, parts: list[Any]) -> Claim:
-        claim: Claim = parts[1].negated()
-        return claim
+    def negation(self, _: Token, claim: Claim) -> Claim:
+        return negated(claim)
 
-    def active(self, parts: list[Token]) -> Claim:
+    def active(self, name: Token) -> Claim:
         """A name alone; the name of a signal needs a comparison."""
-        name = parts[0]
         if name.type == "NAME" and find_signal(name):
             raise error_after(self._text, name.end_pos or 0, COMPARISON)
-        return self._named(name)
-
-    def _named(self, name: Token) -> Claim:
         return Active(self._noted("event", name))
 
     def _noted(self, kind: str, name: Token) -> str:
         """``name`` without quotes, kept as a word of the sentence."""
         column = (name.start_pos or 0) + 1 + (name.type == "QUOTED")
-        self.words.append(Word(kind, name.strip("'"), column))
+        self._words.append(Word(kind, name.strip("'"), column))
         return name.strip("'")
 
-    def label(self, parts: list[Any]) -> Claim:
-        label, comparison, negated, token = parts
+    def label(self, label: Token, comparison: Token, not_: Token | None, token: Token) -> Claim:
         word = self._noted(str(label), token)
         known = _LABEL_WORDS.get(label)
         if known is not None:
             same = [name for name in known if name.lower() == word.lower()]
             if not same:
-                message = f"{label} has no {word!r}; it has {', '.join(known)}{close_to(word, known)}"
-                raise SentenceError(self._text, token.start_pos, message)
+                hint = close_to(word, known)
+                raise self._error(token, f"{label} has no {word!r}; it has {', '.join(known)}{hint}")
             word = same[0]
-        return Is(str(label), word, (negated is None) == (comparison not in ("!=", "≠")))
+        claim = Is(str(label), word)
+        return claim if (not_ is None) == (comparison not in ("!=", "≠")) else negated(claim)
 
-    def comparison(self, parts: list[Any]) -> Claim:
-        """sum {operator sum}: all of the comparisons hold."""
-        claim = self._compared(*parts[:3])
-        for i in range(2, len(parts) - 2, 2):
-            claim = Both(claim, self._compared(*parts[i : i + 3]))
-        return claim
+    def comparison(self, left: _Operand, sign: Token, right: _Operand, *more: Any) -> Claim:
+        """sum operator sum {operator sum}: all of the comparisons hold."""
+        claim = self._compared(left, sign, right)
+        return Both(claim, self.comparison(right, *more)) if more else claim
 
-    def equality(self, parts: list[Any]) -> Claim:
+    def equality(self, left: _Operand, sign: Token, not_: Token | None, right: _Operand | Token) -> Claim:
         """sum is [not] known|unknown|sum."""
-        left, _, negated, right = parts
         if isinstance(right, _Operand):
-            claim = self._compared(left, "==", right)
-            return claim if negated is None else claim.negated()
-        if len(left.sum.signals) != 1 or left.sum.constant != 0.0:
-            raise SentenceError(self._text, left.offset, f"only a single signal can be {right}")
-        return Known(left.sum.signals[0][1], (negated is None) == (right == "known"))
+            claim = self._compared(left, sign, right)
+        elif len(left.sum.terms) != 1 or left.sum.constant != 0.0:
+            raise self._error(left, f"only a single signal can be {right}")
+        else:
+            known = Known(left.sum.terms[0][1])
+            claim = known if right == "known" else negated(known)
+        return claim if not_ is None else negated(claim)
 
-    def _compared(self, left: _Operand, sign: str, right: _Operand) -> Claim:
-        """One comparison."""
-        sign = _SPELLINGS.get(sign, sign)
+    def _compared(self, left: _Operand, sign: Token, right: _Operand) -> Claim:
+        """One comparison. The levels of fear are intervals: ``<= high`` is below the upper border of high."""
         if right.level is not None and left.sum == _FEAR and left.level is None:
-            return _fear_at(sign, right.level)
+            low, high = (Sum((), -border) for border in fear_border(right.level))
+            return _ordered(AtLeastZero(_FEAR + low), sign, negated(AtLeastZero(_FEAR + high)))
         if left.level or right.level:
-            message = "expected fear before a level, as in 'fear >= high'"
-            raise SentenceError(self._text, left.offset, message)
+            raise self._error(left, "expected fear before a level, as in 'fear >= high'")
         if left.unit is not None and right.unit is not None and left.unit != right.unit:
             message = f"this is in {right.unit or '1'}, what it is compared with in {left.unit or '1'}"
-            raise SentenceError(self._text, right.offset, message)
+            raise self._error(right, message)
         difference = left.sum + -right.sum
-        if not difference.signals:
-            message = "expected a signal in the comparison, found only numbers"
-            raise SentenceError(self._text, left.offset, message)
-        return _ordered(difference, sign)
+        if not difference.terms:
+            raise self._error(left, "expected a signal in the comparison, found only numbers")
+        return _ordered(AtLeastZero(difference), sign, AtLeastZero(-difference))
 
     # Sums.
 
-    def sum(self, parts: list[Any]) -> _Operand:
+    def sum(self, sign: Token | None, first: _Operand, *more: Any) -> _Operand:
         """[sign] term {sign term}, all in one unit."""
-        first = parts[1]
-        total, unit, level = Sum((), 0.0), None, None
-        for sign, term in zip(parts[::2], parts[1::2], strict=True):
+        total = first.sum if sign in (None, "+") else -first.sum
+        unit, level = first.unit, first.level
+        for following, term in zip(more[::2], more[1::2], strict=True):
             if unit is not None and term.unit is not None and unit != term.unit:
-                raise SentenceError(
-                    self._text, term.offset, f"cannot add {term.unit or '1'} to {unit or '1'}"
-                )
+                raise self._error(term, f"cannot add {term.unit or '1'} to {unit or '1'}")
             unit = term.unit if unit is None else unit
             level = term.level or level
-            total = total + (-term.sum if sign in ("-", "−") else term.sum)
-        offset = first.offset if parts[0] is None else parts[0].start_pos
-        return _Operand(total, unit, offset, level)
+            total = total + (term.sum if following == "+" else -term.sum)
+        return _Operand(total, unit, first.offset if sign is None else sign.start_pos or 0, level)
 
-    def number(self, parts: list[Any]) -> _Operand:
-        number, unit = parts
+    def number(self, number: Token, unit: Token | None) -> _Operand:
         name, factor = UNITS[unit] if unit else (None, 1.0)
-        return _Operand(Sum((), float(number) * factor), name, number.start_pos)
+        return _Operand(Sum((), float(number) * factor), name, number.start_pos or 0)
 
-    def signal(self, parts: list[Token]) -> _Operand:
-        return self._signal(parts[0], absolute=False)
-
-    def magnitude(self, parts: list[Token]) -> _Operand:
-        return self._signal(parts[0], absolute=True)
-
-    def _signal(self, name: Token, *, absolute: bool) -> _Operand:
+    def signal(self, name: Token, *, absolute: bool = False) -> _Operand:
         signal = find_signal(name)
-        offset = name.start_pos or 0
         if signal is None:
-            hint = close_to(name, [*signal_names(), *LEVELS])
-            raise SentenceError(self._text, offset, f"no signal {str(name)!r}{hint}")
+            raise self._error(name, f"no signal {str(name)!r}{close_to(name, [*signal_names(), *LEVELS])}")
+        offset = name.start_pos or 0
         if signal.estimator:
-            self.words.append(Word("estimator", signal.estimator, offset + 1))
-        signal = replace(signal, absolute=absolute)
-        return _Operand(Sum(((1.0, signal),), 0.0), signal.unit, offset)
+            self._words.append(Word("estimator", signal.estimator, offset + 1))
+        return _Operand(Sum(((1.0, replace(signal, absolute=absolute)),), 0.0), signal.unit, offset)
 
-    def level(self, parts: list[Token]) -> _Operand:
-        return _Operand(Sum((), 0.0), None, parts[0].start_pos or 0, level=str(parts[0]))
+    def magnitude(self, name: Token) -> _Operand:
+        return self.signal(name, absolute=True)
+
+    def level(self, name: Token) -> _Operand:
+        return _Operand(Sum((), 0.0), None, name.start_pos or 0, level=str(name))
 
     # Scopes.
 
-    def around(self, parts: list[Any]) -> _Limit:
+    def around(
+        self, word: Token, duration_s: float, side: Token, may_lack: Token | None, event: Instant
+    ) -> _Limit:
         """within|for D s of|after|before [any] event."""
-        word, duration_s, side, may_lack, event = parts
         before_s, after_s = (duration_s, 0.0) if side == "before" else (0.0, duration_s)
         return _Limit(word, {"around": Around(event, before_s, after_s, must_happen=may_lack is None)})
 
-    def condition(self, parts: list[Any]) -> _Limit:
-        word, claim = parts
+    def condition(self, word: Token, claim: Claim) -> _Limit:
         return _Limit(word, {"while_claim": claim, "while_must_hold": word != "whenever"})
 
-    def during(self, parts: list[Token]) -> _Limit:
-        return _Limit(parts[0], {"while_claim": self._named(parts[1])})
+    def during(self, word: Token, name: Token) -> _Limit:
+        return _Limit(word, {"while_claim": Active(self._noted("event", name))})
 
-    def since(self, parts: list[Any]) -> _Limit:
-        return _Limit(parts[0], {"start": parts[1]})
+    def since(self, word: Token, start: Instant) -> _Limit:
+        return _Limit(word, {"start": start})
 
-    def up_to(self, parts: list[Any]) -> _Limit:
-        return _Limit(parts[0], {"end": parts[1]})
+    def up_to(self, word: Token, end: Instant) -> _Limit:
+        return _Limit(word, {"end": end})
 
-    def interval(self, parts: list[Any]) -> _Limit:
-        return _Limit(parts[0], {"start": parts[1], "end": parts[-1]})
+    def interval(self, word: Token, start: Instant, *rest: Any) -> _Limit:
+        return _Limit(word, {"start": start, "end": rest[-1]})
 
-    def moment(self, parts: list[Any]) -> _Limit:
-        return _Limit(parts[0], {"start": parts[1], "end": parts[1]})
+    def moment(self, word: Token, instant: Instant) -> _Limit:
+        return _Limit(word, {"start": instant, "end": instant})
 
-    def elapsed(self, parts: list[float]) -> Instant:
-        return Elapsed(parts[0])
+    elapsed, ending, counted = Elapsed, Ending, Counted
 
-    def ending(self, _: list[Token]) -> Instant:
-        return Ending()
-
-    def counted(self, parts: list[Token]) -> Instant:
-        return Counted(str(parts[0]))
-
-    @v_args(meta=True)
-    def becomes(self, meta: Meta, parts: list[Any]) -> Instant:
-        claim, edge = parts
+    @v_args(meta=True, inline=True)
+    def becomes(self, meta: Meta, claim: Claim, edge: Token | None) -> Instant:
         text = self._text[meta.start_pos : meta.end_pos]
         ends = edge == "ends"
-        return Begins(claim.negated() if ends else claim, text, after_start=ends)
+        return Begins(negated(claim) if ends else claim, text, after_start=ends)
 
-    def seconds(self, parts: list[Any]) -> float:
+    def seconds(self, number: Token, written: Token | None) -> float:
         """A duration or a time [s]."""
-        number, written = parts
         unit, factor = UNITS[written] if written else ("s", 1.0)
         if unit != "s":
-            message = f"expected a time in s, got {str(written)!r}"
-            raise SentenceError(self._text, number.start_pos, message)
+            raise self._error(number, f"expected a time in s, got {str(written)!r}")
         return float(number) * factor
 
 
-def _fear_at(sign: str, level: str) -> Claim:
-    """Fear against one of its levels, which are intervals: ``<= high`` is below the upper border of high."""
-    low, high = fear_border(level)
-    from_low, to_high = Above(_lowered(_FEAR, low), False), Above(_lowered(_FEAR, high), False).negated()
+def _ordered(at_least: Claim, sign: Token, at_most: Claim) -> Claim:
+    """The comparison ``sign``, from the claims that its left side is at least and at most its right side."""
     claims: dict[str, Claim] = {
-        ">=": from_low,
-        "<": from_low.negated(),
-        "<=": to_high,
-        ">": to_high.negated(),
-        "!=": Either(from_low.negated(), to_high.negated()),
+        ">=": at_least,
+        "<=": at_most,
+        ">": negated(at_most),
+        "<": negated(at_least),
+        "==": Both(at_least, at_most),
+        "!=": negated(Both(at_least, at_most)),
     }
-    return claims.get(sign, Both(from_low, to_high))
-
-
-def _ordered(difference: Sum, sign: str) -> Claim:
-    """``difference`` compared with zero."""
-    above, below = Above(difference, False), Above(-difference, False)
-    claims: dict[str, Claim] = {
-        ">=": above,
-        "<=": below,
-        ">": below.negated(),
-        "<": above.negated(),
-        "!=": Either(below.negated(), above.negated()),
-    }
-    return claims.get(sign, Both(above, below))
-
-
-def _lowered(total: Sum, by: float) -> Sum:
-    return Sum(total.signals, total.constant - by)
+    return claims[_SPELLINGS.get(sign, sign)]

@@ -22,23 +22,17 @@ class Begins:
 
     def instants_s(self, trace: Trace) -> list[float]:
         true = self.claim.margin(trace) >= 0
-        return [float(t) for t in trace["t_s"][true & ~np.append(self.after_start, true[:-1])]]
+        return trace["t_s"][true & ~np.append(self.after_start, true[:-1])].tolist()
 
 
 @dataclass(frozen=True, slots=True)
 class Counted:
     """The instants at which a departure, an intervention or a collision is counted."""
 
-    name: str
-
-    @property
-    def text(self) -> str:
-        """As in the sentence."""
-        return self.name
+    text: str  # the counted thing
 
     def instants_s(self, trace: Trace) -> list[float]:
-        rises = np.diff(trace[COUNTERS[self.name]], prepend=0.0) > 0
-        return [float(t) for t in trace["t_s"][rises]]
+        return trace["t_s"][np.diff(trace[COUNTERS[self.text]], prepend=0.0) > 0].tolist()
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,9 +102,7 @@ class Scope:
         t_s = trace["t_s"]
         low_s = _first(self.start, trace) if self.start else float(t_s[0])
         high_s = _first(self.end, trace) if self.end else float(t_s[-1])
-        spans = [(low_s, high_s)]
-        if self.around:
-            spans = self.around.spans(trace, low_s, high_s)
+        spans = self.around.spans(trace, low_s, high_s) if self.around else [(low_s, high_s)]
         there = self.while_claim.margin(trace) >= 0 if self.while_claim else np.full(len(trace), True)
         if self.while_claim and self.while_must_hold and not there.any():
             raise NothingToJudge("its `while` never held")

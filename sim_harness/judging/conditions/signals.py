@@ -29,32 +29,19 @@ SUFFIXES = {
     "_m": "m",
     "_s": "s",
 }
-UNITS = {  # as written -> (unit of the trace, factor)
-    "m": ("m", 1.0),
-    "cm": ("m", 0.01),
-    "km": ("m", 1000.0),
-    "s": ("s", 1.0),
-    "ms": ("s", 0.001),
-    "min": ("s", 60.0),
-    "m/s": ("m/s", 1.0),
-    "km/h": ("m/s", 1 / 3.6),
-    "mph": ("m/s", 0.44704),
-    "m/s²": ("m/s²", 1.0),
-    "m/s^2": ("m/s²", 1.0),
-    "m/s2": ("m/s²", 1.0),
-    "g": ("m/s²", 9.80665),
-    "m/s³": ("m/s³", 1.0),
-    "m/s^3": ("m/s³", 1.0),
-    "m/s3": ("m/s³", 1.0),
-    "rad": ("rad", 1.0),
-    "deg": ("rad", np.pi / 180),
-    "°": ("rad", np.pi / 180),
-    "rad/s": ("rad/s", 1.0),
-    "deg/s": ("rad/s", np.pi / 180),
-    "°/s": ("rad/s", np.pi / 180),
-    "1/m": ("1/m", 1.0),
-    "%": ("", 0.01),
+_MULTIPLES = {  # unit of the trace -> as written: factor
+    "m": {"m": 1.0, "cm": 0.01, "km": 1000.0},
+    "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
+    "m/s": {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704},
+    "m/s²": {"m/s²": 1.0, "m/s^2": 1.0, "m/s2": 1.0, "g": 9.80665},
+    "m/s³": {"m/s³": 1.0, "m/s^3": 1.0, "m/s3": 1.0},
+    "rad": {"rad": 1.0, "deg": np.pi / 180, "°": np.pi / 180},
+    "rad/s": {"rad/s": 1.0, "deg/s": np.pi / 180, "°/s": np.pi / 180},
+    "1/m": {"1/m": 1.0},
+    "": {"%": 0.01},
 }
+UNITS = {written: (unit, factor) for unit, group in _MULTIPLES.items() for written, factor in group.items()}
+"""Unit as written -> unit of the trace, and the factor to it."""
 DERIVED: dict[str, Callable[[Trace], Column]] = {
     "time_gap_s": margins.time_gap_s,
     "time_to_collision_s": margins.time_to_collision_s,
@@ -76,7 +63,7 @@ class Signal:
     @property
     def unit(self) -> str:
         """Unit of the values, "" for plain numbers."""
-        return next((unit for suffix, unit in SUFFIXES.items() if self.column.endswith(suffix)), "")
+        return SUFFIXES.get(_suffix(self.column), "")
 
     @property
     def estimator(self) -> str:
@@ -133,21 +120,20 @@ def activity(trace: Trace, name: str) -> Column:
 @cache
 def _signal_names() -> dict[str, str]:
     """Every name of a signal -> its column; earlier entries take precedence."""
-    names: dict[str, str] = {}
     columns = [name for name in column_names(tuple(ESTIMATORS)) if name not in LABELS and name != "t_s"]
+    names = {column: column for column in (*columns, *DERIVED)}
     own = [*(name for name in columns if "." not in name), *DERIVED]
-    for column in (*columns, *DERIVED):
-        names[column] = column
     for column in (*own, *columns):
-        names.setdefault(_bare(column), column)
+        names.setdefault(column.removesuffix(_suffix(column)), column)
     for column in columns:
         if column.startswith("decision."):
-            names.setdefault(_bare(column.removeprefix("decision.")), column)
+            names.setdefault(column.removeprefix("decision.").removesuffix(_suffix(column)), column)
     return names
 
 
-def _bare(column: str) -> str:
-    return next((column.removesuffix(s) for s in SUFFIXES if column.endswith(s)), column)
+def _suffix(column: str) -> str:
+    """The part of a name that states the unit."""
+    return next((suffix for suffix in SUFFIXES if column.endswith(suffix)), "")
 
 
 @cache

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_harness.judging.conditions.conditions import parse_condition
+from sim_harness.judging.conditions.meaning import parse_condition
 from sim_harness.judging.conditions.signals import SUFFIXES, UNITS
 from sim_harness.judging.trace import Trace, column_names
 from sim_harness.scenarios.events import with_events
