@@ -2,7 +2,7 @@
 
 import json
 import sys
-from contextlib import ExitStack
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -12,25 +12,23 @@ from rich.console import Console
 
 import sim_harness.report.road_cli
 from sim_harness.footage.cli import resimulate_verb
+from sim_harness.lockstep.closed_loop import run
 from sim_harness.lockstep.configuration import check_configuration
 from sim_harness.report.disturbance_sheet import disturbances_verb
 from sim_harness.report.lead_sheet import leads_verb
 from sim_harness.report.page import Page
-from sim_harness.scenarios.sampling import Method, fresh_seed
-from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios
-from sim_harness.scenarios.schema import schema_verb
+from sim_harness.scenarios.boundary import TOLERANCE, Limit, limits
+from sim_harness.scenarios.sampling import Case, Method, fresh_seed
+from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios, load_scenario, scenario_schema
 from sim_harness.sweep.fingerprint import fingerprint
-from sim_harness.sweep.limits_cli import limits_verb
 from sim_harness.sweep.plan import Plan, by_sampling, by_seeds, plan, select
 from sim_harness.sweep.plan_store import PlanStore
-from sim_harness.sweep.show import Report, Show
+from sim_harness.sweep.show import Report, show
 from sim_harness.sweep.sweep import Workforce, saving, workforce
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
-app.command("schema")(schema_verb)
 app.command("resimulate")(resimulate_verb)
-app.command("limits")(limits_verb)
 app.command("disturbances")(disturbances_verb)
 app.command("leads")(leads_verb)
 app.add_typer(
@@ -40,8 +38,19 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
 Tags = Annotated[
     list[Tag] | None, typer.Option("--tag", help="Only scenarios with this tag; may be repeated.")
 ]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Another value for a field of the scenarios."),
+]
 RANDOM = "random"
 LISTED = ("name", "tags", "description", "duration_s")
+
+
+@app.command("schema")
+def schema_verb() -> int:
+    """Print the JSON schema of scenario files, for editors."""
+    print(scenario_schema(), end="")
+    return 0
 
 
 @app.command("list")
@@ -87,10 +96,7 @@ def run_verb(
         str, typer.Option(metavar="N|random", help="The first seed; `random` draws one and prints it.")
     ] = "0",
     seeds: Annotated[int, typer.Option(min=1, help="Run this many seeds, from --seed on.")] = 1,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Another value for a field of the scenarios."),
-    ] = None,
+    settings: Changes = None,
     sample: Annotated[
         Method | None, typer.Option(help="Draw cases from the ranges under `vary` in the scenarios.")
     ] = None,
@@ -126,40 +132,31 @@ def run_verb(
     The same scenario and seed give the same trace, bit for bit, on any process or machine of the same type. Rows of
     --json have the order of scenarios and seeds; other lines appear as runs finish.
     """
-    refuse(
-        {
-            "--cases needs --sample": cases is not None and sample is None,
-            "--sample draws the seeds itself: --seeds cannot be given too": sample is not None and seeds > 1,
-            "--resume needs --out": resume and out is None,
-            "--resume needs fixed seeds: --seed random cannot be given too": resume and seed == RANDOM,
-            "--cluster has its own processes: --jobs cannot be given too": cluster is not None and jobs > 1,
-        }
-    )
+    wrong = {
+        "--cases needs --sample": cases is not None and sample is None,
+        "--sample draws the seeds itself: --seeds cannot be given too": sample is not None and seeds > 1,
+        "--resume needs --out": resume and out is None,
+        "--resume needs fixed seeds: --seed random cannot be given too": resume and seed == RANDOM,
+        "--cluster has its own processes: --jobs cannot be given too": cluster is not None and jobs > 1,
+    }
+    for sentence, is_true in wrong.items():
+        if is_true:
+            raise InputError(sentence)
     first = first_seed(seed)
     selection = select(sources or [], tags or [], parse_overrides(settings or []))
     if sample is None:
         planned = plan(by_seeds(selection.scenarios, range(first, first + seeds)))
     else:
         planned = plan(by_sampling(selection.scenarios, sample, cases, seed=first))
-    check_outputs(planned, trace, picture, record)
-    check_folders(report, trace, picture, record)
+    check_outputs(planned, report, trace, picture, record)
     check_configuration(case.scenario for case in planned.values())
-    work: Workforce = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=report is not None)
+    detailed = report is not None
+    work: Workforce = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=detailed)
     if trace or picture or record:
-        work = partial(saving, trace=trace, picture=picture, record=record, detailed=report is not None)
+        work = partial(saving, trace=trace, picture=picture, record=record, detailed=detailed)
     page = Report(path=report, page=Page("trepid sim run"), command=selection.command) if report else None
-    with ExitStack() as stack:
-        store = (
-            stack.enter_context(PlanStore(out, planned, code=fingerprint(), resume=resume)) if out else None
-        )
-        return Show(planned, work, store=store, report=page, as_json=as_json).run()
-
-
-def refuse(wrong: dict[str, bool]) -> None:
-    """Raise InputError with the first sentence whose value is true."""
-    for sentence, is_true in wrong.items():
-        if is_true:
-            raise InputError(sentence)
+    with PlanStore(out, planned, code=fingerprint(), resume=resume) if out else nullcontext() as store:
+        return show(planned, work, store=store, report=page, as_json=as_json)
 
 
 def first_seed(text: str) -> int:
@@ -177,15 +174,52 @@ def first_seed(text: str) -> int:
     return int(text)
 
 
-def check_outputs(planned: Plan, *files: Path | None) -> None:
-    """Raise InputError when ``files`` are given for more than one run."""
-    for file in filter(None, files):
+def check_outputs(planned: Plan, report: Path | None, *single: Path | None) -> None:
+    """Raise InputError when a file of one run is given for more, or when the folder of a file does not exist."""
+    for file in filter(None, single):
         if len(planned) > 1:
             raise InputError(f"{file}: can hold one run, not {len(planned)}")
-
-
-def check_folders(*files: Path | None) -> None:
-    """Raise InputError unless the folder of each file exists."""
-    for file in filter(None, files):
+    for file in filter(None, (report, *single)):
         if not file.parent.is_dir():
             raise InputError(f"{file}: there is no folder {file.parent}")
+
+
+@app.command("limits")
+def limits_verb(
+    source: Annotated[str, typer.Argument(metavar="S", help="A scenario name or .yaml file.")],
+    seed: Annotated[int, typer.Option(min=0, help="Seed from which the seed of the cases is derived.")] = 0,
+    tolerance: Annotated[
+        float, typer.Option(min=1e-4, max=0.5, help="Resolution as a share of the range.")
+    ] = TOLERANCE,
+    corners: Annotated[int, typer.Option(min=0, help="Number of random corners to search as well.")] = 0,
+    settings: Changes = None,
+    as_json: AsJson = False,
+) -> int:
+    """Search the limit of each range in `vary` at which the scenario fails; exit code 1 when no case passes."""
+    scenario = load_scenario(source, parse_overrides(settings or []))
+    if not scenario.vary:
+        raise InputError(f"scenario {scenario.name}: no ranges under vary")
+    any_passes = False
+    for limit in limits(scenario, passes, seed=seed, tolerance=tolerance, corners=corners):
+        any_passes |= limit.passes is not None
+        print(json.dumps(limit.row()) if as_json else sentence(limit), flush=True)
+    return 0 if any_passes else 1
+
+
+def passes(case: Case) -> bool:
+    """Run a case, report it on standard error, return whether it passed."""
+    result = run(case.scenario, seed=case.seed)
+    values = ", ".join(f"{name} = {value}" for name, value in case.parameters.items())
+    print(f"{'failed' if result.reasons else 'passed'}: {values}", file=sys.stderr, flush=True)
+    return not result.reasons
+
+
+def sentence(limit: Limit) -> str:
+    """A limit as one line of text."""
+    if limit.fails is None:
+        return f"{limit.ray}: passes to the end of the range"
+    if limit.passes is None:
+        return f"{limit.ray}: no case passes"
+    good, bad = limit.passes.parameters, limit.fails.parameters
+    changes = [f"{name} between {good[name]} and {bad[name]}" for name in good if good[name] != bad[name]]
+    return f"{limit.ray}: passes, then fails, with {', '.join(changes)}"

@@ -17,7 +17,7 @@ from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.plan import by_seeds, plan
 from sim_harness.sweep.plan_store import PlanStore
-from sim_harness.sweep.sweep import watched, workforce
+from sim_harness.sweep.sweep import sweep, workforce
 from trepid.config import ROOT
 
 SCORED = {Tag.NOMINAL, Tag.CURVE, Tag.UNMARKED}
@@ -82,7 +82,7 @@ def compared(
     planned = plan(by_seeds(scenarios, [*known, *fresh]))
     work = workforce(jobs=os.cpu_count() or 1)
     with PlanStore(out, planned, code=fingerprint(), resume=True) as store:
-        rows = [outcome.row for _, outcome in watched(planned, work, store)]
+        rows = [outcome.row for _, outcome in sweep(planned, work, store)]
     of_known, of_fresh = (score(row for row in rows if row["seed"] in seeds) for seeds in (known, fresh))
     more = of_fresh.mean_max_lateral_error_m / of_known.mean_max_lateral_error_m - 1.0
     return {

@@ -34,6 +34,14 @@ class Limit:
     gap: float  # between the two, as a share of the ray
     runs: int  # of this ray
 
+    def row(self) -> dict[str, Any]:
+        """The limit as one JSON object."""
+        parameters = {
+            name: case.parameters if case else None
+            for name, case in (("passes", self.passes), ("fails", self.fails))
+        }
+        return {"ray": self.ray, **parameters, "gap": self.gap, "runs": self.runs}
+
 
 def limits(
     scenario: Scenario, passes: Passes, *, seed: int = 0, tolerance: float = TOLERANCE, corners: int = 0

@@ -4,6 +4,7 @@ A scenario is a YAML file (``config/scenarios/*.yaml``) or a Python script that 
 list of them, to the variable ``scenarios``.
 """
 
+import json
 import math
 import runpy
 from collections.abc import Mapping, Set
@@ -36,6 +37,8 @@ from trepid.vehicle import Vehicle
 SCENARIO_DIR = CONFIG_DIR / "scenarios"
 ROAD_DIR = CONFIG_DIR / "roads"
 RULES_FILE = CONFIG_DIR / "fear.yaml"
+SCHEMA_FILE = CONFIG_DIR / "schema" / "scenario.json"
+"""The output of ``trepid sim schema``; scenario files name it in their first line, for YAML plug-ins of editors."""
 Problem = tuple[tuple[str | int, ...], str]
 """The path of a field, and the error message for it."""
 
@@ -285,6 +288,13 @@ class Scenario(Settings):
         if self.distance_m is not None:
             return self.distance_m
         return road.length_m if road.closed else road.length_m - self.start.station_m
+
+
+def scenario_schema() -> str:
+    """The JSON schema of a scenario file (draft 2020-12), as text with a final newline."""
+    draft = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    schema = {**draft, **Scenario.model_json_schema(), "title": "Trepid scenario"}
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
 def list_scenarios() -> list[Scenario]:

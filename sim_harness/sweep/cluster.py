@@ -42,6 +42,8 @@ def on_cluster(plan: Plan, address: str, *, detailed: bool = False) -> Iterator[
                 _check_code({outcome.code}, address)  # a worker may have joined later
             elif isinstance(error := future.exception(timeout=CONNECT_S), KilledWorker):
                 outcome = crashed(plan[key], f"crashed: it has killed {error.allowed_failures + 1} workers")
+            elif isinstance(error, InputError):
+                raise error
             else:
                 raise ClusterLost(f"--cluster {address}: lost with {len(futures) + 1} cases to run: {error}")
             future.release()

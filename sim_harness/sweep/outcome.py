@@ -12,6 +12,7 @@ from sim_harness.report.summary import Detail, summarise
 from sim_harness.scenarios.sampling import Case
 from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.store import Row
+from trepid.config import InputError
 
 _MALLOC_TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc only
 
@@ -30,13 +31,21 @@ class Outcome:
 
 
 def execute(case: Case, *, detailed: bool = False) -> Outcome:
-    """Run a case. An exception becomes the reason of its failure, so that it does not end the sweep."""
+    """Run a case. An exception becomes the reason of its failure, so that it does not end the sweep.
+
+    Raises InputError for wrong input or configuration, which is no failure of the case.
+    """
     try:
         return perform(case, detailed=detailed)[1]
+    except InputError:
+        raise
     except Exception as error:  # noqa: BLE001
-        return crashed(case, _reason(error))
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        what = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        return crashed(case, f"crashed: {what} ({Path(frame.filename).name}:{frame.lineno})")
     finally:
-        _trim_memory()
+        if _MALLOC_TRIM is not None:  # glibc otherwise keeps fragments of the arrays of the renderer
+            _MALLOC_TRIM(0)
 
 
 def perform(case: Case, *, detailed: bool = False, witness: Witness | None = None) -> tuple[Result, Outcome]:
@@ -73,16 +82,3 @@ def is_complete(row: Row) -> bool:
 def with_parameters(case: Case, row: Row) -> Row:
     """``row`` with the values of a sampled case."""
     return {**row, "parameters": case.parameters} if case.parameters else row
-
-
-def _trim_memory() -> None:
-    """Return freed memory to the system: glibc otherwise keeps fragments of the arrays of the renderer."""
-    if _MALLOC_TRIM is not None:
-        _MALLOC_TRIM(0)
-
-
-def _reason(error: Exception) -> str:
-    """Exception and place in one line."""
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    what = " ".join(str(error).split())
-    return f"crashed: {type(error).__name__}: {what} ({Path(frame.filename).name}:{frame.lineno})"

@@ -3,10 +3,11 @@
 Parquet files are complete only when they are closed, so they are made from the lines when the store is closed.
 """
 
+import json
+from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
-from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from sim_harness.sweep.outcome import is_complete
 from sim_harness.sweep.plan import Plan
@@ -50,23 +51,16 @@ class PlanStore:
         """Append a row; after the return only a failure of the machine can lose it."""
         self._store.add(key, self._code, row)
 
-    def close(self) -> None:
-        """Write the Parquet file, if there is to be one, and release the lines for other processes."""
-        try:
-            if self.parquet is not None:
-                from sim_harness.sweep.parquet import write
-
-                write(list(self._store.newest.values()), self.parquet)
-        finally:
-            self._store.close()
-
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    def __exit__(self, *_: object) -> None:
+        """Write the Parquet file, if there is to be one, and release the lines for other processes."""
+        try:
+            if self.parquet is not None:
+                write_parquet(self._store.newest.values(), self.parquet)
+        finally:
+            self._store.close()
 
 
 def _files(out: Path) -> tuple[Path, Path | None]:
@@ -81,3 +75,37 @@ def _files(out: Path) -> tuple[Path, Path | None]:
     if out.suffix and not out.is_dir():
         raise InputError(f"{out}: expected a folder, a .jsonl file or a .parquet file")
     return out / f"{RUNS}.jsonl", out / f"{RUNS}.parquet" if has_arrow else None
+
+
+def write_parquet(rows: Iterable[Row], path: Path) -> None:
+    """Write ``rows`` to ``path`` atomically, for pandas, Polars, DuckDB and the like. Needs pyarrow.
+
+    A column for every field; one ``parameters.<name>`` for every parameter that was sampled; ``modes`` and
+    ``causes`` are maps.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet
+
+    flat = []
+    for row in rows:
+        parameters = {f"parameters.{name}": value for name, value in row.get("parameters", {}).items()}
+        flat.append({name: value for name, value in row.items() if name != "parameters"} | parameters)
+    names = dict.fromkeys(name for row in flat for name in row)
+    columns = {name: _column(name, [row.get(name) for row in flat]) for name in names}
+    partial = path.with_name(path.name + ".partial")
+    pa.parquet.write_table(pa.table(columns), partial)
+    partial.replace(path)
+
+
+def _column(name: str, values: list[Any]) -> Any:
+    import pyarrow as pa
+
+    if name in ("modes", "causes"):
+        pairs = [None if value is None else list(value.items()) for value in values]
+        return pa.array(pairs, pa.map_(pa.string(), pa.float64()))
+    if name == "reasons":
+        return pa.array(values, pa.list_(pa.string()))
+    try:
+        return pa.array(values)
+    except (pa.ArrowInvalid, pa.ArrowTypeError):  # values of several types, e.g. numbers and words
+        return pa.array([None if value is None else json.dumps(value) for value in values])

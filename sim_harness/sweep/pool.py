@@ -47,8 +47,8 @@ def imap_unordered(
 ) -> Generator[tuple[Key, Result | Lost], None, None]:
     """``work(task)`` of every task on ``jobs`` processes, by key, as they finish.
 
-    ``work``, tasks and results must be picklable. Raises what ``work`` raises. Closing the generator kills the
-    workers.
+    ``work``, tasks and results must be picklable. Raises what ``work`` raises, after the results that are ready by
+    then. Closing the generator kills the workers.
     """
     waiting = iter(tasks.items())
     workers: dict[Any, _Worker[Key, Task, Result]] = {}
@@ -56,10 +56,14 @@ def imap_unordered(
         for key, task in islice(waiting, jobs):
             worker = _Worker.start(work, key, task)
             workers[worker.pipe] = worker
-        while workers:
+        raised: Exception | None = None
+        while workers and raised is None:
             for pipe in wait(list(workers)):
                 worker = workers[pipe]
                 key, result = worker.key, worker.result()
+                if isinstance(result, _Raised):
+                    raised = result.error
+                    continue
                 del workers[pipe]
                 for following in islice(waiting, 1):
                     worker = worker if worker.give(*following) else _Worker.start(work, *following)
@@ -67,6 +71,8 @@ def imap_unordered(
                 if worker.pipe not in workers:
                     worker.kill()
                 yield key, result
+        if raised is not None:
+            raise raised
     finally:
         for worker in workers.values():
             worker.kill()
@@ -163,16 +169,16 @@ class _Worker(Generic[Key, Task, Result]):
             return False
         return True
 
-    def result(self) -> Result | Lost:
-        """Result of the current task. Raises what the task raised."""
+    def result(self) -> "Result | Lost | _Raised":
+        """Result of the current task."""
         try:
-            result = self.pipe.recv()
+            result: Result | _Raised = self.pipe.recv()
         except (EOFError, OSError):
             self.process.join()
             self.pipe.close()
-            return Lost(_ending(self.process.exitcode))
-        if isinstance(result, _Raised):
-            raise result.error
+            code = self.process.exitcode or 0
+            killed = f"was killed by {signal.Signals(-code).name}" if code < 0 else ""
+            return Lost(killed or f"ended with exit code {code}")
         return result
 
     def kill(self) -> None:
@@ -202,10 +208,3 @@ def _attempt(work: Callable[[Any], object], task: object) -> object:
         except Exception:  # noqa: BLE001 - an exception with required arguments cannot be rebuilt from its text
             return _Raised(RuntimeError(text))
         return _Raised(error)
-
-
-def _ending(code: int | None) -> str:
-    """How a process ended, as text."""
-    if code is not None and code < 0:
-        return f"was killed by {signal.Signals(-code).name}"
-    return f"ended with exit code {code}"

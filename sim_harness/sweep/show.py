@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from sim_harness.sweep.outcome import ClusterLost, Outcome, is_complete
 from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.store import Row
-from sim_harness.sweep.sweep import InPlanOrder, Workforce, watched
+from sim_harness.sweep.sweep import Workforce, sweep
 
 INTERRUPTED = 130  # 128 + SIGINT, as in shells
 
@@ -25,77 +25,79 @@ class Report:
     page: Page
     command: Callable[[Case], str]
 
-    def add(self, case: Case, outcome: Outcome) -> None:
-        """Add the outcome of ``case``."""
-        tags = [tag.value for tag in case.scenario.tags]
-        self.page.add(outcome.row, tags=tags, command=self.command(case), detail=outcome.detail)
 
+def show(
+    plan: Plan, work: Workforce, *, store: PlanStore | None, report: Report | None, as_json: bool
+) -> int:
+    """Run a plan and print its progress and results; return 1 when a case failed, 130 after an interrupt.
 
-class Show:
-    """Runs a plan and prints its progress and results."""
+    Raises InputError for a case that cannot be run; the rows finished before it are stored and printed.
+    """
 
-    def __init__(
-        self, plan: Plan, work: Workforce, *, store: PlanStore | None, report: Report | None, as_json: bool
-    ) -> None:
-        self._plan, self._work, self._store, self._report = plan, work, store, report
-        self._as_json = as_json
-        self._ordered = InPlanOrder(plan)
-        self._done, self._failed = 0, 0
-
-    def run(self) -> int:
-        """Run the plan; return the exit code: 1 when a case failed, 130 after an interrupt."""
-        self._print_stored()
-        try:
-            self._run()
-        except KeyboardInterrupt:
-            self._print(f"interrupted: {self._done} of {len(self._plan)} cases are done, {self._storage()}")
-            return INTERRUPTED
-        except ClusterLost as error:
-            self._print(f"{error}; {self._done} of {len(self._plan)} cases are done, {self._storage()}")
-            return 1
-        finally:
-            self._publish(self._ordered.rest())
-            if self._report is not None:
-                self._report.page.write(self._report.path)
-        if len(self._plan) > 1:
-            self._print(f"{self._done} cases: {self._done - self._failed} passed, {self._failed} failed")
-        return 1 if self._failed else 0
-
-    def _run(self) -> None:
-        done = self._store.done if self._store else {}
-        for key, outcome in watched(self._plan, self._work, self._store):
-            self._done += 1
-            self._failed += outcome.row["status"] == "failed"
-            self._publish(self._ordered.add(key, outcome))
-            if key not in done:
-                line = f"[{self._done}/{len(self._plan)}] {one_line(outcome.row)}"
-                print(line, file=sys.stderr if self._as_json else sys.stdout, flush=True)
-
-    def _publish(self, outcomes: Iterable[tuple[str, Outcome]]) -> None:
+    def publish(outcomes: Iterable[tuple[str, Outcome]]) -> None:
         """Print outcomes as JSON and add them to the report, in the order of the plan."""
         for key, outcome in outcomes:
-            if self._as_json:
+            if as_json:
                 print(json.dumps(outcome.row), flush=True)
-            if self._report is not None:
-                self._report.add(self._plan[key], outcome)
+            if report is not None:
+                tags = [tag.value for tag in plan[key].scenario.tags]
+                command = report.command(plan[key])
+                report.page.add(outcome.row, tags=tags, command=command, detail=outcome.detail)
 
-    def _print_stored(self) -> None:
-        store = self._store
-        if store is None or not (store.done or store.crashed or store.outdated):
-            return
-        text = f"{store.lines}: {len(store.done)} of {len(self._plan)} cases are stored and not run again"
+    stored = store.done if store else {}
+    if store and (stored or store.crashed or store.outdated):
+        text = f"{store.lines}: {len(stored)} of {len(plan)} cases are stored and not run again"
         text += f"; {store.crashed} crashed" if store.crashed else ""
         text += f"; {store.outdated} were run by other code or configuration" if store.outdated else ""
-        self._print(text)
+        _note(text)
+    place = f"stored in {store.lines}; --resume continues" if store else "not stored (--out stores them)"
+    ordered, done, failed = InPlanOrder(plan), 0, 0
+    try:
+        for key, outcome in sweep(plan, work, store):
+            done += 1
+            failed += outcome.row["status"] == "failed"
+            publish(ordered.add(key, outcome))
+            if key not in stored:
+                line = f"[{done}/{len(plan)}] {one_line(outcome.row)}"
+                print(line, file=sys.stderr if as_json else sys.stdout, flush=True)
+    except KeyboardInterrupt:
+        _note(f"interrupted: {done} of {len(plan)} cases are done, {place}")
+        return INTERRUPTED
+    except ClusterLost as error:
+        _note(f"{error}; {done} of {len(plan)} cases are done, {place}")
+        return 1
+    finally:
+        publish(ordered.rest())
+        if report is not None:
+            report.page.write(report.path)
+    if len(plan) > 1:
+        _note(f"{done} cases: {done - failed} passed, {failed} failed")
+    return 1 if failed else 0
 
-    def _storage(self) -> str:
-        """Where the finished cases are stored."""
-        if self._store is None:
-            return "not stored (--out stores them)"
-        return f"stored in {self._store.lines}; --resume continues"
 
-    def _print(self, text: str) -> None:
-        print(f"trepid sim: {text}", file=sys.stderr, flush=True)
+def _note(text: str) -> None:
+    print(f"trepid sim: {text}", file=sys.stderr, flush=True)
+
+
+class InPlanOrder:
+    """Puts outcomes that finish in any order into the order of the plan."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._awaited = iter(plan)
+        self._next = next(self._awaited, None)
+        self._early: dict[str, Outcome] = {}
+
+    def add(self, key: str, outcome: Outcome) -> Iterator[tuple[str, Outcome]]:
+        """Add an outcome; yields all outcomes that have no unfinished predecessor."""
+        self._early[key] = outcome
+        while self._next in self._early:
+            yield self._next, self._early.pop(self._next)
+            self._next = next(self._awaited, None)
+
+    def rest(self) -> Iterator[tuple[str, Outcome]]:
+        """The outcomes behind unfinished ones, after the end of the sweep."""
+        for key in [key for key in self._awaited if key in self._early]:
+            yield key, self._early.pop(key)
 
 
 def one_line(row: Row) -> str:

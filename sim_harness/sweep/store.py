@@ -1,4 +1,4 @@
-"""Results in a JSON Lines file: one line a row, appended as the row is finished.
+"""Results in a JSON Lines file: one line a row, appended as the row is finished; a second call continues.
 
 A row belongs to a case and to the code that computed it (:mod:`sim_harness.sweep.fingerprint`). Rows of other code
 stay in the file and are ignored. A line that was half written when its writer was killed is cut off.
@@ -7,14 +7,18 @@ stay in the file and are ignored. A line that was half written when its writer w
 import fcntl
 import json
 import os
-from collections.abc import Set
+from collections.abc import Callable, Mapping, Set
+from contextlib import closing
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
+from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.pool import Lost, WorkerLost, imap_unordered
+from sim_harness.sweep.progress import SweepProgress
 from trepid.config import InputError
 
 Row = dict[str, Any]
+Task = TypeVar("Task")
 
 CASE, CODE = "case", "code"  # fields of a stored line besides those of the row
 
@@ -63,9 +67,7 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _read(self) -> dict[str, Row]:
@@ -76,8 +78,11 @@ class Store:
         self._rows: dict[tuple[str, str], Row] = {}
         newest = {}
         for number, line in enumerate(data[:whole].splitlines(), start=1):
-            row = _parsed(line)
-            if row is None or not row.keys() >= self._fields:
+            try:
+                row: Any = json.loads(line)
+            except ValueError:
+                row = None
+            if not isinstance(row, dict) or not row.keys() >= self._fields:
                 raise InputError(f"{self.path}:{number}: not a result of a sweep")
             newest[row[CASE]] = row
             self._rows[row[CASE], row[CODE]] = content(row)
@@ -89,9 +94,26 @@ def content(line: Row) -> Row:
     return {name: value for name, value in line.items() if name not in (CASE, CODE)}
 
 
-def _parsed(line: bytes) -> Row | None:
-    try:
-        row: Any = json.loads(line)
-    except ValueError:
-        return None
-    return row if isinstance(row, dict) else None
+def stored_rows(path: Path, work: Callable[[Task], Row], tasks: Mapping[str, Task]) -> list[Row]:
+    """``work(task)`` of every task, on all cores, in their order; rows of the current code are not computed again.
+
+    Raises InputError when the file is in use or holds something else, and WorkerLost at the end, after the other
+    tasks, when worker processes were killed.
+    """
+    code = fingerprint()
+    lost: list[str] = []
+    with Store(path) as store:
+        left = {key: task for key, task in tasks.items() if store.get(key, code) is None}
+        with (
+            SweepProgress(len(left), float(len(left))) as progress,
+            closing(imap_unordered(work, left, os.cpu_count() or 1)) as results,
+        ):
+            for key, row in results:
+                if isinstance(row, Lost):
+                    lost.append(f"{key}: its process {row.reason}")
+                else:
+                    store.add(key, code, row)
+                progress.count(1.0)
+        if lost:
+            raise WorkerLost(f"{path}: {len(lost)} cases have no result, first {lost[0]}")
+        return [store.get(key, code) or {} for key in tasks]

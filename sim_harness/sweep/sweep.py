@@ -51,7 +51,7 @@ def workforce(*, jobs: int = 1, cluster: str | None = None, detailed: bool = Fal
 def sweep(plan: Plan, work: Workforce, store: PlanStore | None = None) -> Iterator[tuple[str, Outcome]]:
     """The outcome of every case of ``plan``: first the stored ones, then the others as they finish.
 
-    Every outcome is stored before it is yielded.
+    Every outcome is stored before it is yielded. Progress is shown on standard error.
     """
     done = store.done if store else {}
     for key, row in done.items():
@@ -59,22 +59,16 @@ def sweep(plan: Plan, work: Workforce, store: PlanStore | None = None) -> Iterat
     left = {key: case for key, case in plan.items() if key not in done}
     if not left:
         return
-    with closing(work(left)) as outcomes:  # type: ignore[type-var]
+    simulated_s = sum(case.scenario.duration_s for case in left.values())
+    with (
+        SweepProgress(len(left), simulated_s) as progress,
+        closing(work(left)) as outcomes,  # type: ignore[type-var]
+    ):
         for key, outcome in outcomes:
             if store:
                 store.add(key, outcome.row)
             yield key, outcome
-
-
-def watched(plan: Plan, work: Workforce, store: PlanStore | None = None) -> Iterator[tuple[str, Outcome]]:
-    """:func:`sweep` with progress on standard error."""
-    done = store.done if store else {}
-    left_s = [case.scenario.duration_s for key, case in plan.items() if key not in done]
-    with SweepProgress(len(left_s), sum(left_s)) as progress:
-        for key, outcome in sweep(plan, work, store):
-            yield key, outcome
-            if key not in done:
-                progress.step(plan[key].scenario.duration_s)
+            progress.count(plan[key].scenario.duration_s)
 
 
 def saving(
@@ -93,24 +87,3 @@ def saving(
         ):
             raise InputError(f"{picture}: cannot be written as an image")
         yield key, outcome
-
-
-class InPlanOrder:
-    """Puts outcomes that finish in any order into the order of the plan."""
-
-    def __init__(self, plan: Plan) -> None:
-        self._awaited = iter(plan)
-        self._next = next(self._awaited, None)
-        self._early: dict[str, Outcome] = {}
-
-    def add(self, key: str, outcome: Outcome) -> Iterator[tuple[str, Outcome]]:
-        """Add an outcome; yields all outcomes that have no unfinished predecessor."""
-        self._early[key] = outcome
-        while self._next in self._early:
-            yield self._next, self._early.pop(self._next)
-            self._next = next(self._awaited, None)
-
-    def rest(self) -> Iterator[tuple[str, Outcome]]:
-        """The outcomes behind unfinished ones, after the end of the sweep."""
-        for key in [key for key in self._awaited if key in self._early]:
-            yield key, self._early.pop(key)

@@ -180,7 +180,7 @@ def _evaluated(study: optuna.Study, trial: optuna.Trial, task: Task, folder: Pat
         trial.set_user_attr(INVALID, str(error))
         study.tell(trial, state=TrialState.PRUNED)
         return False
-    except RunCrashed as error:
+    except (RunCrashed, InputError) as error:
         trial.set_user_attr(INVALID, str(error))
         study.tell(trial, state=TrialState.FAIL)
         return False

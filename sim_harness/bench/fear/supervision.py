@@ -22,8 +22,7 @@ from sim_harness.bench.fear.drives import Case, cases
 from sim_harness.judging.fear_scores import afraid, auroc, fear_and_departure
 from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import Result, build_parts, run
-from sim_harness.sweep.store import Row
-from sim_harness.sweep.stored_rows import stored_rows
+from sim_harness.sweep.store import Row, stored_rows
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, ROOT, load
 

@@ -9,8 +9,7 @@ from functools import partial
 import numpy as np
 
 from sim_harness.bench.follow.episode import drive, row
-from sim_harness.sweep.store import Row
-from sim_harness.sweep.stored_rows import stored_rows
+from sim_harness.sweep.store import Row, stored_rows
 from trepid.config import ROOT
 
 RUNS, RENDERED_RUNS = 1000, 40

@@ -6,8 +6,15 @@ import pytest
 
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.sampling import Method, cases, grid_size
-from sim_harness.scenarios.scenario import SCENARIO_DIR, Scenario, Tag, list_scenarios, load_scenario
-from sim_harness.scenarios.schema import SCHEMA_FILE, scenario_schema
+from sim_harness.scenarios.scenario import (
+    SCENARIO_DIR,
+    SCHEMA_FILE,
+    Scenario,
+    Tag,
+    list_scenarios,
+    load_scenario,
+    scenario_schema,
+)
 from sim_harness.world.roads.disturbances import DisturbanceKind
 
 FILES = sorted(SCENARIO_DIR.glob("*.yaml"))

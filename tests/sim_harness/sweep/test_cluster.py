@@ -85,12 +85,18 @@ def test_a_worker_that_is_killed_mid_sweep_loses_no_case(dask):
 
 
 def test_an_exception_fails_only_its_case(dask):
-    nowhere = SECONDS.model_copy(update={"road": "no_such_road"})
-    cases = [Case(scenario=scenario, index=0, seed=0, parameters={}) for scenario in (nowhere, SECONDS)]
+    instant = SECONDS.model_copy(update={"duration_s": 1e-3})  # nothing to score
+    cases = [Case(scenario=scenario, index=0, seed=0, parameters={}) for scenario in (instant, SECONDS)]
     outcomes = dict(cluster.on_cluster(plan(cases), dask.address))
     statuses = {o.row["status"]: o.row["reasons"] for o in outcomes.values()}
     assert statuses["passed"] == []
-    assert statuses["failed"][0].startswith("crashed: InputError")
+    assert statuses["failed"][0].startswith("crashed: ValueError")
+
+
+def test_wrong_input_ends_the_sweep(dask):
+    nowhere = SECONDS.model_copy(update={"road": "no_such_road"})
+    with pytest.raises(InputError, match="no_such_road"):
+        list(cluster.on_cluster(plan(by_seeds([nowhere], [0])), dask.address))
 
 
 def test_a_lost_cluster_is_reported(dask):

@@ -45,6 +45,12 @@ def invert(number):
     return 1 / number
 
 
+def wait_then_invert(task):
+    number, awaited = task
+    until(lambda: awaited is None or awaited.exists(), patience_s=PATIENCE_S)
+    return 1 / number
+
+
 class Stubborn(Exception):
     def __init__(self, one, two):
         super().__init__(one)
@@ -72,6 +78,20 @@ def test_the_exception_of_a_task_is_raised_with_the_line_in_the_worker():
     with pytest.raises(ZeroDivisionError) as caught:
         list(imap(invert, (1, 0), 1))
     assert "return 1 / number" in caught.value.__notes__[0]
+    assert multiprocessing.active_children() == []
+
+
+def test_an_exception_is_raised_after_the_results_that_are_ready_with_it(tmp_path):
+    go = tmp_path / "go"
+    tasks = {"first": (1, None), "wrong": (0, go), "good": (2, go), "waiting": (1, None)}
+    results = imap_unordered(wait_then_invert, tasks, 3)
+    assert next(results) == ("first", 1.0)
+    go.touch()
+    time.sleep(1.0)  # both others finish, and the result of `waiting` as well
+    left = {}
+    with pytest.raises(ZeroDivisionError):
+        left.update(results)
+    assert left.get("good") == 0.5
     assert multiprocessing.active_children() == []
 
 

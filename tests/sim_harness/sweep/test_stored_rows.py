@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from sim_harness.sweep import stored_rows as module
+from sim_harness.sweep import store as module
 from sim_harness.sweep.pool import WorkerLost
-from sim_harness.sweep.store import Store
-from sim_harness.sweep.stored_rows import stored_rows
+from sim_harness.sweep.store import Store, stored_rows
 from trepid.config import InputError
 
 TASKS = {"one": 1, "two": 2, "three": 3}

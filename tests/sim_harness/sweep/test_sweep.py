@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import signal
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,13 +13,16 @@ from sim_harness.scenarios.sampling import Case, Method
 from sim_harness.scenarios.scenario import Scenario, Sight, load_scenario
 from sim_harness.sweep.outcome import Outcome, execute, is_complete
 from sim_harness.sweep.plan import by_sampling, by_seeds, case_key, plan, select
-from sim_harness.sweep.sweep import InPlanOrder, in_this_process, on_processes, sweep
+from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.show import InPlanOrder
+from sim_harness.sweep.sweep import in_this_process, on_processes, sweep
 from trepid.config import InputError
 
 SECOND = Scenario(
     name="second", description="a second", tags=["nominal"], road="straight", duration_s=1.0, sight="truth"
 )
 LONG = SECOND.model_copy(update={"name": "long", "duration_s": 3600.0, "road": "circuit", "distance_m": 1e6})
+INSTANT = SECOND.model_copy(update={"name": "instant", "duration_s": 1e-3})  # nothing to score
 NOWHERE = SECOND.model_copy(update={"name": "nowhere", "road": "no_such_road"})
 
 
@@ -60,11 +64,27 @@ def test_closing_ends_busy_workers():
 
 
 def test_an_exception_becomes_the_reason_of_a_failed_case():
-    row = execute(case(NOWHERE)).row
+    row = execute(case(INSTANT)).row
     assert row["status"] == "failed"
-    assert row["reasons"][0].startswith("crashed: InputError: ")
+    assert row["reasons"][0].startswith("crashed: ValueError: a trace of 1 samples")
     assert row.keys() == execute(case(SECOND)).row.keys()
     assert row["departures"] is None and row["trace_sha256"] is None
+
+
+@pytest.mark.parametrize("work", [in_this_process, partial(on_processes, jobs=1)])
+def test_wrong_input_ends_the_sweep_after_the_finished_rows(work, tmp_path):
+    planned = plan([case(SECOND), case(NOWHERE), *(case(LONG, n) for n in range(3))])
+    finished = []
+    with (
+        PlanStore(tmp_path / "rows.jsonl", planned, code="code", resume=False) as store,
+        pytest.raises(InputError, match="no_such_road"),
+    ):
+        for _, outcome in sweep(planned, work, store):
+            finished.append(outcome.row)
+    assert [(row["scenario"], row["status"]) for row in finished] == [("second", "passed")]
+    assert multiprocessing.active_children() == []
+    with PlanStore(tmp_path / "rows.jsonl", planned, code="code", resume=True) as store:
+        assert list(store.done.values()) == finished
 
 
 def test_a_key_depends_only_on_fields_that_influence_the_run():
