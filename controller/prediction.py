@@ -17,7 +17,7 @@ from controller.learner.steering_timing import SteeringTiming
 from controller.model.lag import wheel_after
 from controller.model.tyres import Turning, Tyres
 from trepid.bounds import at_least, at_most
-from trepid.clothoid import Clothoid, Lane, lane_after
+from trepid.clothoid import Lane, LaneFields, lane_after
 from trepid.messages import VehicleState
 from trepid.vehicle import Vehicle
 
@@ -94,7 +94,7 @@ class Predictor:
         new = len(motion)
         while new > 1 and motion[new - 1][0] > valid_s:
             new -= 1
-        moved: Clothoid = lane
+        moved: LaneFields = lane
         for i in range(new, len(motion)):
             (t0, v0, r0, drift0), (t1, v1, r1, drift1) = motion[i - 1], motion[i]
             if t1 > valid_s:
@@ -125,7 +125,7 @@ class Predictor:
         Before the first kept command the demand is the measured wheel angle.
         """
         _, speed_mps, rate, drift_rad = self._motion[-1]
-        moved: Clothoid = lane
+        moved: LaneFields = lane
         wheel_rad = demand_rad = self._wheel_rad
         turning = self._tyres.turning(rate, drift_rad, wheel_rad, speed_mps)
         for due_s, next_rad in (*self._commands, (math.inf, 0.0)):

@@ -100,11 +100,6 @@ def no_estimator(name: str, known: Iterable[str]) -> str:
     return f"no estimator {name!r}; {did_you_mean_or_list(name, known, 'trepid estimate --estimator list')}"
 
 
-def kind_of(name: str) -> EstimateKind:
-    """Whether the estimator called ``name`` measures the lane or only a steering angle. Raises InputError."""
-    return entry_of(name).kind
-
-
 def build(
     name: str, *, camera: Path = CONFIG_DIR / "camera.yaml", vehicle: Path = CONFIG_DIR / "vehicle.yaml"
 ) -> Estimator:

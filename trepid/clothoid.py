@@ -122,7 +122,7 @@ class Lane(NamedTuple):
         return self.seen_from(*motion.over(dt_s))
 
 
-Clothoid = tuple[float, float, float, float, float]
+LaneFields = tuple[float, float, float, float, float]
 """The fields of a :class:`Lane` as a bare tuple, for many short steps in a row."""
 
 
@@ -169,16 +169,16 @@ def advanced(
 
 
 def lane_after(
-    lane: Clothoid, dt_s: float, speed_mps: float, yaw_rate_radps: float, drift_rad: float = 0.0
-) -> Clothoid:
+    lane: LaneFields, dt_s: float, speed_mps: float, yaw_rate_radps: float, drift_rad: float = 0.0
+) -> LaneFields:
     """The lane ``dt_s`` later by the equations above (midpoint rule), its look-ahead shortened by the way."""
     middle = _shifted(lane, 0.5 * dt_s, lane, speed_mps, yaw_rate_radps, drift_rad)
     return _shifted(lane, dt_s, middle, speed_mps, yaw_rate_radps, drift_rad)
 
 
 def _shifted(
-    lane: Clothoid, dt_s: float, by: Clothoid, speed_mps: float, yaw_rate_radps: float, drift_rad: float
-) -> Clothoid:
+    lane: LaneFields, dt_s: float, by: LaneFields, speed_mps: float, yaw_rate_radps: float, drift_rad: float
+) -> LaneFields:
     """``lane`` from ``dt_s`` later at the rates s', e', ψ' that hold at ``by``."""
     offset_m, heading_rad, curvature_1pm, rate_1pm2, lookahead_m = lane
     by_offset_m, by_heading_rad, by_curvature_1pm, _, _ = by

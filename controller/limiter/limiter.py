@@ -83,22 +83,14 @@ class Limiter:
         # Times of the first step, of the last step and of the last plausible state; initially that of the first
         # step.
         self._start_s = self._now_s = self._state_s = nan
-        self._stopping = False
-        self._handed_over = False
+        self.stopping = False
+        """The limiter stops the car."""
+        self.handed_over = False
+        """The driver has the car."""
         self._ours_s = 0.0  # time since the hand-back
         self._wheel = UNSEEN  # last output
         self._accel_mps2 = 0.0  # last output
         self._gaining_mps2 = 0.0  # acceleration of the car by the drive
-
-    @property
-    def stopping(self) -> bool:
-        """Whether the limiter stops the car."""
-        return self._stopping
-
-    @property
-    def handed_over(self) -> bool:
-        """Whether the driver has the car."""
-        return self._handed_over
 
     @property
     def saturated(self) -> bool:
@@ -107,7 +99,7 @@ class Limiter:
 
     def report(self, state: VehicleState) -> VehicleState:
         """``state`` with driver override and saturation as of the last step."""
-        return replace(state, driver_override=self._handed_over, saturated=self.saturated)
+        return replace(state, driver_override=self.handed_over, saturated=self.saturated)
 
     def step(
         self, command: Command | None, received_s: float | None, state: VehicleState | None, *, now_s: float
@@ -117,8 +109,8 @@ class Limiter:
         sound = command if command is not None and is_finite(command) else None
         frame_s = None if sound is None else sound.t_s
         seen = plausible_state(state, now_s, self._limits)
-        self._handed_over = seen is not None and self._driven_by_hand(seen)
-        if seen is not None and self._handed_over:
+        self.handed_over = seen is not None and self._driven_by_hand(seen)
+        if seen is not None and self.handed_over:
             return self._hand_over(seen, frame_s, dt_s)
         timeout_s = self._limits.command_timeout_s
         usable = sound if fresh(received_s, now_s, timeout_s, self._limits) else None
@@ -129,7 +121,7 @@ class Limiter:
             accel_mps2 = self._demand(usable, -self._limits.comfort_decel_mps2)
         else:
             accel_mps2 = self._steer(usable, seen, dt_s, calm=not seldom)
-        goal_mps = 0.0 if usable is None or self._stopping else usable.speed_mps
+        goal_mps = 0.0 if usable is None or self.stopping else usable.speed_mps
         return self._given(frame_s, goal_mps, accel_mps2, dt_s)
 
     def _elapsed(self, now_s: float) -> float:
@@ -149,7 +141,7 @@ class Limiter:
 
     def _hand_over(self, seen: Seen, frame_s: float | None, dt_s: float) -> Command:
         """The measured angle as output; drive and brakes fade."""
-        self._stopping = False
+        self.stopping = False
         self._ours_s = 0.0
         self._follow(seen)
         self._saturation.rest(dt_s)
@@ -160,14 +152,14 @@ class Limiter:
     def _judge(self, seen: Seen | None, *, lost: bool) -> None:
         """Begin the stop when commands or states are lost, and end it at standstill."""
         if lost or self._now_s - self._state_s > self._limits.state_timeout_s:
-            self._stopping = True
+            self.stopping = True
         elif seen is not None and seen.speed_mps <= self._limits.standstill_mps:
-            self._stopping = False
+            self.stopping = False
 
     def _demand(self, command: Command | None, highest_mps2: float) -> float:
         """Acceleration demand [m/s²], at most ``highest_mps2``."""
         limits = self._limits
-        if self._stopping:
+        if self.stopping:
             return -limits.stop_decel_mps2
         if command is None:
             return -limits.comfort_decel_mps2

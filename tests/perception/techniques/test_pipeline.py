@@ -7,7 +7,7 @@ from drawn_road_rig import CAMERA, VEHICLE, road
 from technique_rig import VIEW, straight_boundaries
 
 from perception.cli import estimate
-from perception.estimators import ESTIMATORS, build, estimators, kind_of
+from perception.estimators import ESTIMATORS, build, entry_of, estimators
 from perception.techniques.confidence import clarity
 from perception.techniques.image.picture import Boundaries, Evidence, Features, Kind
 from perception.techniques.pipeline import Pipeline
@@ -55,7 +55,7 @@ def test_every_pipeline_for_lines_measures_a_plain_marked_road(name, lane):
 @pytest.mark.parametrize("name", RULES)
 def test_a_steering_rule_publishes_its_angle_and_no_lane(name):
     seen, other = look(name, road((0.3, 0.04, 0.0, 0.0))), look(name, road((-0.3, -0.04, 0.0, 0.0)))
-    assert seen.kind is EstimateKind.ANGLE and kind_of(name) is EstimateKind.ANGLE
+    assert seen.kind is EstimateKind.ANGLE and entry_of(name).kind is EstimateKind.ANGLE
     assert seen.road_wheel_angle_rad < 0 < other.road_wheel_angle_rad and seen.confidence > 0.1
     lane = (seen.lateral_offset_m, seen.heading_error_rad, seen.curvature_1pm, seen.curvature_rate_1pm2)
     assert lane == (None, None, None, None) and seen.lane_width_m is None
@@ -98,10 +98,10 @@ def test_a_jump_in_time_ends_the_bridging_of_a_lost_line():
 
 def test_an_estimator_without_a_steering_rule_measures_the_lane():
     names = ["cv", "cnn", "canny_hough"]
-    assert [kind_of(name) for name in names] == [EstimateKind.LANE] * 3
+    assert [entry_of(name).kind for name in names] == [EstimateKind.LANE] * 3
     assert look("canny_hough", road((0.0, 0.0, 0.0, 0.0))).kind is EstimateKind.LANE
     with pytest.raises(InputError, match="no estimator 'nothing'"):
-        kind_of("nothing")
+        entry_of("nothing")
 
 
 def test_a_pipeline_for_unmarked_roads_measures_the_road_between_its_edges():
