@@ -6,10 +6,11 @@ With ``--json`` standard output carries JSON only; progress and logs go to stand
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections import UserDict
 from functools import cache
+from importlib import import_module
 from io import TextIOWrapper
-from typing import Any
+from typing import Any, NamedTuple
 
 import typer
 from rich.markup import escape
@@ -21,96 +22,48 @@ from trepid.config import InputError
 from trepid.packages import check_packages
 
 
-def _drive(mount: typer.Typer) -> None:
-    from sim_harness.live.drive_cli import drive
+class Verb(NamedTuple):
+    """A command, or a group of commands, of another package."""
 
-    mount.command("drive")(drive)
+    module: str
+    name: str = "app"
+    help: str | None = None  # of a group
 
-
-def _sim(mount: typer.Typer) -> None:
-    import sim_harness.cli
-
-    mount.add_typer(
-        sim_harness.cli.app, name="sim", help="Run scenarios in lock-step, faster than real time."
-    )
+    def load(self) -> Any:
+        """The function of the command, or the Typer application of the group."""
+        return getattr(import_module(self.module), self.name)
 
 
-def _estimate(mount: typer.Typer) -> None:
-    import perception.cli
-
-    mount.command("estimate")(perception.cli.estimate)
-
-
-def _camera(mount: typer.Typer) -> None:
-    import perception.camera.cli
-
-    mount.add_typer(
-        perception.camera.cli.app, name="camera", help="Calibrate a camera: its lens and how it is mounted."
-    )
-
-
-def _fear(mount: typer.Typer) -> None:
-    import cockpit.rulebook.cli
-    from sim_harness.tuning.cli import tune
-
-    cockpit.rulebook.cli.app.command("tune")(tune)
-    mount.add_typer(cockpit.rulebook.cli.app, name="fear", help="Check, show and explain fuzzy rule files.")
-
-
-def _vehicle(mount: typer.Typer) -> None:
-    import controller.cli
-
-    mount.add_typer(controller.cli.app, name="vehicle", help="The bicycle model with understeer.")
-
-
-def _train(mount: typer.Typer) -> None:
-    from learning.lane.train import train
-
-    mount.command("train")(train)
-
-
-def _train_lead(mount: typer.Typer) -> None:
-    from learning.lead.train import train_lead
-
-    mount.command("train-lead")(train_lead)
-
-
-def _bench(mount: typer.Typer) -> None:
-    from sim_harness.bench.cli import bench
-
-    mount.command("bench")(bench)
-
-
-VERBS: dict[str, Callable[[typer.Typer], None]] = {
-    "drive": _drive,
-    "sim": _sim,
-    "estimate": _estimate,
-    "camera": _camera,
-    "fear": _fear,
-    "vehicle": _vehicle,
-    "train": _train,
-    "train-lead": _train_lead,
-    "bench": _bench,
+VERBS = {
+    "drive": Verb("sim_harness.live.drive_cli", "drive"),
+    "sim": Verb("sim_harness.cli", help="Run scenarios in lock-step, faster than real time."),
+    "estimate": Verb("perception.cli", "estimate"),
+    "camera": Verb("perception.camera.cli", help="Calibrate a camera: its lens and how it is mounted."),
+    "fear": Verb("cockpit.rulebook.cli", help="Check, show and explain fuzzy rule files."),
+    "vehicle": Verb("controller.cli", help="The bicycle model with understeer."),
+    "train": Verb("learning.lane.train", "train"),
+    "train-lead": Verb("learning.lead.train", "train_lead"),
+    "bench": Verb("sim_harness.bench.cli", "bench"),
 }
+ADDED = {"fear": {"tune": Verb("sim_harness.tuning.cli", "tune")}}  # to the group of a lower package
 
 
-class Mounted(Mapping[str, Any]):
+class Mounted(UserDict[str, Any]):
     """The verbs by name, each imported at its first use."""
 
     def __getitem__(self, name: str) -> Any:  # a command of Typer, whose type is private
         return _mounted(name)
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(VERBS)
-
-    def __len__(self) -> int:
-        return len(VERBS)
-
 
 @cache
-def _mounted(name: str) -> Any:  # a command of Typer, whose type is private
-    mount = typer.Typer()
-    VERBS[name](mount)
+def _mounted(name: str) -> Any:
+    target, mount = VERBS[name].load(), typer.Typer()
+    if isinstance(target, typer.Typer):
+        mount.add_typer(target, name=name, help=VERBS[name].help)
+        for added, verb in ADDED.get(name, {}).items():
+            target.command(added)(verb.load())
+    else:
+        mount.command(name)(target)
     command = typer.main.get_group(mount).commands[name]
     _escape_help(command)
     return command
@@ -129,13 +82,12 @@ class Verbs(TyperGroup):
     """The group of all verbs, each imported when it is used."""
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings | {"commands": Mounted()})
+        super().__init__(**settings | {"commands": Mounted(VERBS)})
 
 
 app = typer.Typer(
     cls=Verbs,
     name="trepid",
-    help="A camera lane keeper for research vehicles, with a fuzzy supervisor of its estimates.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -159,7 +111,8 @@ def main() -> int:
         check_packages()
         result = app(standalone_mode=False)
     except (InputError, TyperException) as error:
-        print(f"trepid: {_one_line(error)}", file=sys.stderr)
+        text = error.format_message() if isinstance(error, TyperException) else str(error)
+        print("trepid:", *text.split(), file=sys.stderr)
         return 2
     except (KeyboardInterrupt, typer.Abort):
         return 130
@@ -168,8 +121,3 @@ def main() -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return result if isinstance(result, int) else 0
-
-
-def _one_line(error: Exception) -> str:
-    text = error.format_message() if isinstance(error, TyperException) else str(error)
-    return " ".join(text.split())
