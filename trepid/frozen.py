@@ -1,26 +1,26 @@
 """Frozen dataclasses with a fast constructor, for messages.
 
-The constructor of a frozen dataclass calls ``object.__setattr__`` for every field. The constructor made here fills
-the object while its class is a mutable twin with the same slots, and then sets the class to the frozen one.
+The constructor of a plain frozen dataclass calls ``object.__setattr__`` for every field. The constructor made here
+fills the object while its class is a mutable twin with the same slots, and then sets the class to the frozen one.
 """
 
-from dataclasses import MISSING, fields
-from typing import Any, TypeVar, cast
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, TypeVar, cast, dataclass_transform
 
 T = TypeVar("T")
 
 
-def quick(cls: type[T]) -> type[T]:
-    """``cls``, a frozen dataclass with slots and keyword-only fields, with an ``__init__`` of half the cost.
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def record(plain: type[T]) -> type[T]:
+    """``plain`` as a frozen dataclass with slots and keyword-only fields, and an ``__init__`` of half the cost.
 
-    It takes the same arguments. ``fields``, ``replace``, comparison, hash, repr, copies and pickles are those of
-    the dataclass. Raises TypeError for another kind of class.
+    ``fields``, ``replace``, comparison, hash, repr, copies and pickles are those of a dataclass. Raises TypeError
+    for fields with a factory or outside the constructor, and for a class with ``__post_init__``.
     """
+    cls = dataclass(frozen=True, slots=True, kw_only=True)(plain)
     known = fields(cast(Any, cls))
-    lock = getattr(cls, "__dataclass_params__").frozen  # noqa: B009
-    plain = all(f.init and f.kw_only and f.default_factory is MISSING for f in known)
-    if not (lock and plain and "__slots__" in cls.__dict__) or hasattr(cls, "__post_init__"):
-        raise TypeError(f"{cls.__name__} must be a frozen dataclass with slots and plain keyword-only fields")
+    if hasattr(cls, "__post_init__") or not all(f.init and f.default_factory is MISSING for f in known):
+        raise TypeError(f"{cls.__name__} must have no __post_init__, and plain fields without a factory")
     draft = type(f"{cls.__name__}Draft", (), {"__slots__": cls.__dict__["__slots__"]})
     defaults = {f"_default_{f.name}": f.default for f in known if f.default is not MISSING}
     arguments = [f.name if f.default is MISSING else f"{f.name}=_default_{f.name}" for f in known]

@@ -9,13 +9,10 @@ Absence is explicit: ``None`` means "not detected" or "not known" (NaN on the wi
 previous value.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
 
-from trepid.frozen import quick
+from trepid.frozen import record
 from trepid.types import Image
-
-"""Camera image, shape (height, width, 3), 8-bit BGR."""
 
 PixelPath = tuple[tuple[float, float], ...]
 """Image polyline as (x, y) pixels of the input image, from the bottom up."""
@@ -38,8 +35,7 @@ class Stop(StrEnum):
     EMERGENCY = "emergency"  # at most 4 m/s² (UN R157 minimal-risk manoeuvre limit)
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Frame:
     """One camera frame (sensor_msgs/Image)."""
 
@@ -47,8 +43,7 @@ class Frame:
     image: Image
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class CompressedFrame:
     """A camera frame as JPEG, for recorders and displays (sensor_msgs/CompressedImage)."""
 
@@ -56,8 +51,7 @@ class CompressedFrame:
     jpeg: bytes
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class ImageStatistics:
     """Statistics of the pixels of a frame, for the trust in it."""
 
@@ -78,8 +72,7 @@ class EstimateKind(StrEnum):
     ANGLE = "angle"  # the road-wheel angle alone; the lane state is None
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class SteeringEstimate:
     """The lane state measured by one estimator, and the road-wheel angle that a kinematic vehicle would need.
 
@@ -140,8 +133,7 @@ class SteeringEstimate:
         )
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class LeadVehicle:
     """The vehicle ahead, relative to the rear axle of the ego vehicle."""
 
@@ -152,8 +144,7 @@ class LeadVehicle:
     confidence: float
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class VehicleState:
     """The measured state of the vehicle. ``t_s`` is the time of measurement."""
 
@@ -166,8 +157,7 @@ class VehicleState:
     saturated: bool | None = None  # the limiter cuts the steering demand continuously; None: not monitored
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Decision:
     """The decision of the supervisor: fear and its cause, mode, path and speed."""
 
@@ -199,8 +189,7 @@ class Decision:
     speed_cap_mps: float
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Command:
     """The command to the vehicle (ackermann_msgs/AckermannDriveStamped)."""
 
@@ -212,8 +201,7 @@ class Command:
     jerk_mps3: float = 0.0  # likewise
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class SimTruth:
     """The true pose on the road, from the simulator. No driving process may read it."""
 
@@ -255,8 +243,7 @@ class Health(StrEnum):
     ERROR = "error"
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class Diagnostic:
     """The state of one process (diagnostic_msgs/DiagnosticArray with one status)."""
 
@@ -267,15 +254,6 @@ class Diagnostic:
     values: tuple[tuple[str, str], ...]
 
 
-Message = (
-    Frame
-    | CompressedFrame
-    | ImageStatistics
-    | SteeringEstimate
-    | LeadVehicle
-    | VehicleState
-    | Decision
-    | Command
-    | SimTruth
-    | Diagnostic
-)
+Derived = ImageStatistics | SteeringEstimate | LeadVehicle | VehicleState | Decision | SimTruth
+"""Messages of Trepid's own; the others travel as standard types of ROS 2."""
+Message = Frame | CompressedFrame | Command | Diagnostic | Derived

@@ -3,18 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from trepid.messages import (
-    Command,
-    CompressedFrame,
-    Decision,
-    Diagnostic,
-    Frame,
-    ImageStatistics,
-    LeadVehicle,
-    SimTruth,
-    SteeringEstimate,
-    VehicleState,
-)
+from trepid import messages
 
 M = TypeVar("M")
 
@@ -26,37 +15,27 @@ class Topic(Generic[M]):
     key: str
     type: type[M]
     rate_hz: float
-    flow: str  # publisher -> subscribers
     urgent: bool = True  # has priority over images and diagnostics
 
 
-CAMERA_IMAGE = Topic("camera/image", Frame, 25, "camera -> perception", urgent=False)
-CAMERA_COMPRESSED = Topic("camera/image/compressed", CompressedFrame, 10, "camera -> recorder", urgent=False)
-IMAGE_STATISTICS = Topic("perception/image_statistics", ImageStatistics, 25, "perception -> supervisor")
-LEAD_VEHICLE = Topic("perception/lead", LeadVehicle, 25, "perception -> supervisor")
-DECISION = Topic("supervisor/decision", Decision, 25, "supervisor -> controller")
-COMMAND = Topic("controller/command", Command, 50, "controller -> vehicle")
-VEHICLE_STATE = Topic("vehicle/state", VehicleState, 100, "vehicle -> all")
-SIM_TRUTH = Topic("sim/truth", SimTruth, 100, "simulated vehicle -> simulated camera, referee")
-DIAGNOSTICS = Topic("diagnostics", Diagnostic, 1, "every process -> launcher", urgent=False)
+CAMERA_IMAGE = Topic("camera/image", messages.Frame, 25, urgent=False)  # camera -> perception
+CAMERA_COMPRESSED = Topic(
+    "camera/image/compressed", messages.CompressedFrame, 10, urgent=False
+)  # -> recorder
+IMAGE_STATISTICS = Topic("perception/image_statistics", messages.ImageStatistics, 25)  # -> supervisor
+LEAD_VEHICLE = Topic("perception/lead", messages.LeadVehicle, 25)  # -> supervisor
+DECISION = Topic("supervisor/decision", messages.Decision, 25)  # -> controller
+COMMAND = Topic("controller/command", messages.Command, 50)  # -> vehicle
+VEHICLE_STATE = Topic("vehicle/state", messages.VehicleState, 100)  # -> all
+SIM_TRUTH = Topic("sim/truth", messages.SimTruth, 100)  # simulated vehicle -> simulated camera, referee
+DIAGNOSTICS = Topic("diagnostics", messages.Diagnostic, 1, urgent=False)  # every process -> launcher
+
+FIXED = {topic.key: topic for topic in list(globals().values()) if isinstance(topic, Topic)}
 
 
-FIXED = (
-    CAMERA_IMAGE,
-    CAMERA_COMPRESSED,
-    IMAGE_STATISTICS,
-    LEAD_VEHICLE,
-    DECISION,
-    COMMAND,
-    VEHICLE_STATE,
-    SIM_TRUTH,
-    DIAGNOSTICS,
-)
-
-
-def estimate_topic(name: str) -> Topic[SteeringEstimate]:
-    """Topic on which the estimator called ``name`` publishes."""
-    return Topic(f"perception/{name}/estimate", SteeringEstimate, 25, f"{name} -> supervisor")
+def estimate_topic(name: str) -> Topic[messages.SteeringEstimate]:
+    """Topic on which the estimator called ``name`` publishes, for the supervisor."""
+    return Topic(f"perception/{name}/estimate", messages.SteeringEstimate, 25)
 
 
 def topic_of(key: str) -> Topic[Any] | None:
@@ -64,4 +43,4 @@ def topic_of(key: str) -> Topic[Any] | None:
     parts = key.split("/")
     if len(parts) == 3 and parts[0] == "perception" and parts[2] == "estimate":
         return estimate_topic(parts[1])
-    return next((topic for topic in FIXED if topic.key == key), None)
+    return FIXED.get(key)

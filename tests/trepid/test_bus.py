@@ -76,7 +76,7 @@ def test_two_drives_on_one_machine_do_not_receive_each_others_messages(buses: tu
 def test_malformed_messages_are_counted_by_topic_and_treated_as_not_received(buses: tuple[Bus, Bus]) -> None:
     one, other = buses
     states, commands = other.latest(VEHICLE_STATE), other.latest(COMMAND)
-    send_malformed = one.publisher(Topic(COMMAND.key, VehicleState, 1, ""))
+    send_malformed = one.publisher(Topic(COMMAND.key, VehicleState, 1))
     deadline_s = time.monotonic() + 5
     while commands.malformed == 0 and time.monotonic() < deadline_s:
         send_malformed(state(1.0))
@@ -94,7 +94,7 @@ def test_an_input_is_broken_until_the_next_valid_message_arrives(buses: tuple[Bu
     one, other = buses
     latest = other.latest(VEHICLE_STATE)
     assert received_after_sending(one, latest, timeout_s=5)
-    send_malformed = one.publisher(Topic(VEHICLE_STATE.key, ImageStatistics, 1, ""))
+    send_malformed = one.publisher(Topic(VEHICLE_STATE.key, ImageStatistics, 1))
     send_malformed(
         ImageStatistics(
             t_s=2.0, brightness=0.5, contrast=0.2, over_exposed=0.0, under_exposed=0.0,

@@ -23,7 +23,7 @@ from trepid.clock import seconds
 from trepid.config import InputError
 from trepid.recording.writer import BEGAN, DRIVE
 from trepid.topics import Topic, topic_of
-from trepid.wire import DERIVED, WireError, definition, derived_from_ros, from_cdr, ros_name
+from trepid.wire import DERIVED, WireError, definition, from_cdr, ros_name
 
 M = TypeVar("M")
 _BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError, MemoryError, OverflowError)
@@ -131,12 +131,4 @@ def _older(message_type: type, text: str, path: Path) -> Decoder:
         store.register(get_types_from_msg(text, name))
     except Exception as error:  # the exceptions of the parser in rosbags are not documented
         raise InputError(f"{path}: its definition of {name} cannot be read") from error
-
-    def decode(data: bytes) -> Any:
-        try:
-            ros = store.deserialize_cdr(data, name)
-        except Exception as error:  # likewise on foreign bytes
-            raise WireError(f"not a {name}: {type(error).__name__}: {error}") from error
-        return derived_from_ros(ros, message_type)
-
-    return decode
+    return lambda data: from_cdr(data, message_type, store)

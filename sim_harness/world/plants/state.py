@@ -1,12 +1,9 @@
 """The state of a simulated vehicle."""
 
-from dataclasses import dataclass
-
-from trepid.frozen import quick
+from trepid.frozen import record
 
 
-@quick
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class PlantState:
     """Pose of the centre of the rear axle, longitudinal motion, and the state of the steering."""
 

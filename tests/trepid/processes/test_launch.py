@@ -127,7 +127,7 @@ def test_a_process_that_reads_malformed_messages_reports_them_as_a_warning(
 ) -> None:
     bus, fleet = drive
     diagnostics = bus.latest(DIAGNOSTICS)
-    send_malformed = bus.publisher(Topic(DECISION.key, Diagnostic, 1, ""))
+    send_malformed = bus.publisher(Topic(DECISION.key, Diagnostic, 1))
     with fleet(CONTROLLER):
         assert until(lambda: diagnostics.take() is not None, patience_s=20)
 
