@@ -8,7 +8,7 @@ and every drive has its own port, so two drives on one machine do not receive ea
 import json
 import socket
 import threading
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
@@ -34,11 +34,13 @@ def free_endpoint() -> str:
 class Latest(Generic[M]):
     """The newest message of one topic."""
 
+    KEPT: int | None = 1  # payloads that wait to be read; None: all
+
     def __init__(self, topic: Topic[M], arrived: threading.Event, clock: Clock) -> None:
-        self._topic = topic
+        self.topic = topic
         self._arrived = arrived
         self._clock = clock
-        self._payload: tuple[bytes, float] | None = None
+        self._queue: deque[tuple[bytes, float]] = deque(maxlen=self.KEPT)
         self.message: M | None = None
         """The newest message taken so far; None before the first."""
         self.received_s: float | None = None
@@ -48,22 +50,16 @@ class Latest(Generic[M]):
         self.broken = False
         """True while the newest payload read is a malformed one: the input is broken, ``message`` is older."""
 
-    @property
-    def key(self) -> str:
-        """Key of the topic."""
-        return self._topic.key
-
     def put(self, sample: zenoh.Sample) -> None:
         """Keep a sample; called by Zenoh on its own thread."""
-        self._payload = sample.payload.to_bytes(), self._clock()
+        self._queue.append((sample.payload.to_bytes(), self._clock()))
         self._arrived.set()
 
     def take(self) -> M | None:
         """The message if one arrived since the last call, else None; malformed payloads count as none."""
-        payload, self._payload = self._payload, None
-        if payload is None:
+        if not self._queue:
             return None
-        data, received_s = payload
+        data, received_s = self._queue.popleft()
         message = self._decoded(data)
         if message is not None:
             self.message, self.received_s = message, received_s
@@ -76,35 +72,24 @@ class Latest(Generic[M]):
 
     def _decoded(self, data: bytes) -> M | None:
         try:
-            message = from_cdr(data, self._topic.type)
+            message = from_cdr(data, self.topic.type)
         except WireError:
+            message = None
             self.malformed += 1
-            self.broken = True
-            return None
-        self.broken = False
+        self.broken = message is None
         return message
 
 
 class Stream(Latest[M]):
     """Every message of one topic in order, for referees and recorders that need all of them."""
 
-    def __init__(self, topic: Topic[M], arrived: threading.Event, clock: Clock) -> None:
-        super().__init__(topic, arrived, clock)
-        self._queue: deque[tuple[bytes, float]] = deque()
-
-    def put(self, sample: zenoh.Sample) -> None:
-        self._queue.append((sample.payload.to_bytes(), self._clock()))
-        self._arrived.set()
+    KEPT = None
 
     def drain(self) -> list[tuple[M, float]]:
         """All messages since the last call with their times of arrival [s], oldest first."""
-        messages = []
-        while self._queue:
-            data, received_s = self._queue.popleft()
-            message = self._decoded(data)
-            if message is not None:
-                messages.append((message, received_s))
-        return messages
+        arrived = [self._queue.popleft() for _ in range(len(self._queue))]
+        decoded = ((self._decoded(data), received_s) for data, received_s in arrived)
+        return [(message, received_s) for message, received_s in decoded if message is not None]
 
 
 class Tap:
@@ -174,11 +159,10 @@ class Bus:
 
     def malformed(self) -> dict[str, int]:
         """Number of malformed messages read so far by topic key; only topics that had one."""
-        counts: dict[str, int] = {}
+        counts: Counter[str] = Counter()
         for subscription in self._subscriptions:
-            if subscription.malformed:
-                counts[subscription.key] = counts.get(subscription.key, 0) + subscription.malformed
-        return counts
+            counts[subscription.topic.key] += subscription.malformed
+        return dict(+counts)
 
     def _declare(self, key: str, put: Callable[[zenoh.Sample], None]) -> None:
         # indirect=False: Zenoh's own thread calls put; the default spawns a Python thread that outlives main.

@@ -10,12 +10,11 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from trepid.config import Settings
-
-Matrix = NDArray[np.float64]
+from trepid.types import Array, Positive
 
 
 class Camera(Settings):
@@ -23,24 +22,24 @@ class Camera(Settings):
 
     width_px: Annotated[int, Field(ge=16)]
     height_px: Annotated[int, Field(ge=16)]
-    fx_px: Annotated[float, Field(gt=0)]
-    fy_px: Annotated[float, Field(gt=0)]
+    fx_px: Positive
+    fy_px: Positive
     cx_px: float
     cy_px: float
     distortion: Annotated[tuple[float, ...], Field(max_length=5)] = ()
     x_m: float  # ahead of the rear axle
     y_m: float  # left of the centre line
-    height_m: Annotated[float, Field(gt=0)]
+    height_m: Positive
     pitch_down_rad: Annotated[float, Field(gt=-1.2, lt=1.2)]
     yaw_rad: float
 
     @property
-    def intrinsics(self) -> Matrix:
+    def intrinsics(self) -> Array:
         """K, shape (3, 3)."""
         return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1.0]])
 
     @property
-    def optical_from_vehicle(self) -> Matrix:
+    def optical_from_vehicle(self) -> Array:
         """Rotation, shape (3, 3), from vehicle axes (forward, left, up) to optical (right, down, ahead)."""
         cp, sp = math.cos(self.pitch_down_rad), math.sin(self.pitch_down_rad)
         cy, sy = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
@@ -49,7 +48,7 @@ class Camera(Settings):
         return np.stack([-left, np.cross(ahead, -left), ahead])
 
     @property
-    def pixel_from_road_matrix(self) -> Matrix:
+    def pixel_from_road_matrix(self) -> Array:
         """Homography from road points (x, y, 1) [m] to homogeneous pixels, shape (3, 3)."""
         rotation = self.optical_from_vehicle
         position = np.array([self.x_m, self.y_m, self.height_m])
@@ -60,14 +59,14 @@ class Camera(Settings):
         """Image row of the horizon of a flat road straight ahead."""
         return self.cy_px - self.fy_px * math.tan(self.pitch_down_rad)
 
-    def pixel_from_road(self, road_m: ArrayLike) -> Matrix:
+    def pixel_from_road(self, road_m: ArrayLike) -> Array:
         """Pixels, shape (n, 2), of road points (x, y) [m], shape (n, 2); NaN for points behind the camera."""
         points = np.atleast_2d(np.asarray(road_m, float))
         u, v, depth = self.pixel_from_road_matrix @ np.column_stack([points, np.ones(len(points))]).T
         depth = np.where(depth > 1e-6, depth, np.nan)
         return np.column_stack([u / depth, v / depth])
 
-    def road_from_pixel(self, pixel: ArrayLike) -> Matrix:
+    def road_from_pixel(self, pixel: ArrayLike) -> Array:
         """Road points (x, y) [m], shape (n, 2), of pixels, shape (n, 2); NaN at and above the horizon."""
         points = np.atleast_2d(np.asarray(pixel, float))
         ray = self.optical_from_vehicle.T @ np.linalg.solve(
@@ -79,13 +78,7 @@ class Camera(Settings):
     def resized(self, width_px: int, height_px: int) -> "Camera":
         """The same camera with its image resized."""
         sx, sy = width_px / self.width_px, height_px / self.height_px
-        return self.model_copy(
-            update=dict(
-                width_px=width_px,
-                height_px=height_px,
-                fx_px=self.fx_px * sx,
-                fy_px=self.fy_px * sy,
-                cx_px=self.cx_px * sx,
-                cy_px=self.cy_px * sy,
-            )
+        lens = dict(
+            fx_px=self.fx_px * sx, fy_px=self.fy_px * sy, cx_px=self.cx_px * sx, cy_px=self.cy_px * sy
         )
+        return self.model_copy(update=dict(width_px=width_px, height_px=height_px, **lens))

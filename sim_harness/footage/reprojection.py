@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from trepid.camera import Camera, Matrix
-from trepid.types import Image
+from trepid.camera import Camera
+from trepid.types import Array, Image
 
 NO_SHIFT_M, NO_SHIFT_RAD = 1e-9, 1e-12
 
@@ -37,7 +37,7 @@ class Shift:
         )
 
     @property
-    def road_from_road(self) -> Matrix:
+    def road_from_road(self) -> Array:
         """Ground points (x, y, 1) of the recorded vehicle from those of the new one, shape (3, 3)."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return np.array([[cos, -sin, self.ahead_m], [sin, cos, self.left_m], [0.0, 0.0, 1.0]])
@@ -50,12 +50,12 @@ class Reprojection:
         self.camera = camera
         self._first_ground_row = int(np.clip(math.floor(camera.horizon_row_px) + 1, 0, camera.height_px))
 
-    def ground_matrix(self, shift: Shift) -> Matrix:
+    def ground_matrix(self, shift: Shift) -> Array:
         """Homography from pixels of the new view to pixels of the recorded one, for points of the road."""
         pixel_from_road = self.camera.pixel_from_road_matrix
         return np.asarray(pixel_from_road @ shift.road_from_road @ np.linalg.inv(pixel_from_road))
 
-    def sky_matrix(self, shift: Shift) -> Matrix:
+    def sky_matrix(self, shift: Shift) -> Array:
         """The same for points that are infinitely far away: K·R·K⁻¹."""
         optical, intrinsics = self.camera.optical_from_vehicle, self.camera.intrinsics
         cos, sin = math.cos(shift.yaw_rad), math.sin(shift.yaw_rad)

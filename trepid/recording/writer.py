@@ -9,7 +9,6 @@ After a crash at most the last second is missing: see FLUSH_S and :mod:`trepid.r
 
 from collections.abc import Iterable
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from mcap.writer import CompressionType, Writer
@@ -23,11 +22,8 @@ from trepid.wire import definition, ros_name
 
 RECORDED = (
     "camera/image/compressed",
-    "perception/**",
-    "supervisor/**",
-    "controller/**",
-    "vehicle/**",
-    "sim/**",
+    *(f"{part}/**" for part in ("perception", "supervisor", "controller", "vehicle", "sim")),
+    "diagnostics",
 )
 DRIVE, BEGAN = "trepid.drive", "began_ns"  # name of the metadata record and its field
 FLUSH_S = 1.0  # chunks are closed and handed to the operating system at least this often; costs 5 % in size
@@ -52,9 +48,7 @@ class Recording:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._writer.finish()
         self._file.close()
 
@@ -85,27 +79,18 @@ class Recording:
         return self._channels[key]
 
 
-class BusRecorder:
-    """Records all topics of a bus. Use as a context manager. Raises InputError when the file cannot be created."""
+class BusRecorder(Recording):
+    """A recording of all topics of a bus."""
 
     def __init__(self, path: Path, bus: Bus, files: Iterable[Path] = ()) -> None:
-        self._recording = Recording(path, files)
-        self._tap = bus.tap(*RECORDED, "diagnostics")
+        super().__init__(path, files)
+        self._tap = bus.tap(*RECORDED)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.write()
-        self._recording.__exit__(kind, error, trace)
-
-    def began(self, t_s: float) -> None:
-        """Record that the drive began at ``t_s``."""
-        self._recording.began(t_s)
+        super().__exit__()
 
     def write(self) -> None:
         """Write all messages since the last call."""
         for key, data, received_s in self._tap.drain():
-            self._recording.add(key, data, at_s=received_s)
+            self.add(key, data, at_s=received_s)
