@@ -32,7 +32,7 @@ class SweepProgress(Progress):
         self._bar = self.add_task(f"0 of {cases} cases", total=simulated_s)
         self._started_s = self._line_s = time.monotonic()
 
-    def count(self, simulated_s: float) -> None:
+    def step(self, simulated_s: float) -> None:
         """Count a finished case of at most ``simulated_s``."""
         self._done, self._done_s, now_s = self._done + 1, self._done_s + simulated_s, time.monotonic()
         counted = f"{self._done} of {self._cases} cases"

@@ -113,7 +113,7 @@ def stored_rows(path: Path, work: Callable[[Task], Row], tasks: Mapping[str, Tas
                     lost.append(f"{key}: its process {row.reason}")
                 else:
                     store.add(key, code, row)
-                progress.count(1.0)
+                progress.step(1.0)
         if lost:
             raise WorkerLost(f"{path}: {len(lost)} cases have no result, first {lost[0]}")
         return [store.get(key, code) or {} for key in tasks]

@@ -68,7 +68,7 @@ def sweep(plan: Plan, work: Workforce, store: PlanStore | None = None) -> Iterat
             if store:
                 store.add(key, outcome.row)
             yield key, outcome
-            progress.count(plan[key].scenario.duration_s)
+            progress.step(plan[key].scenario.duration_s)
 
 
 def saving(
