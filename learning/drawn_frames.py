@@ -21,6 +21,7 @@ from sim_harness.world.roads.drawn import SNOW_COVER, UNMARKED, Kind, random_sec
 from sim_harness.world.roads.light import Light
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
+from trepid.clothoid import Lane
 from trepid.types import Image
 
 E = TypeVar("E", bound=StrEnum)
@@ -45,13 +46,10 @@ DISTURBANCES = tuple(kind for kind in DisturbanceKind if kind is not Disturbance
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaneSample:
-    """A frame and its true lane, as in SteeringEstimate with the look-ahead at the rear axle."""
+    """A frame and its true lane."""
 
     image: Image
-    lateral_offset_m: float
-    heading_error_rad: float
-    curvature_1pm: float  # at the rear axle
-    curvature_rate_1pm2: float  # mean over the AHEAD_M metres of lane ahead
+    lane: Lane  # its curvature rate is the mean over the lane ahead
     lane_width_m: float
     visible: bool  # False: the light hides the lane; an estimate would be wrong
 
@@ -100,17 +98,21 @@ def _sample(
         motion=Motion(float(rng.uniform(0, 12)), float(rng.normal(0, 0.2))),
         light=light,
     )
-    curvature, ahead = road.curvature_at(station_m), road.curvature_at(station_m + AHEAD_M)
-    sign = -1.0 if mirror else 1.0
+    lane = lane_at(road, station_m, offset_m, heading_error, ahead_m=AHEAD_M)
     return LaneSample(
         image=np.ascontiguousarray(image[:, ::-1]) if mirror else image,
-        lateral_offset_m=sign * offset_m,
-        heading_error_rad=sign * heading_error,
-        curvature_1pm=sign * curvature,
-        curvature_rate_1pm2=sign * (ahead - curvature) / AHEAD_M,
+        lane=Lane(*(-value for value in lane[:4])) if mirror else lane,
         lane_width_m=road.width_at(station_m),
         visible=visible,
     )
+
+
+def lane_at(
+    road: Road, station_m: float, offset_m: float, heading_error_rad: float, *, ahead_m: float
+) -> Lane:
+    """The lane of a pose on ``road``; the curvature rate is the mean over ``ahead_m``."""
+    curvature, ahead = road.curvature_at(station_m), road.curvature_at(station_m + ahead_m)
+    return Lane(offset_m, heading_error_rad, curvature, (ahead - curvature) / ahead_m)
 
 
 def random_road(rng: np.random.Generator) -> Road:
@@ -168,9 +170,7 @@ def _random_segments(rng: np.random.Generator) -> list[Segment]:
         entry_m = float(rng.uniform(*ENTRY_M)) + abs(target - curvature) / MAX_RATE_1PM2
         arc_m = min(float(rng.uniform(3, 35)), float(rng.uniform(*ARC_RAD)) / max(abs(target), 1e-3))
         after = heading + entry_m * (curvature + target) / 2 + arc_m * target
-        unwinding = (
-            target * (ENTRY_M[1] + abs(target) / MAX_RATE_1PM2) / 2
-        )  # until the road is straight again
+        unwinding = target * (ENTRY_M[1] + abs(target) / MAX_RATE_1PM2) / 2  # to a straight road
         if abs(after + unwinding) > MAX_HEADING_RAD:
             continue  # turns too far: draw another; a straight always fits
         segments.append(Segment(length_m=entry_m, curvature_1pm=(curvature, target)))

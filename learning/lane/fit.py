@@ -15,19 +15,18 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
+from learning.descent import descend, warm_up_cosine
 from learning.lane.augment import Augmentation, Augmenter, nonsense
 from learning.lane.network import Exported, SteerNetwork, loss
 from learning.lane.scores import Labelled
-from learning.schedule import warm_up_cosine
 from perception.net.steer_net import Network
 from trepid.camera import Camera
 from trepid.config import InputError, Settings
-from trepid.types import Positive, Share
+from trepid.types import NonNegative, Positive, Share
 
 Count = Annotated[int, Field(ge=1)]
 Batch = tuple[Tensor, Tensor, Tensor]
 EVALUATION_BATCH = 256
-GRADIENT_NORM = 5.0
 
 
 class Crop(Settings):
@@ -50,7 +49,7 @@ class Recipe(Settings):
     epochs: Count
     batch: Count
     learning_rate: Positive
-    weight_decay: Annotated[float, Field(ge=0)]
+    weight_decay: NonNegative
     warm_up: Share
     beta: Share
     nonsense_share: Share
@@ -139,15 +138,10 @@ def _epoch(
     steps = math.ceil(len(data) / recipe.batch)
     losses = []
     for step, (images, lanes, visible) in enumerate(_ahead(_batches(recipe, canonical, data, epoch))):
-        for group in optimiser.param_groups:
-            done = (epoch + step / steps) / recipe.epochs
-            group["lr"] = recipe.learning_rate * warm_up_cosine(done, warm_up=recipe.warm_up)
-        optimiser.zero_grad()
+        done = (epoch + step / steps) / recipe.epochs
+        rate = recipe.learning_rate * warm_up_cosine(done, warm_up=recipe.warm_up)
         value = loss(network, _raw(recipe, network, images), lanes, visible, beta=recipe.beta)
-        value.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), GRADIENT_NORM)
-        optimiser.step()
-        losses.append(value.item())
+        losses.append(descend(network, optimiser, value, rate=rate))
     return float(np.mean(losses))
 
 

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from learning.lane.augment import nonsense
 from perception.net.steer_net import Calibration, Network
-from trepid.types import Array, Image, Mask
+from trepid.types import Array, Floats, Image, Mask
 
 PREDICT_BATCH = 64
 MIN_SLOPE = 1e-3  # a larger σ never raises the confidence
@@ -20,7 +20,7 @@ class Labelled:
     """Canonical images with the lane in them."""
 
     images: Image  # (n, height, width, 3)
-    lanes: NDArray[np.float32]  # (n, 4): offset [m], heading [rad], curvature at the axle and ahead [1/m]
+    lanes: Floats  # (n, 4): offset [m], heading [rad], curvature at the axle and ahead [1/m]
     visible: Mask  # (n,): whether a road is visible
 
     def __len__(self) -> int:
@@ -47,16 +47,20 @@ class Task:
 class Prediction:
     """Outputs of the network for n frames."""
 
-    lanes: NDArray[np.float32]  # (n, 4)
+    lanes: Floats  # (n, 4)
     sigma_rad: Array  # (n,): standard deviation of the road-wheel angle
     visible: Array  # (n,): probability of a road
 
 
 def predict(network: Network, images: Image, task: Task) -> Prediction:
     """The network's outputs for all ``images``."""
+    lanes, sigmas, visible = _outputs(network, images)
+    return Prediction(lanes, task.wheelbase_m * sigmas.astype(float), visible.astype(float))
+
+
+def _outputs(network: Network, images: Image) -> tuple[Floats, ...]:
     parts = [network(images[i : i + PREDICT_BATCH]) for i in range(0, len(images), PREDICT_BATCH)]
-    lanes, sigmas, visibles = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Prediction(lanes, task.wheelbase_m * sigmas.astype(float), visibles.astype(float))
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
 def calibrate(sigma_rad: Array, error_rad: Array, *, tolerance_rad: float) -> Calibration:
@@ -74,20 +78,16 @@ def calibrate(sigma_rad: Array, error_rad: Array, *, tolerance_rad: float) -> Ca
         value = np.logaddexp(0, logit) - target * logit
         return float(value.mean()), features.T @ (probability - target) / len(target)
 
-    fit = minimize(
-        cross_entropy, [0.0, 1.0], jac=True, method="L-BFGS-B", bounds=[(None, None), (MIN_SLOPE, None)]
-    )
+    bounds = [(None, None), (MIN_SLOPE, None)]
+    fit = minimize(cross_entropy, [0.0, 1.0], jac=True, method="L-BFGS-B", bounds=bounds)
     return Calibration(tolerance_rad=tolerance_rad, bias=float(fit.x[0]), slope=float(fit.x[1]))
 
 
 def expected_calibration_error(probability: Array, happened: Mask) -> float:
     """Mean |share that happened − mean probability| over ten bins of equally many (Naeini et al., AAAI 2015)."""
     order = np.argsort(probability, kind="stable")
-    gaps = [
-        len(bin_) * abs(happened[bin_].mean() - probability[bin_].mean())
-        for bin_ in np.array_split(order, ECE_BINS)
-        if len(bin_)
-    ]
+    bins = [own for own in np.array_split(order, ECE_BINS) if len(own)]
+    gaps = [len(own) * abs(happened[own].mean() - probability[own].mean()) for own in bins]
     return float(sum(gaps) / len(probability))
 
 
@@ -134,15 +134,9 @@ def nonsense_seen(network: Network, data: Labelled, *, seed: int) -> dict[str, f
     rng = np.random.default_rng((seed, 2))
     images = np.stack([nonsense(image, rng) for image in data.images[data.visible]])
     blind = data.images[~data.visible]
-    return {
-        "frames": float(len(images)),
-        "seen": round(float(np.mean(_visible(network, images) > 0.5)), 5),
-        "blind_frames": float(len(blind)),
-        "blind_seen": round(float(np.mean(_visible(network, blind) > 0.5)), 5) if len(blind) else 0.0,
-    }
 
+    def seen(frames: Image) -> float:
+        return round(float(np.mean(_outputs(network, frames)[2] > 0.5)), 5) if len(frames) else 0.0
 
-def _visible(network: Network, images: Image) -> NDArray[np.float32]:
-    return np.concatenate(
-        [network(images[i : i + PREDICT_BATCH])[2] for i in range(0, len(images), PREDICT_BATCH)]
-    )
+    counts = {"frames": float(len(images)), "blind_frames": float(len(blind))}
+    return counts | {"seen": seen(images), "blind_seen": seen(blind)}

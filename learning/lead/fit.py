@@ -9,13 +9,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from learning.descent import descend, warm_up_cosine
 from learning.lead.network import LeadNetwork, Targets, loss
-from learning.schedule import warm_up_cosine
 from perception.lead.view import DISTANCES_M, RATIO, STRIPS, Strips
 
 LEARNING_RATE, WEIGHT_DECAY, WARM_UP = 4e-3, 1e-4, 0.05
 BATCH = 24
-GRADIENT_NORM = 5.0
 TINT_SIGMA, NOISE_GREY = 0.15, 6.0
 AHEAD, LEFT = 0, 1  # columns of the label
 STRIPS_PER_FRAME = 8  # used in an epoch: those with vehicles and some others
@@ -38,16 +37,11 @@ def fit(
     for epoch in range(epochs):
         losses = []
         for step, (images, labels, looked) in enumerate(_batches(strips, vehicles, seed=seed, epoch=epoch)):
-            for group in optimiser.param_groups:
-                group["lr"] = LEARNING_RATE * warm_up_cosine((epoch + step / steps) / epochs, warm_up=WARM_UP)
-            optimiser.zero_grad()
+            rate = LEARNING_RATE * warm_up_cosine((epoch + step / steps) / epochs, warm_up=WARM_UP)
             raw = network(images.flatten(0, 1)).unflatten(0, images.shape[:2])
             row = torch.arange(len(looked))[:, None]
             value = loss(raw, *(wanted[row, looked] for wanted in targets(labels)))
-            value.backward()
-            torch.nn.utils.clip_grad_norm_(network.parameters(), GRADIENT_NORM)
-            optimiser.step()
-            losses.append(value.item())
+            losses.append(descend(network, optimiser, value, rate=rate))
         left_s = (time.monotonic() - started_s) * (epochs - epoch - 1) / (epoch + 1)
         report(f"epoch {epoch + 1}/{epochs}  loss {np.mean(losses):.3f}  {left_s / 60:.1f} min left")
     return network.eval()

@@ -35,20 +35,20 @@ def test_the_same_seed_gives_the_same_samples_wherever_it_runs():
     in_a_range = list(samples([0, 1], CAMERA, frames_per_road=3))[3:]
     for a, b in zip(alone, in_a_range, strict=True):
         assert np.array_equal(a.image, b.image)
-        assert (a.lateral_offset_m, a.heading_error_rad) == (b.lateral_offset_m, b.heading_error_rad)
+        assert a.lane == b.lane
 
 
 def test_frames_have_the_size_of_the_camera_and_labels_stay_in_their_ranges():
     for sample in SAMPLES:
         assert sample.image.shape == (CAMERA.height_px, CAMERA.width_px, 3)
         assert sample.image.dtype == np.uint8 and sample.image.flags.c_contiguous
-        assert abs(sample.lateral_offset_m) <= 1.2 and abs(sample.heading_error_rad) <= 0.3
-        assert abs(sample.curvature_1pm) <= 1 / MIN_RADIUS_M + 1e-9
+        assert abs(sample.lane.offset_m) <= 1.2 and abs(sample.lane.heading_rad) <= 0.3
+        assert abs(sample.lane.curvature_1pm) <= 1 / MIN_RADIUS_M + 1e-9
         assert 2.8 <= sample.lane_width_m <= 5.0
 
 
 def test_left_and_right_are_equally_common():
-    signs = np.sign([sample.lateral_offset_m for sample in SAMPLES])
+    signs = np.sign([sample.lane.offset_m for sample in SAMPLES])
     assert abs(signs.mean()) < 0.35
 
 
@@ -98,8 +98,8 @@ def test_the_labels_place_the_lane_lines_in_the_picture():
 
 def _change_across(sample: LaneSample, x: np.ndarray, lanes: float) -> list[float]:
     """Range of the colour within 4 columns of the points ``lanes`` lane widths left of the lane centre."""
-    y = -sample.lateral_offset_m - sample.heading_error_rad * x + sample.curvature_1pm * x**2 / 2
-    y += sample.curvature_rate_1pm2 * x**3 / 6 + lanes * sample.lane_width_m
+    y = -sample.lane.offset_m - sample.lane.heading_rad * x + sample.lane.curvature_1pm * x**2 / 2
+    y += sample.lane.curvature_rate_1pm2 * x**3 / 6 + lanes * sample.lane_width_m
     image, changes = sample.image, []
     for u, v in np.round(CAMERA.pixel_from_road(np.column_stack([x, y]))).astype(int).tolist():
         if 8 <= u < image.shape[1] - 8 and 0 <= v < image.shape[0]:

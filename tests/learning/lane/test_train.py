@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from learning.drawn_frames import road_samples
-from learning.lane.frames import FIRST_ROAD, ROADS_PER_SEED, Shot, circuit_frames, random_frames
+from learning.lane.frames import Shot, circuit_frames, random_frames
 from learning.lane.scores import Labelled
 from learning.lane.train import train
+from learning.rendered import FIRST_ROAD, ROADS_PER_SEED
 from perception.net.canonical import cropped
 from sim_harness.world.road_file import load_road
 from trepid.camera import Camera
@@ -51,10 +52,8 @@ def test_the_labels_are_those_of_the_rendered_frame():
     data = SHOT.labelled(samples)
     for lane, sample in zip(data.lanes, samples, strict=True):
         rate = (lane[3] - lane[2]) / SHOT.lookahead_m
-        assert lane[:3] == pytest.approx(
-            [sample.lateral_offset_m, sample.heading_error_rad, sample.curvature_1pm], abs=1e-6
-        )
-        assert rate == pytest.approx(sample.curvature_rate_1pm2, abs=1e-6)
+        assert lane[:3] == pytest.approx(sample.lane[:3], abs=1e-6)
+        assert rate == pytest.approx(sample.lane.curvature_rate_1pm2, abs=1e-6)
 
 
 def test_the_frames_of_the_circuit_cover_it_section_by_section():
