@@ -199,6 +199,7 @@ def limits_verb(
     scenario = load_scenario(source, parse_overrides(settings or []))
     if not scenario.vary:
         raise InputError(f"scenario {scenario.name}: no ranges under vary")
+    check_configuration([scenario])
     any_passes = False
     for limit in limits(scenario, passes, seed=seed, tolerance=tolerance, corners=corners):
         any_passes |= limit.passes is not None

@@ -37,6 +37,12 @@ def test_sim_run_refuses_a_bad_file_of_the_supervisor_before_the_first_run(bad_s
     assert capsys.readouterr().out == ""
 
 
+def test_sim_limits_refuses_a_bad_file_of_the_supervisor_before_the_first_run(bad_supervisor, monkeypatch):
+    monkeypatch.setattr("sim_harness.cli.run", lambda *_, **__: pytest.fail("a case was run"))
+    with pytest.raises(InputError, match=f"^{re.escape(bad_supervisor)}.*did you mean 'unconfirmed'"):
+        app(["limits", "alks_left_r1000"], standalone_mode=False)
+
+
 def test_drive_refuses_a_bad_file_of_the_supervisor_before_the_first_process(bad_supervisor, monkeypatch):
     monkeypatch.setattr("sim_harness.live.drive.Fleet", lambda *_, **__: pytest.fail("a process was started"))
     with pytest.raises(InputError, match=f"^{re.escape(bad_supervisor)}"):
