@@ -66,34 +66,30 @@ def _ego_lines(picture: Picture) -> tuple[Array | None, Array | None]:
 
 def road_overlap(pairs: Pairs) -> Row:
     """CamVid: IoU of the area between the boundaries with the road, and errors of its borders."""
-    ious, offs_px, answered = [], [], 0
-    for picture, estimate in pairs:
-        label = _label(picture)[..., 0]
-        iou, given = _iou(estimate, label == ROAD_CLASS, label != VOID_CLASS)
-        ious.append(iou)
-        answered += given
-        offs_px += _border_errors_px(estimate, label == ROAD_CLASS)
-    return {
-        "images": len(pairs),
-        "given_pct": 100 * answered / max(len(pairs), 1),
-        "iou": float(np.mean(ious)) if answered else None,
-        "border_px_median": float(np.median(offs_px)) if offs_px else None,
-    }
+    labels = [_label(picture)[..., 0] for picture, _ in pairs]
+    row = _overlap(pairs, [(label == ROAD_CLASS, label != VOID_CLASS) for label in labels])
+    offs_px = [
+        off_px
+        for (_, estimate), label in zip(pairs, labels, strict=True)
+        for off_px in _border_errors_px(estimate, label == ROAD_CLASS)
+    ]
+    return row | {"border_px_median": float(np.median(offs_px)) if offs_px else None}
 
 
 def lane_overlap(pairs: Pairs) -> Row:
     """KITTI: IoU of the area between the boundaries with the labelled ego lane."""
-    ious, answered = [], 0
-    for picture, estimate in pairs:
-        label = _label(picture)
-        lane: Mask = (label == np.array(MAGENTA)).all(axis=2)
-        iou, given = _iou(estimate, lane, np.ones_like(lane))
-        ious.append(iou)
-        answered += given
+    lanes = [(_label(picture) == np.array(MAGENTA)).all(axis=2) for picture, _ in pairs]
+    return _overlap(pairs, [(lane, np.ones_like(lane)) for lane in lanes])
+
+
+def _overlap(pairs: Pairs, truths: Sequence[tuple[Mask, Mask]]) -> Row:
+    """Mean IoU with truths, each with the mask of its known part."""
+    found = [_iou(estimate, *truth) for (_, estimate), truth in zip(pairs, truths, strict=True)]
+    answered = sum(given for _, given in found)
     return {
         "images": len(pairs),
         "given_pct": 100 * answered / max(len(pairs), 1),
-        "iou": float(np.mean(ious)) if answered else None,
+        "iou": float(np.mean([iou for iou, _ in found])) if answered else None,
     }
 
 
@@ -122,8 +118,8 @@ def _border_errors_px(estimate: SteeringEstimate, road: Mask) -> list[float]:
 
 def steering(pairs: Pairs) -> Row:
     """Wheel angles compared with those of the driver, and with always straight."""
-    truth = _degrees([picture.steering_rad for picture, _ in pairs])
-    mine = _degrees([estimate.road_wheel_angle_rad for _, estimate in pairs])
+    truth = np.degrees(_numbers([picture.steering_rad for picture, _ in pairs]))
+    mine = np.degrees(_numbers([estimate.road_wheel_angle_rad for _, estimate in pairs]))
     seen = ~np.isnan(mine)
     moving = seen.sum() > 2 and mine[seen].std() > 0 and truth[seen].std() > 0
     return {
@@ -135,15 +131,10 @@ def steering(pairs: Pairs) -> Row:
     }
 
 
-def _degrees(angles_rad: Sequence[float | None]) -> Array:
-    return np.degrees(np.array([np.nan if angle is None else angle for angle in angles_rad], float))
-
-
 def lane_widths(pairs: Pairs) -> Row:
     """Highway without labels: the width of the lane (3.7 m in the US), and the spread of width and offset."""
-    widths = np.array([np.nan if e.lane_width_m is None else e.lane_width_m for _, e in pairs])
-    offsets = np.array([np.nan if e.lateral_offset_m is None else e.lateral_offset_m for _, e in pairs])
-    jumps = np.abs(np.diff(offsets))
+    widths = _numbers([estimate.lane_width_m for _, estimate in pairs])
+    jumps = np.abs(np.diff(_numbers([estimate.lateral_offset_m for _, estimate in pairs])))
     jumps, known = jumps[np.isfinite(jumps)], widths[np.isfinite(widths)]
     drives = {picture.drive for picture, _ in pairs}
     row: Row = {"frames": len(pairs), "given_pct": 100 * len(known) / max(len(pairs), 1)}
@@ -154,6 +145,11 @@ def lane_widths(pairs: Pairs) -> Row:
     if len(jumps) and len(drives) == 1:
         row["offset_jump_m_p95"] = float(np.percentile(jumps, 95))
     return row
+
+
+def _numbers(values: Sequence[float | None]) -> Array:
+    """NaN where there is none."""
+    return np.array([np.nan if value is None else value for value in values], float)
 
 
 def _label(picture: Picture) -> NDArray[np.uint8]:
