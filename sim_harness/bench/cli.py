@@ -1,22 +1,21 @@
 """The ``bench`` verb."""
 
+import inspect
 import json
 import secrets
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
-from sim_harness.bench.catalogue import BENCHMARKS, GROUPS, PERCEPTION, named
-from sim_harness.bench.perception.options import PerceptionOptions
-from sim_harness.bench.perception.report import brief
-from sim_harness.bench.results import Result, save
-from sim_harness.bench.text import tables
-from sim_harness.bench.timing import machine
+from sim_harness.bench.catalogue import BENCHMARKS, BY_DEFAULT, GROUPS, function, named
+from sim_harness.bench.results import Result, machine, save
+from sim_harness.bench.text import brief, tables
+from sim_harness.lockstep.configuration import check_configuration
+from sim_harness.scenarios.scenario import list_scenarios
 from trepid.config import InputError
-
-PERCEPTION_ONLY = "--estimators, --quick, --repeats, --jobs, --keep-frames, --parts, --data, --out"
 
 
 def bench(
@@ -41,15 +40,19 @@ def bench(
         str, typer.Option(help="perception: names, separated by commas; default: all.")
     ] = "",
     quick: Annotated[bool, typer.Option(help="perception: a seventh of the clips.")] = False,
-    repeats: Annotated[int, typer.Option(min=1, help="perception: number of passes over the clips.")] = 1,
-    jobs: Annotated[int, typer.Option(min=1, help="perception: number of processes.")] = 1,
+    repeats: Annotated[
+        int | None, typer.Option(min=1, help="perception: number of passes over the clips; default: 1.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="perception: number of processes; default: 1.")
+    ] = None,
     keep_frames: Annotated[
         bool,
         typer.Option(help="perception: keep the rendered frames (0.7 GB) for the next run with this seed."),
     ] = False,
     parts: Annotated[
-        str, typer.Option(help="perception: set, real, drive, separated by commas.")
-    ] = "set,real",
+        str, typer.Option(help="perception: set, real, drive, separated by commas; default: set,real.")
+    ] = "",
     data: Annotated[
         Path | None,
         typer.Option(help="perception: the real sets; default: TREPID_DATA, else ../shared/data."),
@@ -64,33 +67,21 @@ def bench(
     for name in names or []:
         if name not in BENCHMARKS and name not in GROUPS:
             raise InputError(f"no benchmark {name!r}; there are {', '.join((*BENCHMARKS, *GROUPS))}")
-    wanted = [member for name in names or [] for member in named(name)]
-    wanted = wanted or [name for name, benchmark in BENCHMARKS.items() if benchmark.by_default]
     if save_in is not None and not save_in.is_dir():
         raise InputError(f"{save_in}: there is no such folder")
     seed = secrets.randbits(32) if seed is None else seed
-    options = PerceptionOptions(
-        seed=seed,
-        estimators=_listed(estimators),
-        quick=quick,
-        repeats=repeats,
-        jobs=jobs,
-        keep_frames=keep_frames,
-        out=out,
-        data=data,
-        parts=_listed(parts),
-    )
-    if PERCEPTION not in wanted and options != PerceptionOptions(seed=seed):
-        raise InputError(f"{PERCEPTION_ONLY} are options of the benchmark perception")
+    options: dict[str, Any] = dict(estimators=_listed(estimators), parts=_listed(parts), data=data, out=out)
+    options |= dict(quick=quick, repeats=repeats, jobs=jobs, keep_frames=keep_frames)
+    wanted = [member for name in names or BY_DEFAULT for member in named(name)]
+    taken = taken_options(wanted, {name: value for name, value in options.items() if value}, seed)
+    check_configuration(list_scenarios())
     report: dict[str, Any] = machine() | {"seed": seed}
     for name in wanted:
         typer.echo(f"bench {name} ...", err=True)
-        benchmark = BENCHMARKS[name]
-        measured = benchmark.measure(options) if name == PERCEPTION else benchmark.measure(seed)
-        report[name] = measured if as_json or name != PERCEPTION else brief(measured)
+        measured = function(name)(**taken[name])
+        report[name] = measured if as_json else brief(measured)
         if save_in is not None:
-            given = ["--seed", str(seed)] if benchmark.seeded else []
-            save(Result.of(name, measured, arguments=given), save_in)
+            save(Result.of(name, measured, options=taken[name]), save_in)
     if as_json:
         print(json.dumps(report))
         return 0
@@ -98,6 +89,19 @@ def bench(
     for table in tables(report):
         console.print(table, "")
     return 0
+
+
+def taken_options(wanted: list[str], given: Mapping[str, Any], seed: int) -> dict[str, dict[str, Any]]:
+    """For each benchmark the options that are parameters of it. Raises InputError for an option of none."""
+    parameters = {name: inspect.signature(function(name)).parameters for name in wanted}
+    for option in given:
+        if not any(option in known for known in parameters.values()):
+            raise InputError(f"--{option.replace('_', '-')} is no option of bench {', '.join(wanted)}")
+    options = {"seed": seed, **given}
+    return {
+        name: {option: value for option, value in options.items() if option in known}
+        for name, known in parameters.items()
+    }
 
 
 def _listed(text: str) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
-"""Measured values as text: which tables a benchmark measured, values in few digits, tables for the terminal."""
+"""Measured values as text: tables of a benchmark, values in few digits, tables as Markdown or in a terminal."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.markup import escape
@@ -9,16 +9,33 @@ from rich.table import Table
 Row = Mapping[str, Any]
 FIGURES = 4  # significant digits shown; JSON has all
 MAX_COLUMNS = 7  # a wider table is turned in the terminal
+RANKING = {
+    "all_detected_pct": "detected",
+    "clear_detected_pct": "clear",
+    "correctness_pct": "correct",
+    "clean_angle_deg_rmse": "wheel °",
+    "ece": "ECE",
+    "auroc": "AUROC",
+    "ms_median": "ms",
+}
+"""Columns of the ranking of estimators that the terminal shows when it has too many rows to be turned."""
 
 
 def grids(measured: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Row]]]:
     """The tables among measured values: title, and rows of columns. Rows at the top level make one table."""
-    top = {name: row for name, row in measured.items() if isinstance(row, Mapping) and not _nested(row)}
+    top = {name: row for name, row in measured.items() if isinstance(row, Mapping) and not nested(row)}
     if top:
         yield "", top
     for name, table in measured.items():
-        if isinstance(table, Mapping) and _nested(table):
+        if nested(table):
             yield name, table
+
+
+def nested(found: object) -> bool:
+    """Whether ``found`` is a table: a mapping whose values are all rows."""
+    if not isinstance(found, Mapping) or not found:
+        return False
+    return all(isinstance(row, Mapping) for row in found.values())
 
 
 def singles(measured: Mapping[str, Any]) -> dict[str, Any]:
@@ -49,6 +66,23 @@ def shown(value: object) -> str:
     return str(value)
 
 
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown; all columns but the first are aligned to the right."""
+    lines = [head, ("---", *("---:" for _ in head[1:])), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def brief(measured: Mapping[str, Any]) -> dict[str, Any]:
+    """A short form for the terminal: of a ranking of many estimators the main columns only."""
+    ranking = measured.get("ranking", {})
+    if len(ranking) <= MAX_COLUMNS:
+        return dict(measured)
+    kept = {name: {title: row[key] for key, title in RANKING.items()} for name, row in ranking.items()}
+    return {"ranking": kept} | {
+        k: v for k, v in measured.items() if k not in ("ranking", "detected, percent")
+    }
+
+
 def tables(report: Mapping[str, Any]) -> Iterator[Table]:
     """A table of the machine, and the tables of each benchmark of ``report``."""
     yield _table("measured on", ("", ""), singles(report).items())
@@ -61,10 +95,6 @@ def tables(report: Mapping[str, Any]) -> Iterator[Table]:
         for title, rows in grids(measured):
             wide = len(columns_of(rows)) > MAX_COLUMNS
             yield _grid(f"{name}: {title}" if title else name, turned(rows) if wide else rows)
-
-
-def _nested(table: Row) -> bool:
-    return bool(table) and all(isinstance(row, Mapping) for row in table.values())
 
 
 def _grid(title: str, rows: Mapping[str, Row]) -> Table:

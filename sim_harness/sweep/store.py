@@ -7,7 +7,7 @@ stay in the file and are ignored. A line that was half written when its writer w
 import fcntl
 import json
 import os
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Generator, Mapping, Set
 from contextlib import closing
 from pathlib import Path
 from typing import Any, Self, TypeVar
@@ -18,7 +18,9 @@ from sim_harness.sweep.progress import SweepProgress
 from trepid.config import InputError
 
 Row = dict[str, Any]
+Key = TypeVar("Key")
 Task = TypeVar("Task")
+Result = TypeVar("Result")
 
 CASE, CODE = "case", "code"  # fields of a stored line besides those of the row
 
@@ -94,26 +96,48 @@ def content(line: Row) -> Row:
     return {name: value for name, value in line.items() if name not in (CASE, CODE)}
 
 
-def stored_rows(path: Path, work: Callable[[Task], Row], tasks: Mapping[str, Task]) -> list[Row]:
-    """``work(task)`` of every task, on all cores, in their order; rows of the current code are not computed again.
+def finished(
+    work: Callable[[Task], Result], tasks: Mapping[Key, Task], jobs: int
+) -> Generator[tuple[Key, Result], None, None]:
+    """``work(task)`` of every task as they finish, in this process or on ``jobs`` processes, with progress.
 
-    Raises InputError when the file is in use or holds something else, and WorkerLost at the end, after the other
-    tasks, when worker processes were killed.
+    Raises WorkerLost at the end, after the other tasks, when worker processes were killed.
     """
-    code = fingerprint()
     lost: list[str] = []
-    with Store(path) as store:
-        left = {key: task for key, task in tasks.items() if store.get(key, code) is None}
-        with (
-            SweepProgress(len(left), float(len(left))) as progress,
-            closing(imap_unordered(work, left, os.cpu_count() or 1)) as results,
-        ):
-            for key, row in results:
-                if isinstance(row, Lost):
-                    lost.append(f"{key}: its process {row.reason}")
-                else:
-                    store.add(key, code, row)
+    with SweepProgress(len(tasks), float(len(tasks))) as progress:
+        if jobs == 1:
+            for key, task in tasks.items():
+                yield key, work(task)
                 progress.step(1.0)
-        if lost:
-            raise WorkerLost(f"{path}: {len(lost)} cases have no result, first {lost[0]}")
-        return [store.get(key, code) or {} for key in tasks]
+            return
+        with closing(imap_unordered(work, tasks, jobs)) as results:
+            for key, result in results:
+                if isinstance(result, Lost):
+                    lost.append(f"{key}: its process {result.reason}")
+                else:
+                    yield key, result
+                progress.step(1.0)
+    if lost:
+        raise WorkerLost(f"{len(lost)} cases have no result, first {lost[0]}; the same command continues")
+
+
+def stored_rows(
+    path: Path,
+    work: Callable[[Task], Row],
+    tasks: Mapping[str, Task],
+    *,
+    codes: Mapping[str, str] | None = None,
+    jobs: int | None = None,
+) -> list[Row]:
+    """``work(task)`` of every task, in their order; rows of the same code in ``path`` are not computed again.
+
+    ``codes`` are hashes of the code of each task; default: that of all code. ``jobs`` is the number of processes;
+    default: that of the cores. Raises InputError when the file is in use or holds something else, and WorkerLost.
+    """
+    codes = codes or dict.fromkeys(tasks, fingerprint())
+    with Store(path) as store:
+        left = {key: task for key, task in tasks.items() if store.get(key, codes[key]) is None}
+        with closing(finished(work, left, jobs or os.cpu_count() or 1)) as rows:
+            for key, row in rows:
+                store.add(key, codes[key], row)
+        return [store.get(key, codes[key]) or {} for key in tasks]

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from learning.lead.frames import near_end, random_body
 from perception.lead.finder import LeadFinder, build
 from sim_harness.bench.follow.cases import random_segments
+from sim_harness.bench.perception.clips import truth_at
 from sim_harness.lockstep.oracle import Oracle
 from sim_harness.lockstep.traffic import Traffic
 from sim_harness.scenarios.scenario import Scenario
@@ -29,7 +30,7 @@ from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Frame, LeadVehicle, SimTruth, VehicleState
+from trepid.messages import Frame, LeadVehicle, VehicleState
 from trepid.vehicle import Vehicle
 
 Kind = DisturbanceKind
@@ -75,7 +76,7 @@ class Log:
         return np.array(self.rows, np.float64).reshape(-1, 6)
 
 
-def bench_lead(seed: int) -> dict[str, Any]:
+def bench_detector(seed: int) -> dict[str, Any]:
     """Recall, precision and errors of the detector on random rendered drives, and its time."""
     cv2.setNumThreads(1)
     logs: dict[str, list[Log]] = {}
@@ -182,7 +183,7 @@ def _frame(
     state = VehicleState(
         t_s=t_s, speed_mps=SPEED_MPS, road_wheel_angle_rad=0.0, yaw_rate_radps=rate, driver_override=False
     )
-    lane = oracle.step(_truth(road, world.station_m, offset_m, t_s))
+    lane = oracle.step(truth_at(road, world.station_m, offset_m, t_s=t_s, speed_mps=SPEED_MPS))
     started_s = time.thread_time()
     said = finder.step(Frame(t_s=t_s, image=image), state, [lane], now_s=t_s)
     log.times_s.append(time.thread_time() - started_s)
@@ -199,17 +200,6 @@ def _frame(
         true = ahead_m - nose_m, left_m, along
     world.others.step(t_s, PERIOD_S, nose_m=world.station_m + nose_m)
     log.add(true, said)
-
-
-def _truth(road: Road, station_m: float, offset_m: float, t_s: float) -> SimTruth:
-    x_m, y_m = road.position(station_m, offset_m)
-    return SimTruth(
-        t_s=t_s, x_m=x_m, y_m=y_m, yaw_rad=road.heading_at(station_m), station_m=station_m,
-        lateral_offset_m=offset_m, heading_error_rad=0.0, curvature_1pm=road.curvature_at(station_m),
-        lane_width_m=road.width_at(station_m), lateral_accel_mps2=0.0, longitudinal_accel_mps2=0.0,
-        departures=0, interventions=0, collisions=0, section="", lead_gap_m=None, lead_x_m=None,
-        lead_y_m=None, lead_yaw_rad=None, finished=False, speed_mps=SPEED_MPS,
-    )  # fmt: skip
 
 
 def _others(rng: np.random.Generator) -> tuple[dict[str, Any], ...]:

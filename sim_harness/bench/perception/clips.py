@@ -101,16 +101,8 @@ def moments(
     case: Case, camera: Camera, vehicle: Vehicle, *, frames: Sequence[Image] | None = None
 ) -> Iterator[Moment]:
     """The frames of a clip with their truth; ``frames`` are images that have been rendered before."""
-    lots = [
-        case.seed,
-        61,
-        case.number,
-        case.grade,
-        *case.condition.encode(),
-        *case.kind.encode(),
-        *case.shape.encode(),
-    ]
-    rng = np.random.default_rng(lots)
+    names = b"".join(name.encode() for name in (case.condition, case.kind, case.shape))
+    rng = np.random.default_rng([case.seed, 61, case.number, case.grade, *names])
     speed_mps, gap_m, count = SPEEDS_MPS[case.shape], None, WARM_UP_FRAMES + SCORED_FRAMES
     if case.condition == GAP:
         start_m = float(rng.uniform(8, 15))
@@ -166,11 +158,11 @@ class _Course:
         return math.atan2(slope, 1 - self.road.curvature_at(station_m) * self.offset_m(t_s))
 
     def yaw_rad(self, t_s: float) -> float:
-        """Position (x, y) [m]."""
+        """Heading of the vehicle [rad]."""
         return self.road.heading_at(self.station_m(t_s)) + self.heading_error_rad(t_s)
 
     def speed_along_mps(self, t_s: float) -> float:
-        """Course of the rear axle [rad]."""
+        """Speed of the rear axle [m/s]: ṡ·(1 − κ·e)/cos ψ."""
         stretch = 1 - self.road.curvature_at(self.station_m(t_s)) * self.offset_m(t_s)
         return self.speed_mps * stretch / math.cos(self.heading_error_rad(t_s))
 
@@ -179,7 +171,7 @@ class _Course:
         return (self.yaw_rad(t_s + 1e-3) - self.yaw_rad(t_s - 1e-3)) / 2e-3
 
     def picture(self, renderer: Renderer, t_s: float) -> Image:
-        """Image of its camera."""
+        """Image of the camera."""
         station_m = self.station_m(t_s)
         motion = Motion(self.speed_along_mps(t_s), self.yaw_rate_radps(t_s))
         x_m, y_m = self.road.position(station_m, self.offset_m(t_s))
@@ -195,8 +187,7 @@ def _moment(
     vehicle: Vehicle,
 ) -> Moment:
     station_m, offset_m, heading = course.station_m(t_s), course.offset_m(t_s), course.heading_error_rad(t_s)
-    x_m, y_m = course.road.position(station_m, offset_m)
-    yaw_rad, speed_mps, rate = course.yaw_rad(t_s), course.speed_along_mps(t_s), course.yaw_rate_radps(t_s)
+    speed_mps, rate = course.speed_along_mps(t_s), course.yaw_rate_radps(t_s)
     state = VehicleState(
         t_s=t_s,
         speed_mps=speed_mps,
@@ -204,9 +195,9 @@ def _moment(
         yaw_rate_radps=rate,
         driver_override=False,
     )
-    pose = x_m, y_m, yaw_rad
+    pose = (*course.road.position(station_m, offset_m), course.yaw_rad(t_s))
     truth = replace(
-        oracle.step(_truth(course.road, station_m, offset_m, heading, t_s)),
+        oracle.step(truth_at(course.road, station_m, offset_m, t_s=t_s, heading_rad=heading)),
         road_wheel_angle_rad=_needed_angle_rad(course.road, station_m, pose, vehicle),
     )
     in_gap = gap_m is not None and gap_m[0] <= station_m <= gap_m[1]
@@ -227,12 +218,20 @@ def _needed_angle_rad(
     return road_wheel_angle(2 * left_m / (dx_m**2 + dy_m**2), wheelbase_m=vehicle.wheelbase_m)
 
 
-def _truth(road: Road, station_m: float, offset_m: float, heading_rad: float, t_s: float) -> SimTruth:
-    """State for the oracle, at 8 m/s, where its look-ahead is 8 m."""
+def truth_at(
+    road: Road,
+    station_m: float,
+    offset_m: float,
+    *,
+    t_s: float,
+    heading_rad: float = 0.0,
+    speed_mps: float = 8.0,
+) -> SimTruth:
+    """State for the oracle, which reads the place on the road only; at 8 m/s its look-ahead is 8 m."""
     return SimTruth(
         t_s=t_s, x_m=0.0, y_m=0.0, yaw_rad=0.0, station_m=station_m, lateral_offset_m=offset_m,
         heading_error_rad=heading_rad, curvature_1pm=road.curvature_at(station_m),
         lane_width_m=road.width_at(station_m), lateral_accel_mps2=0.0, longitudinal_accel_mps2=0.0, departures=0,
         interventions=0, collisions=0, section="", lead_gap_m=None, lead_x_m=None, lead_y_m=None,
-        lead_yaw_rad=None, finished=False, speed_mps=8.0,
+        lead_yaw_rad=None, finished=False, speed_mps=speed_mps,
     )  # fmt: skip

@@ -5,10 +5,7 @@ offset exceeds a metre, the car is put back on the lane centre.
 """
 
 import math
-import sys
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,11 +13,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from perception.estimators import Estimator, entry_of
-from sim_harness.lockstep.referee import Place, Referee, locate
+from perception.estimators import entry_of
+from sim_harness.lockstep.referee import Referee, locate
 from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint
-from sim_harness.sweep.pool import Lost, WorkerLost, imap_unordered
-from sim_harness.sweep.store import Row, Store
+from sim_harness.sweep.store import Row, stored_rows
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.render.renderer import Renderer
@@ -69,100 +65,72 @@ def bench_drive(
     process was killed.
     """
     courses = range(QUICK_COURSES if quick else len(COURSES))
-    codes = {name: f"{estimator_fingerprint(name)} {fingerprint(*CODE)}" for name in names}
-    drives = {_key(seed, number, name): (seed, number, name) for number in courses for name in names}
-    with Store(folder / "drive.jsonl") as store:
-        missing = {key: one for key, one in drives.items() if store.get(key, codes[one[2]]) is None}
-        lost: list[str] = []
-        started_s = time.monotonic()
-        for done, (key, row) in enumerate(_rows(missing, jobs), start=1):
-            if isinstance(row, Lost):
-                lost.append(f"{key}: its process {row.reason}")
-            else:
-                store.add(key, codes[drives[key][2]], row)
-            left_s = (time.monotonic() - started_s) / done * (len(missing) - done)
-            text = f"perception: {done}/{len(missing)} drives, {key}, {left_s / 60:.1f} min left"
-            print(text, file=sys.stderr, flush=True)
-        if lost:
-            raise WorkerLost(
-                f"{len(lost)} drives have no result, first {lost[0]}; the same command continues"
-            )
-        return {
-            name: _total([store.get(_key(seed, n, name), codes[name]) or {} for n in courses])
-            for name in names
-        }
-
-
-def _key(seed: int, number: int, name: str) -> str:
-    return f"seed {seed} course {number} {name}"
-
-
-def _rows(drives: Mapping[str, _Drive], jobs: int) -> Iterator[tuple[str, Row | Lost]]:
-    if jobs == 1:
-        yield from ((key, _drive(one)) for key, one in drives.items())
-        return
-    with closing(imap_unordered(_drive, drives, jobs)) as results:
-        yield from results
+    drives = {
+        f"seed {seed} course {number} {name}": (seed, number, name) for number in courses for name in names
+    }
+    codes = {key: f"{estimator_fingerprint(name)} {fingerprint(*CODE)}" for key, (*_, name) in drives.items()}
+    rows = stored_rows(folder / "drive.jsonl", _drive, drives, codes=codes, jobs=jobs)
+    return {name: _total(rows[number :: len(names)]) for number, name in enumerate(names)}
 
 
 def _drive(drive: _Drive) -> Row:
     """One course with one estimator."""
     cv2.setNumThreads(1)
     seed, number, name = drive
-    return _driven(name, _world(seed, number))
-
-
-@lru_cache(maxsize=1)  # drives of the same course follow each other
-def _world(seed: int, number: int) -> "_World":
-    return _World(seed, number)
-
-
-class _World:
-    """A random course of ``seed``."""
-
-    def __init__(self, seed: int, number: int) -> None:
-        kind, disturbance, grade = COURSES[number]
-        rng = np.random.default_rng((seed, 62, number))
-        shapes = [Shape.BEND, Shape.TIGHT, Shape.STRAIGHT]
-        segments = tuple(segment for shape in shapes for segment in random_segments(shape, rng)[:-1])
-        self.road = Road(
-            RoadSettings(
-                name=f"{kind}",
-                closed=False,
-                lane_width_m=float(rng.uniform(3.2, 3.6)),
-                segments=segments,
-                sections=(random_section(kind, rng),),
-            )
-        )
-        self.camera = load(CONFIG_DIR / "camera.yaml", Camera)
-        self.disturbances = () if disturbance is None else (Disturbance(kind=disturbance, grade=grade),)
-        self.renderer = Renderer(self.road, self.camera, seed=seed, disturbances=self.disturbances)
-
-
-def _driven(name: str, world: _World) -> Row:
+    road, renderer = _course(seed, number)
     real = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     car = real.model_copy(update={"understeer_gradient_rad_per_mps2": 0.0})  # estimates contain no understeer
-    plant, referee = KinematicPlant(car), Referee(world.road, car, max_offset_m=MAX_OFFSET_M)
-    estimator = entry_of(name).build(world.camera, real)
-    state = _placed(plant, world.road, START_M, START_OFFSET_M)
-    place = locate(world.road, state, START_M)
+    plant, referee = KinematicPlant(car), Referee(road, car, max_offset_m=MAX_OFFSET_M)
+    estimator = entry_of(name).build(renderer.camera, real)
+    state = _placed(plant, road, START_M, START_OFFSET_M)
+    place = locate(road, state, START_M)
     angle_rad, blind, offsets = 0.0, 0, []
     for step in range(round(DURATION_S / STEP_S)):
+        t_s = step * STEP_S
         if step % STEPS_PER_FRAME == 0:
-            seen = _look(estimator, world, plant, state, place, step * STEP_S)
+            rate = plant.yaw_rate_radps(state)
+            frame, reported = _seen(renderer, state, rate, place.station_m, t_s)
+            seen = estimator.step(frame, reported, now_s=t_s).road_wheel_angle_rad
             blind += seen is None
             angle_rad = angle_rad if seen is None else seen
-        state = plant.step(state, _command(angle_rad, step * STEP_S), STEP_S)
-        place = locate(world.road, state, place.station_m)
+        command = Command(
+            t_s=t_s,
+            road_wheel_angle_rad=angle_rad,
+            speed_mps=SPEED_MPS,
+            accel_mps2=0.0,
+        )
+        state = plant.step(state, command, STEP_S)
+        place = locate(road, state, place.station_m)
         if referee.must_recentre(state, place):
-            state = _placed(plant, world.road, place.station_m, 0.0)
-            place, angle_rad = locate(world.road, state, place.station_m), state.road_wheel_angle_rad
+            state = _placed(plant, road, place.station_m, 0.0)
+            place, angle_rad = locate(road, state, place.station_m), state.road_wheel_angle_rad
         offsets.append(place.offset_m)
     return {
         "interventions": referee.interventions,
         "square_m2": float(np.mean(np.square(offsets))),
         "blind": blind / (DURATION_S / STEP_S / STEPS_PER_FRAME),
     }
+
+
+@lru_cache(maxsize=1)  # drives of the same course follow each other
+def _course(seed: int, number: int) -> tuple[Road, Renderer]:
+    """A random road, and its camera images with the disturbance of the course."""
+    kind, disturbance, grade = COURSES[number]
+    rng = np.random.default_rng((seed, 62, number))
+    shapes = [Shape.BEND, Shape.TIGHT, Shape.STRAIGHT]
+    segments = tuple(segment for shape in shapes for segment in random_segments(shape, rng)[:-1])
+    road = Road(
+        RoadSettings(
+            name=f"{kind}",
+            closed=False,
+            lane_width_m=float(rng.uniform(3.2, 3.6)),
+            segments=segments,
+            sections=(random_section(kind, rng),),
+        )
+    )
+    disturbances = () if disturbance is None else (Disturbance(kind=disturbance, grade=grade),)
+    camera = load(CONFIG_DIR / "camera.yaml", Camera)
+    return road, Renderer(road, camera, seed=seed, disturbances=disturbances)
 
 
 def _placed(plant: KinematicPlant, road: Road, station_m: float, offset_m: float) -> PlantState:
@@ -172,19 +140,12 @@ def _placed(plant: KinematicPlant, road: Road, station_m: float, offset_m: float
     return plant.initial(x_m, y_m, road.heading_at(station_m), SPEED_MPS, curvature)
 
 
-def _look(
-    estimator: Estimator, world: _World, plant: KinematicPlant, state: PlantState, place: Place, t_s: float
-) -> float | None:
-    """The road-wheel angle of the estimator."""
-    rate = plant.yaw_rate_radps(state)
-    image = world.renderer.render(
-        state.x_m,
-        state.y_m,
-        state.yaw_rad,
-        t_s=t_s,
-        station_m=place.station_m,
-        motion=Motion(state.speed_mps, rate),
-    )
+def _seen(
+    renderer: Renderer, state: PlantState, rate: float, station_m: float, t_s: float
+) -> tuple[Frame, VehicleState]:
+    """The frame at ``state``, and the state as the vehicle reports it."""
+    motion = Motion(state.speed_mps, rate)
+    image = renderer.render(state.x_m, state.y_m, state.yaw_rad, t_s=t_s, station_m=station_m, motion=motion)
     reported = VehicleState(
         t_s=t_s,
         speed_mps=state.speed_mps,
@@ -192,16 +153,7 @@ def _look(
         yaw_rate_radps=rate,
         driver_override=False,
     )
-    return estimator.step(Frame(t_s=t_s, image=image), reported, now_s=t_s).road_wheel_angle_rad
-
-
-def _command(angle_rad: float, t_s: float) -> Command:
-    return Command(
-        t_s=t_s,
-        road_wheel_angle_rad=angle_rad,
-        speed_mps=SPEED_MPS,
-        accel_mps2=0.0,
-    )
+    return Frame(t_s=t_s, image=image), reported
 
 
 def _total(rows: Sequence[Row]) -> dict[str, Any]:

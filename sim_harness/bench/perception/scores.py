@@ -1,6 +1,7 @@
-"""Scores of an estimator from its results on the clips of the harness set."""
+"""Scores of estimators from their results on the clips of the harness set, by group of clips and as tables."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,11 @@ DRIVABLE_GRADES = (1, 2, 3)  # beyond, the lane itself is hidden for part of the
 # With paint on both sides:
 CLEAN = (Kind.WHITE, Kind.YELLOW, Kind.DOUBLE, Kind.DASHED, Kind.CONCRETE, Kind.MULTI_LANE)
 
+SHOWN = ("all", "clear", "marked", "unmarked")
+WORST = 12
+
 Results = Mapping[Case, Watched]
+Row = dict[str, float | None]
 
 
 def given(looks: Looks) -> Mask:
@@ -39,12 +44,12 @@ def scored(results: Results, name: str, cases: Iterable[Case]) -> Looks:
     return np.concatenate(parts) if parts else np.empty(0, results[next(iter(results))].looks[name].dtype)
 
 
-def figures(looks: Looks) -> dict[str, float | None]:
+def figures(looks: Looks) -> Row:
     """Rates in percent of the frames; errors of all estimates, and of right ones."""
     seen = given(looks)
     right = seen & correct(looks)
     said = looks[seen]
-    row: dict[str, float | None] = {
+    row: Row = {
         "frames": len(looks),
         "given_pct": _percent(seen),
         "correctness_pct": _percent(right[seen]),
@@ -65,7 +70,7 @@ def figures(looks: Looks) -> dict[str, float | None]:
     return row | confidence_figures(said)
 
 
-def confidence_figures(said: Looks) -> dict[str, float | None]:
+def confidence_figures(said: Looks) -> Row:
     """Calibration of the confidence as the probability of a wheel angle within two degrees."""
     if not len(said):
         return {"ece": None, "auroc": None, "bad_angles_pct": None}
@@ -93,7 +98,7 @@ def times_ms(results: Results, name: str) -> dict[str, float]:
     }
 
 
-def gap_figures(results: Results, name: str) -> dict[str, float | None]:
+def gap_figures(results: Results, name: str) -> Row:
     """30 m without paint: the median and the worst over clips of the largest drift, and the answered share."""
     drifts, shares = [], []
     for case, watched in results.items():
@@ -110,7 +115,7 @@ def gap_figures(results: Results, name: str) -> dict[str, float | None]:
     }
 
 
-def one_line_figures(results: Results, name: str) -> dict[str, float | None]:
+def one_line_figures(results: Results, name: str) -> Row:
     """Bias of the wheel angle with one line: the mean over roads of the absolute mean of a clip's error."""
     cases = [case for case in results if case.condition == CLEAR and case.kind is Kind.ONE_LINE]
     clips = [
@@ -146,6 +151,55 @@ def groups(cases: Iterable[Case]) -> dict[str, list[Case]]:
             for grade in sorted({c.grade for c in own})
         }
     return {name: part for name, part in parts.items() if part}
+
+
+def parts_of(results: Results, names: Sequence[str]) -> dict[str, dict[str, Row]]:
+    """The figures of every estimator in every group of clips."""
+    parts = groups(results)
+    return {
+        name: {part: figures(scored(results, name, cases)) for part, cases in parts.items()} for name in names
+    }
+
+
+def summary(results: Results, parts: dict[str, dict[str, Row]]) -> dict[str, Any]:
+    """``ranking``: the main figures of every estimator, best first; ``detected``: percent by condition; and the
+    worst clips of the first estimator."""
+    ranking = {name: main_figures(results, name, rows) for name, rows in parts.items()}
+    order = sorted(ranking, key=lambda name: -(ranking[name]["all_detected_pct"] or 0.0))
+    detected = {part: {name: parts[name][part]["detected_pct"] for name in order} for part in parts[order[0]]}
+    first = next(iter(parts))
+    return {
+        "ranking": {name: ranking[name] for name in order},
+        "detected, percent": detected,
+        f"worst clips of {first}, percent detected": worst(results, first),
+    }
+
+
+def main_figures(results: Results, name: str, parts: dict[str, Row]) -> Row:
+    """One row: rates by condition, errors, confidence, time."""
+    row: Row = {f"{part}_detected_pct": parts[part]["detected_pct"] for part in SHOWN if part in parts}
+    row["correctness_pct"] = parts["all"]["correctness_pct"]
+    row["given_pct"] = parts["all"]["given_pct"]
+    row |= {f"{part}_detected_pct": parts[part]["detected_pct"] for part in MAIN_CONDITIONS if part in parts}
+    clean = parts.get("clean", {})
+    for key in ("offset_m", "heading_deg", "curvature_1pm", "width_pct", "angle_deg"):
+        row[f"clean_{key}_rmse"] = clean.get(f"{key}_rmse")
+        row[f"clean_{key}_rmse_when_right"] = clean.get(f"{key}_rmse_when_right")
+        row[f"clean_{key}_median"] = clean.get(f"{key}_median")
+    row["unmarked_boundary_m_rmse"] = parts.get("unmarked", {}).get("boundary_m_rmse")
+    row |= gap_figures(results, name) | one_line_figures(results, name)
+    row["ece"], row["auroc"] = parts["all"]["ece"], parts["all"]["auroc"]
+    return row | times_ms(results, name)
+
+
+def worst(results: Results, name: str) -> dict[str, float]:
+    """The clips with the lowest share of right frames, and that share in percent."""
+    rates = {
+        case.key: 100 * float(np.mean(correct(scored(results, name, [case]))))
+        for case in results
+        if case.condition != GAP
+    }
+    return dict(sorted(rates.items(), key=lambda item: item[1])[:WORST])
 
 
 def _percent(flags: Mask) -> float | None:

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 
 from sim_harness.bench.perception.clips import Case
-from sim_harness.bench.perception.watch import LOOK, TRUTH, Looks, Watched
-from sim_harness.sweep.store import Row, Store
+from sim_harness.bench.perception.watch import LOOK, TRUTH, Watched
+from sim_harness.sweep.store import Store
 from trepid.types import Image
 
 SHOWN = "truth"  # name of the row that is not of an estimator
@@ -23,36 +23,23 @@ class ClipStore:
     """Results on clips by estimators with the code ``codes`` (name -> hash), drawn by the code ``drawing``."""
 
     def __init__(self, store: Store, drawing: str, codes: Mapping[str, str]) -> None:
-        self._store, self._drawing = store, drawing
-        self._codes = {name: f"{drawing} {code}" for name, code in codes.items()}
+        self._store = store
+        self._codes = {SHOWN: drawing} | {name: f"{drawing} {code}" for name, code in codes.items()}
 
     def read(self, case: Case) -> Watched | None:
         """The stored results on a clip; None when there are none."""
-        truth = self._store.get(_key(case, SHOWN), self._drawing)
-        if truth is None:
-            return None
-        rows = {name: self._store.get(_key(case, name), code) for name, code in self._codes.items()}
-        return Watched(
-            _array(truth, TRUTH), {n: _array(row, LOOK) for n, row in rows.items() if row is not None}
-        )
+        rows = {name: self._store.get(f"{case.key} {name}", code) for name, code in self._codes.items()}
+        arrays = {
+            name: np.array([tuple(frame) for frame in row["frames"]], TRUTH if name == SHOWN else LOOK)
+            for name, row in rows.items()
+            if row is not None
+        }
+        return Watched(arrays.pop(SHOWN), arrays) if SHOWN in arrays else None
 
     def write(self, case: Case, watched: Watched) -> None:
         """Append the results on a clip."""
-        for name, looks in watched.looks.items():
-            self._store.add(_key(case, name), self._codes[name], _row(looks))
-        self._store.add(_key(case, SHOWN), self._drawing, _row(watched.truth))
-
-
-def _key(case: Case, name: str) -> str:
-    return f"{case.key} {name}"
-
-
-def _row(looks: Looks) -> Row:
-    return {"frames": looks.tolist()}
-
-
-def _array(row: Row, dtype: np.dtype[np.void]) -> Looks:
-    return np.array([tuple(frame) for frame in row["frames"]], dtype)
+        for name, looks in {**watched.looks, SHOWN: watched.truth}.items():
+            self._store.add(f"{case.key} {name}", self._codes[name], {"frames": looks.tolist()})
 
 
 class Pictures:

@@ -8,13 +8,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.estimators import Estimator, entry_of
+from perception.estimators import entry_of
 from perception.lane.model.geometry import centre_line
+from sim_harness.bench.frames import bare_canny_chain
 from sim_harness.bench.perception.clips import AIM_M, Moment
 from trepid.camera import Camera
 from trepid.clothoid import Lane
-from trepid.messages import Frame, PixelPath, SteeringEstimate
-from trepid.types import Array, Image
+from trepid.messages import PixelPath, SteeringEstimate
+from trepid.types import Array
 from trepid.vehicle import Vehicle
 
 NEAR_M, FAR_M = 4.0, 20.0  # ahead of the rear axle: where boundaries are compared
@@ -65,25 +66,14 @@ def watch(clip: Iterable[Moment], names: Sequence[str], camera: Camera, vehicle:
         started_s = time.thread_time()
         bare_canny_chain(moment.frame.image)
         bare_s = time.thread_time() - started_s
-        for name in _rotated(list(names), number):
-            estimate, time_s = timed_step(runners[name], moment)
+        first = number % max(len(names), 1)
+        for name in (*names[first:], *names[:first]):
+            started_s = time.thread_time()
+            estimate = runners[name].step(moment.frame, moment.state, now_s=moment.frame.t_s)
+            time_s = time.thread_time() - started_s
             looks[name].append((*look(estimate, moment.truth, road), time_s, bare_s))
     arrays = {name: np.array(rows, LOOK) for name, rows in looks.items()}
     return Watched(np.array(truth, TRUTH), arrays)
-
-
-def bare_canny_chain(image: Image) -> object:
-    """The review's canonical chain, the peer: lower half, grey, Gauss, Canny, probabilistic Hough."""
-    grey = cv2.GaussianBlur(cv2.cvtColor(image[image.shape[0] // 2 :], cv2.COLOR_BGR2GRAY), (5, 5), 0)
-    return cv2.HoughLinesP(cv2.Canny(grey, 50, 150), 1, np.pi / 180, 20, minLineLength=20, maxLineGap=10)
-
-
-def timed_step(runner: Estimator, moment: Moment) -> tuple[SteeringEstimate, float]:
-    """The estimate and its processor time [s]."""
-    frame: Frame = moment.frame
-    started_s = time.thread_time()
-    estimate = runner.step(frame, moment.state, now_s=frame.t_s)
-    return estimate, time.thread_time() - started_s
 
 
 def look(estimate: SteeringEstimate, truth: SteeringEstimate, road: "_TrueRoad") -> tuple[float, ...]:
@@ -94,7 +84,7 @@ def look(estimate: SteeringEstimate, truth: SteeringEstimate, road: "_TrueRoad")
         _number(estimate.lateral_offset_m) - _number(truth.lateral_offset_m),
         road.beside_m(aim(estimate)),
         _number(estimate.heading_error_rad) - _number(truth.heading_error_rad),
-        _curvature_ahead(estimate) - _curvature_ahead(truth),
+        _lane_of(estimate).curvature_at(AIM_M) - _lane_of(truth).curvature_at(AIM_M),
         width_m / true_width_m - 1,
         _number(estimate.road_wheel_angle_rad) - _number(truth.road_wheel_angle_rad),
         left_m,
@@ -118,10 +108,6 @@ def aim(estimate: SteeringEstimate) -> complex:
         heading_rad=lane.heading_rad,
     )
     return complex(centre[-1])
-
-
-def _curvature_ahead(estimate: SteeringEstimate) -> float:
-    return _lane_of(estimate).curvature_at(AIM_M)
 
 
 def _lane_of(estimate: SteeringEstimate) -> Lane:
@@ -167,11 +153,6 @@ class _TrueRoad:
         cos, sin = np.cos(moment.yaw_rad), np.sin(moment.yaw_rad)
         world = places_m @ np.array([[cos, sin], [-sin, cos]]) + [moment.x_m, moment.y_m]
         return moment.road.nearest_coordinates(world, steps=steps)
-
-
-def _rotated(names: list[str], by: int) -> list[str]:
-    by %= max(len(names), 1)
-    return names[by:] + names[:by]
 
 
 def _number(value: float | None) -> float:

@@ -1,15 +1,17 @@
 """The ``bench`` verb runs known benchmarks, refuses others, and stores results with ``--save``."""
 
-import importlib
 import json
 from pathlib import Path
 
 import pytest
 
-from sim_harness.bench.catalogue import BENCHMARKS, HERE, Benchmark, named
-from sim_harness.bench.cli import bench
-from sim_harness.bench.timing import machine, summary_ms, timed
-from trepid.config import InputError
+import sim_harness.lockstep.configuration
+from sim_harness.bench import cli
+from sim_harness.bench.catalogue import BENCHMARKS, BY_DEFAULT, function, named
+from sim_harness.bench.cli import bench, taken_options
+from sim_harness.bench.frames import summary_ms, timed
+from sim_harness.bench.results import machine
+from trepid.config import CONFIG_DIR, InputError
 
 
 def test_the_machine_is_stated_with_load_and_versions() -> None:
@@ -31,8 +33,31 @@ def test_a_timed_call_gets_its_arguments() -> None:
 
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_every_benchmark_of_the_catalogue_exists(name: str) -> None:
-    module, _, function = BENCHMARKS[name].source.partition(":")
-    assert callable(getattr(importlib.import_module(f"{HERE}.{module}"), function))
+    assert callable(function(name))
+
+
+def test_every_benchmark_takes_its_options_and_an_option_of_none_is_refused() -> None:
+    assert set(BY_DEFAULT) <= set(BENCHMARKS)
+    assert taken_options(["plants", "fear-fuzz"], {}, seed=3) == {"plants": {}, "fear-fuzz": {"seed": 3}}
+    both = taken_options(["plants", "perception"], {"keep_frames": True}, seed=3)
+    assert both == {"plants": {}, "perception": {"seed": 3, "keep_frames": True}}
+    with pytest.raises(InputError, match="--keep-frames is no option of bench renderer, plants"):
+        bench(["renderer", "plants"], keep_frames=True)
+
+
+def test_a_bad_configuration_is_refused_with_its_place_before_anything_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = (CONFIG_DIR / "camera.yaml").read_text(encoding="utf-8")
+    (tmp_path / "camera.yaml").write_text(text.replace("height_m:", "heigth_m:"), encoding="utf-8")
+    monkeypatch.setattr(sim_harness.lockstep.configuration, "CONFIG_DIR", tmp_path)
+    monkeypatch.setattr(cli, "function", lambda _name: unmeasured)
+    with pytest.raises(InputError, match=r"camera.yaml:\d+:\d+: .*heigth_m"):
+        bench(["plants"])
+
+
+def unmeasured(seed: int) -> dict[str, object]:
+    pytest.fail("measured")
 
 
 def test_a_group_stands_for_its_members_without_those_of_half_an_hour() -> None:
@@ -50,7 +75,7 @@ def test_a_result_is_saved_as_rows_page_and_figure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows = {"ours": {"error [m]": 0.0123456, "lost": 0}, "theirs": {"error [m]": 0.5, "lost": None}}
-    monkeypatch.setattr(Benchmark, "measure", lambda _self, seed: {"seed of the cases": seed, **rows})
+    monkeypatch.setattr(cli, "function", lambda _name: lambda seed: {"seed of the cases": seed, **rows})
     assert bench(["control-lateral"], seed=7, save_in=tmp_path, as_json=True) == 0
     assert json.loads(capsys.readouterr().out)["control-lateral"]["ours"] == rows["ours"]
     assert json.loads((tmp_path / "control-lateral.json").read_text())["measured"]["theirs"] == rows["theirs"]
@@ -64,6 +89,6 @@ def test_a_result_is_saved_as_rows_page_and_figure(
 def test_a_folder_that_is_not_there_is_refused_before_anything_is_measured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Benchmark, "measure", lambda *_: pytest.fail("measured"))
+    monkeypatch.setattr(cli, "function", lambda _name: unmeasured)
     with pytest.raises(InputError, match="there is no such folder"):
         bench(["plants"], save_in=tmp_path / "no")

@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from sim_harness.bench.text import tables
+from sim_harness.bench.text import RANKING, brief, tables
 
 RESULT = {
     "machine": "two cores",
@@ -38,3 +38,12 @@ def test_many_measures_stand_below_each_other():
 def test_plain_figures_are_listed_with_the_machine():
     text = printed(RESULT)
     assert "two cores" in text and "553.2" in text
+
+
+def test_in_a_terminal_many_estimators_have_few_columns():
+    row = dict.fromkeys(RANKING, 1.0)
+    found = {"ranking": {str(n): row for n in range(9)}, "detected, percent": {}, "drive": {}}
+    assert set(brief(found)["ranking"]["0"]) == set(RANKING.values())
+    assert set(brief(found)) == {"ranking", "drive"}
+    few = {"ranking": {"cv": row}, "detected, percent": {}}
+    assert brief(few) == few

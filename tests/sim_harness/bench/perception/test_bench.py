@@ -9,12 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_harness.bench import cli as benchmarks
 from sim_harness.bench.perception import bench, drive
 from sim_harness.bench.perception.bench import bench_perception, watched
 from sim_harness.bench.perception.clips import CLEAR, GAP, GRADES, Case, Moment, harness_set, moments
-from sim_harness.bench.perception.options import PerceptionOptions
-from sim_harness.bench.perception.report import COLUMNS, TERMINAL, brief, markdown, shown, write
+from sim_harness.bench.perception.report import write
 from sim_harness.bench.perception.scores import figures, gap_figures, groups, one_line_figures
 from sim_harness.bench.perception.store import ClipStore, Pictures
 from sim_harness.bench.perception.watch import LOOK, TRUTH, Watched, _TrueRoad, aim, look
@@ -237,11 +235,10 @@ def test_only_missing_results_are_computed_again(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr(bench, "watch", quickly)
     monkeypatch.setattr(bench, "moments", lambda *_, **__: [])
-    monkeypatch.setattr(bench, "harness_set", lambda *_, **__: [CASE])
     monkeypatch.setattr(bench, "FOLDER", tmp_path)
-    watched(PerceptionOptions(seed=1, estimators=("cv",)))
-    both = watched(PerceptionOptions(seed=1, estimators=("cv", "canny_hough")))
-    watched(PerceptionOptions(seed=1, estimators=("canny_hough", "cv")))
+    watched([CASE], ("cv",), 1)
+    both = watched([CASE], ("cv", "canny_hough"), 1)
+    watched([CASE], ("canny_hough", "cv"), 1)
     assert called == [("cv",), ("canny_hough",)]
     assert set(both[CASE].looks) == {"cv", "canny_hough"}
 
@@ -279,26 +276,16 @@ def test_the_code_of_an_estimator_is_the_set_of_its_imports() -> None:
     assert codes[0] == estimator_fingerprint.__wrapped__("canny_hough")
 
 
-def test_tables_show_three_figures_and_a_dash_for_nothing() -> None:
-    assert [shown(v) for v in (None, 3, 0.12345, 45.67, 312.4)] == ["–", "3", "0.12", "45.7", "312"]
-    assert markdown({"cv": {"a": 1.0, "b": None}}).splitlines()[2] == "|cv|1|–|"
-
-
 def test_reports_are_written_as_json_csv_and_markdown(tmp_path: Path) -> None:
-    write(tmp_path / "new", {"seed": 1, "ranking": {"cv": {"auroc": 0.5}}}, {"cv": {"all": {"ece": 0.1}}})
-    assert {path.name for path in (tmp_path / "new").iterdir()} == {"bench.json", "ranking.csv", "ranking.md"}
+    found = {"seed": 1, "ranking": {"cv": {"auroc": 0.5}}, "real: a": {"cv": {"iou": 0.25, "n": None}}}
+    write(tmp_path / "new", found, {"cv": {"all": {"ece": 0.1}}})
+    names = {"bench.json", "ranking.csv", "ranking.md", "real_a.csv", "real_a.md"}
+    assert {path.name for path in (tmp_path / "new").iterdir()} == names
+    assert (tmp_path / "new" / "real_a.csv").read_text().splitlines() == [",iou,n", "cv,0.25,"]
+    assert (tmp_path / "new" / "real_a.md").read_text().splitlines()[2] == "| cv | 0.25 | – |"
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         write(tmp_path / "file", {}, {})
-
-
-def test_in_a_terminal_many_estimators_have_few_columns() -> None:
-    row = dict.fromkeys(COLUMNS, 1.0)
-    found = {"ranking": {str(n): row for n in range(9)}, "detected, percent": {}, "drive": {}}
-    assert set(brief(found)["ranking"]["0"]) == set(TERMINAL.values())
-    assert set(brief(found)) == {"ranking", "drive"}
-    few = {"ranking": {"cv": row}, "detected, percent": {}}
-    assert brief(few) == few
 
 
 class Straight:
@@ -331,18 +318,10 @@ def test_autonomy_takes_six_seconds_for_each_intervention() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (PerceptionOptions(seed=1, estimators=("cw",)), "no estimator 'cw'; .*estimate --estimator list"),
-        (
-            PerceptionOptions(seed=1, parts=("sets",)),
-            "no part 'sets' of bench perception; there are set, real, drive",
-        ),
+        ({"estimators": ("cw",)}, "no estimator 'cw'; .*estimate --estimator list"),
+        ({"parts": ("sets",)}, "no part 'sets' of bench perception; there are set, real, drive"),
     ],
 )
-def test_bad_options_are_refused(options: PerceptionOptions, message: str) -> None:
+def test_bad_options_are_refused(options: dict[str, Sequence[str]], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        bench_perception(options)
-
-
-def test_options_of_perception_are_refused_for_other_benchmarks() -> None:
-    with pytest.raises(InputError, match="are options of the benchmark perception"):
-        benchmarks.bench(["renderer"], quick=True)
+        bench_perception(1, **options)

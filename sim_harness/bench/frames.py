@@ -1,13 +1,14 @@
-"""Time of a rendered frame, without and with each disturbance."""
+"""Time of a frame: rendered, without and with each disturbance, and processed by the estimators."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import cv2
 import numpy as np
 
-from sim_harness.bench.timing import summary_ms
+from perception.camera.image_statistics import ImageStatistician
+from perception.estimators import ESTIMATORS, build
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
@@ -16,10 +17,41 @@ from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, VehicleState
+from trepid.types import Image
 
 SPEED_MPS = 8.0
 FRAME_PERIOD_S = 0.04
 BENCH_FRAMES = 40
+UNMARKED = "unmarked"  # name of the section of the circuit without paint
+
+
+def bench_estimators() -> dict[str, Any]:
+    """Time per 320×240 frame of every estimator and the image statistics, one thread, and of the plain chain.
+
+    The frames of the unmarked section of the lap have a row of their own, too.
+    """
+    cv2.setNumThreads(1)
+    estimators = {name: build(name) for name in ESTIMATORS}
+    statistician = ImageStatistician()
+    times_s: dict[str, list[float]] = {}
+    for frame, state, part, _ in lap():
+        for name, estimator in estimators.items():
+            time_s = timed(estimator.step, frame, state, now_s=frame.t_s)
+            for row in (name, f"{name}, {part}") if part == UNMARKED else (name,):
+                times_s.setdefault(row, []).append(time_s)
+        times_s.setdefault("image_statistics", []).append(timed(statistician.step, frame, now_s=frame.t_s))
+        times_s.setdefault("bare_canny_chain", []).append(timed(bare_canny_chain, frame.image))
+    peer_s = float(np.median(times_s["bare_canny_chain"]))
+    return {
+        name: {**summary_ms(times), "ratio_to_bare_chain": round(float(np.median(times)) / peer_s, 2)}
+        for name, times in times_s.items()
+    }
+
+
+def bare_canny_chain(image: Image) -> object:
+    """The review's canonical chain, the peer: lower half, grey, Gauss, Canny, probabilistic Hough."""
+    grey = cv2.GaussianBlur(cv2.cvtColor(image[image.shape[0] // 2 :], cv2.COLOR_BGR2GRAY), (5, 5), 0)
+    return cv2.HoughLinesP(cv2.Canny(grey, 50, 150), 1, np.pi / 180, 20, minLineLength=20, maxLineGap=10)
 
 
 def bench_renderer() -> dict[str, Any]:
@@ -86,3 +118,16 @@ def lap() -> Iterator[tuple[Frame, VehicleState, str, float]]:
             driver_override=False,
         )
         yield Frame(t_s=t_s, image=image), state, road.section_at(station_m).name, time_s
+
+
+def summary_ms(times_s: list[float]) -> dict[str, float]:
+    """Median and 99th percentile [ms] of times [s]."""
+    p50, p99 = np.percentile(times_s, [50, 99]) * 1e3
+    return {"median_ms": round(float(p50), 3), "p99_ms": round(float(p99), 3)}
+
+
+def timed(call: Callable[..., object], *args: object, **kwargs: object) -> float:
+    """Wall-clock time of one call [s]."""
+    started_s = time.perf_counter()
+    call(*args, **kwargs)
+    return time.perf_counter() - started_s

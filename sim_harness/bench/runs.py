@@ -1,0 +1,65 @@
+"""Benchmarks of the whole car as a user starts it: one lap live, and the suite of scenarios in lock-step."""
+
+import json
+import statistics
+import subprocess
+import sys
+from typing import Any
+
+from trepid.config import ROOT, InputError
+
+JOBS = 2
+SCORES = (
+    *("distance_m", "duration_s", "departures", "interventions", "max_lateral_error_m"),
+    *("rms_lateral_error_m", "mean_speed_mps", "max_fear", "mean_fear"),
+)
+Row = dict[str, Any]
+
+
+def bench_drive() -> Row:
+    """Drive the circuit; return scores of the run, latencies [ms], and rate and load of each process."""
+    (row,) = _trepid("drive", "--no-dashboard")
+    processes = {
+        name: {column: process[column] for column in ("rate_hz", "cpu_percent", "restarts")}
+        for name, process in row["processes"].items()
+    }
+    return {
+        **{name: row[name] for name in SCORES},
+        "latency [ms]": row["latency_ms"],
+        "processes": processes,
+    }
+
+
+def bench_suite(seed: int) -> Row:
+    """Run all scenarios; return totals, and the same figures for each tag."""
+    rows = _trepid("sim", "run", "all", "--seed", str(seed), "--jobs", str(JOBS))
+    tags = {row["name"]: row["tags"] for row in _trepid("sim", "list")}
+    known = sorted({tag for of_one in tags.values() for tag in of_one})
+    by_tag = {tag: figures([row for row in rows if tag in tags[row["scenario"]]]) for tag in known}
+    return {
+        "scenarios": {"all": figures(rows), **by_tag},
+        "failed": [row["scenario"] for row in rows if row["status"] != "passed"],
+    }
+
+
+def figures(rows: list[Row]) -> Row:
+    """Counts over runs, and the median of their tracking errors."""
+    errors_m = [row["max_lateral_error_m"] for row in rows if row["max_lateral_error_m"] is not None]
+    return {
+        "runs": len(rows),
+        "passed": sum(row["status"] == "passed" for row in rows),
+        "departures": sum(row["departures"] or 0 for row in rows),
+        "interventions": sum(row["interventions"] or 0 for row in rows),
+        "collisions": sum(row["collisions"] or 0 for row in rows),
+        "distance [km]": round(sum(row["distance_m"] or 0.0 for row in rows) / 1000, 2),
+        "max. error, median [m]": round(statistics.median(errors_m), 3) if errors_m else None,
+    }
+
+
+def _trepid(*words: str) -> list[Row]:
+    """The lines of JSON that a verb prints. Raises InputError when it does not run to its end."""
+    command = [sys.executable, "-m", "trepid", *words, "--json"]
+    ended = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
+    if ended.returncode not in (0, 1):
+        raise InputError(f"trepid {' '.join(words)} ended with exit code {ended.returncode}")
+    return [json.loads(line) for line in ended.stdout.splitlines()]
