@@ -93,12 +93,7 @@ def _drive(drive: _Drive) -> Row:
             seen = estimator.step(frame, reported, now_s=t_s).road_wheel_angle_rad
             blind += seen is None
             angle_rad = angle_rad if seen is None else seen
-        command = Command(
-            t_s=t_s,
-            road_wheel_angle_rad=angle_rad,
-            speed_mps=SPEED_MPS,
-            accel_mps2=0.0,
-        )
+        command = Command(t_s=t_s, road_wheel_angle_rad=angle_rad, speed_mps=SPEED_MPS, accel_mps2=0.0)
         state = plant.step(state, command, STEP_S)
         place = locate(road, state, place.station_m)
         if referee.must_recentre(state, place):
