@@ -64,7 +64,7 @@ def bench_random(seed: int, cases: int = MANY_CASES) -> dict[str, Any]:
     with SweepProgress(cases, cases) as progress:
         for episode in random_cases(seed, cases):
             worst_m.append(drive(episode, settings).worst_m)
-            progress.count(1.0)
+            progress.step(1.0)
     return {
         "law": settings.lateral.law.value,
         "cases": cases,

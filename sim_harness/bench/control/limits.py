@@ -107,7 +107,7 @@ def _driven(group: Group, seed: int, file: Path) -> list[Worst]:
             worst.append(episode(group, np.random.default_rng((seed, index))))
             out.write(_line(worst[-1]))
             out.flush()
-            progress.count(1.0)
+            progress.step(1.0)
     return worst
 
 
