@@ -272,9 +272,11 @@ class ClosedLoop:
 
     def _falsified(self, name: str, estimate: SteeringEstimate, now_s: float) -> SteeringEstimate:
         """``estimate`` under the faults of the estimator ``name`` that are active."""
+        wheelbase_m = self._parts.vehicle.wheelbase_m
         for fault in self._scenario.faults:
             if isinstance(fault, EstimatorBias | LostLane) and fault.active(now_s):
-                estimate = fault.falsified(estimate) if fault.estimator in (name, None) else estimate
+                if fault.estimator in (name, None):
+                    estimate = fault.falsified(estimate, wheelbase_m=wheelbase_m)
         return estimate
 
 

@@ -1,12 +1,15 @@
 """Faults of a run and their times: of the camera, the processes and the estimators."""
 
+import math
 from dataclasses import replace
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from trepid.clothoid import Lane
 from trepid.config import Settings
-from trepid.messages import SteeringEstimate
+from trepid.messages import EstimateKind, SteeringEstimate
+from trepid.steering import road_wheel_angle
 from trepid.types import NonNegative, Positive, Share
 
 
@@ -54,9 +57,9 @@ class LostProcess(Span):
 
 
 class EstimatorBias(Span):
-    """An estimator reports a wrong lane with its usual confidence, or with `confidence`.
+    """An estimator reports a wrong lane, or the wrong angle of that lane, with its usual confidence or `confidence`.
 
-    Estimates without a lane stay as they are. With one such fault for each estimator both are wrong alike.
+    Estimates without a lane or angle stay as they are. With one such fault for each estimator both are wrong alike.
     """
 
     kind: Literal["estimator_bias"]
@@ -72,8 +75,11 @@ class EstimatorBias(Span):
             raise ValueError("changes nothing; give lateral_m, heading_rad, curvature_1pm or confidence")
         return self
 
-    def falsified(self, estimate: SteeringEstimate) -> SteeringEstimate:
+    def falsified(self, estimate: SteeringEstimate, *, wheelbase_m: float) -> SteeringEstimate:
         """The estimate that is published instead of ``estimate``."""
+        confidence = estimate.confidence if self.confidence is None else self.confidence
+        if estimate.kind is EstimateKind.ANGLE:
+            return self._with_wrong_angle(estimate, confidence, wheelbase_m)
         offset_m, heading_rad = estimate.lateral_offset_m, estimate.heading_error_rad
         curvature_1pm = estimate.curvature_1pm
         if offset_m is None or heading_rad is None or curvature_1pm is None:
@@ -83,8 +89,20 @@ class EstimatorBias(Span):
             lateral_offset_m=offset_m + self.lateral_m,
             heading_error_rad=heading_rad + self.heading_rad,
             curvature_1pm=curvature_1pm + self.curvature_1pm,
-            confidence=estimate.confidence if self.confidence is None else self.confidence,
+            confidence=confidence,
         )
+
+    def _with_wrong_angle(
+        self, estimate: SteeringEstimate, confidence: float, wheelbase_m: float
+    ) -> SteeringEstimate:
+        """δ' = atan(tan δ + L·Δκ), where Δκ is the pursuit curvature of the added lane at the look-ahead."""
+        angle_rad = estimate.road_wheel_angle_rad
+        if angle_rad is None:
+            return estimate
+        added = Lane(self.lateral_m, self.heading_rad, self.curvature_1pm, 0.0)
+        wrong_1pm = math.tan(angle_rad) / wheelbase_m + added.pursuit_curvature(estimate.lookahead_m)
+        wrong_rad = road_wheel_angle(wrong_1pm, wheelbase_m=wheelbase_m)
+        return replace(estimate, road_wheel_angle_rad=wrong_rad, confidence=confidence)
 
 
 class LostLane(Span):
@@ -93,7 +111,7 @@ class LostLane(Span):
     kind: Literal["lost_lane"]
     estimator: str | None = None  # default: all of them
 
-    def falsified(self, estimate: SteeringEstimate) -> SteeringEstimate:
+    def falsified(self, estimate: SteeringEstimate, *, wheelbase_m: float) -> SteeringEstimate:
         """The estimate that is published instead of ``estimate``."""
         name, ahead_m = estimate.estimator, estimate.lookahead_m
         return SteeringEstimate.nothing(

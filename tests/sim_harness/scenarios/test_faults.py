@@ -1,9 +1,13 @@
 """Faults: their times, and the output of a biased estimator."""
 
+from dataclasses import replace
+
 import pytest
 
 from sim_harness.scenarios.faults import BlackFrames, EstimatorBias
-from trepid.messages import SteeringEstimate
+from trepid.clothoid import Lane
+from trepid.messages import EstimateKind, SteeringEstimate
+from trepid.steering import road_wheel_angle
 
 SEEN = SteeringEstimate(
     t_s=1.0,
@@ -22,6 +26,7 @@ SEEN = SteeringEstimate(
     left_boundary_px=(),
     right_boundary_px=(),
 )
+WHEELBASE_M = 2.0
 
 
 def bias(**fields):
@@ -35,19 +40,62 @@ def test_a_fault_is_there_from_its_beginning_until_just_before_its_end():
 
 
 def test_a_bias_changes_offset_heading_curvature_and_confidence():
-    changed = bias(lateral_m=0.5, heading_rad=-0.01, curvature_1pm=0.02, confidence=0.99).falsified(SEEN)
+    changed = bias(lateral_m=0.5, heading_rad=-0.01, curvature_1pm=0.02, confidence=0.99).falsified(
+        SEEN, wheelbase_m=WHEELBASE_M
+    )
     shifted = (changed.lateral_offset_m, changed.heading_error_rad, changed.curvature_1pm)
     assert shifted == pytest.approx((0.6, 0.01, 0.03))
     assert (changed.confidence, changed.t_s, changed.lane_width_m) == (0.99, 1.0, 3.5)
 
 
 def test_a_bias_without_confidence_keeps_that_of_the_estimate():
-    assert bias(lateral_m=0.5).falsified(SEEN).confidence == SEEN.confidence
+    assert bias(lateral_m=0.5).falsified(SEEN, wheelbase_m=WHEELBASE_M).confidence == SEEN.confidence
 
 
 def test_a_bias_leaves_an_estimate_without_a_lane_unchanged():
     nothing = SteeringEstimate.nothing(1.0, estimator="cv", lookahead_m=8.0, reason="dark")
-    assert bias(lateral_m=0.5, confidence=1.0).falsified(nothing) is nothing
+    assert bias(lateral_m=0.5, confidence=1.0).falsified(nothing, wheelbase_m=WHEELBASE_M) is nothing
+
+
+def angle_of(lane: SteeringEstimate) -> float:
+    """The wheel angle of pure pursuit in ``lane``."""
+    centre = Lane.from_ahead(
+        offset_m=lane.lateral_offset_m,
+        heading_rad=lane.heading_error_rad,
+        ahead_1pm=lane.curvature_1pm,
+        curvature_rate_1pm2=lane.curvature_rate_1pm2,
+        lookahead_m=lane.lookahead_m,
+    )
+    return road_wheel_angle(centre.pursuit_curvature(lane.lookahead_m), wheelbase_m=WHEELBASE_M)
+
+
+def of_kind_angle(angle_rad: float | None) -> SteeringEstimate:
+    nothing = SteeringEstimate.nothing(
+        1.0, estimator="cv", lookahead_m=SEEN.lookahead_m, reason="", kind=EstimateKind.ANGLE
+    )
+    return replace(nothing, road_wheel_angle_rad=angle_rad, confidence=0.6)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"lateral_m": 0.5},
+        {"heading_rad": -0.05},
+        {"curvature_1pm": 0.02},
+        {"lateral_m": -0.3, "confidence": 1.0},
+    ],
+)
+def test_a_bias_turns_an_angle_as_it_turns_the_angle_of_the_lane(fields):
+    wrong_lane = bias(**fields).falsified(SEEN, wheelbase_m=WHEELBASE_M)
+    changed = bias(**fields).falsified(of_kind_angle(angle_of(SEEN)), wheelbase_m=WHEELBASE_M)
+    assert changed.road_wheel_angle_rad == pytest.approx(angle_of(wrong_lane))
+    assert changed.confidence == wrong_lane.confidence
+    assert changed.lateral_offset_m is changed.heading_error_rad is changed.curvature_1pm is None
+
+
+def test_a_bias_leaves_an_estimate_without_an_angle_unchanged():
+    nothing = of_kind_angle(None)
+    assert bias(lateral_m=0.5, confidence=1.0).falsified(nothing, wheelbase_m=WHEELBASE_M) is nothing
 
 
 @pytest.mark.parametrize(
