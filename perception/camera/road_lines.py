@@ -70,6 +70,23 @@ def _crossings(lines: Segments, first: NDArray[np.int64], second: NDArray[np.int
     return np.asarray(np.nan_to_num(p + along[:, None] * d, nan=1e9))
 
 
+def meeting_point(lines: Segments, start_px: Array, camera: Camera) -> Array | None:
+    """The point at which the segments of a frame meet: near ``start_px``, else elsewhere on the same horizon.
+
+    A frame in which the vehicle heads elsewhere has its point aside of that of the other frames. It must not be
+    left out, because the frames that remain would sway less than the drive.
+    """
+    point = refined(lines, start_px, camera)
+    if point is not None:
+        return point
+    try:
+        own_px = common_point(lines, camera)
+    except InputError:
+        return None
+    level = abs(own_px[1] - start_px[1]) < NEAR_RAD * camera.fy_px
+    return refined(lines, own_px, camera) if level else None
+
+
 def refined(lines: Segments, start_px: Array, camera: Camera) -> Array | None:
     """The point near ``start_px`` at which the segments of a frame meet: least squares of angles, Cauchy weights.
 

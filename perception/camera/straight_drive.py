@@ -23,8 +23,8 @@ from perception.camera.road_lines import (
     NEAR_RAD,
     ROUNDS,
     common_point,
+    meeting_point,
     pitch_and_yaw,
-    refined,
     road_segments,
 )
 from perception.camera.segments import Segments, joined
@@ -63,7 +63,7 @@ def mounting(steps: Sequence[Step], camera: Camera, *, lane_width_m: float | Non
             f"lines along the road in {len(frames)} of {len(steps)} frames, {MIN_FRAMES} expected"
         )
     start = common_point(joined(frames), camera)
-    points = [refined(lines, start, camera) for lines in frames]
+    points = [meeting_point(lines, start, camera) for lines in frames]
     kept = [(lines, point) for lines, point in zip(frames, points, strict=True) if point is not None]
     if len(kept) < MIN_FRAMES:
         raise InputError(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import straight_drive_rig as drives
 
+from perception.camera.height import Step
 from trepid.__main__ import main
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -30,12 +31,15 @@ def boards(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("drive")
-    for number, step in enumerate(drives.clip("yellow")):
+def folder_of(steps: tuple[Step, ...], folder: Path) -> Path:
+    for number, step in enumerate(steps):
         cv2.imwrite(str(folder / f"{number:03}.png"), step.image)
     return folder
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return folder_of(drives.clip("yellow"), tmp_path_factory.mktemp("drive"))
 
 
 def test_a_chessboard_gives_a_camera_file_that_loads(
@@ -61,6 +65,16 @@ def test_a_straight_drive_gives_the_mounting_and_keeps_the_lens(
     assert camera.fx_px == drives.KNOWN.fx_px
     assert camera.pitch_down_rad == pytest.approx(drives.TRUE.pitch_down_rad, abs=0.005)
     assert camera.height_m == pytest.approx(drives.TRUE.height_m, rel=0.03)
+
+
+def test_a_swerving_drive_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    swerving = folder_of(drives.clip("yellow", sway_m=0.25, frames=24), tmp_path)
+    assert run(monkeypatch, "--straight", swerving, "--lane-width", drives.LANE_M) == 2
+    out, error = capsys.readouterr()
+    assert "the vehicle does not drive straight: the heading sways by 1.6°, 1.1° allowed" in error
+    assert out == "" and len(error.splitlines()) == 1
 
 
 def test_an_existing_file_is_kept_unless_forced(

@@ -56,9 +56,10 @@ def test_a_bend_is_refused() -> None:
         mounting(clip("white", curvature_1pm=0.01, sway_m=0.0), KNOWN)
 
 
-def test_swerving_is_refused() -> None:
-    with pytest.raises(InputError, match=r"the heading sways by|meet in one point in 2 of 10 frames"):
-        mounting(clip("white", sway_m=0.3), KNOWN)
+@pytest.mark.parametrize(("sway_m", "frames", "degrees"), [(0.2, 24, 1.2), (0.25, 24, 1.6), (0.3, 10, 2.0)])
+def test_swerving_is_refused_with_the_sway_of_all_frames(sway_m: float, frames: int, degrees: float) -> None:
+    with pytest.raises(InputError, match=rf"does not drive straight: the heading sways by {degrees}°"):
+        mounting(clip("yellow", sway_m=sway_m, frames=frames), KNOWN)
 
 
 def test_gravel_without_lines_is_refused() -> None:
