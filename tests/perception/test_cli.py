@@ -4,12 +4,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from drawn_road_rig import CAMERA, look, road
+from drawn_road_rig import CAMERA, look
 
 from perception.cli import as_row, estimate
-from perception.images.annotate import annotated
 from perception.images.frames import FrameResult
-from perception.images.sources import Clip, Still, sources
+from perception.images.sources import Clip, sources
 from trepid.config import InputError
 
 FIELDS = [
@@ -28,28 +27,6 @@ FIELDS = [
     "left_boundary_px",
     "right_boundary_px",
 ]
-
-
-@pytest.fixture(scope="module")
-def picture() -> np.ndarray:
-    return road((0.1, 0.0, 0.0, 0.0))
-
-
-@pytest.fixture
-def folder(tmp_path: Path, picture: np.ndarray) -> Path:
-    for name in ("b.png", "a.jpg"):
-        cv2.imwrite(str(tmp_path / name), picture)
-    return tmp_path
-
-
-@pytest.fixture
-def clip(tmp_path: Path, picture: np.ndarray) -> Path:
-    path = tmp_path / "clip.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25, (320, 240))
-    for _ in range(12):
-        writer.write(picture)
-    writer.release()
-    return path
 
 
 def lines(capsys: pytest.CaptureFixture[str]) -> list[dict]:
@@ -86,52 +63,11 @@ def test_an_assumed_camera_is_reported_once_and_a_given_one_is_used(folder, caps
     assert json.loads(out.splitlines()[1])["lateral_offset_m"] == pytest.approx(0.1, abs=0.06)
 
 
-def cut(path: Path, share: float) -> Path:
-    short = path.with_name(f"cut{path.suffix}")
-    data = path.read_bytes()
-    short.write_bytes(data[: int(len(data) * share)])
-    return short
-
-
-def bad_inputs(folder: Path, clip: Path) -> dict[str, Path]:
-    (folder / "empty").mkdir()
-    (folder / "text.jpg").write_text("no image")
-    (folder / "zero.png").write_bytes(b"")
-    (folder / "notes.txt").write_text("notes")
-    (folder / "text.mp4").write_text("no video")
-    return {
-        "empty folder": folder / "empty",
-        "text as image": folder / "text.jpg",
-        "empty file": folder / "zero.png",
-        "unknown kind": folder / "notes.txt",
-        "text as video": folder / "text.mp4",
-        "missing": folder / "missing.png",
-        "truncated jpeg": cut(folder / "a.jpg", 0.6),
-        "truncated png": cut(folder / "b.png", 0.6),
-        "truncated video": cut(clip, 0.6),
-    }
-
-
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "empty folder",
-        "text as image",
-        "empty file",
-        "unknown kind",
-        "text as video",
-        "missing",
-        "truncated jpeg",
-        "truncated png",
-        "truncated video",
-    ],
-)
-def test_bad_input_is_named_in_one_line_and_earlier_results_are_kept(kind, folder, clip, capsys):
-    good, bad = folder / "a.jpg", bad_inputs(folder, clip)[kind]
-    with pytest.raises(InputError) as problem:
+def test_results_before_an_unreadable_input_are_kept(folder, capsys):
+    good, bad = folder / "a.jpg", folder / "missing.png"
+    with pytest.raises(InputError, match=r"missing\.png"):
         estimate([good, bad], as_json=True)
-    assert str(bad) in str(problem.value) and "\n" not in str(problem.value)
-    assert lines(capsys)[0]["file"] == str(good)
+    assert [row["file"] for row in lines(capsys)] == [str(good)]
 
 
 def test_an_unknown_estimator_is_refused_with_the_command_that_lists_all(folder):
@@ -160,29 +96,10 @@ def test_annotated_frames_go_to_a_picture_a_video_or_a_folder(folder, clip, tmp_
     assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["a.png", "b.png", "clip.mp4"]
 
 
-def test_two_pictures_do_not_fit_into_one_file(folder, tmp_path):
-    with pytest.raises(InputError, match="one image only"):
-        estimate([folder], as_json=True, annotate=tmp_path / "one.png")
-
-
-def test_the_annotation_changes_the_road_and_leaves_the_input_alone(picture):
-    before = picture.copy()
-    drawn = annotated(picture, look(picture))
-    assert (picture == before).all()
-    plain = cv2.resize(picture, (640, 480), interpolation=cv2.INTER_CUBIC)
-    assert np.abs(drawn[400].astype(int) - plain[400]).max() > 30
-
-
 def test_a_row_of_json_is_finite_and_rounded(picture):
     row = as_row(FrameResult(Path("x.png"), 0, picture, CAMERA, look(picture), 1.0))
     json.dumps(row, allow_nan=False)
     assert all(round(x, 1) == x for x, _ in row["left_boundary_px"])
-
-
-def test_hidden_and_foreign_files_in_a_folder_are_left_out(folder):
-    (folder / "readme.txt").write_text("notes")
-    found = sources(folder)
-    assert all(isinstance(source, Still) for source in found) and len(found) == 2
 
 
 def test_the_lead_detector_lists_vehicles_with_places_and_boxes(folder, capsys, tmp_path):
