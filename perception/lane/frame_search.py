@@ -1,61 +1,57 @@
 """The lanes that one frame supports: between lines or edges, near a predicted lane or anywhere."""
 
+from dataclasses import replace
 from functools import cached_property
 
+import numpy as np
+
 from perception.lane.detection.edges import RoadImage
-from perception.lane.detection.search import find_lane, find_road, follow_road
-from perception.lane.detection.vote import VoteSettings
-from perception.lane.model.evidence import LaneFit
-from perception.lane.model.geometry import LaneState, RoadPoints
+from perception.lane.detection.fitter import LaneFitter, on_middles
+from perception.lane.detection.vote import VoteSettings, vote_lane
+from perception.lane.model.evidence import NO_SUPPORT, LaneFit
+from perception.lane.model.geometry import PITCH, LaneState, RoadPoints, levelled
 from perception.lane.model.prior import straightened
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import View
-from trepid.types import Floats, Image
+from trepid.types import Array, Floats, Image
 
 
 class FrameSearch:
-    """Fits lanes to one frame. Points of lines and road likelihood are computed once, when first needed."""
+    """Fits lanes to one frame. Points of lines and road likelihood are computed once, when first needed.
+
+    A search over all shapes also fits a straight lane, which wins unless the points favour the bent one.
+    """
 
     def __init__(self, image: Image, view: View, settings: LaneCvSettings) -> None:
         self._image, self._view, self._settings = image, view, settings
+        self._line_fitter = LaneFitter(view.grid, settings.fit, settings.evidence)
+        self._edge_fitter = LaneFitter(view.edges.grid, settings.edge_fit, settings.evidence)
 
     def lines_anywhere(self) -> LaneFit:
         """The best lane between lines over all shapes of the prior."""
         vote, prior = self._settings.vote, self._settings.prior
-        lane = prior.lane
-        return self._lines(lane, (vote.cold, vote.refine), straight=straightened(lane, prior))
+        return self._voted(prior.lane, (vote.cold, vote.refine), straightened(prior.lane, prior))
 
     def lines_near(self, predicted: LaneState) -> LaneFit:
         """The best lane between lines among shapes around ``predicted``."""
-        return self._lines(predicted, (self._settings.vote.tracked,))
+        return self._voted(predicted, (self._settings.vote.tracked,))
 
     def lines_at(self, predicted: LaneState) -> LaneFit:
-        """The lane between the lines of ``predicted``, without a search."""
-        return self._lines(predicted, ())
+        """The lane between the lines of ``predicted``, without a search; shorter pieces of line count as seen."""
+        return self._between_lines(predicted, predicted.mean, foreseen=True)
 
     def edges_anywhere(self) -> LaneFit:
-        """The best road between edges over all shapes of the prior."""
-        settings = self._settings
-        road = settings.prior.road
-        return find_road(
-            self._view.edges,
-            self._road_image,
-            road,
-            straight=straightened(road, settings.prior),
-            fit=settings.edge_fit,
-            evidence=settings.evidence,
-        )
+        """The road whose edges enclose the most road likelihood among all shapes, then among shapes near the best."""
+        finder, prior = self._view.edges, self._settings.prior
+        sums, steps = self._road_sums, finder.steps(self._road_image)
+        start = finder.search(sums, steps, prior.road)
+        sums = finder.sums(self._road_image, lane=start)
+        start = finder.search(sums, steps, prior.road, near=start)
+        return self._between_edges(sums, prior.road, start, straightened(prior.road, prior))
 
     def edges_at(self, predicted: LaneState) -> LaneFit:
         """The road between the edges of ``predicted``, without a search."""
-        settings = self._settings
-        return follow_road(
-            self._view.edges,
-            self._road_sums,
-            predicted,
-            fit=settings.edge_fit,
-            evidence=settings.evidence,
-        )
+        return self._between_edges(self._road_sums, predicted, predicted.mean)
 
     @cached_property
     def _points(self) -> RoadPoints:
@@ -69,17 +65,48 @@ class FrameSearch:
     def _road_sums(self) -> Floats:
         return self._view.edges.sums(self._road_image)
 
-    def _lines(
-        self, prior: LaneState, stages: tuple[VoteSettings, ...], *, straight: LaneState | None = None
+    def _voted(
+        self, prior: LaneState, stages: tuple[VoteSettings, ...], straight: LaneState | None = None
     ) -> LaneFit:
-        return find_lane(
-            self._points,
-            prior,
-            stages,
-            self._view.grid,
-            fit=self._settings.fit,
-            evidence=self._settings.evidence,
-            prior_weight=self._settings.vote.prior_weight,
-            min_support=self._settings.vote.min_support,
-            straight=straight,
-        )
+        """The lane with the most votes in the last of ``stages``, each around the one before, then fitted."""
+        vote, grid = self._settings.vote, self._view.grid
+        x_m, y_m = levelled(self._points, prior.mean[PITCH], grid.camera)
+        flat = replace(self._points, x_m=x_m, y_m=y_m)
+        start, support = prior.mean, 0.0
+        for stage in stages:
+            start, support = vote_lane(
+                flat, start, prior, stage, bands=len(grid.ahead_m), prior_weight=vote.prior_weight
+            )
+        if support < vote.min_support:
+            return LaneFit(state=prior, left=NO_SUPPORT, right=NO_SUPPORT, residual=0.0)
+        return self._between_lines(prior, start, straight)
+
+    def _between_lines(
+        self, prior: LaneState, start: Array, straight: LaneState | None = None, *, foreseen: bool = False
+    ) -> LaneFit:
+        """The lane fitted to the points near the boundaries of ``start``."""
+        fitter, count = self._line_fitter, len(self._points.x_m)
+        near, side = fitter.assigned(self._points, start)
+        fitted = fitter.fitted(near, side, prior, start, straight)
+        middles = on_middles(near, side, fitted.residual_m)
+        if middles is not near:
+            near = middles
+            fitted = fitter.fitted(near, side, prior, fitted.state.mean, straight)
+        lane = fitter.with_evidence(fitted, near, side, count=count, foreseen=foreseen)
+        if lane.boundaries_seen != 1:
+            return lane
+        # Points near the missing line are no line, so they must not change the width.
+        own = np.flatnonzero(side == (1.0 if lane.left.seen else -1.0))
+        near, side = near.part(own), side[own]
+        fitted = fitter.fitted(near, side, prior, fitted.state.mean, straight)
+        return fitter.with_evidence(fitted, near, side, count=count, foreseen=foreseen)
+
+    def _between_edges(
+        self, sums: Floats, prior: LaneState, start: Array, straight: LaneState | None = None
+    ) -> LaneFit:
+        """The road fitted to the edges near those of ``start``, as a lane as wide as the road."""
+        finder, fitter = self._view.edges, self._edge_fitter
+        points, side = finder.points(sums, start)
+        fitted = fitter.fitted(points, side, prior, start, straight)
+        road = fitter.with_evidence(fitted, points, side, count=len(points.x_m))
+        return replace(road, by_edges=True, apart=finder.apart(sums, road.state.mean))

@@ -1,15 +1,16 @@
 """A Hough transform on the road: every point votes for its lateral place under many lane shapes."""
 
 import math
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from perception.lane.model.geometry import RoadPoints
+from perception.lane.model.geometry import KAPPA, PSI, WIDTH, E, LaneState, RoadPoints
 from trepid.config import Settings
 from trepid.types import Array, NonNegative, Positive
+
+MIN_SIGMA = np.array([0.15, 0.03, 0.01, 0.0, 0.15, 0.0])  # of the state; leaves room for a search
 
 
 class VoteSettings(Settings):
@@ -23,53 +24,39 @@ class VoteSettings(Settings):
     reach_m: Positive
 
 
-@dataclass(frozen=True)
-class LaneGuess:
-    """The lane before or after a vote, with standard deviations."""
-
-    offset_m: float
-    heading_rad: float
-    curvature_1pm: float
-    width_m: float
-    offset_sigma_m: float
-    heading_sigma_rad: float
-    curvature_sigma_1pm: float
-    width_sigma_m: float
-    support: float = 1.0  # score of the winner: 1 = about one point in every row
-
-
 def vote_lane(
-    points: RoadPoints, guess: LaneGuess, settings: VoteSettings, *, bands: int, prior_weight: float
-) -> LaneGuess:
-    """The lane shape (ψ, κ) and the pair of lateral places (e, W) with most points on both lines.
+    points: RoadPoints,
+    guess: Array,
+    prior: LaneState,
+    settings: VoteSettings,
+    *,
+    bands: int,
+    prior_weight: float,
+) -> tuple[Array, float]:
+    """The state ``guess`` with the lane shape (ψ, κ) and the lateral places (e, W) of most points, and its support.
 
     A Hough transform in road coordinates: for each (ψ, κ) the points are binned by their exact distance to
     the circle through the rear axle; the score of a pair of bins is the sum of both, plus the smaller one
-    (two half lines beat one long line), minus a penalty for deviations from ``guess``. Deterministic.
+    (two half lines beat one long line), minus a penalty for deviations from ``guess`` in standard deviations of
+    ``prior``. Support 1 is about one point in every row. Deterministic.
     """
     near = points.x_m < settings.reach_m
     x_m, y_m, weight = points.x_m[near], points.y_m[near], points.weight[near]
-    heading = guess.heading_rad + _steps(settings.heading_range_rad, settings.heading_steps)
-    curvature = guess.curvature_1pm + _steps(settings.curvature_range_1pm, settings.curvature_steps)
-    half_m = guess.width_m / 2 + 2 * guess.width_sigma_m + abs(guess.offset_m) + 2 * guess.offset_sigma_m
+    sigma = np.maximum(np.sqrt(np.diag(prior.covariance)), MIN_SIGMA)
+    heading = guess[PSI] + _steps(settings.heading_range_rad, settings.heading_steps)
+    curvature = guess[KAPPA] + _steps(settings.curvature_range_1pm, settings.curvature_steps)
+    half_m = guess[WIDTH] / 2 + 2 * sigma[WIDTH] + abs(guess[E]) + 2 * sigma[E]
     counts = _histograms(x_m, y_m, weight / max(bands, 1), heading, curvature, half_m, settings.bin_m)
-    unlikely = ((heading - guess.heading_rad) / guess.heading_sigma_rad)[:, None] ** 2
-    unlikely = unlikely + ((curvature - guess.curvature_1pm) / guess.curvature_sigma_1pm) ** 2
-    score, shape, left_m, width_m = _best_pair(
-        counts, prior_weight * unlikely.ravel(), guess, half_m, settings.bin_m, prior_weight
+    unlikely = ((heading - guess[PSI]) / sigma[PSI])[:, None] ** 2
+    unlikely = unlikely + ((curvature - guess[KAPPA]) / sigma[KAPPA]) ** 2
+    support, shape, left_m, width_m = _best_pair(
+        counts, prior_weight * unlikely.ravel(), guess, sigma, half_m, settings.bin_m, prior_weight
     )
     at_heading, at_curvature = divmod(shape, len(curvature))
-    return LaneGuess(
-        offset_m=width_m / 2 - left_m,
-        heading_rad=float(heading[at_heading]),
-        curvature_1pm=float(curvature[at_curvature]),
-        width_m=width_m,
-        offset_sigma_m=guess.offset_sigma_m,
-        heading_sigma_rad=guess.heading_sigma_rad,
-        curvature_sigma_1pm=guess.curvature_sigma_1pm,
-        width_sigma_m=guess.width_sigma_m,
-        support=score,
-    )
+    voted = guess.copy()
+    voted[E], voted[WIDTH] = width_m / 2 - left_m, width_m
+    voted[PSI], voted[KAPPA] = heading[at_heading], curvature[at_curvature]
+    return voted, support
 
 
 def _steps(half_range: float, count: int) -> Array:
@@ -97,19 +84,25 @@ def _histograms(
 
 
 def _best_pair(
-    counts: Array, shape_cost: Array, guess: LaneGuess, half_m: float, bin_m: float, prior_weight: float
+    counts: Array,
+    shape_cost: Array,
+    guess: Array,
+    sigma: Array,
+    half_m: float,
+    bin_m: float,
+    prior_weight: float,
 ) -> tuple[float, int, float, float]:
     """The best score, its lane shape, the place of its left line and the width of its lane [m]."""
     bins = len(counts)
-    low = max(1, math.floor((guess.width_m - 2 * guess.width_sigma_m) / bin_m))
-    high = min(bins - 1, max(low, math.ceil((guess.width_m + 2 * guess.width_sigma_m) / bin_m)))
+    low = max(1, math.floor((guess[WIDTH] - 2 * sigma[WIDTH]) / bin_m))
+    high = min(bins - 1, max(low, math.ceil((guess[WIDTH] + 2 * sigma[WIDTH]) / bin_m)))
     place_m = (np.arange(bins) + 0.5) * bin_m - half_m
     best, found = -math.inf, (0, 0.0, 0.0)
     for width in range(low, high + 1):
         width_m = width * bin_m
-        aside = np.abs(place_m[width:] - width_m / 2 + guess.offset_m) / guess.offset_sigma_m
-        unlikely = aside**2 + 4 * np.maximum(aside - 0.4 * width_m / guess.offset_sigma_m, 0) ** 2
-        unlikely += ((width_m - guess.width_m) / guess.width_sigma_m) ** 2
+        aside = np.abs(place_m[width:] - width_m / 2 + guess[E]) / sigma[E]
+        unlikely = aside**2 + 4 * np.maximum(aside - 0.4 * width_m / sigma[E], 0) ** 2
+        unlikely += ((width_m - guess[WIDTH]) / sigma[WIDTH]) ** 2
         unlikely[aside >= 3] = math.inf
         on_left, on_right = counts[width:], counts[:-width]
         score = on_left + on_right + np.minimum(on_left, on_right) - shape_cost

@@ -2,17 +2,17 @@ import numpy as np
 import pytest
 
 from perception.estimators import lane_cv_settings
-from perception.lane.detection.grid import lateral_grid
-from perception.lane.detection.points import MarkingFilter
-from perception.lane.detection.search import find_lane
+from perception.lane.frame_search import FrameSearch
 from perception.lane.model.evidence import LaneFit
 from perception.lane.model.geometry import WIDTH, E
+from perception.lane.view import make_view
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
-GRID = lateral_grid(CAMERA, reach_m=45.0, band_m=0.1, max_band_px=3)
 SETTINGS = lane_cv_settings()
+VIEW = make_view(SETTINGS, CAMERA)
+GRID = VIEW.grid
 STRIPE_M, WORN_EVERY = 0.12, 4  # from the middle of a double line; bands in a row
 
 
@@ -28,17 +28,8 @@ def picture(lines_m) -> np.ndarray:
     return image
 
 
-def found(image, stages=(SETTINGS.vote.cold, SETTINGS.vote.refine)) -> LaneFit:
-    return find_lane(
-        MarkingFilter(SETTINGS.markings, GRID).points(image),
-        SETTINGS.prior.lane,
-        stages,
-        GRID,
-        fit=SETTINGS.fit,
-        evidence=SETTINGS.evidence,
-        prior_weight=SETTINGS.vote.prior_weight,
-        min_support=SETTINGS.vote.min_support,
-    )
+def search(image: np.ndarray) -> FrameSearch:
+    return FrameSearch(image, VIEW, SETTINGS)
 
 
 def lane_beside_a_double_line(*, worn: bool) -> LaneFit:
@@ -53,7 +44,7 @@ def lane_beside_a_double_line(*, worn: bool) -> LaneFit:
             left.pop(piece)
         return (-1.7, *left)
 
-    return found(picture(lines_m))
+    return search(picture(lines_m)).lines_anywhere()
 
 
 @pytest.mark.parametrize("worn", [False, True])
@@ -78,12 +69,12 @@ def half_a_dash(*, beside_a_line: bool):
 
 
 def test_half_a_dash_counts_as_a_line_next_to_another_line():
-    lane = found(half_a_dash(beside_a_line=True))
+    lane = search(half_a_dash(beside_a_line=True)).lines_anywhere()
     assert lane.boundaries_seen == 2
     assert lane.state.mean[WIDTH] == pytest.approx(3.2, abs=0.03)
 
 
 def test_half_a_dash_alone_counts_as_a_line_only_where_one_is_predicted():
-    alone = half_a_dash(beside_a_line=False)
-    assert found(alone, stages=()).right.seen
-    assert found(alone).boundaries_seen == 0
+    alone = search(half_a_dash(beside_a_line=False))
+    assert alone.lines_at(SETTINGS.prior.lane).right.seen
+    assert alone.lines_anywhere().boundaries_seen == 0

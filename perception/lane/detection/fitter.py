@@ -1,0 +1,119 @@
+"""From boundary points to a lane with evidence: fit it, count the points on its boundaries."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.lane.detection.grid import LateralGrid
+from perception.lane.model.evidence import EvidenceSettings, LaneFit, boundary_support
+from perception.lane.model.fit import FitSettings, Fitted, fit_lane, log_evidence
+from perception.lane.model.geometry import (
+    KAPPA,
+    KAPPA_RATE,
+    PITCH,
+    PSI,
+    WIDTH,
+    E,
+    LaneState,
+    RoadPoints,
+    lane_coordinates,
+    levelled,
+    parallel_curve,
+)
+from trepid.types import Array
+
+STRAIGHT = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])  # times a state: the state without its bend
+EVIDENCE_REACH_M = 30.0  # rows beyond are too few to count as evidence
+MIN_DOUBLE = 0.2  # share of the points of a double line that lie between two stripes
+
+
+@dataclass(frozen=True)
+class LaneFitter:
+    """Fits lanes to the points of one kind of boundary (lines or edges) on a grid."""
+
+    grid: LateralGrid
+    fit: FitSettings
+    evidence: EvidenceSettings
+
+    def fitted(
+        self, points: RoadPoints, side: Array, prior: LaneState, start: Array, straight: LaneState | None
+    ) -> Fitted:
+        """The lane fitted with ``prior``, or with the prior ``straight`` for a straight road.
+
+        The straight lane wins unless the log evidence of the bent one exceeds it by ``straight_log_odds``.
+        """
+        camera, fit = self.grid.camera, self.fit
+        bent = fit_lane(points, side, prior, start, camera, fit)
+        if straight is None:
+            return bent
+        plain = fit_lane(points, side, straight, start * STRAIGHT, camera, fit)
+        odds = log_evidence(plain, points, side, straight, fit) - log_evidence(bent, points, side, prior, fit)
+        return plain if odds + fit.straight_log_odds > 0 else bent
+
+    def assigned(self, points: RoadPoints, mean: Array) -> tuple[RoadPoints, Array]:
+        """The points near a boundary of ``mean`` and the side (+1 left, −1 right) that each is on."""
+        x_m, y_m = levelled(points, mean[PITCH], self.grid.camera)
+        _, distance, _ = lane_coordinates(x_m, y_m, mean)
+        side = np.where(distance > 0, 1.0, -1.0)
+        gate = 3 * (self.fit.gate_m + self.fit.gate_growth * points.x_m) + points.sigma_m
+        close = np.flatnonzero(np.abs(distance - side * (mean[WIDTH] / 2)) < gate)
+        return points.part(close), side[close]
+
+    def with_evidence(
+        self, fitted: Fitted, near: RoadPoints, side: Array, *, count: int, foreseen: bool = False
+    ) -> LaneFit:
+        """The lane fitted to ``near`` with the support of each boundary; ``count``: of all points of the frame.
+
+        A boundary that is seen predicts the other one; with ``foreseen`` both are predicted.
+        """
+        state, residual, gate_m = fitted.state, fitted.residual_m, self.fit.gate_m
+        accepted = (fitted.weight > 0) & (np.abs(residual) < gate_m + near.sigma_m)
+        density_per_m = count / self.grid.area_m2
+        left, right = (
+            boundary_support(
+                near, own, visible, density_per_m=density_per_m, gate_m=gate_m, settings=self.evidence
+            )
+            for own, visible in zip(
+                (accepted & (side > 0), accepted & (side < 0)), self._visible(state.mean), strict=True
+            )
+        )
+        if foreseen or left.seen != right.seen:
+            left, right = left.foreseen(self.evidence), right.foreseen(self.evidence)
+        scaled = (residual / near.sigma_m)[accepted]
+        rms = math.sqrt(float(scaled @ scaled) / len(scaled)) if len(scaled) else 0.0
+        return LaneFit(state=state, left=left, right=right, residual=rms)
+
+    def _visible(self, mean: Array) -> NDArray[np.bool_]:
+        """Whether the left and the right boundary are inside the image and in reach, per band, shape (2, bands).
+
+        Approximates the boundaries by circles plus κ'·x³/6, accurate to a few columns.
+        """
+        grid, camera = self.grid, self.grid.camera
+        stretch = np.maximum(1 + mean[PITCH] / camera.height_m * grid.ahead_m, 0.3)
+        x_m = camera.x_m + grid.ahead_m / stretch
+        place_m = np.array([[0.5], [-0.5]]) * mean[WIDTH] - mean[E]
+        y_m = parallel_curve(x_m, mean[PSI], mean[KAPPA], place_m) + mean[KAPPA_RATE] / 6 * x_m**3
+        aside_m = (y_m - camera.y_m) * stretch - math.tan(camera.yaw_rad) * grid.ahead_m
+        column = camera.cx_px - aside_m * grid.metre_px
+        return (column >= 0) & (column < camera.width_px) & (x_m < EVIDENCE_REACH_M)
+
+
+def on_middles(points: RoadPoints, side: Array, residual_m: Array) -> RoadPoints:
+    """``points`` with single stripes of a double line moved to its middle, where the lane ends.
+
+    Where one stripe is worn away, only the other is detected; its distance from the middle is known from the
+    places with both.
+    """
+    double = points.half_m > 0
+    if not double.any():
+        return points
+    shift_m = np.zeros(len(side))
+    for own in (side > 0, side < 0):
+        both = own & double
+        if np.count_nonzero(both) > MIN_DOUBLE * np.count_nonzero(own):
+            half_m = float(np.median(points.half_m[both]))
+            alone = own & ~double & (np.abs(np.abs(residual_m) - half_m) < half_m / 2)
+            shift_m[alone] = np.copysign(half_m, residual_m[alone])
+    return replace(points, y_m=points.y_m - shift_m) if shift_m.any() else points
