@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 from perception.lane.frame_search import FrameSearch
-from perception.lane.matching import continues, encloses
 from perception.lane.memory import EDGES, LINES, LaneMemory
 from perception.lane.model.evidence import LaneFit
-from perception.lane.model.geometry import WIDTH
+from perception.lane.model.geometry import PSI, WIDTH, E, LaneState
 from perception.lane.model.lane_in_road import along_road, half_with_vehicle, with_neighbour
+from perception.lane.model.prediction import TrackSettings
 from perception.lane.rating import Candidate, Rating
 from perception.lane.settings import LaneCvSettings
 
@@ -84,12 +84,12 @@ class LaneChoice:
         road, track = memory.between_edges, self._settings.track
         if memory.source == EDGES:
             edges = self._rating.candidate(search.edges_at(road))
-            return edges if continues(edges.fit, memory.lane, track) else replace(edges, score=0.0)
+            return edges if _continues(edges.fit, memory.lane, track) else replace(edges, score=0.0)
         keeps_place = memory.lines_define_place
         sides = sorted(SIDES, key=lambda side: side != memory.neighbour) if keeps_place else (0,)
         for side in sides:
             fit = search.edges_at(with_neighbour(road, memory.lane, side))
-            if encloses(fit, memory.lane, side, track):
+            if _encloses(fit, memory.lane, side, track):
                 memory.neighbour = side
                 if keeps_place:
                     fit = replace(fit, state=along_road(memory.lane, fit.state))
@@ -124,7 +124,7 @@ class LaneChoice:
             if rival is not None and rival.score > weak.score + track.rival_margin:
                 assert memory.lane is not None
                 self._rival_looks += 1
-                if continues(rival.fit, memory.lane, track) or self._rival_looks >= track.confirm_looks:
+                if _continues(rival.fit, memory.lane, track) or self._rival_looks >= track.confirm_looks:
                     memory.looks = 0
                     return self._kept(rival)
             else:
@@ -150,3 +150,24 @@ class LaneChoice:
 
     def _probability(self, candidate: Candidate, memory: LaneMemory) -> float:
         return self._rating.probability_of(candidate, looks=memory.looks)
+
+
+def _continues(fit: LaneFit, lane: LaneState, track: TrackSettings) -> bool:
+    """Whether offset and heading of ``fit`` are close to those of ``lane``."""
+    change = fit.state.mean - lane.mean
+    return bool(abs(change[E]) < track.gate_offset_m and abs(change[PSI]) < track.gate_heading_rad)
+
+
+def _encloses(edges: LaneFit, lane: LaneState, neighbour: int, track: TrackSettings) -> bool:
+    """Whether both ``edges`` are parallel to ``lane`` and lie just outside it.
+
+    The edge on the side ``neighbour`` (1 left, −1 right, 0 none) lies outside a second lane on that side,
+    whose width is known only roughly. At the mouth of a side road an edge is not parallel to the lane.
+    """
+    change = edges.state.mean - lane.mean
+    if edges.boundaries_seen < 2 or abs(change[PSI]) >= track.edge_gate_heading_rad:
+        return False
+    outside_m = {side: float(change[WIDTH] / 2 - side * change[E]) for side in (1, -1)}
+    if neighbour and abs(outside_m.pop(neighbour) - lane.mean[WIDTH]) >= track.edge_gate_width_m:
+        return False
+    return all(-track.edge_gate_offset_m < gap_m < track.edge_gate_width_m for gap_m in outside_m.values())

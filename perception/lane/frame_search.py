@@ -41,7 +41,7 @@ class FrameSearch:
         return self._between_lines(predicted, predicted.mean, foreseen=True)
 
     def edges_anywhere(self) -> LaneFit:
-        """The road whose edges enclose the most road likelihood among all shapes, then among shapes near the best."""
+        """The road whose edges enclose the most road likelihood: among all shapes, then near the best one."""
         finder, prior = self._view.edges, self._settings.prior
         sums, steps = self._road_sums, finder.steps(self._road_image)
         start = finder.search(sums, steps, prior.road)

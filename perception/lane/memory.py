@@ -6,8 +6,7 @@ from perception.lane.model.geometry import LaneState
 from perception.lane.model.lane_in_road import lane_within, road_around
 from perception.lane.model.prediction import Motion, predict, steady, travelled_m
 from perception.lane.model.prior import looks_straight, on_straight
-from perception.lane.model.score import NO_FACTORS
-from perception.lane.rating import Candidate, Rating
+from perception.lane.rating import NO_FACTORS, Candidate, Rating
 from perception.lane.settings import LaneCvSettings
 
 MIN_UNSEEN_S = 0.25  # a lane is remembered at least this long without detection

@@ -9,7 +9,6 @@ from perception.lane.camera_check import CameraCheckSettings
 from perception.lane.detection.edges import EdgeSettings
 from perception.lane.detection.points import MarkingSettings
 from perception.lane.detection.vote import VoteSettings
-from perception.lane.model.confidence import ConfidenceSettings
 from perception.lane.model.evidence import EvidenceSettings
 from perception.lane.model.fit import FitSettings
 from perception.lane.model.prediction import TrackSettings
@@ -27,6 +26,23 @@ class VoteStages(Settings):
     tracked: VoteSettings
     prior_weight: Positive
     min_support: Positive
+
+
+class ConfidenceSettings(Settings):
+    """Section ``confidence``: weights of the logistic regression of the probability (:mod:`.rating`)."""
+
+    bias: float
+    support: float
+    plausible: float
+    tight: float
+    sure: float
+    one_line: float
+    by_edges: float
+    looks: float
+    askew: float
+    bend: float
+    bent_edges: float
+    apart: float
 
 
 class LaneCvSettings(Settings):

@@ -14,7 +14,8 @@ import typer
 
 from perception.estimators import lane_cv_settings
 from perception.lane.lane_cv import LaneCv
-from perception.lane.model.confidence import ConfidenceSettings, Features
+from perception.lane.rating import Features
+from perception.lane.settings import ConfidenceSettings
 from sim_harness.bench.perception.clips import GAP, Case, Moment, harness_set, moments
 from sim_harness.bench.perception.scores import TOLERANCE_RAD
 from sim_harness.world.roads.drawn import SNOW_COVER

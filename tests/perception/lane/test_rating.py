@@ -4,19 +4,23 @@ import numpy as np
 import pytest
 
 from perception.estimators import lane_cv_settings
-from perception.lane.model.confidence import ConfidenceSettings, features, probability
-from perception.lane.model.score import NO_FACTORS, Factors
+from perception.lane.model.geometry import KAPPA, PSI, LaneState
+from perception.lane.rating import NO_FACTORS, Factors, Rating
+from perception.lane.settings import ConfidenceSettings
 
-WEIGHTS = lane_cv_settings().confidence
+RATING = Rating(lane_cv_settings())
+SURE_LOOKS = lane_cv_settings().evidence.sure_looks
 BEST = Factors(1.0, 1.0, 1.0, 1.0, 1.0, one_line=False, by_edges=False)
 
 
-def probable(
-    factors: Factors, *, looks: float = 1.0, heading_rad: float = 0.0, curvature_1pm: float = 0.0
-) -> float:
-    return probability(
-        features(factors, looks=looks, heading_rad=heading_rad, curvature_1pm=curvature_1pm), WEIGHTS
-    )
+def features(factors: Factors, looks: int = SURE_LOOKS, heading_rad: float = 0.0, curvature_1pm: float = 0.0):
+    mean = np.zeros(6)
+    mean[[PSI, KAPPA]] = heading_rad, curvature_1pm
+    return RATING.features(factors, LaneState(mean, np.eye(6)), looks=looks)
+
+
+def probable(factors: Factors, **state: float) -> float:
+    return RATING.probability(features(factors, **state))
 
 
 def test_two_good_lines_are_probable_and_no_lines_are_not():
@@ -34,7 +38,7 @@ def test_one_line_edges_a_first_detection_and_a_heading_error_reduce_the_probabi
     worse = [
         probable(replace(BEST, one_line=True)),
         probable(replace(BEST, by_edges=True)),
-        probable(BEST, looks=0.1),
+        probable(BEST, looks=1),
         probable(BEST, heading_rad=0.3),
     ]
     assert max(worse) < probable(BEST)
@@ -52,5 +56,5 @@ def test_left_and_right_have_the_same_probability():
 
 
 def test_there_is_a_weight_for_every_feature():
-    count = len(features(BEST, looks=1.0, heading_rad=0.0, curvature_1pm=0.0))
+    count = len(features(BEST))
     assert count == len(ConfidenceSettings.model_fields)
