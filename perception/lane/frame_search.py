@@ -71,7 +71,7 @@ class FrameSearch:
         """The lane with the most votes in the last of ``stages``, each around the one before, then fitted."""
         vote, grid = self._settings.vote, self._view.grid
         x_m, y_m = levelled(self._points, prior.mean[PITCH], grid.camera)
-        flat = replace(self._points, x_m=x_m, y_m=y_m)
+        flat = self._points._replace(x_m=x_m, y_m=y_m)
         start, support = prior.mean, 0.0
         for stage in stages:
             start, support = vote_lane(

@@ -25,9 +25,8 @@ def ribbon(image, camera, lane, place_m, width_m, colour, drawn=lambda station_m
     edges = []
     for place in (place_m + width_m / 2, place_m - width_m / 2 + 1e-9):
         curve = lane_curve(np.array([*lane, 2 * abs(place), 0.0]), station_m)
-        left = place > 0
-        x, y = (curve.left_x_m, curve.left_y_m) if left else (curve.right_x_m, curve.right_y_m)
-        edges.append(camera.pixel_from_road(np.column_stack([x, y])))
+        edge = curve[0 if place > 0 else 1]
+        edges.append(camera.pixel_from_road(np.column_stack([edge.real, edge.imag])))
     for number in range(len(edges[0]) - 1):
         corners = np.array([*edges[0][number : number + 2], *edges[1][number : number + 2][::-1]])
         if drawn(station_m[number]) and np.isfinite(corners).all() and np.abs(corners).max() < 5000:

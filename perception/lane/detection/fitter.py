@@ -1,7 +1,7 @@
 """From boundary points to a lane with evidence: fit it, count the points on its boundaries."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,4 +116,4 @@ def on_middles(points: RoadPoints, side: Array, residual_m: Array) -> RoadPoints
             half_m = float(np.median(points.half_m[both]))
             alone = own & ~double & (np.abs(np.abs(residual_m) - half_m) < half_m / 2)
             shift_m[alone] = np.copysign(half_m, residual_m[alone])
-    return replace(points, y_m=points.y_m - shift_m) if shift_m.any() else points
+    return points._replace(y_m=points.y_m - shift_m) if shift_m.any() else points

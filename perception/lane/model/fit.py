@@ -1,7 +1,7 @@
 """The robust fit of a lane to boundary points under a Gaussian prior."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -147,7 +147,7 @@ def _with_model_error(points: RoadPoints, start: Array, settings: FitSettings) -
     reach = points.x_m
     kappa = np.maximum(abs(start[KAPPA]), np.abs(start[KAPPA] + start[KAPPA_RATE] * reach))
     missed_m = settings.bend_doubt * kappa * np.sqrt(kappa) * reach**3
-    return replace(points, sigma_m=np.hypot(points.sigma_m, np.minimum(missed_m, MAX_MODEL_ERROR_M)))
+    return points._replace(sigma_m=np.hypot(points.sigma_m, np.minimum(missed_m, MAX_MODEL_ERROR_M)))
 
 
 def _shared_weight(points: RoadPoints, side: Array, settings: FitSettings) -> Array:

@@ -8,6 +8,7 @@ boundaries are parallel curves, so they share all of x but the sign of W/2.
 import cmath
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,7 @@ class LaneState:
         return Lane(*self.mean[[E, PSI, KAPPA, KAPPA_RATE]].tolist())
 
 
-@dataclass(frozen=True)
-class RoadPoints:
+class RoadPoints(NamedTuple):
     """Points in the vehicle frame that may belong to a boundary; arrays of shape (n,)."""
 
     x_m: Array
@@ -49,14 +49,7 @@ class RoadPoints:
 
     def part(self, chosen: NDArray[np.intp]) -> "RoadPoints":
         """The points with the indices ``chosen``."""
-        return RoadPoints(
-            x_m=self.x_m[chosen],
-            y_m=self.y_m[chosen],
-            sigma_m=self.sigma_m[chosen],
-            weight=self.weight[chosen],
-            band=self.band[chosen],
-            half_m=self.half_m[chosen],
-        )
+        return RoadPoints(*(column[chosen] for column in self))
 
 
 def lane_coordinates(x_m: Array, y_m: Array, mean: Array) -> tuple[Array, Array, Array]:
@@ -106,17 +99,6 @@ def levelled(points: RoadPoints, pitch_rad: float, camera: Camera) -> tuple[Arra
     return camera.x_m + ahead * shrink, camera.y_m + left * shrink
 
 
-@dataclass(frozen=True)
-class LaneCurve:
-    """Both boundaries of a lane as polylines in the vehicle frame, near to far; arrays of shape (n,)."""
-
-    station_m: Array
-    left_x_m: Array
-    left_y_m: Array
-    right_x_m: Array
-    right_y_m: Array
-
-
 def centre_line(
     station_m: Array, turned_rad: Array, *, offset_m: float, heading_rad: float
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -132,8 +114,8 @@ def centre_line(
     return centre, along
 
 
-def lane_curve(mean: Array, station_m: Array) -> LaneCurve:
-    """Boundaries of the lane at stations ``station_m``, which begin at or below 0: the clothoid ± W/2 along n.
+def lane_curve(mean: Array, station_m: Array) -> NDArray[np.complex128]:
+    """The left and the right boundary at stations ``station_m``, which begin at or below 0: x + iy, shape (2, n).
 
     φ(s) = −ψ + κ0·s + κ'·s²/2, centre = −e·n(φ(0)) + ∫(cos φ, sin φ) ds by the trapezoidal rule, cut where
     the lane has turned by more than ``MAX_TURN_RAD``.
@@ -145,11 +127,4 @@ def lane_curve(mean: Array, station_m: Array) -> LaneCurve:
         station_m, turned = station_m[keep], turned[keep]
     centre, along = centre_line(station_m, turned, offset_m=offset, heading_rad=heading)
     aside = 1j * width / 2 * along
-    left, right = centre + aside, centre - aside
-    return LaneCurve(
-        station_m=station_m,
-        left_x_m=left.real,
-        left_y_m=left.imag,
-        right_x_m=right.real,
-        right_y_m=right.imag,
-    )
+    return np.stack([centre + aside, centre - aside])

@@ -21,12 +21,11 @@ def boundary_paths(lane: LaneState, camera: Camera, *, reach_m: float) -> tuple[
     """Both boundaries as pixels of the input image, one every ten rows from the bottom up."""
     last = camera.height_px // ROW_STEP_PX * ROW_STEP_PX  # the lower border of the image
     rows = np.arange(last, -1, -ROW_STEP_PX, dtype=float)
-    if not any(camera.distortion):
-        left, right = boundary_columns(lane.mean, camera, rows, reach_m=reach_m)
-        return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)
-    fine = np.arange(1.2 * camera.height_px, -1.0, -2.0)
-    columns = boundary_columns(lane.mean, camera, fine, reach_m=reach_m)
-    left, right = (_distorted_columns(column, fine, rows, camera) for column in columns)
+    distorted = any(camera.distortion)
+    seen_in = np.arange(1.2 * camera.height_px, -1.0, -2.0) if distorted else rows
+    left, right = boundary_columns(lane.mean, camera, seen_in, reach_m=reach_m)
+    if distorted:
+        left, right = (_distorted_columns(columns, seen_in, rows, camera) for columns in (left, right))
     return _path(left, rows, camera.width_px), _path(right, rows, camera.width_px)
 
 
@@ -75,10 +74,7 @@ def boundary_columns(mean: Array, camera: Camera, rows_px: Array, *, reach_m: fl
     """Columns of the left and the right boundary at image rows ``rows_px``; NaN where not visible."""
     curve = lane_curve(mean, STATIONS_M[reach_m + 1e-9 >= STATIONS_M])
     matrix = _pitched(camera, float(mean[PITCH]))
-    road = np.ones((3, 2, len(curve.station_m)))
-    road[0, 0], road[1, 0], road[0, 1], road[1, 1] = (
-        curve.left_x_m, curve.left_y_m, curve.right_x_m, curve.right_y_m,
-    )  # fmt: skip
+    road = np.stack([curve.real, curve.imag, np.ones_like(curve.real)])
     u, v, depth = (matrix @ road.reshape(3, -1)).reshape(road.shape)
     depth = np.where(depth > 0.3, depth, np.nan)
     u, v = u / depth, v / depth

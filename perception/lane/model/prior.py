@@ -42,28 +42,20 @@ class PriorSettings(Settings):
     @property
     def lane(self) -> LaneState:
         """The prior of a lane between two lines."""
-        return prior_state(self, width_m=self.width_m, width_sigma_m=self.width_sigma_m)
+        return self._state(self.width_m, self.width_sigma_m)
 
     @property
     def road(self) -> LaneState:
         """The prior of a road between two edges."""
-        return prior_state(self, width_m=self.road_width_m, width_sigma_m=self.road_width_sigma_m)
+        return self._state(self.road_width_m, self.road_width_sigma_m)
 
-
-def prior_state(settings: PriorSettings, *, width_m: float, width_sigma_m: float) -> LaneState:
-    """A straight lane with the vehicle in its centre, as wide as given, with the deviations of ``settings``."""
-    mean = np.zeros(6)
-    mean[WIDTH] = width_m
-    sigma = np.array(
-        [
-            settings.offset_sigma_m,
-            settings.heading_sigma_rad,
-            *settings.bend_sigma,
-            width_sigma_m,
-            settings.pitch_sigma_rad,
-        ]
-    )
-    return LaneState(mean=mean, covariance=np.diag(sigma**2))
+    def _state(self, width_m: float, width_sigma_m: float) -> LaneState:
+        """A straight lane with the vehicle in its centre."""
+        mean = np.zeros(6)
+        mean[WIDTH] = width_m
+        place_sigma = self.offset_sigma_m, self.heading_sigma_rad
+        sigma = np.array([*place_sigma, *self.bend_sigma, width_sigma_m, self.pitch_sigma_rad])
+        return LaneState(mean=mean, covariance=np.diag(sigma**2))
 
 
 def straightened(state: LaneState, settings: PriorSettings) -> LaneState:

@@ -237,8 +237,8 @@ def test_boundaries_are_pixels_of_the_input_image_every_ten_rows_from_the_bottom
         assert len(path) > 20 and all(y % 10 == 0 for y in rows)
         assert np.diff(rows) == pytest.approx(-10)
         truth = lane_curve(np.array([*lane, 3.4, 0.0]), np.arange(0.0, 40.0, 0.5))
-        x, y = (truth.left_x_m, truth.left_y_m) if side > 0 else (truth.right_x_m, truth.right_y_m)
-        u, v = big.pixel_from_road(np.column_stack([x, y])[6:]).T
+        edge = truth[0 if side > 0 else 1]
+        u, v = big.pixel_from_road(np.column_stack([edge.real, edge.imag])[6:]).T
         for x_px, y_px in path:
             if v.min() < y_px < v.max():
                 assert x_px == pytest.approx(np.interp(-y_px, -v, u), abs=6)

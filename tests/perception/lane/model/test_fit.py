@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,8 +31,7 @@ lanes = st.tuples(
 def boundary_points(mean: np.ndarray) -> tuple[RoadPoints, np.ndarray]:
     """Exact points of both boundaries of the lane ``mean``, and their sides."""
     curve = lane_curve(mean, np.arange(0.0, 15.0, 0.25))
-    x = np.concatenate([curve.left_x_m[12:], curve.right_x_m[12:]])
-    y = np.concatenate([curve.left_y_m[12:], curve.right_y_m[12:]])
+    x, y = curve[:, 12:].real.ravel(), curve[:, 12:].imag.ravel()
     side = np.repeat([1.0, -1.0], len(x) // 2)
     points = RoadPoints(
         x_m=x,
@@ -95,7 +93,7 @@ def test_a_third_of_outliers_moves_the_fit_by_centimetres_only():
     points, side = boundary_points(mean)
     y = points.y_m.copy()
     y[::3] += np.random.default_rng(3).uniform(-1.0, 1.0, len(y[::3]))
-    fitted = fit_lane(replace(points, y_m=y), side, SETTINGS.prior.lane, mean, CAMERA, SETTINGS.fit)
+    fitted = fit_lane(points._replace(y_m=y), side, SETTINGS.prior.lane, mean, CAMERA, SETTINGS.fit)
     assert fitted.state.mean[E] == pytest.approx(0.2, abs=0.05)
     assert fitted.state.mean[PSI] == pytest.approx(0.03, abs=0.02)
 
@@ -106,7 +104,7 @@ def test_a_pitching_camera_is_distinguished_from_a_widening_lane():
     grown = (
         1 + 0.01 * (points.x_m - CAMERA.x_m) / CAMERA.height_m
     )  # points 0.01 rad further down than its pitch
-    seen = replace(points, x_m=CAMERA.x_m + (points.x_m - CAMERA.x_m) * grown, y_m=points.y_m * grown)
+    seen = points._replace(x_m=CAMERA.x_m + (points.x_m - CAMERA.x_m) * grown, y_m=points.y_m * grown)
     fitted = fit_lane(seen, side, SETTINGS.prior.lane, mean, CAMERA, SETTINGS.fit)
     assert fitted.state.mean[PITCH] == pytest.approx(0.01, abs=0.002)
     assert fitted.state.mean[WIDTH] == pytest.approx(3.5, abs=0.05)
