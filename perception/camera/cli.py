@@ -19,6 +19,8 @@ from trepid.types import Image
 MIN_SPEED_MPS = 1.0
 MAX_BOARDS = 60  # of a video
 SAME_RATIO = 0.01  # tolerance of width over height
+LENS_REPORT = ("boards", "left_out", "reprojection_px", "focal_doubt", "cover")
+MOUNTING_REPORT = ("frames", "sway_rad", "height_from", "height_doubt")
 app = typer.Typer(no_args_is_help=True)
 
 
@@ -69,14 +71,12 @@ def calibrate(
     if boards:
         lens = intrinsics(_pictures(boards), _corners(corners))
         measured = _with_lens(measured, lens)
-        notes["intrinsics"], report["intrinsics"] = _lens_note(lens), _lens_report(lens)
+        notes["intrinsics"], report["intrinsics"] = _lens_note(lens), _fields(lens, LENS_REPORT)
     if straight is not None:
         steps = steps_of(straight, speed_mps=speed)
         found = mounting(steps, _same_lens(measured, steps[0].image, straight), lane_width_m=lane_width)
-        measured = measured.model_copy(
-            update={name: getattr(found, name) for name in ("pitch_down_rad", "yaw_rad", "height_m")}
-        )
-        notes["extrinsics"], report["extrinsics"] = _mounting_note(found), _mounting_report(found)
+        measured = measured.model_copy(update=_fields(found, ("pitch_down_rad", "yaw_rad", "height_m")))
+        notes["extrinsics"], report["extrinsics"] = _mounting_note(found), _fields(found, MOUNTING_REPORT)
     text = camera_yaml(measured, notes)
     if out is not None:
         _write(out, text)
@@ -86,6 +86,10 @@ def calibrate(
         print(text, end="")
     else:
         print("\n".join([f"{out} written", *notes.values()]))
+
+
+def _fields(measured: Intrinsics | Mounting, names: tuple[str, ...]) -> dict[str, Any]:
+    return {name: getattr(measured, name) for name in names}
 
 
 def _corners(text: str) -> tuple[int, int]:
@@ -127,7 +131,7 @@ def _with_lens(camera: Camera, lens: Intrinsics) -> Camera:
             "fy_px": round(float(lens.matrix[1, 1]), 2),
             "cx_px": round(float(lens.matrix[0, 2]), 2),
             "cy_px": round(float(lens.matrix[1, 2]), 2),
-            "distortion": tuple(round(value, 5) for value in lens.distortion),
+            "distortion": tuple(round(float(value), 5) for value in lens.distortion),
         }
     )
 
@@ -140,31 +144,12 @@ def _lens_note(lens: Intrinsics) -> str:
     )
 
 
-def _lens_report(lens: Intrinsics) -> dict[str, Any]:
-    return {
-        "boards": list(lens.boards),
-        "left_out": dict(lens.left_out),
-        "reprojection_px": lens.reprojection_px,
-        "focal_doubt": lens.focal_doubt,
-        "cover": lens.cover,
-    }
-
-
 def _mounting_note(found: Mounting) -> str:
     doubt = "" if found.height_doubt is None else f" within {100 * found.height_doubt:.1f} %"
     return (
         f"mounting: {found.frames} frames of driving straight,"
         f" heading within {math.degrees(found.sway_rad):.1f}°; height from {found.height_from}{doubt}"
     )
-
-
-def _mounting_report(found: Mounting) -> dict[str, Any]:
-    return {
-        "frames": found.frames,
-        "sway_rad": found.sway_rad,
-        "height_from": found.height_from,
-        "height_doubt": found.height_doubt,
-    }
 
 
 def camera_yaml(camera: Camera, notes: dict[str, str]) -> str:

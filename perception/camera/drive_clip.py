@@ -1,6 +1,5 @@
 """Pairs of frames spread over a clip of driving, with the distance between them, for calibration."""
 
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,10 +9,10 @@ import numpy as np
 from perception.camera.height import Step
 from perception.images.sources import NOMINAL_FPS, Clip, Still, sources
 from trepid.config import InputError
-from trepid.messages import CompressedFrame, VehicleState
+from trepid.messages import CompressedFrame
 from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE
-from trepid.types import Image
+from trepid.types import Array, Image
 
 MAX_STEPS = 40
 MAX_FRAMES = 20_000  # of a folder or video: 13 min at 25 Hz
@@ -54,43 +53,32 @@ def _frames(found: list[Clip | Still], wanted: set[int], count: int) -> dict[int
     return {number: stills[number].read() for number in sorted(wanted) if number < count}
 
 
-def _recorded(path: Path, speed_mps: float | None) -> list[Step]:
+def _recorded(path: Path, given_mps: float | None) -> list[Step]:
     """Frames of a recording in which the vehicle drives, at the recorded speeds unless one is given."""
     recorded = read_recording(path, CAMERA_COMPRESSED.key, VEHICLE_STATE.key)
     frames = [frame for _, frame in recorded.of(CAMERA_COMPRESSED)]
     if len(frames) < 2:
         raise InputError(f"{path}: {len(frames)} camera frames in this recording, at least 2 expected")
-    speeds = _Speeds([state for _, state in recorded.of(VEHICLE_STATE)], speed_mps)
-    steps = list(_driven(frames, speeds))
-    if not steps:
-        raise InputError(f"{path}: the vehicle never drives {MIN_SPEED_MPS} m/s in this recording")
-    return [steps[at] for at in sorted({*np.linspace(0, len(steps) - 1, MAX_STEPS).astype(int).tolist()})]
-
-
-class _Speeds:
-    """The speed of the vehicle over time."""
-
-    def __init__(self, states: list[VehicleState], speed_mps: float | None) -> None:
-        self._given = speed_mps
-        known = [(state.t_s, state.speed_mps) for state in states if state.speed_mps is not None]
-        self._t_s, self._mps = np.array(known, float).reshape(-1, 2).T
-
-    def at(self, t_s: float) -> float | None:
-        """The speed [m/s]; None without a recorded one within ``STALE_S``."""
-        if self._given is not None:
-            return self._given
-        if not len(self._t_s) or np.abs(self._t_s - t_s).min() > STALE_S:
-            return None
-        return float(np.interp(t_s, self._t_s, self._mps))
-
-
-def _driven(frames: list[CompressedFrame], speeds: _Speeds) -> Iterator[Step]:
+    states = [state for _, state in recorded.of(VEHICLE_STATE)]
+    known = np.array([(s.t_s, s.speed_mps) for s in states if s.speed_mps is not None], float).reshape(-1, 2)
+    driven: list[tuple[CompressedFrame, CompressedFrame, float | None]] = []
     for frame, following in pairwise(frames):
-        speed_mps, dt_s = speeds.at(frame.t_s), following.t_s - frame.t_s
-        if (speed_mps is not None and speed_mps < MIN_SPEED_MPS) or not 0 < dt_s < STALE_S:
-            continue
-        way_m = None if speed_mps is None else speed_mps * dt_s
-        yield Step(_image(frame), _image(following), way_m)
+        speed_mps = _speed_at(frame.t_s, known) if given_mps is None else given_mps
+        dt_s = following.t_s - frame.t_s
+        if (speed_mps is None or speed_mps >= MIN_SPEED_MPS) and 0 < dt_s < STALE_S:
+            driven.append((frame, following, None if speed_mps is None else speed_mps * dt_s))
+    if not driven:
+        raise InputError(f"{path}: the vehicle never drives {MIN_SPEED_MPS} m/s in this recording")
+    chosen = sorted({*np.linspace(0, len(driven) - 1, MAX_STEPS).astype(int).tolist()})
+    return [Step(_image(driven[at][0]), _image(driven[at][1]), driven[at][2]) for at in chosen]
+
+
+def _speed_at(t_s: float, known: Array) -> float | None:
+    """The speed [m/s] by the recorded (time, speed), shape (n, 2); None without one within ``STALE_S``."""
+    times_s, speeds_mps = known.T
+    if not len(known) or np.abs(times_s - t_s).min() > STALE_S:
+        return None
+    return float(np.interp(t_s, times_s, speeds_mps))
 
 
 def _image(frame: CompressedFrame) -> Image:

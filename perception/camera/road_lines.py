@@ -1,16 +1,17 @@
-"""Segments along a road, and the vanishing point at which they meet."""
+"""Line segments of an image, those along a road, and the vanishing point at which they meet."""
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.grey import grey
-from perception.camera.segments import Segments, segments
 from trepid.camera import Camera
 from trepid.config import InputError
-from trepid.types import Array, Image
+from trepid.types import Array, Image, Mask
 
 MIN_SEGMENT = 0.03  # length over the width of the image
 MIN_RISE = 0.12  # rise over length; flatter segments are shadows, kerbs across the road, the horizon
@@ -20,6 +21,42 @@ ROUNDS = 12  # of iteratively reweighted least squares
 MIN_SEGMENTS = 4  # in a frame
 MIN_SHARE = 0.3  # of the length of all segments that points to one place
 BONNET_SHARE = 0.92  # below this share of the image height the vehicle itself may be visible
+
+
+class Segments(NamedTuple):
+    """Line segments of an image."""
+
+    middle_px: Array  # (n, 2)
+    direction: Array  # (n, 2), unit vectors pointing up
+    length_px: Array  # (n,)
+
+    def part(self, chosen: Mask) -> "Segments":
+        """The segments where ``chosen``, shape (n,), is true."""
+        return Segments(*(values[chosen] for values in self))
+
+    def angle_to_rad(self, point_px: Array) -> Array:
+        """Angle between each segment and the ray from its middle to a point; π for a segment above the point."""
+        to = point_px - self.middle_px
+        distance = np.hypot(*to.T) + 1e-9
+        sine = (to[:, 0] * self.direction[:, 1] - to[:, 1] * self.direction[:, 0]) / distance
+        below = (to * self.direction).sum(axis=1) > 0
+        return np.where(below, np.arcsin(np.clip(sine, -1, 1)), np.pi)
+
+
+def segments(grey: Image) -> Segments:
+    """All segments of a grey image: Grompone von Gioi et al., LSD: a Line Segment Detector, IPOL 2012."""
+    found = cv2.createLineSegmentDetector().detect(grey)[0]
+    ends = np.empty((0, 4)) if found is None else np.asarray(found, float).reshape(-1, 4)
+    start, end = ends[:, :2], ends[:, 2:]
+    span = end - start
+    span *= np.where(span[:, 1] > 0, -1.0, 1.0)[:, None]
+    length_px = np.hypot(span[:, 0], span[:, 1])
+    return Segments((start + end) / 2, span / np.maximum(length_px, 1e-9)[:, None], length_px)
+
+
+def joined(images: Sequence[Segments]) -> Segments:
+    """The segments of several images."""
+    return Segments(*(np.concatenate(values) for values in zip(*images, strict=True)))
 
 
 def road_segments(image: Image, camera: Camera) -> Segments:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from perception.camera.grey import small_grey
-from perception.camera.segments import Segments, segments
+from perception.camera.road_lines import Segments, segments
 from trepid.camera import Camera
 from trepid.config import Settings
 from trepid.types import Array, Positive, Share
@@ -42,13 +42,13 @@ class VanishingPoint(NamedTuple):
     y: float
 
 
-def assumed_camera(
-    width_px: int, height_px: int, horizon: float, settings: SelfCalibrationSettings
-) -> Camera:
-    """A typical windscreen camera with the horizon at the share ``horizon`` of the image height.
+def self_calibrated(images: Sequence[NDArray[np.uint8]], settings: SelfCalibrationSettings) -> Camera:
+    """A typical windscreen camera for ``images`` of equal size, with the median horizon of their vanishing points.
 
     A flat road straight ahead vanishes at v = cy − f·tan(pitch), so pitch = atan((cy − v)/f).
     """
+    height_px, width_px = (max(size, MIN_CAMERA_PX) for size in images[0].shape[:2])
+    horizon = float(np.median([vanishing_point(image, settings).y for image in images]))
     focal_px = settings.focal_per_width * width_px
     centre_y_px = (height_px - 1) / 2
     return Camera(
@@ -64,13 +64,6 @@ def assumed_camera(
         pitch_down_rad=math.atan((centre_y_px - horizon * height_px) / focal_px),
         yaw_rad=0.0,
     )
-
-
-def self_calibrated(images: Sequence[NDArray[np.uint8]], settings: SelfCalibrationSettings) -> Camera:
-    """A typical camera for ``images`` of equal size, with the median horizon of their vanishing points."""
-    height_px, width_px = (max(size, MIN_CAMERA_PX) for size in images[0].shape[:2])
-    horizon = float(np.median([vanishing_point(image, settings).y for image in images]))
-    return assumed_camera(width_px, height_px, horizon, settings)
 
 
 def vanishing_point(image: NDArray[np.uint8], settings: SelfCalibrationSettings) -> VanishingPoint:

@@ -22,12 +22,13 @@ from perception.camera.road_lines import (
     MIN_SEGMENTS,
     NEAR_RAD,
     ROUNDS,
+    Segments,
     common_point,
+    joined,
     meeting_point,
     pitch_and_yaw,
     road_segments,
 )
-from perception.camera.segments import Segments, joined
 from trepid.camera import Camera
 from trepid.config import InputError
 from trepid.types import Array

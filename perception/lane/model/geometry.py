@@ -49,7 +49,7 @@ class RoadPoints(NamedTuple):
 
     def part(self, chosen: NDArray[np.intp]) -> "RoadPoints":
         """The points with the indices ``chosen``."""
-        return RoadPoints(*(column[chosen] for column in self))
+        return RoadPoints._make(column[chosen] for column in self)
 
 
 def lane_coordinates(x_m: Array, y_m: Array, mean: Array) -> tuple[Array, Array, Array]:
