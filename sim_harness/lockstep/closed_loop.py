@@ -274,9 +274,10 @@ class ClosedLoop:
         """``estimate`` under the faults of the estimator ``name`` that are active."""
         wheelbase_m = self._parts.vehicle.wheelbase_m
         for fault in self._scenario.faults:
-            if isinstance(fault, EstimatorBias | LostLane) and fault.active(now_s):
-                if fault.estimator in (name, None):
-                    estimate = fault.falsified(estimate, wheelbase_m=wheelbase_m)
+            if not isinstance(fault, EstimatorBias | LostLane) or fault.estimator not in (name, None):
+                continue
+            if fault.active(now_s):
+                estimate = fault.falsified(estimate, wheelbase_m=wheelbase_m)
         return estimate
 
 

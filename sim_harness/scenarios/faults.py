@@ -57,7 +57,7 @@ class LostProcess(Span):
 
 
 class EstimatorBias(Span):
-    """An estimator reports a wrong lane, or the wrong angle of that lane, with its usual confidence or `confidence`.
+    """An estimator reports a wrong lane, or the angle of that lane, with its usual confidence or `confidence`.
 
     Estimates without a lane or angle stay as they are. With one such fault for each estimator both are wrong alike.
     """
