@@ -14,7 +14,7 @@ import typer
 
 from perception.camera.self_calibration import self_calibrated
 from perception.estimators import ESTIMATORS, entry_of, estimators, lane_cv_settings, no_estimator
-from perception.images.annotate import annotated, as_path
+from perception.images.annotate import annotated, as_path, number
 from perception.images.frames import FrameResult, Step, print_json, print_table, results, written
 from perception.images.sources import Source, Still
 from perception.lead.cli import estimate_leads
@@ -27,7 +27,7 @@ from trepid.vehicle import Vehicle
 CALIBRATION_FRAMES = 9
 LEAD = "lead"
 ASSUMED = "no --camera given: metres rest on an assumed camera, its horizon found in each image or clip"
-COLUMNS = (
+COLUMNS = [
     "file",
     "frame",
     "offset m",
@@ -39,7 +39,7 @@ COLUMNS = (
     "conf.",
     "ms",
     "reason",
-)
+]
 
 
 def estimate(
@@ -157,17 +157,13 @@ def _cells(one: FrameResult[SteeringEstimate]) -> list[str]:
     return [
         one.path.name,
         str(one.number),
-        _number(result.lateral_offset_m, "+.2f"),
-        _number(None if heading is None else math.degrees(heading), "+.2f"),
-        _number(result.curvature_1pm, "+.4f"),
-        _number(None if wheel is None else math.degrees(wheel), "+.2f"),
-        _number(result.lane_width_m, ".2f"),
+        number(result.lateral_offset_m, "{:+.2f}"),
+        number(None if heading is None else math.degrees(heading), "{:+.2f}"),
+        number(result.curvature_1pm, "{:+.4f}"),
+        number(None if wheel is None else math.degrees(wheel), "{:+.2f}"),
+        number(result.lane_width_m, "{:.2f}"),
         str(result.lanes_detected),
         f"{result.confidence:.2f}",
-        _number(one.latency_ms, ".1f"),
+        number(one.latency_ms, "{:.1f}"),
         result.reason,
     ]
-
-
-def _number(value: float | None, pattern: str) -> str:
-    return "-" if value is None else format(value, pattern)

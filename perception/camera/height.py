@@ -36,10 +36,7 @@ class Step:
 
 
 def height(
-    steps: Sequence[Step],
-    kept: Sequence[tuple[Segments, Array]],
-    camera: Camera,
-    lane_width_m: float | None,
+    steps: Sequence[Step], kept: Sequence[tuple[Segments, Array]], camera: Camera, lane_width_m: float | None
 ) -> tuple[float, str, float | None]:
     """The height [m], its source and its relative uncertainty."""
     if lane_width_m is not None:

@@ -110,15 +110,16 @@ def _panel(canvas: Image, estimate: SteeringEstimate, colour: Colour) -> Image:
 def _numbers(estimate: SteeringEstimate) -> list[tuple[str, str]]:
     heading, wheel = estimate.heading_error_rad, estimate.road_wheel_angle_rad
     return [
-        ("offset", _number(estimate.lateral_offset_m, "{:+.2f} m")),
-        ("heading", _number(None if heading is None else math.degrees(heading), "{:+.1f} deg")),
-        ("curvature", _number(estimate.curvature_1pm, "{:+.4f} 1/m")),
-        ("wheel angle", _number(None if wheel is None else math.degrees(wheel), "{:+.1f} deg")),
-        ("lane width", _number(estimate.lane_width_m, "{:.2f} m")),
+        ("offset", number(estimate.lateral_offset_m, "{:+.2f} m")),
+        ("heading", number(None if heading is None else math.degrees(heading), "{:+.1f} deg")),
+        ("curvature", number(estimate.curvature_1pm, "{:+.4f} 1/m")),
+        ("wheel angle", number(None if wheel is None else math.degrees(wheel), "{:+.1f} deg")),
+        ("lane width", number(estimate.lane_width_m, "{:.2f} m")),
     ]
 
 
-def _number(value: float | None, pattern: str) -> str:
+def number(value: float | None, pattern: str) -> str:
+    """The value in the format ``pattern``; a dash for None."""
     return "-" if value is None else pattern.format(value)
 
 

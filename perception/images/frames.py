@@ -4,6 +4,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -68,13 +69,10 @@ def written(
     found: Iterator[FrameResult[R]], out: Path, draw: Callable[[FrameResult[R]], Image]
 ) -> Iterator[FrameResult[R]]:
     """``found``, each frame also written to ``out`` as ``draw`` gives it."""
-    writer = AnnotationWriter(out, fps=NOMINAL_FPS)
-    try:
+    with closing(AnnotationWriter(out, fps=NOMINAL_FPS)) as writer:
         for one in found:
             writer.write(draw(one), one.path, is_clip=one.path.suffix.lower() in VIDEO_SUFFIXES)
             yield one
-    finally:
-        writer.close()
 
 
 def print_json(rows: Iterable[dict[str, Any]]) -> None:

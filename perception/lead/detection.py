@@ -4,7 +4,6 @@ The embedded detector is a network of 17 000 weights on strips of one scale (:mo
 for each cell of each strip the probability that the nearer end of a vehicle stands there, and where exactly.
 """
 
-import hashlib
 import math
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -13,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.lead.view import CELLS_LEFT_M, DISTANCES_M, RATIO, LeadView
-from perception.net.session import open_session
+from perception.net.session import WeightsRecord, load_record, open_session
 from trepid.camera import Camera
-from trepid.config import InputError, Settings, load
+from trepid.config import InputError, Settings
 from trepid.types import Image
 
 USUAL_WIDTH_M = 1.8
@@ -65,16 +64,11 @@ class Platt(Settings):
         return 1 / (1 + math.exp(-(self.bias + self.slope * math.log(p / (1 - p)))))
 
 
-class Record(Settings):
+class Record(WeightsRecord):
     """``lead_net.json``: provenance, calibration and scores of the weights in the same folder."""
 
-    sha256: str  # of the ONNX file
-    parameters: int
     calibration: Platt
     min_probability: float  # least output of a cell that counts
-    command: str
-    date: str
-    versions: dict[str, str]
     frames: int
     scores: dict[str, float]
 
@@ -86,11 +80,8 @@ class StripDetector:
         """Raises InputError when the weights are missing or do not agree with their record."""
         if not weights.is_file():
             raise InputError(f"{weights}: no weights of the lead detector; `trepid train-lead` makes them")
-        self._record = load(weights.with_suffix(".json"), Record)
-        network = weights.read_bytes()
-        if hashlib.sha256(network).hexdigest() != self._record.sha256:
-            raise InputError(f"{weights.with_suffix('.json')}: describes other weights than {weights.name}")
-        self._session = open_session(network, weights)
+        self._record = load_record(weights, Record)
+        self._session = open_session(weights.read_bytes(), weights)
         self._view, self._camera = LeadView(camera), camera
 
     def __call__(self, image: Image) -> list[Detection]:

@@ -61,14 +61,9 @@ class LeadFinder:
 
     def _restart(self) -> None:
         self._tracker = Tracker(self._settings.track, eye_m=self._eye_m)
-        self._detections: list[Detection] = []
+        self.detections: list[Detection] = []  # in the last frame
         self._ahead: Track | None = None
         self._t_s: float | None = None
-
-    @property
-    def detections(self) -> list[Detection]:
-        """Detections in the last frame."""
-        return self._detections
 
     def step(
         self,
@@ -89,10 +84,10 @@ class LeadFinder:
             gap_s = 0.0
         self._t_s = frame.t_s
         good = frame.image.dtype == np.uint8 and frame.image.shape == self._shape
-        self._detections = self._detect(frame.image) if good else []
+        self.detections = self._detect(frame.image) if good else []
         motion = _motion(state)
         speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
-        self._tracker.step(self._detections, speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps, dt_s=gap_s)
+        self._tracker.step(self.detections, speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps, dt_s=gap_s)
         lane = usable_lane(self._settings.choice, lanes, t_s=frame.t_s)
         arc_1pm = self._arc_1pm(state)
         self._ahead = self._choose(Corridor(self._settings.choice, lane, arc_1pm, motion, t_s=frame.t_s))

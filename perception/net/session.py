@@ -1,10 +1,34 @@
-"""ONNX Runtime sessions as the networks of the vehicle use them."""
+"""Networks at run time: sessions of ONNX Runtime, and the record beside the weights."""
 
+import hashlib
 from pathlib import Path
+from typing import TypeVar
 
 import onnxruntime
 
-from trepid.config import InputError
+from trepid.config import InputError, Settings, load
+
+
+class WeightsRecord(Settings):
+    """Provenance of weights: a JSON file of the same name in the same folder."""
+
+    sha256: str  # of the ONNX file
+    parameters: int
+    command: str
+    date: str
+    versions: dict[str, str]
+
+
+R = TypeVar("R", bound=WeightsRecord)
+
+
+def load_record(weights: Path, kind: type[R]) -> R:
+    """The record beside ``weights``. Raises InputError when it is missing or belongs to other weights."""
+    path = weights.with_suffix(".json")
+    record = load(path, kind)  # JSON is YAML
+    if weights.is_file() and hashlib.sha256(weights.read_bytes()).hexdigest() != record.sha256:
+        raise InputError(f"{path}: describes other weights than {weights.name} (sha256 differs)")
+    return record
 
 
 def open_session(network: bytes, path: Path) -> onnxruntime.InferenceSession:

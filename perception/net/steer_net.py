@@ -6,7 +6,6 @@ and Gal, What Uncertainties Do We Need, NIPS 2017). Confidence is the probabilit
 the training set, that the error of the road-wheel angle is below ``tolerance_rad``.
 """
 
-import hashlib
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -17,10 +16,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from perception.net.canonical import CanonicalView, lane_of_row
-from perception.net.session import open_session
+from perception.net.session import WeightsRecord, load_record, open_session
 from trepid.camera import Camera
 from trepid.clothoid import Lane
-from trepid.config import ROOT, InputError, Settings, load
+from trepid.config import ROOT, InputError, Settings
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.steering import road_wheel_angle
 from trepid.types import Image, Share
@@ -52,17 +51,12 @@ class Calibration(Settings):
         return 1 / (1 + math.exp(-max(min(logit, 50.0), -50.0)))
 
 
-class Record(Settings):
+class Record(WeightsRecord):
     """``steer_net.json``: provenance, calibration and scores of the weights in the same folder."""
 
-    sha256: str  # of the ONNX file
-    parameters: int
     camera: Camera  # the canonical camera
     lane_lookahead_m: Annotated[float, Field(gt=0)]  # the fourth output is the curvature here
     calibration: Calibration
-    command: str
-    date: str
-    versions: dict[str, str]
     recipe: dict[str, object]
     training: dict[str, float]
     scores: dict[str, dict[str, float]]  # name of the test set -> metric -> value
@@ -86,15 +80,6 @@ class Network:
         return lane, command_sigma, visible
 
 
-def load_record(weights: Path) -> Record:
-    """The record beside ``weights``. Raises InputError when it is missing or belongs to other weights."""
-    path = weights.with_suffix(".json")
-    record = load(path, Record)  # JSON is YAML
-    if weights.is_file() and hashlib.sha256(weights.read_bytes()).hexdigest() != record.sha256:
-        raise InputError(f"{path}: describes other weights than {weights.name} (sha256 differs)")
-    return record
-
-
 class SteerNet:
     """Estimator ``cnn``. It reports no boundaries, no lane width and 0 detected lanes."""
 
@@ -104,7 +89,7 @@ class SteerNet:
         self._settings = settings
         self._vehicle = vehicle
         self._network = Network(weights)
-        self._record = load_record(weights)
+        self._record = load_record(weights, Record)
         self._view = CanonicalView(camera, self._record.camera)
         self._shape = (camera.height_px, camera.width_px, 3)
 

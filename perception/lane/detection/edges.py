@@ -84,8 +84,7 @@ class RoadEdgeFinder:
         self._map_x = columns.astype(np.float32)
         rows = np.arange(len(self.grid.ahead_m), dtype=np.float32)[:, None]
         self._map_y = np.broadcast_to(rows, columns.shape).astype(np.float32)
-        half_m = settings.place_range_m
-        self._place_m = np.arange(-half_m, half_m, settings.place_step_m)
+        self._place_m = np.arange(-settings.place_range_m, settings.place_range_m, settings.place_step_m)
         self._step_rows = self._map_y + (
             (self.grid.top_px + self.grid.bottom_px - 1) / 2 - self._first_row - np.arange(len(rows))
         )[:, None].astype(np.float32)
@@ -131,25 +130,18 @@ class RoadEdgeFinder:
         integral = cv2.integral(ratio, sdepth=cv2.CV_64F)
         top, bottom = self.grid.top_px - self._first_row, self.grid.bottom_px - self._first_row
         running = (integral[bottom] - integral[top]) / ((bottom - top) * self.grid.metre_px)[:, None]
-        return np.asarray(
-            cv2.remap(
-                running.astype(np.float32),
-                self._map_x,
-                self._map_y,
-                cv2.INTER_LINEAR,
-                borderMode=cv2.BORDER_REPLICATE,
-            ),
-            np.float32,
-        )
+        maps = self._map_x, self._map_y
+        border = cv2.BORDER_REPLICATE
+        at_places = cv2.remap(running.astype(np.float32), *maps, cv2.INTER_LINEAR, borderMode=border)
+        return np.asarray(at_places, np.float32)
 
     def steps(self, image: RoadImage) -> Floats:
         """Sharpness of kerbs, lines and verges, 0..1: |∂/∂u| of the green channel, limited, (bands, places)."""
         change = cv2.convertScaleAbs(cv2.Sobel(image.below[:, :, 1], cv2.CV_16S, 1, 0))
         full = np.float32(self._settings.full_step_grey)
         limited = np.minimum(cv2.blur(change, (3, 1)), full) / full
-        return np.asarray(
-            cv2.remap(limited, self._map_x - np.float32(0.5), self._step_rows, cv2.INTER_LINEAR), np.float32
-        )
+        columns = self._map_x - np.float32(0.5)
+        return np.asarray(cv2.remap(limited, columns, self._step_rows, cv2.INTER_LINEAR), np.float32)
 
     def search(self, sums: Floats, steps: Floats, prior: LaneState, *, near: Array | None = None) -> Array:
         """State (6,) whose edges enclose the most road likelihood under ``prior``.

@@ -69,9 +69,5 @@ def lateral_grid(camera: Camera, *, reach_m: float, band_m: float, max_band_px: 
     top, bottom = np.array(tops, np.int64), np.array(bottoms, np.int64)
     ahead_m, depth = row_places(camera, (top + bottom - 1) / 2)
     return LateralGrid(
-        camera=camera,
-        top_px=top,
-        bottom_px=bottom,
-        ahead_m=ahead_m,
-        metre_px=camera.fx_px / depth,
+        camera=camera, top_px=top, bottom_px=bottom, ahead_m=ahead_m, metre_px=camera.fx_px / depth
     )

@@ -73,12 +73,7 @@ def road_likelihood(bins: SurfaceBins, road: Where, rest: Where, settings: Surfa
 
 
 def _log_ratio(
-    bins: NDArray[np.intp],
-    road: Where,
-    rest: Where,
-    shape: tuple[int, int],
-    smoothing: float,
-    limit: float,
+    bins: NDArray[np.intp], road: Where, rest: Where, shape: tuple[int, int], smoothing: float, limit: float
 ) -> Floats:
     """log(p_road/p_rest) of each bin, within ±``limit``; ``smoothing`` pixels are added, spread over all bins."""
     ratio = _density(_of(bins, road), shape, smoothing) / _density(_of(bins, rest), shape, smoothing)

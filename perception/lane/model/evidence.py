@@ -93,9 +93,7 @@ def boundary_support(
     extent_m = float(ahead_m[1] - ahead_m[-2]) if len(chosen) > 3 else 0.0
     excess = (coverage - chance) / max(1 - chance, 0.05)
     return BoundarySupport(
-        excess=excess,
-        extent_m=extent_m,
-        seen=_is_seen(excess, extent_m, settings.min_extent_m, settings),
+        excess=excess, extent_m=extent_m, seen=_is_seen(excess, extent_m, settings.min_extent_m, settings)
     )
 
 

@@ -52,12 +52,7 @@ class Fitted:
 
 
 def fit_lane(
-    points: RoadPoints,
-    side: Array,
-    prior: LaneState,
-    start: Array,
-    camera: Camera,
-    settings: FitSettings,
+    points: RoadPoints, side: Array, prior: LaneState, start: Array, camera: Camera, settings: FitSettings
 ) -> Fitted:
     """Maximum a posteriori lane for ``points`` on the left (side +1) or right (−1) boundary.
 

@@ -9,7 +9,8 @@ import pytest
 from net_rig import CAMERA, SETTINGS, VEHICLE, measurements, step
 
 from perception.lane.settings import LaneCvSettings
-from perception.net.steer_net import Record, SteerNet, load_record
+from perception.net.session import load_record
+from perception.net.steer_net import Record, SteerNet
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
 
 WEIGHTS = ROOT / SETTINGS.weights
@@ -78,11 +79,11 @@ def test_a_record_of_other_weights_is_refused(tmp_path: Path):
     record = json.loads(WEIGHTS.with_suffix(".json").read_text(encoding="utf-8"))
     weights.with_suffix(".json").write_text(json.dumps(record), encoding="utf-8")
     with pytest.raises(InputError, match="other weights"):
-        load_record(weights)
+        load_record(weights, Record)
 
 
 def test_the_record_contains_training_and_scores_of_the_shipped_weights():
-    record: Record = load_record(WEIGHTS)
+    record: Record = load_record(WEIGHTS, Record)
     assert record.sha256 == hashlib.sha256(WEIGHTS.read_bytes()).hexdigest()
     assert record.command.startswith("trepid train") and record.date and record.versions["torch"]
     assert record.recipe["seed"] is not None and record.scores["test_roads"]["road_wheel_angle_deg"] > 0
