@@ -5,11 +5,11 @@ from pathlib import Path
 
 import typer
 
+from cockpit.figure_style import save
 from cockpit.logbook.moment import moment_figure
 from cockpit.logbook.recall import Recall, recall
 from cockpit.logbook.story import overview, story
 from cockpit.logbook.story_text import overview_text, story_text
-from cockpit.pictures.style import save
 from trepid.config import InputError
 
 MAGIC = b"\x89MCAP"

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from cockpit.figure_style import BLUE, FIVE, GREEN, ORANGE, SKY, new_figure
 from cockpit.logbook.recall import Recall
 from cockpit.logbook.story import Story
-from cockpit.pictures.style import BLUE, FIVE, GREEN, ORANGE, SKY, new_figure
 from supervisor.rules.rule_file import LEVELS
 from trepid.config import InputError
 from trepid.messages import SteeringEstimate

@@ -31,9 +31,8 @@ class Recall:
     recorded: Recorded
     rules: FearRules
     rules_from: str  # origin of the rules, as text
-    changes: tuple[
-        tuple[float, FearRules], ...
-    ] = ()  # rules adopted later, and the decided_s after which they apply
+    # rules adopted later, and the decided_s after which they apply
+    changes: tuple[tuple[float, FearRules], ...] = ()
 
     @cached_property
     def zero_s(self) -> float:

@@ -18,15 +18,18 @@ class SlowDown:
 
     before: int  # the last sample at the height from which it fell
     lowest: int
-    back: int | None  # the first sample that is back at that height; None: there is none
+    end: int  # the first sample that is back at that height, else the last of all
+    is_over: bool  # the speed is back at that height
 
 
 def slow_downs(speed_mps: Column, clear_mps: float) -> list[SlowDown]:
     """Every fall of ``speed_mps`` by ``clear_mps`` or more that no rise of as much interrupts."""
-    return [
-        SlowDown(peak, trough, _back(speed_mps, peak, trough, clear_mps))
-        for peak, trough in _falls(speed_mps, clear_mps)
-    ]
+    found = []
+    for peak, trough in _falls(speed_mps, clear_mps):
+        high = np.flatnonzero(speed_mps[trough:] >= speed_mps[peak] - clear_mps)
+        end = trough + int(high[0]) if len(high) else len(speed_mps) - 1
+        found.append(SlowDown(peak, trough, end, is_over=bool(len(high))))
+    return found
 
 
 def significant(found: list[SlowDown], speed_mps: Column, deep_mps: float) -> list[SlowDown]:
@@ -36,7 +39,7 @@ def significant(found: list[SlowDown], speed_mps: Column, deep_mps: float) -> li
     for slow in found:
         outermost = slow.before >= end
         if outermost:
-            end = len(speed_mps) if slow.back is None else slow.back
+            end = slow.end
         if outermost or speed_mps[slow.before] - speed_mps[slow.lowest] >= deep_mps:
             kept.append(slow)
     return kept
@@ -44,7 +47,7 @@ def significant(found: list[SlowDown], speed_mps: Column, deep_mps: float) -> li
 
 def nearest(found: list[SlowDown], t_s: Column, at_s: float) -> SlowDown | None:
     """The slow-down at ``at_s``: the last of those that contain it, else the nearest."""
-    during = [s for s in found if t_s[s.before] <= at_s + 1e-9 and (s.back is None or at_s <= t_s[s.back])]
+    during = [s for s in found if t_s[s.before] <= at_s + 1e-9 and (at_s <= t_s[s.end] or not s.is_over)]
     if during:
         return during[-1]
     close = [s for s in found if _distance_s(s, t_s, at_s) <= NEAR_S]
@@ -52,8 +55,7 @@ def nearest(found: list[SlowDown], t_s: Column, at_s: float) -> SlowDown | None:
 
 
 def _distance_s(slow: SlowDown, t_s: Column, at_s: float) -> float:
-    end = t_s[-1] if slow.back is None else t_s[slow.back]
-    return float(max(t_s[slow.before] - at_s, at_s - end, 0.0))
+    return float(max(t_s[slow.before] - at_s, at_s - t_s[slow.end], 0.0))
 
 
 def _falls(speed_mps: Column, clear_mps: float) -> Iterator[tuple[int, int]]:
@@ -72,9 +74,3 @@ def _falls(speed_mps: Column, clear_mps: float) -> Iterator[tuple[int, int]]:
             trough, falling = i, True
     if falling:
         yield peak, trough
-
-
-def _back(speed_mps: Column, peak: int, trough: int, clear_mps: float) -> int | None:
-    """The first sample after the trough that is as high again, up to ``clear_mps``."""
-    high = np.flatnonzero(speed_mps[trough:] >= speed_mps[peak] - clear_mps)
-    return trough + int(high[0]) if len(high) else None

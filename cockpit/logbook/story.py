@@ -5,14 +5,13 @@ braked below the cap, as it does for bends, and the explanation states that.
 """
 
 import math
-from collections.abc import Iterator
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from cockpit.logbook.recall import Recall
 from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, significant, slow_downs
-from supervisor.rules.inference import FearRules
 from trepid.messages import Decision, Stop
 
 BEFORE_S = 10.0  # length of the timeline before the slow-down
@@ -54,18 +53,12 @@ def story(drive: Recall, at_s: float) -> Story:
 
 def overview(drive: Recall) -> list[Story]:
     """Every slow-down by the supervisor: its course, mode, cause and fear."""
-    found = _cap_falls(drive)
-    worst = [drive.decisions[_worst(drive, slow)] for slow in found]
-    return [
-        {
-            **_course(drive, slow),
-            "mode": decision.mode.value,
-            "cause": decision.cause,
-            "fear": decision.fear,
-            "limited_by": _limit(drive, decision),
-        }
-        for slow, decision in zip(found, worst, strict=True)
-    ]
+    found = []
+    for slow in _cap_falls(drive):
+        decision = drive.decisions[_worst(drive, slow)]
+        judged = _fields(decision, "mode", "cause", "fear")
+        found.append({**_course(drive, slow), **judged, "limited_by": _limit(drive, decision)})
+    return found
 
 
 def _cap_falls(drive: Recall) -> list[SlowDown]:
@@ -74,23 +67,35 @@ def _cap_falls(drive: Recall) -> list[SlowDown]:
     return significant(found, drive.cap_mps, DEEP * drive.cruise_mps)
 
 
-def _by_supervisor(drive: Recall, slow: SlowDown, at_s: float) -> Story:
-    index = _moment(drive, slow, at_s)
-    decision = drive.decisions[index]
+def _fields(message: object, *names: str) -> Story:
+    return {name: getattr(message, name) for name in names}
+
+
+def _explained(drive: Recall, slow: SlowDown, index: int) -> Story:
+    """The slow-down with the decision that explains it."""
     return {
         "slow_down": _course(drive, slow),
         "moment_s": _at(drive, index),
-        "mode": decision.mode.value,
-        "stop": decision.stop.value,
-        "fear": decision.fear,
-        "level": decision.level,
-        "cause": decision.cause,
+        **_fields(drive.decisions[index], "mode", "fear", "cause"),
+        "estimates": _estimates(drive, index),
+        "timeline": _timeline(drive, slow),
+    }
+
+
+def _by_supervisor(drive: Recall, slow: SlowDown, at_s: float) -> Story:
+    """The decision with the greatest fear during the fall, or within the second around a later ``at_s``."""
+    index = _worst(drive, slow)
+    if drive.t_s[slow.lowest] < at_s and (at_s <= drive.t_s[slow.end] or not slow.is_over):
+        last = min(drive.index_at(at_s + AROUND_S), slow.end)
+        index = _greatest_fear(drive, range(drive.index_at(at_s - AROUND_S), last + 1))
+    decision = drive.decisions[index]
+    return {
+        **_explained(drive, slow, index),
+        **_fields(decision, "stop", "level"),
         "limited_by": _limit(drive, decision),
         "rules": _rules(drive, decision),
         "inputs": _inputs(drive, decision),
         "repeats": drive.repeats(index),
-        "estimates": _estimates(drive, index),
-        "timeline": _timeline(drive, slow),
         "end": _end(drive, slow, index),
     }
 
@@ -99,30 +104,14 @@ def _by_controller(drive: Recall, slow: SlowDown) -> Story:
     """Path and command at the hardest braking of a slow-down below the speed cap."""
     span = range(slow.before, slow.lowest + 1)
     index = min(span, key=lambda i: float(np.nan_to_num(drive.accel_mps2[i])))
-    decision, state = drive.decisions[index], drive.state_at(index)
-    bend_1pm = max((abs(drive.decisions[i].curvature_1pm or 0.0) for i in span), default=0.0)
+    state = drive.state_at(index)
     return {
-        "slow_down": _course(drive, slow),
-        "moment_s": _at(drive, index),
-        "mode": decision.mode.value,
-        "fear": decision.fear,
-        "cause": decision.cause,
-        "speed_cap_mps": decision.speed_cap_mps,
+        **_explained(drive, slow, index),
+        "speed_cap_mps": drive.decisions[index].speed_cap_mps,
         "commanded_accel_mps2": _known(drive.accel_mps2[index]),
         "driver_override": bool(state and state.driver_override),
-        "sharpest_curvature_1pm": bend_1pm,
-        "estimates": _estimates(drive, index),
-        "timeline": _timeline(drive, slow),
+        "sharpest_curvature_1pm": max(abs(drive.decisions[i].curvature_1pm or 0.0) for i in span),
     }
-
-
-def _moment(drive: Recall, slow: SlowDown, at_s: float) -> int:
-    """The decision with the greatest fear during the fall, or within the second around a later ``at_s``."""
-    if at_s <= drive.t_s[slow.lowest] or (slow.back is not None and at_s > drive.t_s[slow.back]):
-        return _worst(drive, slow)
-    last = len(drive.decisions) - 1 if slow.back is None else slow.back
-    around = range(drive.index_at(at_s - AROUND_S), min(drive.index_at(at_s + AROUND_S), last) + 1)
-    return _greatest_fear(drive, around)
 
 
 def _worst(drive: Recall, slow: SlowDown) -> int:
@@ -136,20 +125,18 @@ def _greatest_fear(drive: Recall, indices: range) -> int:
 
 
 def _course(drive: Recall, slow: SlowDown) -> Story:
-    until = len(drive.t_s) - 1 if slow.back is None else slow.back
-    speeds = drive.speed_mps[slow.before : until + 1]
-    lowest = None if np.isnan(speeds).all() else float(np.nanmin(speeds))
+    speeds = drive.speed_mps[slow.before : slow.end + 1]
     full = np.flatnonzero(drive.cap_mps[: slow.before + 1] >= (1.0 - CLEAR) * drive.cruise_mps)
     return {
         "cruise_mps": drive.cruise_mps,
         "full_speed_until_s": _at(drive, int(full[-1])) if len(full) else None,
         "from_s": _at(drive, slow.before + 1),
         "lowest_s": _at(drive, slow.lowest),
-        "until_s": None if slow.back is None else _at(drive, slow.back),
+        "until_s": _at(drive, slow.end) if slow.is_over else None,
         "cap_before_mps": float(drive.cap_mps[slow.before]),
         "cap_lowest_mps": float(drive.cap_mps[slow.lowest]),
         "speed_before_mps": _known(drive.speed_mps[slow.before]),
-        "speed_lowest_mps": lowest,
+        "speed_lowest_mps": None if np.isnan(speeds).all() else float(np.nanmin(speeds)),
     }
 
 
@@ -179,15 +166,14 @@ def _inputs(drive: Recall, decision: Decision) -> list[Story]:
         return []  # older recordings do not contain the inputs
     by = drive.rules_of(decision)
     about = {rule.text: rule.inputs for rule in by.rules if rule.harm > 0}
-    named = [name for text in decision.rules for name in _ordered(by, about.get(text, frozenset()))]
-    named += [name for name, value in values.items() if value is None or not math.isfinite(value)]
+    named = [name for text in decision.rules for name in by.inputs if name in about.get(text, ())]
+    named += [name for name, value in values.items() if _known(value) is None]
     degrees = by.memberships(values)
     return [
         {
             "name": name,
             "value": _known(values.get(name)),
-            "unit": by.inputs[name].unit,
-            "meaning": by.inputs[name].meaning,
+            **_fields(by.inputs[name], "unit", "meaning"),
             "sets": {level: degree for level, degree in degrees[name].items() if degree > 0},
         }
         for name in dict.fromkeys(named)
@@ -195,24 +181,17 @@ def _inputs(drive: Recall, decision: Decision) -> list[Story]:
     ]
 
 
-def _ordered(rules: FearRules, names: frozenset[str]) -> list[str]:
-    return [name for name in rules.inputs if name in names]
-
-
 def _estimates(drive: Recall, index: int) -> list[Story]:
     """Every estimate and its trust."""
     decision = drive.decisions[index]
     trust = dict(zip(decision.sources, decision.trust, strict=True))
-    now_s = decision.decided_s
     return [
         {
             "estimator": name,
-            "age_s": now_s - estimate.t_s,
-            "lateral_offset_m": estimate.lateral_offset_m,
-            "heading_error_rad": estimate.heading_error_rad,
-            "curvature_1pm": estimate.curvature_1pm,
-            "confidence": estimate.confidence,
-            "reason": estimate.reason,
+            "age_s": decision.decided_s - estimate.t_s,
+            **_fields(
+                estimate, "lateral_offset_m", "heading_error_rad", "curvature_1pm", "confidence", "reason"
+            ),
             "trust": trust.get(name, 0.0),
         }
         for name, estimate in drive.estimates_at(index).items()
@@ -222,84 +201,48 @@ def _estimates(drive: Recall, index: int) -> list[Story]:
 def _timeline(drive: Recall, slow: SlowDown) -> list[Story]:
     """Changes of mode, stop, cause and source of the path from 10 s before the fall until its end."""
     first = drive.index_at(float(drive.t_s[slow.before]) - BEFORE_S)
-    last = len(drive.decisions) - 1 if slow.back is None else slow.back
-    stretches = [(i, j) for i, j in _stretches(drive, first, last) if _lasts(drive, i, j, first, last)]
-    moments = [
-        {
-            "t_s": _at(drive, i),
-            "mode": drive.decisions[i].mode.value,
-            "stop": drive.decisions[i].stop.value,
-            "cause": drive.decisions[i].cause,
-            "path_source": drive.decisions[i].path_source,
-            "fear": max(d.fear for d in drive.decisions[i : j + 1]),
-            "cap_mps": float(drive.cap_mps[j]),
-        }
-        for i, j in stretches
-    ]
-    distinct = [m for m, before in zip(moments, [None, *moments], strict=False) if not _alike(m, before)]
-    return distinct[:MOST_MOMENTS]
-
-
-def _stretches(drive: Recall, first: int, last: int) -> Iterator[tuple[int, int]]:
-    """First and last index of stretches without a change of mode, stop, cause and source of the path."""
-    start = first
-    for i in range(first + 1, last + 2):
-        if i > last or _shown(drive.decisions[i]) != _shown(drive.decisions[start]):
-            yield start, i - 1
-            start = i
-
-
-def _lasts(drive: Recall, i: int, j: int, first: int, last: int) -> bool:
-    steady = drive.t_s[min(j + 1, last)] - drive.t_s[i] >= STEADY_S
-    return bool(steady or i == first or j == last or drive.decisions[i].stop is not Stop.NONE)
-
-
-def _shown(decision: Decision) -> tuple[str, str, str, str]:
-    return decision.mode.value, decision.stop.value, decision.cause, decision.path_source
-
-
-def _alike(moment: Story, before: Story | None) -> bool:
-    keys = ("mode", "stop", "cause", "path_source")
-    return before is not None and all(moment[key] == before[key] for key in keys)
+    states = [_fields(d, "mode", "stop", "cause", "path_source") for d in drive.decisions]
+    moments: list[Story] = []
+    for state, group in groupby(range(first, slow.end + 1), key=states.__getitem__):
+        stretch = list(group)
+        i, j = stretch[0], stretch[-1]
+        lasting = drive.t_s[min(j + 1, slow.end)] - drive.t_s[i] >= STEADY_S
+        kept = lasting or i == first or j == slow.end or state["stop"] is not Stop.NONE
+        if kept and not (moments and state.items() <= moments[-1].items()):
+            fear = max(d.fear for d in drive.decisions[i : j + 1])
+            moments.append({"t_s": _at(drive, i), **state, "fear": fear, "cap_mps": float(drive.cap_mps[j])})
+    return moments[:MOST_MOMENTS]
 
 
 def _end(drive: Recall, slow: SlowDown, worst: int) -> Story:
     """The time at which fear allowed more speed again, and the inputs then and at the greatest fear."""
     allowed = drive.cap_mps[slow.before] / drive.cruise_mps if drive.cruise_mps else 0.0
-    last = len(drive.decisions) - 1 if slow.back is None else slow.back
     relief = None
-    for i in range(last, worst, -1):
+    for i in range(slow.end, worst, -1):
         decision = drive.decisions[i]
-        if (
-            decision.stop is not Stop.NONE
-            or drive.rules_of(decision).speed_factor(decision.fear) < allowed - CLEAR
-        ):
+        factor = drive.rules_of(decision).speed_factor(decision.fear)
+        if decision.stop is not Stop.NONE or factor < allowed - CLEAR:
             break
         relief = i
     if relief is None:
         return {"relief_s": None, "back_s": None, "cause": None, "changes": []}
     decision = drive.decisions[relief]
+    now = dict(zip(decision.inputs, decision.input_values, strict=True))
     return {
         "relief_s": _at(drive, relief),
-        "back_s": None if slow.back is None else _at(drive, slow.back),
+        "back_s": _at(drive, slow.end) if slow.is_over else None,
         "cause": decision.cause,
-        "changes": _changes(drive, drive.decisions[worst], decision),
+        "changes": [
+            {
+                "name": item["name"],
+                "unit": item["unit"],
+                "was": item["value"],
+                "is": _known(now.get(item["name"])),
+            }
+            for item in _inputs(drive, drive.decisions[worst])
+            if item["value"] != _known(now.get(item["name"]))
+        ],
     }
-
-
-def _changes(drive: Recall, worst: Decision, relief: Decision) -> list[Story]:
-    """The inputs of the rules that raised fear, at the greatest fear and at the end."""
-    now = dict(zip(relief.inputs, relief.input_values, strict=True))
-    return [
-        {
-            "name": item["name"],
-            "unit": item["unit"],
-            "was": item["value"],
-            "is": _known(now.get(item["name"])),
-        }
-        for item in _inputs(drive, worst)
-        if item["value"] != _known(now.get(item["name"]))
-    ]
 
 
 def _at(drive: Recall, index: int) -> float:

@@ -7,9 +7,8 @@ from trepid.recording.reader import Recorded
 
 SHOWN_RULES, SHOWN_CHANGES = 6, 5
 SLOWED = 0.9  # of the cruise speed: a lower cap is mentioned
-BEYOND = (
-    1e5  # a larger value of an input means that the quantity does not exist, such as the gap without a leader
-)
+# A larger value of an input means that the quantity does not exist, such as the gap without a leader.
+BEYOND = 1e5
 
 
 def story_text(story: Story) -> str:

@@ -2,36 +2,81 @@
 
 import json
 import math
+import sys
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedSeq
 
+from cockpit.figure_style import save
 from cockpit.logbook.explain_drive import explain_drive, is_recording
-from cockpit.pictures.style import save
 from cockpit.rulebook.figure import sets_figure, surface_figure
-from cockpit.rulebook.files_cli import export, import_, schema
 from cockpit.rulebook.show import show_rules, show_surface
 from supervisor.rules.coverage import calmest
+from supervisor.rules.fcl.export import fcl
+from supervisor.rules.fcl.read import parse_fcl
 from supervisor.rules.inference import FearRules
+from supervisor.rules.rule_file import RuleFile
+from supervisor.rules.schema import rule_schema
 from supervisor.rules.verify import place, verify
-from trepid.config import InputError
+from trepid.config import CONFIG_DIR, InputError, load, read_text
 from trepid.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from supervisor.rules.scikit import Agreement
 
 app = typer.Typer(no_args_is_help=True)
-app.command()(schema)
-app.command()(export)
-app.command("import")(import_)
 
 RuleFileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Rule file, e.g. config/fear.yaml.")]
 COMPARED_POINTS = 40
 SHOWN_ASSUMED = 4
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON only.")]
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of rule files, for editors."""
+    print(rule_schema(), end="")
+
+
+@app.command()
+def export(file: Annotated[Path, typer.Argument(metavar="F.yaml", help="Rule file.")]) -> None:
+    """Print the rules as IEC 61131-7 Fuzzy Control Language (FCL)."""
+    print(fcl(FearRules.load(file)), end="")
+
+
+@app.command("import")
+def import_(
+    file: Annotated[Path, typer.Argument(metavar="F.fcl", help="Fuzzy Control Language.")],
+    like: Annotated[
+        Path,
+        typer.Option(
+            metavar="F.yaml", help="Rule file with the actions and hysteresis that FCL does not state."
+        ),
+    ] = CONFIG_DIR / "fear.yaml",
+) -> None:
+    """Print a rule file with the rules of an FCL function block."""
+    rules = parse_fcl(read_text(file), source=file, like=load(like, RuleFile))
+    yaml = YAML()
+    yaml.width = 10_000  # a rule stays on its line
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    empty = {name for name in ("causes", "without") if not getattr(rules, name)}
+    yaml.dump(_plain(rules.model_dump(mode="json", exclude=empty)), sys.stdout)
+
+
+def _plain(data: Any) -> Any:
+    """Lists of numbers on one line."""
+    if isinstance(data, dict):
+        return {key: _plain(value) for key, value in data.items()}
+    if isinstance(data, list) and data and not isinstance(data[0], str):
+        row = CommentedSeq(data)
+        row.fa.set_flow_style()
+        return row
+    return data
 
 
 @app.command()

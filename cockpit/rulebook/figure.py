@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cockpit.pictures.style import FIVE, GREY, INK, MAP, bare, new_figure
+from cockpit.figure_style import FIVE, GREY, INK, MAP, bare, new_figure
 from supervisor.rules.inference import FearRules
 from supervisor.rules.rule_file import LEVELS, Input
 from trepid.types import Column
@@ -49,8 +49,8 @@ def surface_figure(rules: FearRules, x_name: str, y_name: str, others: dict[str,
     at = [action.at for action in rules.file.fear.all]
     if fear.min() < fear.max():
         axes.contour(x, y, fear, levels=[place - 1e-6 for place in at[1:]], colors="white", linewidths=0.9)
-    axes.set_xlabel(_label(rules, x_name))
-    axes.set_ylabel(_label(rules, y_name))
+    axes.set_xlabel(_label(x_name, rules.inputs[x_name]))
+    axes.set_ylabel(_label(y_name, rules.inputs[y_name]))
     bar = figure.colorbar(mesh, ax=axes, ticks=at, label="fear; the white lines are the levels")
     bar.ax.set_yticklabels([f"{place:g}  {level}" for place, level in zip(at, LEVELS, strict=True)])
     figure.suptitle(f"Fear over {x_name} and {y_name}", fontsize=13, fontweight="bold")
@@ -84,6 +84,11 @@ def shown_range(spec: Input) -> tuple[float, float]:
     return (min(inner) - tail if far else low), min(high, max(inner) + tail)
 
 
+def risk(spec: Input) -> str:
+    """The direction of the risk of an input, as text."""
+    return "more is worse" if spec.risk == "rising" else "less is worse"
+
+
 def _draw_sets(axes: Any, name: str, spec: Input) -> None:
     from supervisor.rules.scikit import stated_degrees  # imports scikit-fuzzy, 0.5 s
 
@@ -95,9 +100,7 @@ def _draw_sets(axes: Any, name: str, spec: Input) -> None:
         degrees = stated_degrees(spec, level, x)
         visible = np.convolve(degrees > spec.tolerance / 2, [1, 1, 1], mode="same") > 0  # with the feet
         axes.plot(x[visible], degrees[visible], color=colour, linewidth=1.6)
-    unit = "" if spec.unit == "1" else f" [{spec.unit}]"
-    worse = "more is worse" if spec.risk == "rising" else "less is worse"
-    _cell(axes, name, spec.meaning, f"{name}{unit}, {worse}", (low, high))
+    _cell(axes, name, spec.meaning, f"{_label(name, spec)}, {risk(spec)}", (low, high))
 
 
 def _draw_speed(axes: Any, rules: FearRules) -> None:
@@ -146,9 +149,8 @@ def _legend(figure: "Figure") -> None:
     figure.text(0.02, 1 - 0.45 / height_in, note, color=GREY)
 
 
-def _label(rules: FearRules, name: str) -> str:
-    unit = rules.inputs[name].unit
-    return name if unit == "1" else f"{name} [{unit}]"
+def _label(name: str, spec: Input) -> str:
+    return name if spec.unit == "1" else f"{name} [{spec.unit}]"
 
 
 def _rest(rules: FearRules, x_name: str, y_name: str, others: dict[str, float | None]) -> str:

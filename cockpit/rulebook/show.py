@@ -4,7 +4,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cockpit.rulebook.figure import shown_range, surface
+from cockpit.rulebook.figure import risk, shown_range, surface
 from supervisor.rules.inference import FearRules
 from supervisor.rules.rule_file import LEVELS, Input
 from supervisor.rules.shapes import FuzzySet
@@ -45,19 +45,14 @@ def show_surface(
     console.print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)
 
 
-def risk(spec: Input) -> str:
-    """The direction of the risk of an input, as text."""
-    return "more is worse" if spec.risk == "rising" else "less is worse"
-
-
 def _set_table(spec: Input) -> Table:
     table = Table(box=None, show_header=False, padding=(0, 1))
     for level in LEVELS:
-        table.add_row(f"  {level}", _curve(spec.shape(level), *shown_range(spec)), stated(spec, level))
+        table.add_row(f"  {level}", _curve(spec.shape(level), *shown_range(spec)), _stated(spec, level))
     return table
 
 
-def stated(spec: Input, level: str) -> str:
+def _stated(spec: Input, level: str) -> str:
     """A set as the file states it: its points, or its function with the parameters."""
     stated = getattr(spec.sets, level)
     if isinstance(stated, tuple):

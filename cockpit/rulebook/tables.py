@@ -4,13 +4,12 @@ Generated from the code and the configuration; a test compares the pages with th
 """
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
-from cockpit.rulebook.terms import WHY
 from supervisor.modes.analyser import SUSPECTS
 from supervisor.modes.doubts import DOUBTS, Doubt, doubts_of
 from supervisor.modes.modes import DRIVING, HAND_OVER, TRANSITIONS, Effect, ModeSettings, Transition
 from supervisor.rules.inference import FearRules
-from supervisor.rules.sentence import Rule
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.messages import Mode
@@ -27,40 +26,80 @@ EFFECTS = {
     Effect.START: "a stop ends",
     Effect.HAND_OVER: "the stop of the start ends",
 }
+_UNLIKE = (
+    "a network reports high confidence even on images unlike its training data; its jumps show that earlier"
+)
+
+WHY = {
+    "frame_age": "the path is that of an earlier image: at 8 m/s every 0.1 s is 0.8 m without sight",
+    "estimator_age": "a hung process sends nothing, and Zenoh reports it only after seconds",
+    "state_age": "neither the path memory nor the prediction works without speed and yaw rate",
+    "lane_confidence": "calibrated: 1 - confidence is the probability of a steering error above 2°",
+    "second_confidence": "a single estimate cannot be checked; two independent estimators rarely make the same "
+    "error (Fridman, Arguing Machines)",
+    "sight": "a tracker keeps a high confidence for a while after the road is lost; this input does not",
+    "cv_confidence": "the estimator finds no lines or edges: worn, covered or missing markings",
+    "cnn_confidence": "the network itself reports an image unlike its training data",
+    "cv_jitter": "a road does not jump, so a jump is an error of the estimate (two candidate lines, false edges)",
+    "cnn_jitter": f"a measure of uncertainty and of distribution shift: {_UNLIKE}",
+    "cnn_path_jitter": "on roads like those of its training data the network is steady; on trodden snow its "
+    "estimate wanders at high confidence, and a jitter over a short time is often low",
+    "angle_confidence": "as of every estimator; an angle has no lane by which it could be checked",
+    "angle_jitter": "a road does not jump, so an angle that jumps is wrong in at least some frames",
+    "single_source": "one estimator is enough for a moment; the longer, the more probable an unnoticed error",
+    "disagreement": "in lateral acceleration, so that the same angle counts more at speed; predicts 90 % of "
+    "difficult disengagements (Fridman, Arguing Machines)",
+    "separation": "two different positions across the lane: at least one of them is wrong",
+    "lane_width_error": "another width than that of lanes indicates a shoulder, two lanes or a tar seam",
+    "lane_width": "the margin for errors on a bridge, at road works, on a narrow road; bridges are not detected",
+    "unmarked": "roads without markings have ragged edges, no standard width and no centre line",
+    "edge_doubt": "trodden snow shows false edges in places; a road without lines shows its edges all along",
+    "brightness": "dark images contain no road",
+    "contrast": "fog, a fogged lens or a wall leave no features",
+    "over_exposed": "white pixels contain no road: low sun, tunnel exit",
+    "under_exposed": "black pixels contain no road",
+    "sharpness": "out of focus, or a drop on the lens: edges and lines are lost",
+    "frozen": "the image is old; also for two alternating images or a loop",
+    "spots": "dirt hides lines, and its outlines look like edges",
+    "speed": "energy and stopping distance grow with it; every other risk weighs more",
+    "lateral_demand": "above 3 m/s² comfort ends (ISO 11270), on wet or snowy roads grip",
+    "lateral_error": "less margin to the lane edge",
+    "crossing": "time to line crossing at the present heading",
+    "saturated": "the limiter cuts the steering demand, so the vehicle leaves the path",
+    "lead_confidence": "no vehicle to follow when the road is lost",
+    "time_gap": "the vehicle ahead may brake harder than the reaction time allows",
+    "lead_distance": "traffic hides the road beyond it",
+}
+"""Why each input of ``config/fear.yaml`` is an indicator of risk."""
 
 
 def modes_page(settings: SupervisorSettings, rules: FearRules) -> str:
     """``docs/fear_modes.md``: causes, modes, transitions and delays."""
-    return (
-        "\n\n".join(
-            [
-                "# Causes and modes",
-                NOTE,
-                "The analyser names the cause. The trust in each estimator (the `trust_` rules), the speed (fear) "
-                "and the mode follow from it. A symptom that a fear rule names, such as a low confidence, is "
-                "traced back to the first cause below with evidence.",
-                "## Causes that the analyser looks for, in their order",
-                table(
-                    ("cause", "part", "evidence", "estimators with lowered trust"),
-                    [(f"`{s.cause}`", s.part, s.because, _distrust(s.cause, rules)) for s in SUSPECTS],
-                ),
-                "The thresholds of the evidence: section `analyser` of `config/supervisor.yaml`. Perception adapts "
-                "to the image by itself: the CV estimator uses road edges where it finds no lines, and reports "
-                "that (`marked`).",
-                "## The modes",
-                diagram([*TRANSITIONS, HAND_OVER]),
-                table(
-                    ("from", "to", "when"),
-                    [(_modes(row), f"`{row.target}`", row.because) for row in [*TRANSITIONS, HAND_OVER]],
-                ),
-                "The first row that applies decides. A stop latches until standstill and can only become harder. "
-                "The last row leaves only the stop in which a supervisor starts.",
-                "## Delays",
-                table(("condition", "delay", "effect", "cleared"), _delays(settings.modes, rules)),
-                _limits(settings.modes, rules),
-            ]
-        )
-        + "\n"
+    return _page(
+        "# Causes and modes",
+        NOTE,
+        "The analyser names the cause. The trust in each estimator (the `trust_` rules), the speed (fear) "
+        "and the mode follow from it. A symptom that a fear rule names, such as a low confidence, is "
+        "traced back to the first cause below with evidence.",
+        "## Causes that the analyser looks for, in their order",
+        table(
+            ("cause", "part", "evidence", "estimators with lowered trust"),
+            [(f"`{s.cause}`", s.part, s.because, _distrust(s.cause, rules)) for s in SUSPECTS],
+        ),
+        "The thresholds of the evidence: section `analyser` of `config/supervisor.yaml`. Perception adapts "
+        "to the image by itself: the CV estimator uses road edges where it finds no lines, and reports "
+        "that (`marked`).",
+        "## The modes",
+        diagram([*TRANSITIONS, HAND_OVER]),
+        table(
+            ("from", "to", "when"),
+            [(_modes(row), f"`{row.target}`", row.because) for row in [*TRANSITIONS, HAND_OVER]],
+        ),
+        "The first row that applies decides. A stop latches until standstill and can only become harder. "
+        "The last row leaves only the stop in which a supervisor starts.",
+        "## Delays",
+        table(("condition", "delay", "effect", "cleared"), _delays(settings.modes, rules)),
+        _limits(settings.modes, rules),
     )
 
 
@@ -70,18 +109,17 @@ def terms_page(rules: FearRules) -> str:
         (f"`{name}`", spec.unit, "more" if spec.risk == "rising" else "less", spec.meaning, WHY[name])
         for name, spec in rules.inputs.items()
     ]
-    return (
-        "\n\n".join(
-            [
-                "# Inputs of the fear rules",
-                NOTE,
-                "The risk grows with *more* or *less* of the value. A missing, non-finite or impossible value "
-                "makes fear 1. Sets and rules: `config/fear.yaml`.",
-                table(("input", "unit", "worse", "meaning", "reason"), rows),
-            ]
-        )
-        + "\n"
+    return _page(
+        "# Inputs of the fear rules",
+        NOTE,
+        "The risk grows with *more* or *less* of the value. A missing, non-finite or impossible value "
+        "makes fear 1. Sets and rules: `config/fear.yaml`.",
+        table(("input", "unit", "worse", "meaning", "reason"), rows),
     )
+
+
+def _page(*parts: str) -> str:
+    return "\n\n".join(parts) + "\n"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -114,35 +152,24 @@ def _modes(row: Transition) -> str:
 
 
 def _distrust(cause: str, rules: FearRules) -> str:
-    lowered = {name for name, voice in rules.trust_voices.items() for r in voice.rules if _about(r, cause)}
-    return ", ".join(sorted(lowered)) or "–"
-
-
-def _about(rule: Rule, cause: str) -> bool:
-    return rule.cause == cause
+    causes = {name: {rule.cause for rule in voice.rules} for name, voice in rules.trust_voices.items()}
+    return ", ".join(sorted(name for name in causes if cause in causes[name])) or "–"
 
 
 def _delays(modes: ModeSettings, rules: FearRules) -> list[tuple[str, str, str, str]]:
     """Condition, delay, effect and end of every doubt."""
-    return [
-        (
-            _condition(doubt),
-            _delay(doubt.after_s(modes, rules.file.hysteresis)),
-            EFFECTS[doubt.effect],
-            doubt.cleared,
-        )
-        for doubt in doubts_of(modes)
-    ]
+    rows = []
+    for doubt in doubts_of(modes):
+        after_s = doubt.after_s(modes, rules.file.hysteresis)
+        delay = "never" if after_s is None else f"{after_s:g} s"
+        rows.append((_condition(doubt), delay, EFFECTS[doubt.effect], doubt.cleared))
+    return rows
 
 
 def _condition(doubt: Doubt) -> str:
     if doubt in DOUBTS:
         return doubt.name
     return f"fear because of `{doubt.name}`" + (" on the move" if doubt.effect is Effect.EMERGENCY else "")
-
-
-def _delay(after_s: float | None) -> str:
-    return "never" if after_s is None else f"{after_s:g} s"
 
 
 def _limits(modes: ModeSettings, rules: FearRules) -> str:
@@ -164,5 +191,5 @@ def pages() -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    MODES_PAGE.write_text(pages()[str(MODES_PAGE)])
-    TERMS_PAGE.write_text(pages()[str(TERMS_PAGE)])
+    for page, page_text in pages().items():
+        Path(page).write_text(page_text)

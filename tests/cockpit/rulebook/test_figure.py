@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cockpit.pictures.style import FIVE
+from cockpit.figure_style import FIVE
 from cockpit.rulebook.cli import app
 from cockpit.rulebook.figure import sets_figure, shown_range, surface, surface_figure
 from cockpit.rulebook.show import SURFACE_COLUMNS, SURFACE_ROWS

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cockpit.rulebook.tables import MODES_PAGE, TERMS_PAGE, pages, table
-from cockpit.rulebook.terms import WHY
+from cockpit.rulebook.tables import MODES_PAGE, TERMS_PAGE, WHY, pages, table
 from supervisor.modes.analyser import SUSPECTS
 from supervisor.modes.doubts import doubts_of
 from supervisor.modes.modes import TRANSITIONS

@@ -1,1 +1,0 @@
-"""Style and files of figures."""
