@@ -270,9 +270,9 @@ def build(
     """A supervisor from its files; ``cruise_speed_mps`` instead of that of the settings. Raises InputError."""
     loaded, verified = load(settings, SupervisorSettings), load_verified(rules)
     for name, hint in _unknown_inputs(verified):
-        raise InputError(located(("inputs", name), f"unknown input; {hint}", read(rules), rules, {}))
+        raise InputError(located(("inputs", name), f"unknown input; {hint}", read(rules), rules))
     for name, problem in unrated_names(verified, loaded.rated_as):
-        raise InputError(located(("rated_as", name), problem, read(settings), settings, {}))
+        raise InputError(located(("rated_as", name), problem, read(settings), settings))
     _warn_of_near_misses(settings, read_text(settings), verified)
     places = _places(settings, read_text(settings))
     if cruise_speed_mps is not None:
@@ -299,6 +299,4 @@ def _warn_of_near_misses(settings: pathlib.Path, _: str, rules: FearRules) -> No
     for section, names in sections:
         for name, hint in near_misses(rules, names, also=RATED_AS):
             warning = f"warning: no rule rates an estimator {name!r}; {hint}"
-            print(
-                "trepid:", located((*section, name), warning, read(settings), settings, {}), file=sys.stderr
-            )
+            print("trepid:", located((*section, name), warning, read(settings), settings), file=sys.stderr)

@@ -59,9 +59,7 @@ CAUSES: frozenset[str] = frozenset(cause.value for cause in Cause)
 
 def unknown_cause(name: str, known: Collection[str] = CAUSES) -> str:
     """Error text for a cause that is not in ``known``, with the nearest known one; "" for a known cause."""
-    if name in known:
-        return ""
-    return f"unknown cause {name!r}; {did_you_mean(name, sorted(known))}"
+    return "" if name in known else f"unknown cause {name!r}; {did_you_mean(name, sorted(known))}"
 
 
 def known_causes(declared: Iterable[str] = ()) -> frozenset[str]:

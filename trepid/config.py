@@ -133,11 +133,17 @@ def parse(
 ) -> S:
     """Settings of class ``model`` from YAML ``data`` read from ``source``. Raises InputError."""
     for key, text in (overrides or {}).items():
-        _override(data, key, text)
+        try:
+            put(data, key, YAML(typ="safe").load(text))
+        except LookupError as error:
+            raise InputError(f"--set {key}: {error.args[0]}") from error
+        except (YAMLError, ValueError) as error:
+            raise InputError(f"--set {key}={text}: not valid YAML") from error
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(_explain(error, data, model, source, overrides or {})) from error
+        place = _where(_first(error)["loc"], data, source, overrides)
+        raise InputError(f"{place}: {complaint(error, data, model)}") from error
 
 
 def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
@@ -176,39 +182,23 @@ def _key(place: Any, part: str) -> Any:
     return int(part)
 
 
-def _override(data: CommentedMap, key: str, text: str) -> None:
-    try:
-        put(data, key, YAML(typ="safe").load(text))
-    except LookupError as error:
-        raise InputError(f"--set {key}: {error.args[0]}") from error
-    except (YAMLError, ValueError) as error:
-        raise InputError(f"--set {key}={text}: not valid YAML") from error
-
-
-def _explain(
-    error: ValidationError,
-    data: CommentedMap,
-    model: type[BaseModel],
-    source: Path | str,
-    overrides: Mapping[str, str],
-) -> str:
-    """The first problem of ``error`` as one line, with its place in the file or on the command line."""
-    return f"{_where(_first(error)['loc'], data, source, overrides)}: {complaint(error, data, model)}"
-
-
 def located(
-    path: Sequence[str | int], what: str, data: CommentedMap, source: Path | str, overrides: Mapping[str, str]
+    path: Sequence[str | int],
+    what: str,
+    data: CommentedMap,
+    source: Path | str,
+    overrides: Mapping[str, str] | None = None,
 ) -> str:
     """One line with the place of the field at ``path`` and its fault ``what``."""
     return f"{_where(path, data, source, overrides)}: {'.'.join(map(str, path))}: {what}"
 
 
 def _where(
-    path: Sequence[str | int], data: CommentedMap, source: Path | str, overrides: Mapping[str, str]
+    path: Sequence[str | int], data: CommentedMap, source: Path | str, overrides: Mapping[str, str] | None
 ) -> str:
     """Place of a field in the file or on the command line."""
     dotted = ".".join(map(str, _without_tags(path, data)))
-    given = next((key for key in overrides if f"{dotted}.".startswith(f"{key}.")), None)
+    given = next((key for key in overrides or () if f"{dotted}.".startswith(f"{key}.")), None)
     line, column = position(data, path)
     return f"--set {given}" if given else f"{source}:{line}:{column}"
 

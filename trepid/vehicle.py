@@ -69,9 +69,8 @@ class Vehicle(Settings):
     max_road_wheel_rate_radps: Positive
     steering_delay_s: NonNegative  # dead time of the steering actuator
     steering_lag_s: NonNegative  # first-order time constant of the steering actuator
-    chassis: Chassis | None = Field(
-        default=None, exclude=True
-    )  # alternative to the next two; excluded from dumps
+    # alternative to the next two; excluded from dumps
+    chassis: Chassis | None = Field(default=None, exclude=True)
     # K_us in δ = atan(L·κ) + K_us·κ·v²
     understeer_gradient_rad_per_mps2: float = Field(default_factory=_gradient)
     # R: in a bend the course of the rear axle lies R·κ·v² outside of the heading; 0: not known, or rigid tyres

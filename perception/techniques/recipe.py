@@ -87,13 +87,13 @@ def _recipes(path: Path, text: str) -> dict[str, Recipe]:
 
 def _recipe(name: str, data: CommentedMap, path: Path) -> Recipe:
     if not isinstance(data[name], CommentedMap):
-        raise InputError(located([name], "expected source, description and stages", data, path, {}))
+        raise InputError(located([name], "expected source, description and stages", data, path))
     written = parse(data[name], Written, source=path)
     stages = tuple(_stage(name, number, data, path) for number in range(len(written.stages)))
     recipe = Recipe(**{**dict(written), "name": name, "stages": stages})
     problem = _misfit(recipe)
     if problem:
-        raise InputError(located([name, "stages", *problem[0]], problem[1], data, path, {}))
+        raise InputError(located([name, "stages", *problem[0]], problem[1], data, path))
     return recipe
 
 
@@ -102,13 +102,13 @@ def _stage(pipeline: str, number: int, data: CommentedMap, path: Path) -> Stage:
     place: list[str | int] = [pipeline, "stages", number]
     item = data[pipeline]["stages"][number]
     if isinstance(item, CommentedMap) and len(item) != 1:
-        raise InputError(located(place, f"expected one stage, got {len(item)}", data, path, {}))
+        raise InputError(located(place, f"expected one stage, got {len(item)}", data, path))
     name = next(iter(item)) if isinstance(item, CommentedMap) else item
     kind = next((kind for kind, table in KINDS.items() if name in table), None)
     if kind is None:
         known = [stage for table in KINDS.values() for stage in table]
         problem = f"no stage {str(name)!r}; {did_you_mean(str(name), known)}"
-        raise InputError(located(place, problem, data, path, {}))
+        raise InputError(located(place, problem, data, path))
     entry = KINDS[kind][name]
     given = item[name] if isinstance(item, CommentedMap) else None
     settings = settings_of(entry)

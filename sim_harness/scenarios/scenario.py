@@ -324,7 +324,7 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     scenario = scenario.model_copy(update=update)
     problem = scenario.problem() if check else None
     if problem:
-        raise InputError(located(*problem, data, path, overrides or {}))
+        raise InputError(located(*problem, data, path, overrides))
     check_vary(scenario, scenario.vary, data, path, misfit=_misfit if check else None)
     return scenario
 

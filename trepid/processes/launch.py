@@ -65,14 +65,11 @@ class UnexpectedExit:
     def __str__(self) -> str:
         if self.from_bad_input:
             return f"process {self.name}: {self.stderr_tail}"
-        how = (
-            f"was killed by {signal.Signals(-self.returncode).name}"
-            if self.returncode < 0
-            else f"exited with code {self.returncode}"
-        )
-        return f"process {self.name} (pid {self.pid}) {how}" + (
-            f": {self.stderr_tail}" if self.stderr_tail else ""
-        )
+        how = f"exited with code {self.returncode}"
+        if self.returncode < 0:
+            how = f"was killed by {signal.Signals(-self.returncode).name}"
+        tail = f": {self.stderr_tail}" if self.stderr_tail else ""
+        return f"process {self.name} (pid {self.pid}) {how}{tail}"
 
 
 class Fleet:
@@ -87,11 +84,7 @@ class Fleet:
         clock_offset_ns: int,
         max_restarts: int,
     ) -> None:
-        self._session = {
-            "vehicle_name": vehicle_name,
-            "connect": endpoint,
-            "clock_offset_ns": clock_offset_ns,
-        }
+        self._session = dict(vehicle_name=vehicle_name, connect=endpoint, clock_offset_ns=clock_offset_ns)
         self._specs = specs
         self._max_restarts = max_restarts
         self.children: dict[str, Child] = {}
