@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from perception.techniques.boundaries.ground_curve import parallel_sides
 from perception.techniques.image.picture import Boundaries, Motion
+from perception.techniques.steering.lane import parallel_sides
 from perception.techniques.tracking.model import (
     MEASURED,
     WIDTH,
@@ -72,6 +72,13 @@ class _Gaussian(ABC):
         covariance = matrix @ track.covariance @ matrix.T + process_noise(motion)
         return replace(track, mean=moved_state(track.mean, motion), covariance=covariance)
 
+    def _corrected(
+        self, track: TrackState, innovation: Array, slope: Array, noise: Array
+    ) -> TrackState | None:
+        if nis(track.covariance, innovation, slope, noise) > self._gate * len(innovation):
+            return None
+        return TrackState(*update(track.mean, track.covariance, innovation, slope, noise))
+
     @abstractmethod
     def _updated(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
         """The track after the measurement; None outside of the gate."""
@@ -99,10 +106,7 @@ class Kalman(_Gaussian):
         measured = np.array(values if width_m is None else [*values, width_m])
         slope = np.eye(4)[: len(measured)]
         noise = np.diag(MEASURED[: len(measured)] ** 2)
-        innovation = measured - slope @ track.mean
-        if nis(track.covariance, innovation, slope, noise) > self._gate * len(measured):
-            return None
-        return TrackState(*update(track.mean, track.covariance, innovation, slope, noise))
+        return self._corrected(track, measured - slope @ track.mean, slope, noise)
 
 
 class Extended(_Gaussian):
@@ -117,10 +121,7 @@ class Extended(_Gaussian):
         if not len(samples):
             return None
         innovation, noise = samples.y_m - expected(track.mean, samples), np.diag(samples.sigma_m**2)
-        slope = expected_slope(track.mean, samples)
-        if nis(track.covariance, innovation, slope, noise) > self._gate * len(samples):
-            return None
-        return TrackState(*update(track.mean, track.covariance, innovation, slope, noise))
+        return self._corrected(track, innovation, expected_slope(track.mean, samples), noise)
 
 
 class Unscented(_Gaussian):

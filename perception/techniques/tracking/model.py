@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.techniques.boundaries.ground_curve import drawn, parallel_sides
 from perception.techniques.image.picture import Boundaries, Motion
+from perception.techniques.steering.lane import drawn, parallel_sides
 from trepid.clothoid import Lane, advanced
 from trepid.types import Array
 

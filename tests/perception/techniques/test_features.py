@@ -23,8 +23,8 @@ from technique_rig import (
 from perception.techniques.boundaries import outliers
 from perception.techniques.image import edges, stripes, surface
 from perception.techniques.image.colour import grey
+from perception.techniques.image.light import gaussian
 from perception.techniques.image.picture import Boundaries, Box, Evidence, Features, Kind
-from perception.techniques.image.smoothing import gaussian
 from perception.techniques.image.warp import bird_eye
 from perception.techniques.stages import KINDS
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from boundary_rig import VIEW, WIDTH_M, Course, arc, errors_px, features
 
-from perception.techniques.boundaries.bezier import bezier_points, control_points, ransac_bezier
 from perception.techniques.boundaries.curves import (
     histogram_cubic,
     hyperbola,
@@ -16,9 +15,12 @@ from perception.techniques.boundaries.curves import (
 from perception.techniques.boundaries.evidence import Points, histogram_peaks, road_points
 from perception.techniques.boundaries.lines import hough_standard
 from perception.techniques.boundaries.ransac import (
+    bezier_points,
     consensus,
+    control_points,
     cubic_spline,
     polynomial,
+    ransac_bezier,
     ransac_bspline,
     ransac_line,
     ransac_parabola,

@@ -18,17 +18,20 @@ from technique_rig import (
 
 from perception.techniques.image.colour import adaptive_grey, binary, channel, discriminant, grey, hsi
 from perception.techniques.image.edges import canny, canny_auto
-from perception.techniques.image.light import clahe, low_light, match_histogram, matching
-from perception.techniques.image.rows import row_means, row_top_hat, width_px
-from perception.techniques.image.shadow import reintegrated, shadow_edges, without_shadows
-from perception.techniques.image.smoothing import (
+from perception.techniques.image.light import (
     auto_sigma_px,
+    clahe,
     gaussian,
     gaussian_auto,
     high_pass,
+    low_light,
+    match_histogram,
+    matching,
     median,
     median_auto,
 )
+from perception.techniques.image.rows import row_means, row_top_hat, width_px
+from perception.techniques.image.shadow import reintegrated, shadow_edges, without_shadows
 from perception.techniques.image.stripes import wavelet
 from trepid.config import InputError
 

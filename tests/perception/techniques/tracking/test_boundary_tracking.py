@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.techniques.boundaries.ground_curve import drawn, parallel_sides
 from perception.techniques.image.picture import Boundaries, Motion
+from perception.techniques.steering.lane import drawn, parallel_sides
 from perception.techniques.tracking.kalman import Extended, Kalman, Unscented, nis, spread, update
 from perception.techniques.tracking.model import (
     E,

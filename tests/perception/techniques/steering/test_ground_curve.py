@@ -6,8 +6,8 @@ from boundary_rig import VIEW, WIDTH_M, arc, sides
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.techniques.boundaries.ground_curve import drawn, ground_curve
 from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLane
+from perception.techniques.steering.lane import drawn, ground_curve
 from trepid.clothoid import Lane
 
 
