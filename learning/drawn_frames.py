@@ -5,7 +5,7 @@ processes. Labels are the geometry of the road at the drawn pose; nothing is mea
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeVar
@@ -54,14 +54,8 @@ class LaneSample:
     visible: bool  # False: the light hides the lane; an estimate would be wrong
 
 
-def samples(seeds: Iterable[int], camera: Camera, *, frames_per_road: int = 300) -> Iterator[LaneSample]:
-    """``frames_per_road`` frames of the road of each seed, in the order along the road: shuffle before training."""
-    for seed in seeds:
-        yield from road_samples(seed, camera, frames=frames_per_road)
-
-
 def road_samples(seed: int, camera: Camera, *, frames: int) -> Iterator[LaneSample]:
-    """``frames`` frames of the road of ``seed``."""
+    """``frames`` frames of the road of ``seed``, in the order along the road: shuffle before training."""
     rng = np.random.default_rng((seed, 10))
     road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
     disturbed_now = rng.random() < DISTURBED_SHARE

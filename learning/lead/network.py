@@ -6,15 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from perception.lead.view import (
-    CELL_COLUMNS,
-    CELLS_LEFT_M,
-    COLUMNS,
-    DISTANCES_M,
-    RATIO,
-    ROWS,
-    STRIPS,
-)
+from perception.lead.view import CELLS_LEFT_M, COLUMNS, DISTANCES_M, RATIO, ROWS, STRIPS
 
 OUTPUTS = ("logit", "ahead", "left", "log_width")
 """Per cell: existence of the end of a vehicle; ln(its distance over the strip's) in units of ln RATIO; metres
@@ -124,6 +116,3 @@ def export(network: LeadNetwork, path: Path) -> None:
         opset_version=17,
         dynamo=False,
     )
-
-
-__all__ = ["CELL_COLUMNS", "OUTPUTS", "Exported", "LeadNetwork", "Targets", "export", "loss"]

@@ -25,23 +25,8 @@ in any order before the features; ``track`` may be left out; several trackers ar
 from collections.abc import Callable
 from typing import Any
 
-from perception.techniques.boundaries import (
-    curves,
-    lines,
-    orientation,
-    outliers,
-    ransac,
-)
-from perception.techniques.image import (
-    colour,
-    edges,
-    light,
-    region,
-    shadow,
-    stripes,
-    surface,
-    warp,
-)
+from perception.techniques.boundaries import curves, lines, orientation, outliers, ransac
+from perception.techniques.image import colour, edges, light, region, shadow, stripes, surface, warp
 from perception.techniques.steering import abdelrahman, centre_line, lane, sujatha, umamaheswari
 from perception.techniques.tracking import kalman, sampled
 

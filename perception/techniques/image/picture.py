@@ -124,10 +124,10 @@ class Box:
 
 @dataclass(frozen=True)
 class Region:
-    """The part of a picture that is processed: a box, and its pixels that count (None: all)."""
+    """The part of a picture that is processed."""
 
     box: Box
-    mask: Mask | None = None
+    mask: Mask | None = None  # pixels that count; None: all
 
 
 class Kind(StrEnum):

@@ -94,21 +94,16 @@ def pursuit(lane: Lane, wheelbase_m: float, *, lookahead_m: Positive = 8.0) -> f
 
 def ground_curve(
     boundaries: Boundaries,
-    view: View,
+    view: View | None = None,  # of every stage for lane states; this one measures on the road
     *,
     degree: Annotated[int, Field(ge=1, le=3)] = 2,
     width_m: Positive = 3.4,
 ) -> MeasuredLane | None:
-    """The stage of :func:`parallel_sides`. Source: derived, as S18. Limit: lanes that widen."""
-    return parallel_sides(boundaries, degree=degree, width_m=width_m)
-
-
-def parallel_sides(boundaries: Boundaries, *, degree: int = 2, width_m: float = 3.4) -> MeasuredLane | None:
     """The lane of one polynomial and one width that fits both boundaries best; None without a boundary.
 
     y(x) = c₀ + c₁x + c₂x² (+ c₃x³) ± W/2·√(1 + y'²): least squares, linear for a given root, iterated three times.
     At the rear axle ψ = −atan(c₁), e = −c₀·cosψ, κ = 2c₂·cos³ψ, κ' = 6c₃·cos⁴ψ. With one boundary W is ``width_m``
-    and the measured width None.
+    and the measured width None. Source: derived, as S18. Limit: lanes that widen.
     """
     found = boundaries.found
     if not found:

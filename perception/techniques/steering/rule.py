@@ -98,14 +98,6 @@ class LevelPicture:
         return ImageLine(line.m + slope, line.k - slope * self.horizon_px)
 
 
-def level_picture(view: View) -> LevelPicture:
-    """The level camera at the place of ``view``'s, with its focal length and size."""
-    camera = view.camera
-    width_px, height_px = camera.width_px, camera.height_px
-    middle_px = ((width_px - 1) / 2, (height_px - 1) / 2)
-    return LevelPicture(width_px, height_px, camera.fx_px, *middle_px, camera.height_m)
-
-
 def level_line(boundary: Boundary, camera: Camera) -> ImageLine | None:
     """The least-squares line of ``boundary`` in a level camera of focal length 1 with the horizon in row 0.
 
@@ -123,11 +115,16 @@ def level_line(boundary: Boundary, camera: Camera) -> ImageLine | None:
 def level_lines(
     boundaries: Boundaries, view: View
 ) -> tuple[ImageLine | None, ImageLine | None, LevelPicture]:
-    """Left and right boundary as straight lines of the level picture; None where a boundary is missing."""
-    picture = level_picture(view)
-    lines = []
+    """Left and right boundary as straight lines of a level picture at the place, and of the size, of the camera's.
+
+    None where a boundary is missing.
+    """
+    camera, lines = view.camera, []
+    width_px, height_px = camera.width_px, camera.height_px
+    middle_px = ((width_px - 1) / 2, (height_px - 1) / 2)
+    picture = LevelPicture(width_px, height_px, camera.fx_px, *middle_px, camera.height_m)
     for boundary in (boundaries.left, boundaries.right):
-        line = level_line(boundary, view.camera) if boundary is not None else None
+        line = level_line(boundary, camera) if boundary is not None else None
         if line is not None:
             x_v = picture.centre_x_px + picture.focal_px * line.k
             line = ImageLine(line.m, x_v - line.m * picture.horizon_px)

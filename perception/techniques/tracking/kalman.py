@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from perception.techniques.image.picture import Boundaries, Motion
-from perception.techniques.steering.lane import parallel_sides
+from perception.techniques.steering.lane import ground_curve
 from perception.techniques.tracking.model import (
     MEASURED,
     WIDTH,
@@ -99,7 +99,7 @@ class Kalman(_Gaussian):
         return replace(track, mean=matrix @ track.mean + turned, covariance=covariance)
 
     def _updated(self, track: TrackState, boundaries: Boundaries) -> TrackState | None:
-        measurement = parallel_sides(boundaries, width_m=float(track.mean[WIDTH]))
+        measurement = ground_curve(boundaries, width_m=float(track.mean[WIDTH]))
         if measurement is None:
             return None
         values, width_m = measurement.lane[:3], measurement.width_m

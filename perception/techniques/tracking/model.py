@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perception.techniques.image.picture import Boundaries, Motion
-from perception.techniques.steering.lane import drawn, parallel_sides
+from perception.techniques.steering.lane import drawn, ground_curve
 from trepid.clothoid import Lane, advanced
 from trepid.types import Array
 
@@ -122,7 +122,7 @@ class TrackState:
 
 def initial(boundaries: Boundaries) -> TrackState | None:
     """The state of one frame alone: its curve, ``PRIOR`` where not measured; None without boundaries."""
-    measured = parallel_sides(boundaries)
+    measured = ground_curve(boundaries)
     if measured is None:
         return None
     sigma = np.where([True, True, True, measured.width_m is not None], 2 * MEASURED, PRIOR_SIGMA)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.techniques.image.picture import Boundaries, Motion
-from perception.techniques.steering.lane import drawn, parallel_sides
+from perception.techniques.steering.lane import drawn, ground_curve
 from perception.techniques.tracking.kalman import Extended, Kalman, Unscented, nis, spread, update
 from perception.techniques.tracking.model import (
     E,
@@ -62,7 +62,7 @@ def errors(name: str, keep, *, seconds: float = 6.0, seed: int = 0, noise: float
     tracker, rng = TRACKERS[name](), np.random.default_rng(seed + 100)
     found = []
     for number, (state, motion) in enumerate(drive(seconds, seed=seed)):
-        lane = parallel_sides(tracker.step(keep(number, seen(state, rng, noise=noise)), motion))
+        lane = ground_curve(tracker.step(keep(number, seen(state, rng, noise=noise)), motion))
         found.append(
             [np.nan, np.nan]
             if lane is None
@@ -103,7 +103,7 @@ def test_half_of_all_frames_lost_raises_the_error_by_less_than_half(name):
 @pytest.mark.parametrize("name", TRACKERS)
 def test_tracking_is_better_than_its_frames(name):
     rng = np.random.default_rng(100)
-    alone = [abs(parallel_sides(seen(state, rng)).lane.offset_m - state[0]) for state, _ in drive(6)]
+    alone = [abs(ground_curve(seen(state, rng)).lane.offset_m - state[0]) for state, _ in drive(6)]
     assert errors(name, lambda n, b: b)[20:, 0].mean() < 0.8 * np.mean(alone[20:])
 
 
@@ -144,7 +144,7 @@ def test_the_new_lane_is_tracked_within_half_a_second_of_a_swap(name):
     for number in range(75):
         state = np.array([1.6 if number < 50 else -1.9, 0.0, 0.0, WIDTH_M])  # over the line: the next lane
         motion = Motion(DT_S, SPEED_MPS, 0.0)
-        found.append(parallel_sides(tracker.step(seen(state, rng), motion)).lane.offset_m - state[0])
+        found.append(ground_curve(tracker.step(seen(state, rng), motion)).lane.offset_m - state[0])
     assert abs(found[50 + round(0.5 / DT_S)]) < 0.3 and abs(found[-1]) < 0.2
 
 
