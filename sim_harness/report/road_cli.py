@@ -8,7 +8,6 @@ import typer
 from ruamel.yaml import YAML
 
 from sim_harness.report.road_facts import show_verb
-from sim_harness.world.opendrive.export import write_opendrive
 from sim_harness.world.opendrive.reader import read_opendrive
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.road import Road, RoadSettings
@@ -24,6 +23,8 @@ def export_verb(
     out: Annotated[Path, typer.Argument(metavar="OUT.xodr")],
 ) -> None:
     """Write a road as an OpenDRIVE 1.7 file."""
+    from sim_harness.world.opendrive.export import write_opendrive  # needs the extra `roads`
+
     write_opendrive(load_road(road).settings, out)
 
 

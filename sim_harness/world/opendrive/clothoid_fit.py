@@ -8,8 +8,7 @@ curvature, as between a line and an arc, a short ramp on either side leads to th
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 from pydantic import ValidationError
 
@@ -57,8 +56,8 @@ def fit(spans: Sequence[Span], *, closed: bool) -> list[list[Segment]]:
     ends = [span.at(span.end) for span in spans]
     starts = [span.at(span.start) for span in spans]
     joints = [_mean(end, start) for end, start in zip(ends, starts[1:], strict=False)]
-    first, last = (_mean(ends[-1], starts[0]).curvature_1pm,) * 2 if closed else (None, None)
-    knots = [_bent(starts[0], first), *joints, _bent(ends[-1], last)]
+    bend = {"curvature_1pm": _mean(ends[-1], starts[0]).curvature_1pm} if closed else {}
+    knots = [replace(starts[0], **bend), *joints, replace(ends[-1], **bend)]
     fitted = []
     for span, first_knot, last_knot in zip(spans, knots, knots[1:], strict=False):
         try:
@@ -66,12 +65,6 @@ def fit(spans: Sequence[Span], *, closed: bool) -> list[list[Segment]]:
         except ValidationError as error:  # too long or too sharp for a segment
             raise NoFit(span) from error
     return _continuous(fitted, closed=closed)
-
-
-def _bent(knot: Knot, curvature_1pm: float | None) -> Knot:
-    if curvature_1pm is None:
-        return knot
-    return Knot(knot.x_m, knot.y_m, knot.heading_rad, curvature_1pm)
 
 
 def _mean(a: Knot, b: Knot) -> Knot:
@@ -109,22 +102,21 @@ def _ramp(span: Span, knot: Knot, *, forward: bool) -> tuple[float, list[Segment
     run = min(MAX_RAMP_M, (span.end - span.start) / 3)
     while run >= MIN_SPAN_M / 4:
         place = span.start + run if forward else span.end - run
-        pair = (knot, span.at(place)) if forward else (span.at(place), knot)
-        segments = _three(*pair)
         here, there = (span.start, place) if forward else (place, span.end)
-        if segments is not None and _deviation_m(span, here, there, pair[0], segments) < TOLERANCE_M:
+        ends = (knot, span.at(place)) if forward else (span.at(place), knot)
+        if segments := _three(span, here, there, *ends):
             return place, segments
         run /= 2
     raise NoFit(span)
 
 
 def _between(span: Span, start: float, end: float) -> list[Segment]:
+    """Segments along the curve: itself if it is one clothoid, else the fit, halved until it is close."""
     a, b = span.at(start), span.at(end)
     if span.exact_m is not None:
         length_m = span.exact_m * (end - start) / (span.end - span.start)
         return [clothoid(length_m, a.curvature_1pm, b.curvature_1pm)]
-    segments = _three(a, b)
-    if segments is not None and _deviation_m(span, start, end, a, segments) < TOLERANCE_M:
+    if segments := _three(span, start, end, a, b):
         return segments
     if end - start < MIN_SPAN_M:
         raise NoFit(span)
@@ -132,68 +124,27 @@ def _between(span: Span, start: float, end: float) -> list[Segment]:
     return _between(span, start, middle) + _between(span, middle, end)
 
 
-def _three(a: Knot, b: Knot) -> list[Segment] | None:
-    """Three clothoids from ``a`` to ``b``; None when there are none or they are a detour."""
-    chord_m = math.hypot(b.x_m - a.x_m, b.y_m - a.y_m)
-    turned = a.heading_rad + math.remainder(b.heading_rad - a.heading_rad, math.tau)
-    ends = (a.x_m, a.y_m, a.heading_rad, a.curvature_1pm), (b.x_m, b.y_m, turned, b.curvature_1pm)
-    pieces = _pyclothoids().SolveG2(*ends[0], *ends[1])
-    if not all(math.isfinite(piece.length) and piece.length > 0 for piece in pieces):
-        return None
-    if sum(piece.length for piece in pieces) > 1.5 * chord_m + MIN_SPAN_M:
-        return None
-    return [clothoid(piece.length, piece.KappaStart, piece.KappaEnd) for piece in pieces]
-
-
-def _pyclothoids() -> Any:
+def _three(span: Span, start: float, end: float, a: Knot, b: Knot) -> list[Segment] | None:
+    """Three clothoids from ``a`` to ``b``; None if they are a detour or leave the curve between start and end."""
     try:
         import pyclothoids
     except ImportError as error:
         raise InputError(
             "pyclothoids is not installed; lanes off the reference line need it: pip install 'trepid[roads]'"
         ) from error
-    return pyclothoids
-
-
-def _deviation_m(span: Span, start: float, end: float, first: Knot, segments: Sequence[Segment]) -> float:
-    """Largest distance across the curve between it and ``segments`` from ``first`` on."""
-    checks = [span.at(start + (end - start) * i / (CHECKS + 1)) for i in range(1, CHECKS + 1)]
-    run_m, worst_m = 0.0, 0.0
-    length_m = sum(segment.length_m for segment in segments)
-    for check in checks:
-        # Newton's method on (p - c(s))·t(s) = 0 along the fit; neighbours are close, so two steps suffice.
-        for _ in range(2):
-            here = along(first, segments, run_m)
-            ahead, aside = _relative(here, check)
-            run_m = min(max(run_m + ahead, 0.0), length_m)
-        _, aside = _relative(along(first, segments, run_m), check)
-        worst_m = max(worst_m, abs(aside))
-    return worst_m
-
-
-def _relative(here: Knot, point: Knot) -> tuple[float, float]:
-    """Distances of ``point`` ahead of and to the left of ``here`` [m]."""
-    dx, dy = point.x_m - here.x_m, point.y_m - here.y_m
-    cos, sin = math.cos(here.heading_rad), math.sin(here.heading_rad)
-    return dx * cos + dy * sin, dy * cos - dx * sin
-
-
-def along(first: Knot, segments: Sequence[Segment], run_m: float) -> Knot:
-    """The pose ``run_m`` after ``first`` along ``segments``."""
-    from sim_harness.world.opendrive.plan_view import Clothoid
-
-    x, y, heading, curvature = first.x_m, first.y_m, first.heading_rad, first.curvature_1pm
-    for segment in segments:
-        rate = (segment.end_curvature_1pm - segment.start_curvature_1pm) / segment.length_m
-        step = min(run_m, segment.length_m)
-        clothoid = Clothoid(segment.start_curvature_1pm, rate)
-        dx, dy, turn = clothoid.pose(step)
-        cos, sin = math.cos(heading), math.sin(heading)
-        x, y, heading = x + dx * cos - dy * sin, y + dx * sin + dy * cos, heading + turn
-        curvature, run_m = clothoid.curvature(step), run_m - step
-        if run_m <= 0.0:
-            break
-    return Knot(x, y, heading, curvature)
+    turned = a.heading_rad + math.remainder(b.heading_rad - a.heading_rad, math.tau)
+    first = (a.x_m, a.y_m, a.heading_rad, a.curvature_1pm)
+    pieces = pyclothoids.SolveG2(*first, b.x_m, b.y_m, turned, b.curvature_1pm)
+    if not all(math.isfinite(piece.length) and piece.length > 0 for piece in pieces):
+        return None
+    if sum(piece.length for piece in pieces) > 1.5 * math.hypot(b.x_m - a.x_m, b.y_m - a.y_m) + MIN_SPAN_M:
+        return None
+    segments = [clothoid(piece.length, piece.KappaStart, piece.KappaEnd) for piece in pieces]
+    for i in range(1, CHECKS + 1):
+        check = span.at(start + (end - start) * i / (CHECKS + 1))
+        if min(piece.Distance(check.x_m, check.y_m) for piece in pieces) >= TOLERANCE_M:
+            return None
+    return segments
 
 
 def clothoid(length_m: float, start_1pm: float, end_1pm: float) -> Segment:

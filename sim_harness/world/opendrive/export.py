@@ -13,40 +13,40 @@ import math
 import xml.etree.ElementTree as ET
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from sim_harness.world.opendrive.cross_section import CrossSection, Ends, cross_section, flipped
+from sim_harness.world.opendrive.sections import (
+    STROKE_NAMES,
+    USER_DATA,
+    CrossSection,
+    Ends,
+    Strip,
+    cross_section,
+    flipped,
+)
 from sim_harness.world.roads.appearance import Marking, Section, Stroke
-from sim_harness.world.roads.road import Road, RoadSettings, Segment
+from sim_harness.world.roads.road import Road, RoadSettings
 from trepid.config import InputError
 
-if TYPE_CHECKING:
+try:
     from scenariogeneration import xodr
-
-USER_DATA = "trepid"
-MARK_TYPES = {  # both name the left of two lines first
-    Stroke.NONE: "none",
-    Stroke.SOLID: "solid",
-    Stroke.DASHED: "broken",
-    Stroke.DOUBLE_SOLID: "solid_solid",
-    Stroke.DOUBLE_DASHED: "broken_broken",
-    Stroke.SOLID_DASHED: "solid_broken",
-    Stroke.DASHED_SOLID: "broken_solid",
-}
+except ImportError as missing:
+    raise InputError("scenariogeneration is not installed: pip install 'trepid[roads]'") from missing
 
 
 def write_opendrive(settings: RoadSettings, path: Path) -> None:
-    """Write ``settings`` to ``path``. Raises InputError when it cannot be written or the library is missing."""
-    try:
-        from scenariogeneration import xodr
-    except ImportError as error:
-        raise InputError("scenariogeneration is not installed: pip install 'trepid[roads]'") from error
-    road = _road(settings)
+    """Write ``settings`` to ``path``. Raises InputError when it cannot be written."""
+    road = xodr.Road(1, _plan_view(settings), _lanes(settings), name=settings.name)
+    if settings.closed:
+        road.add_predecessor(xodr.ElementType.road, 1, xodr.ContactPoint.end)
+        road.add_successor(xodr.ElementType.road, 1, xodr.ContactPoint.start)
+    own = settings.model_dump(mode="json", exclude={"segments", "sections"}, exclude_defaults=True)
+    road.add_userdata(xodr.UserData(USER_DATA, json.dumps(own)))
     file = xodr.OpenDrive(settings.name, revMajor="1", revMinor="7")
     file.add_road(road)
     root = file.get_element()
     root.find("header").set("date", "2000-01-01T00:00:00")  # equal roads give equal files
-    _user_data_last(root)
+    for parent in list(root.iter()):  # the schema requires <userData> behind its siblings
+        parent[:] = sorted(parent, key=lambda child: child.tag == "userData")
     ET.indent(root)
     try:
         ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
@@ -54,55 +54,35 @@ def write_opendrive(settings: RoadSettings, path: Path) -> None:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def _road(settings: RoadSettings) -> "xodr.Road":
-    from scenariogeneration import xodr
-
-    road = xodr.Road(1, _plan_view(settings), _lanes(settings), name=settings.name)
-    if settings.closed:
-        road.add_predecessor(xodr.ElementType.road, 1, xodr.ContactPoint.end)
-        road.add_successor(xodr.ElementType.road, 1, xodr.ContactPoint.start)
-    own = settings.model_dump(mode="json", exclude={"segments", "sections"}, exclude_defaults=True)
-    road.add_userdata(xodr.UserData(USER_DATA, json.dumps(own)))
-    return road
-
-
-def _plan_view(settings: RoadSettings) -> "xodr.PlanView":
-    from scenariogeneration import xodr
-
+def _plan_view(settings: RoadSettings) -> xodr.PlanView:
     view, line = xodr.PlanView(), Road(settings)
     start_m = 0.0
     for number, segment in enumerate(settings.segments):
         x, y, heading, _ = line.poses([start_m])[0]
-        view.add_fixed_geometry(_geometry(segment), float(x), float(y), float(heading), s=start_m)
+        first, last, length_m = segment.start_curvature_1pm, segment.end_curvature_1pm, segment.length_m
+        if first != last:
+            shape = xodr.Spiral(first, last, length=length_m)
+        else:
+            shape = xodr.Arc(first, length=length_m) if first else xodr.Line(length_m)
+        view.add_fixed_geometry(shape, float(x), float(y), float(heading), s=start_m)
         start_m = math.fsum(s.length_m for s in settings.segments[: number + 1])
     return view
 
 
-def _geometry(segment: Segment) -> "xodr.Line | xodr.Arc | xodr.Spiral":
-    from scenariogeneration import xodr
-
-    start, end = segment.start_curvature_1pm, segment.end_curvature_1pm
-    if start != end:
-        return xodr.Spiral(start, end, length=segment.length_m)
-    return xodr.Arc(start, length=segment.length_m) if start else xodr.Line(segment.length_m)
-
-
-def _lanes(settings: RoadSettings) -> "xodr.Lanes":
-    from scenariogeneration import xodr
-
+def _lanes(settings: RoadSettings) -> xodr.Lanes:
     lanes = xodr.Lanes()
     length_m = math.fsum(segment.length_m for segment in settings.segments)
     starts_m = [section.start_m for section in settings.sections] + [length_m]
     for section, (start_m, end_m) in zip(settings.sections, pairwise(starts_m), strict=True):
         profile = cross_section(section, settings.lane_width_m)
-        a, b, _, _ = _linear(profile.width_m, end_m - start_m)
+        a, b = _linear(profile.width_m, end_m - start_m)
         lanes.add_laneoffset(xodr.LaneOffset(start_m, a / 2, b / 2))
         lanes.add_lanesection(_lane_section(section, profile, start_m, end_m - start_m))
     _link(lanes.lanesections)
     return lanes
 
 
-def _link(sections: "list[xodr.LaneSection]") -> None:
+def _link(sections: list[xodr.LaneSection]) -> None:
     """Link each lane to the lane of the same number in the next section, where there is one."""
     for here, there in pairwise(sections):
         for before, after in ((here.leftlanes, there.leftlanes), (here.rightlanes, there.rightlanes)):
@@ -113,11 +93,9 @@ def _link(sections: "list[xodr.LaneSection]") -> None:
 
 def _lane_section(
     section: Section, profile: CrossSection, start_m: float, length_m: float
-) -> "xodr.LaneSection":
-    from scenariogeneration import xodr
-
+) -> xodr.LaneSection:
     def lane(width_m: Ends, marking: Marking, kind: xodr.LaneType = xodr.LaneType.driving) -> xodr.Lane:
-        made = xodr.Lane(kind, *_linear(width_m, length_m))
+        made = xodr.Lane(kind, *_linear(width_m, length_m), 0.0, 0.0)
         made.add_roadmark(_road_mark(marking))
         return made
 
@@ -125,8 +103,7 @@ def _lane_section(
     centre.add_roadmark(_road_mark(profile.left))
     made = xodr.LaneSection(start_m, centre)
     nothing = Marking(stroke=Stroke.NONE)
-    made.add_right_lane(lane(profile.width_m, profile.right))
-    for strip in profile.right_lanes:
+    for strip in (Strip(profile.width_m, profile.right), *profile.right_lanes):
         made.add_right_lane(lane(strip.width_m, strip.marking))
     for strip in profile.left_lanes:  # OpenDRIVE names its lines from the inside outwards: from right to left
         made.add_left_lane(lane(strip.width_m, flipped(strip.marking)))
@@ -139,19 +116,17 @@ def _lane_section(
     return made
 
 
-def _linear(width_m: Ends, length_m: float) -> tuple[float, float, float, float]:
-    """Coefficients of a + b·ds + c·ds² + d·ds³."""
-    return width_m[0], (width_m[1] - width_m[0]) / length_m, 0.0, 0.0
+def _linear(width_m: Ends, length_m: float) -> Ends:
+    """Coefficients of a + b·ds."""
+    return width_m[0], (width_m[1] - width_m[0]) / length_m
 
 
-def _road_mark(marking: Marking) -> "xodr.RoadMark":
-    from scenariogeneration import xodr
-
-    kind = xodr.RoadMarkType[MARK_TYPES[marking.stroke]]
+def _road_mark(marking: Marking) -> xodr.RoadMark:
+    parts = STROKE_NAMES[marking.stroke].split()
+    kind = xodr.RoadMarkType["_".join(parts)]
     if marking.stroke == Stroke.NONE:
         return xodr.RoadMark(kind)
     colour = xodr.RoadMarkColor[marking.paint.value]
-    parts = MARK_TYPES[marking.stroke].split("_")
     apart_m = (marking.width_m + marking.spacing_m) / 2 if len(parts) == 2 else 0.0
     total_m = 2 * apart_m + marking.width_m
     mark = xodr.RoadMark(kind, width=total_m, color=colour)
@@ -160,11 +135,3 @@ def _road_mark(marking: Marking) -> "xodr.RoadMark":
         line = xodr.RoadLine(marking.width_m, length_m, space_m, side * apart_m, color=colour)
         mark.add_specific_road_line(line)
     return mark
-
-
-def _user_data_last(root: ET.Element) -> None:
-    """Move <userData> behind its siblings as the schema requires (scenariogeneration writes it first)."""
-    for parent in list(root.iter()):
-        for child in [child for child in parent if child.tag == "userData"]:
-            parent.remove(child)
-            parent.append(child)

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count, pairwise
 
-from sim_harness.world.opendrive.cross_section import FLIPPED
 from sim_harness.world.opendrive.located_xml import Element
+from sim_harness.world.opendrive.sections import FLIPPED, STROKE_NAMES
 from sim_harness.world.roads.appearance import Marking, Paint, Stroke
 
 PAVED = {"shoulder", "border", "stop", "parking", "biking", "median", "restricted", "curb"}
@@ -16,19 +16,10 @@ DRIVEN = {
     *("driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp"),
     *("bus", "taxi", "HOV", "slipLane", "mwyEntry", "mwyExit"),
 }
-STROKES = {
-    "none": Stroke.NONE,
-    "solid": Stroke.SOLID,
-    "broken": Stroke.DASHED,
-    "solid solid": Stroke.DOUBLE_SOLID,
-    "broken broken": Stroke.DOUBLE_DASHED,
-    "solid broken": Stroke.SOLID_DASHED,
-    "broken solid": Stroke.DASHED_SOLID,
+STROKES = {name: stroke for stroke, name in STROKE_NAMES.items()} | {
     "botts dots": Stroke.DASHED,
     "custom": Stroke.SOLID,
-    "curb": Stroke.NONE,
-    "grass": Stroke.NONE,
-    "edge": Stroke.NONE,
+    **dict.fromkeys(("curb", "grass", "edge"), Stroke.NONE),
 }
 MAX_DASH_M = 100.0
 
@@ -51,18 +42,13 @@ class Record:
 def records(elements: Sequence[Element], place: str, origin_m: float = 0.0) -> list[Record]:
     """The cubic polynomials of ``elements``, whose attribute ``place`` counts from ``origin_m``."""
     found = [
-        Record(
-            element,
-            origin_m + element.number(place),
-            (element.number("a"), element.number("b"), element.number("c"), element.number("d")),
-        )
-        for element in elements
+        Record(e, origin_m + e.number(place), (e.number("a"), e.number("b"), e.number("c"), e.number("d")))
+        for e in elements
     ]
     for here, there in pairwise(found):
         if there.start_m < here.start_m:
-            raise there.element.error(
-                f"{place} runs backwards: expected at least {here.start_m - origin_m:g}"
-            )
+            least_m = here.start_m - origin_m
+            raise there.element.error(f"{place} runs backwards: expected at least {least_m:g}")
     return found
 
 
@@ -99,9 +85,8 @@ class LaneSection:
 
     def width_at(self, lane_id: int, s: float, near: float) -> float:
         """Width [m] at ``s`` by the record that holds at ``near``."""
-        record = active(self.widths(lane_id), near)
-        assert record is not None  # checked by widths()
-        return record.at(s)
+        records_here = self.widths(lane_id)  # the first of them holds from the start of the section on
+        return (active(records_here, near) or records_here[0]).at(s)
 
     def centre_at(self, lane_id: int, s: float, near: float) -> float:
         """Offset [m] of the centre of a lane from lane 0, + = left."""

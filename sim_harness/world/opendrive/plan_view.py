@@ -1,17 +1,17 @@
 """The reference line of an OpenDRIVE road: lines, arcs, spirals and cubic polynomials as functions of s.
 
-ASAM OpenDRIVE 1.7.0, chapter 7 (geometry). Every shape continues smoothly beyond its ends.
+ASAM OpenDRIVE 1.7.0, chapter 7 (geometry). A shape is a curve from the origin along x. It gives its pose and its
+curvature [1/m] at the length ``s`` [m] from its start, and continues smoothly beyond its ends.
 """
 
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 from numpy.polynomial import Polynomial
 
 from sim_harness.world.opendrive.located_xml import Element
-from sim_harness.world.roads.road import GAUSS_NODES, GAUSS_WEIGHTS
+from sim_harness.world.roads.road import GAUSS
 
 QUADRATURE_STEP_M = 0.5  # three-point Gauss-Legendre: 1e-9 m per kilometre for radii above 5 m
 PARAMETER_STEPS = 6
@@ -21,18 +21,6 @@ JOINT_M, JOINT_RAD = 0.01, 0.01  # gaps of files written with few digits
 SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 
 Pose = tuple[float, float, float]  # x, y [m], heading [rad]
-
-
-class Shape(Protocol):
-    """A curve from the origin along x, by the length ``s`` [m] from its start."""
-
-    def pose(self, s: float) -> Pose:
-        """x, y and heading."""
-        ...
-
-    def curvature(self, s: float) -> float:
-        """Curvature [1/m], + = bends left."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +36,7 @@ class Clothoid:
         count = max(1, math.ceil(abs(s) / QUADRATURE_STEP_M))
         step = s / count
         for i in range(count):
-            for node, weight in zip(GAUSS_NODES, GAUSS_WEIGHTS, strict=True):
+            for node, weight in GAUSS:
                 heading = self._heading((i + node) * step)
                 x += weight * step * math.cos(heading)
                 y += weight * step * math.sin(heading)
@@ -98,6 +86,9 @@ class Cubic:
         return 1.0 / math.hypot(float(self.u.deriv()(p)), float(self.v.deriv()(p)))
 
 
+Shape = Clothoid | Cubic
+
+
 @dataclass(frozen=True, slots=True)
 class Piece:
     """One <geometry> of a road's reference line."""
@@ -126,24 +117,15 @@ def plan_view(road: Element) -> list[Piece]:
     if not pieces:
         raise road.need("planView").error("expected at least one <geometry>")
     for here, there in pairwise(pieces):
-        _check_joint(here, there)
+        end_m, joint = here.start_m + here.length_m, "the end of the previous geometry"
+        if abs(there.start_m - end_m) > JOINT_M:
+            raise there.element.error(f"s={there.start_m:g}: expected {end_m:g}, {joint}")
+        x, y, heading = here.pose(end_m)
+        gap_m = math.hypot(there.origin[0] - x, there.origin[1] - y)
+        turn_rad = abs(math.remainder(there.origin[2] - heading, math.tau))
+        if gap_m > JOINT_M or turn_rad > JOINT_RAD:
+            raise there.element.error(f"starts {gap_m:.3f} m and {turn_rad:.3f} rad off {joint}")
     return pieces
-
-
-def _check_joint(here: Piece, there: Piece) -> None:
-    """Raise InputError unless ``there`` starts at the end of ``here``."""
-    end_m = here.start_m + here.length_m
-    if abs(there.start_m - end_m) > JOINT_M:
-        raise there.element.error(
-            f"s={there.start_m:g}: expected {end_m:g}, the end of the previous geometry"
-        )
-    x, y, heading = here.pose(end_m)
-    gap_m = math.hypot(there.origin[0] - x, there.origin[1] - y)
-    turn_rad = abs(math.remainder(there.origin[2] - heading, math.tau))
-    if gap_m > JOINT_M or turn_rad > JOINT_RAD:
-        raise there.element.error(
-            f"starts {gap_m:.3f} m and {turn_rad:.3f} rad off the end of the previous geometry"
-        )
 
 
 def _piece(element: Element) -> Piece:
@@ -164,9 +146,8 @@ def _shape(element: Element, length_m: float) -> Shape:
     if element.tag == "arc":
         return Clothoid(element.number("curvature", max_magnitude=MAX_CURVATURE_1PM))
     if element.tag == "spiral":
-        start, end = (
-            element.number(name, max_magnitude=MAX_CURVATURE_1PM) for name in ("curvStart", "curvEnd")
-        )
+        start = element.number("curvStart", max_magnitude=MAX_CURVATURE_1PM)
+        end = element.number("curvEnd", max_magnitude=MAX_CURVATURE_1PM)
         return Clothoid(start, (end - start) / length_m)
     if element.tag == "poly3":
         return Cubic(Polynomial([0.0, 1.0]), Polynomial([element.number(name) for name in "abcd"]), None)

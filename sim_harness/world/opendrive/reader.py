@@ -18,11 +18,10 @@ import numpy as np
 from pydantic import ValidationError
 
 from sim_harness.world.opendrive.clothoid_fit import Knot, NoFit, Span, clothoid, fit
-from sim_harness.world.opendrive.cross_section import CrossSection, Strip
 from sim_harness.world.opendrive.lane_table import DRIVEN, PAVED, LaneSection, Record, active, records
 from sim_harness.world.opendrive.located_xml import Element, read_xml
 from sim_harness.world.opendrive.plan_view import Clothoid, Piece, plan_view
-from sim_harness.world.opendrive.sections import Profile, mirrored, sections, user_data
+from sim_harness.world.opendrive.sections import CrossSection, Profile, Strip, mirrored, sections, user_data
 from sim_harness.world.roads.appearance import Section
 from sim_harness.world.roads.road import CLOSED_WITHIN_M, CLOSED_WITHIN_RAD, Road, RoadSettings, Segment
 
@@ -52,18 +51,13 @@ def read_opendrive(path: Path, *, road: str | None = None, lane: int | None = No
     root = read_xml(path)
     if root.tag != "OpenDRIVE":
         raise root.error("expected <OpenDRIVE> as the outermost element")
-    chosen = _choose(root, road)
-    return _Reader(chosen, lane).imported()
-
-
-def _choose(root: Element, road: str | None) -> Element:
     roads = root.all("road")
     ids = [element.text("id") for element in roads]
     if not roads:
         raise root.error("expected at least one <road>")
     if road is not None and road not in ids:
         raise root.error(f"no road has the id {road!r}; there are {', '.join(ids[:20])}")
-    return roads[ids.index(road)] if road is not None else roads[0]
+    return _Reader(roads[0 if road is None else ids.index(road)], lane).imported()
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,15 +82,12 @@ class _Stretch:
 
     def check(self) -> None:
         """Raise InputError where the lane runs at more than MAX_SLANT_RAD to the reference line."""
-        places = np.linspace(
-            self.start_m, self.end_m, 2 + math.ceil((self.end_m - self.start_m) / CHECK_STEP_M)
-        )
-        slants = [self._slant(s) for s in places.tolist()]
-        if max(map(abs, slants)) > MAX_SLANT_RAD:
-            lane = self.section.lanes[self.lane]
-            raise lane.error(
+        count = 2 + math.ceil((self.end_m - self.start_m) / CHECK_STEP_M)
+        slant = max(abs(self._slant(s)) for s in np.linspace(self.start_m, self.end_m, count).tolist())
+        if slant > MAX_SLANT_RAD:
+            raise self.section.lanes[self.lane].error(
                 f"between s = {self.start_m:g} and {self.end_m:g} m this lane leaves the reference line by"
-                f" {max(map(abs, slants)):.2g} rad: expected at most {MAX_SLANT_RAD:g}"
+                f" {slant:.2g} rad: expected at most {MAX_SLANT_RAD:g}"
             )
 
     def knot(self, s: float) -> Knot:
@@ -124,20 +115,21 @@ class _Stretch:
             return None
         return (self.end_m - self.start_m) * (1.0 - shape.curvature_1pm * offset_m)
 
+    def _slope(self, s: float) -> float:
+        h = HEADING_STEP_M
+        return (self.centre_m(s + h) - self.centre_m(s - h)) / (2 * h)
+
     def _slant(self, s: float) -> float:
         """Heading of the lane's centre relative to the reference line."""
-        h = HEADING_STEP_M
-        slope = (self.centre_m(s + h) - self.centre_m(s - h)) / (2 * h)
-        return math.atan2(slope, 1.0 - self.piece.curvature(s) * self.centre_m(s))
+        return math.atan2(self._slope(s), 1.0 - self.piece.curvature(s) * self.centre_m(s))
 
     def _curvature(self, s: float) -> float:
         curvature, offset_m = self.piece.curvature(s), self.centre_m(s)
         if self.is_constant():
             return curvature / (1.0 - curvature * offset_m)
         h = HEADING_STEP_M
-        slope = (self.centre_m(s + h) - self.centre_m(s - h)) / (2 * h)
         turn = curvature + (self._slant(s + h) - self._slant(s - h)) / (2 * h)
-        return turn / math.hypot(slope, 1.0 - curvature * offset_m)
+        return turn / math.hypot(self._slope(s), 1.0 - curvature * offset_m)
 
 
 class _Reader:
@@ -232,12 +224,10 @@ class _Reader:
         start_m, middle_m, end_m = stretch.start_m, stretch.middle_m, stretch.end_m
         section = stretch.section
         for lane in (n for n in section.lanes if n and section.kind(n) in DRIVEN):
-            ends = [section.width_at(lane, s, middle_m) for s in (start_m, end_m)]
-            bent_m = max(
-                abs(section.width_at(lane, start_m + share * (end_m - start_m), middle_m) - chord)
-                for share in (0.25, 0.5, 0.75)
-                for chord in (ends[0] + share * (ends[1] - ends[0]),)
-            )
+            places = np.linspace(start_m, end_m, 5).tolist()
+            first, *inner, last = (section.width_at(lane, s, middle_m) for s in places)
+            chord = np.linspace(first, last, 5)[1:-1]
+            bent_m = float(np.abs(inner - chord).max())
             if bent_m > WIDTH_TOLERANCE_M and end_m - start_m > MIN_STRETCH_M:
                 halves = (start_m, middle_m), (middle_m, end_m)
                 return [part for half in halves for part in self._linear_widths(self._stretch(*half))]
@@ -246,9 +236,8 @@ class _Reader:
     def _closed(self, spans: list[Span]) -> bool:
         """True when the road is its own successor. Raises InputError when its end misses its start."""
         link = self._road.first("link/successor")
-        if link is None or link.attributes.get("elementId") != self._road.text("id"):
-            return False
-        if link.attributes.get("contactPoint") != "start":
+        own_start = {"elementId": self._road.text("id"), "contactPoint": "start"}
+        if link is None or not own_start.items() <= link.attributes.items():
             return False
         first, last = spans[0].at(spans[0].start), spans[-1].at(spans[-1].end)
         gap_m = math.hypot(last.x_m - first.x_m, last.y_m - first.y_m)
@@ -262,10 +251,8 @@ class _Reader:
         section, kept, near = stretch.section, stretch.lane, stretch.middle_m
 
         def ends(lane: int) -> tuple[float, float]:
-            return (
-                section.width_at(lane, stretch.start_m, near),
-                section.width_at(lane, stretch.end_m, near),
-            )
+            start_m, end_m = (section.width_at(lane, s, near) for s in (stretch.start_m, stretch.end_m))
+            return start_m, end_m
 
         def side(sign: int) -> tuple[tuple[Strip, ...], float]:
             strips: list[Strip] = []
@@ -295,7 +282,7 @@ class _Reader:
     def _settings(
         self, profiles: list[Profile], fitted: list[list[Segment]], *, closed: bool
     ) -> RoadSettings:
-        exported = self._is_as_exported
+        exported = not self._backward and set(self._lanes) == {-1}  # then the <userData> applies
         values: dict[str, object] = {
             "name": self._road.attributes.get("name") or f"road_{self._road.text('id')}",
             "lane_width_m": profiles[0].lanes.width_m[0],
@@ -317,22 +304,18 @@ class _Reader:
             raise self._road.error(str(error)) from error
         return settings
 
-    @property
-    def _is_as_exported(self) -> bool:
-        """True for a lane as written by the export: its <userData> applies."""
-        return not self._backward and set(self._lanes) == {-1}
-
     def _notes(self) -> tuple[str, ...]:
         notes = []
-        for path, what in (
-            ("elevationProfile/elevation", "elevation"),
-            ("lateralProfile/superelevation", "bank"),
+        for profile, kind, what in (
+            ("elevation", "elevation", "elevation"),
+            ("lateral", "superelevation", "bank"),
         ):
-            found = self._road.all(path)
+            found = self._road.all(f"{profile}Profile/{kind}")
             if any(element.number(name) for element in found for name in "abcd"):
                 notes.append(f"{what} is left out: Trepid's roads are flat")
-        others = [path for path in ("objects/object", "signals/signal") if self._road.all(path)]
-        notes += [f"left out: {len(self._road.all(path))} {path.split('/')[0]}" for path in others]
+        for kind in ("object", "signal"):
+            if found := self._road.all(f"{kind}s/{kind}"):
+                notes.append(f"left out: {len(found)} {kind}s")
         return tuple(notes)
 
 

@@ -1,22 +1,92 @@
-"""Converts stretches of an OpenDRIVE road to the sections of a road of Trepid."""
+"""The part of a section that OpenDRIVE and Trepid share: widths and markings of parallel lanes."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from sim_harness.world.opendrive.cross_section import (
-    SAME_M,
-    CrossSection,
-    Ends,
-    Strip,
-    cross_section,
-    flipped,
-)
-from sim_harness.world.opendrive.export import USER_DATA
 from sim_harness.world.opendrive.located_xml import Element
-from sim_harness.world.roads.appearance import Section
+from sim_harness.world.roads.appearance import Marking, NeighbourLane, Section, Stroke
 
+USER_DATA = "trepid"  # code of the <userData> that the export writes
+STROKE_NAMES = {  # both name the left of two lines first
+    Stroke.NONE: "none",
+    Stroke.SOLID: "solid",
+    Stroke.DASHED: "broken",
+    Stroke.DOUBLE_SOLID: "solid solid",
+    Stroke.DOUBLE_DASHED: "broken broken",
+    Stroke.SOLID_DASHED: "solid broken",
+    Stroke.DASHED_SOLID: "broken solid",
+}
+FLIPPED = {Stroke.SOLID_DASHED: Stroke.DASHED_SOLID, Stroke.DASHED_SOLID: Stroke.SOLID_DASHED}
+SAME_M = 1e-6
 JOINED_WITHIN_M = 0.01  # widths that differ by less at a joint are taken as equal
+
+Ends = tuple[float, float]  # a width at the start and at the end of the section [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """A neighbour lane and the marking on its far edge."""
+
+    width_m: Ends
+    marking: Marking
+
+
+@dataclass(frozen=True, slots=True)
+class CrossSection:
+    """The lane that the vehicle keeps, its neighbours from the inside outwards, and the carriageway beyond."""
+
+    width_m: Ends
+    left: Marking
+    right: Marking
+    left_lanes: tuple[Strip, ...]
+    right_lanes: tuple[Strip, ...]
+    paved_left_m: float
+    paved_right_m: float
+
+    @property
+    def strips(self) -> tuple[Strip, ...]:
+        """All neighbour lanes, those to the left first."""
+        return (*self.left_lanes, *self.right_lanes)
+
+    @property
+    def widths(self) -> list[Ends]:
+        """Widths of the kept lane and of all strips."""
+        return [self.width_m, *(strip.width_m for strip in self.strips)]
+
+    def with_widths(self, widths: Sequence[Ends]) -> "CrossSection":
+        """The same lanes with other ``widths``."""
+        left, pairs = len(self.left_lanes), zip(widths[1:], self.strips, strict=True)
+        strips = tuple(Strip(width_m, strip.marking) for width_m, strip in pairs)
+        return replace(self, width_m=widths[0], left_lanes=strips[:left], right_lanes=strips[left:])
+
+    def fields(self) -> dict[str, object]:
+        """The cross section as fields of a Section."""
+        return {
+            "lane_width_m": _brief(self.width_m),
+            "left": self.left,
+            "right": self.right,
+            "far_left": Marking(stroke=Stroke.NONE),
+            "left_lanes": tuple(map(_neighbour, self.left_lanes)),
+            "right_lanes": tuple(map(_neighbour, self.right_lanes)),
+            "paved_left_m": self.paved_left_m,
+            "paved_right_m": self.paved_right_m,
+        }
+
+    def agrees_with(self, other: "CrossSection") -> bool:
+        """True when both are equal within SAME_M."""
+        mine, its = list(self._values()), list(other._values())
+        return len(mine) == len(its) and all(
+            abs(a - b) < SAME_M if isinstance(a, float) and isinstance(b, float) else a == b
+            for a, b in zip(mine, its, strict=True)
+        )
+
+    def _values(self) -> Iterator[object]:
+        yield from (len(self.left_lanes), len(self.right_lanes), self.paved_left_m, self.paved_right_m)
+        for width in self.widths:
+            yield from width
+        for line in (self.left, self.right, *(strip.marking for strip in self.strips)):
+            yield from (line.stroke, line.paint, line.width_m, line.dash_m, line.gap_m, line.spacing_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,33 +99,45 @@ class Profile:
     lanes: CrossSection
 
 
-def sections(profiles: Sequence[Profile], lane_width_m: float, *, with_user_data: bool) -> list[Section]:
-    """The fewest sections that describe ``profiles``. Raises ValueError (pydantic) for an invalid section."""
-    groups: list[Profile] = []
-    for profile in profiles:
-        longer = _joined(groups[-1], profile) if groups else None
-        groups[-1:] = [longer] if longer else [*groups[-1:], profile]
-    out: list[Section] = []
-    for number, group in enumerate(groups):
-        before = groups[number - 1].lanes if number else None
-        lanes = _meeting(before, group.lanes) if before else group.lanes
-        groups[number] = replace(group, lanes=lanes)
-        out.append(_section(groups[number], lane_width_m, with_user_data=with_user_data))
-    return out
+def cross_section(section: Section, lane_width_m: float) -> CrossSection:
+    """The cross section of ``section`` on a road with lanes of ``lane_width_m``."""
+
+    def strips(lanes: tuple[NeighbourLane, ...], side: int) -> tuple[Strip, ...]:
+        ends = [section.lane_width_m_at_ends(side * (n + 1), lane_width_m) for n in range(len(lanes))]
+        return tuple(
+            Strip(width, plain(lane.marking)) for width, lane in zip(ends, lanes, strict=True) if width
+        )
+
+    left_lanes = strips(section.lanes_to_the_left, 1)
+    paved_left_m = section.paved_left_m
+    if not section.left_lanes:  # the lane of far_left lies on paved_left_m
+        paved_left_m = max(paved_left_m - sum(max(strip.width_m) for strip in left_lanes), 0.0)
+    return CrossSection(
+        width_m=section.lane_width_m_at_ends(0, lane_width_m) or (lane_width_m, lane_width_m),
+        left=plain(section.left),
+        right=plain(section.right),
+        left_lanes=left_lanes,
+        right_lanes=strips(section.right_lanes, -1),
+        paved_left_m=paved_left_m,
+        paved_right_m=section.paved_right_m,
+    )
 
 
-def user_data(element: Element) -> dict[str, object]:
-    """The <userData> that export wrote into ``element``; empty without one. Raises InputError."""
-    found = [data for data in element.all("userData") if data.attributes.get("code") == USER_DATA]
-    if not found:
-        return {}
-    try:
-        data = json.loads(found[0].text("value"))
-    except ValueError as error:
-        raise found[0].error(f"value: expected JSON: {error}") from error
-    if not isinstance(data, dict):
-        raise found[0].error("value: expected a JSON object")
-    return data
+def plain(marking: Marking) -> Marking:
+    """The part of a marking that OpenDRIVE can express."""
+    if marking.stroke == Stroke.NONE:
+        return Marking(stroke=Stroke.NONE)
+    kept = {"stroke", "paint", "width_m"}
+    if "dashed" in marking.stroke:
+        kept |= {"dash_m", "gap_m"}
+    if marking.stroke not in (Stroke.SOLID, Stroke.DASHED):
+        kept.add("spacing_m")
+    return Marking.model_validate(marking.model_dump(include=kept))
+
+
+def flipped(marking: Marking) -> Marking:
+    """The marking in the opposite direction."""
+    return marking.model_copy(update={"stroke": FLIPPED.get(marking.stroke, marking.stroke)})
 
 
 def mirrored(lanes: CrossSection) -> CrossSection:
@@ -75,6 +157,32 @@ def mirrored(lanes: CrossSection) -> CrossSection:
     )
 
 
+def sections(profiles: Sequence[Profile], lane_width_m: float, *, with_user_data: bool) -> list[Section]:
+    """The fewest sections that describe ``profiles``. Raises ValueError (pydantic) for an invalid section."""
+    groups: list[Profile] = []
+    for profile in profiles:
+        longer = _joined(groups[-1], profile) if groups else None
+        groups[-1:] = [longer] if longer else [*groups[-1:], profile]
+    for number in range(1, len(groups)):
+        met = _meeting(groups[number - 1].lanes, groups[number].lanes)
+        groups[number] = replace(groups[number], lanes=met)
+    return [_section(group, lane_width_m, with_user_data=with_user_data) for group in groups]
+
+
+def user_data(element: Element) -> dict[str, object]:
+    """The <userData> that export wrote into ``element``; empty without one. Raises InputError."""
+    found = [data for data in element.all("userData") if data.attributes.get("code") == USER_DATA]
+    if not found:
+        return {}
+    try:
+        data = json.loads(found[0].text("value"))
+    except ValueError as error:
+        raise found[0].error(f"value: expected JSON: {error}") from error
+    if not isinstance(data, dict):
+        raise found[0].error("value: expected a JSON object")
+    return data
+
+
 def _section(profile: Profile, lane_width_m: float, *, with_user_data: bool) -> Section:
     """The section of ``profile``. The lanes override <userData>, so that other tools may edit the file."""
     place: dict[str, object] = {"name": f"at_{profile.start_m:.0f}", "start_m": profile.start_m}
@@ -84,21 +192,21 @@ def _section(profile: Profile, lane_width_m: float, *, with_user_data: bool) -> 
         if own and cross_section(base, lane_width_m).agrees_with(profile.lanes):
             return base
         place = dict(base)
-    return Section.model_validate({**place, **profile.lanes.update()})
+    return Section.model_validate({**place, **profile.lanes.fields()})
 
 
 def _joined(a: Profile, b: Profile) -> Profile | None:
     """Both profiles as one, None where they differ."""
-    if a.element is not b.element or len(_widths(a.lanes)) != len(_widths(b.lanes)):
+    if a.element is not b.element or len(a.lanes.widths) != len(b.lanes.widths):
         return None
     share = a.length_m / (a.length_m + b.length_m)
-    ends = [(x[0], y[1]) for x, y in zip(_widths(a.lanes), _widths(b.lanes), strict=True)]
-    cuts = [start + (end - start) * share for start, end in ends]
-    first = _with_widths(a.lanes, [(start, cut) for (start, _), cut in zip(ends, cuts, strict=True)])
-    second = _with_widths(a.lanes, [(cut, end) for (_, end), cut in zip(ends, cuts, strict=True)])
+    ends = [(x[0], y[1]) for x, y in zip(a.lanes.widths, b.lanes.widths, strict=True)]
+    cuts = [(start, start + (end - start) * share, end) for start, end in ends]
+    first = a.lanes.with_widths([(start, cut) for start, cut, _ in cuts])
+    second = a.lanes.with_widths([(cut, end) for _, cut, end in cuts])
     if not (first.agrees_with(a.lanes) and second.agrees_with(b.lanes)):
         return None
-    return Profile(a.element, a.start_m, a.length_m + b.length_m, _with_widths(a.lanes, ends))
+    return Profile(a.element, a.start_m, a.length_m + b.length_m, a.lanes.with_widths(ends))
 
 
 def _meeting(before: CrossSection, after: CrossSection) -> CrossSection:
@@ -122,16 +230,9 @@ def _meeting(before: CrossSection, after: CrossSection) -> CrossSection:
     )
 
 
-def _widths(lanes: CrossSection) -> list[Ends]:
-    return [lanes.width_m, *(strip.width_m for strip in (*lanes.left_lanes, *lanes.right_lanes))]
+def _brief(ends: Ends) -> float | Ends:
+    return ends[0] if abs(ends[0] - ends[1]) < SAME_M else ends
 
 
-def _with_widths(lanes: CrossSection, widths: Sequence[Ends]) -> CrossSection:
-    """``lanes`` with ``widths`` in the order of _widths; strips beyond them keep their width."""
-    todo = iter(widths[1:])
-
-    def strips(old: tuple[Strip, ...]) -> tuple[Strip, ...]:
-        return tuple(Strip(next(todo, strip.width_m), strip.marking) for strip in old)
-
-    left_lanes = strips(lanes.left_lanes)
-    return replace(lanes, width_m=widths[0], left_lanes=left_lanes, right_lanes=strips(lanes.right_lanes))
+def _neighbour(strip: Strip) -> NeighbourLane:
+    return NeighbourLane(width_m=_brief(strip.width_m), marking=strip.marking)
