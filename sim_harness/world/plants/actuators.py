@@ -66,7 +66,9 @@ class Actuators:
         if not (math.isfinite(demand_rad) and math.isfinite(accel_mps2)):
             raise ValueError(f"demand must be finite, got {demand_rad} rad and {accel_mps2} m/s²")
         accel_mps2 = at_least(at_most(accel_mps2, self.max_accel_mps2), -self.max_decel_mps2)
-        pending = self._with(state, within(demand_rad, self.max_angle_rad))
+        demand_rad, pending = within(demand_rad, self.max_angle_rad), state.pending
+        if demand_rad != (pending[-1][1] if pending else state.acting_demand_rad):
+            pending = (*pending, (state.clock_s + self.delay_s, demand_rad))
         left_s = dt_s
         while left_s > _SAME_INSTANT_S:
             if pending:
@@ -92,6 +94,11 @@ class Actuators:
         tyre_rad = steering_rad + play_rad + self.offset_rad
         return Motion(speed_mps, accel_mps2, tyre_rad, steering_rad, play_rad)
 
+    def during(self, state: PlantState, accel_demand_mps2: float, h: float) -> tuple[Motion, Motion, Motion]:
+        """The motion at the start, the middle and the end of a span of ``h`` [s] under constant demands."""
+        middle = self.after(state, accel_demand_mps2, h / 2)
+        return self.at(state), middle, self.after(state, accel_demand_mps2, h)
+
     def _speed(self, state: PlantState, demand_mps2: float, t: float) -> tuple[float, float]:
         """Speed and acceleration after ``t`` [s] under a constant demand; the speed never becomes negative."""
         v0, a0, lag_s = state.speed_mps, state.accel_mps2, self.accel_lag_s
@@ -116,14 +123,6 @@ class Actuators:
             return state.acting_demand_rad
         error_then = within(error, self.rate_radps * self.lag_s)
         return state.acting_demand_rad - error_then * math.exp((ramp_s - t) / self.lag_s)
-
-    def _with(self, state: PlantState, demand_rad: float) -> Pending:
-        """The pending demands after ``demand_rad`` is given at ``state``."""
-        pending = state.pending
-        newest_rad = pending[-1][1] if pending else state.acting_demand_rad
-        if demand_rad == newest_rad:
-            return pending
-        return (*pending, (state.clock_s + self.delay_s, demand_rad))
 
 
 def moved(

@@ -21,7 +21,7 @@ _WHOLE = 1e-6  # of a period
 
 @dataclass(slots=True, kw_only=True)
 class BatchState:
-    """:class:`~sim_harness.world.plants.state.PlantState` of N vehicles; ``step`` writes into it. Shapes (N,)."""
+    """``PlantState`` of N vehicles, shapes (N,); ``step`` replaces the arrays."""
 
     x_m: Array
     y_m: Array
@@ -40,43 +40,40 @@ class BatchPlant:
     def __init__(self, plants: Sequence[KinematicPlant], *, period_s: float) -> None:
         """Raises ValueError when a dead time is not a whole number of periods."""
         actuators = [plant.actuators for plant in plants]
-
-        def column(values: Sequence[float]) -> Array:
-            return np.array(values, dtype=np.float64)
-
         self.period_s = period_s
-        self._wheelbase_m = column([plant.wheelbase_m for plant in plants])
-        self._gradient = column([plant.understeer_rad_per_mps2 for plant in plants])
-        self._bank_mps2 = column([plant.bank_mps2 for plant in plants])
-        self._grip2 = column([plant.grip_mps2**2 for plant in plants])
-        self._max_accel_mps2 = column([a.max_accel_mps2 for a in actuators])
-        self._max_decel_mps2 = column([a.max_decel_mps2 for a in actuators])
-        self._max_angle_rad = column([a.max_angle_rad for a in actuators])
-        self._rate_radps = column([a.rate_radps for a in actuators])
-        self._lag_s = column([a.lag_s for a in actuators])
-        self._accel_lag_s = column([a.accel_lag_s for a in actuators])
-        self._offset_rad = column([a.offset_rad for a in actuators])
-        self._friction_rad = column([a.friction_rad for a in actuators])
-        self._delay_periods = _whole_periods(column([a.delay_s for a in actuators]), period_s)
+        self._wheelbase_m = np.array([plant.wheelbase_m for plant in plants])
+        self._gradient = np.array([plant.understeer_rad_per_mps2 for plant in plants])
+        self._bank_mps2 = np.array([plant.bank_mps2 for plant in plants])
+        self._grip2 = np.array([plant.grip_mps2**2 for plant in plants])
+        self._max_accel_mps2 = np.array([a.max_accel_mps2 for a in actuators])
+        self._max_decel_mps2 = np.array([a.max_decel_mps2 for a in actuators])
+        self._max_angle_rad = np.array([a.max_angle_rad for a in actuators])
+        self._rate_radps = np.array([a.rate_radps for a in actuators])
+        self._lag_s = np.array([a.lag_s for a in actuators])
+        self._accel_lag_s = np.array([a.accel_lag_s for a in actuators])
+        self._offset_rad = np.array([a.offset_rad for a in actuators])
+        self._friction_rad = np.array([a.friction_rad for a in actuators])
+        self._delay_periods = _whole_periods(np.array([a.delay_s for a in actuators]), period_s)
         # Without lag the decay is 0 instead of exp(-t/0).
-        self._decays = {t: _decay(t, self._accel_lag_s) for t in (period_s / 2, period_s)}
+        self._decays = {
+            t: np.array([math.exp(-t / lag) if lag > 0.0 else 0.0 for lag in self._accel_lag_s])
+            for t in (period_s / 2, period_s)
+        }
         self._safe_lag_s = np.where(self._lag_s > 0.0, self._lag_s, 1.0)
 
     def initial(self, speed_mps: Array) -> BatchState:
         """At the origin, straight ahead, with the steering centred."""
-        zeros = [np.zeros_like(speed_mps) for _ in range(7)]
-        pending = [np.zeros_like(speed_mps) for _ in range(int(self._delay_periods.max(initial=0)))]
-        x_m, y_m, yaw_rad, accel_mps2, angle_rad, demand_rad, play_rad = zeros
+        zeros = np.zeros(len(speed_mps))
         return BatchState(
-            x_m=x_m,
-            y_m=y_m,
-            yaw_rad=yaw_rad,
+            x_m=zeros,
+            y_m=zeros,
+            yaw_rad=zeros,
             speed_mps=np.array(speed_mps, dtype=np.float64),
-            accel_mps2=accel_mps2,
-            road_wheel_angle_rad=angle_rad,
-            acting_demand_rad=demand_rad,
-            play_rad=play_rad,
-            pending_rad=pending,
+            accel_mps2=zeros,
+            road_wheel_angle_rad=zeros,
+            acting_demand_rad=zeros,
+            play_rad=zeros,
+            pending_rad=[zeros] * int(self._delay_periods.max(initial=0)),
         )
 
     def step(self, state: BatchState, angle_demand_rad: Array, accel_demand_mps2: Array) -> None:
@@ -177,11 +174,6 @@ class BatchPlant:
         with np.errstate(divide="ignore", invalid="ignore"):
             slid = (np.copysign(np.sqrt(np.maximum(0.0, left)), lateral_mps2) - self._bank_mps2) / speed2
         return np.where(slides, np.where(speed2 > 0.0, slid, 0.0), curvature)
-
-
-def _decay(t: float, lag_s: Array) -> Array:
-    """exp(-t/τ), 0 without lag."""
-    return np.array([math.exp(-t / lag) if lag > 0.0 else 0.0 for lag in lag_s])
 
 
 def _whole_periods(delay_s: Array, period_s: float) -> npt.NDArray[np.int64]:

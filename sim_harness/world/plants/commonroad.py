@@ -18,8 +18,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from sim_harness.world.plants.actuators import Actuators, Motion
-from sim_harness.world.plants.axles import ANTI_LOCK, GRAVITY_MPS2
+from sim_harness.world.plants.actuators import Motion
+from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.foreign import ForeignPlant, Inner, Pose
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.runge_kutta import rk4
@@ -52,11 +52,10 @@ class CommonRoadPlant(ForeignPlant):
         known = vehicle.model_copy(update=dict(understeer_gradient_rad_per_mps2=own))
         self._model = _model(settings.model, vehicle, settings)
         self._stiffness_mps2 = _wheel_stiffness_mps2(self._model.parameters)
-        grip_mps2 = ANTI_LOCK * settings.friction * GRAVITY_MPS2
         super().__init__(
             known,
+            settings,
             rolling=KinematicPlant(known, settings.model_copy(update=dict(load_kg=0.0))),
-            actuators=Actuators(vehicle, settings, grip_mps2=grip_mps2),
             cg_to_rear_m=float(self._model.parameters.b),
         )
 

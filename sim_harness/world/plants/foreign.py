@@ -9,9 +9,10 @@ import math
 from abc import abstractmethod
 from typing import ClassVar
 
-from sim_harness.world.plants.actuators import Actuators, Motion, moved
+from sim_harness.world.plants.actuators import Motion, moved
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.plant import Plant
+from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.vehicle import Vehicle
 
@@ -26,23 +27,19 @@ class ForeignPlant(Plant):
     YAW_RATE_AT: ClassVar[int]  # index of the yaw rate in ``PlantState.inner``
 
     def __init__(
-        self, vehicle: Vehicle, *, rolling: KinematicPlant, actuators: Actuators, cg_to_rear_m: float
+        self, vehicle: Vehicle, settings: PlantSettings, *, rolling: KinematicPlant, cg_to_rear_m: float
     ) -> None:
-        self.vehicle = vehicle
-        self.actuators = actuators
+        super().__init__(vehicle, settings)
         self._rolling = rolling
         self._cg_m = cg_to_rear_m
 
     def yaw_rate_radps(self, state: PlantState) -> float:
-        """ψ'."""
         return state.inner[self.YAW_RATE_AT] if state.inner else self._rolling.yaw_rate_radps(state)
 
     def steady_angle_rad(self, curvature_1pm: float, speed_mps: float) -> float:
-        """Angle of the steering that holds ``curvature_1pm`` at ``speed_mps``, by the understeer gradient."""
         return self._rolling.steady_angle_rad(curvature_1pm, speed_mps)
 
     def advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
-        """``state`` after ``h`` [s] during which every demand is constant."""
         if state.speed_mps < self.ROLLING_MPS:
             return self._rolling.advance(state, accel_demand_mps2, h)
         cos, sin = math.cos(state.yaw_rad), math.sin(state.yaw_rad)

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from sim_harness.world.plants.actuators import Actuators, Motion
-from sim_harness.world.plants.axles import ANTI_LOCK, GRAVITY_MPS2, axles_of
+from sim_harness.world.plants.actuators import Motion
+from sim_harness.world.plants.axles import axles_of
 from sim_harness.world.plants.foreign import ForeignPlant, Inner, Pose
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.settings import PlantSettings
@@ -42,24 +42,21 @@ class HighwayEnvPlant(ForeignPlant):
         car.MASS, car.INERTIA_Z = axles.mass_kg, axles.yaw_inertia_kgm2
         car.LENGTH_A, car.LENGTH_B = axles.cg_to_front_m, axles.cg_to_rear_m
         # highway-env counts one tyre of the two.
-        car.FRICTION_FRONT, car.FRICTION_REAR = (
-            axles.front_stiffness_nprad / 2,
-            axles.rear_stiffness_nprad / 2,
-        )
+        car.FRICTION_FRONT = axles.front_stiffness_nprad / 2
+        car.FRICTION_REAR = axles.rear_stiffness_nprad / 2
         car.MAX_SPEED = math.inf
         self._car = car
         super().__init__(
             vehicle,
+            settings,
             rolling=KinematicPlant(vehicle, settings),
-            actuators=Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * GRAVITY_MPS2),
             cg_to_rear_m=axles.cg_to_rear_m,
         )
 
     def _integrated(
         self, state: PlantState, start: Pose, accel_demand_mps2: float, h: float
     ) -> tuple[Pose, Motion, Inner]:
-        middle = self.actuators.after(state, accel_demand_mps2, h / 2)
-        end = self.actuators.after(state, accel_demand_mps2, h)
+        _, middle, end = self.actuators.during(state, accel_demand_mps2, h)
         car = self._car
         car.position, car.heading, car.speed = np.array(start[:2]), start[2], state.speed_mps
         yaw_rate_radps = self.yaw_rate_radps(state)

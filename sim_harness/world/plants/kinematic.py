@@ -17,10 +17,10 @@ Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 (kinematics) and 3.3
 
 import math
 
-from sim_harness.world.plants.actuators import Actuators, Motion, moved
-from sim_harness.world.plants.axles import ANTI_LOCK, GRAVITY_MPS2, axles_of
+from sim_harness.world.plants.actuators import Motion, moved
+from sim_harness.world.plants.axles import axles_of
 from sim_harness.world.plants.plant import Plant
-from sim_harness.world.plants.settings import PlantSettings
+from sim_harness.world.plants.settings import AS_IN_THE_FILE, PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.bounds import within
 from trepid.vehicle import Vehicle
@@ -32,17 +32,13 @@ _LAST_STEP_RAD = 1e-9  # the error after a step is of the order of the step's sq
 class KinematicPlant(Plant):
     """Kinematic bicycle. Stateless except for a cache of the last motion and its yaw rate."""
 
-    def __init__(self, vehicle: Vehicle, settings: PlantSettings | None = None) -> None:
-        """``vehicle``: the simulated one. Raises InputError when no axle stiffness fits its understeer and load."""
-        settings = settings or PlantSettings()
-        self.vehicle = vehicle
+    def __init__(self, vehicle: Vehicle, settings: PlantSettings = AS_IN_THE_FILE) -> None:
+        """Raises InputError when no axle stiffness fits the understeer and load of ``vehicle``."""
+        super().__init__(vehicle, settings)
         self.wheelbase_m = vehicle.wheelbase_m
         self.understeer_rad_per_mps2 = vehicle.understeer_gradient_rad_per_mps2
         if settings.load_kg > 0.0:
             self.understeer_rad_per_mps2 = axles_of(vehicle, settings).understeer_gradient_rad_per_mps2
-        self.bank_mps2 = GRAVITY_MPS2 * math.sin(settings.bank_rad)
-        self.grip_mps2 = settings.friction * GRAVITY_MPS2 * math.cos(settings.bank_rad)
-        self.actuators = Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * self.grip_mps2)
         # Cache: a step begins with the motion at which the last one ended.
         self._known: Motion | None = None
         self._known_rate = 0.0  # yaw rate of that motion
@@ -68,13 +64,11 @@ class KinematicPlant(Plant):
         return self._slid_1pm(lateral_mps2, speed_mps, accel_mps2)
 
     def yaw_rate_radps(self, state: PlantState) -> float:
-        """ψ' = v·κ."""
         if state is self._last:
             return self._known_rate
         return self._yaw_rate(self.actuators.at(state))
 
     def steady_angle_rad(self, curvature_1pm: float, speed_mps: float) -> float:
-        """Angle of the steering that holds ``curvature_1pm`` at ``speed_mps``, within the angle limit."""
         lateral_mps2 = curvature_1pm * speed_mps * speed_mps + self.bank_mps2
         angle_rad = math.atan(self.wheelbase_m * curvature_1pm) + self.understeer_rad_per_mps2 * lateral_mps2
         return within(angle_rad - self.actuators.offset_rad, self.actuators.max_angle_rad)
@@ -102,12 +96,7 @@ class KinematicPlant(Plant):
         return (math.copysign(left_mps2, lateral_mps2) - self.bank_mps2) / (speed_mps * speed_mps)
 
     def pose_after(
-        self,
-        pose: tuple[float, float, float],
-        start: Motion,
-        middle: Motion,
-        end: Motion,
-        h: float,
+        self, pose: tuple[float, float, float], start: Motion, middle: Motion, end: Motion, h: float
     ) -> tuple[float, float, float]:
         """(x, y, yaw) one Runge-Kutta step of ``h`` [s] after ``pose``, with the motion at start, middle and end.
 
@@ -126,10 +115,7 @@ class KinematicPlant(Plant):
         return x_m + h / 6 * x_rates, y_m + h / 6 * y_rates, yaw_rad
 
     def advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
-        """``state`` after ``h`` [s] during which every demand is constant."""
-        start = self.actuators.at(state)
-        middle = self.actuators.after(state, accel_demand_mps2, h / 2)
-        end = self.actuators.after(state, accel_demand_mps2, h)
+        start, middle, end = self.actuators.during(state, accel_demand_mps2, h)
         pose = self.pose_after((state.x_m, state.y_m, state.yaw_rad), start, middle, end, h)
         self._last = moved(state, end, h, pose)
         return self._last

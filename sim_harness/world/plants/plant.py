@@ -1,8 +1,11 @@
 """The interface of every simulated vehicle, and the parts that all of them share."""
 
+import math
 from abc import ABC, abstractmethod
 
 from sim_harness.world.plants.actuators import Actuators
+from sim_harness.world.plants.axles import ANTI_LOCK, GRAVITY_MPS2
+from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.messages import Command, VehicleState
 from trepid.vehicle import Vehicle
@@ -14,8 +17,12 @@ class Plant(ABC):
     A model implements ``advance``, ``yaw_rate_radps`` and ``steady_angle_rad``.
     """
 
-    vehicle: Vehicle
-    actuators: Actuators
+    def __init__(self, vehicle: Vehicle, settings: PlantSettings) -> None:
+        """``vehicle``: the simulated one."""
+        self.vehicle = vehicle
+        self.bank_mps2 = GRAVITY_MPS2 * math.sin(settings.bank_rad)
+        self.grip_mps2 = settings.friction * GRAVITY_MPS2 * math.cos(settings.bank_rad)
+        self.actuators = Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * self.grip_mps2)
 
     def initial(
         self,

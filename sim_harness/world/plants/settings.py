@@ -40,9 +40,11 @@ class PlantSettings(Settings):
     friction: Annotated[float, Field(gt=0, le=1.5)] = 1.0  # μ between tyres and road
     bank_rad: Annotated[float, Field(gt=-0.3, lt=0.3)] = 0.0  # of the road; + = left side up, pulls right
     load_kg: NonNegative = 0.0  # added to the mass of the vehicle; the tyre stiffness is unchanged
-    steering_offset_rad: Annotated[float, Field(gt=-0.2, lt=0.2)] = (
-        0.0  # tyre angle minus measured steering angle
-    )
+    # Tyre angle minus measured steering angle.
+    steering_offset_rad: Annotated[float, Field(gt=-0.2, lt=0.2)] = 0.0
     steering_friction_rad: Annotated[float, Field(ge=0, lt=0.2)] = 0.0  # half-width of stick and play
     vehicle: dict[str, float] = Field(default_factory=dict)  # fields of the vehicle file to override
     chassis: Chassis = Chassis()
+
+
+AS_IN_THE_FILE = PlantSettings()  # the kinematic model of the vehicle file

@@ -21,12 +21,12 @@ Axle equations: Rajamani, Vehicle Dynamics and Control (2012), section 2.3. Tyre
 
 import math
 
-from sim_harness.world.plants.actuators import Actuators, Motion, moved
-from sim_harness.world.plants.axles import ANTI_LOCK, GRAVITY_MPS2, Axles, axles_of
+from sim_harness.world.plants.actuators import Motion, moved
+from sim_harness.world.plants.axles import Axles, axles_of
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.runge_kutta import rk4
-from sim_harness.world.plants.settings import PlantSettings
+from sim_harness.world.plants.settings import AS_IN_THE_FILE, PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.bounds import within
 from trepid.vehicle import Vehicle
@@ -42,15 +42,10 @@ _STEADY_RAD = 1e-14
 class SingleTrackPlant(Plant):
     """Dynamic single track. ``inner`` = (β, κ). Stateless."""
 
-    def __init__(self, vehicle: Vehicle, settings: PlantSettings | None = None) -> None:
-        """``vehicle``: the simulated one. Raises InputError when no tyre stiffness fits its understeer."""
-        settings = settings or PlantSettings()
-        self.vehicle = vehicle
+    def __init__(self, vehicle: Vehicle, settings: PlantSettings = AS_IN_THE_FILE) -> None:
+        """Raises InputError when no tyre stiffness fits the understeer of ``vehicle``."""
+        super().__init__(vehicle, settings)
         self.axles = axles_of(vehicle, settings)
-        weight_mps2 = GRAVITY_MPS2 * math.cos(settings.bank_rad)
-        self.bank_mps2 = GRAVITY_MPS2 * math.sin(settings.bank_rad)
-        self.grip_mps2 = settings.friction * weight_mps2
-        self.actuators = Actuators(vehicle, settings, grip_mps2=ANTI_LOCK * self.grip_mps2)
         self._quasi_static = KinematicPlant(vehicle, settings)
         fastest_radps = _fastest_mode_mps2(self.axles) / SETTLES_AS_AT_MPS
         self._max_step_s = min(MAX_STEP_S, STEP_OF_FASTEST_MODE / fastest_radps)
@@ -60,7 +55,6 @@ class SingleTrackPlant(Plant):
         return self._drift(curvature_1pm * speed_mps * speed_mps + self.bank_mps2), curvature_1pm
 
     def yaw_rate_radps(self, state: PlantState) -> float:
-        """ψ' = u·κ."""
         return state.speed_mps * self._inner(state)[1]
 
     def lateral_accel_mps2(self, state: PlantState) -> float:
@@ -71,7 +65,6 @@ class SingleTrackPlant(Plant):
         return (front * math.cos(angle_rad) + rear) / self.axles.mass_kg - self.bank_mps2
 
     def steady_angle_rad(self, curvature_1pm: float, speed_mps: float) -> float:
-        """Angle of the steering that holds ``curvature_1pm`` at ``speed_mps``, within the angle limit."""
         angle_rad, _ = self._steady(curvature_1pm, speed_mps)
         return within(angle_rad - self.actuators.offset_rad, self.actuators.max_angle_rad)
 
@@ -142,25 +135,17 @@ class SingleTrackPlant(Plant):
 
     def _drift(self, lateral_mps2: float) -> float:
         """β at which the rear tyres carry their axle through ``lateral_mps2``."""
-        return -math.tan(
-            self._slip_rad(lateral_mps2, self.axles.rear_mass_kg, self.axles.rear_stiffness_nprad)
-        )
+        axles = self.axles
+        return -math.tan(self._slip_rad(lateral_mps2, axles.rear_mass_kg, axles.rear_stiffness_nprad))
 
     def advance(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
-        """``state`` after Runge-Kutta steps over ``h`` [s] during which every demand is constant."""
         steps = math.ceil(h / self._max_step_s - 1e-6)
         for _ in range(steps):
-            state = self._advance_once(state, accel_demand_mps2, h / steps)
+            start, middle, end = self.actuators.during(state, accel_demand_mps2, h / steps)
+            before = (state.x_m, state.y_m, state.yaw_rad, *self._inner(state))
+            x_m, y_m, yaw_rad, drift, curvature = rk4(self.rates, before, start, middle, end, h / steps)
+            state = moved(state, end, h / steps, (x_m, y_m, yaw_rad), inner=(drift, curvature))
         return state
-
-    def _advance_once(self, state: PlantState, accel_demand_mps2: float, h: float) -> PlantState:
-        actuators = self.actuators
-        start = actuators.at(state)
-        middle = actuators.after(state, accel_demand_mps2, h / 2)
-        end = actuators.after(state, accel_demand_mps2, h)
-        before = (state.x_m, state.y_m, state.yaw_rad, *self._inner(state))
-        x_m, y_m, yaw_rad, drift, curvature = rk4(self.rates, before, start, middle, end, h)
-        return moved(state, end, h, (x_m, y_m, yaw_rad), inner=(drift, curvature))
 
 
 def _fastest_mode_mps2(axles: Axles) -> float:

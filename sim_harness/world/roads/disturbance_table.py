@@ -23,44 +23,32 @@ def extinction_1pm(visibility_m: Grades, grade: float) -> float:
 
 
 class Night(Settings):
-    """Darkness with headlights."""
-
     ambient: Grades
     headlight: Grades
     gain: Grades
 
 
 class Sun(Settings):
-    """A sun low in the picture: ``low_sun`` and ``glare``."""
-
     elevation_deg: Grades
     strength: Grades
     stops: Grades
 
 
 class OverExposure(Settings):
-    """Over-exposure."""
-
     stops: Grades
 
 
 class TunnelExit(Settings):
-    """A dark tunnel with a bright exit."""
-
     inside: Grades
     stops: Grades
     adapts_over_m: Grades
 
 
 class Shadows(Settings):
-    """Cast shadows, painted on the ground."""
-
     share: Grades
 
 
 class Rain(Settings):
-    """Falling rain, drops on the windscreen and a wet road."""
-
     visibility_m: Grades
     daylight: Grades
     streaks: Grades
@@ -69,14 +57,10 @@ class Rain(Settings):
 
 
 class WetRoad(Settings):
-    """A road after rain."""
-
     wet: Grades
 
 
 class Snow(Settings):
-    """Falling snow and snow on the road."""
-
     visibility_m: Grades
     daylight: Grades
     flakes: Grades
@@ -84,45 +68,31 @@ class Snow(Settings):
 
 
 class Fog(Settings):
-    """Fog by day."""
-
     visibility_m: Grades
 
 
 class Dirt(Settings):
-    """Spots and film on the lens."""
-
     cover: Grades
     veil: Grades
 
 
 class MotionBlur(Settings):
-    """Exposure time."""
-
     exposure_s: Grades
 
 
 class RollingShutter(Settings):
-    """Readout time from the first row to the last."""
-
     readout_s: Grades
 
 
 class Noise(Settings):
-    """Gain of the sensor."""
-
     gain: Grades
 
 
 class Jpeg(Settings):
-    """Quality of the codec."""
-
     quality: Grades
 
 
 class Occlusion(Settings):
-    """Standing vehicles over the markings."""
-
     vehicles_per_100m: Grades
     over_line_m: Grades
 

@@ -10,8 +10,8 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from sim_harness.world.roads.appearance import Section, Verge
-from sim_harness.world.roads.disturbance_table import Grades, at, load_table
+from sim_harness.world.roads.appearance import NeighbourLane, Section, Verge
+from sim_harness.world.roads.disturbance_table import at, load_table
 from sim_harness.world.roads.road import RoadSettings
 from trepid.config import Settings
 
@@ -40,6 +40,16 @@ class DisturbanceKind(StrEnum):
     NOISE = "noise"
     JPEG = "jpeg"
     OCCLUSION = "occlusion"
+
+
+PAINTED = {  # on the ground: a field of the section, and the quantity that is its minimum
+    DisturbanceKind.TREE_SHADOWS: ("shadows", "share"),
+    DisturbanceKind.BUILDING_SHADOWS: ("building_shadows", "share"),
+    DisturbanceKind.BRIDGE_SHADOWS: ("bridge_shadows", "share"),
+    DisturbanceKind.RAIN: ("wet", "wet"),
+    DisturbanceKind.WET_ROAD: ("wet", "wet"),
+    DisturbanceKind.SNOW: ("snow_cover", "cover"),
+}
 
 
 class Disturbance(Settings):
@@ -82,45 +92,25 @@ def disturbed(settings: RoadSettings, disturbances: Sequence[Disturbance]) -> Ro
     A disturbance that begins or ends within a section splits it; both parts keep its name.
     """
     for disturbance in disturbances:
-        changes = _painted(disturbance.kind, disturbance.grade)
-        if changes and disturbance.grade > 0:
-            settings = _repainted(settings, disturbance, changes)
+        if disturbance.kind in PAINTED and disturbance.grade > 0:
+            settings = _repainted(settings, disturbance)
     return settings
 
 
-def _painted(kind: DisturbanceKind, grade: float) -> dict[str, float]:
-    """Fields of a section and their minimum under a disturbance; empty for disturbances of air or camera."""
-    table = load_table()
-    fields: dict[DisturbanceKind, tuple[str, Grades]] = {
-        DisturbanceKind.TREE_SHADOWS: ("shadows", table.tree_shadows.share),
-        DisturbanceKind.BUILDING_SHADOWS: ("building_shadows", table.building_shadows.share),
-        DisturbanceKind.BRIDGE_SHADOWS: ("bridge_shadows", table.bridge_shadows.share),
-        DisturbanceKind.RAIN: ("wet", table.rain.wet),
-        DisturbanceKind.WET_ROAD: ("wet", table.wet_road.wet),
-        DisturbanceKind.SNOW: ("snow_cover", table.snow.cover),
-    }
-    if kind not in fields:
-        return {}
-    name, grades = fields[kind]
-    return {name: at(grades, grade)}
-
-
-def _repainted(settings: RoadSettings, disturbance: Disturbance, changes: dict[str, float]) -> RoadSettings:
+def _repainted(settings: RoadSettings, disturbance: Disturbance) -> RoadSettings:
     length_m = sum(segment.length_m for segment in settings.segments)
     sections, from_m = _split(settings.sections, disturbance.from_m, length_m)
     sections, to_m = _split(sections, length_m if disturbance.to_m is None else disturbance.to_m, length_m)
+    field, quantity = PAINTED[disturbance.kind]
+    least = at(getattr(getattr(load_table(), disturbance.kind), quantity), disturbance.grade)
+    verge = {"verge": Verge.SNOW} if disturbance.kind == DisturbanceKind.SNOW else {}  # it is covered first
     painted = tuple(
-        _covered(section, disturbance.kind, changes) if from_m <= section.start_m < to_m else section
+        section.model_copy(update={field: max(least, getattr(section, field)), **verge})
+        if from_m <= section.start_m < to_m
+        else section
         for section in sections
     )
     return settings.model_copy(update={"sections": painted})
-
-
-def _covered(section: Section, kind: DisturbanceKind, changes: dict[str, float]) -> Section:
-    update: dict[str, object] = {name: max(value, getattr(section, name)) for name, value in changes.items()}
-    if kind == DisturbanceKind.SNOW:
-        update["verge"] = Verge.SNOW  # snow covers the verge first
-    return section.model_copy(update=update)
 
 
 def _split(
@@ -140,34 +130,23 @@ def _split(
         return sections, cut_m
     end_m = sections[index].start_m if index < len(sections) else length_m
     share = (cut_m - section.start_m) / (end_m - section.start_m)
-    before, after = (
-        section.model_copy(
-            update={
-                "lane_width_m": _cut(section.lane_width_m, share, half),
-                **{
-                    name: tuple(
-                        lane.model_copy(update={"width_m": _cut(lane.width_m, share, half)})
-                        for lane in getattr(section, name)
-                    )
-                    for name in ("left_lanes", "right_lanes")
-                },
-            }
-        )
-        for half in (0, 1)
-    )
-    return (
-        *sections[: index - 1],
-        before,
-        after.model_copy(update={"start_m": cut_m}),
-        *sections[index:],
-    ), cut_m
+    before, after = (_part(section, share, half) for half in (0, 1))
+    after = after.model_copy(update={"start_m": cut_m})
+    return (*sections[: index - 1], before, after, *sections[index:]), cut_m
 
 
-def _cut(
-    width_m: float | tuple[float, float] | None, share: float, half: int
-) -> float | tuple[float, float] | None:
-    """The width of the first (0) or second (1) part of a section that is cut at a share of its length."""
-    if not isinstance(width_m, tuple):
-        return width_m
-    middle_m = width_m[0] + share * (width_m[1] - width_m[0])
-    return (width_m[0], middle_m) if half == 0 else (middle_m, width_m[1])
+def _part(section: Section, share: float, half: int) -> Section:
+    """The first (0) or second (1) part of a section that is cut at a share of its length."""
+
+    def cut(width_m: float | tuple[float, float] | None) -> float | tuple[float, float] | None:
+        if not isinstance(width_m, tuple):
+            return width_m
+        middle_m = width_m[0] + share * (width_m[1] - width_m[0])
+        return (width_m[0], middle_m) if half == 0 else (middle_m, width_m[1])
+
+    def lanes(found: tuple[NeighbourLane, ...]) -> tuple[NeighbourLane, ...]:
+        return tuple(lane.model_copy(update={"width_m": cut(lane.width_m)}) for lane in found)
+
+    widths = {"lane_width_m": cut(section.lane_width_m)}
+    sides = {"left_lanes": lanes(section.left_lanes), "right_lanes": lanes(section.right_lanes)}
+    return section.model_copy(update=widths | sides)

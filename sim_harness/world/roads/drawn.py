@@ -1,6 +1,7 @@
 """Random roads by kind of marking or surface and by kind of bend, for the benches of perception and fear."""
 
 from enum import StrEnum
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from sim_harness.world.roads.road import Road, RoadSettings, Segment
 
 NONE = Marking(stroke=Stroke.NONE)
 LEAD_IN_M, LEAD_OUT_M = 25.0, 90.0
-STRAIGHT_RADII_M, BEND_RADII_M, TIGHT_RADII_M = (300.0, 1500.0), (40.0, 120.0), (12.0, 30.0)
+DASHES_M = ((3.0, 6.0), (3.0, 9.0), (6.0, 12.0), (4.0, 8.0), (2.0, 4.0))  # of dashes and of gaps
 SNOW_COVER = (0.3, 0.9)  # range, for roads under snow
 VERGES = (Verge.GRASS, Verge.DRY_GRASS, Verge.SOIL, Verge.PAVEMENT)
 VERGE_SHARES = (0.5, 0.2, 0.15, 0.15)
@@ -46,11 +47,7 @@ class Shape(StrEnum):
     TIGHT = "tight"  # R = 12 to 30 m
 
 
-RADII_M = {
-    Shape.STRAIGHT: STRAIGHT_RADII_M,
-    Shape.BEND: BEND_RADII_M,
-    Shape.TIGHT: TIGHT_RADII_M,
-}
+RADII_M = {Shape.STRAIGHT: (300.0, 1500.0), Shape.BEND: (40.0, 120.0), Shape.TIGHT: (12.0, 30.0)}
 
 
 def random_road(
@@ -70,10 +67,8 @@ def random_road(
     if snow_cover > 0:
         section = section.model_copy(update=snow_on(snow_cover))
     if gap_m is not None:
-        gaps = {
-            side: getattr(section, side).model_copy(update={"gaps_m": (gap_m,)}) for side in ("left", "right")
-        }
-        section = section.model_copy(update=gaps)
+        left, right = (line.model_copy(update={"gaps_m": (gap_m,)}) for line in (section.left, section.right))
+        section = section.model_copy(update={"left": left, "right": right})
     width_m = float(rng.uniform(3.4, 5.0) if kind in UNMARKED else rng.uniform(2.9, 3.75))
     return Road(
         RoadSettings(
@@ -106,7 +101,7 @@ def random_segments(
 
 def random_section(kind: Kind, rng: np.random.Generator) -> Section:
     """A random section of a road of this kind."""
-    line = _Lines(rng)
+    line = partial(_line, rng)
     solid, dashed = line(), line(Stroke.DASHED)
     shoulder_m = float(rng.uniform(0.1, 0.9))
     lane, far = NeighbourLane(marking=line(Stroke.DASHED)), NeighbourLane(marking=line())
@@ -122,32 +117,22 @@ def random_section(kind: Kind, rng: np.random.Generator) -> Section:
         case Kind.DASHED:
             look = {"left": dashed, "right": line(Stroke.DASHED), "left_lanes": (far,), "right_lanes": (far,)}
         case Kind.ONE_LINE:
-            bare = NeighbourLane(marking=NONE)
-            left = bool(rng.random() < 0.5)
-            look = {"left": solid, "right": NONE, "right_lanes": (bare,)} if left else {
-                "left": NONE, "right": solid, "left_lanes": (bare,), "paved_right_m": shoulder_m,
-            }  # fmt: skip
+            bare = (NeighbourLane(marking=NONE),)
+            look = {"left": NONE, "right": solid, "left_lanes": bare, "paved_right_m": shoulder_m}
+            if rng.random() < 0.5:
+                look = {"left": solid, "right": NONE, "right_lanes": bare}
         case Kind.WORN:
             wear = rng.uniform(0.4, 0.7, 2).tolist()
-            look = {
-                **two_lanes,
-                "left": line(Stroke.DASHED, wear=wear[0]),
-                "right": line(wear=wear[1]),
-                "patchiness": 0.8,
-            }
+            lines = {"left": line(Stroke.DASHED, wear=wear[0]), "right": line(wear=wear[1])}
+            look = {**two_lanes, **lines, "patchiness": 0.8}
         case Kind.CONCRETE:
-            look = {**two_lanes, "left": dashed, "surface": Surface.CONCRETE}
-            look["surface_grey"] = float(rng.uniform(0.52, 0.66))
+            grey = float(rng.uniform(0.52, 0.66))
+            look = {**two_lanes, "left": dashed, "surface": Surface.CONCRETE, "surface_grey": grey}
         case Kind.INTERRUPTED:
             look = {**two_lanes, "left": line(gaps_m=_gaps(rng)), "right": line(gaps_m=_gaps(rng))}
         case Kind.MULTI_LANE:
-            look = {
-                "left": dashed,
-                "right": line(Stroke.DASHED),
-                "left_lanes": (lane, far),
-                "right_lanes": (far,),
-            }
-            look["paved_right_m"] = 2.5
+            look = {"left": dashed, "right": line(Stroke.DASHED), "paved_right_m": 2.5}
+            look |= {"left_lanes": (lane, far), "right_lanes": (far,)}
         case _:
             look = _unmarked(kind, rng)
     return Section.model_validate(_ordinary(rng) | look | {"name": kind.value, "start_m": 0.0})
@@ -158,35 +143,18 @@ def snow_on(cover: float) -> dict[str, object]:
     return {"verge": Verge.SNOW, "snow_cover": cover, "snow_left_m": 0.3, "snow_right_m": 0.3}
 
 
-class _Lines:
-    """Random markings."""
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._rng = rng
-
-    def __call__(self, stroke: Stroke = Stroke.SOLID, **fields: object) -> Marking:
-        dash_m, gap_m = ((3.0, 6.0), (3.0, 9.0), (6.0, 12.0), (4.0, 8.0), (2.0, 4.0))[
-            int(self._rng.integers(5))
-        ]
-        return Marking.model_validate(
-            {
-                "stroke": stroke,
-                "width_m": float(self._rng.uniform(0.10, 0.16)),
-                "dash_m": dash_m,
-                "gap_m": gap_m,
-                "wear": float(self._rng.uniform(0, 0.25)),
-                **fields,
-            }
-        )
+def _line(rng: np.random.Generator, stroke: Stroke = Stroke.SOLID, **fields: object) -> Marking:
+    dash_m, gap_m = DASHES_M[int(rng.integers(5))]
+    width_m, wear = float(rng.uniform(0.10, 0.16)), float(rng.uniform(0, 0.25))
+    drawn = {"stroke": stroke, "width_m": width_m, "dash_m": dash_m, "gap_m": gap_m, "wear": wear}
+    return Marking.model_validate(drawn | fields)
 
 
 def _gaps(rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
     """Gaps of 6 to 15 m, one about every 25 m."""
     starts = np.arange(5.0, 250.0, 25.0) + rng.uniform(0, 8, 10)
-    return tuple(
-        (start, start + length)
-        for start, length in zip(starts.tolist(), rng.uniform(6, 15, 10).tolist(), strict=True)
-    )
+    ends = starts + rng.uniform(6, 15, 10)
+    return tuple(zip(starts.tolist(), ends.tolist(), strict=True))
 
 
 def _ordinary(rng: np.random.Generator) -> dict[str, object]:
@@ -203,15 +171,11 @@ def _unmarked(kind: Kind, rng: np.random.Generator) -> dict[str, object]:
     look: dict[str, object] = {"left": NONE, "right": NONE, "paved_left_m": 0.0, "paved_right_m": 0.0}
     match kind:
         case Kind.ASPHALT:
-            look |= {"verge": str(rng.choice([Verge.GRASS, Verge.DRY_GRASS])), "edge_roughness_m": 0.04}
+            look |= {"edge_roughness_m": 0.04}
         case Kind.BROKEN:
             look |= {"edge_breaks": float(rng.uniform(0.2, 0.5)), "edge_roughness_m": 0.08, "patchiness": 1.0}
-            look["verge"] = str(rng.choice([Verge.GRASS, Verge.SOIL]))
         case _:
-            look |= {
-                "surface": Surface.GRAVEL,
-                "surface_grey": float(rng.uniform(0.48, 0.6)),
-                "edge_roughness_m": 0.1,
-            }
-            look["verge"] = str(rng.choice([Verge.GRASS, Verge.DRY_GRASS]))
-    return look
+            grey = float(rng.uniform(0.48, 0.6))
+            look |= {"surface": Surface.GRAVEL, "surface_grey": grey, "edge_roughness_m": 0.1}
+    other = Verge.SOIL if kind == Kind.BROKEN else Verge.DRY_GRASS
+    return look | {"verge": str(rng.choice([Verge.GRASS, other]))}

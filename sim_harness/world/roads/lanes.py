@@ -76,9 +76,7 @@ def centre_m(section: Section, index: int, default_m: float) -> Ends:
 
 def edge_m(section: Section, index: int, default_m: float) -> Ends:
     """Offset of a lane's outer edge at the start and at the end of a section; of lane 0 the left edge."""
-    centre, width = (
-        centre_m(section, index, default_m),
-        section.lane_width_m_at_ends(index, default_m) or ABSENT,
-    )
+    centre = centre_m(section, index, default_m)
+    width = section.lane_width_m_at_ends(index, default_m) or ABSENT
     side = 1 if index >= 0 else -1
     return centre[0] + side * width[0] / 2, centre[1] + side * width[1] / 2

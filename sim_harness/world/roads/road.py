@@ -27,16 +27,13 @@ from trepid.config import Settings, wrong_at
 from trepid.types import Array
 
 KNOT_STEP_M = 0.5
-GAUSS_NODES = (0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15))
-GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
-GAUSS = tuple(zip(GAUSS_NODES, GAUSS_WEIGHTS, strict=True))
+GAUSS = ((0.5 - math.sqrt(0.15), 5 / 18), (0.5, 8 / 18), (0.5 + math.sqrt(0.15), 5 / 18))  # nodes, weights
 LEAD_IN_M = 1.0
 LAST_STEP_M = 1e-4
 MAX_STEPS = 30
 MAX_STEP_M = 5.0
 MIN_SLOPE = 0.2
 CLOSED_WITHIN_M, CLOSED_WITHIN_RAD = 1e-3, 1e-4
-
 
 Curvature = Annotated[float, Field(ge=-1, le=1)]  # 1/m; no car turns within R = 1 m
 
@@ -100,9 +97,8 @@ class RoadSettings(Settings):
     def _lanes_join(self) -> Self:
         following = self.sections[1:] + (self.sections[:1] if self.closed else ())
         for number, (here, there) in enumerate(zip(self.sections, following, strict=False), start=1):
-            outermost = max(
-                len(lanes) for s in (here, there) for lanes in (s.lanes_to_the_left, s.right_lanes)
-            )
+            sides = (here.lanes_to_the_left, here.right_lanes, there.lanes_to_the_left, there.right_lanes)
+            outermost = max(map(len, sides))
             for lane in range(-outermost, outermost + 1):
                 before = here.lane_width_m_at_ends(lane, self.lane_width_m)
                 after = there.lane_width_m_at_ends(lane, self.lane_width_m)
@@ -162,15 +158,11 @@ class Road:
         self._stations: list[float] = self._table[:, 0].tolist()
         self._intervals: list[list[float]] = self._table.tolist()
         if self.closed:
-            self._check_closed()
-
-    def _check_closed(self) -> None:
-        x, y, heading, _ = self._pose(self._intervals[-1], self.length_m)
-        gap_m, turn_rad = math.hypot(x, y), abs(math.remainder(heading, math.tau))
-        if gap_m > CLOSED_WITHIN_M or turn_rad > CLOSED_WITHIN_RAD:
-            raise ValueError(
-                f"{self.name} does not close: its end misses its start by {gap_m:.4f} m, {turn_rad:.6f} rad"
-            )
+            x, y, heading, _ = self._pose(self._intervals[-1], self.length_m)
+            gap_m, turn_rad = math.hypot(x, y), abs(math.remainder(heading, math.tau))
+            if gap_m > CLOSED_WITHIN_M or turn_rad > CLOSED_WITHIN_RAD:
+                missed = f"its end misses its start by {gap_m:.4f} m, {turn_rad:.6f} rad"
+                raise ValueError(f"{self.name} does not close: {missed}")
 
     # Scalar methods, for lock-step: floats are ten times faster than arrays of one element.
 
@@ -195,9 +187,7 @@ class Road:
     def width_at(self, station_m: float) -> float:
         """Width of the lane [m]: linear along each section."""
         start_m, end_m = self._widths_m[self._section_index(station_m)]
-        if start_m == end_m:
-            return start_m
-        return start_m + (end_m - start_m) * self.section_share(station_m)
+        return start_m if start_m == end_m else start_m + (end_m - start_m) * self.section_share(station_m)
 
     def section_at(self, station_m: float) -> Section:
         """The section at a station; an open road keeps its first and last section beyond its ends."""
@@ -229,8 +219,7 @@ class Road:
         self, x_m: float, y_m: float, *, near_station_m: float | None = None
     ) -> tuple[float, float]:
         """(station, offset) of the foot point on the reference line: near ``near_station_m``, else the nearest."""
-        foot = self.foot_point(x_m, y_m, near_station_m=near_station_m)
-        return foot.station_m, foot.offset_m
+        return self.foot_point(x_m, y_m, near_station_m=near_station_m)[:2]
 
     def foot_point(self, x_m: float, y_m: float, *, near_station_m: float | None = None) -> FootPoint:
         """The foot point on the reference line: near ``near_station_m``, else the nearest.
@@ -238,7 +227,9 @@ class Road:
         Newton's method on (p - c(s))·t(s) = 0, whose derivative is κ·offset - 1. Its error after a step h is below
         κ·h², so the last step leaves less than 1e-8 m.
         """
-        station = self._nearest_knot(x_m, y_m) if near_station_m is None else near_station_m
+        station = near_station_m
+        if station is None:
+            station = self._stations[int(self._knot_tree.query((x_m, y_m))[1])]
         for _ in range(MAX_STEPS):
             x, y, heading, curvature = self._pose_at(station)
             cos, sin = math.cos(heading), math.sin(heading)
@@ -275,9 +266,6 @@ class Road:
             x += weight * run * math.cos(angle)
             y += weight * run * math.sin(angle)
         return x, y, heading + run * (curvature + half_rate * run), curvature + rate * run
-
-    def _nearest_knot(self, x_m: float, y_m: float) -> float:
-        return self._stations[int(self._knot_tree.query((x_m, y_m))[1])]
 
     # Vectorised methods.
 
