@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_harness.world.plants.kinematic import KinematicPlant
-from trepid.types import Array
+from trepid.types import Array, Mask
 
 _NEWTON_STEPS = 20  # three or four in practice
 _LAST_STEP_RAD = 1e-9
@@ -124,9 +124,7 @@ class BatchPlant:
         state.y_m = state.y_m + h / 6 * y_rates
         state.yaw_rad = yaw_1 + h / 6 * (rate_0 + 4 * rate_mid + rate_end)
 
-    def _speed(
-        self, state: BatchState, demand_mps2: Array, standing: npt.NDArray[np.bool_], t: float
-    ) -> tuple[Array, Array]:
+    def _speed(self, state: BatchState, demand_mps2: Array, standing: Mask, t: float) -> tuple[Array, Array]:
         decay = self._decays[t]
         missing = state.accel_mps2 - demand_mps2
         accel_mps2 = demand_mps2 + missing * decay

@@ -14,31 +14,21 @@ from sim_harness.world.render.scene.night import Headlights
 from sim_harness.world.render.scene.standing import standing
 from sim_harness.world.render.scene.tunnel import exposure_stops, extent, in_tunnel
 from sim_harness.world.render.scene.vehicles import Body, Pose
-from sim_harness.world.render.scene.view import FloatImage, Shot, View, grey_of, light_of
+from sim_harness.world.render.scene.view import Shot, View, grey_of, light_of
 from sim_harness.world.render.scene.wet import WetRoad
 from sim_harness.world.roads.disturbance_table import DisturbanceTable, at, extinction_1pm
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, grades_at
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
-from trepid.types import Image
+from trepid.types import Floats, Image
 
 Kind = DisturbanceKind
 Grade = Mapping[DisturbanceKind, float]
 
-LIGHT = frozenset(
-    (
-        Kind.NIGHT,
-        Kind.LOW_SUN,
-        Kind.GLARE,
-        Kind.OVER_EXPOSURE,
-        Kind.RAIN,
-        Kind.WET_ROAD,
-        Kind.SNOW,
-        Kind.FOG,
-        Kind.DIRT,
-    )
-)
-"""Kinds that are computed in linear light."""
+LIGHT = {  # kinds that are computed in linear light
+    *(Kind.NIGHT, Kind.LOW_SUN, Kind.GLARE, Kind.OVER_EXPOSURE, Kind.DIRT),
+    *(Kind.RAIN, Kind.WET_ROAD, Kind.SNOW, Kind.FOG),
+}
 STANDING_WITHIN_M = 70.0  # distance within which standing vehicles are drawn
 
 
@@ -113,12 +103,11 @@ class Disturber:
         near = any(extent(d)[0] - 160 < station_m < extent(d)[1] + 120 for d in self._tunnels)
         return near or not LIGHT.isdisjoint(grades)
 
-    def scene(self, image: Image, shot: Shot, grades: Grade) -> FloatImage:
+    def scene(self, image: Image, shot: Shot, grades: Grade) -> Floats:
         """The light in front of the lens."""
         table, light = self._table, light_of(image)
-        wet = max(
-            at(table.rain.wet, grades.get(Kind.RAIN, 0)), at(table.wet_road.wet, grades.get(Kind.WET_ROAD, 0))
-        )
+        rain_wet, road_wet = grades.get(Kind.RAIN, 0), grades.get(Kind.WET_ROAD, 0)
+        wet = max(at(table.rain.wet, rain_wet), at(table.wet_road.wet, road_wet))
         if wet > 0:
             light = self._wet_road.mirror(light, shot, wet)
         for tunnel in self._tunnels:
@@ -128,7 +117,7 @@ class Disturber:
             light = self._headlights.light(light, shot, table.night, night)
         return self._air(light, shot, grades, at(table.night.ambient, night))
 
-    def _air(self, light: FloatImage, shot: Shot, grades: Grade, ambient: float) -> FloatImage:
+    def _air(self, light: Floats, shot: Shot, grades: Grade, ambient: float) -> Floats:
         table = self._table
         raining, snowing, foggy = (grades.get(kind, 0) for kind in (Kind.RAIN, Kind.SNOW, Kind.FOG))
         daylight = at(table.rain.daylight, raining) * at(table.snow.daylight, snowing)
@@ -148,20 +137,16 @@ class Disturber:
             light = snowfall(light, self.view, shot, at(table.snow.flakes, snowing), exposure_s)
         return light
 
-    def through_lens(self, light: FloatImage, shot: Shot, grades: Grade, vignette: Image) -> FloatImage:
+    def through_lens(self, light: Floats, shot: Shot, grades: Grade, vignette: Image) -> Floats:
         """The light on the sensor."""
         table = self._table
-        for kind, settings, bearing in (
-            (Kind.LOW_SUN, table.low_sun, shot.sun_bearing_rad),
-            (Kind.GLARE, table.glare, 0.12),
-        ):
+        low_sun = (Kind.LOW_SUN, table.low_sun, shot.sun_bearing_rad)
+        for kind, sun, bearing in (low_sun, (Kind.GLARE, table.glare, 0.12)):
             grade = grades.get(kind, 0)
             if grade > 0:
+                strength, elevation = at(sun.strength, grade), np.radians(at(sun.elevation_deg, grade))
                 light = self._stray_light.add(
-                    light,
-                    at(settings.strength, grade),
-                    bearing_rad=bearing,
-                    elevation_rad=float(np.radians(at(settings.elevation_deg, grade))),
+                    light, strength, bearing_rad=bearing, elevation_rad=float(elevation)
                 )
         drops = at(table.rain.drops, grades.get(Kind.RAIN, 0))
         if drops >= 1:
@@ -171,7 +156,7 @@ class Disturber:
             light = self._windscreen.dirty(light, at(table.dirt.cover, dirt), at(table.dirt.veil, dirt))
         return vignetted(light, vignette)
 
-    def develop(self, light: FloatImage, shot: Shot, grades: Grade) -> Image:
+    def develop(self, light: Floats, shot: Shot, grades: Grade) -> Image:
         """Exposure: grey levels of the light on the sensor."""
         stops = self._stops(shot, grades)
         if stops != 0:
@@ -190,9 +175,8 @@ class Disturber:
     def finish(self, image: Image, shot: Shot, grades: Grade) -> Image:
         """``image`` after sensor noise and JPEG coding."""
         table = self._table
-        gain = max(
-            at(table.noise.gain, grades.get(Kind.NOISE, 0)), at(table.night.gain, grades.get(Kind.NIGHT, 0))
-        )
+        noise, night = grades.get(Kind.NOISE, 0), grades.get(Kind.NIGHT, 0)
+        gain = max(at(table.noise.gain, noise), at(table.night.gain, night))
         if gain > 1:
             image = noisy(image, gain, (shot.seed, shot.frame, 51))
         jpeg = grades.get(Kind.JPEG, 0)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_harness.world.render.disturber import Disturber
 from sim_harness.world.render.ground.ground import Ground
@@ -27,9 +26,7 @@ from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, d
 from sim_harness.world.roads.light import Light
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
-from trepid.types import Image
-
-Matrix = NDArray[np.float64]
+from trepid.types import Array, Floats, Image
 
 REACH = ((0, 0.9), (0, 1.2), (1, 1.2), (2, 1.2), (3, 1.2), (4, math.inf))
 """Bands from near to far: level, and reach as the ratio of image pixel to level pixel on the ground."""
@@ -48,8 +45,8 @@ class Band:
     bottom: int
     level: int
     rows_per_row: int
-    road_from_pixel: Matrix  # from pixels of the drawn band to homogeneous road points
-    corners_m: Matrix  # of the ground it shows, road frame, (4, 2)
+    road_from_pixel: Array  # from pixels of the drawn band to homogeneous road points
+    corners_m: Array  # of the ground it shows, road frame, (4, 2)
 
 
 class Renderer:
@@ -202,7 +199,7 @@ class Renderer:
             if self._ground.paint_one(band.level, low, high):
                 return
 
-    def _footprints(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[Matrix, Matrix]:
+    def _footprints(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[Array, Array]:
         """Minimum and maximum x and y of the ground in each band, (bands, 2) each."""
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         corners = self._corners_m @ np.array([[cos, sin], [-sin, cos]]) + (x_m, y_m)
@@ -268,7 +265,7 @@ def _band(camera: Camera, top: int, bottom: int, level: int) -> Band:
     )
 
 
-def _depth(camera: Camera, row: NDArray[np.float64]) -> NDArray[np.float64]:
+def _depth(camera: Camera, row: Array) -> Array:
     """Distance of the ground in each row [m]."""
     pixels = np.column_stack([np.full(len(row), camera.cx_px), row])
     return np.hypot(*(camera.road_from_pixel(pixels) - (camera.x_m, camera.y_m)).T)
@@ -282,7 +279,7 @@ def _rows_averaged(image: Image, count: int) -> Image:
     return np.asarray((total + count // 2) // count, np.uint8)
 
 
-def _far(camera: Camera, first_row: int) -> tuple[slice, NDArray[np.float32]]:
+def _far(camera: Camera, first_row: int) -> tuple[slice, Floats]:
     """The rows below the horizon that fade into haze, and the share of haze in each pixel, (rows, columns)."""
     last = min(first_row + 24, camera.height_px)
     share = 1 - np.exp(-_depth(camera, np.arange(first_row, last, dtype=float)) / HAZE_REACH_M)

@@ -3,13 +3,12 @@
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_harness.world.render.ground.ground_painter import GroundPainter
 from sim_harness.world.render.ground.strip_grid import LEVELS_M
 from sim_harness.world.render.ground.tiles import Tiles
 from sim_harness.world.roads.road import Road
-from trepid.types import Image
+from trepid.types import Array, Image
 
 MAX_TILES = (64, 64, 192, 128, 128)  # cached at each level, 256 kB each
 
@@ -25,9 +24,7 @@ class Ground:
             for level, (pixel_m, max_tiles) in enumerate(zip(LEVELS_M, MAX_TILES, strict=True))
         ]
 
-    def crop(
-        self, level: int, low: NDArray[np.float64], high: NDArray[np.float64]
-    ) -> tuple[Image, float, float]:
+    def crop(self, level: int, low: Array, high: Array) -> tuple[Image, float, float]:
         """Image of the rectangle from ``low`` to ``high`` (x, y), and the x and y of its first pixel's centre.
 
         Columns run along x, rows along y, LEVELS_M[level] apart; BGR and an unused fourth channel.
@@ -41,6 +38,6 @@ class Ground:
             for level, reach_m in ((2, 25), (3, 45), (4, 220)):
                 self._tiles[level].paint_all(centre - reach_m, centre + reach_m)
 
-    def paint_one(self, level: int, low: NDArray[np.float64], high: NDArray[np.float64]) -> bool:
+    def paint_one(self, level: int, low: Array, high: Array) -> bool:
         """Paint the first missing tile between ``low`` and ``high`` (x, y). Returns whether there was one."""
         return self._tiles[level].paint_one(low, high)

@@ -17,7 +17,7 @@ from sim_harness.world.render.ground.strip_grid import LEVELS_M, ROWS
 from sim_harness.world.render.ground.tiles import TILE_PX
 from sim_harness.world.roads.appearance import Verge
 from sim_harness.world.roads.road import Road
-from trepid.types import Image
+from trepid.types import Array, Floats, Image, Mask
 
 STEP_PX = (16, 16, 8, 4, 4)  # of the coarse grid
 FIRST_LARGE_LEVEL, GROUP = 3, 4  # from this level on, points far from the road are computed in groups
@@ -77,7 +77,7 @@ class GroundPainter:
                 self._lay(tile[pixels], level, first, count, station, near, columns)
         return tile
 
-    def _coordinates(self, level: int, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def _coordinates(self, level: int, points: Array) -> tuple[Array, ...]:
         """Station and offset of a tile's grid of points, (cells, cells, 2) -> twice (cells, cells).
 
         On a large tile most points lie far from the road and determine only the colour of the verge. They take the
@@ -121,9 +121,9 @@ class GroundPainter:
         level: int,
         first: int,
         count: int,
-        station: NDArray[np.float64],
-        near: NDArray[np.bool_],
-        columns: NDArray[np.float32],
+        station: Array,
+        near: Mask,
+        columns: Floats,
     ) -> None:
         """Paint the carriageway of a run of blocks onto the tile."""
         strip, length_m = self.strip, count * self.strip.block_m
@@ -144,9 +144,7 @@ class GroundPainter:
             shade = cv2.remap(block.shade, columns, rows, cv2.INTER_LINEAR, borderValue=255)
             tile[:] = cv2.multiply(tile, cv2.merge([shade] * 4), scale=1 / 255)
 
-    def _verge_tile(
-        self, level: int, column: int, row: int, points: NDArray[np.float64], station: NDArray[np.float64]
-    ) -> Image:
+    def _verge_tile(self, level: int, column: int, row: int, points: Array, station: Array) -> Image:
         """The verge of a tile."""
         a, b, c, d = self._phase
         x, y = np.moveaxis(points, 2, 0)
@@ -173,7 +171,7 @@ class GroundPainter:
             lay_arm(tile, arm, column * tile_m + run_m, row * tile_m + run_m, self._grain(level, column, row))
 
 
-def _cell_centres(level: int, column: int, row: int, cells: int) -> NDArray[np.float64]:
+def _cell_centres(level: int, column: int, row: int, cells: int) -> Array:
     """World points (x, y) of the coarse grid of a tile, shape (cells, cells, 2)."""
     step_m = STEP_PX[level] * LEVELS_M[level]
     tile_m = TILE_PX * LEVELS_M[level]
@@ -182,13 +180,13 @@ def _cell_centres(level: int, column: int, row: int, cells: int) -> NDArray[np.f
     return np.stack([x, y], axis=2)
 
 
-def _spread(values: NDArray[np.float64], step: int) -> NDArray[np.float32]:
+def _spread(values: Array, step: int) -> Floats:
     """Values at cell centres interpolated to every pixel of the tile, without the outer ring of cells."""
     wide = cv2.resize(values.astype(np.float32), None, fx=step, fy=step, interpolation=cv2.INTER_LINEAR)
     return np.asarray(wide[step:-step, step:-step], np.float32)
 
 
-def _box(near: NDArray[np.bool_], step: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+def _box(near: Mask, step: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
     """The part of the coarse grid near the road, with a margin for the interpolation, and its pixels."""
     spans = [np.flatnonzero(near.any(axis=axis)) for axis in (1, 0)]
     rows, columns = (

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_harness.world.render.ground.strip_grid import (
     PIXEL_M,
@@ -20,7 +19,7 @@ from sim_harness.world.roads.appearance import Marking, Paint, Section, Stroke
 from sim_harness.world.roads.features import JunctionKind, Side
 from sim_harness.world.roads.lanes import edge_m
 from sim_harness.world.roads.road import Road
-from trepid.types import Array, Image
+from trepid.types import Array, Floats, Image
 
 PAINT_BGR = {Paint.WHITE: (218, 222, 224), Paint.YELLOW: (62, 178, 226)}
 PAIRS = {
@@ -111,9 +110,7 @@ class LinePainter:
             if hit:
                 yield junction.mouth_m
 
-    def _intact(
-        self, here: Stretch, columns: slice, centre: Array, marking: Marking, number: int
-    ) -> NDArray[np.float32]:
+    def _intact(self, here: Stretch, columns: slice, centre: Array, marking: Marking, number: int) -> Floats:
         """1 where the line is intact, 0 where it is cut out or cracked; equal for every part of a block."""
         rng = np.random.default_rng((self._seed, 4, here.index % 2**32, number))
         whole = np.ones((ROWS, columns.stop - columns.start), np.float32)

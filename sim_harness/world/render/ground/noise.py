@@ -2,12 +2,11 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-FloatImage = NDArray[np.float32]
+from trepid.types import Floats
 
 
-def smooth_noise(rng: np.random.Generator, shape: tuple[int, int], cell: tuple[int, int]) -> FloatImage:
+def smooth_noise(rng: np.random.Generator, shape: tuple[int, int], cell: tuple[int, int]) -> Floats:
     """Periodic noise of mean 0 and standard deviation 1 that varies over ``cell`` pixels.
 
     ``cell`` must divide ``shape``; (1, 1) gives white noise.

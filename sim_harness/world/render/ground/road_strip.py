@@ -18,7 +18,7 @@ from sim_harness.world.render.ground.shadows import Shadows
 from sim_harness.world.render.ground.strip_grid import LEVELS_M, ROWS, Textures, grid_of, stretches
 from sim_harness.world.render.ground.surface import SurfacePainter
 from sim_harness.world.roads.road import Road
-from trepid.types import Image
+from trepid.types import Array, Image
 
 __all__ = ["LEVELS_M", "Block", "RoadStrip"]
 T = TypeVar("T")
@@ -58,7 +58,7 @@ class RoadStrip:
         self._finest: OrderedDict[int, Block] = OrderedDict()
         self._coarser: OrderedDict[int, tuple[Block, ...]] = OrderedDict()
 
-    def block_at(self, station_m: NDArray[np.float64]) -> NDArray[np.int64]:
+    def block_at(self, station_m: Array) -> NDArray[np.int64]:
         """Index of the block at each station."""
         return np.floor(station_m / self.block_m).astype(np.int64)
 

@@ -5,10 +5,10 @@ They fade out towards the sides of the painted strip: the land beside the road i
 
 import numpy as np
 
-from sim_harness.world.render.ground.noise import FloatImage, smooth_noise
+from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.ground.strip_grid import ROWS, Grid, edges_m, tapered
 from sim_harness.world.roads.road import Road
-from trepid.types import Array, Image
+from trepid.types import Array, Floats, Image
 
 DEPTH = 0.62  # share of the light lost in a shadow
 FADE_M = 1.5
@@ -46,7 +46,7 @@ class Shadows:
         side = np.clip(np.minimum(offset - self._grid.right_m, self._grid.left_m - offset) / FADE_M, 0, 1)
         return np.asarray(255 * (1 - np.maximum.reduce(dark) * side.astype(np.float32)), np.uint8)
 
-    def _trees(self, index: int, station: Array) -> FloatImage | None:
+    def _trees(self, index: int, station: Array) -> Floats | None:
         shadows = tapered(self._road, station, lambda section: section.shadows)
         if self._leaves is None or not shadows.any():
             return None
@@ -57,7 +57,7 @@ class Shadows:
             np.clip(foliage / 0.5, 0, 1) * np.clip(5 * amount, 0, 1) * np.float32(DEPTH), np.float32
         )
 
-    def _buildings(self, station: Array) -> FloatImage | None:
+    def _buildings(self, station: Array) -> Floats | None:
         """Straight-edged shadows of houses on the right, as long as each house is high."""
         amount = tapered(self._road, station, lambda section: section.building_shadows)
         if not amount.any():
@@ -74,7 +74,7 @@ class Shadows:
             np.clip(inside + 0.5, 0, 1) * np.clip(5 * share, 0, 1) * np.float32(DEPTH), np.float32
         )
 
-    def _bridges(self, station: Array) -> FloatImage | None:
+    def _bridges(self, station: Array) -> Floats | None:
         amount = tapered(self._road, station, lambda section: section.bridge_shadows)
         if not amount.any():
             return None
@@ -86,7 +86,7 @@ class Shadows:
         return np.asarray(np.clip((half_m - away) / PENUMBRA_M + 0.5, 0, 1) * lit, np.float32)
 
 
-def _leaves(rng: np.random.Generator, columns: int) -> FloatImage:
+def _leaves(rng: np.random.Generator, columns: int) -> Floats:
     """Density of the shadows of trunks and crowns across the road, with a ragged rim."""
     shape = (4 * ROWS, columns)
     crowns = 0.85 * smooth_noise(rng, shape, (64, 128)) + 0.4 * smooth_noise(rng, shape, (16, 16))

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_harness.world.render.ground.markings import PAINT_BGR
 from sim_harness.world.render.ground.strip_grid import edges_m
@@ -100,6 +99,6 @@ def _painted(arm: Arm, u: Array, v: Array, pixel_m: float) -> Array:
     return np.maximum(line, stop)
 
 
-def _cover(inside_m: NDArray[np.float64], soft_m: float) -> Array:
+def _cover(inside_m: Array, soft_m: float) -> Array:
     """Share of a pixel that lies inside, from its distance to the rim."""
     return np.asarray(np.clip(inside_m / soft_m + 0.5, 0, 1), np.float64)

@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import ndtr
 
-from sim_harness.world.render.ground.noise import FloatImage, smooth_noise
+from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.roads.appearance import Section
 from sim_harness.world.roads.road import Road
-from trepid.types import Array
+from trepid.types import Array, Floats
 
 LEVELS_M = (0.025, 0.05, 0.1, 0.2, 0.4)  # pixel sizes
 PIXEL_M = LEVELS_M[0]
@@ -76,7 +76,7 @@ class Stretch:
     share: Array  # of the section behind each row, 0..1
     section: Section
 
-    def part(self, noise: FloatImage) -> FloatImage:
+    def part(self, noise: Floats) -> Floats:
         """The rows of a periodic noise at this stretch."""
         start = self.index * ROWS % len(noise)
         return noise[start + self.rows.start : start + self.rows.stop]
@@ -97,7 +97,7 @@ def coverage(x: Array, centre: float | Array, width_m: float, pixel_m: float) ->
     return np.asarray(np.clip((width_m / 2 - np.abs(x - centre)) / pixel_m + 0.5, 0, 1), np.float64)
 
 
-def paint_left(fine: FloatImage, long: FloatImage, wear: float) -> FloatImage:
+def paint_left(fine: Floats, long: Floats, wear: float) -> Floats:
     """Share of the paint left at every pixel after ``wear``, from a fine and a long noise."""
     rank = ndtr(0.6 * fine + 0.8 * long)
     return np.asarray(np.clip((rank - wear) / 0.15 + 0.5 + 0.5 * (wear == 0), 0, 1), np.float32)

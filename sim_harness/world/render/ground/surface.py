@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from sim_harness.world.render.ground.noise import FloatImage, smooth_noise
+from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.ground.strip_grid import (
     ROWS,
     Grid,
@@ -19,7 +19,7 @@ from sim_harness.world.roads.appearance import Section, Surface
 from sim_harness.world.roads.features import Side
 from sim_harness.world.roads.lanes import centre_m
 from sim_harness.world.roads.road import Road
-from trepid.types import Array, Image
+from trepid.types import Array, Floats, Image
 
 EDGE_SOFTNESS_M = 0.05
 SURFACE_TINT = {
@@ -97,7 +97,7 @@ class SurfacePainter:
         """Wetness of each row, (rows, 1)."""
         return tapered(self._road, here.station, lambda section: section.wet)[:, None]
 
-    def _tone(self, here: Stretch, rng: np.random.Generator) -> FloatImage:
+    def _tone(self, here: Stretch, rng: np.random.Generator) -> Floats:
         """Brightness of the bare carriageway around 1, (rows, columns)."""
         section, textures = here.section, self._textures
         tone = here.part(textures.wave) * np.float32(0.05 * (0.4 + section.patchiness))
@@ -111,7 +111,7 @@ class SurfacePainter:
             _repair(tone, section.patchiness, rng)
         return tone
 
-    def _wheel_tracks(self, section: Section) -> FloatImage:
+    def _wheel_tracks(self, section: Section) -> Floats:
         """Relative darkening by wheel tracks in all lanes, per column."""
         beside = (*range(1, len(section.left_lanes) + 1), *range(-len(section.right_lanes), 0))
         width_m = self._road.settings.lane_width_m
@@ -193,7 +193,7 @@ def _blend(
         colour[:, part, channel] = np.clip(bare + share * (bgr[channel] * tone - bare), 0, 255)
 
 
-def _bite(rim: FloatImage, share: Array) -> Array:
+def _bite(rim: Floats, share: Array) -> Array:
     """Depth of the pieces broken off the edge [m]."""
     if not share.any():
         return share
@@ -201,7 +201,7 @@ def _bite(rim: FloatImage, share: Array) -> Array:
     return np.asarray(BREAK_M * depth * (share > 0), np.float64)
 
 
-def _repair(tone: FloatImage, patchiness: float, rng: np.random.Generator) -> None:
+def _repair(tone: Floats, patchiness: float, rng: np.random.Generator) -> None:
     """Draw patches, tar seams and cracks into ``tone``."""
     rows, columns = tone.shape
     for _ in range(rng.poisson(3 * patchiness * rows / ROWS)):

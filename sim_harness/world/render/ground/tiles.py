@@ -6,14 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from trepid.types import Image
+from trepid.types import Array, Image
 
 TILE_PX = 256
 MOSAICS = 3  # cached: one for each band of the image that uses the same level
 
-Point = NDArray[np.float64]
 Cell = tuple[int, int]  # column, row
 
 
@@ -41,7 +39,7 @@ class Tiles:
         self._tiles: OrderedDict[Cell, Image] = OrderedDict()
         self._mosaics: deque[Mosaic] = deque(maxlen=MOSAICS)
 
-    def crop(self, low: Point, high: Point) -> tuple[Image, float, float]:
+    def crop(self, low: Array, high: Array) -> tuple[Image, float, float]:
         """Image of the rectangle from ``low`` to ``high`` (x, y), and the x and y of its first pixel's centre.
 
         The image is a view of a mosaic of tiles, which is built once for many frames: building it for each frame
@@ -53,24 +51,24 @@ class Tiles:
         image = mosaic.image[r0 - top : r1 - top, c0 - left : c1 - left]
         return image, (c0 + 0.5) * self._pixel_m, (r0 + 0.5) * self._pixel_m
 
-    def paint_one(self, low: Point, high: Point) -> bool:
+    def paint_one(self, low: Array, high: Array) -> bool:
         """Paint the first missing tile of the rectangle. Returns whether there was one."""
         missing = next((cell for cell in self._between(low, high) if cell not in self._tiles), None)
         if missing is not None:
             self._tile(missing)
         return missing is not None
 
-    def paint_all(self, low: Point, high: Point) -> None:
+    def paint_all(self, low: Array, high: Array) -> None:
         """Paint every tile of the rectangle from ``low`` to ``high``."""
         for cell in self._between(low, high):
             self._tile(cell)
 
-    def _pixels(self, low: Point, high: Point) -> tuple[int, int, int, int]:
+    def _pixels(self, low: Array, high: Array) -> tuple[int, int, int, int]:
         """First column and row, and those after the last, of the rectangle."""
         (x0, y0), (x1, y1), size = low.tolist(), high.tolist(), self._pixel_m
         return math.floor(x0 / size), math.floor(y0 / size), math.ceil(x1 / size), math.ceil(y1 / size)
 
-    def _between(self, low: Point, high: Point) -> Iterator[Cell]:
+    def _between(self, low: Array, high: Array) -> Iterator[Cell]:
         c0, r0, c1, r1 = _cells(*self._pixels(low, high))
         return ((column, row) for row in range(r0, r1) for column in range(c0, c1))
 

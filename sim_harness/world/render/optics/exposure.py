@@ -5,11 +5,10 @@ from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_harness.world.roads.light import Light
 from trepid.camera import Camera
-from trepid.types import Image
+from trepid.types import Floats, Image
 
 SUN_ELEVATION_RAD = 0.09
 SUN_BGR = (0.90, 0.97, 1.0)
@@ -43,9 +42,8 @@ class Exposure:
         if not vignetted:
             image = np.asarray(cv2.multiply(image, self.vignette, scale=1 / 255), np.uint8)
         if light.haze > 0:
-            image = np.asarray(
-                cv2.addWeighted(image, 1 - light.haze, image, 0, HAZE_GREY * light.haze), np.uint8
-            )
+            hazy = cv2.addWeighted(image, 1 - light.haze, image, 0, HAZE_GREY * light.haze)
+            image = np.asarray(hazy, np.uint8)
         if light.gain != 1 or light.gamma != 1:
             image = np.asarray(cv2.LUT(image, _curve(light.gain, light.gamma)), np.uint8)
         if light.glare > 0:
@@ -55,7 +53,7 @@ class Exposure:
         return self._noisy(image, light.noise, seed) if light.noise > 0 else image
 
     @cached_property
-    def _glare(self) -> NDArray[np.float32]:
+    def _glare(self) -> Floats:
         return _glare(self._camera)
 
     def _sun(self, strength: float, bearing_rad: float) -> Image:
@@ -67,9 +65,8 @@ class Exposure:
         else:
             sun = self._camera.cx_px - self._camera.fx_px * math.tan(bearing)
             column = round(min(max(1.5 * width - sun, 0), 2 * width))
-        return np.asarray(
-            cv2.convertScaleAbs(self._glare[:, column : column + width], alpha=strength), np.uint8
-        )
+        glare = self._glare[:, column : column + width]
+        return np.asarray(cv2.convertScaleAbs(glare, alpha=strength), np.uint8)
 
     def _noisy(self, image: Image, sigma: float, seed: tuple[int, int]) -> Image:
         rng = np.random.default_rng(seed)
@@ -102,7 +99,7 @@ def _vignette(camera: Camera) -> Image:
     return np.repeat(np.clip(light, 0, 255).astype(np.uint8)[:, :, None], 3, axis=2)
 
 
-def _glare(camera: Camera) -> NDArray[np.float32]:
+def _glare(camera: Camera) -> Floats:
     """Grey levels that a low sun adds at full strength, (height, 3 width, 3), the sun in the middle column.
 
     A saturated disc with a wide halo, its reflection on the road, and veiling glare over the whole image.

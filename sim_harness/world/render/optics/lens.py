@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_harness.world.render.ground.noise import smooth_noise
-from sim_harness.world.render.scene.view import FloatImage, in_colour
+from sim_harness.world.render.scene.view import in_colour
 from trepid.camera import Camera
-from trepid.types import Image
+from trepid.types import Array, Floats, Image
 
 FIXED_POINT_STEPS = 40
 COARSE = 4  # stray light is smooth: it is computed for one pixel in 16
@@ -23,7 +23,6 @@ WIPE_PERIOD_S = 1.6  # of the wipers
 MAX_DROPS = 64
 DROP_FIELD = 0.42  # of the image width in half a drop
 MUD_BGR = (0.55, 0.72, 0.85)
-MUD_CELL_PX = 8
 
 
 class Distortion:
@@ -37,9 +36,7 @@ class Distortion:
         """Raises ValueError when the distortion is not one-to-one or spreads the image over 10 times its size."""
         u, v = np.meshgrid(np.arange(camera.width_px, dtype=float), np.arange(camera.height_px, dtype=float))
         pixels = np.column_stack([u.ravel(), v.ravel()])
-        with np.errstate(
-            all="ignore"
-        ):  # it diverges where the distortion is not one-to-one, which is refused below
+        with np.errstate(all="ignore"):  # it diverges where the distortion is refused below
             straight = undistorted(camera, pixels)
         if not np.isfinite(straight).all() or np.abs(distorted(camera, straight) - pixels).max() > 0.05:
             raise ValueError(f"distortion {camera.distortion} does not map the image one to one")
@@ -47,15 +44,9 @@ class Distortion:
         size = (high - low).astype(int)
         if (size > 10 * np.array([camera.width_px, camera.height_px])).any():
             raise ValueError(f"distortion {camera.distortion} spreads the image over {size.tolist()} pixels")
-        self.pinhole = camera.model_copy(
-            update={
-                "distortion": (),
-                "width_px": int(size[0]),
-                "height_px": int(size[1]),
-                "cx_px": camera.cx_px - float(low[0]),
-                "cy_px": camera.cy_px - float(low[1]),
-            }
-        )
+        centre = {"cx_px": camera.cx_px - float(low[0]), "cy_px": camera.cy_px - float(low[1])}
+        extent = {"width_px": int(size[0]), "height_px": int(size[1])}
+        self.pinhole = camera.model_copy(update={"distortion": (), **extent, **centre})
         shape = (camera.height_px, camera.width_px)
         columns, rows = ((straight - low)[:, i].reshape(shape).astype(np.float32) for i in (0, 1))
         self._columns, self._rows = cv2.convertMaps(columns, rows, cv2.CV_16SC2)
@@ -65,7 +56,7 @@ class Distortion:
         return np.asarray(cv2.remap(image, self._columns, self._rows, cv2.INTER_LINEAR))
 
 
-def undistorted(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+def undistorted(camera: Camera, pixel: Array) -> Array:
     """Pixels (n, 2) of the undistorted image from those of the camera's own image."""
     criteria = (cv2.TERM_CRITERIA_COUNT, FIXED_POINT_STEPS, 0.0)
     points = cv2.undistortPoints(
@@ -74,7 +65,7 @@ def undistorted(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float6
     return np.asarray(points[:, 0], np.float64)
 
 
-def distorted(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+def distorted(camera: Camera, pixel: Array) -> Array:
     """Pixels (n, 2) of the camera's own image from those of the undistorted image."""
     normalised = (pixel - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
     rays, zero = np.column_stack([normalised, np.ones(len(pixel))]), np.zeros(3)
@@ -82,7 +73,7 @@ def distorted(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]
     return np.asarray(points[:, 0], np.float64)
 
 
-def _coefficients(camera: Camera) -> NDArray[np.float64]:
+def _coefficients(camera: Camera) -> Array:
     """k1 k2 p1 p2 k3, with zeros for those that the camera leaves out: OpenCV takes no fewer than four."""
     return np.array((*camera.distortion, 0, 0, 0, 0, 0)[:5], np.float64)
 
@@ -95,9 +86,7 @@ class StrayLight:
         rows, columns = -(-camera.height_px // COARSE), -(-camera.width_px // COARSE)
         self._v, self._u = (np.mgrid[:rows, :columns] * COARSE + (COARSE - 1) / 2).astype(np.float32)
 
-    def add(
-        self, light: FloatImage, strength: float, *, bearing_rad: float, elevation_rad: float
-    ) -> FloatImage:
+    def add(self, light: Floats, strength: float, *, bearing_rad: float, elevation_rad: float) -> Floats:
         """``light`` with the sun ``bearing_rad`` left of the camera's axis. Veil ~ 1/angle² (CIE 146, 2002)."""
         camera = self._camera
         bearing = math.remainder(bearing_rad, math.tau)
@@ -111,15 +100,14 @@ class StrayLight:
         stray *= 1 + 0.12 * np.cos(6 * np.arctan2(y, x) + 0.4) * np.exp(-away2 / 0.05)
         disc = 4 * np.exp(-away2 / SUN_RAD**2)
         total = strength * (stray + self._ghosts(sun_u, sun_v) + self._glitter(x, elevation_rad))
-        full = in_colour(np.asarray(total + min(4 * strength, 1.0) * disc, np.float32)) * np.array(
-            SUN_BGR, np.float32
-        )
+        grey = np.asarray(total + min(4 * strength, 1.0) * disc, np.float32)
+        full = in_colour(grey) * np.array(SUN_BGR, np.float32)
         size = (light.shape[1], light.shape[0])
         wide = (self._u.shape[1] * COARSE, self._u.shape[0] * COARSE)
         spread = cv2.resize(full.astype(np.float32), wide, interpolation=cv2.INTER_LINEAR)
         return np.asarray(cv2.add(light, np.ascontiguousarray(spread[: size[1], : size[0]])), np.float32)
 
-    def _ghosts(self, sun_u: float, sun_v: float) -> FloatImage:
+    def _ghosts(self, sun_u: float, sun_v: float) -> Floats:
         camera = self._camera
         if not (0 <= sun_u < camera.width_px and 0 <= sun_v < camera.height_px):
             return np.zeros_like(self._u)
@@ -131,7 +119,7 @@ class StrayLight:
             total += strength / (1 + np.exp(np.clip((away - radius) * 150, -30, 30)))
         return total
 
-    def _glitter(self, x: FloatImage, elevation_rad: float) -> FloatImage:
+    def _glitter(self, x: Floats, elevation_rad: float) -> Floats:
         """Forward scattering of the asphalt below the sun, brightest at the sun's elevation below the horizon."""
         down = (self._v - self._camera.horizon_row_px) / self._camera.fy_px
         across = np.exp(-0.5 * (x / (0.05 + 0.40 * np.maximum(down, 0))) ** 2)
@@ -146,21 +134,20 @@ class Windscreen:
         self._camera = camera
         self._seed = seed
         self._mud = _mud(camera, seed)
-        self._drops: tuple[tuple[int, int], tuple[FloatImage, FloatImage], FloatImage] | None = None
+        self._drops: tuple[tuple[int, int], tuple[Floats, Floats], Floats] | None = None
 
-    def dirty(self, light: FloatImage, cover: float, veil: float) -> FloatImage:
+    def dirty(self, light: Floats, cover: float, veil: float) -> Floats:
         """Spots over a share of the image, nested for growing ``cover``, and a film that scatters light."""
         threshold = np.float32(np.quantile(self._mud, 1 - min(cover, 0.999)))
         opaque = 0.75 * np.clip((self._mud - threshold) / 0.8 + 0.45, 0, 1)
-        spots = in_colour(
-            np.asarray(cv2.GaussianBlur(opaque, (0, 0), 0.018 * self._camera.fx_px), np.float32)
-        )
+        soft = cv2.GaussianBlur(opaque, (0, 0), 0.018 * self._camera.fx_px)
+        spots = in_colour(np.asarray(soft, np.float32))
         around = cv2.mean(light)[:3]
         mud = np.array(MUD_BGR, np.float32) * np.float32(0.30 * sum(around) / 3)
         hazy = light * np.float32(1 - veil) + np.array(around, np.float32) * np.float32(1.3 * veil)
         return np.asarray(hazy + spots * (mud - hazy), np.float32)
 
-    def wet(self, light: FloatImage, count: float, t_s: float) -> FloatImage:
+    def wet(self, light: Floats, count: float, t_s: float) -> Floats:
         """``light`` with drops, each of which images the scene small, upside down and blurred."""
         maps, cover = self._drop_maps(math.floor(t_s / WIPE_PERIOD_S), round(count))
         size = (light.shape[1] // COARSE, light.shape[0] // COARSE)
@@ -169,7 +156,7 @@ class Windscreen:
         inside = cv2.remap(small, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(light + (inside - light) * in_colour(cover), np.float32)
 
-    def _drop_maps(self, epoch: int, count: int) -> tuple[tuple[FloatImage, FloatImage], FloatImage]:
+    def _drop_maps(self, epoch: int, count: int) -> tuple[tuple[Floats, Floats], Floats]:
         """Source pixels in the reduced image of the pixels of drops, and the opacity of the drops."""
         if self._drops is not None and self._drops[0] == (epoch, count):
             return self._drops[1:]
@@ -197,31 +184,27 @@ class Windscreen:
         return maps, cover
 
 
-def _mud(camera: Camera, seed: int) -> FloatImage:
+def _mud(camera: Camera, seed: int) -> Floats:
     """Order in which pixels are covered: splashes of several sizes, denser towards the bottom."""
     rng = np.random.default_rng((seed, 32))
-    rows = -(-camera.height_px // 32) * 32
-    columns = -(-camera.width_px // 32) * 32
-    splashes = smooth_noise(rng, (rows, columns), (16, 16)) + 0.8 * smooth_noise(
-        rng, (rows, columns), (32, 32)
-    )
-    specks = smooth_noise(rng, (rows, columns), (MUD_CELL_PX, MUD_CELL_PX))
-    fine = 0.5 * smooth_noise(rng, (rows, columns), (4, 4))
-    low = np.linspace(-0.25, 0.25, rows, dtype=np.float32)[:, None]
+    shape = (-(-camera.height_px // 32) * 32, -(-camera.width_px // 32) * 32)
+    splashes = smooth_noise(rng, shape, (16, 16)) + 0.8 * smooth_noise(rng, shape, (32, 32))
+    specks = smooth_noise(rng, shape, (8, 8))
+    fine = 0.5 * smooth_noise(rng, shape, (4, 4))
+    low = np.linspace(-0.25, 0.25, shape[0], dtype=np.float32)[:, None]
     return np.asarray((splashes + specks + fine + low)[: camera.height_px, : camera.width_px], np.float32)
 
 
-def bloomed(light: FloatImage) -> FloatImage:
+def bloomed(light: Floats) -> Floats:
     """``light`` with bloom: saturated areas spill into their neighbourhood."""
     over = np.clip(light - 1, 0, 6)
-    small = cv2.resize(
-        over, (light.shape[1] // COARSE, light.shape[0] // COARSE), interpolation=cv2.INTER_AREA
-    )
+    size = (light.shape[1] // COARSE, light.shape[0] // COARSE)
+    small = cv2.resize(over, size, interpolation=cv2.INTER_AREA)
     spill = cv2.GaussianBlur(small, (0, 0), light.shape[1] / COARSE / 40)
     return np.asarray(light + 0.12 * cv2.resize(spill, light.shape[1::-1]), np.float32)
 
 
-def vignetted(light: FloatImage, vignette: Image) -> FloatImage:
+def vignetted(light: Floats, vignette: Image) -> Floats:
     """``light`` with vignetting; ``vignette``: relative grey levels, 255 = no loss."""
     share = np.asarray(vignette, np.float32) / np.float32(255)
     return np.asarray(light * share * share, np.float32)

@@ -10,18 +10,17 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from sim_harness.world.render.scene.view import FloatImage, Motion
+from sim_harness.world.render.scene.view import Motion
 from trepid.camera import Camera
-from trepid.types import Image
+from trepid.types import Array, Floats, Image
 
-Matrix = NDArray[np.float64]
 FINEST_PX = 1.5  # motion of the fastest pixel between two averaged moments
 MAX_WARPS = 5
 
 
-def road_after(motion: Motion, tau_s: ArrayLike) -> Matrix:
+def road_after(motion: Motion, tau_s: ArrayLike) -> Array:
     """Homogeneous road points of the vehicle at time 0 from those at times τ: (..., 3, 3), an arc."""
     tau = np.asarray(tau_s, float)
     half = motion.yaw_rate_radps * tau / 2
@@ -47,11 +46,11 @@ class Shake:
         self._pixel_from_vehicle = camera.intrinsics @ camera.optical_from_vehicle
         self._vehicle_from_pixel = np.linalg.inv(self._pixel_from_vehicle)
 
-    def ground(self, motion: Motion, tau_s: ArrayLike) -> Matrix:
+    def ground(self, motion: Motion, tau_s: ArrayLike) -> Array:
         """G(τ): pixels of the ground at time 0 from those at times τ, (..., 3, 3)."""
         return np.asarray(self._pixel_from_road @ road_after(motion, tau_s) @ self._road_from_pixel)
 
-    def sky(self, motion: Motion, tau_s: ArrayLike) -> Matrix:
+    def sky(self, motion: Motion, tau_s: ArrayLike) -> Array:
         """G(τ) for infinitely distant points: K·R(τ)·K⁻¹."""
         turn = road_after(Motion(0.0, motion.yaw_rate_radps), tau_s)
         return np.asarray(self._pixel_from_vehicle @ turn @ self._vehicle_from_pixel)
@@ -68,10 +67,9 @@ class Shake:
         slope, start = lines.transpose(2, 1, 0)[..., None].astype(np.float32)  # (3, rows, 1)
         x, y, w = slope * u + start
         from_column, from_row = x / w, y / w
-        flags = cv2.INTER_LINEAR
-        return np.asarray(
-            cv2.remap(image, from_column, from_row, flags, borderMode=cv2.BORDER_REPLICATE), np.uint8
-        )
+        border = cv2.BORDER_REPLICATE
+        rolled = cv2.remap(image, from_column, from_row, cv2.INTER_LINEAR, borderMode=border)
+        return np.asarray(rolled, np.uint8)
 
     def blur(self, image: Image, motion: Motion, exposure_s: float) -> Image:
         """The mean of ``image`` over the exposure."""
@@ -96,7 +94,7 @@ class Shake:
         return min(max(math.ceil(math.log2(max(path_px / FINEST_PX, 1))), 1), MAX_WARPS)
 
 
-def _warped(image: FloatImage, source_from_pixel: Matrix, first: int, last: int) -> FloatImage:
+def _warped(image: Floats, source_from_pixel: Array, first: int, last: int) -> Floats:
     """Rows ``first`` to ``last`` of a warped image."""
     if first >= last:
         return image[first:last]

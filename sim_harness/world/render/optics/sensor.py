@@ -10,8 +10,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from sim_harness.world.render.scene.view import FloatImage
-from trepid.types import Image
+from trepid.types import Floats, Image
 
 FULL_WELL = 9000.0  # electrons
 READ_NOISE = 4.0  # electrons
@@ -20,7 +19,7 @@ DARKEST = 0.12  # √light below which a sensor's black level clips
 CHROMA_PX = 3  # width over which webcams smooth colour noise
 
 
-def noise_sigma(gain: float) -> FloatImage:
+def noise_sigma(gain: float) -> Floats:
     """Standard deviation [grey levels] at each of the 256 levels."""
     root = np.maximum(np.arange(256) / 255, DARKEST)
     shot = 0.25 * gain / FULL_WELL
@@ -36,21 +35,14 @@ def noisy(image: Image, gain: float, seed: tuple[int, ...]) -> Image:
     pool = _pool()
     noise = pool[row : row + rows, column : column + columns]
     if noise.shape != image.shape:
-        noise = np.take(
-            np.take(pool, range(row, row + rows), 0, mode="wrap"),
-            range(column, column + columns),
-            1,
-            mode="wrap",
-        )
+        tall = np.take(pool, range(row, row + rows), axis=0, mode="wrap")
+        noise = np.take(tall, range(column, column + columns), axis=1, mode="wrap")
     sigma = cv2.LUT(image, noise_sigma(gain))
-    return np.asarray(
-        cv2.convertScaleAbs(np.maximum(cv2.multiply(sigma, noise) + image, 0)),
-        np.uint8,
-    )
+    return np.asarray(cv2.convertScaleAbs(np.maximum(cv2.multiply(sigma, noise) + image, 0)), np.uint8)
 
 
 @lru_cache(maxsize=1)
-def _pool() -> FloatImage:
+def _pool() -> Floats:
     """Noise of standard deviation 1, mostly in brightness, (POOL, POOL, 3)."""
     rng = np.random.default_rng(1)
     grey = rng.standard_normal((POOL, POOL, 1), dtype=np.float32)

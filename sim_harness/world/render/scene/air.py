@@ -9,11 +9,10 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from sim_harness.world.render.scene.vehicles import SHIFT, outline
-from sim_harness.world.render.scene.view import FloatImage, Shot, View, in_colour, polygon
-from trepid.types import Image
+from sim_harness.world.render.scene.vehicles import SHIFT, Pixels, outline
+from sim_harness.world.render.scene.view import Shot, View, in_colour, polygon
+from trepid.types import Array, Floats, Image
 
 AIRLIGHT_BGR = (0.66, 0.64, 0.62)  # of fog by day: grey 205
 NEAREST_M, FARTHEST_M = 0.8, 10.0  # range in which single drops and flakes are drawn
@@ -22,7 +21,7 @@ RAIN_SHUTTER_S, SNOW_SHUTTER_S = 1 / 50, 1 / 80
 STREAK_LIGHT = 0.8
 
 
-def distances(view: View, shot: Shot) -> FloatImage:
+def distances(view: View, shot: Shot) -> Floats:
     """Distance from the lens to the visible surface, (rows, columns) [m]."""
     shapes = [(pose, outline(view.camera, body, pose), body) for pose, body in shot.vehicles]
     if all(shape is None for _, shape, _ in shapes):
@@ -35,16 +34,14 @@ def distances(view: View, shot: Shot) -> FloatImage:
     return distance
 
 
-def through_air(
-    light: FloatImage, distance_m: FloatImage, extinction_1pm: float, airlight: float
-) -> FloatImage:
+def through_air(light: Floats, distance_m: Floats, extinction_1pm: float, airlight: float) -> Floats:
     """Koschmieder's law; ``airlight`` scales AIRLIGHT_BGR."""
     passed = in_colour(np.asarray(cv2.exp(distance_m * np.float32(-extinction_1pm)), np.float32))
     air = np.array(AIRLIGHT_BGR, np.float32) * np.float32(airlight)
     return np.asarray((light - air) * passed + air, np.float32)
 
 
-def rain(light: FloatImage, view: View, shot: Shot, count: float, exposure_s: float) -> FloatImage:
+def rain(light: Floats, view: View, shot: Shot, count: float, exposure_s: float) -> Floats:
     """``light`` with streaks of ``count`` drops."""
     rng = np.random.default_rng((shot.seed, shot.frame, 11))
     shutter_s = max(RAIN_SHUTTER_S, exposure_s)
@@ -55,7 +52,7 @@ def rain(light: FloatImage, view: View, shot: Shot, count: float, exposure_s: fl
     return np.asarray(light + cover * (np.float32(bright) - 0.5 * light), np.float32)
 
 
-def snowfall(light: FloatImage, view: View, shot: Shot, count: float, exposure_s: float) -> FloatImage:
+def snowfall(light: Floats, view: View, shot: Shot, count: float, exposure_s: float) -> Floats:
     """``light`` with ``count`` flakes, near ones large and soft."""
     rng = np.random.default_rng((shot.seed, shot.frame, 12))
     ends, depth = _paths(view, shot, rng, round(count), SNOW_MPS, max(SNOW_SHUTTER_S, exposure_s))
@@ -68,9 +65,9 @@ def snowfall(light: FloatImage, view: View, shot: Shot, count: float, exposure_s
 
 
 def _drawn(
-    light: FloatImage,
-    ends: NDArray[np.int32],
-    depth: NDArray[np.float64],
+    light: Floats,
+    ends: Pixels,
+    depth: Array,
     ranges: Sequence[tuple[float, float, int, int]],
 ) -> Image:
     """A mask of the paths of particles; ``ranges``: nearest and farthest depth, strength and width."""
@@ -83,7 +80,7 @@ def _drawn(
 
 def _paths(
     view: View, shot: Shot, rng: np.random.Generator, count: int, fall_mps: float, shutter_s: float
-) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+) -> tuple[Pixels, Array]:
     """Paths of ``count`` random particles while the shutter is open: ends (n, 2, 2) and depths."""
     rows, columns = view.distance_m.shape
     u, v = rng.integers(columns, size=count), rng.integers(rows, size=count)

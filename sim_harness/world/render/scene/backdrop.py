@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_harness.world.render.ground.noise import FloatImage, smooth_noise
+from sim_harness.world.render.ground.noise import smooth_noise
 from trepid.camera import Camera
-from trepid.types import Image
+from trepid.types import Floats, Image
 
 WIDTH = 1280  # columns of the panorama for a full turn
 HEIGHT = 320
@@ -49,7 +49,7 @@ class Backdrop:
         image[len(image) - len(below) :] = below[:, :, :3]
         return image
 
-    def _ahead(self, columns: FloatImage, rows: FloatImage, yaw_rad: float) -> Image:
+    def _ahead(self, columns: Floats, rows: Floats, yaw_rad: float) -> Image:
         """The panorama at ``columns`` and ``rows``, rotated by ``yaw_rad``, BGRA."""
         ahead = np.float32(-yaw_rad * WIDTH / math.tau % WIDTH + WIDTH / 2)
         border = cv2.BORDER_REPLICATE
@@ -57,7 +57,7 @@ class Backdrop:
         return np.asarray(image, np.uint8)
 
     @cached_property
-    def _mirror(self) -> tuple[FloatImage, FloatImage]:
+    def _mirror(self) -> tuple[Floats, Floats]:
         camera = self._camera
         first = max(self.rows - MIRROR_MARGIN_PX, 0)
         columns, v = _panorama_columns(camera, first, camera.height_px)
@@ -65,7 +65,7 @@ class Backdrop:
         return columns, (HEIGHT - BELOW - up).astype(np.float32)
 
 
-def _panorama_columns(camera: Camera, first: int, last: int) -> tuple[FloatImage, NDArray[np.int_]]:
+def _panorama_columns(camera: Camera, first: int, last: int) -> tuple[Floats, NDArray[np.int_]]:
     """Column of the panorama, and row of the image, for every pixel of rows ``first`` to below ``last``."""
     u, v = np.meshgrid(np.arange(camera.width_px), np.arange(first, last))
     right = np.arctan((u - camera.cx_px) / camera.fx_px) - camera.yaw_rad

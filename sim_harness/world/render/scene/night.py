@@ -6,12 +6,14 @@ import cv2
 import numpy as np
 
 from sim_harness.world.render.scene.vehicles import SHIFT, outline
-from sim_harness.world.render.scene.view import FloatImage, Shot, View, in_colour
+from sim_harness.world.render.scene.view import Shot, View, in_colour
 from sim_harness.world.roads.disturbance_table import Night, at
+from trepid.types import Floats
 
 LAMP_AHEAD_M, LAMP_SIDE_M, LAMP_UP_M = 1.0, 0.55, 0.65  # from the camera, from the middle, above the road
 AXIS_M = 10.0  # distance at which the beam has brightness 1
 SPREAD_RAD = 0.30  # of the beam to each side, standard deviation
+AXIS = 0.47  # of a beam 10 m ahead on the road: 3.1 degrees below the cut-off
 DROP_RAD = 0.075  # angle below the cut-off over which the beam weakens by e
 CUT_OFF_RAD = -0.010  # UN R112: 1 % below the horizon ...
 KINK = 0.268  # ... rising by 15 degrees to the right
@@ -36,7 +38,7 @@ class Headlights:
         ground = _beams(points[0] - camera.x_m, points[1], points[2])
         self._ground = np.where(view.rays[2] < 0, ground, 0).astype(np.float32)
 
-    def light(self, scene: FloatImage, shot: Shot, settings: Night, grade: float) -> FloatImage:
+    def light(self, scene: Floats, shot: Shot, settings: Night, grade: float) -> Floats:
         """``scene`` by night: the ambient light and the beams, whose illuminance falls with 1/distance²."""
         ambient, lamp = at(settings.ambient, grade), at(settings.headlight, grade)
         beams = self._ground * np.float32(lamp)
@@ -54,7 +56,7 @@ class Headlights:
         lit = np.asarray(thrown * (in_colour(beams) * np.array(LAMP_BGR, np.float32)), np.float32)
         return self._tail_lamps(dark + lit, shot, 1 - ambient)
 
-    def _tail_lamps(self, light: FloatImage, shot: Shot, share: float) -> FloatImage:
+    def _tail_lamps(self, light: Floats, shot: Shot, share: float) -> Floats:
         """``light`` with red tail lamps and their halo."""
         for (x, y, yaw), body in shot.vehicles:
             for side in (-1, 1):
@@ -70,7 +72,7 @@ class Headlights:
         return light
 
 
-def _beams(ahead_m: FloatImage, left_m: FloatImage, up_m: FloatImage) -> FloatImage:
+def _beams(ahead_m: Floats, left_m: Floats, up_m: Floats) -> Floats:
     """Illuminance by both lamps of a surface that faces them."""
     total = np.zeros_like(ahead_m, dtype=np.float32)
     for side in (-LAMP_SIDE_M, LAMP_SIDE_M):
@@ -82,13 +84,10 @@ def _beams(ahead_m: FloatImage, left_m: FloatImage, up_m: FloatImage) -> FloatIm
         beam = np.exp(-0.5 * (turn / SPREAD_RAD) ** 2) * np.exp(-np.maximum(cut - rise, 0) / DROP_RAD)
         distance2 = forward**2 + (left_m - side) ** 2 + (up_m - LAMP_UP_M) ** 2
         total += ((STRAY + above * beam) * AXIS_M**2 / distance2).astype(np.float32)
-    return np.minimum(total / 2 / _AXIS, 6.0)
+    return np.minimum(total / 2 / AXIS, 6.0)
 
 
-_AXIS = 0.47  # of a beam 10 m ahead on the road: 3.1 degrees below the cut-off
-
-
-def _glow(light: FloatImage, pixel: np.ndarray, radius_px: float, share: float) -> None:
+def _glow(light: Floats, pixel: np.ndarray, radius_px: float, share: float) -> None:
     """Add a lamp with its halo to ``light`` in place."""
     reach = int(min(6 * radius_px + 6, 60))
     u, v = round(float(pixel[0])), round(float(pixel[1]))
@@ -96,10 +95,8 @@ def _glow(light: FloatImage, pixel: np.ndarray, radius_px: float, share: float) 
     columns = slice(max(u - reach, 0), max(u + reach + 1, 0))
     part = light[rows, columns]
     if part.size:
-        y, x = np.ogrid[
-            rows.start : rows.start + part.shape[0], columns.start : columns.start + part.shape[1]
-        ]
-        away2 = (x - pixel[0]) ** 2 + (y - pixel[1]) ** 2
+        y, x = np.ogrid[: part.shape[0], : part.shape[1]]
+        away2 = (columns.start + x - pixel[0]) ** 2 + (rows.start + y - pixel[1]) ** 2
         size2 = max(radius_px, 0.8) ** 2
         halo = share * (1.2 * np.exp(-away2 / size2) + 0.10 / (1 + away2 / (4 * size2)) ** 2)
         part += halo[:, :, None].astype(np.float32) * np.array(TAIL_BGR, np.float32)

@@ -1,6 +1,7 @@
 """Standing vehicles over the markings: parked on the right, queueing on the left."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,14 +31,10 @@ def standing(
             chance, along, aside, turn, van = rng.random(5)
             if chance >= full:
                 continue
-            body = VAN if van < VANS else Body()
-            body = _painted(body, PAINTS_BGR[int(rng.integers(len(PAINTS_BGR)))])
+            paint = PAINTS_BGR[int(rng.integers(len(PAINTS_BGR)))]
+            body = replace(VAN if van < VANS else Body(), bgr=paint)
             station_m = slot * SLOT_M + 1.2 + 2.0 * along
             out_m = road.width_at(station_m) / 2 + body.width_m / 2 - over_m + 0.12 * aside
             x, y = road.position(station_m, side * out_m)
             found.append(((x, y, road.heading_at(station_m) + 0.04 * (turn - 0.5)), body))
     return found
-
-
-def _painted(body: Body, bgr: tuple[int, int, int]) -> Body:
-    return Body(body.rear_m, body.front_m, body.width_m, body.height_m, body.waist_m, body.clearance_m, bgr)

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from sim_harness.world.render.scene.vehicles import SHIFT, outline
-from sim_harness.world.render.scene.view import FloatImage, Shot, View, in_colour, polygon
+from sim_harness.world.render.scene.vehicles import SHIFT, Pixels, outline
+from sim_harness.world.render.scene.view import Shot, View, in_colour, polygon
 from sim_harness.world.render.scene.wet import carriageway
 from sim_harness.world.roads.disturbance_table import TunnelExit, at
 from sim_harness.world.roads.disturbances import Disturbance
+from trepid.types import Array, Floats, Mask
 
 LENGTH_M = 80.0  # of a tunnel without an end
 HALF_M, WALL_M, CROWN_M = 5.2, 3.4, 5.6  # half width, straight wall, crown
@@ -28,6 +28,11 @@ FACADE_LIGHT, FOOTWAY_LIGHT = 0.30, 0.16
 WALL_BGR = (0.80, 0.94, 1.0)
 UNTOUCHED = -1.0
 BACK_OFF_M = 8.0  # over which the exposure opens after the entry
+# Cross-sections (offset, height) from the left to the right, of the portal and of the tube.
+FACADE = np.array([(30.0, 0.0), (16.0, 9.0), (-16.0, 9.0), (-30.0, 0.0)])
+TURN = np.linspace(0, math.pi, 13)
+CROWN = np.column_stack([HALF_M * np.cos(TURN), WALL_M + (CROWN_M - WALL_M) * np.sin(TURN)])
+ARCH = np.vstack([[HALF_M, 0.0], CROWN, [-HALF_M, 0.0]])
 
 
 def extent(disturbance: Disturbance) -> tuple[float, float]:
@@ -48,8 +53,8 @@ def exposure_stops(disturbance: Disturbance, station_m: float, settings: TunnelE
 
 
 def in_tunnel(
-    light: FloatImage, view: View, shot: Shot, disturbance: Disturbance, settings: TunnelExit
-) -> FloatImage:
+    light: Floats, view: View, shot: Shot, disturbance: Disturbance, settings: TunnelExit
+) -> Floats:
     """``light`` with the tunnel around the camera or ahead of it."""
     start_m, end_m = extent(disturbance)
     station_m = shot.station_m + view.camera.x_m
@@ -60,12 +65,12 @@ def in_tunnel(
     last_m = min(end_m, station_m + DRAWN_WITHIN_M)
     walls = np.full(light.shape[:2], UNTOUCHED, np.float32)
     if start_m > station_m:
-        for facade in _outlines(view, shot, [start_m], _facade()):
+        for facade in _outlines(view, shot, [start_m], FACADE):
             cv2.fillPoly(walls, [facade], FACADE_LIGHT, cv2.LINE_8, SHIFT)
     else:
         walls[:] = _wall(station_m, end_m, inside)
     rings_m = _rings(first_m, last_m, station_m)
-    arches = _outlines(view, shot, rings_m, _arch())
+    arches = _outlines(view, shot, rings_m, ARCH)
     for ring_m, arch in zip(rings_m[-len(arches) :], arches, strict=False):
         here = UNTOUCHED if ring_m == end_m else _wall(ring_m, end_m, inside)
         cv2.fillConvexPoly(walls, arch, here, cv2.LINE_8, SHIFT)
@@ -74,15 +79,15 @@ def in_tunnel(
 
 
 def _lit(
-    light: FloatImage,
+    light: Floats,
     view: View,
     shot: Shot,
-    walls: FloatImage,
-    floor: NDArray[np.bool_],
+    walls: Floats,
+    floor: Mask,
     *,
     mouth_m: float,
     inside: float,
-) -> FloatImage:
+) -> Floats:
     """``light`` with the walls, and with floor and vehicles in the light of the tunnel."""
     fallen_in = FALLEN_IN * (1 - inside) * np.exp(-np.maximum(mouth_m - view.distance_m, 0) / MOUTH_REACH_M)
     shade = np.where(floor & (view.distance_m < mouth_m), inside + fallen_in, 1).astype(np.float32)
@@ -94,9 +99,8 @@ def _lit(
             there = np.zeros(wall.shape, np.uint8)
             cv2.fillConvexPoly(there, shape, 1, cv2.LINE_8, SHIFT)
             wall &= there == 0
-            shade[there > 0] = inside + FALLEN_IN * (1 - inside) * math.exp(
-                (reach_m - mouth_m) / MOUTH_REACH_M
-            )
+            daylight = math.exp((reach_m - mouth_m) / MOUTH_REACH_M)
+            shade[there > 0] = inside + FALLEN_IN * (1 - inside) * daylight
     road = np.zeros(wall.shape, np.uint8)
     edges = carriageway(view.camera, shot, inset_m=0.2)
     if edges is not None:
@@ -122,20 +126,7 @@ def _wall(station_m: float, end_m: float, inside: float) -> float:
     return WALL_LIGHT * (inside * lamp + mouth)
 
 
-def _arch() -> NDArray[np.float64]:
-    """The tube's cross-section (offset, height) from the left over the crown to the right."""
-    turn = np.linspace(0, math.pi, 13)
-    crown = np.column_stack([HALF_M * np.cos(turn), WALL_M + (CROWN_M - WALL_M) * np.sin(turn)])
-    return np.vstack([[HALF_M, 0.0], crown, [-HALF_M, 0.0]])
-
-
-def _facade() -> NDArray[np.float64]:
-    return np.array([(30.0, 0.0), (16.0, 9.0), (-16.0, 9.0), (-30.0, 0.0)])
-
-
-def _outlines(
-    view: View, shot: Shot, stations_m: Sequence[float], section: NDArray[np.float64]
-) -> list[NDArray[np.int32]]:
+def _outlines(view: View, shot: Shot, stations_m: Sequence[float], section: Array) -> list[Pixels]:
     """Fixed-point outlines of a cross-section at rising stations, from the first station ahead on."""
     count, corners = len(stations_m), len(section)
     across = shot.road.positions(np.repeat(stations_m, corners), np.tile(section[:, 0], count))
@@ -147,7 +138,7 @@ def _outlines(
     return list(polygon(pixels).reshape(count, corners, 2)[first:last])
 
 
-def _floor(view: View, shot: Shot, from_m: float, to_m: float, *, whole: bool) -> NDArray[np.bool_]:
+def _floor(view: View, shot: Shot, from_m: float, to_m: float, *, whole: bool) -> Mask:
     """Pixels of the road inside the tube."""
     ahead = np.linspace(from_m, to_m, 40) - shot.station_m
     sides = [view.camera.pixel_from_road(shot.along(sign * HALF_M, ahead)) for sign in (1, -1)]

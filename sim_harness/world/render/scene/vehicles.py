@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trepid.camera import Camera
-from trepid.types import Image
+from trepid.types import Array, Image
 
-Points = NDArray[np.float64]
 Pose = tuple[float, float, float]
 """x, y, yaw of the rear-axle centre."""
+Colour = tuple[int, int, int]  # BGR
+Pixels = NDArray[np.int32]  # fixed-point corners, (n, 2)
 
 NEAR_M = 0.3  # faces are clamped to this depth
 MAX_PX = 8000.0
@@ -31,7 +32,7 @@ class Body:
     height_m: float = 1.48
     waist_m: float = 0.92  # lower edge of the windows
     clearance_m: float = 0.22
-    bgr: tuple[int, int, int] = (120, 60, 40)
+    bgr: Colour = (120, 60, 40)
 
 
 def draw_lead(image: Image, camera: Camera, body: Body, pose: Pose, *, mirrored: bool = False) -> None:
@@ -53,34 +54,26 @@ def draw_lead(image: Image, camera: Camera, body: Body, pose: Pose, *, mirrored:
         painter.face([(-0.3, y, z) for y, z in ((y0, 0), (y1, 0), (y1, 0.4), (y0, 0.4))], (22, 22, 22))
     painter.box((body.rear_m, body.front_m), half, half, (body.clearance_m, body.waist_m), body.bgr)
     painter.cabin(body, half)
-    _draw_rear(painter, body, half)
-    _draw_front(painter, body, half)
+    for x, seen in ((body.rear_m, painter.faces_rear), (body.front_m, painter.faces_front)):
+        if seen(x):
+            for y0, y1, z0, z1, bgr in _end_faces(body, half, rear=x == body.rear_m):
+                painter.face([(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)], bgr)
 
 
-def _draw_front(painter: "_Painter", body: Body, half: float) -> None:
-    """Draw bumper, grille and headlamps."""
-    if not painter.faces_front(body.front_m):
-        return
-    x = body.front_m
-    painter.face(_rear(x, -half, half, body.clearance_m, 0.40), (38, 38, 40))
-    painter.face(_rear(x, -0.5, 0.5, 0.48, 0.66), (30, 30, 32))
-    for y0, y1 in ((-half, -half + 0.36), (half - 0.36, half)):
-        painter.face(_rear(x, y0, y1, 0.58, 0.76), (235, 235, 230))
-
-
-def _draw_rear(painter: "_Painter", body: Body, half: float) -> None:
-    """Draw bumper, lamps and number plate."""
-    if not painter.faces_rear(body.rear_m):
-        return
-    x = body.rear_m
-    painter.face(_rear(x, -half, half, body.clearance_m, 0.42), (38, 38, 40))
-    for y0, y1 in ((-half, -half + 0.32), (half - 0.32, half)):
-        painter.face(_rear(x, y0, y1, 0.68, 0.86), (40, 30, 190))
-    painter.face(_rear(x, -0.26, 0.26, 0.52, 0.63), (225, 225, 225))
-
-
-def _rear(x: float, y0: float, y1: float, z0: float, z1: float) -> list[tuple[float, float, float]]:
-    return [(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)]
+def _end_faces(body: Body, half: float, *, rear: bool) -> list[tuple[float, float, float, float, Colour]]:
+    """Bumper, lamps and number plate of the rear, or bumper, grille and headlamps of the front: y, z, colour."""
+    lamp, bumper, low = (0.32 if rear else 0.36), (38, 38, 40), body.clearance_m
+    if rear:
+        return [
+            (-half, half, low, 0.42, bumper),
+            *((y, y + lamp, 0.68, 0.86, (40, 30, 190)) for y in (-half, half - lamp)),
+            (-0.26, 0.26, 0.52, 0.63, (225, 225, 225)),
+        ]
+    return [
+        (-half, half, low, 0.40, bumper),
+        (-0.5, 0.5, 0.48, 0.66, (30, 30, 32)),
+        *((y, y + lamp, 0.58, 0.76, (235, 235, 230)) for y in (-half, half - lamp)),
+    ]
 
 
 class _Painter:
@@ -132,7 +125,7 @@ class _Painter:
         lower: float,
         upper: float,
         z: tuple[float, float],
-        bgr: tuple[int, int, int],
+        bgr: Colour,
     ) -> None:
         """Draw the visible faces of an upright box; half widths ``lower`` and ``upper``."""
         (x0, x1), (z0, z1) = x, z
@@ -162,7 +155,7 @@ class _Painter:
         self.box(x, half_m - 0.05, roof_half, (body.waist_m, body.height_m - 0.08), glass)
         self.box(x, roof_half + 0.02, roof_half, (body.height_m - 0.08, body.height_m), body.bgr)
 
-    def _project(self, corners: Points) -> NDArray[np.int32]:
+    def _project(self, corners: Array) -> Pixels:
         """Fixed-point pixels of a polygon in the car's axes, (n, 3), clipped to the part in front of the lens."""
         points = (self._turn @ (corners * self._upside).T).T + self._shift
         clipped = _before(points @ self._camera.optical_from_vehicle.T, NEAR_M)
@@ -170,7 +163,7 @@ class _Painter:
         return np.round(np.clip(pixel.T, -MAX_PX, MAX_PX) * 2**SHIFT).astype(np.int32)
 
 
-def _before(polygon: Points, depth_m: float) -> Points:
+def _before(polygon: Array, depth_m: float) -> Array:
     """The part of a polygon (n, 3) with z >= ``depth_m``: Sutherland and Hodgman (1974) with one plane."""
     if (polygon[:, 2] >= depth_m).all():
         return polygon
@@ -183,7 +176,7 @@ def _before(polygon: Points, depth_m: float) -> Points:
     return np.array(kept).reshape(-1, 3)
 
 
-def outline(camera: Camera, body: Body, pose: Pose) -> NDArray[np.int32] | None:
+def outline(camera: Camera, body: Body, pose: Pose) -> Pixels | None:
     """Fixed-point convex outline of the box around a vehicle; None when it is behind the lens."""
     painter = _Painter(np.empty((0, 0, 3), np.uint8), camera, pose)
     half = body.width_m / 2
@@ -194,5 +187,5 @@ def outline(camera: Camera, body: Body, pose: Pose) -> NDArray[np.int32] | None:
     return np.asarray(cv2.convexHull(np.concatenate(corners)), np.int32) if any(map(len, corners)) else None
 
 
-def _shaded(bgr: tuple[int, int, int], share: float) -> tuple[float, ...]:
+def _shaded(bgr: Colour, share: float) -> tuple[float, ...]:
     return tuple(min(share * channel, 255) for channel in bgr)

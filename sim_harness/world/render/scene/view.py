@@ -10,31 +10,28 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from sim_harness.world.render.scene.vehicles import SHIFT, Body, Pose
+from sim_harness.world.render.scene.vehicles import SHIFT, Body, Pixels, Pose
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
-from trepid.types import Image
-
-FloatImage = NDArray[np.float32]
+from trepid.types import Array, Floats, Image
 
 SKY_M = 1500.0  # distance of hills and sky for fog, rain and snow
 AHEAD_M = np.concatenate([np.arange(0, 12, 0.5), np.arange(12, 40, 1.5), np.arange(40, 121, 8.0)])
 
 
-def light_of(image: Image) -> FloatImage:
+def light_of(image: Image) -> Floats:
     """Linear light of grey levels, same shape."""
     light = np.asarray(image, np.float32) * np.float32(1 / 255)
     return np.asarray(cv2.multiply(light, light), np.float32)
 
 
-def grey_of(light: FloatImage) -> Image:
+def grey_of(light: Floats) -> Image:
     """Grey levels of linear light, saturated at 1."""
     return np.asarray(cv2.convertScaleAbs(cv2.sqrt(np.maximum(light, 0)), alpha=255), np.uint8)
 
 
-def in_colour(image: FloatImage) -> FloatImage:
+def in_colour(image: Floats) -> Floats:
     """One channel as three equal ones."""
     return np.asarray(cv2.merge([image, image, image]), np.float32)
 
@@ -51,18 +48,18 @@ class View:
         self.rays = rays.reshape(3, *u.shape).astype(np.float32)  # forward, left, up
 
     @cached_property
-    def distance_m(self) -> FloatImage:
+    def distance_m(self) -> Floats:
         """From the lens to the flat ground along each ray, SKY_M at most and above the horizon."""
         down = np.maximum(-self.rays[2], self.camera.height_m / SKY_M)
         return np.asarray(self.camera.height_m / down, np.float32)
 
     @cached_property
-    def fresnel(self) -> FloatImage:
+    def fresnel(self) -> Floats:
         """Reflectance of still water on the ground: Schlick (1994), n = 1.33; 0 above the horizon."""
         upright = np.clip(-self.rays[2], 0, 1)
         return np.where(self.rays[2] < 0, 0.02 + 0.98 * (1 - upright) ** 5, 0).astype(np.float32)
 
-    def pixels(self, points_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def pixels(self, points_m: Array) -> tuple[Array, Array]:
         """Pixels (n, 2) and depths (n,) of points (x, y, z) in vehicle axes, (n, 3)."""
         camera = self.camera
         optical = camera.optical_from_vehicle @ (points_m - (camera.x_m, camera.y_m, camera.height_m)).T
@@ -99,17 +96,17 @@ class Shot:
         """A number of the frame, which seeds its noise."""
         return round(self.t_s * 1e4) % 2**63
 
-    def from_world(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def from_world(self, points_m: Array) -> Array:
         """Points (x, y) of the world in vehicle axes, (n, 2)."""
         x, y, yaw = self.pose
         cos, sin = math.cos(yaw), math.sin(yaw)
         return np.asarray((points_m - (x, y)) @ np.array([[cos, -sin], [sin, cos]]))
 
-    def along(self, offset_m: float, ahead_m: NDArray[np.float64] = AHEAD_M) -> NDArray[np.float64]:
+    def along(self, offset_m: float, ahead_m: Array = AHEAD_M) -> Array:
         """Points (x, y) in vehicle axes at an offset from the lane centre, ``ahead_m`` of the vehicle."""
         return self.from_world(self.road.positions(self.station_m + ahead_m, np.full(len(ahead_m), offset_m)))
 
 
-def polygon(pixels: NDArray[np.float64]) -> NDArray[np.int32]:
+def polygon(pixels: Array) -> Pixels:
     """Fixed-point corners for OpenCV's drawing with SHIFT."""
     return np.round(np.clip(pixels, -8000, 8000) * 2**SHIFT).astype(np.int32)

@@ -4,21 +4,13 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.scene.backdrop import MIRROR_MARGIN_PX, Backdrop
-from sim_harness.world.render.scene.vehicles import SHIFT, draw_lead
-from sim_harness.world.render.scene.view import (
-    AHEAD_M,
-    FloatImage,
-    Shot,
-    View,
-    in_colour,
-    light_of,
-    polygon,
-)
+from sim_harness.world.render.scene.vehicles import SHIFT, Pixels, draw_lead
+from sim_harness.world.render.scene.view import AHEAD_M, Shot, View, in_colour, light_of, polygon
 from trepid.camera import Camera
+from trepid.types import Floats
 
 PUDDLE_PX, PUDDLE_M = 256, 0.2  # period and pixel size of the pattern of puddles
 ROUGH_PX = (0.006, 0.035)  # blur across and along, in focal lengths: wet asphalt is rough
@@ -37,7 +29,7 @@ class WetRoad:
         self._road_from_pixel = np.linalg.inv(view.camera.pixel_from_road_matrix)
         self._ground = (view.rays[2] < -0.02).astype(np.float32)
 
-    def mirror(self, light: FloatImage, shot: Shot, wet: float) -> FloatImage:
+    def mirror(self, light: Floats, shot: Shot, wet: float) -> Floats:
         """``light`` with the reflections of a road of wetness ``wet`` (0..1), in place."""
         share = self._view.fresnel * self._shine(shot, wet)
         mirrored = self._backdrop.mirrored(shot.pose[2])
@@ -51,7 +43,7 @@ class WetRoad:
         light[rows] = below + cv2.multiply(cv2.subtract(soft, below), in_colour(share[rows]))
         return light
 
-    def _shine(self, shot: Shot, wet: float) -> FloatImage:
+    def _shine(self, shot: Shot, wet: float) -> Floats:
         """Reflectance of each pixel of the carriageway relative to still water, (rows, columns)."""
         mask = np.zeros(self._ground.shape, np.uint8)
         outline = carriageway(self._view.camera, shot)
@@ -68,24 +60,18 @@ class WetRoad:
         return np.asarray(film * mask * self._ground / np.float32(255), np.float32)
 
 
-def carriageway(camera: Camera, shot: Shot, *, inset_m: float = 0.0) -> NDArray[np.int32] | None:
+def carriageway(camera: Camera, shot: Shot, *, inset_m: float = 0.0) -> Pixels | None:
     """Fixed-point outline of the carriageway ahead in the image; None when it is out of view."""
     section = shot.road.section_at(shot.station_m)
     half = shot.road.width_at(shot.station_m) / 2
     sides = []
-    for sign, lanes, paved in (
-        (1, section.lanes_to_the_left, section.paved_left_m),
-        (-1, section.right_lanes, section.paved_right_m),
-    ):
-        across = half + paved - inset_m + sum(_width(lane.width_m, 2 * half) for lane in lanes)
+    left = (1, section.lanes_to_the_left, section.paved_left_m)
+    right = (-1, section.right_lanes, section.paved_right_m)
+    for sign, lanes, paved in (left, right):
+        widths = (2 * half if lane.width_m is None else float(np.max(lane.width_m)) for lane in lanes)
+        across = half + paved - inset_m + sum(widths)
         points = shot.along(sign * across, AHEAD_M)
         pixels = camera.pixel_from_road(points)
         sides.append(pixels[(points[:, 0] > camera.x_m + 0.4) & np.isfinite(pixels).all(axis=1)])
     outline = np.concatenate([sides[0], sides[1][::-1]])
     return polygon(outline) if len(outline) > 3 else None
-
-
-def _width(width_m: float | tuple[float, float] | None, kept_m: float) -> float:
-    if width_m is None:
-        return kept_m
-    return max(width_m) if isinstance(width_m, tuple) else width_m
