@@ -16,7 +16,7 @@ from sim_harness.world.render.scene.tunnel import exposure_stops, extent, in_tun
 from sim_harness.world.render.scene.vehicles import Body, Pose
 from sim_harness.world.render.scene.view import Shot, View, grey_of, light_of
 from sim_harness.world.render.scene.wet import WetRoad
-from sim_harness.world.roads.disturbance_table import DisturbanceTable, at, extinction_1pm
+from sim_harness.world.roads.disturbance_table import at, extinction_1pm, load_table
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, grades_at
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
@@ -42,11 +42,11 @@ class Disturber:
         camera: Camera,
         backdrop: Backdrop,
         disturbances: Sequence[Disturbance],
-        table: DisturbanceTable,
         *,
         seed: int,
     ) -> None:
-        self._table = table
+        """Raises InputError for a bad table of disturbances."""
+        self._table = load_table()
         self._disturbances = tuple(d for d in disturbances if d.grade > 0)
         self._eye, self._camera, self._backdrop, self._seed = eye, camera, backdrop, seed
         self._tunnels = [d for d in self._disturbances if d.kind == Kind.TUNNEL_EXIT]
@@ -54,7 +54,7 @@ class Disturber:
             vehicle
             for d in self._disturbances
             if d.kind == Kind.OCCLUSION
-            for vehicle in standing(road, d, table.occlusion, seed=seed)
+            for vehicle in standing(road, d, self._table.occlusion, seed=seed)
         ]
         self._standing_at = np.array([pose[:2] for pose, _ in self._standing]).reshape(-1, 2)
         self.view = View(eye)

@@ -7,22 +7,21 @@ the ground is drawn, because OpenCV warps four channels twice as fast as three.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
-from sim_harness.world.render.disturber import Disturber
+from sim_harness.world.render.disturber import Disturber, Grade
 from sim_harness.world.render.ground.ground import Ground
-from sim_harness.world.render.ground.road_strip import LEVELS_M
+from sim_harness.world.render.ground.strip_grid import LEVELS_M
 from sim_harness.world.render.optics.exposure import Exposure
 from sim_harness.world.render.optics.lens import Distortion
 from sim_harness.world.render.scene.backdrop import Backdrop
 from sim_harness.world.render.scene.vehicles import Body, Pose, draw_lead
 from sim_harness.world.render.scene.view import STILL, Motion, Shot
-from sim_harness.world.roads.disturbance_table import load_table
-from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturbed
+from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.light import Light
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
@@ -78,11 +77,9 @@ class Renderer:
         self._bands = _bands(self._eye, self._backdrop.rows)
         self._corners_m = np.array([band.corners_m for band in self._bands]).reshape(-1, 4, 2)
         self._far_rows, self._far_share = _far(self._eye, self._backdrop.rows)
-        self._disturber = (
-            Disturber(road, self._eye, camera, self._backdrop, disturbances, load_table(), seed=seed)
-            if any(disturbance.grade > 0 for disturbance in disturbances)
-            else None
-        )
+        self._disturber = None
+        if any(disturbance.grade > 0 for disturbance in disturbances):
+            self._disturber = Disturber(road, self._eye, camera, self._backdrop, disturbances, seed=seed)
         self._far_haze = np.empty((*self._far_share.shape, 4), np.uint8)
         self._far_haze[:] = (*np.rint(self._backdrop.horizon_bgr), 255)
 
@@ -125,7 +122,7 @@ class Renderer:
         grades = self._disturber.grades(shot.station_m) if self._disturber else {}
         if self._disturber and (grades or self._disturber.needs_light(shot.station_m, grades)):
             return self._disturbed(self._disturber, image, shot, light, grades)
-        self._draw_vehicles(image, shot)
+        self._draw(shot.vehicles, image)
         return self._expose(self._bent(image), shot, light)
 
     def _ground_and_sky(self, pose: Pose) -> Image:
@@ -134,8 +131,8 @@ class Renderer:
         self._draw_ground(padded, *pose)
         return np.asarray(cv2.cvtColor(padded, cv2.COLOR_BGRA2BGR), np.uint8)
 
-    def _draw_vehicles(self, image: Image, shot: Shot) -> None:
-        for pose, body in shot.vehicles:
+    def _draw(self, vehicles: Sequence[tuple[Pose, Body]], image: Image) -> None:
+        for pose, body in vehicles:
             draw_lead(image, self._eye, body, pose)
 
     def _bent(self, image: Image) -> Image:
@@ -146,20 +143,14 @@ class Renderer:
         return self._exposure.expose(image, light, sun_bearing_rad=bearing, seed=noise, vignetted=vignetted)
 
     def _disturbed(
-        self,
-        disturber: Disturber,
-        image: Image,
-        shot: Shot,
-        light: Light,
-        grades: Mapping[DisturbanceKind, float],
+        self, disturber: Disturber, image: Image, shot: Shot, light: Light, grades: Grade
     ) -> Image:
         """The frame from ``image`` (ground and sky) under the disturbances ``grades``."""
         still = _far_first(disturber.standing_near(shot.pose), shot.pose)
-        for pose, body in still:
-            draw_lead(image, self._eye, body, pose)
+        self._draw(still, image)
         image = disturber.move(image, shot, grades)
         # Vehicles drawn from here on stay sharp: their speed is close to that of the own vehicle.
-        self._draw_vehicles(image, shot)
+        self._draw(shot.vehicles, image)
         shot = replace(shot, vehicles=tuple(sorted((*still, *shot.vehicles), key=_distance, reverse=True)))
         with_light = disturber.needs_light(shot.station_m, grades)
         if with_light:
@@ -216,7 +207,11 @@ class Renderer:
 
 def _far_first(vehicles: Sequence[tuple[Pose, Body]], origin: Pose) -> tuple[tuple[Pose, Body], ...]:
     """``vehicles`` relative to ``origin``, the farthest first."""
-    relative = ((_relative(pose, origin), body) for pose, body in vehicles)
+    cos, sin = math.cos(origin[2]), math.sin(origin[2])
+    relative = []
+    for (x_m, y_m, yaw_rad), body in vehicles:
+        dx, dy = x_m - origin[0], y_m - origin[1]
+        relative.append(((cos * dx + sin * dy, cos * dy - sin * dx, yaw_rad - origin[2]), body))
     return tuple(sorted(relative, key=_distance, reverse=True))
 
 
@@ -225,28 +220,18 @@ def _distance(vehicle: tuple[Pose, Body]) -> float:
     return math.hypot(x_m, y_m)
 
 
-def _relative(pose: Pose, origin: Pose) -> Pose:
-    """``pose`` relative to ``origin``."""
-    dx, dy = pose[0] - origin[0], pose[1] - origin[1]
-    cos, sin = math.cos(origin[2]), math.sin(origin[2])
-    return cos * dx + sin * dy, cos * dy - sin * dx, pose[2] - origin[2]
-
-
 def _bands(camera: Camera, first_row: int) -> list[Band]:
     """The image below the horizon, from the bottom up."""
     bands, bottom = [], camera.height_px
     for level, reach in REACH:
         reach_m = reach * LEVELS_M[level] * camera.fx_px
-        top = max(first_row, _row_at(camera, reach_m))
+        # The first row with a depth of at most reach_m: depth = height / tan of the row's angle.
+        row = math.ceil(camera.horizon_row_px + camera.fy_px * camera.height_m / reach_m)
+        top = max(first_row, row)
         if top < bottom:
             bands.append(_band(camera, top, bottom, level))
             bottom = top
     return bands
-
-
-def _row_at(camera: Camera, depth_m: float) -> int:
-    """First row with a depth of at most ``depth_m``: depth = height / tan of the row's angle."""
-    return math.ceil(camera.horizon_row_px + camera.fy_px * camera.height_m / depth_m)
 
 
 def _band(camera: Camera, top: int, bottom: int, level: int) -> Band:
@@ -255,14 +240,8 @@ def _band(camera: Camera, top: int, bottom: int, level: int) -> Band:
     image_from_drawn = np.array([[1, 0, 0], [0, 1 / repeat, top + 0.5 / repeat - 0.5], [0, 0, 1]])
     right, low = camera.width_px - 1, bottom - 0.5
     corners = camera.road_from_pixel([(0, top - 0.5), (right, top - 0.5), (right, low), (0, low)])
-    return Band(
-        top=top,
-        bottom=bottom,
-        level=level,
-        rows_per_row=repeat,
-        road_from_pixel=np.linalg.inv(camera.pixel_from_road_matrix) @ image_from_drawn,
-        corners_m=corners,
-    )
+    road_from_drawn = np.linalg.inv(camera.pixel_from_road_matrix) @ image_from_drawn
+    return Band(top, bottom, level, repeat, road_from_drawn, corners)
 
 
 def _depth(camera: Camera, row: Array) -> Array:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.ground.road_strip import RoadStrip
 from sim_harness.world.render.ground.side_roads import arms_of, lay_arm
-from sim_harness.world.render.ground.strip_grid import LEVELS_M, ROWS
-from sim_harness.world.render.ground.tiles import TILE_PX
+from sim_harness.world.render.ground.strip_grid import LEVELS_M, ROWS, TILE_PX
 from sim_harness.world.roads.appearance import Verge
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Floats, Image, Mask
@@ -45,24 +44,25 @@ class GroundPainter:
         self._arms = tuple(arms_of(road, self.strip.tint))
         rng = np.random.default_rng((seed, 3))
         jitter = rng.uniform(0.8, 1.15) * rng.uniform(0.9, 1.1, 3)
+        verges = [section.verge for section in road.sections]
+        tints = [jitter.mean() if verge in GREY else jitter for verge in verges]
         self._verge_bgr = np.array(
-            [
-                np.array(VERGE_BGR[section.verge]) * (jitter.mean() if section.verge in GREY else jitter)
-                for section in road.sections
-            ]
+            [np.array(VERGE_BGR[verge]) * tint for verge, tint in zip(verges, tints, strict=True)]
         )
         self._verge = _verge_levels(rng)
         self._phase = rng.uniform(0, math.tau, 4)
 
     def paint(self, level: int, column: int, row: int) -> Image:
         """The tile in this column and row of a level, (TILE_PX, TILE_PX, 4)."""
-        size, step = TILE_PX, STEP_PX[level]
-        cells = size // step + 2  # one more on each side, for the interpolation
-        points = _cell_centres(level, column, row, cells)
+        step = STEP_PX[level]
+        points = _cell_centres(level, column, row)
         station, offset = self._coordinates(level, points)
-        tile = self._verge_tile(level, column, row, points, station)
-        if self._arms:
-            self._lay_arms(tile, level, column, row)
+        grain = self._grain(level, column, row)
+        tile = self._verge_tile(level, grain, points, station)
+        run_m = (np.arange(TILE_PX, dtype=np.float64) + 0.5) * LEVELS_M[level]
+        tile_m = TILE_PX * LEVELS_M[level]
+        for arm in self._arms:
+            lay_arm(tile, arm, column * tile_m + run_m, row * tile_m + run_m, grain)
         tile = np.asarray(cv2.cvtColor(tile, cv2.COLOR_BGR2BGRA), np.uint8)
         right_m, left_m = self.strip.grid.right_m, self.strip.grid.left_m
         spare_m = 2 * step * LEVELS_M[level]
@@ -144,7 +144,7 @@ class GroundPainter:
             shade = cv2.remap(block.shade, columns, rows, cv2.INTER_LINEAR, borderValue=255)
             tile[:] = cv2.multiply(tile, cv2.merge([shade] * 4), scale=1 / 255)
 
-    def _verge_tile(self, level: int, column: int, row: int, points: Array, station: Array) -> Image:
+    def _verge_tile(self, level: int, grain: Image, points: Array, station: Array) -> Image:
         """The verge of a tile."""
         a, b, c, d = self._phase
         x, y = np.moveaxis(points, 2, 0)
@@ -153,7 +153,6 @@ class GroundPainter:
         )
         colours = self._verge_bgr[self.road.section_indices(station)] * (1 + 0.06 * wave[:, :, None])
         tint = _spread(colours, STEP_PX[level])
-        grain = self._grain(level, column, row)
         return np.asarray(cv2.multiply(cv2.convertScaleAbs(tint, beta=-0.5), grain, scale=1 / 128), np.uint8)
 
     def _grain(self, level: int, column: int, row: int) -> Image:
@@ -162,20 +161,11 @@ class GroundPainter:
         top, left = row * size % len(noise), column * size % len(noise)
         return noise[top : top + size, left : left + size]
 
-    def _lay_arms(self, tile: Image, level: int, column: int, row: int) -> None:
-        """Paint the side roads that touch the tile."""
-        size = TILE_PX
-        run_m = (np.arange(size, dtype=np.float64) + 0.5) * LEVELS_M[level]
-        tile_m = size * LEVELS_M[level]
-        for arm in self._arms:
-            lay_arm(tile, arm, column * tile_m + run_m, row * tile_m + run_m, self._grain(level, column, row))
 
-
-def _cell_centres(level: int, column: int, row: int, cells: int) -> Array:
-    """World points (x, y) of the coarse grid of a tile, shape (cells, cells, 2)."""
-    step_m = STEP_PX[level] * LEVELS_M[level]
-    tile_m = TILE_PX * LEVELS_M[level]
-    run = (np.arange(cells) - 0.5) * step_m
+def _cell_centres(level: int, column: int, row: int) -> Array:
+    """World points (x, y) of the coarse grid of a tile and one cell on each side, shape (cells, cells, 2)."""
+    step_m, tile_m = STEP_PX[level] * LEVELS_M[level], TILE_PX * LEVELS_M[level]
+    run = (np.arange(TILE_PX // STEP_PX[level] + 2) - 0.5) * step_m
     x, y = np.meshgrid(column * tile_m + run, row * tile_m + run)
     return np.stack([x, y], axis=2)
 
@@ -205,13 +195,8 @@ def _verge_levels(rng: np.random.Generator) -> list[Image]:
     levels = [np.clip(128 * (1 + 0.16 * mixture), 0, 255).astype(np.uint8)]
     while len(levels) < len(LEVELS_M):
         size = len(levels[-1]) // 2
-        levels.append(
-            np.asarray(cv2.resize(levels[-1], (size, size), interpolation=cv2.INTER_AREA), np.uint8)
-        )
-    return [_tiled(noise) for noise in levels]
-
-
-def _tiled(noise: Image) -> Image:
-    """A square periodic texture repeated to at least TILE_PX pixels, in three equal channels."""
-    repeats = -(-TILE_PX // len(noise))
-    return np.asarray(cv2.merge([np.tile(noise, (repeats, repeats))] * 3), np.uint8)
+        halved = cv2.resize(levels[-1], (size, size), interpolation=cv2.INTER_AREA)
+        levels.append(np.asarray(halved, np.uint8))
+    repeats = [-(-TILE_PX // len(noise)) for noise in levels]
+    tiled = [np.tile(noise, (count, count)) for noise, count in zip(levels, repeats, strict=True)]
+    return [np.asarray(cv2.merge([noise] * 3), np.uint8) for noise in tiled]

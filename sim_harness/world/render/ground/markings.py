@@ -89,9 +89,7 @@ class LinePainter:
         cover = (across * along[:, None] * wear)[:, :, None].astype(np.float32)
         if marking.damage:
             cover *= self._intact(here, columns, centre, marking, number)[:, :, None]
-        paint = np.array(PAINT_BGR[marking.paint], np.float32) * (1 + 0.04 * fine[:, :, None])
-        bare = colour[:, columns, :3].astype(np.float32)
-        colour[:, columns, :3] = np.clip(bare + cover * (paint - bare), 0, 255)
+        colour[:, columns, :3] = painted(colour[:, columns, :3], cover, marking.paint, fine)
 
     def _uninterrupted(self, line: Line, station: Array) -> Array | None:
         """Share of each row outside all gaps and junctions; None without any."""
@@ -103,11 +101,8 @@ class LinePainter:
     def _mouths(self, line: Line) -> Iterator[tuple[float, float]]:
         """Intervals of stations in which side roads interrupt the line."""
         for junction in self._road.settings.junctions:
-            if line.side is not None:
-                hit = junction.side in (line.side, Side.BOTH)
-            else:
-                hit = junction.kind == JunctionKind.INTERSECTION
-            if hit:
+            crossed = junction.kind == JunctionKind.INTERSECTION
+            if crossed if line.side is None else junction.side in (line.side, Side.BOTH):
                 yield junction.mouth_m
 
     def _intact(self, here: Stretch, columns: slice, centre: Array, marking: Marking, number: int) -> Floats:
@@ -127,6 +122,13 @@ class LinePainter:
                 at = int(row) + slope * column
                 whole[max(at, 0) : max(at + 2, 0), column] = 0
         return whole[here.rows]
+
+
+def painted(bare: Image, cover: Floats, paint: Paint, fine: Floats) -> Floats:
+    """``bare`` under ``cover`` (rows, columns, 1) of slightly uneven paint."""
+    bgr = np.array(PAINT_BGR[paint], np.float32) * (1 + 0.04 * fine[:, :, None])
+    colour = bare.astype(np.float32)
+    return np.clip(colour + cover * (bgr - colour), 0, 255)
 
 
 def _strokes(marking: Marking) -> list[tuple[float, Stroke]]:

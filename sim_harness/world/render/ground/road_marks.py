@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from sim_harness.world.render.ground.markings import PAINT_BGR
+from sim_harness.world.render.ground.markings import painted
 from sim_harness.world.render.ground.strip_grid import (
     PIXEL_M,
     ROWS,
@@ -67,14 +67,10 @@ class MarkPainter:
         first = round((right_m - self._grid.right_m) / PIXEL_M)
         inside = slice(max(first, 0), min(first + mask.shape[1], self._grid.columns))
         cover = mask[:, inside.start - first : inside.stop - first].astype(np.float32) / 255
-        blotch, wave = (
-            noise[(index * ROWS + rows) % len(noise), inside]
-            for noise in (self._textures.blotch, self._textures.wave)
-        )
+        noises = (self._textures.blotch, self._textures.wave)
+        blotch, wave = (noise[(index * ROWS + rows) % len(noise), inside] for noise in noises)
         cover = (cover * paint_left(blotch, wave, mark.wear))[:, :, None]
-        paint = np.array(PAINT_BGR[mark.paint], np.float32) * (1 + 0.04 * blotch[:, :, None])
-        bare = colour[rows, inside, :3].astype(np.float32)
-        colour[rows, inside, :3] = np.clip(bare + cover * (paint - bare), 0, 255)
+        colour[rows, inside, :3] = painted(colour[rows, inside, :3], cover, mark.paint, blotch)
 
     def _draw(self, mark: RoadMark) -> tuple[Image, float]:
         """Mask with rows along the station and columns to the left, and the offset of its right edge."""

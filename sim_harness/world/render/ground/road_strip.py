@@ -20,7 +20,6 @@ from sim_harness.world.render.ground.surface import SurfacePainter
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Image
 
-__all__ = ["LEVELS_M", "Block", "RoadStrip"]
 T = TypeVar("T")
 
 NOMINAL_BLOCK_M = ROWS * LEVELS_M[0]
@@ -71,10 +70,12 @@ class RoadStrip:
             pieces.append(block.rows(slice(max(rows.start - start, 0), min(rows.stop - start, height))))
         if len(pieces) == 1:
             return pieces[0]
-        if all(piece.shade is None for piece in pieces):
-            shade = None
-        else:
-            shade = np.concatenate([_shade_or_light(piece) for piece in pieces])
+        shade = None
+        if any(piece.shade is not None for piece in pieces):
+            lit = [np.full(piece.colour.shape[:2], 255, np.uint8) for piece in pieces]
+            shade = np.concatenate(
+                [a if p.shade is None else p.shade for p, a in zip(pieces, lit, strict=True)]
+            )
         return Block(np.concatenate([piece.colour for piece in pieces]), shade)
 
     def _block(self, index: int, level: int) -> Block:
@@ -121,7 +122,3 @@ def _coarser(finest: Block) -> tuple[Block, ...]:
 def _halved(image: Image) -> Image:
     size = (image.shape[1] // 2, image.shape[0] // 2)
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def _shade_or_light(block: Block) -> Image:
-    return np.full(block.colour.shape[:2], 255, np.uint8) if block.shade is None else block.shade

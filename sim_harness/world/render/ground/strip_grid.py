@@ -16,6 +16,7 @@ from trepid.types import Array, Floats
 
 LEVELS_M = (0.025, 0.05, 0.1, 0.2, 0.4)  # pixel sizes
 PIXEL_M = LEVELS_M[0]
+TILE_PX = 256  # side of a tile of the ground, at every level
 ROWS = 1024  # of a block at the finest level
 RIGHT_M, LEFT_M = -4.8, 8.0  # smallest painted width
 WIDEN_M = 3.2  # increment of the width: 128 columns, the largest cell of the noises
@@ -49,7 +50,10 @@ class Grid:
 
 def grid_of(road: Road) -> Grid:
     """A raster that contains the carriageway of every section."""
-    right_m, left_m = (float(edge.max()) + SPARE_M for edge in edges_m(road, _ends_of_sections(road)))
+    starts = np.array([section.start_m for section in road.sections])
+    # The carriageway is widest at an end of a section or of a taper.
+    widest = np.concatenate([starts, starts - 1e-6, starts + TAPER_M, [road.length_m - 1e-6]])
+    right_m, left_m = (float(edge.max()) + SPARE_M for edge in edges_m(road, widest))
     return Grid(
         RIGHT_M - WIDEN_M * max(0, math.ceil((right_m + RIGHT_M) / WIDEN_M)),
         LEFT_M + WIDEN_M * max(0, math.ceil((left_m - LEFT_M) / WIDEN_M)),
@@ -135,19 +139,9 @@ def edges_m(road: Road, station: Array) -> tuple[Array, Array]:
 
 def _beyond_m(road: Road, section: Section, side: int) -> tuple[float, float]:
     """Width of the carriageway beyond the kept lane on one side, at the start and the end of a section."""
-    lanes, paved_m = (
-        (section.left_lanes, section.paved_left_m)
-        if side > 0
-        else (section.right_lanes, section.paved_right_m)
-    )
-    widths = [
-        section.lane_width_m_at_ends(side * (k + 1), road.settings.lane_width_m) or (0.0, 0.0)
-        for k in range(len(lanes))
-    ]
-    return paved_m + sum(start for start, _ in widths), paved_m + sum(end for _, end in widths)
-
-
-def _ends_of_sections(road: Road) -> Array:
-    """Stations where the carriageway may be widest: the ends of all sections and tapers."""
-    starts = np.array([section.start_m for section in road.sections])
-    return np.concatenate([starts, starts - 1e-6, starts + TAPER_M, [road.length_m - 1e-6]])
+    lanes, paved_m = section.left_lanes, section.paved_left_m
+    if side < 0:
+        lanes, paved_m = section.right_lanes, section.paved_right_m
+    default_m = road.settings.lane_width_m
+    ends = [section.lane_width_m_at_ends(side * k, default_m) or (0.0, 0.0) for k in range(1, len(lanes) + 1)]
+    return paved_m + sum(start for start, _ in ends), paved_m + sum(end for _, end in ends)

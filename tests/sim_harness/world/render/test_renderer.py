@@ -125,7 +125,7 @@ def test_equal_seed_pose_and_time_give_equal_bytes_in_any_order():
 def test_tiles_that_are_dropped_and_repainted_give_the_same_image(monkeypatch):
     expected = frame(ON_STRAIGHT, 60.0)
     monkeypatch.setattr("sim_harness.world.render.ground.ground.MAX_TILES", (4, 4, 4, 4, 12))
-    monkeypatch.setattr("sim_harness.world.render.ground.tiles.MOSAICS", 1)
+    monkeypatch.setattr("sim_harness.world.render.ground.ground.MOSAICS", 1)
     monkeypatch.setattr("sim_harness.world.render.ground.road_strip.MAX_FINEST", 4)
     renderer = Renderer(STRAIGHT, CAMERA, seed=7)
     frame(renderer, 60.0), frame(renderer, 140.0)
