@@ -15,10 +15,9 @@ import numpy as np
 from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.view import Motion
-from sim_harness.world.roads.appearance import Marking, Paint, Section, Stroke, Surface, Verge
+from sim_harness.world.roads.appearance import Light, Marking, Paint, Section, Stroke, Surface, Verge
 from sim_harness.world.roads.disturbances import MAX_GRADE, Disturbance, DisturbanceKind, disturbed
 from sim_harness.world.roads.drawn import SNOW_COVER, UNMARKED, Kind, random_section, snow_on
-from sim_harness.world.roads.light import Light
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
 from trepid.clothoid import Lane

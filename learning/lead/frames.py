@@ -18,8 +18,8 @@ from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body, Pose, outline
 from sim_harness.world.render.scene.view import Motion
+from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import DisturbanceKind
-from sim_harness.world.roads.light import Light
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
 from trepid.types import Image

@@ -19,8 +19,7 @@ from learning.drawn_frames import (
     road_samples,
 )
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.roads.appearance import Marking, Section
-from sim_harness.world.roads.light import Light
+from sim_harness.world.roads.appearance import Light, Marking, Section
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load

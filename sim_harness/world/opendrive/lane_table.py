@@ -33,7 +33,6 @@ class Record:
     coefficients: tuple[float, float, float, float]
 
     def at(self, s: float) -> float:
-        """The value at the road's station ``s``."""
         a, b, c, d = self.coefficients
         ds = s - self.start_m
         return a + ds * (b + ds * (c + ds * d))

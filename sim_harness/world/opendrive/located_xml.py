@@ -39,11 +39,6 @@ class Element:
         """The attributes by name."""
         return dict(self.node.attrib)
 
-    @property
-    def children(self) -> list["Element"]:
-        """The elements directly below, in the order of the file."""
-        return [self._like(child) for child in self.node.iterchildren("*")]
-
     def error(self, message: str) -> InputError:
         """``message`` with the place of this element."""
         number = next(n for n, node in enumerate(self.node.getroottree().iter("*")) if node is self.node)
@@ -53,9 +48,9 @@ class Element:
         return InputError(f"{self.source}:{line}:{column}: <{self.tag}>: {message}")
 
     def all(self, path: str) -> list["Element"]:
-        """The elements at ``path`` ("lanes/laneSection") below this one, in the order of the file."""
+        """The elements at ``path`` ("lanes/laneSection", "*") below this one, in the order of the file."""
         anywhere = "/".join(f"{{*}}{tag}" for tag in path.split("/"))
-        return [self._like(node) for node in self.node.findall(anywhere)]
+        return [Element(self.source, self.text_of_file, node) for node in self.node.findall(anywhere)]
 
     def first(self, path: str) -> "Element | None":
         """The first element at ``path``, None without one."""
@@ -99,9 +94,6 @@ class Element:
             return int(text)
         except ValueError:
             raise self.error(f"{name}={text!r}: expected a whole number") from None
-
-    def _like(self, node: Any) -> "Element":
-        return Element(self.source, self.text_of_file, node)
 
 
 def read_xml(path: Path) -> Element:

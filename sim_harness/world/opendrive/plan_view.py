@@ -43,7 +43,6 @@ class Clothoid:
         return x, y, self._heading(s)
 
     def curvature(self, s: float) -> float:
-        """κ₀ + κ' s."""
         return self.curvature_1pm + self.rate_1pm2 * s
 
     def _heading(self, s: float) -> float:
@@ -133,7 +132,7 @@ def _piece(element: Element) -> Piece:
     if length_m <= 0.0:
         raise element.error(f"length={length_m:g}: expected more than 0 m")
     origin = element.number("x"), element.number("y"), element.number("hdg")
-    shapes = [child for child in element.children if child.tag not in ("userData", "include", "dataQuality")]
+    shapes = [child for child in element.all("*") if child.tag not in ("userData", "include", "dataQuality")]
     if len(shapes) != 1 or shapes[0].tag not in SHAPES:
         found = ", ".join(f"<{child.tag}>" for child in shapes) or "nothing"
         raise element.error(f"expected one of {', '.join(SHAPES)}, got {found}")

@@ -154,7 +154,6 @@ class _Reader:
         self._backward = self._lanes[0] * self._forward_sign < 0
 
     def imported(self) -> Imported:
-        """The road as settings."""
         stretches = self._stretches()
         spans = [Span(s.start_m, s.end_m, s.knot, s.exact_m()) for s in stretches]
         closed = self._closed(spans)
@@ -320,7 +319,6 @@ class _Reader:
 
 
 def _turned(segment: Segment) -> Segment:
-    """``segment`` in the opposite direction."""
     return clothoid(segment.length_m, -segment.end_curvature_1pm, -segment.start_curvature_1pm)
 
 

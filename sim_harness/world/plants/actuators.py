@@ -79,7 +79,6 @@ class Actuators:
         return state
 
     def at(self, state: PlantState) -> Motion:
-        """The motion at ``state``."""
         steering_rad, play_rad = state.road_wheel_angle_rad, state.play_rad
         tyre_rad = steering_rad + play_rad + self.offset_rad
         return Motion(state.speed_mps, state.accel_mps2, tyre_rad, steering_rad, play_rad)

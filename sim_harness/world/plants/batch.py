@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_harness.world.plants.kinematic import KinematicPlant
 from trepid.types import Array, Mask
@@ -53,7 +52,11 @@ class BatchPlant:
         self._accel_lag_s = np.array([a.accel_lag_s for a in actuators])
         self._offset_rad = np.array([a.offset_rad for a in actuators])
         self._friction_rad = np.array([a.friction_rad for a in actuators])
-        self._delay_periods = _whole_periods(np.array([a.delay_s for a in actuators]), period_s)
+        delays_s = np.array([a.delay_s for a in actuators])
+        periods = delays_s / period_s
+        self._delay_periods = np.rint(periods).astype(np.int64)
+        if (np.abs(periods - self._delay_periods) > _WHOLE).any():
+            raise ValueError(f"dead times must be whole numbers of {period_s} s, got {np.unique(delays_s)}")
         # Without lag the decay is 0 instead of exp(-t/0).
         self._decays = {
             t: np.array([math.exp(-t / lag) if lag > 0.0 else 0.0 for lag in self._accel_lag_s])
@@ -172,11 +175,3 @@ class BatchPlant:
         with np.errstate(divide="ignore", invalid="ignore"):
             slid = (np.copysign(np.sqrt(np.maximum(0.0, left)), lateral_mps2) - self._bank_mps2) / speed2
         return np.where(slides, np.where(speed2 > 0.0, slid, 0.0), curvature)
-
-
-def _whole_periods(delay_s: Array, period_s: float) -> npt.NDArray[np.int64]:
-    periods = delay_s / period_s
-    whole = np.rint(periods)
-    if (np.abs(periods - whole) > _WHOLE).any():
-        raise ValueError(f"dead times must be whole numbers of {period_s} s, got {np.unique(delay_s)}")
-    return whole.astype(np.int64)

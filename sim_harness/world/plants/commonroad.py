@@ -102,7 +102,6 @@ class _Model:
         return (*vector[:3], speed_mps / math.cos(vector[self.drift_at]), *vector[4:])
 
     def speed_mps(self, vector: Vector) -> float:
-        """Longitudinal speed."""
         if self.drift_at is None:
             return vector[3]
         return vector[3] * math.cos(vector[self.drift_at])

@@ -18,7 +18,6 @@ class Plant(ABC):
     """
 
     def __init__(self, vehicle: Vehicle, settings: PlantSettings) -> None:
-        """``vehicle``: the simulated one."""
         self.vehicle = vehicle
         self.bank_mps2 = GRAVITY_MPS2 * math.sin(settings.bank_rad)
         self.grip_mps2 = settings.friction * GRAVITY_MPS2 * math.cos(settings.bank_rad)

@@ -45,7 +45,6 @@ class Disturber:
         *,
         seed: int,
     ) -> None:
-        """Raises InputError for a bad table of disturbances."""
         self._table = load_table()
         self._disturbances = tuple(d for d in disturbances if d.grade > 0)
         self._eye, self._camera, self._backdrop, self._seed = eye, camera, backdrop, seed
@@ -99,7 +98,6 @@ class Disturber:
         return image
 
     def needs_light(self, station_m: float, grades: Grade) -> bool:
-        """Whether a disturbance here is computed in linear light."""
         near = any(extent(d)[0] - 160 < station_m < extent(d)[1] + 120 for d in self._tunnels)
         return near or not LIGHT.isdisjoint(grades)
 

@@ -21,8 +21,8 @@ from sim_harness.world.render.optics.lens import Distortion
 from sim_harness.world.render.scene.backdrop import Backdrop
 from sim_harness.world.render.scene.vehicles import Body, Pose, draw_lead
 from sim_harness.world.render.scene.view import STILL, Motion, Shot
+from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import Disturbance, disturbed
-from sim_harness.world.roads.light import Light
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
 from trepid.types import Array, Floats, Image
@@ -251,7 +251,6 @@ def _depth(camera: Camera, row: Array) -> Array:
 
 
 def _rows_averaged(image: Image, count: int) -> Image:
-    """The rounded mean of every ``count`` rows."""
     if count == 1:
         return image
     total = image.reshape(len(image) // count, count, *image.shape[1:]).sum(axis=1, dtype=np.uint16)

@@ -5,14 +5,11 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from sim_harness.world.roads.light import Light
 from trepid.config import Settings
 from trepid.types import NonNegative, Positive, Share
 
 
 class Paint(StrEnum):
-    """Colour of a marking."""
-
     WHITE = "white"
     YELLOW = "yellow"
 
@@ -30,8 +27,6 @@ class Stroke(StrEnum):
 
 
 class Surface(StrEnum):
-    """Material of the carriageway."""
-
     ASPHALT = "asphalt"
     CONCRETE = "concrete"
     GRAVEL = "gravel"
@@ -52,6 +47,17 @@ class Verge(StrEnum):
 Width = Annotated[float, Field(ge=0, le=8)]
 LaneWidth = Annotated[float, Field(ge=2.0, le=6.0)]
 Stretch = tuple[NonNegative, NonNegative]  # from, to [m]: stations along the road
+
+
+class Light(Settings):
+    """Light, exposure and image quality of one frame."""
+
+    gain: Positive = 1.0  # exposure relative to a well-exposed frame
+    gamma: Positive = 1.0  # > 1 darkens the middle greys
+    glare: Share = 0.0  # low sun ahead: 0 none, 1 blinding
+    haze: Share = 0.0  # share of the contrast lost over the whole image
+    noise: NonNegative = 2.0  # standard deviation of sensor noise [grey levels]
+    blur_px: NonNegative = 0.0  # standard deviation of defocus
 
 
 class Marking(Settings):
@@ -139,7 +145,6 @@ class Section(Settings):
 
 
 def _ends(width_m: Width | tuple[Width, Width] | None, default_m: tuple[float, float]) -> tuple[float, float]:
-    """A width at the start and at the end."""
     if width_m is None:
         return default_m
     return width_m if isinstance(width_m, tuple) else (width_m, width_m)

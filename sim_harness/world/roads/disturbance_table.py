@@ -13,7 +13,6 @@ CONTRAST_LOST = 3.0  # extinction times meteorological optical range: -ln 0.05
 
 
 def at(grades: Grades, grade: float) -> float:
-    """The quantity at a grade."""
     return float(np.interp(grade, range(len(grades)), grades))
 
 

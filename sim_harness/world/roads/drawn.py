@@ -40,8 +40,6 @@ UNMARKED = (Kind.ASPHALT, Kind.BROKEN, Kind.GRAVEL)
 
 
 class Shape(StrEnum):
-    """Kinds of bend."""
-
     STRAIGHT = "straight"  # R ≥ 300 m
     BEND = "bend"  # R = 40 to 120 m
     TIGHT = "tight"  # R = 12 to 30 m
@@ -158,7 +156,6 @@ def _gaps(rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
 
 
 def _ordinary(rng: np.random.Generator) -> dict[str, object]:
-    """Asphalt with a random verge."""
     return {
         "surface_grey": float(rng.uniform(0.28, 0.52)),
         "patchiness": float(rng.uniform(0, 0.5)),

@@ -11,8 +11,6 @@ from trepid.types import NonNegative, Positive, Share
 
 
 class MarkKind(StrEnum):
-    """Kinds of painted marks."""
-
     ARROW_STRAIGHT = "arrow_straight"
     ARROW_LEFT = "arrow_left"
     ARROW_RIGHT = "arrow_right"
@@ -53,7 +51,6 @@ class RoadMark(Settings):
 
     @property
     def end_m(self) -> float:
-        """Station of its far end."""
         return self.at_m + self.extent_m
 
 
@@ -65,8 +62,6 @@ class JunctionKind(StrEnum):
 
 
 class Side(StrEnum):
-    """Side of a side road."""
-
     LEFT = "left"
     RIGHT = "right"
     BOTH = "both"

@@ -51,7 +51,6 @@ class RoadLane:
         return self.road.heading_at(station_m) + math.atan((end_m - start_m) / length_m / along)
 
     def width_at(self, station_m: float) -> float:
-        """Width of the lane [m]."""
         return self._between(self._widths, station_m)
 
     def centre_at(self, station_m: float) -> float:

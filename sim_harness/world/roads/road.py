@@ -47,12 +47,10 @@ class Segment(Settings):
 
     @property
     def start_curvature_1pm(self) -> float:
-        """Curvature where the segment begins."""
         return self.curvature_1pm[0] if isinstance(self.curvature_1pm, tuple) else self.curvature_1pm
 
     @property
     def end_curvature_1pm(self) -> float:
-        """Curvature where the segment ends."""
         return self.curvature_1pm[1] if isinstance(self.curvature_1pm, tuple) else self.curvature_1pm
 
 
@@ -194,7 +192,6 @@ class Road:
         return self.sections[self._section_index(station_m)]
 
     def section_length_m(self, station_m: float) -> float:
-        """Length of the section at a station."""
         index = self._section_index(station_m)
         return self._section_ends[index] - self._section_starts[index]
 
@@ -329,7 +326,6 @@ class Road:
 
     @cached_property
     def min_width_m(self) -> float:
-        """Smallest width of the lane [m]."""
         return min(min(ends) for ends in self._widths_m)
 
     @cached_property

@@ -18,7 +18,7 @@ from sim_harness.footage.resimulation import resimulate
 from sim_harness.footage.visual_yaw import yaw_changes_rad
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
-from sim_harness.world.roads.light import Light
+from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, InputError, load

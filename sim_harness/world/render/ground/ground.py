@@ -60,7 +60,6 @@ class Mosaic:
     image: Image
 
     def covers(self, c0: int, r0: int, c1: int, r1: int) -> bool:
-        """Whether the mosaic contains all of these tiles."""
         return self.c0 <= c0 and self.r0 <= r0 and c1 <= self.c1 and r1 <= self.r1
 
 
@@ -93,7 +92,6 @@ class Tiles:
         return missing is not None
 
     def paint_all(self, low: Array, high: Array) -> None:
-        """Paint every tile of the rectangle from ``low`` to ``high``."""
         for cell in self._between(low, high):
             self._tile(cell)
 

@@ -145,7 +145,6 @@ class GroundPainter:
             tile[:] = cv2.multiply(tile, cv2.merge([shade] * 4), scale=1 / 255)
 
     def _verge_tile(self, level: int, grain: Image, points: Array, station: Array) -> Image:
-        """The verge of a tile."""
         a, b, c, d = self._phase
         x, y = np.moveaxis(points, 2, 0)
         wave = (

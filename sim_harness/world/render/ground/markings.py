@@ -57,8 +57,6 @@ def lines_of(section: Section, lane_width_m: float) -> list[Line]:
 
 
 class LinePainter:
-    """Paints the lines of a road."""
-
     def __init__(self, road: Road, grid: Grid, textures: Textures, *, seed: int) -> None:
         self._road, self._grid, self._textures, self._seed = road, grid, textures, seed
         self._lines = {
@@ -66,7 +64,6 @@ class LinePainter:
         }
 
     def paint(self, colour: Image, here: Stretch) -> None:
-        """Paint the lines of ``here.section`` onto the rows of a block."""
         for number, line in enumerate(self._lines[id(here.section)]):
             open_ = self._uninterrupted(line, here.station)
             for shift_m, stroke in _strokes(line.marking):
@@ -124,7 +121,7 @@ class LinePainter:
         return whole[here.rows]
 
 
-def painted(bare: Image, cover: Floats, paint: Paint, fine: Floats) -> Floats:
+def painted(bare: Image, cover: Floats | Array, paint: Paint, fine: Floats) -> Floats:
     """``bare`` under ``cover`` (rows, columns, 1) of slightly uneven paint."""
     bgr = np.array(PAINT_BGR[paint], np.float32) * (1 + 0.04 * fine[:, :, None])
     colour = bare.astype(np.float32)

@@ -49,7 +49,6 @@ class MarkPainter:
         self._drawn: dict[int, tuple[Image, float]] = {}
 
     def paint(self, colour: Image, index: int, station: Array) -> None:
-        """Paint the marks on block ``index``."""
         for number, mark in enumerate(self._road.settings.marks):
             run = distance_along(self._road, station, mark.at_m + mark.extent_m / 2) + mark.extent_m / 2
             rows = np.flatnonzero((run >= 0) & (run < mark.extent_m))

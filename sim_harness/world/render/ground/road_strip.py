@@ -34,7 +34,6 @@ class Block:
     shade: Image | None
 
     def rows(self, part: slice) -> "Block":
-        """The rows ``part`` of the block."""
         return Block(self.colour[part], None if self.shade is None else self.shade[part])
 
 
@@ -58,7 +57,6 @@ class RoadStrip:
         self._coarser: OrderedDict[int, tuple[Block, ...]] = OrderedDict()
 
     def block_at(self, station_m: Array) -> NDArray[np.int64]:
-        """Index of the block at each station."""
         return np.floor(station_m / self.block_m).astype(np.int64)
 
     def run(self, first: int, level: int, rows: slice) -> Block:

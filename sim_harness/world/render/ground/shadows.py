@@ -3,6 +3,8 @@
 They fade out towards the sides of the painted strip: the land beside the road is never in shadow.
 """
 
+from operator import attrgetter
+
 import numpy as np
 
 from sim_harness.world.render.ground.noise import smooth_noise
@@ -10,6 +12,7 @@ from sim_harness.world.render.ground.strip_grid import ROWS, Grid, edges_m, tape
 from sim_harness.world.roads.road import Road
 from trepid.types import Array, Floats, Image
 
+KINDS = ("shadows", "building_shadows", "bridge_shadows")  # of trees, houses, bridges: fields of a section
 DEPTH = 0.62  # share of the light lost in a shadow
 FADE_M = 1.5
 HOUSE_M, HOUSE_SKEW = 14.0, 0.4  # length of a house; stations by which a metre to the left shifts its shadow
@@ -25,8 +28,7 @@ class Shadows:
     def __init__(self, road: Road, grid: Grid, rng: np.random.Generator, *, seed: int) -> None:
         self._road, self._grid = road, grid
         self._leaves = _leaves(rng, grid.columns) if any(s.shadows for s in road.sections) else None
-        self._has_houses = any(section.building_shadows for section in road.sections)
-        self._has_bridges = any(section.bridge_shadows for section in road.sections)
+        self._present = [kind for kind in KINDS if any(getattr(s, kind) for s in road.sections)]
         table = np.random.default_rng((seed, 7)).uniform(0, 1, (HOUSES, 2))
         self._jitter = 0.3 + 0.4 * table[:, 0]
         self._heights = (0.5 + 0.6 * table[:, 0]).astype(np.float32)
@@ -34,34 +36,25 @@ class Shadows:
 
     def shade(self, index: int, station: Array) -> Image | None:
         """Shade of a block, (rows, columns), or None without any shadow."""
-        layers = [
-            self._trees(index, station),
-            self._buildings(station) if self._has_houses else None,
-            self._bridges(station) if self._has_bridges else None,
-        ]
-        dark = [layer for layer in layers if layer is not None]
+        layers = dict(zip(KINDS, (self._trees, self._buildings, self._bridges), strict=True))
+        amounts = {kind: tapered(self._road, station, attrgetter(kind)) for kind in self._present}
+        dark = [layers[kind](index, station, amount) for kind, amount in amounts.items() if amount.any()]
         if not dark:
             return None
         offset = self._grid.offsets
         side = np.clip(np.minimum(offset - self._grid.right_m, self._grid.left_m - offset) / FADE_M, 0, 1)
         return np.asarray(255 * (1 - np.maximum.reduce(dark) * side.astype(np.float32)), np.uint8)
 
-    def _trees(self, index: int, station: Array) -> Floats | None:
-        shadows = tapered(self._road, station, lambda section: section.shadows)
-        if self._leaves is None or not shadows.any():
-            return None
+    def _trees(self, index: int, _station: Array, shadows: Array) -> Floats:
+        assert self._leaves is not None
         amount = shadows.astype(np.float32)[:, None]
         start = index * ROWS % len(self._leaves)
         foliage = self._leaves[start : start + ROWS] - (1.3 - 1.6 * amount)
-        return np.asarray(
-            np.clip(foliage / 0.5, 0, 1) * np.clip(5 * amount, 0, 1) * np.float32(DEPTH), np.float32
-        )
+        dark = np.clip(foliage / 0.5, 0, 1) * np.clip(5 * amount, 0, 1)
+        return np.asarray(dark * np.float32(DEPTH), np.float32)
 
-    def _buildings(self, station: Array) -> Floats | None:
+    def _buildings(self, _index: int, station: Array, amount: Array) -> Floats:
         """Straight-edged shadows of houses on the right, as long as each house is high."""
-        amount = tapered(self._road, station, lambda section: section.building_shadows)
-        if not amount.any():
-            return None
         right, left = (edge.astype(np.float32)[:, None] for edge in edges_m(self._road, station))
         offset, share = self._grid.offsets.astype(np.float32), amount.astype(np.float32)[:, None]
         place = (station[:, None] / HOUSE_M).astype(np.float32) + offset * np.float32(HOUSE_SKEW / HOUSE_M)
@@ -70,14 +63,10 @@ class Shadows:
         reach = (right + left) * share * self._heights[number] - right
         alley = place - house - (1 - share) * self._alleys[number]
         inside = np.minimum(reach - offset, alley * np.float32(HOUSE_M)) * np.float32(1 / PENUMBRA_M)
-        return np.asarray(
-            np.clip(inside + 0.5, 0, 1) * np.clip(5 * share, 0, 1) * np.float32(DEPTH), np.float32
-        )
+        dark = np.clip(inside + 0.5, 0, 1) * np.clip(5 * share, 0, 1)
+        return np.asarray(dark * np.float32(DEPTH), np.float32)
 
-    def _bridges(self, station: Array) -> Floats | None:
-        amount = tapered(self._road, station, lambda section: section.bridge_shadows)
-        if not amount.any():
-            return None
+    def _bridges(self, _index: int, station: Array, amount: Array) -> Floats:
         place = station[:, None] + BRIDGE_SKEW * self._grid.offsets
         number = np.floor(place / BRIDGE_EVERY_M)
         away = np.abs(place - (number + self._jitter[number.astype(int) % HOUSES]) * BRIDGE_EVERY_M)

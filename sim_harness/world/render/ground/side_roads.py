@@ -32,12 +32,10 @@ class Arm:
 
     @property
     def reach_m(self) -> float:
-        """u at its far end."""
         return self.edge_m + self.junction.length_m
 
 
 def arms_of(road: Road, tint: Array) -> Iterator[Arm]:
-    """All arms of all junctions."""
     for junction in road.settings.junctions:
         station = np.array([junction.at_m])
         right_m, left_m = (float(edge[0]) for edge in edges_m(road, station))

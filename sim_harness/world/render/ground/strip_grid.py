@@ -33,12 +33,10 @@ class Grid:
 
     @cached_property
     def columns(self) -> int:
-        """Number of columns."""
         return round((self.left_m - self.right_m) / PIXEL_M)
 
     @cached_property
     def offsets(self) -> Array:
-        """Offset of every column's centre."""
         return np.asarray(self.right_m + (np.arange(self.columns) + 0.5) * PIXEL_M, np.float64)
 
     def touched(self, right_m: float, left_m: float) -> slice:
@@ -61,8 +59,6 @@ def grid_of(road: Road) -> Grid:
 
 
 class Textures:
-    """Periodic noises of all blocks."""
-
     def __init__(self, rng: np.random.Generator, columns: int) -> None:
         self.grain = smooth_noise(rng, (2 * ROWS, columns), (1, 1))
         self.blotch = smooth_noise(rng, (4 * ROWS, columns), (4, 4))
@@ -87,7 +83,6 @@ class Stretch:
 
 
 def stretches(road: Road, index: int, station: Array) -> list[Stretch]:
-    """The rows of a block, by section."""
     number, share = road.section_indices(station), road.section_shares(station)
     cuts = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(number)]
     return [

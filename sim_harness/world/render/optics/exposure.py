@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 import cv2
 import numpy as np
 
-from sim_harness.world.roads.light import Light
+from sim_harness.world.roads.appearance import Light
 from trepid.camera import Camera
 from trepid.types import Floats, Image
 
@@ -24,7 +24,11 @@ class Exposure:
 
     def __init__(self, camera: Camera) -> None:
         self._camera = camera
-        self.vignette = _vignette(camera)
+        u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
+        radius2 = ((u - camera.cx_px) / camera.width_px) ** 2 + ((v - camera.cy_px) / camera.height_px) ** 2
+        light = 255 * (1 - VIGNETTE * radius2 / 0.5)
+        # Relative light of every pixel, 255 at the image centre.
+        self.vignette = np.repeat(np.clip(light, 0, 255).astype(np.uint8)[:, :, None], 3, axis=2)
 
     def expose(
         self,
@@ -54,10 +58,21 @@ class Exposure:
 
     @cached_property
     def _glare(self) -> Floats:
-        return _glare(self._camera)
+        """Grey levels that a low sun adds at full strength, (height, 3 width, 3), the sun in the middle column.
+
+        A saturated disc with a wide halo, its reflection on the road, and veiling glare over the whole image.
+        """
+        camera = self._camera
+        u, v = np.meshgrid(np.arange(3 * camera.width_px), np.arange(camera.height_px))
+        right = (u - 1.5 * camera.width_px) / camera.fx_px
+        up = (camera.horizon_row_px - v) / camera.fx_px
+        radius = np.hypot(right, up - SUN_ELEVATION_RAD)
+        light = 400 * np.exp(-((radius / 0.10) ** 2)) + 190 * np.exp(-radius / 0.35) + 25
+        below = np.clip(-up, 0, None)
+        light += 210 * (up < 0) * np.exp(-((right / (0.10 + 0.25 * below)) ** 2)) * np.exp(-below / 0.6)
+        return (light[:, :, None] * np.array(SUN_BGR)).astype(np.float32)
 
     def _sun(self, strength: float, bearing_rad: float) -> Image:
-        """Grey levels that a low sun adds."""
         width = self._camera.width_px
         bearing = math.remainder(bearing_rad, math.tau)
         if abs(bearing) > 1.2:
@@ -89,27 +104,3 @@ def _noise_pool() -> Image:
 def _curve(gain: float, gamma: float) -> Image:
     levels = np.arange(256) / 255
     return np.asarray(np.clip(255 * (gain * levels**gamma), 0, 255), np.uint8)
-
-
-def _vignette(camera: Camera) -> Image:
-    """Relative light of every pixel, 255 at the image centre."""
-    u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
-    radius2 = ((u - camera.cx_px) / camera.width_px) ** 2 + ((v - camera.cy_px) / camera.height_px) ** 2
-    light = 255 * (1 - VIGNETTE * radius2 / 0.5)
-    return np.repeat(np.clip(light, 0, 255).astype(np.uint8)[:, :, None], 3, axis=2)
-
-
-def _glare(camera: Camera) -> Floats:
-    """Grey levels that a low sun adds at full strength, (height, 3 width, 3), the sun in the middle column.
-
-    A saturated disc with a wide halo, its reflection on the road, and veiling glare over the whole image.
-    """
-    unit = camera.fx_px
-    u, v = np.meshgrid(np.arange(3 * camera.width_px), np.arange(camera.height_px))
-    right = (u - 1.5 * camera.width_px) / unit
-    up = (camera.horizon_row_px - v) / unit
-    radius = np.hypot(right, up - SUN_ELEVATION_RAD)
-    light = 400 * np.exp(-((radius / 0.10) ** 2)) + 190 * np.exp(-radius / 0.35) + 25
-    below = np.clip(-up, 0, None)
-    light += 210 * (up < 0) * np.exp(-((right / (0.10 + 0.25 * below)) ** 2)) * np.exp(-below / 0.6)
-    return (light[:, :, None] * np.array(SUN_BGR)).astype(np.float32)

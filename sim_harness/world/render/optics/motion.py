@@ -95,7 +95,6 @@ class Shake:
 
 
 def _warped(image: Floats, source_from_pixel: Array, first: int, last: int) -> Floats:
-    """Rows ``first`` to ``last`` of a warped image."""
     if first >= last:
         return image[first:last]
     matrix = source_from_pixel @ np.array([[1, 0, 0], [0, 1, first], [0, 0, 1]])

@@ -28,7 +28,6 @@ def noise_sigma(gain: float) -> Floats:
 
 
 def noisy(image: Image, gain: float, seed: tuple[int, ...]) -> Image:
-    """``image`` with the noise of a sensor at ``gain``."""
     rng = np.random.default_rng(seed)
     rows, columns = image.shape[:2]
     row, column = rng.integers(POOL - rows % POOL), rng.integers(POOL - columns % POOL)

@@ -55,7 +55,6 @@ def exposure_stops(disturbance: Disturbance, station_m: float, settings: TunnelE
 def in_tunnel(
     light: Floats, view: View, shot: Shot, disturbance: Disturbance, settings: TunnelExit
 ) -> Floats:
-    """``light`` with the tunnel around the camera or ahead of it."""
     start_m, end_m = extent(disturbance)
     station_m = shot.station_m + view.camera.x_m
     if station_m >= end_m or start_m - station_m > DRAWN_WITHIN_M:
@@ -139,7 +138,6 @@ def _outlines(view: View, shot: Shot, stations_m: Sequence[float], section: Arra
 
 
 def _floor(view: View, shot: Shot, from_m: float, to_m: float, *, whole: bool) -> Mask:
-    """Pixels of the road inside the tube."""
     ahead = np.linspace(from_m, to_m, 40) - shot.station_m
     sides = [view.camera.pixel_from_road(shot.along(sign * HALF_M, ahead)) for sign in (1, -1)]
     edges = np.concatenate([sides[0], sides[1][::-1]])

@@ -97,7 +97,6 @@ class _Painter:
         return bool(self._eye[0] > x_m)
 
     def face(self, corners: list[tuple[float, float, float]], bgr: tuple[float, ...]) -> None:
-        """Draw a filled convex polygon."""
         polygon = self._project(np.array(corners))
         if len(polygon) > 2:
             cv2.fillConvexPoly(self._image, polygon, bgr, cv2.LINE_AA, SHIFT)
@@ -149,7 +148,6 @@ class _Painter:
         self.face(corners, _shaded(bgr, 0.95))
 
     def cabin(self, body: Body, half_m: float) -> None:
-        """Draw windows and roof."""
         x = (body.rear_m + 0.25, body.front_m - 1.5)
         roof_half, glass = half_m - 0.16, (58, 52, 48)
         self.box(x, half_m - 0.05, roof_half, (body.waist_m, body.height_m - 0.08), glass)

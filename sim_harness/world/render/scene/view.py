@@ -32,7 +32,6 @@ def grey_of(light: Floats) -> Image:
 
 
 def in_colour(image: Floats) -> Floats:
-    """One channel as three equal ones."""
     return np.asarray(cv2.merge([image, image, image]), np.float32)
 
 
@@ -80,8 +79,6 @@ STILL = Motion()
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """The data of one frame."""
-
     road: Road
     pose: Pose  # of the rear axle
     station_m: float

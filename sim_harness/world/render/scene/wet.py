@@ -17,8 +17,6 @@ ROUGH_PX = (0.006, 0.035)  # blur across and along, in focal lengths: wet asphal
 
 
 class WetRoad:
-    """Reflections on the wet road in the image of one camera."""
-
     def __init__(self, view: View, backdrop: Backdrop, *, seed: int) -> None:
         self._view = view
         self._backdrop = backdrop

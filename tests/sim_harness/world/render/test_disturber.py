@@ -9,10 +9,9 @@ import pytest
 from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Motion, Renderer
 from sim_harness.world.render.scene.standing import standing
-from sim_harness.world.roads.appearance import Marking, Section
+from sim_harness.world.roads.appearance import Light, Marking, Section
 from sim_harness.world.roads.disturbance_table import at, extinction_1pm, load_table
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
-from sim_harness.world.roads.light import Light
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load

@@ -9,8 +9,7 @@ import pytest
 from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
-from sim_harness.world.roads.appearance import Marking, Section, Stroke, Verge
-from sim_harness.world.roads.light import Light
+from sim_harness.world.roads.appearance import Light, Marking, Section, Stroke, Verge
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load

@@ -10,8 +10,7 @@ from painted_road import WIDTH_M, bare, centres_m, lengths_m, plan, straight
 from pydantic import ValidationError
 
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.roads.appearance import Marking, NeighbourLane, Paint, Stroke
-from sim_harness.world.roads.light import Light
+from sim_harness.world.roads.appearance import Light, Marking, NeighbourLane, Paint, Stroke
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load

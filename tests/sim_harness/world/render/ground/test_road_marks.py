@@ -7,9 +7,8 @@ from painted_road import WIDTH_M, bare, centres_m, lengths_m, plan, straight
 from pydantic import ValidationError
 
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.roads.appearance import NeighbourLane, Paint
+from sim_harness.world.roads.appearance import Light, NeighbourLane, Paint
 from sim_harness.world.roads.features import MarkKind
-from sim_harness.world.roads.light import Light
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
