@@ -47,10 +47,7 @@ class HighwayEnvPlant(ForeignPlant):
         car.MAX_SPEED = math.inf
         self._car = car
         super().__init__(
-            vehicle,
-            settings,
-            rolling=KinematicPlant(vehicle, settings),
-            cg_to_rear_m=axles.cg_to_rear_m,
+            vehicle, settings, rolling=KinematicPlant(vehicle, settings), cg_to_rear_m=axles.cg_to_rear_m
         )
 
     def _integrated(

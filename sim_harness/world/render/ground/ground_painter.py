@@ -116,14 +116,7 @@ class GroundPainter:
         return runs
 
     def _lay(
-        self,
-        tile: Image,
-        level: int,
-        first: int,
-        count: int,
-        station: Array,
-        near: Mask,
-        columns: Floats,
+        self, tile: Image, level: int, first: int, count: int, station: Array, near: Mask, columns: Floats
     ) -> None:
         """Paint the carriageway of a run of blocks onto the tile."""
         strip, length_m = self.strip, count * self.strip.block_m

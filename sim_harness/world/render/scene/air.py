@@ -65,10 +65,7 @@ def snowfall(light: Floats, view: View, shot: Shot, count: float, exposure_s: fl
 
 
 def _drawn(
-    light: Floats,
-    ends: Pixels,
-    depth: Array,
-    ranges: Sequence[tuple[float, float, int, int]],
+    light: Floats, ends: Pixels, depth: Array, ranges: Sequence[tuple[float, float, int, int]]
 ) -> Image:
     """A mask of the paths of particles; ``ranges``: nearest and farthest depth, strength and width."""
     mask = np.zeros(light.shape[:2], np.uint8)

@@ -78,14 +78,7 @@ def in_tunnel(
 
 
 def _lit(
-    light: Floats,
-    view: View,
-    shot: Shot,
-    walls: Floats,
-    floor: Mask,
-    *,
-    mouth_m: float,
-    inside: float,
+    light: Floats, view: View, shot: Shot, walls: Floats, floor: Mask, *, mouth_m: float, inside: float
 ) -> Floats:
     """``light`` with the walls, and with floor and vehicles in the light of the tunnel."""
     fallen_in = FALLEN_IN * (1 - inside) * np.exp(-np.maximum(mouth_m - view.distance_m, 0) / MOUTH_REACH_M)

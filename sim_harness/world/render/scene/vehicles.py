@@ -119,12 +119,7 @@ class _Painter:
             part[:] = cv2.multiply(part, cv2.merge([soft] * 3), scale=1 / 255)
 
     def box(
-        self,
-        x: tuple[float, float],
-        lower: float,
-        upper: float,
-        z: tuple[float, float],
-        bgr: Colour,
+        self, x: tuple[float, float], lower: float, upper: float, z: tuple[float, float], bgr: Colour
     ) -> None:
         """Draw the visible faces of an upright box; half widths ``lower`` and ``upper``."""
         (x0, x1), (z0, z1) = x, z
