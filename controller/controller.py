@@ -18,6 +18,7 @@ straightening the wheel would leave the lane.
 """
 
 import math
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated
 
@@ -39,6 +40,10 @@ from trepid.vehicle import Vehicle
 
 _MAX_DRIVE_LAG = 0.25  # of k·τ_a: damping 1 of the speed loop
 _MAX_OVERSTEER = 0.95  # of the critical speed, up to which the bicycle model is trusted
+_NUMBERS = attrgetter(  # of a decision; the inputs of the rules may be unknown
+    *("t_s", "fear", "path_t_s", "lateral_offset_m", "heading_error_rad", "curvature_1pm"),
+    *("curvature_rate_1pm2", "lookahead_m", "disagreement_mps2", "speed_factor", "speed_cap_mps"),
+)
 _EASED_SHARE = 0.5  # of the lateral acceleration in bends, left while the limiter cuts the steering
 
 
@@ -113,12 +118,14 @@ class Controller:
     def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
         """The command for ``now_s`` [s]; always finite, and braking where an input is not good."""
         dt_s = self._elapsed(now_s)
-        frame_s = decision.t_s if decision is not None and _finite(decision.t_s) else None
+        frame_s = decision.t_s if decision is not None else None
+        if frame_s is not None and not math.isfinite(frame_s):
+            frame_s = None
         decision = self._usable_decision(decision, now_s)
         state = self._usable_state(state, now_s)
         if state is not None:  # below, angles are those of the tyres
             state = self.learner.step(state)
-            self._predictor.vehicle = self._vehicle
+            self._predictor.adopt(self._vehicle)
         speed_mps = state.speed_mps if state is not None else None
         if state is not None and speed_mps is not None:
             self._predictor.measured(state, speed_mps)
@@ -129,7 +136,8 @@ class Controller:
         if driver:  # lost inputs do not matter while a driver steers
             self._healthy_s, self._emergency = now_s, False
             self._law.release()
-        lane = acting.lane if acting is not None and self._drivable(now_s) else None
+        drivable = self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
+        lane = acting.lane if acting is not None and drivable else None
         stop = self._stop(decision, lane, speed_mps, now_s)
         cut = state is not None and state.saturated is True
         goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver, cut=cut)
@@ -190,10 +198,6 @@ class Controller:
         """False also for None and NaN, and for a stamp from the future."""
         return t_s is not None and -self._settings.inputs.early_s <= now_s - t_s <= max_age_s
 
-    def _drivable(self, now_s: float) -> bool:
-        """Whether the newest path is recent enough to drive on."""
-        return self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
-
     def _acting(self, now_s: float) -> Acting | None:
         """Car and newest path, at the moment at which a command given now acts; None without a recent path."""
         if self._path is None or not self._fresh(self._path_t_s, now_s, self._settings.inputs.stop_memory_s):
@@ -214,7 +218,7 @@ class Controller:
             self._curvature_1pm = self._law.curvature(acting, dt_s=dt_s)
         elif self._curvature_1pm is None:  # no path so far: hold the wheels
             self._curvature_1pm = curvature_from_angle(
-                _or_zero(state.road_wheel_angle_rad), speed_mps=model_mps, vehicle=self._vehicle
+                state.road_wheel_angle_rad or 0.0, speed_mps=model_mps, vehicle=self._vehicle
             )
         angle_rad = angle_from_curvature(
             self._curvature_1pm or 0.0, speed_mps=model_mps, vehicle=self._vehicle
@@ -271,10 +275,10 @@ class Controller:
 def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
     """The decision's path with its curvature brought to the axle; None unless complete and plausible."""
     offset_m, heading_rad = decision.lateral_offset_m, decision.heading_error_rad
-    ahead_1pm, rate_1pm2 = decision.curvature_1pm, decision.curvature_rate_1pm2
+    ahead_1pm = decision.curvature_1pm
+    rate_1pm2 = decision.curvature_rate_1pm2 or 0.0  # None: an arc, of constant curvature
     if offset_m is None or heading_rad is None or ahead_1pm is None:
         return None
-    rate_1pm2 = _or_zero(rate_1pm2)  # None: an arc, of constant curvature
     lane = Lane.from_ahead(
         offset_m=offset_m,
         heading_rad=heading_rad,
@@ -296,28 +300,5 @@ def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
 
 def _all_finite(decision: Decision) -> bool:
     """True when every number of ``decision`` that is known is finite."""
-    numbers = (
-        decision.t_s,
-        decision.fear,
-        *decision.rule_strengths,
-        decision.path_t_s,
-        decision.lateral_offset_m,
-        decision.heading_error_rad,
-        decision.curvature_1pm,
-        decision.curvature_rate_1pm2,
-        decision.lookahead_m,
-        *decision.trust,
-        decision.disagreement_mps2,
-        decision.speed_factor,
-        decision.speed_cap_mps,
-    )
+    numbers = (*_NUMBERS(decision), *decision.rule_strengths, *decision.trust)
     return all(map(math.isfinite, [number for number in numbers if number is not None]))
-
-
-def _finite(value: float | None) -> bool:
-    return value is not None and math.isfinite(value)
-
-
-def _or_zero(value: float | None) -> float:
-    """A quantity that may be unknown and whose neutral value is zero."""
-    return 0.0 if value is None else value

@@ -43,13 +43,8 @@ class Predictor:
         self._commands: deque[tuple[float, float]] = deque()  # time at which it was given, angle
         self._wheel_rad = 0.0
 
-    @property
-    def vehicle(self) -> Vehicle:
-        """The vehicle with its present parameters; understeer may be estimated while driving."""
-        return self._vehicle
-
-    @vehicle.setter
-    def vehicle(self, vehicle: Vehicle) -> None:
+    def adopt(self, vehicle: Vehicle) -> None:
+        """Use the present parameters of the vehicle, whose understeer may be estimated while driving."""
         if vehicle is not self._vehicle:
             self._vehicle, self._tyres = vehicle, Tyres(vehicle)
 

@@ -18,6 +18,7 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -25,7 +26,6 @@ from zipfile import BadZipFile
 import numpy as np
 
 from trepid.config import InputError
-from trepid.messages import VehicleState
 from trepid.recording.reader import read_recording
 from trepid.topics import COMMAND, VEHICLE_STATE
 from trepid.types import Column
@@ -117,19 +117,15 @@ def log_of(
 def _from_recording(path: Path) -> DriveLog:
     """States at the time of their measurement, commands at the time of their arrival at the recorder."""
     recorded = read_recording(path, VEHICLE_STATE.key, COMMAND.key)
-    states = [_row(state) for _, state in recorded.of(VEHICLE_STATE)]
+    measured = attrgetter("t_s", "speed_mps", "road_wheel_angle_rad", "yaw_rate_radps", "driver_override")
+    states = [measured(state) for _, state in recorded.of(VEHICLE_STATE)]
     orders = [(arrived_s, command.road_wheel_angle_rad) for arrived_s, command in recorded.of(COMMAND)]
     # Late states are sorted in; of several states of one instant (a waiting simulator) the first counts.
     first = {row[0]: row for row in reversed(states)}
-    table = np.array([first[t_s] for t_s in sorted(first)], dtype=np.float64).reshape(-1, 5)
+    table = np.array([first[t_s] for t_s in sorted(first)], dtype=np.float64).reshape(-1, 5)  # None: NaN
     given = np.array(orders, dtype=np.float64).reshape(-1, 2)
     log = log_of(path, list(table.T), (given[:, 0], given[:, 1]))
     return replace(log, complete=recorded.complete)
-
-
-def _row(state: VehicleState) -> tuple[float, ...]:
-    values = (state.t_s, state.speed_mps, state.road_wheel_angle_rad, state.yaw_rate_radps)
-    return (*(math.nan if value is None else value for value in values), float(state.driver_override))
 
 
 def _from_trace(path: Path) -> DriveLog:

@@ -28,7 +28,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 from scipy.optimize import least_squares
 from scipy.signal import butter, sosfiltfilt
@@ -36,8 +35,8 @@ from scipy.signal import butter, sosfiltfilt
 from controller.identify.confidence import NORMAL_95, covariance
 from controller.identify.drive_log import DriveLog
 from controller.model.bicycle import GRAVITY_MPS2
-from trepid.types import Array
-from trepid.vehicle import Vehicle
+from trepid.types import Array, Mask
+from trepid.vehicle import GRADIENT, Vehicle
 
 BAND_HZ = 1.0  # steering lies below it, the dynamics of the tyres above
 PERIOD_S = 0.05  # of the fit
@@ -58,7 +57,15 @@ COMPLIANCE = 0.006, 0.003  # prior of the smaller m/C [rad/(m/s²)]: axles have 
 SKEW_S = 0.1  # prior: standard deviation of the time between the two sensors
 START_RADPS = 0.005  # scale of the first pass, which weights all errors alike
 
-NAMES = ("understeer", "offset", "yaw_rate_offset", "compliance", "skew", "ratio")
+# θ in order: name, unit; None: fitted, but not reported.
+FITTED = (
+    (GRADIENT, "rad/(m/s²)"),
+    ("steering_offset_rad", "rad"),
+    ("yaw_rate_offset_radps", "rad/s"),
+    (None, ""),  # the smaller compliance
+    ("yaw_rate_delay_s", "s"),
+    ("steering_ratio", "1"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +105,7 @@ class Drive:
     speed_mps: Array
     angle_rad: Array
     yaw_rate_radps: Array
-    used: NDArray[np.bool_]
+    used: Mask
     angle_noise_rad: float  # within the band
 
     @property
@@ -131,18 +138,10 @@ def identify_understeer(
     if fit.free_ratio:
         correlation = spread[0, 5] / math.sqrt(spread[0, 0] * spread[5, 5])
         excitation["correlation_of_ratio_and_understeer"] = float(correlation)
-    units = ("rad/(m/s²)", "rad", "rad/s", None, "s", "1")
-    keys = {
-        "understeer": "understeer_gradient_rad_per_mps2",
-        "offset": "steering_offset_rad",
-        "yaw_rate_offset": "yaw_rate_offset_radps",
-        "skew": "yaw_rate_delay_s",
-        "ratio": "steering_ratio",
-    }
     parameters = {
-        keys[name]: interval(float(value), float(width**2), unit)
-        for name, value, width, unit in zip(NAMES, theta, deviation, units, strict=False)
-        if unit is not None
+        name: interval(float(value), float(width**2), unit)
+        for (name, unit), value, width in zip(FITTED, theta, deviation, strict=False)
+        if name is not None
     }
     refused = refused or unsure(parameters, excitation)
     return Identified({} if refused and not anyway else parameters, excitation, refused)
@@ -166,7 +165,7 @@ def evened(log: DriveLog) -> Drive:
     return Drive(t_s, speed_mps, angle_rad, yaw_rate_radps, used, noise_rad)
 
 
-def near_gap(t_s: Array, stamps_s: Array) -> NDArray[np.bool_]:
+def near_gap(t_s: Array, stamps_s: Array) -> Mask:
     """Which of ``t_s`` lie within ``EDGE_S`` of a silence of the log, its begin or its end."""
     silent = np.flatnonzero(np.diff(stamps_s) > GAP_S)
     near = (t_s < stamps_s[0] + EDGE_S) | (t_s > stamps_s[-1] - EDGE_S)
@@ -223,7 +222,7 @@ def lacking(excitation: dict[str, float]) -> str | None:
 
 def unsure(parameters: dict[str, Parameter], excitation: dict[str, float]) -> str | None:
     """The reason why the intervals are too wide; None: they are not."""
-    gradient, ratio = parameters["understeer_gradient_rad_per_mps2"], parameters.get("steering_ratio")
+    gradient, ratio = parameters[GRADIENT], parameters.get("steering_ratio")
     slow, fast = excitation["speed_p5_mps"], excitation["speed_p95_mps"]
     wide = gradient.half_width > WIDEST_GRADIENT
     plus_minus = f"±{math.degrees(gradient.half_width * GRAVITY_MPS2):.2f} deg/g"
@@ -252,7 +251,7 @@ class Fit:
         self.angle_noise_rad, self.rest_radps = 0.0, START_RADPS
         fastest_mps = float(drive.speed_mps.max())
         oversteer = -0.9 * self.wheelbase_m / fastest_mps**2  # stable at every speed of the log
-        names = len(NAMES) if self.free_ratio else len(NAMES) - 1
+        names = len(FITTED) if self.free_ratio else len(FITTED) - 1
         self.start = np.array([0.002, 0.0, 0.0, COMPLIANCE[0], 0.0, self.ratio])[:names]
         self.low = np.array([oversteer, -0.2, -0.1, 1e-4, -0.5, 1.0])[:names]
         self.high = np.array([0.03, 0.2, 0.1, 0.03, 0.5, 100.0])[:names]
@@ -272,29 +271,23 @@ class Fit:
     def rows(self, theta: Array) -> Array:
         """Weighted errors, zero for unused samples, followed by the deviations of θ from its prior."""
         error = (self.yaw_rate_radps(theta) - self.drive.yaw_rate_radps) / self._sigma_radps(theta)
-        prior = (
-            theta[2] / YAW_RATE_OFFSET_RADPS,
-            (theta[3] - COMPLIANCE[0]) / COMPLIANCE[1],
-            theta[4] / SKEW_S,
-        )
+        zero, compliance, skew = theta[2:5]
+        prior = (zero / YAW_RATE_OFFSET_RADPS, (compliance - COMPLIANCE[0]) / COMPLIANCE[1], skew / SKEW_S)
         return np.append(np.where(self.drive.used, error, 0.0), prior)
 
     def yaw_rate_radps(self, theta: Array) -> Array:
         """Yaw rate [rad/s] that the sensor reads by the model."""
         gradient, offset_rad, zero_radps, compliance, skew_s = theta[:5]
         drive, wheelbase_m = self.drive, self.wheelbase_m
-        angle_rad = (
-            np.interp(drive.t_s - skew_s, drive.t_s, drive.angle_rad) / self._ratio(theta) + offset_rad
-        )
+        measured = np.interp(drive.t_s - skew_s, drive.t_s, drive.angle_rad)
+        angle_rad = measured / self._ratio(theta) + offset_rad
         speed_mps = np.maximum(drive.speed_mps, 1.0)
         # The angle that a linear vehicle would need for the curvature that this one settles at.
         curvature_1pm = steady_curvature(angle_rad, speed_mps, gradient, wheelbase_m)
         linear_rad = (wheelbase_m + gradient * speed_mps**2) * curvature_1pm
         front, rear = compliance + max(gradient, 0.0), compliance + max(-gradient, 0.0)
-        return (
-            settling(linear_rad, speed_mps, wheelbase_m, front, rear, drive.t_s[1] - drive.t_s[0])
-            + zero_radps
-        )
+        period_s = drive.t_s[1] - drive.t_s[0]
+        return settling(linear_rad, speed_mps, wheelbase_m, front, rear, period_s) + zero_radps
 
     def _ratio(self, theta: Array) -> float:
         return float(theta[5]) if self.free_ratio else self.ratio
@@ -318,16 +311,8 @@ class Fit:
 
     def _minimise(self, theta: Array, *, loss: str) -> Array:
         start = np.clip(theta, self.low, self.high)
-        found = least_squares(
-            self.rows,
-            start,
-            bounds=(self.low, self.high),
-            x_scale=self.scale,
-            loss=loss,
-            xtol=1e-6,
-            ftol=1e-8,
-        )
-        return np.asarray(found.x)
+        limits = dict(bounds=(self.low, self.high), x_scale=self.scale, xtol=1e-6, ftol=1e-8)
+        return np.asarray(least_squares(self.rows, start, loss=loss, **limits).x)
 
     def _jacobian(self, theta: Array) -> Array:
         """Central differences, forward or backward at a bound."""

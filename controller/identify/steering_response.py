@@ -15,14 +15,13 @@ Ljung, System Identification (1999), sections 7.3 (output error) and 10.2 (searc
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from controller.identify.confidence import covariance
 from controller.identify.drive_log import DriveLog
 from controller.identify.identification import GAP_S, Identified, interval, jitter
-from trepid.types import Array
+from trepid.types import Array, Mask
 from trepid.vehicle import Vehicle
 
 DEAD_TIMES_S = np.arange(0.0, 0.65, 0.05)
@@ -55,9 +54,8 @@ def identify_response(log: DriveLog, vehicle: Vehicle) -> Identified:
     (delay_s, lag_s), spread = fit.solve()
     both_s = interval(float(delay_s + lag_s), float(spread.sum()), "s")
     if both_s.half_width > WIDEST_S:
-        reason = (
-            f"dead time plus time constant stay unknown to ±{both_s.half_width:.2f} s: steer faster or longer"
-        )
+        half_s = f"{both_s.half_width:.2f}"
+        reason = f"dead time plus time constant stay unknown to ±{half_s} s: steer faster or longer"
         return Identified({}, excitation, reason)
     parameters = {
         "steering_delay_s": interval(float(delay_s), float(spread[0, 0]), "s"),
@@ -86,7 +84,7 @@ class Fit:
         self._integral = np.concatenate([[0.0], np.cumsum(held)])
         self.used = self._usable(log)
 
-    def _usable(self, log: DriveLog) -> NDArray[np.bool_]:
+    def _usable(self, log: DriveLog) -> Mask:
         t_s = self.t_s
         used = t_s > t_s[0] + SETTLED_S
         for stamps_s in (log.t_s, self._knots_s):

@@ -31,9 +31,8 @@ class LateralSettings(Settings):
 
     law: LawName
     command_delay_s: NonNegative  # from the controller to the actuator, mean hold of the command included
-    timing_share: Annotated[
-        float, Field(ge=0, lt=1)
-    ]  # largest learned change of the delay, as a share of dead time plus lag; 0: none
+    # Largest learned change of the delay, as a share of dead time plus lag; 0: none.
+    timing_share: Annotated[float, Field(ge=0, lt=1)]
     feedforward: FeedforwardSettings
     lqi: LqiSettings
     mpc: MpcSettings

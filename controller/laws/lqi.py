@@ -85,9 +85,8 @@ class Lqi(LateralLaw):
     def _softened(self, gain: Gains, share: float) -> Gains:
         """``gain`` at ``share`` of its bandwidth, but no slower than far from the centre."""
         share = at_least(share, at_most(self._settings.far_radps / math.sqrt(gain.offset_1ps2), 1.0))
-        return gain._replace(
-            offset_1ps2=share * share * gain.offset_1ps2, sideways_1ps=share * gain.sideways_1ps
-        )
+        offset_1ps2, sideways_1ps = share * share * gain.offset_1ps2, share * gain.sideways_1ps
+        return gain._replace(offset_1ps2=offset_1ps2, sideways_1ps=sideways_1ps)
 
     def _bend(self, lane: Lane, ahead_m: float) -> float:
         """Curvature [1/m] that keeps the offset to the lane ``ahead_m`` ahead."""

@@ -56,11 +56,8 @@ def design(speed_mps: float, lags: Lags, settings: LqiSettings) -> Design:
     omega = at_most(settings.bandwidth_radps, settings.bandwidth_radpm * speed_mps)
     while True:
         gains, margins = _at(omega, lags, settings)
-        if (
-            margins.gain_db >= need.gain_db
-            and margins.phase_rad >= need.phase_rad
-            and margins.delay_s >= least_s
-        ):
+        robust = margins.gain_db >= need.gain_db and margins.phase_rad >= need.phase_rad
+        if robust and margins.delay_s >= least_s:
             return Design(speed_mps, omega, gains, margins)
         omega *= _SLOWER
 

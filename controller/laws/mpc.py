@@ -171,9 +171,7 @@ class Mpc(LateralLaw):
         """Lowest and highest dκ_c/dt [1/(m·s)]; zero lies between them."""
         settings, vehicle, speed2 = self._settings, self._vehicle, speed_mps * speed_mps
         slope = at_least(vehicle.wheelbase_m + vehicle.understeer_gradient_rad_per_mps2 * speed2, 1e-3)
-        most = (
-            vehicle.max_road_wheel_rate_radps / slope
-        )  # where the wheels stand straight; bent ones turn more
+        most = vehicle.max_road_wheel_rate_radps / slope  # of straight wheels; bent ones turn more
         drift_mps3 = 0.0
         if dt_s > 0.0 and self._demand_1pm is not None:
             before_mps = at_least(self._speed_mps, _MIN_SPEED_MPS)
@@ -192,10 +190,8 @@ class Mpc(LateralLaw):
 
     def _approach(self, speed_mps: float) -> float:
         """Largest approach angle [rad]."""
-        settings = self._settings
-        return at_most(
-            math.asin(at_most(settings.max_approach_mps / speed_mps, 1.0)), settings.max_approach_rad
-        )
+        sideways = at_most(self._settings.max_approach_mps / speed_mps, 1.0)
+        return at_most(math.asin(sideways), self._settings.max_approach_rad)
 
 
 def _finite(at: Acting) -> bool:

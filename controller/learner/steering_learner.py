@@ -82,9 +82,8 @@ class LearningSettings(Settings):
     # or ± understeer_span [rad/(m/s²)], whichever is wider.
     understeer_share: Annotated[float, Field(ge=0, lt=1)]
     understeer_span: NonNegative
-    max_jerk_mps3: Annotated[
-        float, Field(gt=0, le=4.0)
-    ]  # by the offset; K adds a quarter: 5 in all (ISO 11270)
+    # By the offset; K adds a quarter: 5 in all (ISO 11270).
+    max_jerk_mps3: Annotated[float, Field(gt=0, le=4.0)]
 
 
 class SteeringLearner:
@@ -97,18 +96,13 @@ class SteeringLearner:
         self.doing = "waiting"
         self._settings = settings
         self._start = vehicle.understeer_gradient_rad_per_mps2
-        self._gradient = self._start  # in use; the vehicle follows in steps of VISIBLE
+        self.understeer = self._start  # K in use; the vehicle follows in steps of VISIBLE
         self._span = max(settings.understeer_share * abs(self._start), settings.understeer_span)
         self._least = max(self._start - self._span, min(self._start, 0.0))
         self._filter = _Kalman([self._start, 0.0, 0.0, 0.0])
         self._smooth: _Smooth | None = None
         self._t_s: float | None = None  # of the last state
         self._pending_s = 0.0  # since the last update of the filter
-
-    @property
-    def understeer(self) -> float:
-        """K in use [rad/(m/s²)]."""
-        return self._gradient
 
     @property
     def yaw_rate_offset_radps(self) -> float:
@@ -216,14 +210,14 @@ class SteeringLearner:
     def _follow(self, speed_mps: float, dt_s: float) -> None:
         """Move the values in use towards the estimates, within the jerk."""
         speed2 = at_least(speed_mps, self._settings.slowest_mps) ** 2
-        per_mps2 = at_least(self.vehicle.wheelbase_m / speed2 + self._gradient, 0.0)  # ∂δ/∂a_y
+        per_mps2 = at_least(self.vehicle.wheelbase_m / speed2 + self.understeer, 0.0)  # ∂δ/∂a_y
         reach_rad = self._settings.max_jerk_mps3 * per_mps2 * dt_s
         gradient, offset_rad = self._filter.x[:2]
         self.offset_rad += within(offset_rad - self.offset_rad, reach_rad)
-        self._gradient += within(gradient - self._gradient, reach_rad / HARD_MPS2)
+        self.understeer += within(gradient - self.understeer, reach_rad / HARD_MPS2)
         shown = self.vehicle.understeer_gradient_rad_per_mps2
-        if abs(self._gradient - shown) > VISIBLE * self._span:
-            self.vehicle = self.vehicle.model_copy(update={GRADIENT: self._gradient})
+        if abs(self.understeer - shown) > VISIBLE * self._span:
+            self.vehicle = self.vehicle.model_copy(update={GRADIENT: self.understeer})
 
 
 class _Smooth:

@@ -1,14 +1,18 @@
 """``trepid fear tune``: search for a better rule file over scenarios."""
 
+import difflib
 import json
 import sys
 import time
+from dataclasses import asdict
 from importlib.util import find_spec
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
 from sim_harness.scenarios.sampling import Method, fresh_seed
 from sim_harness.sweep.plan import Plan, by_sampling, plan, select
@@ -18,6 +22,7 @@ from sim_harness.tuning.settings import Span, TuneSettings, parse_vary
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
 
 if TYPE_CHECKING:
+    from sim_harness.tuning.score import Score
     from sim_harness.tuning.study import Task
 
 SETTINGS = CONFIG_DIR / "tune.yaml"
@@ -82,12 +87,11 @@ def tune(
         raise InputError(
             f"--unseen-seed {fresh} gives cases of the tuning; choose another seed, or scenarios with ranges"
         )
+    from sim_harness.tuning.score import references
     from sim_harness.tuning.study import Task
 
     try:
         say(f"{len(seen)} reference drives without fear")
-        from sim_harness.tuning.compare import references
-
         task = Task(
             rules=file.resolve(),
             parameters=parameters,
@@ -127,13 +131,11 @@ def drawn(names: list[str], overrides: dict[str, str], count: int, seed: int) ->
 
 
 def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
-    from sim_harness.tuning.compare import both, changes, score_table
-    from sim_harness.tuning.score import record, scored
-    from sim_harness.tuning.study import SCORE, START, complete, cost, search, values_of
+    from sim_harness.tuning.score import Score, both
+    from sim_harness.tuning.study import SCORE, START, complete, search, values_of
 
-    say(
-        f"study {task.name} in {task.storage}, {len(task.parameters)} numbers, {len(task.planned)} cases a trial"
-    )
+    cases = f"{len(task.planned)} cases a trial"
+    say(f"study {task.name} in {task.storage}, {len(task.parameters)} numbers, {cases}")
     trials = search(task, workers, Progress(task.trials).report)
     found = complete(trials)
     start = next((trial for trial in found if START in trial.user_attrs), None)
@@ -141,10 +143,7 @@ def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *
         raise InputError(
             f"{task.storage}: {task.rules.name} was not driven itself; is another session using the storage?"
         )
-    best = min(found, key=cost)
-    text = NumberedText(task.rules)
-    values = values_of(best, task.parameters)
-    better = cost(best) < cost(start)
+    best = min(found, key=attrgetter("value"))
     result: dict[str, Any] = {
         "study": task.name,
         "trials": len(found),
@@ -153,29 +152,39 @@ def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *
         "unseen_seed": fresh,
         "out": None,
     }
-    if not better:
-        return _print_result(
-            result, f"no better than {task.rules.name} in {len(found)} trials", as_json=as_json
-        )
+    if best.value >= start.value:
+        print(json.dumps(result) if as_json else f"no better than {task.rules.name} in {len(found)} trials")
+        return 1
+    text, values = NumberedText(task.rules), values_of(best, task.parameters)
     target.write_text(text.changed(values), encoding="utf-8")
     say(f"wrote {target}; judging it on {len(judged)} unseen cases, seed {fresh}")
     before, after = both(task.rules, target, judged, task.costs, workers)
-    diff = changes(text.text, text.changed(values), task.rules.name, target.name)
+    diff = difference(text.text, text.changed(values), task.rules.name, target.name)
     result |= {"out": str(target), "values": values, "diff": diff}
-    result["unseen"] = {"before": record(before), "after": record(after)}
+    result["unseen"] = {"before": asdict(before), "after": asdict(after)}
     if as_json:
         print(json.dumps(result))
     else:
-        seen = {f"{when} (seen)": scored(result["seen"][when]) for when in ("before", "after")}
+        seen = {f"{when} (seen)": Score(**score) for when, score in result["seen"].items()}
         print(diff)
-        Console().print(score_table({**seen, "before (unseen)": before, "after (unseen)": after}))
+        Console().print(_score_table({**seen, "before (unseen)": before, "after (unseen)": after}))
         print("better on unseen cases too" if after.cost < before.cost else "NOT better on unseen cases")
     return 0 if after.cost < before.cost else 1
 
 
-def _print_result(result: dict[str, Any], text: str, *, as_json: bool) -> int:
-    print(json.dumps(result) if as_json else text)
-    return 1
+def difference(before: str, after: str, before_name: str, after_name: str) -> str:
+    """A unified diff without context lines."""
+    texts = before.splitlines(), after.splitlines()
+    return "\n".join(difflib.unified_diff(*texts, before_name, after_name, n=0, lineterm=""))
+
+
+def _score_table(columns: dict[str, "Score"]) -> Table:
+    """A table with one column a score."""
+    table = Table("", *columns, box=None)
+    for name in ("cost", "runs", "departures", "nuisance_per_km", "speed_loss", "auroc", "mean_speed_mps"):
+        values = [getattr(of, name) for of in columns.values()]
+        table.add_row(name, *("-" if v is None else f"{v:.4g}" for v in values))
+    return table
 
 
 class Progress:
@@ -188,10 +197,9 @@ class Progress:
 
     def report(self, trials: list[Any]) -> None:
         """Print the state of the search."""
-        values = [trial.value for trial in trials if trial.state.name == "COMPLETE"]
-        start = [
-            trial.value for trial in trials if trial.state.name == "COMPLETE" and "start" in trial.user_attrs
-        ]
+        complete = [trial for trial in trials if trial.state.name == "COMPLETE"]
+        values = [trial.value for trial in complete]
+        start = [trial.value for trial in complete if "start" in trial.user_attrs]
         invalid = sum(trial.state.name == "PRUNED" for trial in trials)
         self._had = len(values) if self._had is None else self._had
         new, left = len(values) - self._had, self._wanted - len(values)

@@ -9,8 +9,10 @@ inputs of every decision, which needs no run.
 """
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ from sim_harness.lockstep.closed_loop import Instant
 from sim_harness.scenarios.sampling import Case
 from sim_harness.sweep.outcome import is_complete, perform
 from sim_harness.sweep.plan import Plan, plan
+from sim_harness.sweep.pool import imap
 from sim_harness.sweep.sweep import in_this_process
 from sim_harness.tuning.settings import Costs
 from supervisor.rules.inference import FearRules
@@ -100,15 +103,8 @@ def reference(case: Case) -> Fearless:
 
 def driven_by(rules: Path, planned: Plan) -> list[Case]:
     """The cases of a plan, in its order, with the rule file ``rules``."""
-    return [
-        Case(
-            scenario=case.scenario.model_copy(update={"rules": str(rules)}),
-            index=case.index,
-            seed=case.seed,
-            parameters=case.parameters,
-        )
-        for case in planned.values()
-    ]
+    changes = {"rules": str(rules)}
+    return [replace(case, scenario=case.scenario.model_copy(update=changes)) for case in planned.values()]
 
 
 def score(rules: Path, planned: Plan, references: list[Fearless], costs: Costs) -> Score:
@@ -129,14 +125,18 @@ def score(rules: Path, planned: Plan, references: list[Fearless], costs: Costs) 
     return Score(cost=_cost(parts, len(rows), costs), runs=len(rows), **parts)
 
 
-def scored(record: dict[str, Any]) -> Score:
-    """The score with the fields ``record``."""
-    return Score(**record)
+def references(rules: Path, planned: Plan, workers: int) -> list[Fearless]:
+    """Reference drives of a plan without fear, in its order. Raises what a run raises."""
+    with TemporaryDirectory() as folder:
+        return list(imap(reference, driven_by(fearless(rules, Path(folder)), planned), workers))
 
 
-def record(of: Score) -> dict[str, Any]:
-    """The fields of a score."""
-    return asdict(of)
+def both(before: Path, after: Path, planned: Plan, costs: Costs, workers: int) -> tuple[Score, Score]:
+    """The scores of two rule files on the same cases. Raises RunCrashed."""
+    drives = references(before, planned, workers)
+    judge = partial(score, planned=planned, references=drives, costs=costs)
+    one, other = imap(judge, (before, after), min(workers, 2))
+    return one, other
 
 
 def _cost(parts: dict[str, Any], runs: int, costs: Costs) -> float:

@@ -13,11 +13,10 @@ import json
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 import optuna
@@ -29,7 +28,7 @@ from optuna.trial import FrozenTrial, TrialState
 from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.pool import start
 from sim_harness.tuning.numbers import NumberedText
-from sim_harness.tuning.score import Fearless, RunCrashed, record, score
+from sim_harness.tuning.score import Fearless, RunCrashed, score
 from sim_harness.tuning.settings import Costs, Span
 from supervisor.rules.inference import FearRules
 from supervisor.rules.verify import verify
@@ -138,11 +137,6 @@ def _opened(task: Task) -> optuna.Study:
     return study
 
 
-def cost(trial: FrozenTrial) -> float:
-    """Cost of a complete trial."""
-    return float(trial.user_attrs[SCORE]["cost"])
-
-
 def _give_up(study: optuna.Study, session: str) -> None:
     """Mark the unfinished trials of this session as failed."""
     for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
@@ -173,30 +167,20 @@ def _wanted(study: optuna.Study, task: Task, session: str) -> bool:
 
 def _evaluated(study: optuna.Study, trial: optuna.Trial, task: Task, folder: Path) -> bool:
     """Evaluate one candidate; False when it is invalid."""
-    values = suggested(trial, task.parameters)
+    for name, span in task.parameters.items():
+        trial.suggest_float(name, span.low, span.high)
+    values = values_of(trial, task.parameters)
     try:
         found = score(candidate(task, values, folder), task.planned, task.references, task.costs)
-    except Invalid as error:
+    except (Invalid, RunCrashed, InputError) as error:
         trial.set_user_attr(INVALID, str(error))
-        study.tell(trial, state=TrialState.PRUNED)
+        study.tell(trial, state=TrialState.PRUNED if isinstance(error, Invalid) else TrialState.FAIL)
         return False
-    except (RunCrashed, InputError) as error:
-        trial.set_user_attr(INVALID, str(error))
-        study.tell(trial, state=TrialState.FAIL)
-        return False
-    trial.set_user_attr(SCORE, record(found))
+    trial.set_user_attr(SCORE, asdict(found))
     study.tell(trial, found.cost)
     return True
 
 
-def suggested(trial: Any, parameters: dict[str, Span]) -> dict[str, float]:
-    """The values that a trial proposes, rounded to a readable number of digits."""
-    return {
-        name: span.rounded(trial.suggest_float(name, span.low, span.high))
-        for name, span in parameters.items()
-    }
-
-
-def values_of(trial: FrozenTrial, parameters: dict[str, Span]) -> dict[str, float]:
-    """The values that a finished trial tried."""
+def values_of(trial: optuna.Trial | FrozenTrial, parameters: dict[str, Span]) -> dict[str, float]:
+    """The values that a trial tries, rounded to a readable number of digits."""
     return {name: span.rounded(trial.params[name]) for name, span in parameters.items()}

@@ -16,8 +16,7 @@ from ruamel.yaml import YAML
 
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.sweep.plan import Plan, by_seeds, plan
-from sim_harness.tuning.cli import check_start, drawn, tune
-from sim_harness.tuning.compare import changes
+from sim_harness.tuning.cli import check_start, difference, drawn, tune
 from sim_harness.tuning.numbers import NumberedText
 from sim_harness.tuning.score import Fearless, RunCrashed, driven_by, fearless, reference, score
 from sim_harness.tuning.settings import Span, TuneSettings, parse_vary
@@ -174,7 +173,9 @@ def test_a_run_that_raises_an_error_is_not_a_score_of_the_rules() -> None:
 
 
 def test_the_diff_shows_the_changed_lines_only() -> None:
-    diff = changes(TEXT.text, TEXT.changed({"hysteresis.band": 0.07}), "fear.yaml", "new.yaml").splitlines()
+    diff = difference(
+        TEXT.text, TEXT.changed({"hysteresis.band": 0.07}), "fear.yaml", "new.yaml"
+    ).splitlines()
     assert [line[0] for line in diff] == ["-", "+", "@", "-", "+"]
     assert "0.07" in diff[-1] and diff[-1].endswith(diff[-2][diff[-2].index("#") :])
 
