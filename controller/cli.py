@@ -134,7 +134,7 @@ def margins(
     """Bandwidth [rad/s] and gain [dB], phase [deg], delay [s] and disk margins of the LQI loop over speed [m/s]."""
     from controller.controller import ControllerSettings
     from controller.laws.lqi import Lqi
-    from controller.laws.lqi_design import disk_margin
+    from controller.laws.lqi_design import disk_margin, draw
 
     car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
     lateral = load(CONFIG_DIR / "controller.yaml", ControllerSettings).lateral
@@ -151,8 +151,6 @@ def margins(
         for design, lags in zip(law.designs, law.lags, strict=True)
     ]
     if picture is not None:
-        from controller.laws.lqi_picture import draw
-
         draw(picture, law.designs, law.lags, title=f"LQI steering loop of {car.name}")
     if as_json:
         typer.echo(json.dumps(rows))

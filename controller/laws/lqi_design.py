@@ -1,4 +1,4 @@
-"""Design and analysis of the LQI steering loop with python-control: gains, margins, frequency and step response.
+"""Design and analysis of the LQI steering loop with python-control: gains, margins, pictures.
 
     minimise ∫ xᵀQx + u² dt    over u = -K·x    where x' = A·x + B·u(t - T)
 
@@ -16,20 +16,30 @@ this module only to compute gains that are not stored.
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
+from itertools import groupby
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")  # before python-control imports pyplot
 
 import control
+import matplotlib.pyplot as plt
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from controller.laws.lqi_settings import Design, Gains, Lags, LqiSettings, Margins
 from trepid.bounds import at_most
+from trepid.config import InputError
 from trepid.types import Array
 
 _SLOWER = 0.92  # factor on the bandwidth until the margins hold
 _OMEGA = np.geomspace(0.02, 200.0, 240)  # frequencies, in bandwidths, of the frequency response
 _PADE_ORDER = 8
+_STEP_S = 10.0  # of a picture
 
 
 def model(lags: Lags) -> tuple[Array, Array, list[int]]:
@@ -121,7 +131,7 @@ def disk_margin(found: Design, lags: Lags) -> float:
     return float(margin)
 
 
-def frequency_response(found: Design, lags: Lags) -> control.FrequencyResponseData:
+def _around_bandwidth(found: Design, lags: Lags) -> control.FrequencyResponseData:
     """L(jω) of a design around its bandwidth."""
     a, b, k = _matrices(found, lags)
     omega = found.bandwidth_radps * np.geomspace(0.1, 20.0, 300)
@@ -146,3 +156,29 @@ def _matrices(found: Design, lags: Lags) -> tuple[Array, Array, Array]:
     if found.gains.integral_1ps3 == 0.0:
         a, b, states = a[1:, 1:], b[1:], states[1:]
     return a, b, np.array(found.gains)[states]
+
+
+def draw(path: Path, designs: Sequence[Design], lags: Sequence[Lags], *, title: str) -> None:
+    """Magnitude, phase and step response of each design as a picture; equal ones once. Raises InputError."""
+    figure, axes = plt.subplots(3, 1, figsize=(8.0, 10.0))
+    time_s = np.linspace(0.0, _STEP_S, 500)
+    for _, equal in groupby(zip(designs, lags, strict=True), key=lambda pair: (pair[0].gains, pair[1])):
+        (found, lag), *others = equal
+        label = f"{found.speed_mps:g} m/s" + (f" to {others[-1][0].speed_mps:g} m/s" if others else "")
+        control.bode_plot(_around_bandwidth(found, lag), ax=axes[:2, None], title="", show_legend=False)
+        axes[2].plot(time_s, step_response(found, lag, time_s), label=label)
+    axes[0].set_title(title)
+    axes[0].set_ylabel("|L(jω)|")
+    axes[1].set_ylabel("phase of L [deg]")
+    axes[1].set_xlabel("ω [rad/s]")
+    axes[2].set_xlabel("time [s]")
+    axes[2].set_ylabel("offset after a step of 1 m [m]")
+    axes[2].grid(True)
+    axes[2].legend()
+    figure.tight_layout()
+    try:
+        figure.savefig(path, dpi=120)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--picture {path}: cannot be written: {error}") from None
+    finally:
+        plt.close(figure)

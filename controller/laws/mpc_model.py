@@ -46,11 +46,6 @@ class Grid(NamedTuple):
             (rho, rho * (2.0 + rho), rho * (1.0 + 2.0 * rho)),
         )
 
-    def gains(self) -> tuple[float, float, float]:
-        """Feedback w = -(e, p, a)·gains."""
-        rho = self.quickness
-        return 1.0 / rho, (2.0 + rho) / rho, (1.0 + 2.0 * rho) / rho
-
 
 class Problem(NamedTuple):
     """Numbers of one problem except the initial plan, in the order of the packed argument."""

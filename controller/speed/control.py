@@ -47,11 +47,6 @@ class SpeedControl:
         self._given_mps2 = -settings.hold_decel_mps2  # the last demand, hill included
         self.accel_mps2 = -settings.hold_decel_mps2  # the last acceleration wanted
 
-    @property
-    def load_mps2(self) -> float:
-        """Estimated acceleration by the hill [m/s²]; negative uphill."""
-        return self._load.load_mps2
-
     def track(self, goal: Target, *, speed_mps: float, dt_s: float) -> float:
         """Acceleration demand [m/s²] towards ``goal``; stops and holds the brake where the target is standstill."""
         settings = self._settings

@@ -41,6 +41,28 @@ class StopProfile(Settings):
     jerk_mps3: Positive
     final_decel_mps2: Positive  # at the end of the stop
 
+    def metres_and_seconds(self, speed_mps: float) -> tuple[float, float]:
+        """Distance [m] and time [s] of a stop from a steady speed without drive lag.
+
+        The demand rises with j to b, falls with √(2·j·v) to f, and stays there. At low speed b is not reached: the
+        two ramps meet at the deceleration √(j·v).
+        """
+        b, j, f = self.decel_mps2, self.jerk_mps3, self.final_decel_mps2
+        peak = min(b, math.sqrt(j * speed_mps))
+        if peak > f:
+            flat_s = speed_mps / peak - peak / j
+            fall = ((peak - f) / j, -peak, j)
+            phases = [(peak / j, 0.0, -j), (flat_s, -peak, 0.0), fall, (f / (2.0 * j), -f, 0.0)]
+        else:
+            rise_s = min(f / j, math.sqrt(2.0 * speed_mps / j))
+            phases = [(rise_s, 0.0, -j), ((speed_mps - j * rise_s**2 / 2.0) / f, -f, 0.0)]
+        metres = seconds = 0.0
+        for span_s, accel_mps2, jerk_mps3 in phases:
+            metres += span_s * (speed_mps + span_s * (accel_mps2 / 2.0 + span_s * jerk_mps3 / 6.0))
+            speed_mps += span_s * (accel_mps2 + span_s * jerk_mps3 / 2.0)
+            seconds += span_s
+        return metres, seconds
+
 
 class SpeedSettings(Settings):
     """``speed`` in ``config/controller.yaml``."""

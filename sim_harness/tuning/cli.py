@@ -6,7 +6,6 @@ import sys
 import time
 from dataclasses import asdict
 from importlib.util import find_spec
-from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -132,7 +131,7 @@ def drawn(names: list[str], overrides: dict[str, str], count: int, seed: int) ->
 
 def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
     from sim_harness.tuning.score import Score, both
-    from sim_harness.tuning.study import SCORE, START, complete, search, values_of
+    from sim_harness.tuning.study import SCORE, START, complete, cost, search, values_of
 
     cases = f"{len(task.planned)} cases a trial"
     say(f"study {task.name} in {task.storage}, {len(task.parameters)} numbers, {cases}")
@@ -143,7 +142,7 @@ def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *
         raise InputError(
             f"{task.storage}: {task.rules.name} was not driven itself; is another session using the storage?"
         )
-    best = min(found, key=attrgetter("value"))
+    best = min(found, key=cost)
     result: dict[str, Any] = {
         "study": task.name,
         "trials": len(found),
@@ -152,7 +151,7 @@ def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *
         "unseen_seed": fresh,
         "out": None,
     }
-    if best.value >= start.value:
+    if cost(best) >= cost(start):
         print(json.dumps(result) if as_json else f"no better than {task.rules.name} in {len(found)} trials")
         return 1
     text, values = NumberedText(task.rules), values_of(best, task.parameters)

@@ -125,6 +125,11 @@ def complete(trials: list[FrozenTrial]) -> list[FrozenTrial]:
     return [trial for trial in trials if trial.state == TrialState.COMPLETE]
 
 
+def cost(trial: FrozenTrial) -> float:
+    """Cost of a complete trial."""
+    return float(trial.user_attrs[SCORE]["cost"])
+
+
 def _opened(task: Task) -> optuna.Study:
     """The study in its storage; a new study begins with the values of the file."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)

@@ -3,17 +3,20 @@
 import math
 
 import numpy as np
-from message_rig import vehicle
+import pytest
+from car_rig import Car
+from controller_rig import SETTINGS
+from message_rig import state, vehicle
 
 from controller.identify.drive_log import DriveLog
-from sim_harness.lockstep.vehicle import load_simulator
-from sim_harness.world.plants.build import build_plant
-from sim_harness.world.plants.settings import PlantSettings
-from trepid.messages import Command
+from controller.identify.identification import identify_understeer
+from controller.identify.steering_response import identify_response
+from controller.learner.steering_learner import SteeringLearner
+from trepid.vehicle import GRADIENT
 
 PERIOD_S = 0.01
 CONTROL_EVERY = 2
-NOISE = load_simulator()
+SPEED_NOISE, ANGLE_NOISE_RAD, YAW_NOISE_RADPS = 0.002, 0.0005, 0.002
 PER_DEG_PER_G = math.radians(1.0) / 9.80665
 
 
@@ -25,7 +28,7 @@ def weave(t_s, *, lateral_mps2=2.0):
 
 def drive(
     *,
-    plant="kinematic",
+    build=Car,
     duration_s=90.0,
     speeds_mps=(3.0, 20.0),
     lateral_mps2=2.0,
@@ -39,32 +42,25 @@ def drive(
     """A weave from the one speed up to the other and down again; ``fields`` of the vehicle file are its truth.
 
     Every 0.7 s the command jumps by ``steps_rad`` to the other side. With ``ratio`` angle and command are those of
-    the steering wheel.
+    the steering wheel. ``build(vehicle, speed_mps, offset_rad)`` makes the car.
     """
-    car = vehicle(max_road_wheel_rate_radps=3.0, **fields)
-    model = build_plant(PlantSettings(model=plant, steering_offset_rad=offset_rad), car)
-    noise = np.random.default_rng(seed).standard_normal((round(duration_s / PERIOD_S), 3))
     slow, fast = speeds_mps
-    state, rows, command = model.initial(speed_mps=slow), [], None
+    car = build(vehicle(max_road_wheel_rate_radps=3.0, **fields), slow, offset_rad)
+    noise = np.random.default_rng(seed).standard_normal((round(duration_s / PERIOD_S), 3))
+    rows, angle_rad, accel_mps2 = [], 0.0, 0.0
     for tick, jitter in enumerate(noise):
         t_s = tick * PERIOD_S
         target_mps = slow + (fast - slow) * (1 - abs(2 * t_s / duration_s - 1))
         if tick % CONTROL_EVERY == 0:
-            curvature_1pm = weave(t_s, lateral_mps2=lateral_mps2) / max(state.speed_mps, 6.0) ** 2
-            angle_rad = model.steady_angle_rad(curvature_1pm, max(state.speed_mps, 1.0))
+            curvature_1pm = weave(t_s, lateral_mps2=lateral_mps2) / max(car.speed_mps, 6.0) ** 2
+            angle_rad = car.steady_angle_rad(curvature_1pm, max(car.speed_mps, 1.0))
             angle_rad += steps_rad * (-0.5 if t_s % 1.4 < 0.7 else 0.5)
-            accel_mps2 = 2.0 * (target_mps - state.speed_mps)
-            command = Command(
-                t_s=None,
-                road_wheel_angle_rad=angle_rad,
-                speed_mps=target_mps,
-                accel_mps2=accel_mps2,
-            )
-        speed_mps = state.speed_mps * (1 + NOISE.speed_noise_ratio * jitter[0])
-        measured_rad = state.road_wheel_angle_rad + NOISE.road_wheel_angle_noise_rad * jitter[1]
-        yaw_rate = model.yaw_rate_radps(state) + NOISE.yaw_rate_noise_radps * jitter[2]
-        rows.append((t_s, speed_mps, measured_rad, yaw_rate, command.road_wheel_angle_rad))
-        state = model.step(state, command, PERIOD_S)
+            accel_mps2 = 2.0 * (target_mps - car.speed_mps)
+        speed_mps = car.speed_mps * (1 + SPEED_NOISE * jitter[0])
+        measured_rad = car.wheel_rad + ANGLE_NOISE_RAD * jitter[1]
+        yaw_rate = car.yaw_rate_radps + YAW_NOISE_RADPS * jitter[2]
+        rows.append((t_s, speed_mps, measured_rad, yaw_rate, angle_rad))
+        car.step(angle_rad, accel_mps2, PERIOD_S)
     t, v, angle, yaw_rate, given = np.array(rows).T
     gear = ratio or 1.0
     return DriveLog(
@@ -77,3 +73,50 @@ def drive(
         command_t_s=t,
         command_rad=given * gear,
     )
+
+
+def check_recovered(deg_per_g, offset, delay, lag, ratio, zero, build=Car):
+    """Identify a car; every parameter must be within 5 % of its truth."""
+    log = drive(
+        build=build,
+        offset_rad=offset,
+        ratio=ratio,
+        steps_rad=0.01,
+        yaw_rate_offset_radps=zero,
+        understeer_gradient_rad_per_mps2=deg_per_g * PER_DEG_PER_G,
+        steering_delay_s=delay,
+        steering_lag_s=lag,
+    )
+    known = vehicle(max_road_wheel_rate_radps=3.0)
+    steady, response = identify_understeer(log, known), identify_response(log, known)
+    assert (steady.refused, response.refused) == (None, None)
+    found = {name: p.value for name, p in {**steady.parameters, **response.parameters}.items()}
+    truth = pytest.approx
+    assert found[GRADIENT] == truth(deg_per_g * PER_DEG_PER_G, rel=0.05, abs=0.05 * PER_DEG_PER_G)
+    assert found["steering_offset_rad"] == truth(offset, rel=0.05, abs=0.0002)  # 0.01 deg
+    assert found["steering_delay_s"] == truth(delay, rel=0.05)
+    assert found["steering_lag_s"] == truth(lag, rel=0.05)
+    assert found["yaw_rate_offset_radps"] == truth(zero, abs=0.001)
+    assert found.get("steering_ratio") == (None if ratio is None else truth(ratio, rel=0.05))
+
+
+def learned(log, learner=None):
+    """A learner stepped with every other state of ``log``, as in a controller at 50 Hz."""
+    one = learner or SteeringLearner(vehicle(max_road_wheel_rate_radps=3.0), SETTINGS.learning)
+    for t, v, angle, rate in zip(log.t_s, log.speed_mps, log.angle_rad, log.yaw_rate_radps, strict=True):
+        if round(t * 100) % 2 == 0:
+            at, speed, angle_rad, yaw = map(float, (t, v, angle, rate))
+            one.step(state(at, speed_mps=speed, road_wheel_angle_rad=angle_rad, yaw_rate_radps=yaw))
+    return one
+
+
+def check_learned(deg_per_g, offset_rad, build=Car):
+    """Learn a car while it weaves; understeer and offset must be those of truth and identification."""
+    gradient = deg_per_g * PER_DEG_PER_G
+    log = drive(build=build, offset_rad=offset_rad, understeer_gradient_rad_per_mps2=gradient)
+    one = learned(log)
+    of_log = identify_understeer(log, vehicle(max_road_wheel_rate_radps=3.0)).parameters
+    assert one.understeer == pytest.approx(gradient, rel=0.05)
+    assert one.offset_rad == pytest.approx(offset_rad, abs=5e-4)
+    assert one.understeer == pytest.approx(of_log[GRADIENT].value, rel=0.05)
+    assert one.offset_rad == pytest.approx(of_log["steering_offset_rad"].value, abs=5e-4)

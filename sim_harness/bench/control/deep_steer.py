@@ -59,15 +59,6 @@ class AnglesOfFiveMph:
         return angle_from_curvature(curvature_1pm, speed_mps=LEARNED_AT_MPS, vehicle=self._vehicle)
 
 
-def winding_road() -> Road:
-    """Left and right bends of ``RADIUS_M`` with short entries, as on a country lane."""
-    k = 1.0 / RADIUS_M
-    pieces: list[tuple[float, float | tuple[float, float]]] = [(20.0, 0.0)]
-    for bend in (k, -k, k):
-        pieces += [(12.0, (0.0, bend)), (25.0, bend), (12.0, (bend, 0.0))]
-    return road_of([*pieces, (20.0, 0.0)])
-
-
 def bench_deep_steer(seed: int) -> dict[str, Any]:
     """Largest distance from the centre [m] by speed; "lost": a wheel left the lane."""
     vehicle, settings = nominal(), shipped()
@@ -89,8 +80,12 @@ def bench_deep_steer(seed: int) -> dict[str, Any]:
 
 
 def winding_episode(vehicle: Vehicle, speed_mps: float, seed: int) -> Episode:
-    """The winding road at ``speed_mps`` with frames at the rate of the paper."""
-    road = winding_road()
+    """Bends of ``RADIUS_M`` with short entries, as on a country lane, with frames at the rate of the paper."""
+    k = 1.0 / RADIUS_M
+    pieces: list[tuple[float, float | tuple[float, float]]] = [(20.0, 0.0)]
+    for bend in (k, -k, k):
+        pieces += [(12.0, (0.0, bend)), (25.0, bend), (12.0, (bend, 0.0))]
+    road = road_of([*pieces, (20.0, 0.0)])
     return Episode(
         road=road,
         speed_mps=speed_mps,

@@ -6,12 +6,13 @@ cars; the estimate at the end is compared with the result of identification from
 
 from collections.abc import Iterator
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from controller.controller import Controller, ControllerSettings
-from controller.identify.drive_log import DriveLog
+from controller.identify.drive_log import DriveLog, log_of
 from controller.identify.identification import identify_understeer
 from controller.learner.steering_learner import SteeringLearner
 from sim_harness.bench.control.contestants import contestants, driven, nominal, shipped, unlearning
@@ -88,14 +89,6 @@ def lap(
 
 def _log(trace: Trace) -> DriveLog:
     """The measured columns in the form that identification reads."""
-    nothing = np.empty(0)
-    return DriveLog(
-        t_s=trace["t_s"],
-        speed_mps=trace["speed_mps"],
-        angle_rad=trace["road_wheel_angle_rad"],
-        yaw_rate_radps=trace["yaw_rate_radps"],
-        driver_override=np.zeros(len(trace)),
-        at_steering_wheel=False,
-        command_t_s=nothing,
-        command_rad=nothing,
-    )
+    names = ("t_s", "speed_mps", "road_wheel_angle_rad", "yaw_rate_radps")
+    by_hand, no_commands = np.zeros(len(trace)), (np.empty(0), np.empty(0))
+    return log_of(Path("circuit"), [*(trace[name] for name in names), by_hand], no_commands)

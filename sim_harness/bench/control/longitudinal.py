@@ -1,17 +1,15 @@
 """Stops relative to their closed form, and gaps behind a braking vehicle.
 
 Stops are driven by the speed control alone on plants with and without an unmodelled drive lag; the distance is
-compared with :func:`stop_m_and_s` plus the way during the lag. Following is driven by the whole chain.
+compared with `StopProfile.metres_and_seconds` plus the way during the lag. Following is driven by the whole chain.
 """
 
-import math
 from typing import Any
 
 import numpy as np
 
 from controller.controller import ControllerSettings
 from controller.speed.control import SpeedControl
-from controller.speed.limits import StopProfile
 from sim_harness.bench.control.contestants import nominal, shipped
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import load_scenario
@@ -29,33 +27,6 @@ PLANTS = {
 FOLLOWING = ("leader_brakes", "stop_and_go", "lead_slow", "standing_car")
 
 
-def stop_m_and_s(profile: StopProfile, speed_mps: float) -> tuple[float, float]:
-    """Distance and time of a stop from a steady speed, without drive lag: jerk up to b, b, √(2·j·v) down to f, f.
-
-    At low speed b is not reached: the two ramps meet at the deceleration √(j·v).
-    """
-    b, j, f = profile.decel_mps2, profile.jerk_mps3, profile.final_decel_mps2
-    peak = min(b, math.sqrt(j * speed_mps))
-    if peak <= f:
-        rise_s = min(f / j, math.sqrt(2.0 * speed_mps / j))
-        left_mps = speed_mps - j * rise_s**2 / 2.0
-        return speed_mps * rise_s - j * rise_s**3 / 6.0 + left_mps**2 / (2.0 * f), rise_s + left_mps / f
-    rise_s, fall_s = peak / j, (peak - f) / j
-    ramp_mps = peak**2 / (2.0 * j)  # speed lost on a ramp
-    end_mps = f**2 / (2.0 * j)  # speed left when f is reached
-    flat_s = (speed_mps - 2.0 * ramp_mps) / peak
-    metres = (
-        speed_mps * rise_s
-        - j * rise_s**3 / 6.0
-        + speed_mps / 2.0 * flat_s
-        + ramp_mps * fall_s
-        - peak * fall_s**2 / 2.0
-        + j * fall_s**3 / 6.0
-        + end_mps**2 / (2.0 * f)
-    )
-    return metres, rise_s + flat_s + fall_s + end_mps / f
-
-
 def bench_longitudinal(seed: int) -> dict[str, Any]:
     """Errors of stops [m] by speed, the last deceleration and largest jerk; gaps and comfort behind a leader."""
     settings, vehicle = shipped(), nominal()
@@ -65,7 +36,7 @@ def bench_longitudinal(seed: int) -> dict[str, Any]:
             row, lurches = {}, []
             for speed_mps in SPEEDS_MPS:
                 metres, lurch_mps2 = braked(settings, vehicle, plant, how, speed_mps)
-                meant = stop_m_and_s(profile, speed_mps)[0] + speed_mps * vehicle.accel_lag_s
+                meant = profile.metres_and_seconds(speed_mps)[0] + speed_mps * vehicle.accel_lag_s
                 row[f"{speed_mps:g} m/s"] = f"{metres - meant:+.2f} of {meant:.1f} m"
                 lurches.append(lurch_mps2)
             rows[f"{how.value} stop, {name}"] = row | {"last deceleration": f"{max(lurches):.2f} m/s²"}

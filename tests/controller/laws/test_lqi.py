@@ -5,16 +5,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from controller_rig import SETTINGS, drive, road
+from controller_rig import SETTINGS
 from hypothesis import given
 from hypothesis import strategies as st
 from message_rig import SHUTTLE, vehicle
 
-from controller.laws.lateral import LawName
 from controller.laws.law import Acting
 from controller.laws.lqi import Lqi
 from controller.laws.lqi_settings import SPEEDS_MPS
-from sim_harness.world.plants.state import PlantState
 from trepid.clothoid import Lane
 
 LQI = SETTINGS.lateral.lqi
@@ -93,18 +91,6 @@ def test_far_from_the_centre_it_turns_in_more_gently():
     """Per metre of offset, where the approach angle does not bound it yet."""
     near, far = (abs(law().curvature(acting(offset=e), dt_s=0.0)) / e for e in (0.1, 0.6))
     assert far < 0.6 * near
-
-
-@pytest.mark.parametrize("speed_mps", [10.0, 30.0])
-def test_a_metre_off_it_comes_back_through_the_limiter(speed_mps):
-    """The limiter's jerk would make a loop as quick as near the centre swing for ever."""
-    by_lqi = SETTINGS.model_copy(
-        update=dict(lateral=SETTINGS.lateral.model_copy(update=dict(law=LawName.LQI)))
-    )
-    line, start = road([(30.0 * speed_mps, 0.0)]), PlantState(speed_mps=speed_mps, y_m=-1.0)
-    samples = drive(line, start=start, cap_mps=speed_mps, duration_s=12.0, settings=by_lqi)
-    assert abs(samples[-1].offset_m) <= 0.03
-    assert max(one.offset_m for one in samples) <= 0.05
 
 
 def test_slow_steering_is_given_a_slow_loop():

@@ -1,22 +1,18 @@
 """Offset and understeer are learned from drives of known truth, within bounds, and never upset the loop."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from controller_rig import SETTINGS, drive, road
+from controller_rig import SETTINGS
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identification_rig import PER_DEG_PER_G
+from identification_rig import check_learned
 from identification_rig import drive as weave
 from message_rig import state, vehicle
 
-from controller.identify.identification import identify_understeer
 from controller.learner.steering_learner import SteeringLearner, yaw_lag_s
 from controller.model.bicycle import angle_from_curvature
-from sim_harness.world.plants.build import build_plant
-from sim_harness.world.plants.settings import Model, PlantSettings
 from trepid.messages import VehicleState
 
 CAR = vehicle(max_road_wheel_rate_radps=3.0)
@@ -26,15 +22,6 @@ LEARNING = SETTINGS.learning
 
 def learner(car=CAR, **changes):
     return SteeringLearner(car, LEARNING.model_copy(update=changes))
-
-
-def learned(log, **changes):
-    """A learner stepped with every other state of ``log``, as in a controller at 50 Hz."""
-    one = learner(**changes)
-    for t, v, angle, rate in zip(log.t_s, log.speed_mps, log.angle_rad, log.yaw_rate_radps, strict=True):
-        if round(t * 100) % 2 == 0:
-            one.step(moving(float(t), float(v), float(angle), float(rate)))
-    return one
 
 
 def moving(t_s, speed_mps, angle_rad, rate, **changes):
@@ -58,20 +45,8 @@ def steady(t_s, *, speed_mps=10.0, curvature_1pm=0.0, offset_rad=0.0, car=CAR, z
     return moving(t_s, speed_mps, angle_rad, speed_mps * curvature_1pm + zero_radps)
 
 
-@pytest.mark.parametrize(
-    "plant,deg_per_g,offset_rad", [("kinematic", 2.7, 0.0087), ("single_track", 2.45, -0.01)]
-)
-def test_with_excitation_it_finds_the_truth_as_identification_does(plant, deg_per_g, offset_rad):
-    log = weave(
-        plant=plant,
-        offset_rad=offset_rad,
-        understeer_gradient_rad_per_mps2=deg_per_g * PER_DEG_PER_G,
-    )
-    one, of_log = learned(log), identify_understeer(log, CAR).parameters
-    assert one.understeer == pytest.approx(deg_per_g * PER_DEG_PER_G, rel=0.05)
-    assert one.offset_rad == pytest.approx(offset_rad, abs=5e-4)
-    assert one.understeer == pytest.approx(of_log["understeer_gradient_rad_per_mps2"].value, rel=0.05)
-    assert one.offset_rad == pytest.approx(of_log["steering_offset_rad"].value, abs=5e-4)
+def test_with_excitation_it_finds_the_truth_as_identification_does():
+    check_learned(2.7, 0.0087)
 
 
 def test_the_zero_of_the_yaw_rate_is_read_at_standstill_and_spoils_nothing_after():
@@ -96,8 +71,7 @@ def test_on_a_straight_with_noise_the_understeer_stays_where_it_is():
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_bank_reads_as_an_offset_that_vanishes_within_three_seconds_after_it(sign):
-    plant = build_plant(PlantSettings(bank_rad=sign * 0.06), CAR)
-    angle_rad = plant.steady_angle_rad(0.0, 15.0)
+    angle_rad = angle_from_curvature(0.0, speed_mps=15.0, vehicle=CAR, roll_rad=sign * 0.06)
     one = learner()
     for n in range(300):
         one.step(moving(n * 0.02, 15.0, angle_rad, 0.0))
@@ -208,49 +182,3 @@ def test_estimates_stay_within_their_bounds_and_jerk_for_any_input(states, gradi
         assert abs(one.understeer - before[1]) * 3.0 <= LEARNING.max_jerk_mps3 / 4 * per_jerk_rad + 1e-12
         assert all(map(math.isfinite, one.deviations()))
         before = one.offset_rad, one.understeer
-
-
-@settings(max_examples=8, deadline=None)
-@given(
-    st.sampled_from([8.0, 20.0, 30.0]),
-    st.floats(-0.0087, 0.0087),
-    st.floats(0.7, 1.3),
-    st.sampled_from([Model.KINEMATIC, Model.SINGLE_TRACK]),
-)
-def test_the_loop_with_learning_settles_for_any_car(speed_mps, offset_rad, share, model):
-    """Amplitude of the last two seconds on a straight, started 0.3 m off: no oscillation is left."""
-    real = PlantSettings(
-        model=model,
-        steering_offset_rad=offset_rad,
-        vehicle={"understeer_gradient_rad_per_mps2": share * GRADIENT},
-    )
-    plant = build_plant(real, CAR)
-    samples = drive(
-        road([(11.0 * speed_mps, 0.0)]),
-        start=plant.initial(y_m=0.3, speed_mps=speed_mps),
-        cap_mps=speed_mps,
-        duration_s=10.0,
-        plant=plant,
-        known_vehicle=CAR,
-    )
-    last = [one.offset_m for one in samples if one.t_s >= 8.0]
-    assert max(map(abs, last)) <= 0.02
-    assert max(abs(b - a) for a, b in pairwise(last)) <= 1e-3
-
-
-@pytest.mark.parametrize("speed_mps", [10.0, 20.0])
-def test_half_a_degree_of_offset_costs_12_cm_and_after_5_seconds_2_cm(speed_mps):
-    def worst(control, since_s):
-        plant = build_plant(PlantSettings(steering_offset_rad=math.radians(0.5)), CAR)
-        samples = drive(
-            road([(9.0 * speed_mps, 0.0)]),
-            start=plant.initial(speed_mps=speed_mps),
-            cap_mps=speed_mps,
-            duration_s=8.0,
-            plant=plant,
-            settings=control,
-        )
-        return max(abs(one.offset_m) for one in samples if one.t_s >= since_s)
-
-    assert worst(SETTINGS, 0.0) <= 0.12
-    assert worst(SETTINGS, 5.0) <= 0.02

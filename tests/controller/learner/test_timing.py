@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from car_rig import Car
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from message_rig import command, state, vehicle
+from message_rig import state, vehicle
 
 from controller.learner.steering_timing import SteeringTiming
-from sim_harness.world.plants.kinematic import KinematicPlant
 
 ASSUMED = vehicle(steering_delay_s=0.1, steering_lag_s=0.1)
 
@@ -21,17 +21,16 @@ def weave(t_s, slope=1.0):
 def learned(real, seconds=6.0, share=0.6, noise_rad=0.0, sensor_rad=0.0, angle=weave, driver=False, seed=0):
     """θ after ``seconds`` of commands at 50 Hz and angles at 100 Hz."""
     timing = SteeringTiming(ASSUMED, delay_s=ASSUMED.steering_delay_s, share=share)
-    plant = KinematicPlant(real)
-    car, demanded = plant.initial(speed_mps=10.0), 0.0
+    car, demanded = Car(real, speed_mps=10.0), 0.0
     noise = np.random.default_rng(seed).normal(0.0, 1.0, round(seconds / 0.01)) * noise_rad
     for n, disturbance in enumerate(noise):
         now_s = 0.01 * n
-        seen_rad = car.road_wheel_angle_rad + sensor_rad + disturbance
+        seen_rad = car.wheel_rad + sensor_rad + disturbance
         timing.measured(state(now_s, road_wheel_angle_rad=seen_rad, driver_override=driver))
         if n % 2 == 0:
             demanded = angle(now_s)
             timing.commanded(demanded, now_s=now_s)
-        car = plant.step(car, command(road_wheel_angle_rad=demanded), 0.01)
+        car.step(demanded, 0.0, 0.01)
     return timing.late_s
 
 

@@ -13,7 +13,6 @@ from pydantic import ValidationError
 from controller.speed.control import SpeedControl
 from controller.speed.limits import SpeedSettings, Target, target
 from controller.speed.load import LoadObserver
-from sim_harness.bench.control.longitudinal import stop_m_and_s
 from trepid.clothoid import Lane
 from trepid.messages import Stop
 
@@ -278,7 +277,7 @@ def test_a_stop_reaches_standstill_within_its_deceleration_and_holds(how, start_
 @pytest.mark.parametrize("start_mps", [1.0, 5.0, 8.94, 20.0, 30.0])
 def test_a_stop_takes_the_distance_and_the_time_of_its_closed_form(how, start_mps):
     """The drive's lag shifts the whole profile by itself."""
-    metres, seconds = stop_m_and_s(profile_of(how), start_mps)
+    metres, seconds = profile_of(how).metres_and_seconds(start_mps)
     run = ride(stopping(speed_control(0.0), how), start_mps, seconds + 2.0)
     assert run.metres == pytest.approx(metres + start_mps * (LAG_S - DT_S / 2), abs=0.05 + 0.002 * start_mps)
     assert run.speed_mps.index(0.0) * DT_S == pytest.approx(seconds + LAG_S, abs=0.15)
@@ -301,7 +300,7 @@ def test_on_a_hill_the_speed_is_held_and_a_stop_takes_as_long_as_on_the_level(gr
     held = ride(tracking(control, 8.0), 8.0, 12.0, hill_mps2=hill)
     assert held.speed_mps[-1] == pytest.approx(8.0, abs=0.02)  # without the load: 1 m/s off
     assert max(abs(v - 8.0) for v in held.speed_mps) <= 0.65
-    assert control.load_mps2 == pytest.approx(hill, abs=0.03)
+    assert control._load.load_mps2 == pytest.approx(hill, abs=0.03)
     stop = ride(stopping(control, Stop.COMFORT), held.speed_mps[-1], 14.0, accel_mps2=-hill, hill_mps2=hill)
     level = ride(stopping(speed_control(0.0), Stop.COMFORT), 8.0, 14.0)
     more_m = stop.metres - level.metres
@@ -344,7 +343,7 @@ def test_the_identified_load_is_reset_after_a_driver():
     for n in range(100):
         assert control.release() == 0.0
         control._observe(8.0 - 0.03 * n, DT_S)
-    assert abs(control.load_mps2) <= 0.6
+    assert abs(control._load.load_mps2) <= 0.6
 
 
 def test_a_tuning_that_would_overshoot_is_refused():

@@ -4,14 +4,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from controller_rig import SETTINGS
+from message_rig import SHUTTLE
 
-from controller.controller import ControllerSettings
+from controller.laws.lateral import LawName
 from controller.laws.mpc_solver import Solver
 from sim_harness.bench.control import mpc as bench
 from sim_harness.bench.control.acados_peer import CONFIGURATIONS, Acados, missing
-from trepid.config import CONFIG_DIR, load
-
-SETTINGS = load(CONFIG_DIR / "controller.yaml", ControllerSettings)
+from sim_harness.bench.control.contestants import with_law
+from sim_harness.bench.control.episode import drive, s_curve
 
 
 def test_a_missing_acados_is_reported_with_the_command_that_installs_it(monkeypatch, tmp_path):
@@ -42,3 +43,7 @@ def test_acados_finds_the_same_plan(monkeypatch, tmp_path, name):
             peer.prepare(problems.now, shift=0.0, scale=1.0)
             assert peer.solve() == 0
         assert peer.plan() == pytest.approx(np.array(plan), abs=3e-4)  # HPIPM stops there
+
+
+def test_the_bends_of_an_s_are_kept_within_a_centimetre():
+    assert drive(s_curve(20.0, SHUTTLE), with_law(SETTINGS, LawName.MPC)).worst_m <= 0.010

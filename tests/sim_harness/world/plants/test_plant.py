@@ -4,12 +4,13 @@ import math
 from dataclasses import replace
 
 import pytest
-from closed_loop_rig import generous, s_clothoid, worst_m
-from controller_rig import drive as closed_loop
+from closed_loop_rig import drive as closed_loop
+from closed_loop_rig import generous, worst_m
 from message_rig import SHUTTLE
 from plant_rig import command, drive
 
 from controller.laws.lateral import LawName
+from sim_harness.bench.control.episode import s_clothoid
 from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import Model, PlantSettings
