@@ -18,7 +18,7 @@ from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.sweep.plan import Plan, by_seeds, plan
 from sim_harness.tuning.cli import check_start, difference, drawn, tune
 from sim_harness.tuning.numbers import NumberedText
-from sim_harness.tuning.score import Fearless, RunCrashed, driven_by, fearless, reference, score
+from sim_harness.tuning.score import Fearless, driven_by, fearless, reference, score
 from sim_harness.tuning.settings import Span, TuneSettings, parse_vary
 from supervisor.rules.inference import FearRules
 from supervisor.rules.sentence import load_rules
@@ -168,7 +168,7 @@ def test_fear_follows_the_recorded_inputs_of_a_drive() -> None:
 
 def test_a_run_that_raises_an_error_is_not_a_score_of_the_rules() -> None:
     nowhere = load_scenario("lying_cv", QUICK).model_copy(update={"road": "no_such_road"})
-    with pytest.raises(RunCrashed, match="no_such_road"):
+    with pytest.raises(InputError, match="no_such_road"):
         score(FILE, plan(by_seeds([nowhere], [0])), [], SETTINGS.costs)
 
 
