@@ -5,8 +5,6 @@ from contextlib import closing, nullcontext
 from functools import partial
 from pathlib import Path
 
-import cv2
-
 from sim_harness.lockstep.recording import recording
 from sim_harness.sweep.outcome import Outcome, crashed, execute, perform
 from sim_harness.sweep.plan import Plan
@@ -82,8 +80,6 @@ def saving(
             result, outcome = perform(case, detailed=detailed, witness=witness)
         if trace is not None:
             result.trace.save(trace)
-        if picture is not None and not cv2.imwrite(
-            str(picture), draw(case.scenario, result.trace, seed=case.seed)
-        ):
-            raise InputError(f"{picture}: cannot be written as an image")
+        if picture is not None:
+            draw(case.scenario, result.trace, picture, seed=case.seed)
         yield key, outcome
