@@ -6,7 +6,7 @@ in parallel, so that its fear can be compared with departures that it did not pr
 of fear, nuisance slow-downs and loss of speed, relative to the plain average.
 
 A car without fear that has left its lane is put back, and often leaves it again within seconds. These departures
-count as one mishap: the first of them, after UNDISTURBED_S without a departure, must be preceded by fear.
+count as one: the first departure, after UNDISTURBED_S without any, must be preceded by fear.
 
 Every drive is one line in ``runs/supervision_<seed>.jsonl``; stored drives are not repeated, so an interrupted
 benchmark continues, and more cases extend it.
@@ -52,7 +52,7 @@ def drive(case: Case, driver: Driver | None) -> Result:
 
 
 def driven_row(task: tuple[Case, str]) -> Row:
-    """The stored row of a drive: scores, warning time of each mishap, and fear with and without departure."""
+    """The stored row of a drive: scores, times of warning, and fear with and without departure."""
     case, driver = task
     result = drive(case, None if driver == SUPERVISED else Driver(driver))
     fear, left = fear_and_departure(result.trace)
@@ -71,7 +71,7 @@ def driven_row(task: tuple[Case, str]) -> Row:
 
 
 def warnings_s(trace: Trace) -> list[float]:
-    """For every mishap the time from the first fear of at least medium in the last 5 s to the departure [s].
+    """The time from the first fear of at least medium in the last 5 s to every first departure [s].
 
     The window ends at the start and at the last intervention, before which the car was elsewhere.
     """
@@ -108,15 +108,15 @@ def summary(rows: list[Row]) -> Row:
         )
     fused = [r for r in rows if r["driver"] == Driver.FUSED]
     fearless = [r for r in rows if r["driver"] != SUPERVISED]  # a supervised car acts on its fear
-    table["mishaps feared 2 s ahead, fused path"] = _foretold(fused)
-    table["mishaps feared 2 s ahead, all drivers"] = _foretold(rows)
+    table["first departures with fear 2 s before, fused path"] = _warned_share(fused)
+    table["first departures with fear 2 s before, all drivers"] = _warned_share(rows)
     table["AUROC of fear, fused path"] = _auroc(fused)
     table["AUROC of fear, all fearless drivers"] = _auroc(fearless)
     return table | _cost(rows) | {"": TARGETS}
 
 
-def _foretold(rows: list[Row]) -> str | None:
-    """The share of mishaps with a warning of AHEAD_S; None without mishaps."""
+def _warned_share(rows: list[Row]) -> str | None:
+    """The share of first departures with a warning of AHEAD_S; None without departures."""
     warned_s = [w for r in rows for w in r["warnings_s"]]
     if not warned_s:
         return None

@@ -59,8 +59,8 @@ def test_the_summary_counts() -> None:
     heeded = {**row(SUPERVISED, clean=False), "fear_else": [0] * 99 + [1000]}
     figures = summary([*rows, heeded])
     assert figures["cv: departures"].startswith("2 in 1")
-    assert figures["mishaps feared 2 s ahead, all drivers"] == "50.0 % of 2"
-    assert figures["mishaps feared 2 s ahead, fused path"] is None
+    assert figures["first departures with fear 2 s before, all drivers"] == "50.0 % of 2"
+    assert figures["first departures with fear 2 s before, fused path"] is None
     assert figures["AUROC of fear, all fearless drivers"] == 1.0
     assert figures["loss of mean speed on clean roads"] == "5.0 %"
     assert figures["nuisance slow-downs on clean roads"] == "1 in 1.0 km"
