@@ -10,8 +10,7 @@ import typer
 
 from controller.model.bicycle import GRAVITY_MPS2, understeer_angle
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
-from trepid.steering import road_wheel_angle
-from trepid.vehicle import Vehicle
+from trepid.vehicle import Vehicle, road_wheel_angle
 
 if TYPE_CHECKING:
     from controller.identify.identification import Parameter

@@ -86,19 +86,20 @@ class SteeringEstimate:
 
     t_s: float
     estimator: str
-    lateral_offset_m: float | None  # rear-axle centre relative to the lane centre, + = vehicle left of centre
-    heading_error_rad: float | None  # vehicle heading minus lane heading
-    curvature_1pm: float | None  # lane curvature at the look-ahead, + = bends left
-    curvature_rate_1pm2: float | None  # dκ/ds of the lane
+    # rear-axle centre relative to the lane centre, + = vehicle left of centre
+    lateral_offset_m: float | None = None
+    heading_error_rad: float | None = None  # vehicle heading minus lane heading
+    curvature_1pm: float | None = None  # lane curvature at the look-ahead, + = bends left
+    curvature_rate_1pm2: float | None = None  # dκ/ds of the lane
     lookahead_m: float  # where curvature_1pm holds
-    road_wheel_angle_rad: float | None  # atan(L·κ_cmd): free of speed and of understeer
+    road_wheel_angle_rad: float | None = None  # atan(L·κ_cmd): free of speed and of understeer
     confidence: float  # 0..1, calibrated: 0 = no estimate
-    lanes_detected: int  # detected boundaries of the ego lane: 0, 1 or 2
-    lane_width_m: float | None
-    latency_ms: float | None  # time spent computing this estimate; filled by the shell, None in lock-step
+    lanes_detected: int = 0  # detected boundaries of the ego lane: 0, 1 or 2
+    lane_width_m: float | None = None
+    latency_ms: float | None = None  # time spent on this estimate; filled by the shell, None in lock-step
     reason: str  # why there is no estimate or why confidence is low; "" without a reason
-    left_boundary_px: PixelPath
-    right_boundary_px: PixelPath
+    left_boundary_px: PixelPath = ()
+    right_boundary_px: PixelPath = ()
     marked: bool | None = None  # the boundaries are painted lines; False: edges of the road; None: not known
     kind: EstimateKind = EstimateKind.LANE  # the same for every message of an estimator
 
@@ -114,22 +115,7 @@ class SteeringEstimate:
     ) -> "SteeringEstimate":
         """An estimate without lane and angle, and the reason."""
         return cls(
-            t_s=t_s,
-            estimator=estimator,
-            lateral_offset_m=None,
-            heading_error_rad=None,
-            curvature_1pm=None,
-            curvature_rate_1pm2=None,
-            lookahead_m=lookahead_m,
-            road_wheel_angle_rad=None,
-            confidence=0.0,
-            lanes_detected=0,
-            lane_width_m=None,
-            latency_ms=None,
-            reason=reason,
-            left_boundary_px=(),
-            right_boundary_px=(),
-            kind=kind,
+            t_s=t_s, estimator=estimator, lookahead_m=lookahead_m, confidence=0.0, reason=reason, kind=kind
         )
 
 

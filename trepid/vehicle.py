@@ -12,6 +12,14 @@ GRADIENT = "understeer_gradient_rad_per_mps2"
 REAR_SLIP = "rear_slip_gradient_rad_per_mps2"
 
 
+def road_wheel_angle(curvature_1pm: float, *, wheelbase_m: float) -> float:
+    """Road-wheel angle [rad], + left, that drives ``curvature_1pm`` without slip: δ = atan(L·κ).
+
+    Rajamani, Vehicle Dynamics and Control (2012), section 2.2. The controller adds understeer.
+    """
+    return math.atan(wheelbase_m * curvature_1pm)
+
+
 def understeer_gradient(
     *,
     mass_kg: float,

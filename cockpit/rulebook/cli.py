@@ -217,33 +217,31 @@ def explain(
         raise InputError(f"{file}: --at, --rules and --picture are for recordings, and this is no MCAP file")
     rules = FearRules.load(file)
     given = _values(values or [], rules)
-    explained = explanation(rules, {**calmest(rules), **given})
+    values_of_all = {**calmest(rules), **given}
+    result = rules.evaluate(values_of_all)
+    factor, mode = rules.speed_factor(result.fear), rules.mode(result.fear)  # without hysteresis
     assumed = [name for name in rules.names if name not in given]
     if as_json:
-        typer.echo(json.dumps({**explained, "assumed_calm": assumed}))
+        explained = {
+            "fear": result.fear,
+            "level": result.level,
+            "memberships": rules.memberships(values_of_all),
+            "rules": [{"text": fired.text, "strength": fired.strength} for fired in result.rules],
+            "cause": result.cause,
+            "speed_factor": factor,
+            "mode": mode,
+            "trust": {name: trust.trust for name, trust in rules.trust(values_of_all).items()},
+            "assumed_calm": assumed,
+        }
+        typer.echo(json.dumps(explained))
         return
-    summary = f"{explained['mode']}, speed x {explained['speed_factor']:.2f}, because of {explained['cause']}"
-    typer.echo(f"fear {explained['fear']:.3f} ({explained['level']}): {summary}")
-    for fired in explained["rules"]:
-        typer.echo(f"  {fired['strength']:.2f}  {fired['text']}")
+    summary = f"{mode}, speed x {factor:.2f}, because of {result.cause}"
+    typer.echo(f"fear {result.fear:.3f} ({result.level}): {summary}")
+    for fired in result.rules:
+        typer.echo(f"  {fired.strength:.2f}  {fired.text}")
     if assumed:
         shown = ", ".join(assumed[:SHOWN_ASSUMED]) + (", ..." if len(assumed) > SHOWN_ASSUMED else "")
         typer.echo(f"assumed calm, because not given: {len(assumed)} of {len(rules.names)} inputs ({shown})")
-
-
-def explanation(rules: FearRules, values: dict[str, float | None]) -> dict[str, Any]:
-    """The fields of ``trepid fear explain --json``. The mode is that of the level, without hysteresis."""
-    result = rules.evaluate(values)
-    return {
-        "fear": result.fear,
-        "level": result.level,
-        "memberships": rules.memberships(values),
-        "rules": [{"text": fired.text, "strength": fired.strength} for fired in result.rules],
-        "cause": result.cause,
-        "speed_factor": rules.speed_factor(result.fear),
-        "mode": rules.mode(result.fear).value,
-        "trust": {name: trust.trust for name, trust in rules.trust(values).items()},
-    }
 
 
 def _values(texts: list[str], rules: FearRules) -> dict[str, float | None]:

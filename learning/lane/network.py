@@ -65,7 +65,7 @@ class Exported(nn.Module):
 
 
 def command_row(lane_lookahead_m: float, command_lookahead_m: float) -> Tensor:
-    """Row r with κ_cmd = r·lane: pure pursuit, 2·y(ℓ)/ℓ² of the clothoid (:mod:`trepid.steering`).
+    """Row r with κ_cmd = r·lane: pure pursuit, 2·y(ℓ)/ℓ² of the clothoid (:mod:`trepid.clothoid`).
 
     With κ' = (κ_a − κ₀)/a: κ_cmd = −2e/ℓ² − 2ψ/ℓ + κ₀·(1 − ℓ/3a) + κ_a·ℓ/3a.
     """

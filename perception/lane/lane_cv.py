@@ -22,8 +22,7 @@ from perception.lane.settings import LaneCvSettings
 from perception.lane.view import View, make_view, unusable
 from trepid.camera import Camera
 from trepid.messages import Frame, SteeringEstimate, VehicleState
-from trepid.steering import road_wheel_angle
-from trepid.vehicle import Vehicle
+from trepid.vehicle import Vehicle, road_wheel_angle
 
 NAME = "cv"
 
@@ -98,7 +97,6 @@ class LaneCv:
             confidence=self._memory.fade * self._probability(lane),
             lanes_detected=lanes_detected,
             lane_width_m=float(lane.mean[WIDTH]),
-            latency_ms=None,
             reason=reason,
             left_boundary_px=left,
             right_boundary_px=right,

@@ -14,7 +14,6 @@ from perception.lane.model.fit import FitSettings
 from perception.lane.model.prediction import TrackSettings
 from perception.lane.model.prior import PriorSettings
 from trepid.config import Settings
-from trepid.steering import SteeringSettings
 from trepid.types import Positive, Share
 
 
@@ -43,6 +42,12 @@ class ConfidenceSettings(Settings):
     bend: float
     bent_edges: float
     apart: float
+
+
+class SteeringSettings(Settings):
+    """Section ``steering`` of ``config/perception.yaml``."""
+
+    lookahead_m: Positive
 
 
 class LaneCvSettings(Settings):

@@ -21,9 +21,8 @@ from trepid.camera import Camera
 from trepid.clothoid import Lane
 from trepid.config import ROOT, InputError, Settings
 from trepid.messages import Frame, SteeringEstimate, VehicleState
-from trepid.steering import road_wheel_angle
 from trepid.types import Image, Share
-from trepid.vehicle import Vehicle
+from trepid.vehicle import Vehicle, road_wheel_angle
 
 NAME = "cnn"
 Outputs = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]

@@ -8,8 +8,7 @@ The image statistics are constants that cause no fear. Disturbances of the image
 from sim_harness.world.roads.road import Road
 from trepid.clothoid import Lane
 from trepid.messages import ImageStatistics, SimTruth, SteeringEstimate
-from trepid.steering import road_wheel_angle
-from trepid.vehicle import Vehicle
+from trepid.vehicle import Vehicle, road_wheel_angle
 
 MIN_LOOKAHEAD_M = 8.0
 LOOKAHEAD_S = 1.0  # as the supervisor's fusion looks ahead
@@ -43,10 +42,7 @@ class Oracle:
             confidence=1.0,
             lanes_detected=2,
             lane_width_m=truth.lane_width_m,
-            latency_ms=None,
             reason="",
-            left_boundary_px=(),
-            right_boundary_px=(),
         )
 
 

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 from trepid.clothoid import Lane
 from trepid.config import Settings
 from trepid.messages import EstimateKind, SteeringEstimate
-from trepid.steering import road_wheel_angle
 from trepid.types import NonNegative, Positive, Share
+from trepid.vehicle import road_wheel_angle
 
 
 class Span(Settings):

@@ -10,8 +10,7 @@ from supervisor_rig import ESTIMATE, FRAME_S, STATE, STATISTICS
 from supervisor.supervisor import Supervisor, build
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Decision, EstimateKind, Mode, SteeringEstimate
-from trepid.steering import road_wheel_angle
-from trepid.vehicle import Vehicle
+from trepid.vehicle import Vehicle, road_wheel_angle
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 CURVATURE_1PM = 0.01

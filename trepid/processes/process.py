@@ -107,9 +107,8 @@ class Process:
             *((f"{MALFORMED}{key}", str(count)) for key, count in malformed.items()),
             *self._further(),
         )
-        self._send(
-            Diagnostic(t_s=self.now_s(), process=self.name, health=health, message=message, values=values)
-        )
+        now_s = self.now_s()
+        self._send(Diagnostic(t_s=now_s, process=self.name, health=health, message=message, values=values))
         self._steps = 0
         self._beat_s += wall_s
         self._beat_cpu_s += cpu_s
@@ -151,7 +150,8 @@ def process() -> Iterator[Process]:
     except (IndexError, ValidationError):
         sys.exit(f"{sys.argv[0]}: is started by `trepid drive`, not by hand")
     faulthandler.enable()  # writes the stack to the log at a crash and at an abort by the launcher
-    _resume_when_the_launcher_ends()
+    if sys.platform == "linux":  # a paused process resumes at the end of its parent and reads its closed pipe
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGCONT)
     stop = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the launcher handles Ctrl-C and ends its processes
@@ -163,12 +163,6 @@ def process() -> Iterator[Process]:
         except InputError as error:
             print(" ".join(str(error).split()), file=sys.stderr)
             sys.exit(BAD_INPUT)
-
-
-def _resume_when_the_launcher_ends() -> None:
-    """On Linux: request SIGCONT at the end of the parent, so that a paused process reads its closed pipe."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGCONT)
 
 
 def _stop_with_launcher(stop: threading.Event) -> None:

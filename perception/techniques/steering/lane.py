@@ -11,8 +11,8 @@ from pydantic import Field
 from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLane, View
 from perception.techniques.steering.rule import ImageLine, level_line, meeting_point
 from trepid.clothoid import Lane
-from trepid.steering import road_wheel_angle
 from trepid.types import Array, Positive
+from trepid.vehicle import road_wheel_angle
 
 LINE_M = 0.15  # scatter that halves the weight of a boundary: the width of a line
 

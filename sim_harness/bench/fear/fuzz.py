@@ -40,10 +40,7 @@ def situations() -> dict[str, Messages]:
         confidence=0.9,
         lanes_detected=2,
         lane_width_m=3.4,
-        latency_ms=None,
         reason="",
-        left_boundary_px=(),
-        right_boundary_px=(),
         marked=True,
     )
     calm: Messages = {

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from learning.lane.scores import Task, auroc, calibrate, expected_calibration_error
 from trepid.clothoid import Lane
-from trepid.steering import road_wheel_angle
+from trepid.vehicle import road_wheel_angle
 
 TOLERANCE_RAD = math.radians(2)
 

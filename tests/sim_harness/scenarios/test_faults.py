@@ -7,7 +7,7 @@ import pytest
 from sim_harness.scenarios.faults import BlackFrames, EstimatorBias
 from trepid.clothoid import Lane
 from trepid.messages import EstimateKind, SteeringEstimate
-from trepid.steering import road_wheel_angle
+from trepid.vehicle import road_wheel_angle
 
 SEEN = SteeringEstimate(
     t_s=1.0,
