@@ -12,8 +12,7 @@ from rich.console import Console
 
 import sim_harness.report.road_cli
 from sim_harness.footage.cli import resimulate_verb
-from sim_harness.lockstep.closed_loop import run
-from sim_harness.lockstep.configuration import check_configuration
+from sim_harness.lockstep.closed_loop import check_configuration, run
 from sim_harness.report.disturbance_sheet import disturbances_verb
 from sim_harness.report.lead_sheet import leads_verb
 from sim_harness.report.page import Page

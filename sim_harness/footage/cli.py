@@ -26,7 +26,7 @@ STARTS = ((0.5, 0.0), (-0.5, 0.0), (0.0, 2.0), (0.0, -2.0))  # m to the left, de
 MOST_OFFSET_M, MOST_HEADING_DEG = (
     1.0,
     10.0,
-)  # beyond, an intervention follows at once, or few pixels were recorded
+)  # beyond, an intervention comes at once, or few pixels were recorded
 PICTURE_WIDTH_PX = 640
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from perception.images.sources import NOMINAL_FPS, Clip, Still, sources
 from sim_harness.footage.visual_yaw import yaw_changes_rad
@@ -38,7 +39,7 @@ class Drive:
     @property
     def station_m(self) -> Array:
         """Distance driven at each frame, from 0 on."""
-        return _stations_m(self.t_s, self.speed_mps)
+        return np.asarray(cumulative_trapezoid(self.speed_mps, self.t_s, initial=0.0))
 
     def yaw_rates_radps(self) -> Array:
         """Yaw rate of the recorded car at each frame, + = to the left, from the images (visual_yaw).
@@ -92,19 +93,10 @@ def load_drive(
             raise InputError(f"{log}: has {skip + len(t_s)} rows, but {path} has {skip + len(images)} frames")
         t_s, speeds = t_s - t_s[0], scale * speeds
         if speed_mps is not None:
-            t_s, speeds = _driven_at(speed_mps, t_s, speeds), np.full(len(images), speed_mps)
+            stations_m = cumulative_trapezoid(np.maximum(speeds, CRAWL_MPS), t_s, initial=0.0)
+            t_s, speeds = stations_m / speed_mps, np.full(len(images), speed_mps)
     frames = [_undistorted(image, camera) for image in images]
     return Drive(path.name, frames, t_s, speeds, camera.model_copy(update={"distortion": ()}))
-
-
-def _driven_at(speed_mps: float, t_s: Array, speeds_mps: Array) -> Array:
-    """Time of each frame when the same distance is driven at ``speed_mps``."""
-    return _stations_m(t_s, np.maximum(speeds_mps, CRAWL_MPS)) / speed_mps
-
-
-def _stations_m(t_s: Array, speeds_mps: Array) -> Array:
-    """Distance driven at each frame, from 0 on."""
-    return np.concatenate([[0.0], np.cumsum(np.diff(t_s) * (speeds_mps[1:] + speeds_mps[:-1]) / 2)])
 
 
 def read_log(path: Path) -> tuple[Array, Array]:

@@ -29,14 +29,6 @@ class Shift:
     yaw_rad: float = 0.0
 
     @property
-    def inverse(self) -> "Shift":
-        """The pose of the recorded vehicle in the frame of the new one."""
-        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        return Shift(
-            -self.ahead_m * cos - self.left_m * sin, self.ahead_m * sin - self.left_m * cos, -self.yaw_rad
-        )
-
-    @property
     def road_from_road(self) -> Array:
         """Ground points (x, y, 1) of the recorded vehicle from those of the new one, shape (3, 3)."""
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
@@ -58,8 +50,7 @@ class Reprojection:
     def sky_matrix(self, shift: Shift) -> Array:
         """The same for points that are infinitely far away: K·R·K⁻¹."""
         optical, intrinsics = self.camera.optical_from_vehicle, self.camera.intrinsics
-        cos, sin = math.cos(shift.yaw_rad), math.sin(shift.yaw_rad)
-        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        turn = Shift(yaw_rad=shift.yaw_rad).road_from_road
         return np.asarray(intrinsics @ optical @ turn @ optical.T @ np.linalg.inv(intrinsics))
 
     def view(self, image: Image, shift: Shift) -> tuple[Image, float]:

@@ -15,6 +15,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 import controller.controller
 import controller.limiter
@@ -27,7 +28,6 @@ from sim_harness.lockstep.stack import Perception, Stack
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
-from sim_harness.world.plants.state import PlantState
 from trepid.config import InputError
 from trepid.messages import Command, Frame, Mode, SteeringEstimate, VehicleState
 from trepid.types import Array, Image
@@ -57,8 +57,6 @@ class Resimulation:
     fear: Array
     interventions: int
     engaged_share: float  # of the frames in modes other than STOP
-    first: Image  # the view at the hand-over
-    last: Image
 
     @property
     def duration_s(self) -> float:
@@ -120,7 +118,7 @@ class _Loop:
         self._drive, self._start = drive, start
         self._stations_m = drive.station_m
         self._yaw_rates_radps = drive.yaw_rates_radps()
-        self._yaws_rad = _integral(drive.t_s, self._yaw_rates_radps)
+        self._yaws_rad = cumulative_trapezoid(self._yaw_rates_radps, drive.t_s, initial=0.0)
         self._reprojection = Reprojection(drive.camera)
         self._name, self._estimator = estimator, entry_of(estimator).build(drive.camera, vehicle)
         self._statistician = ImageStatistician()
@@ -136,7 +134,6 @@ class _Loop:
         self._state = self._plant.initial(0.0, start.left_m, start.yaw_rad, float(drive.speed_mps[0]))
         self._interventions = 0
         self._rows: list[tuple[float, ...]] = []
-        self._views: list[Image] = []
         self._engaged: list[bool] = []
 
     def run(self) -> Resimulation:
@@ -152,7 +149,8 @@ class _Loop:
                 estimate = self._estimator.step(frame, state, now_s=now_s)
                 statistics = self._statistician.step(frame, now_s=now_s)
                 stack.send(Perception(now_s + LATENCY_S, {self._name: estimate}, statistics, None))
-                self._note(now_s, estimate, unseen, image, driven=driven)
+                if not driven:
+                    self._note(now_s, estimate, unseen)
             stack.step(state, command_due=tick % CONTROL_TICKS == 0, now_s=now_s)
             applied = self._limiter.step(stack.command, stack.commanded_s, state, now_s=now_s)
             self._advance(applied, now_s, driven=driven)
@@ -198,42 +196,19 @@ class _Loop:
         self._state = replace(moved, x_m=0.0, yaw_rad=moved.yaw_rad - turned_rad)
         if abs(self._state.y_m) > INTERVENTION_M:
             self._interventions += 1
-            self._state = self._recentred(self._state, turned_rad / PERIOD_S)
+            speed_mps = self._state.speed_mps  # again on the recorded path, with the wheels at its curvature
+            curvature_1pm = turned_rad / PERIOD_S / max(speed_mps, 1.0)
+            self._state = self._plant.initial(0.0, 0.0, 0.0, speed_mps, curvature_1pm)
 
-    def _recentred(self, state: PlantState, yaw_rate_radps: float) -> PlantState:
-        """The state on the recorded path, with the wheels at its curvature."""
-        curvature_1pm = yaw_rate_radps / max(state.speed_mps, 1.0)
-        return self._plant.initial(0.0, 0.0, 0.0, state.speed_mps, curvature_1pm)
-
-    def _note(
-        self, now_s: float, estimate: SteeringEstimate, unseen: float, view: Image, *, driven: bool
-    ) -> None:
-        if driven:
-            return
-        offset_m = estimate.lateral_offset_m
-        seen_m = math.nan if offset_m is None else offset_m
-        decision = self._stack.decision
-        fear = decision.fear if decision else math.nan
+    def _note(self, now_s: float, estimate: SteeringEstimate, unseen: float) -> None:
+        seen_m, decision = estimate.lateral_offset_m, self._stack.decision
+        seen_m, fear = math.nan if seen_m is None else seen_m, decision.fear if decision else math.nan
         self._rows.append((now_s, self._state.y_m, self._state.yaw_rad, seen_m, unseen, fear))
         self._engaged.append(decision is not None and decision.mode is not Mode.STOP)
-        self._views = [*self._views[:1], view]
 
     def _result(self) -> Resimulation:
         t_s, offset_m, heading_rad, seen_m, unseen, fear = np.array(self._rows, float).T
+        engaged_share = float(np.mean(self._engaged))
         return Resimulation(
-            t_s=t_s,
-            offset_m=offset_m,
-            heading_rad=heading_rad,
-            seen_m=seen_m,
-            unseen=unseen,
-            fear=fear,
-            interventions=self._interventions,
-            engaged_share=float(np.mean(self._engaged)),
-            first=self._views[0],
-            last=self._views[-1],
+            t_s, offset_m, heading_rad, seen_m, unseen, fear, self._interventions, engaged_share
         )
-
-
-def _integral(t_s: Array, rates: Array) -> Array:
-    """∫ rate dt from the start, by trapezia."""
-    return np.concatenate([[0.0], np.cumsum(np.diff(t_s) * (rates[1:] + rates[:-1]) / 2)])

@@ -40,7 +40,7 @@ def yaw_changes_rad(frames: Sequence[Image], camera: Camera, step_m: Array) -> A
     ``step_m`` is the distance driven between them, shape (n - 1,). In a bend the camera, x_m ahead of the rear
     axle, moves inwards by the angle κ·x_m + Δψ/2, and x₀ with it.
     """
-    tracks = [_tracks(a, b, camera) for a, b in pairwise(frames)]
+    tracks = [_track(a, b, camera) for a, b in pairwise(frames)]
     right, down, ahead = camera.optical_from_vehicle[:, 0]  # direction of travel
     x0, y0 = right / ahead, down / ahead
     inwards = camera.x_m / np.maximum(step_m, LEAST_STEP_M) + 0.5
@@ -68,27 +68,22 @@ class _Track:
     per_pitch: Array
 
 
-def _tracks(before: Image, after: Image, camera: Camera) -> _Track:
+def _track(before: Image, after: Image, camera: Camera) -> _Track:
     grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in (before, after)]
     mask = np.full(grey[0].shape, 255, np.uint8)
     mask[int(BONNET_SHARE * len(mask)) :] = 0
     found = cv2.goodFeaturesToTrack(grey[0], CORNERS, QUALITY, APART_PX, mask=mask)
     if found is None:
-        return _track(np.empty((0, 2)), np.empty((0, 2)), camera)
+        return _Track(*np.empty((4, 0, 2)))
     there, good, _ = cv2.calcOpticalFlowPyrLK(grey[0], grey[1], found, found.copy())
     back, good_back, _ = cv2.calcOpticalFlowPyrLK(grey[1], grey[0], there, there.copy())
     kept = (np.asarray(good) & np.asarray(good_back)).ravel().astype(bool)
     kept &= np.abs(back - found).max(axis=(1, 2)) < LOST_PX
-    return _track(found[kept, 0].astype(float), (there - found)[kept, 0].astype(float), camera)
-
-
-def _track(pixels: Array, moves_px: Array, camera: Camera) -> _Track:
     focal_px = np.array([camera.fx_px, camera.fy_px])
-    place = (pixels - [camera.cx_px, camera.cy_px]) / focal_px
+    place = (found[kept, 0].astype(float) - [camera.cx_px, camera.cy_px]) / focal_px
+    motion = (there - found)[kept, 0].astype(float) / focal_px
     up = camera.optical_from_vehicle[:, 2]
-    return _Track(
-        place, moves_px / focal_px, _rotating(place, up), _rotating(place, np.array([1.0, 0.0, 0.0]))
-    )
+    return _Track(place, motion, _rotating(place, up), _rotating(place, np.array([1.0, 0.0, 0.0])))
 
 
 def _rotating(place: Array, axis: Array) -> Array:

@@ -12,7 +12,6 @@ from scipy.signal import butter, filtfilt, sosfilt, sosfilt_zi
 from sim_harness.judging.margins import default_vehicle
 from sim_harness.judging.trace import Trace
 from trepid.types import Column
-from trepid.vehicle import Vehicle
 
 JERK_WINDOW_S = 0.5  # ISO 11270:2014 and UN R79: lateral jerk is judged as its mean over half a second
 R79_RATE_HZ = 100.0  # UN R79 rev. 4, annex 8: sampling rate of at least 100 Hz ...
@@ -46,19 +45,18 @@ def max_r79_jerk_mps3(trace: Trace) -> float:
     return worst
 
 
-def steering_reversals_per_min(trace: Trace, vehicle: Vehicle | None = None) -> float | None:
+def steering_reversals_per_min(trace: Trace) -> float | None:
     """Swings of the steering wheel by at least 2° per minute; None for runs shorter than a second.
 
     Markkula and Engström, A steering wheel reversal rate metric for assessing effects of visual and cognitive
     secondary task load (2006), the method of SAE J2944 (2015): the angle is filtered forth and back by a
     second-order Butterworth low-pass of 0.6 Hz; between its stationary points every rise by the gap or more
-    counts, and every fall. The angle is that of the road wheels, as reported, times the steering ratio of
-    ``vehicle`` (by default ``config/vehicle.yaml``).
+    counts, and every fall. The angle is that of the road wheels, as reported, times the steering ratio.
     """
     t_s, duration_s = trace["t_s"], float(trace["t_s"][-1] - trace["t_s"][0])
     if duration_s < 1.0:
         return None
-    ratio = (vehicle or default_vehicle()).steering_ratio
+    ratio = default_vehicle().steering_ratio
     rate_hz = (len(trace) - 1) / duration_s
     even_s = np.linspace(t_s[0], t_s[-1], len(trace))
     angle_rad = ratio * np.interp(even_s, t_s, trace["road_wheel_angle_rad"])

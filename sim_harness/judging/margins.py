@@ -41,16 +41,15 @@ def time_to_collision_s(trace: Trace) -> Column:
     return np.where(np.isnan(gap_m) | np.isnan(closing_mps), np.nan, time_s)
 
 
-def lane_edge_distance_m(trace: Trace, vehicle: Vehicle | None = None) -> Column:
+def lane_edge_distance_m(trace: Trace) -> Column:
     """DTLE [m]: from the outermost edge of a wheel to the lane edge beside it, < 0 beyond the edge.
 
     min over wheels of w/2 - |y_wheel| - b/2·cos ψ with the axle centres at y (rear) and y + L·sin ψ (front),
     ψ the heading error and b the width over the wheels. Euro NCAP, Test Protocol - Lane Support Systems
     v2.0.2 (2018), definitions; its limits are -0.3 m at a line and -0.1 m at a road edge. The lane is taken
-    as straight over the wheelbase (1 cm off at a radius of 150 m, L = 1.75 m). ``vehicle``: by default that
-    of ``config/vehicle.yaml``.
+    as straight over the wheelbase (1 cm off at a radius of 150 m, L = 1.75 m).
     """
-    vehicle = vehicle or default_vehicle()
+    vehicle = default_vehicle()
     offset_m, error_rad = trace["lateral_offset_m"], trace["heading_error_rad"]
     front_m = offset_m + vehicle.wheelbase_m * np.sin(error_rad)
     half_m = vehicle.track_m / 2 * np.cos(error_rad)
@@ -63,7 +62,7 @@ def default_vehicle() -> Vehicle:
     return load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
 
-def time_to_crossing_s(trace: Trace, vehicle: Vehicle | None = None, *, curved: bool = True) -> Column:
+def time_to_crossing_s(trace: Trace) -> Column:
     """TLC [s]: until a wheel is over the lane edge if the steering is held; 0 beyond it, inf if it never will be.
 
     With d the distance from the wheel to an edge, u its speed towards it and a its acceleration towards it,
@@ -71,14 +70,11 @@ def time_to_crossing_s(trace: Trace, vehicle: Vehicle | None = None, *, curved: 
     comparison of different ways to approximate time-to-line crossing (TLC) during car driving, Accident
     Analysis and Prevention 32 (2000), after Godthelp, Milgram and Blaauw, Human Factors 26 (1984). Relative
     to the lane, y' = v·sin ψ, ψ' = r - κ·v and y'' = v·ψ', so lane and path may both bend; of both axles and
-    both edges, the least time. ``curved=False``: their straight-line formula d/u (ψ' = 0). v and r are those
-    that the vehicle reports.
+    both edges, the least time. v and r are those that the vehicle reports.
     """
-    vehicle = vehicle or default_vehicle()
+    vehicle = default_vehicle()
     speed_mps, error_rad = trace["speed_mps"], trace["heading_error_rad"]
-    turn_radps = (
-        trace["yaw_rate_radps"] - trace["curvature_1pm"] * speed_mps if curved else np.zeros(len(trace))
-    )
+    turn_radps = trace["yaw_rate_radps"] - trace["curvature_1pm"] * speed_mps
     room_m = trace["lane_width_m"] / 2 - vehicle.track_m / 2 * np.cos(error_rad)
     time_s = np.full(len(trace), np.inf)
     for ahead_m in (0.0, vehicle.wheelbase_m):

@@ -2,16 +2,15 @@
 
 import cv2
 
-from sim_harness.lockstep.camera import SimulatedCamera
+from sim_harness.lockstep.camera import SimulatedCamera, compressed
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import CompressedFrame, Health
+from trepid.messages import Health
 from trepid.processes.process import Process, Ticker, process
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, SIM_TRUTH
 
-JPEG_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
 STALE_TRUTH_S = 0.2  # older poses are not rendered
 
 
@@ -42,8 +41,7 @@ def run(me: Process) -> None:
         if frame is not None:
             send(frame)
             if compressed_ticker.due():
-                _, jpeg = cv2.imencode(".jpg", frame.image, JPEG_QUALITY)
-                send_compressed(CompressedFrame(t_s=frame.t_s, jpeg=jpeg.tobytes()))
+                send_compressed(compressed(frame))
         me.stepped()
 
 

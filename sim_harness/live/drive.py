@@ -18,9 +18,9 @@ from sim_harness.judging.conditions.expect import judge
 from sim_harness.judging.metrics import measure
 from sim_harness.judging.trace import Trace
 from sim_harness.live.drive_log import DriveLog
-from sim_harness.lockstep.configuration import check_configuration
-from sim_harness.scenarios.events import with_events, with_manoeuvres
-from sim_harness.scenarios.faults import EstimatorBias, LostLane, LostProcess
+from sim_harness.lockstep.closed_loop import check_configuration
+from sim_harness.scenarios.events import with_events
+from sim_harness.scenarios.faults import EstimatorBias, LostLane
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
@@ -186,7 +186,7 @@ class Referee:
                     return  # it contains the simulated car
             if (
                 self._elapsed_s() >= self._scenario.duration_s
-                or self._finished()
+                or (self._log.truth is not None and self._log.truth.finished)
                 or self._stopped_after_loss()
             ):
                 return
@@ -224,19 +224,11 @@ class Referee:
         trace, scenario = self._log.trace(), self._scenario
         if len(trace) == 0:
             return trace
-        road = scenario.build_road()
-        trace = with_events(
-            trace,
-            faults=scenario.faults,
-            disturbances=scenario.disturbances,
-            lap_m=road.length_m if road.closed else None,
-        )
-        return with_manoeuvres(trace, scenario.manoeuvres, self._log.manoeuvres)
+        return with_events(trace, scenario, scenario.build_road(), self._log.manoeuvres)
 
     def _simulate_losses(self) -> None:
         """Pause the processes that a fault of the scenario loses now, and resume the others."""
-        losses = [fault for fault in self._scenario.faults if isinstance(fault, LostProcess)]
-        lost = {fault.process for fault in losses if fault.active(self._elapsed_s())}
+        lost = self._scenario.lost_processes(self._elapsed_s())
         for name in lost - self._paused:
             self._fleet.pause(name)
         for name in self._paused - lost:
@@ -260,9 +252,6 @@ class Referee:
         """True from the start of the run on; before a start at speed a driver brings the car there."""
         truth = self._log.truth
         return truth is not None and truth.elapsed_s is not None and truth.elapsed_s >= 0.0
-
-    def _finished(self) -> bool:
-        return self._log.truth is not None and self._log.truth.finished
 
     def _end_silent_processes(self) -> None:
         """End processes that run without heartbeats, so that they are started again."""

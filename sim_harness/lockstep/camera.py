@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LateFrames
@@ -10,8 +11,10 @@ from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body, Pose
 from sim_harness.world.render.scene.view import STILL, Motion
-from trepid.messages import Frame, SimTruth
+from trepid.messages import CompressedFrame, Frame, SimTruth
 from trepid.types import Image
+
+JPEG_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,14 +23,6 @@ class Shot:
 
     truth: SimTruth  # at the capture; also of a frozen or a black frame
     frame: Frame | None  # None where nothing is rendered
-
-
-@dataclass(frozen=True, slots=True)
-class _Underway:
-    """A shot that has not arrived yet."""
-
-    due_s: float
-    shot: Shot
 
 
 class SimulatedCamera:
@@ -39,7 +34,7 @@ class SimulatedCamera:
         self._bodies = [vehicle.body for vehicle in scenario.traffic]
         self._renderer = renderer
         self._last: Image | None = None
-        self._underway: list[_Underway] = []
+        self._underway: list[tuple[float, Shot]] = []  # time of arrival
 
     def step(self, truth: SimTruth, *, now_s: float) -> Frame | None:
         """The frame of :meth:`shoot`."""
@@ -54,10 +49,10 @@ class SimulatedCamera:
         if self._renderer is not None:
             frame = Frame(t_s=truth.t_s, image=self._image(self._renderer, truth, faults))
         delay_s = sum(fault.delay_s for fault in faults if isinstance(fault, LateFrames))
-        self._underway.append(_Underway(now_s + delay_s, Shot(truth, frame)))
-        arrived = [entry for entry in self._underway if entry.due_s <= now_s + 1e-9]
-        self._underway = [entry for entry in self._underway if entry.due_s > now_s + 1e-9]
-        return max((entry.shot for entry in arrived), key=lambda shot: shot.truth.t_s, default=None)
+        self._underway.append((now_s + delay_s, Shot(truth, frame)))
+        arrived = [shot for due_s, shot in self._underway if due_s <= now_s + 1e-9]
+        self._underway = [(due_s, shot) for due_s, shot in self._underway if due_s > now_s + 1e-9]
+        return max(arrived, key=lambda shot: shot.truth.t_s, default=None)
 
     def _image(self, renderer: Renderer, truth: SimTruth, faults: list[Fault]) -> Image:
         if self._last is not None and any(isinstance(fault, FrozenCamera) for fault in faults):
@@ -88,3 +83,9 @@ def own_motion(truth: SimTruth) -> Motion:
     if truth.speed_mps is None or truth.yaw_rate_radps is None:
         return STILL
     return Motion(truth.speed_mps, truth.yaw_rate_radps)
+
+
+def compressed(frame: Frame) -> CompressedFrame:
+    """``frame`` as JPEG."""
+    _, jpeg = cv2.imencode(".jpg", frame.image, JPEG_QUALITY)
+    return CompressedFrame(t_s=frame.t_s, jpeg=jpeg.tobytes())

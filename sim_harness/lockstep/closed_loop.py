@@ -7,7 +7,7 @@ is read for the real-time factor only, so that a scenario and a seed give the sa
 
 import math
 import time
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -28,12 +28,14 @@ from sim_harness.judging.trace import Recorder, Trace
 from sim_harness.lockstep.camera import Shot, SimulatedCamera
 from sim_harness.lockstep.lead_model import LeadModel, build_lead_model
 from sim_harness.lockstep.oracle import Oracle, clear_view
-from sim_harness.lockstep.stack import NONE_LOST, Perception, Stack
+from sim_harness.lockstep.stack import Perception, Stack
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
-from sim_harness.scenarios.events import with_events, with_manoeuvres
-from sim_harness.scenarios.faults import EstimatorBias, LostLane, LostProcess
-from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
+from sim_harness.scenarios.events import with_events
+from sim_harness.scenarios.faults import EstimatorBias, LostLane
+from sim_harness.scenarios.scenario import RULES_FILE, LeadSensor, Scenario, Sight
 from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.roads.disturbance_table import load_table
+from supervisor.rules.rule_file import RuleFile
 from supervisor.supervisor import Supervisor
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -165,6 +167,31 @@ def _lead_sensor(scenario: Scenario, *, seed: int) -> LeadFinder | LeadModel | N
             return None
 
 
+def check_configuration(scenarios: Iterable[Scenario]) -> None:
+    """Load every file of settings, rules and weights that a run of ``scenarios`` reads.
+
+    Raises InputError with file:line:column for the first invalid value.
+    """
+    scenarios = tuple(scenarios)
+    load_simulator()
+    load(CONFIG_DIR / "camera.yaml", Camera)
+    load(RULES_FILE, RuleFile)  # its levels of fear are words of conditions
+    controller.limiter.build()
+    controller.controller.build()
+    for rules in dict.fromkeys(scenario.rules_file for scenario in scenarios):
+        supervisor.supervisor.build(rules=rules)
+    with_images = [scenario for scenario in scenarios if scenario.sight is Sight.CAMERA]
+    for name in dict.fromkeys(name for scenario in with_images for name in scenario.estimators):
+        perception.estimators.build(name)
+    sensors = {scenario.leads_by for scenario in scenarios}
+    if LeadSensor.CAMERA in sensors:
+        perception.lead.finder.build()
+    if LeadSensor.MODELLED in sensors:
+        build_lead_model(seed=0)
+    if any(scenario.disturbances for scenario in scenarios):
+        load_table()
+
+
 class ClosedLoop:
     """One run: the vehicle and the camera around a :class:`Stack`, with the faults of the scenario."""
 
@@ -185,7 +212,6 @@ class ClosedLoop:
             scenario.estimators,
             idle_period_s=simulator.idle_decision_period_s,
         )
-        self._lost_processes = [fault for fault in scenario.faults if isinstance(fault, LostProcess)]
 
     def drive(self) -> Trace:
         """Drive until the route or the duration is over. The trace begins at t = 0, after any run-up."""
@@ -197,7 +223,7 @@ class ClosedLoop:
         first = -round(self._simulator.run_up_s / period_s) if self._scenario.start.speed_mps else 0
         for tick in range(first, math.floor(self._scenario.duration_s / period_s + 0.5) + 1):
             now_s = tick * period_s
-            lost = self._lost(now_s)
+            lost = self._scenario.lost_processes(now_s)
             state, truth = parts.vehicle.step(stack.command, stack.commanded_s, now_s=now_s)
             shot = None
             if shot_due(tick) and "camera" not in lost:
@@ -206,43 +232,25 @@ class ClosedLoop:
                     stack.send(self._perceive(shot, state, lost, now_s))
             stack.step(state, command_due=command_due(tick), now_s=now_s, lost=lost)
             if self._witness is not None:
-                self._witness(self._instant(now_s, truth, state, shot))
+                self._witness(
+                    Instant(
+                        now_s=now_s,
+                        truth=truth,
+                        state=state,
+                        frame=shot.frame if shot else None,
+                        estimates=stack.estimates,
+                        statistics=stack.statistics,
+                        lead=stack.lead,
+                        decision=stack.decision,
+                        command=stack.command,
+                    )
+                )
             if tick >= 0:
                 recorder.add(truth, state, stack.command, stack.decision, stack.estimates)
                 manoeuvres.append(truth.manoeuvres)
             if truth.finished:
                 break
-        return self._with_events(recorder.trace(), manoeuvres)
-
-    def _instant(self, now_s: float, truth: SimTruth, state: VehicleState, shot: Shot | None) -> Instant:
-        return Instant(
-            now_s=now_s,
-            truth=truth,
-            state=state,
-            frame=shot.frame if shot else None,
-            estimates=self._stack.estimates,
-            statistics=self._stack.statistics,
-            lead=self._stack.lead,
-            decision=self._stack.decision,
-            command=self._stack.command,
-        )
-
-    def _with_events(self, trace: Trace, manoeuvres: list[tuple[str, ...]]) -> Trace:
-        """``trace`` with columns for the faults, disturbances and manoeuvres that conditions may name."""
-        scenario, road = self._scenario, self._parts.vehicle.road
-        trace = with_events(
-            trace,
-            faults=scenario.faults,
-            disturbances=scenario.disturbances,
-            lap_m=road.length_m if road.closed else None,
-        )
-        return with_manoeuvres(trace, scenario.manoeuvres, manoeuvres)
-
-    def _lost(self, now_s: float) -> Set[str]:
-        """Processes that do not run now; they continue with their old state, as after SIGSTOP and SIGCONT."""
-        if not self._lost_processes:
-            return NONE_LOST
-        return {fault.process for fault in self._lost_processes if fault.active(now_s)}
+        return with_events(recorder.trace(), self._scenario, parts.vehicle.road, manoeuvres)
 
     def _perceive(self, shot: Shot, state: VehicleState, lost: Set[str], now_s: float) -> Perception:
         """The results of the perception processes that run, for ``shot``."""

@@ -10,11 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
-
+from sim_harness.lockstep.camera import compressed
 from sim_harness.lockstep.closed_loop import Instant, Witness
 from sim_harness.scenarios.scenario import Scenario
-from trepid.messages import CompressedFrame, Frame
 from trepid.recording.writer import Recording
 from trepid.topics import (
     CAMERA_COMPRESSED,
@@ -30,7 +28,6 @@ from trepid.topics import (
 from trepid.wire import to_cdr
 
 EPOCH_S = 1000.0
-JPEG_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
 _TIMES = ("t_s", "decided_s", "path_t_s")  # of any message
 
 
@@ -60,7 +57,7 @@ class _Recorder:
             and now.now_s - self._photographed_s >= 1.0 / CAMERA_COMPRESSED.rate_hz - 1e-9
         ):
             self._photographed_s = now.now_s
-            self._write(CAMERA_COMPRESSED, _compressed(now.frame), at_s)
+            self._write(CAMERA_COMPRESSED, compressed(now.frame), at_s)
         for name, estimate in now.estimates.items():
             self._write(estimate_topic(name), estimate, at_s)
         self._write(IMAGE_STATISTICS, now.statistics, at_s)
@@ -72,11 +69,6 @@ class _Recorder:
         if message is not None and self._written.get(topic.key) is not message:
             self._written[topic.key] = message
             self._file.add(topic.key, to_cdr(_stamped(message)), at_s=at_s)
-
-
-def _compressed(frame: Frame) -> CompressedFrame:
-    _, jpeg = cv2.imencode(".jpg", frame.image, JPEG_QUALITY)
-    return CompressedFrame(t_s=frame.t_s, jpeg=jpeg.tobytes())
 
 
 def _stamped(message: Any) -> Any:

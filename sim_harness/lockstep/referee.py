@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from sim_harness.world.plants.state import PlantState
-from sim_harness.world.roads.road import Road
+from sim_harness.world.roads.road import FootPoint, Road
 from trepid.vehicle import Vehicle
 
 SEPARATED_M = 0.5  # a contact is over when the gap has grown to this
@@ -19,24 +19,19 @@ class Place(NamedTuple):
     heading_error_rad: float
 
 
-def foot_point(road: Road, x_m: float, y_m: float, near_station_m: float) -> tuple[float, float]:
-    """(station, offset) of a point on ``road``; the station continues from ``near_station_m`` over laps."""
+def foot_point(road: Road, x_m: float, y_m: float, near_station_m: float) -> FootPoint:
+    """The foot of a point on ``road``; the station continues from ``near_station_m`` over laps."""
     foot = road.foot_point(x_m, y_m, near_station_m=near_station_m)
-    return _running_on(road, foot.station_m, near_station_m), foot.offset_m
-
-
-def _running_on(road: Road, station_m: float, near_station_m: float) -> float:
-    """``station_m`` in the lap of ``near_station_m``."""
     if not road.closed:
-        return station_m
-    return near_station_m + math.remainder(station_m - near_station_m, road.length_m)
+        return foot
+    ahead_m = math.remainder(foot.station_m - near_station_m, road.length_m)
+    return foot._replace(station_m=near_station_m + ahead_m)
 
 
 def locate(road: Road, pose: PlantState, near_station_m: float) -> Place:
     """The place of the rear axle on ``road``; the station continues from ``near_station_m``."""
-    foot = road.foot_point(pose.x_m, pose.y_m, near_station_m=near_station_m)
-    heading_error_rad = math.remainder(pose.yaw_rad - foot.heading_rad, math.tau)
-    return Place(_running_on(road, foot.station_m, near_station_m), foot.offset_m, heading_error_rad)
+    foot = foot_point(road, pose.x_m, pose.y_m, near_station_m)
+    return Place(foot.station_m, foot.offset_m, math.remainder(pose.yaw_rad - foot.heading_rad, math.tau))
 
 
 def wheel_outside(road: Road, vehicle: Vehicle, pose: PlantState, place: Place) -> bool:

@@ -14,6 +14,7 @@ from sim_harness.lockstep.referee import foot_point
 from sim_harness.scenarios.traffic import ChangeLane, ChangeSpeed, Phase, TrafficVehicle, TurnOff
 from sim_harness.world.roads.lanes import RoadLane
 from sim_harness.world.roads.road import Road
+from trepid.messages import LeadVehicle
 
 INTO_LANE_M = 0.3
 """A vehicle that reaches this far over the edge of the ego lane is in the lane: UN R157, 5.2.5.2 (cut-in)."""
@@ -86,7 +87,7 @@ class Actor:
             return [(self.station_m + x * cos, self.offset_m + x * sin) for x in lengths_m]
         if abs(self.offset_m) > GONE_M:
             return None
-        return [foot_point(self._road, *self.box.at(x), self.station_m) for x in lengths_m]
+        return [foot_point(self._road, *self.box.at(x), self.station_m)[:2] for x in lengths_m]
 
     def step(self, elapsed_s: float, dt_s: float, gap_m: float | None) -> None:
         """Move from ``elapsed_s`` by ``dt_s``; ``gap_m``: from the ego bumper, None off the road."""
@@ -155,7 +156,7 @@ class Actor:
         straight_m = distance_m - arc_m
         x_m, y_m = x_m + straight_m * math.cos(turned_rad), y_m + straight_m * math.sin(turned_rad)
         if abs(self.offset_m) <= GONE_M:
-            self.station_m, self.offset_m = foot_point(self._road, x_m, y_m, self.station_m)
+            self.station_m, self.offset_m, *_ = foot_point(self._road, x_m, y_m, self.station_m)
         return x_m, y_m, turned_rad
 
 
@@ -212,6 +213,29 @@ class Traffic:
             if before and low_m < edge_m and high_m > -edge_m and (nearest is None or gap_m < nearest[1]):
                 nearest = actor, gap_m
         return nearest
+
+    def measured_lead(self, ego: Box, *, nose_m: float, range_m: float, t_s: float) -> LeadVehicle | None:
+        """The nearest vehicle in the lane, as an exact range sensor on the front bumper measures it.
+
+        Confidence 0 where there is none within ``range_m``; None in a run without other vehicles, in which this
+        sensor does not run. ``nose_m``: station of the ego front bumper.
+        """
+        if not self.actors:
+            return None
+        ahead = self.ahead(nose_m)
+        if ahead is not None:
+            box = ahead[0].box
+            distance_m = min(ego.seen(*corner)[0] for corner in box.corners()) - ego.front_m
+            if distance_m <= range_m:
+                ends = [ego.seen(*box.at(x_m)) for x_m in (box.rear_m, box.front_m)]
+                return LeadVehicle(
+                    t_s=t_s,
+                    distance_m=distance_m,
+                    lateral_m=min(ends)[1],  # of the middle of the nearer end
+                    speed_mps=ahead[0].speed_mps * math.cos(box.yaw_rad - ego.yaw_rad),
+                    confidence=1.0,
+                )
+        return LeadVehicle(t_s=t_s, distance_m=None, lateral_m=None, speed_mps=None, confidence=0.0)
 
     def _gap_m(self, ends: list[tuple[float, float]], nose_m: float) -> float:
         """From the ego bumper to the nearer end; on a closed road along the shorter way."""

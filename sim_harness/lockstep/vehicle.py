@@ -12,9 +12,8 @@ import numpy as np
 
 from controller.limiter import Limiter
 from sim_harness.lockstep.contact import Box, separation_m
-from sim_harness.lockstep.lead_range import from_axle, measured_lead
 from sim_harness.lockstep.referee import Place, Referee, locate
-from sim_harness.lockstep.run_up import driven, first_state, rail
+from sim_harness.lockstep.run_up import driven, rail
 from sim_harness.lockstep.traffic import Traffic
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.plants.build import build_plant
@@ -113,15 +112,9 @@ class SimulatedVehicle:
         return measured
 
     def sense_lead(self) -> LeadVehicle | None:
-        """The vehicle ahead as an exact range sensor measures it, see :func:`measured_lead`."""
-        return measured_lead(
-            self._traffic,
-            self._pose,
-            station_m=self._place.station_m,
-            nose_m=self._nose_m,
-            range_m=self._settings.lead_range_m,
-            t_s=self._now_s,
-        )
+        """The vehicle ahead as an exact range sensor measures it, see :meth:`Traffic.measured_lead`."""
+        nose_m, range_m = self._place.station_m + self._nose_m, self._settings.lead_range_m
+        return self._traffic.measured_lead(self._box, nose_m=nose_m, range_m=range_m, t_s=self._now_s)
 
     @property
     def _elapsed_s(self) -> float:
@@ -140,16 +133,13 @@ class SimulatedVehicle:
         if self._ticks <= 0:
             self._run_up()
         else:
-            self._drive(applied, period_s)
+            self._pose = self._plant.step(self._pose, applied, period_s)
+            near_m = self._place.station_m + self._pose.speed_mps * period_s
+            self._place = locate(self.road, self._pose, near_m)
+            if self._referee.must_recentre(self._pose, self._place):
+                self._place = Place(self._place.station_m, 0.0, 0.0)
+                self._pose = self._recentred(self._pose, self._place)
         self._touch()
-
-    def _drive(self, applied: Command, period_s: float) -> None:
-        self._pose = self._plant.step(self._pose, applied, period_s)
-        near_m = self._place.station_m + self._pose.speed_mps * period_s
-        self._place = locate(self.road, self._pose, near_m)
-        if self._referee.must_recentre(self._pose, self._place):
-            self._place = Place(self._place.station_m, 0.0, 0.0)
-            self._pose = self._recentred(self._pose, self._place)
 
     def _touch(self) -> None:
         """Count contacts; on a contact ahead the speed is limited to that of the other vehicle."""
@@ -159,7 +149,7 @@ class SimulatedVehicle:
         separations_m = [separation_m(self._box, box) for box in boxes]
         self._referee.judge_contacts(separations_m)
         for actor, box, separation in zip(self._traffic.actors, boxes, separations_m, strict=True):
-            middle_m = from_axle(self._pose, *box.at((box.rear_m + box.front_m) / 2))[0]
+            middle_m = self._box.seen(*box.at((box.rear_m + box.front_m) / 2))[0]
             if separation <= 0.0 and middle_m > self._vehicle.wheelbase_m / 2:
                 along_mps = actor.speed_mps * math.cos(box.yaw_rad - self._pose.yaw_rad)
                 speed_mps = min(self._pose.speed_mps, max(0.0, along_mps))
@@ -179,7 +169,8 @@ class SimulatedVehicle:
             return pose, locate(self.road, pose, start.station_m)
         here = rail(start, self.road, self._elapsed_s)
         place = Place(here.station_m, here.offset_m, here.course_rad)
-        return self._placed(first_state(self._plant, here, start.speed_mps), place), place
+        rolling = self._plant.initial(speed_mps=start.speed_mps, curvature_1pm=here.curvature_1pm)
+        return self._placed(rolling, place), place
 
     def _run_up(self) -> None:
         """One period of the run-up, in which a driver steers along the rail."""

@@ -1,46 +1,36 @@
 """The active faults, disturbances and manoeuvres of a run, as columns of its trace."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from sim_harness.judging.trace import Trace
-from sim_harness.scenarios.faults import Fault
-from sim_harness.world.roads.disturbances import Disturbance
+from sim_harness.scenarios.scenario import Scenario
+from sim_harness.world.roads.road import Road
 from trepid.types import Column
 
 
 def with_events(
-    trace: Trace,
-    *,
-    faults: Sequence[Fault],
-    disturbances: Sequence[Disturbance] = (),
-    lap_m: float | None = None,
+    trace: Trace, scenario: Scenario, road: Road, manoeuvres: Sequence[Sequence[str]] = ()
 ) -> Trace:
-    """``trace`` with ``fault.<kind>`` (0 or 1) and ``disturbance.<kind>`` (grade).
+    """``trace`` with the columns of the events that conditions may name.
 
-    Of several of one kind the greatest counts. A disturbance is active while the rear axle is in its stretch;
-    ``lap_m`` is the length of a closed road, on which it recurs with every lap.
+    They are ``fault.<kind>`` (0 or 1), ``disturbance.<kind>`` (grade) and ``traffic.<kind>`` (0 or 1). Of several
+    of a kind the greatest counts. A disturbance is active while the rear axle is in its stretch, on a closed road
+    in every lap. ``manoeuvres``: those under way at each sample.
     """
-    elapsed_s = trace["t_s"] - trace["t_s"][0]
-    stations_m = trace["station_m"] if lap_m is None else trace["station_m"] % lap_m
     columns: dict[str, Column] = {}
-    for fault in faults:
-        there = np.array([fault.active(t) for t in elapsed_s.tolist()], dtype=np.float64)
-        _raise_to(columns, f"fault.{fault.kind}", there)
-    for disturbance in disturbances:
-        grade = np.array([disturbance.grade_at(station) for station in stations_m.tolist()], dtype=np.float64)
-        _raise_to(columns, f"disturbance.{disturbance.kind.value}", grade)
+
+    def put(name: str, values: Sequence[float]) -> None:
+        column = np.array(values, dtype=np.float64)
+        columns[name] = np.maximum(columns.get(name, column), column)
+
+    elapsed_s = (trace["t_s"] - trace["t_s"][0]).tolist()
+    stations_m = (trace["station_m"] % road.length_m if road.closed else trace["station_m"]).tolist()
+    for fault in scenario.faults:
+        put(f"fault.{fault.kind}", [fault.active(t) for t in elapsed_s])
+    for disturbance in scenario.disturbances:
+        put(f"disturbance.{disturbance.kind.value}", [disturbance.grade_at(at_m) for at_m in stations_m])
+    for kind in sorted({*scenario.manoeuvres}):
+        put(f"traffic.{kind}", [kind in now for now in manoeuvres])
     return trace.joined(columns)
-
-
-def with_manoeuvres(trace: Trace, kinds: Iterable[str], samples: Sequence[Sequence[str]]) -> Trace:
-    """``trace`` with ``traffic.<kind>`` (0 or 1) of every kind; ``samples``: the manoeuvres under way."""
-    columns = {
-        f"traffic.{kind}": np.array([float(kind in now) for now in samples]) for kind in sorted({*kinds})
-    }
-    return trace.joined(columns)
-
-
-def _raise_to(columns: dict[str, Column], name: str, values: Column) -> None:
-    columns[name] = np.maximum(columns.get(name, values), values)

@@ -66,9 +66,23 @@ def cases(scenario: Scenario, method: Method, count: int | None = None, *, seed:
     without repetition, in its order. A scenario in which nothing varies has one grid case, and differs only by
     seed in the others. Raises InputError for valid values that exclude each other.
     """
-    rows = _rows(scenario, method, count, seed)
+    if method is Method.GRID:
+        rows = _grid_rows(scenario, count, seed)
+    else:
+        units = _latin_hypercube if method is Method.LHS else _independent
+        variations = scenario.vary.values()
+        rows = (
+            [variation.value(float(unit)) for variation, unit in zip(variations, row, strict=True)]
+            for row in units(scenario, DEFAULT_CASES if count is None else count, seed)
+        )
     for index, values in enumerate(rows):
-        yield _case(scenario, index, dict(zip(scenario.vary, values, strict=True)), seed)
+        parameters = dict(zip(scenario.vary, values, strict=True))
+        yield Case(
+            scenario=concrete(scenario, parameters),
+            index=index,
+            seed=case_seed(scenario, index, seed),
+            parameters=parameters,
+        )
 
 
 def grid_size(scenario: Scenario) -> int:
@@ -85,15 +99,6 @@ def _sequence(scenario: Scenario, seed: int, *use: int) -> np.random.SeedSequenc
     return np.random.SeedSequence(seed, spawn_key=(zlib.crc32(scenario.name.encode()), *use))
 
 
-def _case(scenario: Scenario, index: int, parameters: dict[str, JsonValue], seed: int) -> Case:
-    return Case(
-        scenario=concrete(scenario, parameters),
-        index=index,
-        seed=case_seed(scenario, index, seed),
-        parameters=parameters,
-    )
-
-
 def concrete(scenario: Scenario, parameters: Mapping[str, JsonValue]) -> Scenario:
     """``scenario`` with these values, without ``vary``. Raises InputError for values that exclude each other."""
     try:
@@ -102,17 +107,6 @@ def concrete(scenario: Scenario, parameters: Mapping[str, JsonValue]) -> Scenari
         values = ", ".join(f"{name} = {value}" for name, value in parameters.items())
         problem = error.errors()[0]["msg"] if isinstance(error, ValidationError) else error.args[0]
         raise InputError(f"scenario {scenario.name}: {values}: {problem}") from error
-
-
-def _rows(scenario: Scenario, method: Method, count: int | None, seed: int) -> Iterator[Sequence[JsonValue]]:
-    """The values of the parameters, case by case."""
-    if method is Method.GRID:
-        yield from _grid_rows(scenario, count, seed)
-        return
-    count = DEFAULT_CASES if count is None else count
-    units = _latin_hypercube if method is Method.LHS else _independent
-    for row in units(scenario, count, seed):
-        yield [v.value(float(u)) for v, u in zip(scenario.vary.values(), row, strict=True)]
 
 
 def _grid_rows(scenario: Scenario, count: int | None, seed: int) -> Iterator[Sequence[JsonValue]]:

@@ -7,6 +7,7 @@ list of them, to the variable ``scenarios``.
 import json
 import math
 import runpy
+import traceback
 from collections.abc import Mapping, Set
 from enum import StrEnum
 from itertools import permutations
@@ -18,7 +19,7 @@ from pydantic import Field, ValidationError, create_model, model_validator
 from perception.estimators import ESTIMATORS, estimators, no_estimator
 from sim_harness.judging.conditions.expect import Expect
 from sim_harness.judging.conditions.meaning import parse_condition
-from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera
+from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LostProcess
 from sim_harness.scenarios.traffic import TrafficVehicle
 from sim_harness.scenarios.vary import Variation, check_vary
 from sim_harness.world.plants.build import build_plant
@@ -203,10 +204,9 @@ class Scenario(Settings):
 
     def check(self) -> None:
         """Raise InputError for an unknown name or for values that exclude each other."""
-        problem = self.problem()
+        problem = _misfit(self)
         if problem:
-            path, what = problem
-            raise InputError(f"scenario {self.name}: {'.'.join(map(str, path))}: {what}")
+            raise InputError(f"scenario {self.name}: {problem}")
 
     def problem(self) -> Problem | None:
         """The first unknown name or contradiction: the field and the message; None for a valid scenario.
@@ -248,6 +248,11 @@ class Scenario(Settings):
             except ValueError as error:
                 return ("expect", "conditions", number), str(error)
         return None
+
+    def lost_processes(self, elapsed_s: float) -> set[str]:
+        """The processes that a fault stops now."""
+        faults = (fault for fault in self.faults if isinstance(fault, LostProcess))
+        return {fault.process for fault in faults if fault.active(elapsed_s)}
 
     @property
     def manoeuvres(self) -> list[str]:
@@ -305,7 +310,8 @@ def list_scenarios() -> list[Scenario]:
 def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, check: bool = True) -> Scenario:
     """The scenario called ``source``, or in the YAML file ``source``.
 
-    Raises InputError with file:line:column; without ``check`` only syntax and types are checked.
+    A relative path in it begins at the folder of the file, in ``overrides`` at the working folder. Without
+    ``check`` only syntax and types are checked. Raises InputError with file:line:column.
     """
     path = Path(source)
     if path.suffix not in (".yaml", ".yml"):
@@ -317,21 +323,16 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     data = read(path)
     scenario = parse(data, Scenario, source=path, overrides=overrides)
     update = {"name": scenario.name or path.stem}
-    if scenario.road.endswith(ROAD_SUFFIXES):
-        update["road"] = str(_beside("road", path, overrides) / scenario.road)
-    if scenario.rules is not None:
-        update["rules"] = str(_beside("rules", path, overrides) / scenario.rules)
+    for field, file in (("road", scenario.road), ("rules", scenario.rules)):
+        if file is not None and (field == "rules" or file.endswith(ROAD_SUFFIXES)):
+            given = overrides is not None and field in overrides
+            update[field] = str((Path() if given else path.parent) / file)
     scenario = scenario.model_copy(update=update)
     problem = scenario.problem() if check else None
     if problem:
         raise InputError(located(*problem, data, path, overrides))
     check_vary(scenario, scenario.vary, data, path, misfit=_misfit if check else None)
     return scenario
-
-
-def _beside(field: str, path: Path, overrides: Mapping[str, str] | None) -> Path:
-    """The base of a relative path in ``field``: the folder of the scenario; for an override, the working folder."""
-    return Path() if overrides and field in overrides else path.parent
 
 
 def _misfit(scenario: Scenario) -> str:
@@ -369,12 +370,8 @@ def _script_line(error: Exception, path: Path) -> int:
     """The innermost line of the script in the traceback."""
     if isinstance(error, SyntaxError):
         return error.lineno or 1
-    line, trace = 1, error.__traceback__
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == str(path):
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    return line
+    frames = traceback.extract_tb(error.__traceback__)
+    return ([1] + [frame.lineno or 1 for frame in frames if frame.filename == str(path)])[-1]
 
 
 def one_line(error: Exception) -> str:

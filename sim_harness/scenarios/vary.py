@@ -94,9 +94,7 @@ class Choices(Settings):
         """All values."""
         return self.choices
 
-    def probes(self) -> tuple[JsonValue, ...]:
-        """All values."""
-        return self.choices
+    probes = grid
 
 
 def _in_full(value: Any) -> Any:
@@ -109,11 +107,8 @@ def _in_full(value: Any) -> Any:
 
 
 def _kind(value: Any) -> str:
-    return (
-        "Choices"
-        if isinstance(value, Choices) or (isinstance(value, dict) and "choices" in value)
-        else "Range"
-    )
+    has_choices = isinstance(value, Choices) or (isinstance(value, dict) and "choices" in value)
+    return "Choices" if has_choices else "Range"
 
 
 Variation = Annotated[

@@ -7,13 +7,9 @@ import platform
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from trepid.config import CONFIG_DIR, ROOT
 from trepid.packages import PACKAGES
-
-if TYPE_CHECKING:
-    from perception.techniques.recipe import Recipe
 
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "onnxruntime", "scikit-fuzzy")
 SUFFIXES = (".py", ".yaml", ".yml", ".onnx", ".json")
@@ -51,11 +47,13 @@ def estimator_fingerprint(name: str) -> str:
     from perception.techniques.recipe import recipes
 
     if name in OWN_ESTIMATORS:
-        root, settings = OWN_ESTIMATORS[name]
-        return fingerprint(*import_closure([root]), *settings, "config/vehicle.yaml")
+        root, files = OWN_ESTIMATORS[name]
+        return fingerprint(*import_closure([root]), *files, "config/vehicle.yaml")
     recipe = recipes()[name]
     modules = [*PIPELINE, *(stage.entry.__module__ for stage in recipe.stages)]
-    settings_hash = hashlib.sha256(_settings_text(recipe).encode()).hexdigest()[:_DIGITS]
+    settings = [(stage.name, sorted(stage.settings.items())) for stage in recipe.stages]
+    text = repr((recipe.trust, recipe.width_m, recipe.width_sigma_m, settings))
+    settings_hash = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
     return f"{fingerprint(*import_closure(modules), 'config/vehicle.yaml')}-{settings_hash}"
 
 
@@ -71,11 +69,6 @@ def import_closure(modules: Iterable[str]) -> list[str]:
         found[module] = path
         open_ += _imports(path)
     return sorted(path.relative_to(ROOT).as_posix() for path in found.values())
-
-
-def _settings_text(recipe: "Recipe") -> str:
-    stages = [(stage.name, sorted(stage.settings.items())) for stage in recipe.stages]
-    return repr((recipe.trust, recipe.width_m, recipe.width_sigma_m, stages))
 
 
 def _file_of(module: str) -> Path | None:

@@ -42,23 +42,20 @@ def select(sources: Sequence[str], tags: Sequence[str], overrides: Mapping[str, 
     """
     if not sources and not tags:
         raise InputError(f"no scenario given: name some, or `{ALL}`, or a --tag")
-    names = [name for source in sources or [ALL] for name in (_all(tags) if source == ALL else [source])]
-    found = [(scenario, name) for name in names for scenario in load_scenarios(name, overrides)]
-    chosen = [(scenario, name) for scenario, name in found if _tagged(scenario, tags)]
+
+    def tagged(scenarios: Iterable[Scenario]) -> list[Scenario]:
+        return [scenario for scenario in scenarios if not tags or not set(tags).isdisjoint(scenario.tags)]
+
+    names: list[str] = []
+    for source in sources or [ALL]:
+        names += [scenario.name for scenario in tagged(list_scenarios())] if source == ALL else [source]
+    chosen = [(scenario, name) for name in names for scenario in tagged(load_scenarios(name, overrides))]
     if not chosen:
         raise InputError(f"no scenario has the tag {' or '.join(tags)}")
     for scenario, name in chosen:
         if name.endswith(".py"):  # YAML files are checked when they are loaded
             scenario.check()
     return Selection(tuple(s for s, _ in chosen), {s.name: name for s, name in chosen}, overrides)
-
-
-def _all(tags: Sequence[str]) -> list[str]:
-    return [scenario.name for scenario in list_scenarios() if _tagged(scenario, tags)]
-
-
-def _tagged(scenario: Scenario, tags: Sequence[str]) -> bool:
-    return not tags or not set(tags).isdisjoint(scenario.tags)
 
 
 def by_seeds(scenarios: Iterable[Scenario], seeds: Sequence[int]) -> Iterator[Case]:

@@ -10,8 +10,8 @@ import pickle
 import signal
 import threading
 import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Generator, Iterable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import islice
 from multiprocessing.connection import Connection, wait
@@ -103,24 +103,15 @@ def start(target: Callable[..., object], *arguments: object) -> SpawnProcess:
     process = _CONTEXT.Process(target=_run, args=(target, *arguments), daemon=True)
     ensure_running()  # a tracker that a worker starts would not have the mask below
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited by the process
-    try:
-        with _environment(ONE_THREAD):
-            process.start()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-    return process
-
-
-@contextmanager
-def _environment(defaults: Mapping[str, str]) -> Iterator[None]:
-    """Environment variables for processes that start meanwhile; existing values are kept."""
-    added = {name: value for name, value in defaults.items() if name not in os.environ}
+    added = {name: value for name, value in ONE_THREAD.items() if name not in os.environ}
     os.environ.update(added)
     try:
-        yield
+        process.start()
     finally:
         for name in added:
             del os.environ[name]
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return process
 
 
 def _run(target: Callable[..., object], *arguments: object) -> None:

@@ -5,11 +5,11 @@ import re
 import pytest
 
 import controller.controller
-import sim_harness.lockstep.configuration
+import sim_harness.lockstep.closed_loop
 import supervisor.supervisor
 from sim_harness.cli import app
 from sim_harness.live import drive_cli
-from sim_harness.lockstep.configuration import check_configuration
+from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.scenario import RULES_FILE, Scenario, load_scenario
 from trepid.config import CONFIG_DIR, InputError
 
@@ -60,7 +60,7 @@ def test_a_bad_file_of_the_controller_is_refused_with_its_place(tmp_path, monkey
 
 def test_a_bad_file_of_the_camera_is_refused_also_for_runs_without_images(tmp_path, monkeypatch):
     (tmp_path / "camera.yaml").write_text("bogus: 1\n")
-    monkeypatch.setattr(sim_harness.lockstep.configuration, "CONFIG_DIR", tmp_path)
+    monkeypatch.setattr(sim_harness.lockstep.closed_loop, "CONFIG_DIR", tmp_path)
     with pytest.raises(InputError, match=r"camera\.yaml:1:1: unknown field 'bogus'"):
         check_configuration([SCENARIO])
 

@@ -1,6 +1,7 @@
 """Sentences over time: robustness by hand, by brute force and by rtamt; errors of wrong sentences."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from sim_harness.judging.conditions.meaning import parse_condition
 from sim_harness.judging.conditions.signals import SUFFIXES, UNITS
 from sim_harness.judging.trace import Trace, column_names
 from sim_harness.scenarios.events import with_events
+from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.roads.disturbances import Disturbance
 from supervisor.rules.inference import FearRules
 from trepid.config import CONFIG_DIR
@@ -407,7 +409,8 @@ def test_every_unit_of_the_trace_can_be_written():
 def test_disturbances_are_where_the_vehicle_is_and_come_again_with_each_lap():
     trace = run(station_m=10.0 * np.arange(11))
     fog = Disturbance(kind="fog", grade=4, from_m=20, to_m=40)
-    once = with_events(trace, faults=(), disturbances=(fog,))["disturbance.fog"]
+    scenario = Scenario(description="", tags=["weather"], road="town", duration_s=1.0, disturbances=[fog])
+    once = with_events(trace, scenario, SimpleNamespace(closed=False))["disturbance.fog"]
     assert np.flatnonzero(once).tolist() == [3] and once[3] == 4.0
-    laps = with_events(trace, faults=(), disturbances=(fog,), lap_m=50.0)["disturbance.fog"]
+    laps = with_events(trace, scenario, SimpleNamespace(closed=True, length_m=50.0))["disturbance.fog"]
     assert np.flatnonzero(laps).tolist() == [3, 8]
