@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,7 +18,7 @@ from sim_harness.live.drive import drive as drive_scenario
 from sim_harness.live.drive_log import DriveLog
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import CONFIG_DIR, load, parse_overrides
-from trepid.messages import Diagnostic, Health
+from trepid.messages import Health
 from trepid.processes.launch import Fleet
 
 PLAIN_PERIOD_S = 2.0  # between lines when standard error is no terminal
@@ -72,35 +72,20 @@ def shown(dashboard: bool) -> Iterator[Show]:
             )
         return
     printed_s = -PLAIN_PERIOD_S
-    warnings = Warnings()
+    reported: dict[str, tuple[Health, str]] = {}  # newest state of each process
 
     def show(log: DriveLog, fleet: Fleet, elapsed_s: float) -> None:
         nonlocal printed_s
-        for line in warnings.new(log.diagnostics.values()):
-            print(line, file=sys.stderr, flush=True)
+        for beat in log.diagnostics.values():
+            state = beat.health, " ".join(beat.message.split())
+            if beat.health is not Health.OK and state != reported.get(beat.process):
+                print(f"process {beat.process}: {state[0]}: {state[1]}", file=sys.stderr, flush=True)
+            reported[beat.process] = state
         if elapsed_s - printed_s >= PLAIN_PERIOD_S or elapsed_s < printed_s:
             printed_s = elapsed_s
             print(driving_line(log, elapsed_s=elapsed_s).plain, file=sys.stderr, flush=True)
 
     yield show
-
-
-class Warnings:
-    """The warnings and errors of the processes, each returned once until the process reports another state."""
-
-    def __init__(self) -> None:
-        self._reported: dict[str, tuple[Health, str]] = {}
-
-    def new(self, beats: Iterable[Diagnostic]) -> list[str]:
-        """One line for each process whose newest heartbeat has another warning or error than before."""
-        lines = []
-        for beat in beats:
-            state = beat.health, beat.message
-            if beat.health is not Health.OK and state != self._reported.get(beat.process):
-                message = " ".join(beat.message.split())
-                lines.append(f"process {beat.process}: {beat.health}: {message}")
-            self._reported[beat.process] = state
-        return lines
 
 
 def status(log: DriveLog, fleet: Fleet, *, elapsed_s: float) -> Group:

@@ -59,10 +59,8 @@ class DriveLog:
         self._recorder = Recorder(self._estimators)
         self.manoeuvres: list[tuple[str, ...]] = []  # of the other vehicles, one item per sample of the trace
         self._beats: dict[str, list[Diagnostic]] = {}
-        self.latency = {name: Latency(self.now_s()) for name in self._latency_names()}
-
-    def _latency_names(self) -> list[str]:
-        return [*(f"frame_to_{name}" for name in self._estimators), "frame_to_decision", "frame_to_command"]
+        ends = (*self._estimators, "decision", "command")
+        self.latency = {f"frame_to_{name}": Latency(self.now_s()) for name in ends}
 
     def receive(self, timeout_s: float) -> None:
         """Wait for messages up to ``timeout_s``, then add all received ones."""

@@ -32,7 +32,10 @@ class Actor:
         self.speed_mps = settings.speed_mps
         self._road = road
         self._forwards = -1 if settings.oncoming else 1
-        self._origin_m = self._first_station(settings, nose_m)
+        self._origin_m = settings.station_m or 0.0
+        if settings.gap_m is not None:
+            near_end_m = self.body.front_m if settings.oncoming else -self.body.rear_m
+            self._origin_m = nose_m + settings.gap_m + near_end_m
         self.offset_m = lane_centre_m(road, settings.lane, self._origin_m) + settings.offset_m
         self.station_m = self._origin_m + self._forwards * self.speed_mps * elapsed_s
         self._sideways_mps = 0.0
@@ -43,12 +46,6 @@ class Actor:
         self._turn_1pm, self._turn_left_rad = 0.0, 0.0
         self._waiting = list(settings.phases)
         self._short: float | None = None  # distance to the next phase's trigger at its first check
-
-    def _first_station(self, settings: TrafficVehicle, nose_m: float) -> float:
-        if settings.gap_m is None:
-            return settings.station_m or 0.0
-        near_end_m = self.body.front_m if settings.oncoming else -self.body.rear_m
-        return nose_m + settings.gap_m + near_end_m
 
     @property
     def box(self) -> Box:
@@ -170,9 +167,6 @@ class Snapshot(NamedTuple):
     manoeuvres: tuple[str, ...] = ()
 
 
-EMPTY = Snapshot()
-
-
 class Traffic:
     """All other vehicles of a run."""
 
@@ -192,7 +186,7 @@ class Traffic:
     def snapshot(self) -> Snapshot:
         """Poses and speeds, and the kinds of phases that are under way."""
         if not self.actors:
-            return EMPTY
+            return Snapshot()
         x_m, y_m, yaw_rad = zip(*(actor.pose for actor in self.actors), strict=True)
         speeds_mps = tuple(actor.speed_mps for actor in self.actors)
         manoeuvres = tuple(kind for actor in self.actors for kind in actor.manoeuvres)

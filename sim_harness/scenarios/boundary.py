@@ -79,13 +79,11 @@ class _Search:
 
     def along(self, name: str, end: Place, tolerance: float) -> Limit:
         """The limit on the ray from the scenario as written to ``end``."""
-        self._runs = 0
-        near, far = 0.0, 1.0  # same outcome as the start; other outcome
-        end_passes = self._run(self._case(end))
-        if end_passes == self._start_passes:
-            case = self._case(end)
-            found = (case, None) if end_passes else (None, self._case(self._start))
+        self._runs, last = 0, self._case(end)
+        if self._run(last) == self._start_passes:
+            found = (last, None) if self._start_passes else (None, self._case(self._start))
             return Limit(ray=name, passes=found[0], fails=found[1], gap=1.0, runs=self._runs)
+        near, far = 0.0, 1.0  # same outcome as the start; other outcome
         while far - near > tolerance:
             middle = (near + far) / 2
             if self._run(self._between(end, middle)) == self._start_passes:

@@ -347,10 +347,7 @@ def load_scenarios(source: str, overrides: Mapping[str, str] | None = None) -> l
         return [load_scenario(source, overrides)]
     if overrides:
         raise InputError(f"{source}: --set changes YAML scenarios; a script sets its own values")
-    return _run_script(Path(source))
-
-
-def _run_script(path: Path) -> list[Scenario]:
+    path = Path(source)
     if not path.is_file():
         raise InputError(f"{path}: cannot be read: no such file")
     try:

@@ -30,16 +30,10 @@ class PlanStore:
         if self.lines.exists() and self.lines.stat().st_size and not resume:
             raise InputError(f"{self.lines}: holds results; --resume continues with them")
         self._store = Store(self.lines, fields={"trace_sha256"})
-        try:
-            self._take_stock(plan)
-        except InputError:
-            self._store.close()
-            raise
-
-    def _take_stock(self, plan: Plan) -> None:
         stored = self._store.newest
         foreign = stored.keys() - plan.keys()
         if foreign:
+            self._store.close()
             raise InputError(
                 f"{self.lines}: of another plan: {len(foreign)} of its cases are not in this one"
             )
