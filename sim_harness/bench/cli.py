@@ -13,7 +13,7 @@ from rich.console import Console
 from sim_harness.bench.catalogue import BENCHMARKS, BY_DEFAULT, GROUPS, function, named
 from sim_harness.bench.results import Result, machine, save
 from sim_harness.bench.text import brief, tables
-from sim_harness.lockstep.configuration import check_configuration
+from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.scenario import list_scenarios
 from trepid.config import InputError
 

@@ -14,8 +14,6 @@ from sim_harness.judging.margins import (
     time_to_crossing_s,
 )
 from sim_harness.judging.trace import Trace
-from trepid.config import CONFIG_DIR, load
-from trepid.vehicle import Vehicle
 
 CENTRED = dict(
     lateral_offset_m=0.0,
