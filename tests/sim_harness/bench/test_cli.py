@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import sim_harness.lockstep.configuration
+import sim_harness.lockstep.closed_loop
 from sim_harness.bench import cli
 from sim_harness.bench.catalogue import BENCHMARKS, BY_DEFAULT, function, named
 from sim_harness.bench.cli import bench, taken_options
@@ -50,7 +50,7 @@ def test_a_bad_configuration_is_refused_with_its_place_before_anything_is_measur
 ) -> None:
     text = (CONFIG_DIR / "camera.yaml").read_text(encoding="utf-8")
     (tmp_path / "camera.yaml").write_text(text.replace("height_m:", "heigth_m:"), encoding="utf-8")
-    monkeypatch.setattr(sim_harness.lockstep.configuration, "CONFIG_DIR", tmp_path)
+    monkeypatch.setattr(sim_harness.lockstep.closed_loop, "CONFIG_DIR", tmp_path)
     monkeypatch.setattr(cli, "function", lambda _name: unmeasured)
     with pytest.raises(InputError, match=r"camera.yaml:\d+:\d+: .*heigth_m"):
         bench(["plants"])
