@@ -1,6 +1,13 @@
-"""YAML files as frozen, validated settings; errors give file:line:column, the fault and the expected value."""
+"""YAML files as frozen, validated settings; errors give file:line:column, the fault and the expected value.
+
+The files of ``config/`` hold the defaults. A car is a folder of files with the same names; each of its fields
+overrides the field of the default, and ``null`` returns a field to the value it has when no file gives it. The
+environment variable ``TREPID_CAR``, which ``--car`` sets, names the folder for this process and those it starts.
+Files in folders, such as ``roads/town.yaml``, and rule files replace the default as a whole (:func:`default_file`).
+"""
 
 import copy
+import os
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
@@ -18,7 +25,12 @@ from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
 from trepid.spelling import did_you_mean
 
 ROOT = Path(__file__).resolve().parents[1]
-CONFIG_DIR = ROOT / "config"
+"""The checkout, or the folder that the packages are installed in."""
+_INSTALLED = ROOT / "trepid" / "defaults"  # where a wheel holds the files of config/
+CONFIG_DIR = _INSTALLED if _INSTALLED.is_dir() else ROOT / "config"
+CAR = "TREPID_CAR"
+WHOLE_FILES = frozenset({"fear.yaml"})
+"""Files of a car that replace the default as a whole, like those in folders: rules are proved together."""
 
 
 class Settings(BaseModel):
@@ -55,25 +67,94 @@ def wrong_at(path: Sequence[str | int], message: str) -> PydanticCustomError:
     return PydanticCustomError("wrong_at", "{message}", {"message": message, "path": tuple(path)})
 
 
+def use_car(folder: Path | None) -> None:
+    """Override the defaults by the files in ``folder``, here and in processes started later; None: no car.
+
+    Raises InputError when the folder does not exist or holds a YAML file that overrides nothing.
+    """
+    if folder is None:
+        os.environ.pop(CAR, None)
+        return
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; `trepid init {folder} --like sim` creates one")
+    known = {path.name for path in CONFIG_DIR.glob("*.yaml")}
+    for path in sorted(folder.glob("*.yaml")):
+        if path.name not in known:
+            raise InputError(f"{path}: overrides no file of the defaults; {did_you_mean(path.name, known)}")
+    os.environ[CAR] = str(folder.resolve())
+
+
+def car_folder() -> Path | None:
+    """Folder of the car that overrides the defaults; None without one."""
+    return Path(os.environ[CAR]) if os.environ.get(CAR) else None
+
+
+def default_file(name: str) -> Path:
+    """Path of the file ``name`` that counts as a whole: ``fear.yaml``, or in a folder such as ``roads/town.yaml``.
+
+    The car's file where there is one, else the default.
+    """
+    car = car_folder()
+    return car / name if car is not None and (car / name).exists() else CONFIG_DIR / name
+
+
+def resource(path: Path) -> Path:
+    """The file at ``path`` of a setting: in the folder of the car if it is there, else as shipped."""
+    car = car_folder()
+    return car / path if car is not None and (car / path).exists() else ROOT / path
+
+
 def load(path: Path, model: type[S], *, overrides: Mapping[str, str] | None = None) -> S:
     """Settings of class ``model`` from the YAML file ``path``; ``overrides`` are dotted.key -> YAML text.
 
-    Raises InputError with file:line:column when the file is missing, is no YAML, or does not fit ``model``.
+    A file of the defaults is overridden field by field by that of the car. Raises InputError with file:line:column
+    when a file is missing, is no YAML, or does not fit ``model``.
     """
     if overrides:
         return parse(read(path), model, source=path, overrides=overrides)
-    return _loaded(path, read_text(path), model)
+    over = _override_of(path)
+    return _loaded(path, read_text(path), over, read_text(over) if over else "", model)
 
 
 @lru_cache(maxsize=256)
-def _loaded(path: Path, text: str, model: type[S]) -> S:
+def _loaded(path: Path, text: str, over: Path | None, over_text: str, model: type[S]) -> S:
     """By content, because reading YAML is slow: ten settings files take as long as half a second of driving."""
-    return parse(_mapping(text, path), model, source=path)
+    data = _mapping(text, path)
+    if over is not None:
+        _overlay(data, _mapping(over_text, over), over)
+    return parse(data, model, source=path)
 
 
 def read(path: Path) -> CommentedMap:
-    """The YAML mapping in ``path`` with its line numbers. Raises InputError."""
-    return _mapping(read_text(path), path)
+    """The YAML mapping in ``path``, overridden by that of the car, with line numbers. Raises InputError."""
+    data, over = _mapping(read_text(path), path), _override_of(path)
+    if over is not None:
+        _overlay(data, _mapping(read_text(over), over), over)
+    return data
+
+
+def _override_of(path: Path) -> Path | None:
+    """The file of the car that overrides the default at ``path``; None without one."""
+    car = car_folder()
+    if car is None or path.parent != CONFIG_DIR or path.name in WHOLE_FILES:
+        return None
+    return car / path.name if (car / path.name).exists() else None
+
+
+def _overlay(data: CommentedMap, over: CommentedMap, source: Path) -> None:
+    """Override the fields of ``data`` by those of ``over``, which was read from ``source``; null removes one.
+
+    The places of the fields, and the file each comes from, follow along for error messages.
+    """
+    for key, value in over.items():
+        if isinstance(value, CommentedMap) and isinstance(data.get(key), CommentedMap):
+            _overlay(data[key], value, source)
+        elif value is None:
+            data.pop(key, None)
+        else:
+            data[key] = value
+            data.lc.add_kv_line_col(key, over.lc.data[key])
+            data.sources = {**getattr(data, "sources", {}), key: source}
 
 
 def read_text(path: Path) -> str:
@@ -199,8 +280,18 @@ def _where(
     """Place of a field in the file or on the command line."""
     dotted = ".".join(map(str, _without_tags(path, data)))
     given = next((key for key in overrides or () if f"{dotted}.".startswith(f"{key}.")), None)
+    return f"--set {given}" if given else place(data, path, source)
+
+
+def place(data: Any, path: Sequence[str | int], source: Path | str) -> str:
+    """``file:line:column`` of the deepest part of ``path`` that exists; ``source`` is the file of ``data``."""
     line, column = position(data, path)
-    return f"--set {given}" if given else f"{source}:{line}:{column}"
+    for part in path:
+        if not _has(data, part):
+            continue
+        source = getattr(data, "sources", {}).get(part, source)
+        data = data[part]
+    return f"{source}:{line}:{column}"
 
 
 def complaint(error: ValidationError, data: object, model: type[BaseModel]) -> str:
