@@ -16,12 +16,13 @@ import pytest
 from trepid.config import ROOT
 from trepid.packages import PACKAGES
 
-ROAD = {"trepid", "perception", "supervisor", "controller"}
+ROAD = {"trepid", "perception", "supervisor", "controller", "vehicle"}
 ALLOWED = {
     "trepid": {"trepid"},
     "perception": {"trepid", "perception"},
     "supervisor": {"trepid", "supervisor"},
     "controller": {"trepid", "controller"},
+    "vehicle": {"trepid", "controller", "vehicle"},  # the limiter, as the last step before the wire
     "sim_harness": {*ROAD, "sim_harness"},
     "cockpit": {*ROAD, "cockpit"},
     "learning": {*ROAD, "sim_harness", "learning"},

@@ -154,7 +154,7 @@ def _overlay(data: CommentedMap, over: CommentedMap, source: Path) -> None:
         else:
             data[key] = value
             data.lc.add_kv_line_col(key, over.lc.data[key])
-            data.sources = {**getattr(data, "sources", {}), key: source}
+            vars(data).setdefault("sources", {})[key] = source
 
 
 def read_text(path: Path) -> str:

@@ -5,7 +5,16 @@ from pathlib import Path
 
 from trepid.config import ROOT, InputError
 
-PACKAGES = ("trepid", "perception", "supervisor", "controller", "sim_harness", "cockpit", "learning")
+PACKAGES = (
+    "trepid",
+    "perception",
+    "supervisor",
+    "controller",
+    "vehicle",
+    "sim_harness",
+    "cockpit",
+    "learning",
+)
 
 
 def check_packages() -> None:

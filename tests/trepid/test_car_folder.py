@@ -8,7 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from trepid.config import CAR, CONFIG_DIR, InputError, default_file, load, parse_overrides, read, resource, use_car
+from trepid.config import (
+    CAR,
+    CONFIG_DIR,
+    InputError,
+    default_file,
+    load,
+    parse_overrides,
+    read,
+    resource,
+    use_car,
+)
 from trepid.vehicle import Vehicle
 
 VEHICLE = CONFIG_DIR / "vehicle.yaml"
@@ -34,7 +44,9 @@ def test_a_field_of_the_car_overrides_that_field_alone(car: Path) -> None:
     assert load(VEHICLE, Vehicle) == default.model_copy(update={"wheelbase_m": 2.9})
 
 
-def test_a_file_outside_the_defaults_is_not_overridden(car: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_file_outside_the_defaults_is_not_overridden(
+    car: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     write(car, "wheelbase_m: 2.9\n")
     mine = tmp_path_factory.mktemp("mine") / "vehicle.yaml"
     mine.write_text(VEHICLE.read_text())
@@ -54,7 +66,10 @@ def test_null_removes_a_field_of_the_default(car: Path) -> None:
     ("text", "where"),
     [
         ("# mine\nsteering_ratio: -1\n", "{car}/vehicle.yaml:2:1: steering_ratio"),
-        ("wheelbase: 2.9\n", "{car}/vehicle.yaml:1:1: unknown field 'wheelbase'; did you mean 'wheelbase_m'?"),
+        (
+            "wheelbase: 2.9\n",
+            "{car}/vehicle.yaml:1:1: unknown field 'wheelbase'; did you mean 'wheelbase_m'?",
+        ),
         ("chassis: {mass_kg: 1}\n", "{car}/vehicle.yaml:1:1: 'chassis.cg_to_front_m' is missing"),
     ],
 )
@@ -112,6 +127,9 @@ def test_a_file_that_overrides_nothing_is_refused(tmp_path: Path) -> None:
 
 def test_processes_started_later_use_the_car(car: Path) -> None:
     write(car, "wheelbase_m: 2.9\n")
-    code = "from trepid.config import *; from trepid.vehicle import Vehicle; print(load(CONFIG_DIR / 'vehicle.yaml', Vehicle).wheelbase_m)"
+    code = (
+        "from trepid.config import CONFIG_DIR, load; from trepid.vehicle import Vehicle;"
+        "print(load(CONFIG_DIR / 'vehicle.yaml', Vehicle).wheelbase_m)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "2.9"

@@ -1,0 +1,59 @@
+"""Parts that other packages add through entry points: estimators, cameras, actuators, plants, inputs of fear.
+
+A package declares, for example::
+
+    [project.entry-points."trepid.cameras"]
+    thermal = "my_package.cameras:Thermal"
+"""
+
+from collections.abc import Callable, Mapping
+from enum import StrEnum
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from trepid.config import InputError
+from trepid.spelling import did_you_mean
+
+
+class Group(StrEnum):
+    """Groups of entry points."""
+
+    ESTIMATORS = "trepid.estimators"
+    CAMERAS = "trepid.cameras"
+    ACTUATORS = "trepid.actuators"
+    PLANTS = "trepid.plants"
+    FEAR_INPUTS = "trepid.fear_inputs"
+
+
+@cache
+def added(group: Group) -> Mapping[str, EntryPoint]:
+    """The entry points of ``group`` by name. Raises InputError when two packages add the same name."""
+    found: dict[str, EntryPoint] = {}
+    for point in entry_points(group=group):
+        other = found.setdefault(point.name, point)
+        if other.value != point.value:
+            raise InputError(f"{group} {point.name!r} is added twice, as {other.value} and as {point.value}")
+    return found
+
+
+def names(group: Group, own: Mapping[str, Any]) -> list[str]:
+    """Names of the parts of ``group``: those of Trepid, ``own``, then those of other packages."""
+    return [*own, *(name for name in added(group) if name not in own)]
+
+
+def part(group: Group, name: str, own: Mapping[str, Callable[..., Any]]) -> Callable[..., Any]:
+    """The part called ``name``: one of Trepid's ``own``, else the object of an entry point of ``group``.
+
+    Raises InputError for an unknown name, and when the package of the entry point cannot be imported.
+    """
+    if name in own:
+        return own[name]
+    point = added(group).get(name)
+    if point is None:
+        hint = did_you_mean(name, names(group, own))
+        raise InputError(f"{group.removeprefix('trepid.')}: unknown name {name!r}; {hint}")
+    try:
+        return point.load()
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"{group} {name!r} = {point.value}: cannot be imported: {error}") from error

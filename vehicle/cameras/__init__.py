@@ -1,0 +1,1 @@
+"""Camera sources: frames, stamped when they were captured."""
