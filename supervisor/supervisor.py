@@ -5,8 +5,7 @@ import pathlib
 import sys
 from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
-from types import MappingProxyType
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -21,12 +20,12 @@ from supervisor.path.fusion import FusionSettings, Path
 from supervisor.path.hand_over import HandOver
 from supervisor.rules.inference import CALM, FearResult, FearRules
 from supervisor.rules.verify import load_verified
-from supervisor.situation.features import FEATURES
-from supervisor.situation.ratings import RATED_AS, near_misses, unrated_names
-from supervisor.situation.world_state import WorldState, WorldStateObserver, unknown_features
+from supervisor.situation.features import unknown_features
+from supervisor.situation.ratings import RATED_AS, near_miss, unrated_names
+from supervisor.situation.world_state import WorldState, WorldStateObserver
 from trepid.bounds import at_least, at_most
 from trepid.causes import unknown_cause
-from trepid.config import CONFIG_DIR, InputError, Settings, load, located, position, read, read_text
+from trepid.config import CONFIG_DIR, InputError, Settings, load, located, read, read_text
 from trepid.messages import (
     Decision,
     ImageStatistics,
@@ -37,10 +36,10 @@ from trepid.messages import (
     VehicleState,
 )
 from trepid.spelling import did_you_mean
+from trepid.types import Positive
 from trepid.vehicle import Vehicle
 
 FieldPath = tuple[str | int, ...]
-NO_PLACES: Mapping[FieldPath, str] = MappingProxyType({})
 
 
 class SupervisorSettings(Settings):
@@ -48,20 +47,30 @@ class SupervisorSettings(Settings):
 
     former_names: ClassVar = {"sightings": ("validation",)}
 
-    cruise_speed_mps: Annotated[float, Field(gt=0)]
-    rated_as: dict[str, str] = Field(
-        default=dict(RATED_AS)
-    )  # estimator or kind -> its name in the fear rules
+    cruise_speed_mps: Positive
+    rated_as: dict[str, str] = Field(default=dict(RATED_AS))  # estimator or kind -> its name in the rules
     validation: ValidationSettings
     analyser: AnalyserSettings
     fusion: FusionSettings
     modes: ModeSettings
     follow: FollowSettings
 
-    @property
-    def named_causes(self) -> Iterator[tuple[FieldPath, str]]:
-        """Every cause that the settings name, with the path of its field."""
-        yield from ((("modes", *path), cause) for path, cause in self.modes.causes)
+    def problems(self, rules: FearRules) -> Iterator[tuple[FieldPath, str]]:
+        """Path and error text of every name that ``rules`` do not know, or whose stop can never come.
+
+        A rule for fear or a missing input gives the cause of a stop; a final stop may also have the cause of a
+        fault. A rule file lists the causes that it does not give under ``without``.
+        """
+        for key, problem in unrated_names(rules, self.rated_as):
+            yield ("rated_as", key), problem
+        known, given = rules.file.known_causes, rules.causes.union(rules.file.without)
+        for path, cause in self.modes.causes:
+            problem = unknown_cause(cause, known)
+            if not problem and cause not in (given | FAULTS if "final_causes" in path else given):
+                otherwise = f"a rule file that does not give it needs without: [{cause}]"
+                problem = f"no rule gives the cause {cause!r}; {did_you_mean(cause, rules.causes, otherwise)}"
+            if problem:
+                yield path, problem
 
 
 class Supervisor:
@@ -78,25 +87,15 @@ class Supervisor:
         settings: SupervisorSettings,
         vehicle: Vehicle,
         *,
-        places: Mapping[FieldPath, str] = NO_PLACES,
+        source: pathlib.Path | None = None,
     ) -> None:
-        """``places`` holds file:line:column of the causes in ``settings``, for errors.
-
-        Raises InputError when ``rules`` name an unknown input, or ``settings`` a cause that is unknown or that no
-        rule gives.
-        """
-        self._places = places
-        self._refuse_unfit(rules, settings)
-        self._rules, self._settings = rules, settings
+        """``source`` is the file of ``settings``, for errors. Raises InputError as :meth:`adopt`."""
+        self._settings, self._source = settings, source
+        self.adopt(rules)
         self._observer = WorldStateObserver(
             settings.validation, settings.fusion, settings.follow, vehicle, rated_as=settings.rated_as
         )
-        self._watchdog = Watchdog(
-            fresh_s=settings.validation.fresh_s,
-            lost_s=settings.validation.lost_s,
-            frames_s=settings.modes.comfort_stop_age_s,
-            state_s=settings.validation.state_fresh_s,
-        )
+        self._watchdog = Watchdog(settings.validation, frames_s=settings.modes.comfort_stop_age_s)
         self._doubts = Doubts(settings.modes)
         self._mode = ModeState.initial()
         self._speed = SpeedFactor(settings.cruise_speed_mps)
@@ -105,19 +104,18 @@ class Supervisor:
         self._has_driven = False
 
     def adopt(self, rules: FearRules) -> None:
-        """Use other rules from the next step on; mode, timers and memory stay.
+        """Use ``rules`` from the next step on; mode, timers and memory stay.
 
-        Raises InputError, and keeps the old rules, when ``rules`` name an unknown input, or do not give a cause
-        that the settings name: the stop for it would never come.
+        Raises InputError, and keeps the old rules, when ``rules`` name an unknown input, do not rate a name in the
+        settings, or do not give a cause in the settings: the stop for it would never come.
         """
-        self._refuse_unfit(rules, self._settings)
+        for name, hint in unknown_features(rules.names):
+            raise InputError(f"the fear rules name an unknown input {name!r}; {hint}")
+        for path, problem in self._settings.problems(rules):
+            if self._source is not None:
+                raise InputError(located(path, problem, read(self._source), self._source))
+            raise InputError(f"{'.'.join(map(str, path))}: {problem}")
         self._rules = rules
-
-    def _refuse_unfit(self, rules: FearRules, settings: SupervisorSettings) -> None:
-        _refuse_unknown(rules)
-        for path, problem in cause_problems(settings, rules):
-            place = f"{self._places[path]}: " if path in self._places else ""
-            raise InputError(f"{place}{'.'.join(map(str, path))}: {problem}")
 
     def step(
         self,
@@ -232,34 +230,6 @@ class Supervisor:
         )
 
 
-def cause_problems(settings: SupervisorSettings, rules: FearRules) -> Iterator[tuple[FieldPath, str]]:
-    """Path and error text of every cause in ``settings`` that is unknown, or whose stop can never come.
-
-    A rule for fear or a missing input gives the cause of a stop; a final stop may also have the cause of a fault.
-    A rule file lists the causes that it does not give under ``without``.
-    """
-    known, given = rules.file.known_causes, rules.causes.union(rules.file.without)
-    for path, cause in settings.named_causes:
-        problem = unknown_cause(cause, known)
-        if not problem and cause not in (given | FAULTS if "final_causes" in path else given):
-            otherwise = f"a rule file that does not give it needs without: [{cause}]"
-            problem = f"no rule gives the cause {cause!r}; {did_you_mean(cause, rules.causes, otherwise)}"
-        if problem:
-            yield path, problem
-
-
-def _refuse_unknown(rules: FearRules) -> None:
-    """Raises InputError when ``rules`` name an input that is no feature."""
-    for name, hint in _unknown_inputs(rules):
-        raise InputError(f"the fear rules name an unknown input {name!r}; {hint}")
-
-
-def _unknown_inputs(rules: FearRules) -> Iterator[tuple[str, str]]:
-    """Every input of ``rules`` that is no feature, and the nearest feature or all of them as text."""
-    for name in unknown_features(rules.names):
-        yield name, did_you_mean(name, FEATURES)
-
-
 def build(
     *,
     rules: pathlib.Path = CONFIG_DIR / "fear.yaml",
@@ -269,34 +239,21 @@ def build(
 ) -> Supervisor:
     """A supervisor from its files; ``cruise_speed_mps`` instead of that of the settings. Raises InputError."""
     loaded, verified = load(settings, SupervisorSettings), load_verified(rules)
-    for name, hint in _unknown_inputs(verified):
+    for name, hint in unknown_features(verified.names):
         raise InputError(located(("inputs", name), f"unknown input; {hint}", read(rules), rules))
-    for name, problem in unrated_names(verified, loaded.rated_as):
-        raise InputError(located(("rated_as", name), problem, read(settings), settings))
     _warn_of_near_misses(settings, read_text(settings), verified)
-    places = _places(settings, read_text(settings))
     if cruise_speed_mps is not None:
         loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps})
-    return Supervisor(verified, loaded, load(vehicle, Vehicle), places=places)
-
-
-@lru_cache(maxsize=16)
-def _places(settings: pathlib.Path, _: str) -> Mapping[FieldPath, str]:
-    """file:line:column of every cause in the file ``settings``. Cached by content, as its settings are."""
-    data = read(settings)
-    named = load(settings, SupervisorSettings).named_causes
-    return {path: "{}:{}:{}".format(settings, *position(data, path)) for path, _ in named}
+    return Supervisor(verified, loaded, load(vehicle, Vehicle), source=settings)
 
 
 @lru_cache(maxsize=16)  # one warning a file
 def _warn_of_near_misses(settings: pathlib.Path, _: str, rules: FearRules) -> None:
     """Report keys of ``rated_as`` and ``fusion.trust`` that are nearly the name of a known estimator or kind."""
     loaded = load(settings, SupervisorSettings)
-    sections: tuple[tuple[FieldPath, Mapping[str, object]], ...] = (
-        (("rated_as",), loaded.rated_as),
-        (("fusion", "trust"), loaded.fusion.trust),
-    )
-    for section, names in sections:
-        for name, hint in near_misses(rules, names, also=RATED_AS):
-            warning = f"warning: no rule rates an estimator {name!r}; {hint}"
-            print("trepid:", located((*section, name), warning, read(settings), settings), file=sys.stderr)
+    keys = [("rated_as", name) for name in loaded.rated_as]
+    for path in [*keys, *(("fusion", "trust", name) for name in loaded.fusion.trust)]:
+        hint = near_miss(rules, path[-1])
+        if hint:
+            warning = f"warning: no rule rates an estimator {path[-1]!r}; {hint}"
+            print("trepid:", located(path, warning, read(settings), settings), file=sys.stderr)

@@ -7,6 +7,7 @@ Files in folders, such as ``roads/town.yaml``, and rule files replace the defaul
 """
 
 import copy
+import json
 import os
 import sys
 import warnings
@@ -236,6 +237,13 @@ def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
             raise InputError(f"--set {text}: expected KEY=VALUE")
         overrides[key] = value
     return overrides
+
+
+def json_schema(model: type[BaseModel], title: str) -> str:
+    """The JSON schema (draft 2020-12) of files for ``model``, which editors use; text with a final newline."""
+    draft = "https://json-schema.org/draft/2020-12/schema"
+    schema = {"$schema": draft, **model.model_json_schema(), "title": title}
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
 def put(data: Any, dotted: str, value: object) -> None:

@@ -16,12 +16,11 @@ from cockpit.figure_style import save
 from cockpit.logbook.explain_drive import explain_drive, is_recording
 from cockpit.rulebook.figure import sets_figure, surface_figure
 from cockpit.rulebook.show import show_rules, show_surface
-from supervisor.rules.coverage import calmest
 from supervisor.rules.fcl.export import fcl
 from supervisor.rules.fcl.read import parse_fcl
 from supervisor.rules.inference import FearRules
-from supervisor.rules.rule_file import RuleFile
-from supervisor.rules.schema import rule_schema
+from supervisor.rules.proofs import calmest
+from supervisor.rules.rule_file import RuleFile, rule_schema
 from supervisor.rules.verify import place, verify
 from trepid.config import CONFIG_DIR, InputError, load, read_text
 from trepid.spelling import did_you_mean
@@ -219,6 +218,7 @@ def explain(
     given = _values(values or [], rules)
     values_of_all = {**calmest(rules), **given}
     result = rules.evaluate(values_of_all)
+    fired = list(zip(result.texts, result.strengths, strict=True))
     factor, mode = rules.speed_factor(result.fear), rules.mode(result.fear)  # without hysteresis
     assumed = [name for name in rules.names if name not in given]
     if as_json:
@@ -226,7 +226,7 @@ def explain(
             "fear": result.fear,
             "level": result.level,
             "memberships": rules.memberships(values_of_all),
-            "rules": [{"text": fired.text, "strength": fired.strength} for fired in result.rules],
+            "rules": [{"text": text, "strength": strength} for text, strength in fired],
             "cause": result.cause,
             "speed_factor": factor,
             "mode": mode,
@@ -237,8 +237,8 @@ def explain(
         return
     summary = f"{mode}, speed x {factor:.2f}, because of {result.cause}"
     typer.echo(f"fear {result.fear:.3f} ({result.level}): {summary}")
-    for fired in result.rules:
-        typer.echo(f"  {fired.strength:.2f}  {fired.text}")
+    for text, strength in fired:
+        typer.echo(f"  {strength:.2f}  {text}")
     if assumed:
         shown = ", ".join(assumed[:SHOWN_ASSUMED]) + (", ..." if len(assumed) > SHOWN_ASSUMED else "")
         typer.echo(f"assumed calm, because not given: {len(assumed)} of {len(rules.names)} inputs ({shown})")

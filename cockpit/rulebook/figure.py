@@ -78,7 +78,7 @@ def surface(
 def shown_range(spec: Input) -> tuple[float, float]:
     """The part of the range in which the sets change, and a little of the flat part beyond."""
     low, high = spec.range
-    inner = [x for level in LEVELS for x, _ in spec.shape(level).corners() if low < x < high]
+    inner = [x for shape in spec.shapes.values() for x, _ in shape.corners() if low < x < high]
     tail = TAIL * (max(inner) - min(inner))
     far = min(inner) - low > FAR * (max(inner) - min(inner))
     return (min(inner) - tail if far else low), min(high, max(inner) + tail)
@@ -95,7 +95,7 @@ def _draw_sets(axes: Any, name: str, spec: Input) -> None:
     low, high = shown_range(spec)
     colours = FIVE if spec.risk == "rising" else FIVE[::-1]
     for level, colour in zip(LEVELS, colours, strict=True):
-        corners = [x for x, _ in spec.shape(level).corners() if low < x < high]
+        corners = [x for x, _ in spec.shapes[level].corners() if low < x < high]
         x = np.union1d(np.linspace(low, high, 400), corners)
         degrees = stated_degrees(spec, level, x)
         visible = np.convolve(degrees > spec.tolerance / 2, [1, 1, 1], mode="same") > 0  # with the feet

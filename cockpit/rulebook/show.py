@@ -48,7 +48,7 @@ def show_surface(
 def _set_table(spec: Input) -> Table:
     table = Table(box=None, show_header=False, padding=(0, 1))
     for level in LEVELS:
-        table.add_row(f"  {level}", _curve(spec.shape(level), *shown_range(spec)), _stated(spec, level))
+        table.add_row(f"  {level}", _curve(spec.shapes[level], *shown_range(spec)), _stated(spec, level))
     return table
 
 

@@ -4,7 +4,6 @@ A scenario is a YAML file (``config/scenarios/*.yaml``) or a Python script that 
 list of them, to the variable ``scenarios``.
 """
 
-import json
 import math
 import runpy
 import traceback
@@ -30,7 +29,7 @@ from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.features import Junction, RoadMark
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from supervisor.rules.rule_file import RuleFile
-from trepid.config import CONFIG_DIR, InputError, Settings, load, located, parse, read
+from trepid.config import CONFIG_DIR, InputError, Settings, json_schema, load, located, parse, read
 from trepid.spelling import did_you_mean_or_list
 from trepid.types import NonNegative, Positive
 from trepid.vehicle import Vehicle
@@ -296,10 +295,8 @@ class Scenario(Settings):
 
 
 def scenario_schema() -> str:
-    """The JSON schema of a scenario file (draft 2020-12), as text with a final newline."""
-    draft = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    schema = {**draft, **Scenario.model_json_schema(), "title": "Trepid scenario"}
-    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+    """The JSON schema of scenario files, as text."""
+    return json_schema(Scenario, "Trepid scenario")
 
 
 def list_scenarios() -> list[Scenario]:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from supervisor.inputs.validated import ValidationSettings
 from trepid.causes import Cause
 
 STATISTICS, LEAD, STATE = "statistics", "lead", "state"
@@ -27,10 +28,9 @@ class Fault(NamedTuple):
 class Watchdog:
     """Holds the senders that have sent a message; only these can be lost."""
 
-    def __init__(self, *, fresh_s: float, lost_s: float, frames_s: float, state_s: float) -> None:
-        self._fresh_s, self._lost_s = fresh_s, lost_s
-        self._frames_s = frames_s  # all estimators silent for longer: no frames
-        self._state_s = state_s
+    def __init__(self, limits: ValidationSettings, *, frames_s: float) -> None:
+        """No frames for longer than ``frames_s`` from any estimator are a fault."""
+        self._limits, self._frames_s = limits, frames_s
         self._heard: set[str] = set()
 
     def step(
@@ -51,15 +51,15 @@ class Watchdog:
             self._heard.discard(LEAD)
         else:
             ages[LEAD] = lead_s
-        self._heard.update([name for name, age in ages.items() if age <= self._fresh_s])
-        lost = {name for name in self._heard if ages.get(name, math.inf) > self._lost_s}
+        self._heard.update([name for name, age in ages.items() if age <= self._limits.fresh_s])
+        lost = {name for name in self._heard if ages.get(name, math.inf) > self._limits.lost_s}
         estimators = self._heard & estimator_ages_s.keys()
         cause: str = ""
         if estimators and min(estimator_ages_s.values()) > self._frames_s:
             cause = Cause.STALE_DATA
         elif lost & estimators:
             cause = Cause.LOST_ESTIMATOR
-        elif STATE in self._heard and state_s > self._state_s:
+        elif STATE in self._heard and state_s > self._limits.state_fresh_s:
             cause = Cause.VEHICLE_STATE_LOST
         elif STATISTICS in lost:
             cause = Cause.IMAGE_STATISTICS_LOST

@@ -1,7 +1,7 @@
 """The doubts that stop the car and the assurances that let it drive: one row each, with its time."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from supervisor.inputs.timers import Held, Patience
@@ -164,13 +164,7 @@ DOUBTS = (
         Effect.BRAKE_HARDER,
         "by distance",
     ),
-    Doubt(
-        "calm",
-        lambda m: m.calmer is Mode.KEEP,
-        lambda _, h: h.calm_after_s,
-        Effect.CALM,
-        "by fear",
-    ),
+    Doubt("calm", lambda m: m.calmer is Mode.KEEP, lambda _, h: h.calm_after_s, Effect.CALM, "by fear"),
     Doubt(
         "the road is measured with confidence",
         lambda m: m.road,
@@ -226,15 +220,12 @@ def _of_cause(cause: str, limits_s: dict[str, float], effect: Effect, *, on_the_
     )
 
 
-@dataclass
 class Doubts:
     """The table with a timer for every row."""
 
-    modes: ModeSettings
-    _timers: list[tuple[Doubt, Held | Patience]] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._timers = [(doubt, doubt.timer()) for doubt in doubts_of(self.modes)]
+    def __init__(self, modes: ModeSettings) -> None:
+        self._modes = modes
+        self._timers = [(doubt, doubt.timer()) for doubt in doubts_of(modes)]
 
     def step(self, m: Moment, hysteresis: Hysteresis, *, now_s: float) -> Situation:
         """The situation at ``now_s``: the moment, and the effects of the rows that have lasted for their time."""
@@ -243,7 +234,7 @@ class Doubts:
                 doubt.effect
                 for doubt, timer in self._timers
                 if timer.lasts(
-                    doubt.holds(m), doubt.after_s(self.modes, hysteresis), now_s=now_s, pause=doubt.pauses(m)
+                    doubt.holds(m), doubt.after_s(self._modes, hysteresis), now_s=now_s, pause=doubt.pauses(m)
                 )
             ]
         )

@@ -41,10 +41,10 @@ class ModeSettings(Settings):
 
     @property
     def causes(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
-        """Every cause that the section names, with the path of its field."""
+        """Every cause that the section names, with the path of its field in the file."""
         for field in ("stop_after_s", "emergency_after_s"):
-            yield from (((field, cause), cause) for cause in getattr(self, field))
-        yield from ((("final_causes", i), cause) for i, cause in enumerate(self.final_causes))
+            yield from ((("modes", field, cause), cause) for cause in getattr(self, field))
+        yield from ((("modes", "final_causes", i), cause) for i, cause in enumerate(self.final_causes))
 
 
 class Effect(Enum):

@@ -20,9 +20,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from supervisor.rules.mamdani import Mamdani
-from supervisor.rules.membership import fuzzy_sets, level_sets
 from supervisor.rules.monotone import Monotone, Strengths
-from supervisor.rules.rule_file import FEAR, LEVELS, TRUST_PREFIX, Input, RuleFile
+from supervisor.rules.rule_file import FEAR, LEVELS, TRUST_PREFIX, Input, RuleFile, level_sets
 from supervisor.rules.sentence import Rule, load_rules
 from trepid.bounds import at_most
 from trepid.causes import Cause
@@ -36,13 +35,6 @@ DISTRUST_AT = (0.0, 0.25, 0.5, 0.75, 1.0)
 """1 - trust at the five levels, from trust very_high down: evenly spread, as the words are."""
 
 
-class Fired(NamedTuple):
-    """A rule that fired."""
-
-    text: str
-    strength: float  # 0..1, weight included
-
-
 class FearResult(NamedTuple):
     """Fear, its level, its cause and the rules that fired."""
 
@@ -51,11 +43,6 @@ class FearResult(NamedTuple):
     cause: str
     texts: tuple[str, ...]  # of the rules that fired, strongest first ...
     strengths: tuple[float, ...]  # ... and how strongly
-
-    @property
-    def rules(self) -> tuple[Fired, ...]:
-        """The rules that fired, strongest first."""
-        return tuple(map(Fired, self.texts, self.strengths))
 
 
 class Trust(NamedTuple):
@@ -168,7 +155,7 @@ class FearRules:
         """Degrees of every input, and of fear itself, in their five sets (``skfuzzy.trimf``, ``trapmf``)."""
         x, _ = self.fear_voice.complete(values)
         degrees = {
-            name: {level: shape.membership(value) for level, shape in fuzzy_sets(spec).items()}
+            name: {level: shape.membership(value) for level, shape in spec.shapes.items()}
             for (name, spec), value in zip(self.inputs.items(), x, strict=True)
         }
         fear = self.evaluate(values).fear

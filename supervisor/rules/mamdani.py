@@ -10,7 +10,6 @@ only their two sets differ from 0, and the outline max(min(p, 1 - s), min(q, s))
 
 import itertools
 
-from supervisor.rules.membership import fuzzy_sets
 from supervisor.rules.monotone import Strengths
 from supervisor.rules.rule_file import LEVELS, Input
 from supervisor.rules.sentence import Rule
@@ -22,7 +21,7 @@ class Mamdani:
 
     def __init__(self, rules: tuple[Rule, ...], inputs: dict[str, Input], at: tuple[float, ...]) -> None:
         names = list(inputs)
-        sets = {name: fuzzy_sets(spec) for name, spec in inputs.items()}
+        sets = {name: spec.shapes for name, spec in inputs.items()}
         self._at, self._harms = at, tuple(rule.harm for rule in rules)
         self._weights = tuple(rule.weight for rule in rules)
         self._cases: list[list[list[tuple[int, FuzzySet, bool]]]] = [

@@ -162,7 +162,7 @@ def edge(atom: Atom, spec: Input, harm: int) -> Edge:
     Of a set a <= b <= c <= d, "S or more" rises from a to b, "S or less" falls from c to d, and ``not`` takes the
     complement of the other one, so that every atom of a rule moves the same way with risk.
     """
-    a, b, c, d, rise, fall = spec.shape(atom.set)
+    a, b, c, d, rise, fall = spec.shapes[atom.set]
     upward = (spec.risk == "rising") == (harm > 0)
     if atom.negated:
         found = (c, d, mirrored(fall)) if upward else (b, a, mirrored(rise))

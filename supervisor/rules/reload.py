@@ -15,8 +15,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import watchfiles
-
 from supervisor.rules.inference import FearRules
 from supervisor.rules.verify import load_verified
 from trepid.config import ROOT, InputError, read_text
@@ -75,6 +73,8 @@ class RuleWatch:
         return self._changes.popleft() if self._changes else None
 
     def _watch(self) -> None:
+        import watchfiles  # in this thread, because the import takes 20 ms
+
         try:
             for _ in watchfiles.watch(
                 self._path.parent,

@@ -14,13 +14,12 @@ from pydantic import (
     PrivateAttr,
     Tag,
     WithJsonSchema,
-    field_validator,
     model_validator,
 )
 
 from supervisor.rules.shapes import Compiled, FuzzySet, compile_set, polyline
 from trepid.causes import Cause, known_causes, unknown_cause
-from trepid.config import Settings, wrong_at
+from trepid.config import CONFIG_DIR, Settings, json_schema, wrong_at
 from trepid.messages import Mode
 from trepid.types import Share
 
@@ -100,14 +99,6 @@ class Membership(Settings):
         """Parameters of the function."""
         return tuple(getattr(self, self.function))
 
-    def compiled(self, span: Two, tolerance: float) -> Compiled:
-        """The set as straight lines over the range ``span``. Raises ValueError."""
-        if self.function in ("trimf", "trapmf"):
-            return Compiled(FuzzySet(*_feet_and_shoulders(self.parameters)), 0.0)
-        if self.function == "polyline":
-            return Compiled(polyline(self.parameters), 0.0)
-        return compile_set(self.function, self.parameters, span, tolerance)
-
 
 def _kind(value: object) -> str:
     return "Membership" if isinstance(value, dict | Membership) else "points"
@@ -126,13 +117,6 @@ class Sets(Settings):
     medium: SetSpec
     high: SetSpec
     very_high: SetSpec
-
-    @field_validator("*")
-    @classmethod
-    def _is_a_shape(cls, spec: SetSpec) -> SetSpec:
-        if isinstance(spec, tuple):
-            _feet_and_shoulders(spec)
-        return spec
 
 
 def _feet_and_shoulders(points: Points) -> Four:
@@ -163,7 +147,8 @@ class Input(Settings):
     """Greatest allowed difference in degree between a membership function and the lines it is compiled into."""
     sets: Sets
 
-    _compiled: dict[str, Compiled] = PrivateAttr(default_factory=dict)
+    _shapes: dict[str, FuzzySet] = PrivateAttr(default_factory=dict)
+    _errors: dict[str, float] = PrivateAttr(default_factory=dict)
 
     @property
     def worst(self) -> float:
@@ -185,8 +170,15 @@ class Input(Settings):
         low, high = self.range
         if not low < high:
             raise ValueError(f"range must rise, got {list(self.range)}")
-        self._compiled.update({level: self._compile(level) for level in LEVELS})
-        shapes = [self.shape(level) for level in LEVELS]
+        for level in LEVELS:
+            try:
+                shape, error = _compiled(getattr(self.sets, level), self.range, self.tolerance)
+            except ValueError as problem:
+                raise wrong_at(("sets", level), str(problem)) from problem
+            self._shapes[level] = shape
+            if shape.rise or shape.fall:
+                self._errors[level] = error
+        shapes = list(self._shapes.values())
         if shapes[0][:2] != (low, low):
             raise ValueError(f"very_low must start as a shoulder at {low}: [{low}, {low}, ...]")
         if shapes[-1][2:4] != (high, high):
@@ -195,28 +187,26 @@ class Input(Settings):
             _check_neighbours(name, left, next_name, right)
         return self
 
-    def shape(self, level: str) -> FuzzySet:
-        """The set ``level``, compiled into straight lines."""
-        return self._compiled[level].shape
+    @property
+    def shapes(self) -> dict[str, FuzzySet]:
+        """The five sets by name, compiled into straight lines."""
+        return self._shapes
 
     @property
     def errors(self) -> dict[str, float]:
         """Greatest difference in degree between each membership function and its lines; points have none."""
-        return {
-            level: found.error
-            for level, found in self._compiled.items()
-            if found.shape.rise or found.shape.fall
-        }
+        return self._errors
 
-    def _compile(self, level: str) -> Compiled:
-        spec = getattr(self.sets, level)
-        if isinstance(spec, tuple):
-            return Compiled(FuzzySet(*_feet_and_shoulders(spec)), 0.0)
-        try:
-            found: Compiled = spec.compiled(self.range, self.tolerance)
-        except ValueError as error:
-            raise wrong_at(("sets", level), str(error)) from error
-        return found
+
+def _compiled(spec: SetSpec, span: Two, tolerance: float) -> Compiled:
+    """The set as straight lines over the range ``span``. Raises ValueError."""
+    if isinstance(spec, tuple):
+        return Compiled(FuzzySet(*_feet_and_shoulders(spec)), 0.0)
+    if spec.function in ("trimf", "trapmf"):
+        return Compiled(FuzzySet(*_feet_and_shoulders(spec.parameters)), 0.0)
+    if spec.function == "polyline":
+        return Compiled(polyline(spec.parameters), 0.0)
+    return compile_set(spec.function, spec.parameters, span, tolerance)
 
 
 def _check_neighbours(name: str, left: FuzzySet, next_name: str, right: FuzzySet) -> None:
@@ -228,6 +218,12 @@ def _check_neighbours(name: str, left: FuzzySet, next_name: str, right: FuzzySet
         raise ValueError(f"{name} and {next_name} are not in order")
     if left.c == left.d or right.a == right.b:
         raise ValueError(f"between {name} and {next_name} an edge is vertical: fear would jump")
+
+
+def level_sets(at: tuple[float, ...]) -> dict[str, FuzzySet]:
+    """The five sets of an output: triangles at the positions ``at``, 0 at the positions of their neighbours."""
+    feet = (at[0], *at, at[-1])
+    return {level: FuzzySet(feet[k], at[k], at[k], feet[k + 2]) for k, level in enumerate(LEVELS)}
 
 
 class Action(Settings):
@@ -319,30 +315,29 @@ class RuleFile(Settings):
         return known_causes([*self.causes, *self.inputs])
 
     @model_validator(mode="after")
-    def _missing_inputs_have_known_causes(self) -> "RuleFile":
-        known = self.known_causes
-        for name, spec in self.inputs.items():
-            problem = unknown_cause(spec.missing, known)
-            if problem:
-                raise wrong_at(("inputs", name, "missing"), problem)
-        return self
-
-    @model_validator(mode="after")
-    def _absent_causes_are_known(self) -> "RuleFile":
-        for index, cause in enumerate(self.without):
+    def _names_are_known_and_unambiguous(self) -> "RuleFile":
+        named = [(("inputs", name, "missing"), spec.missing) for name, spec in self.inputs.items()]
+        for path, cause in [
+            *named,
+            *((("without", index), cause) for index, cause in enumerate(self.without)),
+        ]:
             problem = unknown_cause(cause, self.known_causes)
             if problem:
-                raise wrong_at(("without", index), problem)
-        return self
-
-    @model_validator(mode="after")
-    def _names_are_unambiguous(self) -> "RuleFile":
+                raise wrong_at(path, problem)
         for name in self.inputs:
             if name in KEYWORDS or name in self.outputs:
-                raise wrong_at(
-                    ("inputs", name), f"{name!r} is a keyword of the rule language; choose another name"
-                )
+                problem = f"{name!r} is a keyword of the rule language; choose another name"
+                raise wrong_at(("inputs", name), problem)
         for index, name in enumerate(self.estimators):
             if name in self.estimators[:index]:
                 raise wrong_at(("estimators", index), f"{name!r} is listed twice")
         return self
+
+
+SCHEMA_FILE = CONFIG_DIR / "schema" / "fear.json"
+"""The output of ``trepid fear schema``. Rule files name it in their first line, for editors."""
+
+
+def rule_schema() -> str:
+    """The JSON schema of rule files, as text."""
+    return json_schema(RuleFile, "Trepid fear rules")

@@ -18,10 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from skfuzzy import control
 
-from supervisor.rules.coverage import Point, calmest
 from supervisor.rules.inference import FearRules
-from supervisor.rules.membership import level_sets
-from supervisor.rules.rule_file import FEAR, LEVELS, Input
+from supervisor.rules.proofs import Point, calmest
+from supervisor.rules.rule_file import FEAR, Input, level_sets
 from supervisor.rules.sentence import Rule
 from supervisor.rules.shapes import FuzzySet, evaluate
 from trepid.types import Column
@@ -76,7 +75,7 @@ def sample(rules: FearRules, count: int, seed: int) -> list[Point]:
 
 
 def _between_corners(spec: Input, rng: np.random.Generator) -> float:
-    corners = {x for level in LEVELS for x in spec.shape(level)[:4] if spec.range[0] <= x <= spec.range[1]}
+    corners = {x for shape in spec.shapes.values() for x in shape[:4] if spec.range[0] <= x <= spec.range[1]}
     k = int(rng.integers(len(corners) - 1))
     low, high = sorted(corners)[k : k + 2]
     return float(rng.uniform(low, high))
@@ -87,11 +86,12 @@ def simulation(rules: FearRules, *, places: int = 101) -> Any:
 
     The corners of the sets are added to each universe, because scikit-fuzzy interpolates between its points.
     """
-    inputs = {name: _input(name, spec, places) for name, spec in rules.inputs.items()}
-    shapes = level_sets(tuple(action.at for action in rules.file.fear.all))
-    universe = _universe((0.0, 1.0), list(shapes.values()), places)
-    degrees = {level: _degrees(shape, universe) for level, shape in shapes.items()}
-    fear = _variable(control.Consequent, FEAR, universe, degrees)
+    inputs = {
+        name: _variable(control.Antecedent, name, spec.range, spec.shapes, places)
+        for name, spec in rules.inputs.items()
+    }
+    levels = level_sets(tuple(action.at for action in rules.file.fear.all))
+    fear = _variable(control.Consequent, FEAR, (0.0, 1.0), levels, places)
     stated = [_rule(rule, inputs, fear) for rule in rules.fear_voice.rules]
     return control.ControlSystemSimulation(control.ControlSystem(stated))
 
@@ -112,44 +112,30 @@ def stated_degrees(spec: Input, level: str, x: Column) -> Column:
     """Degrees of a set at ``x``, shape (n,), by scikit-fuzzy's own function, not by the compiled lines."""
     stated = getattr(spec.sets, level)
     if isinstance(stated, tuple):
-        return evaluate("trapmf", spec.shape(level)[:4], x)
+        return evaluate("trapmf", spec.shapes[level][:4], x)
     if stated.function == "polyline":
-        return _degrees(spec.shape(level), x)
+        return _degrees(spec.shapes[level], x)
     return evaluate(stated.function, stated.parameters, x)
 
 
 def _degree_difference(spec: Input) -> float:
     x = np.linspace(*spec.range, 1001)
-    return max(
-        float(np.abs(stated_degrees(spec, level, x) - _degrees(spec.shape(level), x)).max())
-        for level in LEVELS
-    )
+    compiled = {level: _degrees(shape, x) for level, shape in spec.shapes.items()}
+    return max(float(np.abs(stated_degrees(spec, level, x) - y).max()) for level, y in compiled.items())
 
 
 def _degrees(shape: FuzzySet, x: Column) -> Column:
     return np.array([shape.membership(value) for value in x.tolist()])
 
 
-def _input(name: str, spec: Input, places: int) -> Any:
-    shapes = {level: spec.shape(level) for level in LEVELS}
-    universe = _universe(spec.range, list(shapes.values()), places)
-    return _variable(
-        control.Antecedent,
-        name,
-        universe,
-        {level: _degrees(shape, universe) for level, shape in shapes.items()},
-    )
-
-
-def _universe(ends: tuple[float, float], shapes: list[FuzzySet], places: int) -> Column:
-    corners = [x for shape in shapes for x, _ in shape.corners() if ends[0] <= x <= ends[1]]
-    return np.union1d(np.linspace(*ends, places), corners)
-
-
-def _variable(kind: Any, name: str, universe: Column, degrees: dict[str, Column]) -> Any:
+def _variable(
+    kind: Any, name: str, ends: tuple[float, float], shapes: dict[str, FuzzySet], places: int
+) -> Any:
+    corners = [x for shape in shapes.values() for x, _ in shape.corners() if ends[0] <= x <= ends[1]]
+    universe = np.union1d(np.linspace(*ends, places), corners)
     variable = kind(universe, name)
-    for level, values in degrees.items():
-        variable[level] = values
+    for level, shape in shapes.items():
+        variable[level] = _degrees(shape, universe)
     return variable
 
 

@@ -5,7 +5,6 @@ A set rises once from 0 to 1 and falls once to 0. The engine works on straight l
 monotonicity and slope proofs are made on these lines.
 """
 
-import itertools
 from bisect import bisect_right
 from typing import NamedTuple
 
@@ -177,9 +176,3 @@ def _simplified(s: Column, y: Column, tolerance: float) -> list[int]:
             kept.append(worst)
             spans += [(i, worst), (worst, j)]
     return sorted(kept)
-
-
-def below(lower: Knots, upper: Knots) -> bool:
-    """Whether an edge with the knots ``lower`` is at no point above one with ``upper``, between the same ends."""
-    places = sorted({s for s, _ in itertools.chain(lower, upper)})
-    return all(curved(s, lower) <= curved(s, upper) for s in places)

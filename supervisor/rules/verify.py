@@ -1,7 +1,7 @@
 """Checks of a rule file before it is used for driving.
 
 =================  ===========================================================================================
-coverage           a rule for fear fires at every point: decided exactly by :mod:`supervisor.rules.coverage`
+coverage           a rule for fear fires at every point: decided exactly by :mod:`supervisor.rules.proofs`
 monotone           by construction of :mod:`supervisor.rules.monotone`, wherever a rule fires
 reaches 0 and 1    at the calmest and at the worst point, which bound all others because fear is monotone
 missing inputs     a missing input makes fear 1: by construction, and evaluated for each input
@@ -21,13 +21,19 @@ from pathlib import Path
 
 import numpy as np
 
-from supervisor.rules.conflicts import contradictions, repetitions
-from supervisor.rules.coverage import Point, calmest, silent_point, worst
 from supervisor.rules.inference import SILENT, FearRules
 from supervisor.rules.monotone import cases
-from supervisor.rules.rule_file import LEVELS, Input
+from supervisor.rules.proofs import (
+    Point,
+    calmest,
+    contradictions,
+    lipschitz,
+    repetitions,
+    silent_point,
+    worst,
+)
+from supervisor.rules.rule_file import Input
 from supervisor.rules.sentence import Rule
-from supervisor.rules.slopes import lipschitz
 from trepid import config
 from trepid.config import InputError
 
@@ -146,7 +152,7 @@ def _points(rules: FearRules) -> Iterator[Point]:
 
 def knots(spec: Input) -> list[float]:
     """Every corner of the sets of an input and the middles between, from calm to risk."""
-    corners = sorted({x for level in LEVELS for x, _ in spec.shape(level).corners()})
+    corners = sorted({x for shape in spec.shapes.values() for x, _ in shape.corners()})
     middles = [(a + b) / 2 for a, b in itertools.pairwise(corners)]
     return sorted([*corners, *middles], reverse=spec.risk == "falling")
 

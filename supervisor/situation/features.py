@@ -6,7 +6,7 @@ which is an unknown lane width), one beyond the worst where none does (no lane w
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from operator import attrgetter
 
 from supervisor.inputs.consistency import Steadiness
@@ -14,10 +14,11 @@ from supervisor.inputs.validated import ValidatedEstimate, surest_of_marking
 from supervisor.path.follow import Lead
 from supervisor.path.fusion import Fused
 from supervisor.rules.rule_file import FORMER_PATH_JITTER
-from supervisor.situation.ratings import CONFIDENCE, JITTER, PATH_JITTER
+from supervisor.situation.ratings import CONFIDENCE, ESTIMATOR_SUFFIXES, JITTER, PATH_JITTER
 from trepid.bounds import at_least
 from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics
+from trepid.spelling import did_you_mean
 
 BEYOND = 1e6  # beyond the range of any input
 _CRAWL_MPS = 1.0  # least speed in the computation of a time gap: at standstill any distance is enough
@@ -49,6 +50,13 @@ FEATURES = EARLY_FEATURES | {
 """Further features belong to the estimators: the name that rates an estimator and one of ESTIMATOR_SUFFIXES."""
 
 Features = dict[str, float | None]
+
+
+def unknown_features(names: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Each of ``names`` that is no feature, with the nearest one as a question."""
+    for name in names:
+        if name not in FEATURES and not name.endswith(ESTIMATOR_SUFFIXES):
+            yield name, did_you_mean(name, FEATURES)
 
 
 def early_features(

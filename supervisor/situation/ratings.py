@@ -40,18 +40,13 @@ def unrated_names(rules: FearRules, rated_as: Mapping[str, str]) -> Iterator[tup
             yield key, f"no rule rates {name!r}; {did_you_mean(name, known)}"
 
 
-def near_misses(
-    rules: FearRules, names: Iterable[str], *, also: Iterable[str] = ()
-) -> Iterator[tuple[str, str]]:
-    """Each of ``names`` that is nearly a name in ``rules`` or ``also``, and a question with that name.
+def near_miss(rules: FearRules, name: str) -> str:
+    """A question with the known estimator or kind that ``name`` nearly is; "" where it is one, or near none.
 
-    Estimators may have further names, so that these are no errors.
+    Estimators may have further names, so that a near miss is no error.
     """
-    known = _named(rules.names, rules.file.estimators).union(RATED_AS.values(), also)
-    for name in names:
-        hint = did_you_mean(name, known, otherwise="", cutoff=0.75)
-        if name not in known and hint:
-            yield name, hint
+    known = _named(rules.names, rules.file.estimators).union(RATED_AS, RATED_AS.values())
+    return "" if name in known else did_you_mean(name, known, otherwise="", cutoff=0.75)
 
 
 def absent_values(rules: FearRules, estimators: int) -> dict[str, float | None]:

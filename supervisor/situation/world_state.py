@@ -17,8 +17,8 @@ from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
 from supervisor.path.follow import Follower, Following, FollowSettings, Lead, judge_lead
 from supervisor.path.fusion import Fused, Fusion, FusionSettings
 from supervisor.rules.inference import FearRules
-from supervisor.situation.features import FEATURES, Features, early_features, features
-from supervisor.situation.ratings import ESTIMATOR_SUFFIXES, RATED_AS, absent_values, rating_names
+from supervisor.situation.features import Features, early_features, features
+from supervisor.situation.ratings import RATED_AS, absent_values, rating_names
 from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.vehicle import Vehicle
@@ -159,8 +159,3 @@ class WorldStateObserver:
             near=self.follower.is_near(ahead, moving),
             features=inputs,
         )
-
-
-def unknown_features(names: tuple[str, ...]) -> list[str]:
-    """Those of ``names`` that are no feature."""
-    return [name for name in names if name not in FEATURES and not name.endswith(ESTIMATOR_SUFFIXES)]

@@ -499,7 +499,7 @@ def test_a_single_weak_estimate_of_an_unmarked_road_stops_the_car_soon() -> None
     assert drive.last(1.0, cv=weak, cnn=NO_LANE).stop is Stop.EMERGENCY
 
 
-NAMED_CAUSES = [(path, cause) for path, cause in SETTINGS.named_causes]
+NAMED_CAUSES = list(SETTINGS.modes.causes)
 
 
 def misspelt(lines: list[str], field: str, cause: str) -> tuple[int, str]:

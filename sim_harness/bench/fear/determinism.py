@@ -8,8 +8,8 @@ import struct
 import subprocess
 import sys
 
-from supervisor.rules.coverage import Point
 from supervisor.rules.inference import FearRules
+from supervisor.rules.proofs import Point
 from trepid.config import CONFIG_DIR, ROOT
 
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from sim_harness.bench.fear.determinism import differing_processes, random_point
-from supervisor.rules.coverage import Point
 from supervisor.rules.inference import FearRules
+from supervisor.rules.proofs import Point
 from supervisor.rules.rule_file import LEVELS, Method, RuleFile
 from supervisor.rules.scikit import fear_of, simulation
 from supervisor.rules.sentence import parse_rule

@@ -8,8 +8,7 @@ and actions have no word in FCL; they stand in the OPTION block, which the stand
 import re
 
 from supervisor.rules.inference import DISTRUST_AT, FearRules
-from supervisor.rules.membership import fuzzy_sets, level_sets
-from supervisor.rules.rule_file import FEAR, LEVELS, Input
+from supervisor.rules.rule_file import FEAR, LEVELS, Input, level_sets
 from supervisor.rules.sentence import Rule
 from supervisor.rules.shapes import FuzzySet
 
@@ -53,7 +52,7 @@ def _terms(sets: dict[str, FuzzySet]) -> list[str]:
 
 
 def _fuzzify(name: str, spec: Input) -> list[str]:
-    return [f"FUZZIFY {name}", *_terms(fuzzy_sets(spec)), "END_FUZZIFY"]
+    return [f"FUZZIFY {name}", *_terms(spec.shapes), "END_FUZZIFY"]
 
 
 def _defuzzify(name: str, at: tuple[float, ...]) -> list[str]:

@@ -16,8 +16,7 @@ from pydantic import ValidationError
 from supervisor.rules.fcl.export import FCL_WORDS, points
 from supervisor.rules.fcl.grammar import Source, hint
 from supervisor.rules.inference import DISTRUST_AT
-from supervisor.rules.membership import level_sets
-from supervisor.rules.rule_file import FEAR, LEVELS, TRUST_PREFIX, RuleFile
+from supervisor.rules.rule_file import FEAR, LEVELS, TRUST_PREFIX, RuleFile, level_sets
 from supervisor.rules.sentence import SentenceError, parse_rule
 from supervisor.rules.shapes import polyline
 from trepid import config
@@ -39,19 +38,21 @@ class _Reader:
 
     def __init__(self, source: Source, like: RuleFile) -> None:
         self.source = source
-        self.inputs: dict[str, dict[str, Any]] = {}
-        self.outputs: dict[str, dict[str, tuple[Token, list[Corner]]]] = {}
-        self.rules: list[tuple[str, list[tuple[int, Token]]]] = []
-        self.labels: dict[str, int] = {}
-        self.causes: dict[int, str] = {}  # of a rule
-        self.declared: dict[str, str] = {}
-        self.without: list[str] = []
-        self.places: dict[tuple[str | int, ...], Token] = {}
-        self.actions = {
-            level: action.model_dump() for level, action in zip(LEVELS, like.fear.all, strict=True)
+        self.data: dict[str, Any] = {
+            "method": "mamdani",
+            "estimators": [],
+            "causes": {},
+            "without": [],
+            "inputs": {},
+            "rules": [],
+            "fear": {level: getattr(like.fear, level).model_dump() for level in LEVELS},
+            "hysteresis": like.hysteresis.model_dump(),
+            "because": {},  # cause of each rule that states one
         }
-        self.hysteresis: dict[str, Any] = like.hysteresis.model_dump()
-        self.head: dict[str, Any] = {"method": "mamdani"}
+        self.outputs: dict[str, dict[str, tuple[Token, list[Corner]]]] = {}
+        self.words: list[list[tuple[int, Token]]] = []  # of each rule, with their offsets in its sentence
+        self.labels: dict[str, int] = {}
+        self.places: dict[tuple[str | int, ...], Token] = {}
 
     def file(self) -> RuleFile:
         _, *blocks = self.source.tree().children
@@ -63,7 +64,7 @@ class _Reader:
 
     def var_input(self, names: list[Any]) -> None:
         for name in names:
-            self.inputs[str(name)] = {"meaning": str(name), "unit": "1", "sets": {}}
+            self.data["inputs"][str(name)] = {"meaning": str(name), "unit": "1", "sets": {}}
             self.places["inputs", str(name)] = name
 
     def var_output(self, names: list[Any]) -> None:
@@ -75,8 +76,8 @@ class _Reader:
             self.places["estimators", len(self.outputs) - 1] = name
 
     def fuzzify(self, parts: list[Any]) -> None:
-        name = self.source.expect(parts[0], self.inputs)
-        spec, ends = self.inputs[name], dict[str, Corner]()
+        name = self.source.expect(parts[0], self.data["inputs"])
+        spec, ends = self.data["inputs"][name], dict[str, Corner]()
         for part in parts[1:]:
             if part.data == "range":
                 spec["range"] = _numbers(part)
@@ -122,38 +123,39 @@ class _Reader:
         for part in parts[1:]:
             label, *words = part.children
             self.require(label not in self.labels, label, "a number that no earlier rule has")
-            self.labels[str(label)] = len(self.rules)
-            self.places["rules", len(self.rules)] = label
-            self.rules.append(_sentence(words))
+            self.labels[str(label)] = len(self.words)
+            self.places["rules", len(self.words)] = label
+            sentence, offsets = _sentence(words)
+            self.data["rules"].append(sentence)
+            self.words.append(offsets)
 
     def option(self, entries: list[Any]) -> None:
         for entry in entries:
-            if entry.data == "without":
-                self.places["without", len(self.without)] = entry.children[0]
-                self.without.append(str(entry.children[0]))
-                continue
-            store, around, key = self.stored(entry)
-            value = entry.children[-1]
-            self.places[(*around, key)] = value
-            store[key] = _plain(value)
+            *around, key = path = self.path(entry)
+            value = self.places[path] = entry.children[-1]
+            part: Any = self.data
+            for name in around:
+                part = part[name]
+            if isinstance(part, list):
+                part.append(str(value))
+            else:
+                part[key] = _plain(value)
 
-    def stored(self, entry: Any) -> tuple[dict[Any, Any], tuple[str, ...], Any]:
-        """Destination of the value of an option: a mapping, its place in the file, and the key."""
-        match entry.data, entry.children[:-1]:
-            case "of_input", [word, name]:
-                name = self.source.expect(name, self.inputs)
-                return self.inputs[name], ("inputs", name), word.lower()
-            case "of_level", [word, level]:
-                level = self.source.expect(level, LEVELS)
-                return self.actions[level], ("fear", level), word.lower()
-            case "hysteresis", [name]:
-                return self.hysteresis, ("hysteresis",), self.source.expect(name, self.hysteresis)
-            case "because", [label]:
+    def path(self, entry: Any) -> tuple[str | int, ...]:
+        """Place of an option in the rule file."""
+        match entry.data, entry.children:
+            case "of_input", [word, name, _]:
+                return "inputs", self.source.expect(name, self.data["inputs"]), word.lower()
+            case "of_level", [word, level, _]:
+                return "fear", self.source.expect(level, LEVELS), word.lower()
+            case "hysteresis", [name, _]:
+                return "hysteresis", self.source.expect(name, self.data["hysteresis"])
+            case "because", [label, _]:
                 self.require(label in self.labels, label, "the number of a rule above")
-                return self.causes, ("because",), self.labels[str(label)]
-            case "cause", [name]:
-                return self.declared, ("causes",), str(name)
-        return self.head, (), "method"
+                return "because", self.labels[str(label)]
+            case "cause", [name, _]:
+                return "causes", str(name)
+        return ("without", len(self.data["without"])) if entry.data == "without" else ("method",)
 
     def require(self, good: bool, token: Token, expected: str) -> None:
         if not good:
@@ -161,25 +163,18 @@ class _Reader:
 
     def checked(self) -> RuleFile:
         for level, place in zip(LEVELS, self.peaks(FEAR), strict=True):
-            self.actions[level]["at"] = place
-        estimators = [name.removeprefix(TRUST_PREFIX) for name in self.outputs if name != FEAR]
-        for name in estimators:
-            self.peaks(TRUST_PREFIX + name)
-        data = {
-            **self.head,
-            "estimators": estimators,
-            **({"causes": self.declared} if self.declared else {}),
-            **({"without": self.without} if self.without else {}),
-            "inputs": self.inputs,
-            "rules": [self.sentence(index) for index in range(len(self.rules))],
-            "fear": self.actions,
-            "hysteresis": self.hysteresis,
-        }
+            self.data["fear"][level]["at"] = place
+        for name in (name for name in self.outputs if name != FEAR):
+            self.peaks(name)
+        self.data["estimators"] = [name.removeprefix(TRUST_PREFIX) for name in self.outputs if name != FEAR]
+        for index, cause in self.data.pop("because").items():
+            self.data["rules"][index] += f" because {cause}"
+        data = {key: value for key, value in self.data.items() if value or key not in ("causes", "without")}
         try:
             file = RuleFile.model_validate(data)
         except ValidationError as error:
             self.source.fail(self.place(error.errors()[0]["loc"]), _complaint(error, data))
-        for index in range(len(self.rules)):
+        for index in range(len(file.rules)):
             self.check_rule(index, file)
         return file
 
@@ -201,16 +196,12 @@ class _Reader:
             self.source.fail(terms["low"][0], f"expected trust at {', '.join(f'{x:g}' for x in DISTRUST_AT)}")
         return at
 
-    def sentence(self, index: int) -> str:
-        cause = self.causes.get(index)
-        return self.rules[index][0] + (f" because {cause}" if cause else "")
-
     def check_rule(self, index: int, file: RuleFile) -> None:
         """Refuse a sentence that is not a rule, at its wrong word, and a cause that is not known."""
         try:
-            rule = parse_rule(self.sentence(index), file.inputs, outputs=file.outputs)
+            rule = parse_rule(file.rules[index], file.inputs, outputs=file.outputs)
         except SentenceError as error:
-            passed = [token for offset, token in self.rules[index][1] if offset <= error.offset]
+            passed = [token for offset, token in self.words[index] if offset <= error.offset]
             self.source.fail(passed[-1] if passed else self.places["rules", index], str(error))
         problem = unknown_cause(rule.cause, file.known_causes)
         if problem:

@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cockpit.rulebook.cli import app
-from supervisor.rules.coverage import calmest, worst
 from supervisor.rules.inference import FearRules
+from supervisor.rules.proofs import calmest, worst
 from supervisor.rules.verify import verify
 from trepid.config import CONFIG_DIR, InputError
 

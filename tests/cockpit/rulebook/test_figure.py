@@ -14,8 +14,8 @@ from cockpit.figure_style import FIVE
 from cockpit.rulebook.cli import app
 from cockpit.rulebook.figure import sets_figure, shown_range, surface, surface_figure
 from cockpit.rulebook.show import SURFACE_COLUMNS, SURFACE_ROWS
-from supervisor.rules.coverage import calmest
 from supervisor.rules.inference import FearRules
+from supervisor.rules.proofs import calmest
 from supervisor.rules.rule_file import LEVELS
 from trepid.config import CONFIG_DIR, ROOT, InputError
 

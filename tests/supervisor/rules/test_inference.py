@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from rule_rig import small_rules
 from scipy.stats import kendalltau
 
-from supervisor.rules.coverage import calmest, worst
 from supervisor.rules.inference import SILENT, FearRules, Trust
+from supervisor.rules.proofs import calmest, worst
 from supervisor.rules.rule_file import LEVELS, Input, RuleFile, Sets
 from supervisor.rules.sentence import parse_rule
 from trepid.config import CONFIG_DIR
@@ -67,13 +67,13 @@ def test_a_missing_input_makes_fear_1_and_is_named(
 ) -> None:
     result = RULES.evaluate({**point, name: absent})
     assert result.fear == 1
-    assert result.rules[0].text.startswith(f"missing {name}")
+    assert result.texts[0].startswith(f"missing {name}")
 
 
 def test_an_input_left_out_is_missing() -> None:
     assert RULES.evaluate({}).fear == 1
     assert {f"missing {name}" for name in RULES.names} <= {
-        fired.text.split(":")[0] for fired in RULES.evaluate({}).rules
+        text.split(":")[0] for text in RULES.evaluate({}).texts
     }
 
 
@@ -100,7 +100,7 @@ def test_fear_is_exactly_0_when_all_is_calm_and_exactly_1_at_the_worst() -> None
 def test_where_no_rule_is_active_fear_is_1() -> None:
     result = rules_of("if speed is very_high then fear is low").evaluate(CALM)
     assert (result.fear, result.cause) == (1, "no_rule")
-    assert result.rules[-1].text == SILENT
+    assert result.texts[-1] == SILENT
 
 
 def test_strength_is_min_for_and_max_for_or_and_times_the_weight() -> None:
@@ -113,9 +113,9 @@ def test_strength_is_min_for_and_max_for_or_and_times_the_weight() -> None:
             "disagreement is low then fear is very_high with weight 0.5",
         )
     )
-    assert both.rules[0].strength == pytest.approx(2 / 3)
-    assert either.rules[0].strength == pytest.approx(0.75)
-    assert weighted.rules[0].strength == pytest.approx(0.375)
+    assert both.strengths[0] == pytest.approx(2 / 3)
+    assert either.strengths[0] == pytest.approx(0.75)
+    assert weighted.strengths[0] == pytest.approx(0.375)
     assert both.fear == pytest.approx(2 / 3)  # a rule for level 1 at strength t gives t
 
 
@@ -224,7 +224,7 @@ def test_evaluating_changes_nothing(point: dict[str, float], other: dict[str, fl
 
 
 def test_rules_are_reported_strongest_first() -> None:
-    strengths = [fired.strength for fired in RULES.evaluate({**CALM, "disagreement": 1.9}).rules]
+    strengths = list(RULES.evaluate({**CALM, "disagreement": 1.9}).strengths)
     assert len(strengths) > 1
     assert strengths == sorted(strengths, reverse=True)
 

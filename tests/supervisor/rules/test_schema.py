@@ -8,8 +8,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from supervisor.rules.rule_file import RuleFile
-from supervisor.rules.schema import SCHEMA_FILE, rule_schema
+from supervisor.rules.rule_file import SCHEMA_FILE, RuleFile, rule_schema
 from trepid import config
 from trepid.config import CONFIG_DIR
 

@@ -9,13 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rule_rig import EVEN, FALLING, RISING, small_rules
 
-from supervisor.rules.conflicts import contradictions
-from supervisor.rules.coverage import silent_point
 from supervisor.rules.inference import FearRules
+from supervisor.rules.proofs import contradictions, lipschitz, silent_point
 from supervisor.rules.rule_file import LEVELS, Input, Membership, Sets
 from supervisor.rules.scikit import stated_degrees
 from supervisor.rules.shapes import FuzzySet, compile_set, curved, evaluate, polyline
-from supervisor.rules.slopes import lipschitz
 from supervisor.rules.verify import verify
 from trepid.config import CONFIG_DIR, InputError
 
@@ -147,10 +145,10 @@ def test_a_rule_dominated_by_another_rule_is_found_on_curved_sets_too() -> None:
 
 
 def test_a_function_and_its_points_infer_the_same_to_the_last_bit() -> None:
-    stated = {level: Membership(trapmf=RISING.shape(level)[:4]) for level in LEVELS}
+    stated = {level: Membership(trapmf=RISING.shapes[level][:4]) for level in LEVELS}
     functions = Input(**{**RISING.model_dump(exclude={"sets"}), "sets": Sets(**stated)})
-    assert [functions.shape(level) for level in LEVELS] == [RISING.shape(level) for level in LEVELS]
-    assert EVEN.low == (0, 0.25, 0.5) and FALLING.shape("low") == FuzzySet(0, 0.25, 0.25, 0.5)
+    assert [functions.shapes[level] for level in LEVELS] == [RISING.shapes[level] for level in LEVELS]
+    assert EVEN.low == (0, 0.25, 0.5) and FALLING.shapes["low"] == FuzzySet(0, 0.25, 0.25, 0.5)
 
 
 def curved_file(folder: Path, function: str) -> Path:

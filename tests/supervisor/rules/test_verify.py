@@ -9,11 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rule_rig import FALLING, RISING, small_rules
 
-from supervisor.rules.conflicts import contradictions, repetitions
-from supervisor.rules.coverage import calmest, silent_point, worst
 from supervisor.rules.inference import SILENT, FearRules
+from supervisor.rules.proofs import calmest, contradictions, lipschitz, repetitions, silent_point, worst
 from supervisor.rules.rule_file import LEVELS
-from supervisor.rules.slopes import lipschitz
 from supervisor.rules.verify import knots, load_verified, verify
 from supervisor.supervisor import build
 from trepid.config import CONFIG_DIR, InputError
