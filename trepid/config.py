@@ -52,7 +52,8 @@ class Settings(BaseModel):
         for former in cls.former_names.keys() & data.keys():
             names = cls.former_names[former]
             print(f"trepid: warning: the setting {former} is now {' and '.join(names)}", file=sys.stderr)
-            today |= dict.fromkeys(names, data[former])
+            for name in names:
+                today[name] = _over(today.get(name), data[former])
         return today
 
 
@@ -61,6 +62,11 @@ class InputError(Exception):
 
 
 S = TypeVar("S", bound=BaseModel)
+
+
+def _over(below: Any, above: Any) -> Any:
+    """``above``; for two mappings the fields of both, those of ``above`` first."""
+    return {**below, **above} if isinstance(below, Mapping) and isinstance(above, Mapping) else above
 
 
 def wrong_at(path: Sequence[str | int], message: str) -> PydanticCustomError:

@@ -5,13 +5,16 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
+from pydantic import ConfigDict
 
 from trepid.config import (
     CAR,
     CONFIG_DIR,
     InputError,
+    Settings,
     default_file,
     load,
     parse_overrides,
@@ -22,6 +25,14 @@ from trepid.config import (
 from trepid.vehicle import Vehicle
 
 VEHICLE = CONFIG_DIR / "vehicle.yaml"
+
+
+class Renamed(Settings):
+    """A section of ``supervisor.yaml`` with a former name."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+    former_names: ClassVar = {"sightings": ("validation",)}
+    validation: dict[str, float]
 
 
 @pytest.fixture
@@ -133,3 +144,13 @@ def test_processes_started_later_use_the_car(car: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "2.9"
+
+
+def test_a_section_under_its_former_name_overrides_its_fields_alone(
+    car: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = CONFIG_DIR / "supervisor.yaml"
+    default = load(settings, Renamed).validation
+    (car / "supervisor.yaml").write_text("sightings: {fresh_s: 0.2}\n")
+    assert load(settings, Renamed).validation == {**default, "fresh_s": 0.2}
+    assert "the setting sightings is now validation" in capsys.readouterr().err
