@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from controller.model.bicycle import GRAVITY_MPS2, understeer_angle
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
 from trepid.vehicle import Vehicle, road_wheel_angle
 
@@ -38,23 +39,24 @@ def steer(
     vehicle: VehicleFile = VEHICLE,
     roll: Annotated[float, typer.Option(help="Bank of the road [rad], + = left side up.")] = 0.0,
     settings: Settings = None,
+    car: Car = None,
     as_json: AsJson = False,
 ) -> None:
     """Steering angles that hold a curvature at a speed: δ = atan(L·κ) + K_us·(κ·v² + g·roll)."""
     for name, value in (("--curvature", curvature), ("--speed", speed), ("--roll", roll)):
         if not math.isfinite(value):
             raise InputError(f"{name}: expected a finite number, got {value}")
-    car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
-    kinematic_rad = road_wheel_angle(curvature, wheelbase_m=car.wheelbase_m)
-    understeer_rad = understeer_angle(curvature, speed_mps=speed, vehicle=car, roll_rad=roll)
+    loaded = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
+    kinematic_rad = road_wheel_angle(curvature, wheelbase_m=loaded.wheelbase_m)
+    understeer_rad = understeer_angle(curvature, speed_mps=speed, vehicle=loaded, roll_rad=roll)
     angle_rad = kinematic_rad + understeer_rad
     if not math.isfinite(angle_rad):
         raise InputError(f"--curvature {curvature} --speed {speed}: too large to compute with")
-    if abs(angle_rad) > (most_rad := car.max_road_wheel_angle_rad):
-        typer.echo(f"{car.name}: larger than the largest road-wheel angle, {most_rad} rad", err=True)
+    if abs(angle_rad) > (most_rad := loaded.max_road_wheel_angle_rad):
+        typer.echo(f"{loaded.name}: larger than the largest road-wheel angle, {most_rad} rad", err=True)
     angles = {
         "road_wheel_angle_rad": angle_rad,
-        "steering_wheel_angle_deg": math.degrees(angle_rad) * car.steering_ratio,
+        "steering_wheel_angle_deg": math.degrees(angle_rad) * loaded.steering_ratio,
         "kinematic_road_wheel_angle_rad": kinematic_rad,
         "understeer_rad": understeer_rad,
     }
@@ -87,6 +89,7 @@ def identify(
         ),
     ] = None,
     settings: Settings = None,
+    car: Car = None,
     as_json: AsJson = False,
 ) -> int:
     """Understeer, ratio, offset, dead time and lag of the steering from a log, with 95 % confidence intervals.
@@ -97,12 +100,12 @@ def identify(
     from controller.identify.identification import identify_understeer
     from controller.identify.steering_response import identify_response
 
-    car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
+    loaded = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
     drive = read_log(log, dict(_renaming(text) for text in column or []))
     if not drive.complete:
         print(f"trepid: {log}: cut short; read up to its last whole chunk", file=sys.stderr)
-    steady = identify_understeer(drive, car, known_ratio=known_ratio, anyway=anyway)
-    response = identify_response(drive, car)
+    steady = identify_understeer(drive, loaded, known_ratio=known_ratio, anyway=anyway)
+    response = identify_response(drive, loaded)
     found = {**steady.parameters, **response.parameters}
     excitation = {**steady.excitation, **response.excitation}
     parts = {"understeer": steady, "response": response}
@@ -128,6 +131,7 @@ def margins(
         typer.Option(help="Draw Bode and step diagrams of the loop into this file (.png, .svg, .pdf)."),
     ] = None,
     settings: Settings = None,
+    car: Car = None,
     as_json: AsJson = False,
 ) -> None:
     """Bandwidth [rad/s] and gain [dB], phase [deg], delay [s] and disk margins of the LQI loop over speed [m/s]."""
@@ -135,9 +139,9 @@ def margins(
     from controller.laws.lqi import Lqi
     from controller.laws.lqi_design import disk_margin, draw
 
-    car = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
+    loaded = load(vehicle, Vehicle, overrides=parse_overrides(settings or []))
     lateral = load(CONFIG_DIR / "controller.yaml", ControllerSettings).lateral
-    law = Lqi(lateral.lqi, car, command_delay_s=lateral.command_delay_s)
+    law = Lqi(lateral.lqi, loaded, command_delay_s=lateral.command_delay_s)
     rows = [
         {
             "speed_mps": design.speed_mps,
@@ -150,7 +154,7 @@ def margins(
         for design, lags in zip(law.designs, law.lags, strict=True)
     ]
     if picture is not None:
-        draw(picture, law.designs, law.lags, title=f"LQI steering loop of {car.name}")
+        draw(picture, law.designs, law.lags, title=f"LQI steering loop of {loaded.name}")
     if as_json:
         typer.echo(json.dumps(rows))
         return

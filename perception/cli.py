@@ -19,6 +19,7 @@ from perception.images.frames import FrameResult, Step, print_json, print_table,
 from perception.images.sources import Source, Still
 from perception.lead.cli import estimate_leads
 from trepid.camera import Camera
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import SteeringEstimate
 from trepid.types import Image
@@ -53,6 +54,7 @@ def estimate(
     detector: Annotated[
         Path | None, typer.Option(help="With --estimator lead: an .onnx or .tflite box detector.")
     ] = None,
+    car: Car = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object per frame on standard output.")
     ] = False,

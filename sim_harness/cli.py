@@ -24,6 +24,7 @@ from sim_harness.sweep.plan import Plan, by_sampling, by_seeds, plan, select
 from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.show import Report, show
 from sim_harness.sweep.sweep import Workforce, saving, workforce
+from trepid.commands.car_option import Car
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
@@ -59,6 +60,7 @@ def list_verb(
         typer.Argument(metavar="[S...]", help="Show these scenarios with all of their text."),
     ] = None,
     tags: Tags = None,
+    car: Car = None,
     as_json: AsJson = False,
 ) -> int:
     """List the scenarios, one a line and shortened to the width of the terminal."""
@@ -124,6 +126,7 @@ def run_verb(
     record: Annotated[
         Path | None, typer.Option(metavar="F.mcap", help="Record a single run in the format of a live drive.")
     ] = None,
+    car: Car = None,
     as_json: AsJson = False,
 ) -> int:
     """Run scenarios in lock-step; exit code 1 when a run fails.
@@ -192,6 +195,7 @@ def limits_verb(
     ] = TOLERANCE,
     corners: Annotated[int, typer.Option(min=0, help="Number of random corners to search as well.")] = 0,
     settings: Changes = None,
+    car: Car = None,
     as_json: AsJson = False,
 ) -> int:
     """Search the limit of each range in `vary` at which the scenario fails; exit code 1 when no case passes."""

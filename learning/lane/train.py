@@ -14,6 +14,7 @@ from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, or
 from perception.net.canonical import cropped
 from perception.net.steer_net import Calibration, Network, Record
 from trepid.camera import Camera
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.vehicle import Vehicle
 
@@ -32,6 +33,7 @@ def train(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for frames and checkpoint.")] = Path("out/train"),
     weights: WeightsFolder = SHIPPED,
+    car: Car = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue from existing frames and checkpoint.")
     ] = False,

@@ -16,6 +16,7 @@ from learning.rendered import SHIPPED, Part, WeightsFolder, need_torch, origin, 
 from perception.lead.detection import Platt, Record, peaks
 from perception.net.session import open_session
 from trepid.camera import Camera
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, load
 
 FRAMES_PER_ROAD = 60
@@ -31,6 +32,7 @@ def train_lead(
     seed: Annotated[int, typer.Option(min=0, help="Seed of roads, augmentation and initial weights.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for frames.")] = Path("out/train_lead"),
     weights: WeightsFolder = SHIPPED,
+    car: Car = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue from existing frames.")] = False,
 ) -> None:
     """Train the lead detector on rendered vehicles and write its weights; needs the extra 'train'."""

@@ -13,6 +13,7 @@ from perception.camera.drive_clip import steps_of
 from perception.camera.straight_drive import Mounting, mounting
 from perception.images.sources import Clip, Still, sources
 from trepid.camera import Camera
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.types import Image
 
@@ -55,6 +56,7 @@ def calibrate(
     ] = CONFIG_DIR / "camera.yaml",
     out: Annotated[Path | None, typer.Option(help="Camera file to write. Default: print it.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON only.")] = False,
 ) -> None:
     """Measure a camera: lens and focal length from a chessboard, pitch, yaw and height from driving straight."""

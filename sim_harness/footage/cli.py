@@ -18,6 +18,7 @@ from sim_harness.footage.clip import Drive, load_drive
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.footage.resimulation import Resimulation, resimulate
 from trepid.camera import Camera
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.vehicle import Vehicle
 
@@ -57,6 +58,7 @@ def resimulate_verb(
     skip: Annotated[int, typer.Option(min=0, help="Number of first frames to skip.")] = 0,
     frames: Annotated[int | None, typer.Option(min=1, help="Largest number of frames.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Write shifted views of one frame (.png).")] = None,
+    car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON Lines.")] = False,
 ) -> int:
     """Drive in closed loop on footage reprojected to the simulated car; exit code 1 after an intervention.

@@ -17,6 +17,7 @@ from sim_harness.live.drive import DriveSettings, Show
 from sim_harness.live.drive import drive as drive_scenario
 from sim_harness.live.drive_log import DriveLog
 from sim_harness.scenarios.scenario import load_scenario
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, load, parse_overrides
 from trepid.messages import Health
 from trepid.processes.launch import Fleet
@@ -41,6 +42,7 @@ def drive(
     ] = None,
     dashboard: Annotated[bool, typer.Option(help="Live status in the terminal.")] = True,
     record: Annotated[Path | None, typer.Option(help="Record every topic to this MCAP file.")] = None,
+    car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> int:
     """Drive with all processes (camera, perception, supervisor, controller, vehicle) over Zenoh."""

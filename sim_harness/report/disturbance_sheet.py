@@ -19,6 +19,7 @@ from sim_harness.world.roads.disturbance_table import load_table
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturbed
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.types import Image
 
@@ -42,6 +43,7 @@ def disturbances_verb(
     ] = None,
     road: Annotated[str, typer.Option(help="A name in config/roads/.")] = "circuit",
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> int:
     """Show the grades of each disturbance in numbers and in a picture."""

@@ -18,6 +18,7 @@ from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame
 from trepid.types import Image
@@ -40,6 +41,7 @@ def leads_verb(
     picture: Annotated[Path, typer.Option(help="File to draw into, .png or .jpg.")],
     road: Annotated[str, typer.Option(help="A name in config/roads/.")] = "circuit",
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    car: Car = None,
 ) -> int:
     """Draw the detections of the lead detector on a road, near and far, in good and bad light."""
     sheet = lead_sheet(load_road(road), seed=seed)

@@ -11,6 +11,7 @@ from sim_harness.report.road_facts import show_verb
 from sim_harness.world.opendrive.reader import read_opendrive
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.road import Road, RoadSettings
+from trepid.commands.car_option import Car
 from trepid.config import InputError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
@@ -21,6 +22,7 @@ app.command("show")(show_verb)
 def export_verb(
     road: Annotated[str, typer.Argument(help="A name in config/roads/, or a .yaml file.")],
     out: Annotated[Path, typer.Argument(metavar="OUT.xodr")],
+    car: Car = None,
 ) -> None:
     """Write a road as an OpenDRIVE 1.7 file."""
     from sim_harness.world.opendrive.export import write_opendrive  # needs the extra `roads`

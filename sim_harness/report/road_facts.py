@@ -11,6 +11,7 @@ import typer
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 
 STEP_M = 0.5
@@ -27,6 +28,7 @@ def show_verb(
     ] = None,
     count: Annotated[int, typer.Option(min=1, max=64, help="Views of each road, without --at.")] = 8,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the textures.")] = 0,
+    car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON Lines.")] = False,
 ) -> int:
     """Check roads, print their facts, and draw camera views and a map of each."""

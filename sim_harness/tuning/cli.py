@@ -18,6 +18,7 @@ from sim_harness.sweep.plan import Plan, by_sampling, plan, select
 from sim_harness.sweep.show import INTERRUPTED
 from sim_harness.tuning.numbers import NumberedText
 from sim_harness.tuning.settings import Span, TuneSettings, parse_vary
+from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ def tune(
     out: Annotated[
         Path | None, typer.Option(metavar="NEW.yaml", help="The new rule file; default: FILE with _tuned.")
     ] = None,
+    car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> int:
     """Optimise numbers of a rule file over scenarios and evaluate the result on other cases.
