@@ -61,12 +61,15 @@ class SimulatedVehicle:
         scenario: Scenario,
         road: Road,
         vehicle: Vehicle,
-        limiter: Limiter,
+        limiter: Limiter | None,
         settings: SimulatorSettings,
         *,
         seed: int,
     ) -> None:
-        """``vehicle`` is the nominal vehicle; the scenario holds the deviations of its plant."""
+        """``vehicle`` is the nominal vehicle; the scenario holds the deviations of its plant.
+
+        Without ``limiter`` commands take effect as they are: behind a wire, whose near end has the limiter.
+        """
         self.road = road
         self._plant = build_plant(scenario.plant, vehicle)
         self._vehicle = self._plant.vehicle
@@ -101,6 +104,9 @@ class SimulatedVehicle:
         while self._ticks < due and self._applied is not None:
             self._advance(self._applied)
         state = self._measure()
+        if self._limiter is None:
+            self._applied = command
+            return state, self._truth()
         self._applied = self._limiter.step(command, received_s, state, now_s=now_s)
         return self._limiter.report(state), self._truth()
 

@@ -227,3 +227,11 @@ def test_while_the_car_waits_only_the_clock_advances():
     assert before.lead_gap_m == after.lead_gap_m == pytest.approx(12.0)
     begun = simulated.step(None, None, now_s=10.0)[1]
     assert (begun.t_s, begun.elapsed_s) == (10.0, 0.0)
+
+
+def test_without_a_limiter_a_command_takes_effect_as_it_is():
+    scenario = scenario_of()
+    bare = SimulatedVehicle(scenario, scenario.build_road(), SHUTTLE, None, QUIET, seed=0)
+    limited = vehicle_on(scenario)
+    command = drive(0.1, 1.0)
+    assert run(bare, command, 2.0) == run(limited, command, 2.0)

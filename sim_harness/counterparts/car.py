@@ -1,0 +1,46 @@
+"""The simulated car of a counterpart: commands from a wire in, the measured state out; the truth on the bus.
+
+The limiter stands at the other end of the wire, so commands take effect as they arrive.
+"""
+
+from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
+from sim_harness.scenarios.scenario import LeadSensor, Scenario
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.messages import Command, VehicleState
+from trepid.processes.process import Process, Ticker
+from trepid.topics import LEAD_VEHICLE, SIM_TRUTH
+from trepid.vehicle import Vehicle
+
+
+class CarBehindWire:
+    """The simulated car of the drive of a process; its options are ``scenario`` and ``seed``.
+
+    Raises InputError without a scenario: a counterpart has no part in a drive of a real car.
+    """
+
+    def __init__(self, me: Process) -> None:
+        if me.options.get("scenario") is None:
+            raise InputError(f"process {me.name} simulates a car and needs a scenario; a real car has none")
+        scenario = Scenario.model_validate(me.options["scenario"])
+        self.settings, self.vehicle = load_simulator(), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+        self._simulated = SimulatedVehicle(
+            scenario, scenario.build_road(), self.vehicle, None, self.settings, seed=me.options.get("seed", 0)
+        )
+        self._send_truth, self._send_lead = me.bus.publisher(SIM_TRUTH), me.bus.publisher(LEAD_VEHICLE)
+        self._publishes_lead = scenario.leads_by is LeadSensor.TRUTH
+        self._lead_ticker = Ticker(LEAD_VEHICLE.rate_hz)
+
+    def step(self, command: Command | None, *, now_s: float) -> VehicleState:
+        """Advance to ``now_s``, then apply ``command``; the measured state.
+
+        The run begins with the first command; until then, without one, the car stands at the start of the scenario.
+        """
+        if command is None:
+            state, truth = self._simulated.wait(now_s=now_s)
+        else:
+            state, truth = self._simulated.step(command, now_s, now_s=now_s)
+        self._send_truth(truth)
+        lead = self._simulated.sense_lead() if self._publishes_lead else None
+        if lead is not None and self._lead_ticker.due():
+            self._send_lead(lead)
+        return state
