@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -34,7 +34,6 @@ class Entry:
     stages: tuple[str, ...] = ()  # of a pipeline
 
 
-@cache  # reading YAML takes as long as ten frames, and every still builds an estimator
 def lane_cv_settings() -> LaneCvSettings:
     """``config/perception.yaml``. Raises InputError."""
     return load(CONFIG_DIR / "perception.yaml", LaneCvSettings)

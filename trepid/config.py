@@ -105,6 +105,13 @@ def default_file(name: str) -> Path:
     return car / name if car is not None and (car / name).exists() else CONFIG_DIR / name
 
 
+def default_names(folder: str) -> list[str]:
+    """Names, sorted and without suffix, of the YAML files in ``folder`` of ``config/`` and of the car."""
+    car = car_folder()
+    tops = [CONFIG_DIR, *([car] if car is not None else [])]
+    return sorted({path.stem for top in tops for path in (top / folder).glob("*.yaml")})
+
+
 def resource(path: Path) -> Path:
     """The file at ``path`` of a setting: in the folder of the car if it is there, else as shipped."""
     car = car_folder()
@@ -162,6 +169,12 @@ def _overlay(data: CommentedMap, over: CommentedMap, source: Path) -> None:
             data[key] = value
             data.lc.add_kv_line_col(key, over.lc.data[key])
             vars(data).setdefault("sources", {})[key] = source
+
+
+def texts(path: Path) -> tuple[str, ...]:
+    """The text in ``path`` and, where there is one, that of the file of the car above it. Raises InputError."""
+    over = _override_of(path)
+    return read_text(path), *([read_text(over)] if over is not None else [])
 
 
 def read_text(path: Path) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from supervisor.rules.inference import FearRules
 from supervisor.rules.reload import FROM_S, TEXT
-from trepid.config import CONFIG_DIR, InputError
+from trepid.config import InputError, default_file
 from trepid.messages import CompressedFrame, Decision, SteeringEstimate, VehicleState
 from trepid.recording.reader import Recorded, read_recording
 from trepid.topics import CAMERA_COMPRESSED, COMMAND, DECISION, DIAGNOSTICS, VEHICLE_STATE, estimate_topic
@@ -143,7 +143,7 @@ def recall(path: Path, rules: Path | None = None) -> Recall:
         return Recall(recorded, FearRules.load(rules), str(rules))
     attached = next((name for name in recorded.files if name.endswith(".yaml")), None)
     if attached is None:
-        shipped = CONFIG_DIR / RULES_NAME
+        shipped = default_file(RULES_NAME)
         return Recall(recorded, FearRules.load(shipped), f"{shipped.name} as it is now (none was recorded)")
     changes = tuple(_changes(recorded, path))
     since = f", changed {len(changes)} times during the drive" if changes else ""

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +43,6 @@ class LeadSettings(Settings):
     choice: ChoiceSettings
 
 
-@cache  # a folder of stills builds a detector for each
 def lead_settings() -> LeadSettings:
     """``config/lead.yaml``. Raises InputError."""
     return load(CONFIG_DIR / "lead.yaml", LeadSettings)

@@ -12,7 +12,7 @@ from pydantic import Field, create_model
 from ruamel.yaml.comments import CommentedMap
 
 from perception.techniques.stages import KINDS
-from trepid.config import CONFIG_DIR, InputError, Settings, located, parse, read, read_text
+from trepid.config import CONFIG_DIR, InputError, Settings, located, parse, read, texts
 from trepid.messages import EstimateKind
 from trepid.spelling import did_you_mean
 from trepid.types import Positive, PositiveShare
@@ -76,11 +76,11 @@ class Recipe:
 
 def recipes(path: Path = PIPELINES) -> dict[str, Recipe]:
     """All pipelines of the file by name. Raises InputError with file:line:column."""
-    return _recipes(path, read_text(path))
+    return _recipes(path, *texts(path))
 
 
 @lru_cache(maxsize=8)  # by content, as trepid.config: reading YAML is slow
-def _recipes(path: Path, text: str) -> dict[str, Recipe]:
+def _recipes(path: Path, *_: str) -> dict[str, Recipe]:
     data = read(path)
     return {str(name): _recipe(str(name), data, path) for name in data}
 

@@ -1,7 +1,5 @@
 """Scores of fear as a predictor of departures."""
 
-from functools import cache
-
 import numpy as np
 from scipy.stats import rankdata
 
@@ -9,7 +7,7 @@ from sim_harness.judging.margins import STANDING_MPS, time_gap_s
 from sim_harness.judging.trace import Trace
 from supervisor.modes.modes import STARTING
 from supervisor.rules.inference import FearRules
-from trepid.config import CONFIG_DIR
+from trepid.config import default_file
 from trepid.types import Column, Mask
 
 HORIZON_S = 3.0  # fear counts as a prediction at most this long before a departure
@@ -138,8 +136,7 @@ def _stretches(t_s: Column, flags: Mask) -> list[tuple[int, int]]:
     return stretches
 
 
-@cache
 def _afraid_from() -> float:
     """The least fear whose level is AFRAID."""
-    actions = FearRules.load(CONFIG_DIR / "fear.yaml").file.fear
+    actions = FearRules.load(default_file("fear.yaml")).file.fear
     return (actions.low.at + getattr(actions, AFRAID).at) / 2

@@ -3,8 +3,6 @@
 NaN where the margin is undefined, inf where the event will not occur in the present motion.
 """
 
-from functools import cache
-
 import numpy as np
 
 from sim_harness.judging.trace import Trace
@@ -56,9 +54,8 @@ def lane_edge_distance_m(trace: Trace) -> Column:
     return trace["lane_width_m"] / 2 - np.maximum(np.abs(offset_m), np.abs(front_m)) - half_m
 
 
-@cache
 def default_vehicle() -> Vehicle:
-    """The vehicle of ``config/vehicle.yaml``."""
+    """The vehicle of ``vehicle.yaml``."""
     return load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
 

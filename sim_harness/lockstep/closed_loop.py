@@ -32,13 +32,13 @@ from sim_harness.lockstep.stack import Perception, Stack
 from sim_harness.lockstep.vehicle import SimulatedVehicle, SimulatorSettings, load_simulator
 from sim_harness.scenarios.events import with_events
 from sim_harness.scenarios.faults import EstimatorBias, LostLane
-from sim_harness.scenarios.scenario import RULES_FILE, LeadSensor, Scenario, Sight
+from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.disturbance_table import load_table
 from supervisor.rules.rule_file import RuleFile
 from supervisor.supervisor import Supervisor
 from trepid.camera import Camera
-from trepid.config import CONFIG_DIR, load
+from trepid.config import CONFIG_DIR, default_file, load
 from trepid.messages import (
     Command,
     Decision,
@@ -175,7 +175,7 @@ def check_configuration(scenarios: Iterable[Scenario]) -> None:
     scenarios = tuple(scenarios)
     load_simulator()
     load(CONFIG_DIR / "camera.yaml", Camera)
-    load(RULES_FILE, RuleFile)  # its levels of fear are words of conditions
+    load(default_file("fear.yaml"), RuleFile)  # its levels of fear are words of conditions
     controller.limiter.build()
     controller.controller.build()
     for rules in dict.fromkeys(scenario.rules_file for scenario in scenarios):

@@ -29,14 +29,22 @@ from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.features import Junction, RoadMark
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from supervisor.rules.rule_file import RuleFile
-from trepid.config import CONFIG_DIR, InputError, Settings, json_schema, load, located, parse, read
+from trepid.config import (
+    CONFIG_DIR,
+    InputError,
+    Settings,
+    default_file,
+    default_names,
+    json_schema,
+    load,
+    located,
+    parse,
+    read,
+)
 from trepid.spelling import did_you_mean_or_list
 from trepid.types import NonNegative, Positive
 from trepid.vehicle import Vehicle
 
-SCENARIO_DIR = CONFIG_DIR / "scenarios"
-ROAD_DIR = CONFIG_DIR / "roads"
-RULES_FILE = CONFIG_DIR / "fear.yaml"
 SCHEMA_FILE = CONFIG_DIR / "schema" / "scenario.json"
 """The output of ``trepid sim schema``; scenario files name it in their first line, for YAML plug-ins of editors."""
 Problem = tuple[tuple[str | int, ...], str]
@@ -123,7 +131,7 @@ class Scenario(Settings):
     name: str = ""  # default: the name of the file
     description: str
     tags: Annotated[tuple[Tag, ...], Field(min_length=1)]
-    road: str  # a name in config/roads/, or a .yaml or .xodr (OpenDRIVE) file in the folder of the scenario
+    road: str  # a name in roads/ (car, config), or a .yaml or .xodr (OpenDRIVE) file in the folder of the scenario
     segments: tuple[Segment, ...] | None = None  # reference line instead of the road's, as an open road
     marks: tuple[RoadMark, ...] | None = None  # instead of the road's; default with `segments`: none
     junctions: tuple[Junction, ...] | None = None  # as `marks`
@@ -177,12 +185,14 @@ class Scenario(Settings):
             raise InputError(f"scenario {self.name}: road {self.road}: {one_line(error)}") from error
 
     def _road_file(self) -> Path:
-        return Path(self.road) if self.road.endswith(ROAD_SUFFIXES) else ROAD_DIR / f"{self.road}.yaml"
+        return (
+            Path(self.road) if self.road.endswith(ROAD_SUFFIXES) else default_file(f"roads/{self.road}.yaml")
+        )
 
     @property
     def rules_file(self) -> Path:
         """The rule file of the supervisor."""
-        return RULES_FILE if self.rules is None else Path(self.rules)
+        return default_file("fear.yaml") if self.rules is None else Path(self.rules)
 
     def _changed(self, settings: RoadSettings) -> RoadSettings:
         """``settings`` with the changes of this scenario. Raises ValueError for values that exclude each other."""
@@ -218,7 +228,7 @@ class Scenario(Settings):
             if name in self.estimators[:number]:
                 return ("estimators", number), f"{name!r} is named twice"
         if not self.road.endswith(ROAD_SUFFIXES) and not self._road_file().is_file():
-            roads = ", ".join(sorted(path.stem for path in ROAD_DIR.glob("*.yaml")))
+            roads = ", ".join(default_names("roads"))
             return ("road",), f"no road {self.road!r}; there are {roads}, or give a .yaml or .xodr file"
         settings = load_road_settings(self._road_file())
         try:
@@ -300,8 +310,8 @@ def scenario_schema() -> str:
 
 
 def list_scenarios() -> list[Scenario]:
-    """The scenarios of ``config/scenarios/``, by name. Raises InputError."""
-    return [load_scenario(path.stem, check=False) for path in sorted(SCENARIO_DIR.glob("*.yaml"))]
+    """The scenarios of ``config/scenarios/`` and of the car, by name. Raises InputError."""
+    return [load_scenario(name, check=False) for name in default_names("scenarios")]
 
 
 def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, check: bool = True) -> Scenario:
@@ -312,9 +322,9 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
     """
     path = Path(source)
     if path.suffix not in (".yaml", ".yml"):
-        path = SCENARIO_DIR / f"{source}.yaml"
+        path = default_file(f"scenarios/{source}.yaml")
         if not path.is_file():
-            names = sorted(p.stem for p in SCENARIO_DIR.glob("*.yaml"))
+            names = default_names("scenarios")
             hint = did_you_mean_or_list(source, names, "trepid sim list")
             raise InputError(f"no scenario {source!r}; {hint}, or give a .yaml or .py file")
     data = read(path)

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-from trepid.config import CONFIG_DIR, ROOT
+from trepid.config import CONFIG_DIR, ROOT, car_folder
 from trepid.packages import PACKAGES
 
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "onnxruntime", "scikit-fuzzy")
@@ -23,13 +23,18 @@ OWN_ESTIMATORS = {
 }
 
 
-@cache
 def fingerprint(*parts: str) -> str:
     """A hash over code, configuration, versions of the numerical libraries, Python and machine type.
 
-    ``parts`` are files and folders of the repository; default: all packages of Trepid and config/. The hash of a
-    process is computed once: later changes of the files do not change the code that it runs.
+    ``parts`` are files and folders of the repository; default: all packages of Trepid and config/. The files of the
+    car that overrides the defaults always count. The hash of a process is computed once: later changes of the files
+    do not change the code that it runs.
     """
+    return _fingerprint(parts, car_folder())
+
+
+@cache
+def _fingerprint(parts: tuple[str, ...], car: Path | None) -> str:
     digest = hashlib.sha256(f"{platform.machine()} {platform.python_version()}".encode())
     for library in LIBRARIES:
         digest.update(f"\0{library}=={importlib.metadata.version(library)}".encode())
@@ -38,10 +43,13 @@ def fingerprint(*parts: str) -> str:
     for path in sorted(path for path in files if path.suffix in SUFFIXES and path.is_file()):
         digest.update(f"\0{path.relative_to(ROOT).as_posix()}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
+    if car is not None:
+        for path in sorted(path for path in car.rglob("*") if path.suffix in SUFFIXES and path.is_file()):
+            digest.update(f"\0car/{path.relative_to(car).as_posix()}\0".encode())
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:_DIGITS]
 
 
-@cache
 def estimator_fingerprint(name: str) -> str:
     """A hash over the code, the settings and the libraries that the estimator called ``name`` uses."""
     from perception.techniques.recipe import recipes

@@ -3,19 +3,19 @@
 from pathlib import Path
 
 from sim_harness.world.roads.road import Road, RoadSettings
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import InputError, default_file, load
 
 ROAD_SUFFIXES = (".yaml", ".xodr")
 
 
 def load_road(source: str | Path) -> Road:
-    """The road in the .yaml or .xodr file ``source``, or ``config/roads/<source>.yaml`` for a bare name.
+    """The road in the .yaml or .xodr file ``source``, or ``roads/<source>.yaml`` (car, config/) for a bare name.
 
     Raises InputError when the file does not describe a road, or when a closed road does not close.
     """
     path = Path(source)
     if isinstance(source, str) and not source.endswith(ROAD_SUFFIXES):
-        path = CONFIG_DIR / "roads" / f"{source}.yaml"
+        path = default_file(f"roads/{source}.yaml")
     try:
         return Road(load_road_settings(path))
     except ValueError as error:

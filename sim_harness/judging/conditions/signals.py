@@ -14,7 +14,7 @@ from perception.estimators import ESTIMATORS
 from sim_harness.judging import margins
 from sim_harness.judging.trace import LABELS, Trace, column_names
 from supervisor.rules.rule_file import LEVELS, RuleFile
-from trepid.config import CONFIG_DIR, load
+from trepid.config import default_file, load
 from trepid.spelling import did_you_mean
 from trepid.types import Column
 
@@ -136,6 +136,5 @@ def _suffix(column: str) -> str:
     return next((suffix for suffix in SUFFIXES if column.endswith(suffix)), "")
 
 
-@cache
 def _level_places() -> tuple[float, ...]:
-    return tuple(action.at for action in load(CONFIG_DIR / "fear.yaml", RuleFile).fear.all)
+    return tuple(action.at for action in load(default_file("fear.yaml"), RuleFile).fear.all)

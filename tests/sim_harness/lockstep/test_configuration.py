@@ -10,7 +10,7 @@ import supervisor.supervisor
 from sim_harness.cli import app
 from sim_harness.live import drive_cli
 from sim_harness.lockstep.closed_loop import check_configuration
-from sim_harness.scenarios.scenario import RULES_FILE, Scenario, load_scenario
+from sim_harness.scenarios.scenario import Scenario, load_scenario
 from trepid.config import CONFIG_DIR, InputError
 
 SCENARIO = Scenario(description="", tags=("nominal",), road="straight", duration_s=1.0, sight="truth")
@@ -75,6 +75,6 @@ def test_a_bad_file_of_the_camera_is_refused_also_for_runs_without_images(tmp_pa
 )
 def test_a_bad_rule_file_of_a_scenario_is_refused_with_its_place(tmp_path, before, after, error):
     rules = tmp_path / "bad.yaml"
-    rules.write_text(RULES_FILE.read_text().replace(before, after))
+    rules.write_text((CONFIG_DIR / "fear.yaml").read_text().replace(before, after))
     with pytest.raises(InputError, match=error):
         check_configuration([SCENARIO.model_copy(update={"rules": str(rules)})])

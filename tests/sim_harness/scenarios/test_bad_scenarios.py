@@ -11,8 +11,8 @@ from ruamel.yaml import YAML
 
 import trepid.cli
 from sim_harness.lockstep.closed_loop import run
-from sim_harness.scenarios.scenario import SCENARIO_DIR, Scenario, load_scenario
-from trepid.config import InputError
+from sim_harness.scenarios.scenario import Scenario, load_scenario
+from trepid.config import CONFIG_DIR, InputError
 
 GOOD = "description: a test\ntags: [nominal]\nroad: straight\nduration_s: 10\n"
 
@@ -222,7 +222,7 @@ def test_more_than_thirty_kinds_are_named_with_line_and_column():
 
 # Mutations of the shipped files.
 
-TEXTS = [path.read_text(encoding="utf-8") for path in sorted(SCENARIO_DIR.glob("*.yaml"))]
+TEXTS = [path.read_text(encoding="utf-8") for path in sorted((CONFIG_DIR / "scenarios").glob("*.yaml"))]
 # fmt: off
 ODD = [None, True, -1, 0, 0.5, 7, 1e308, -1e308, 5e-324, 10**30, "", "x", "🚗", "\u202e", "~", [], {}, [[]],
        {"a": 1}]

@@ -7,7 +7,6 @@ import pytest
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.sampling import Method, cases, grid_size
 from sim_harness.scenarios.scenario import (
-    SCENARIO_DIR,
     SCHEMA_FILE,
     Scenario,
     Tag,
@@ -16,8 +15,9 @@ from sim_harness.scenarios.scenario import (
     scenario_schema,
 )
 from sim_harness.world.roads.disturbances import DisturbanceKind
+from trepid.config import CONFIG_DIR
 
-FILES = sorted(SCENARIO_DIR.glob("*.yaml"))
+FILES = sorted((CONFIG_DIR / "scenarios").glob("*.yaml"))
 SCENARIOS = list_scenarios()
 
 
