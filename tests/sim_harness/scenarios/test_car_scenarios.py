@@ -1,7 +1,6 @@
 """Scenarios and roads of the car are found by name, and its files count for stored results."""
 
 import json
-import os
 from pathlib import Path
 
 import pytest
