@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import typer
 from rich.markup import escape
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
 from trepid import __version__
@@ -27,7 +27,7 @@ class Verb(NamedTuple):
 
     module: str
     name: str = "app"
-    help: str | None = None  # of a group
+    help: str = ""  # in the list of verbs, which imports none of them; the first sentence of a command
 
     def load(self) -> Any:
         """The function of the command, or the Typer application of the group."""
@@ -35,37 +35,58 @@ class Verb(NamedTuple):
 
 
 VERBS = {
-    "drive": Verb("sim_harness.live.drive_cli", "drive"),
+    "drive": Verb(
+        "sim_harness.live.drive_cli",
+        "drive",
+        "Drive with all processes (camera, perception, supervisor, controller, vehicle) over Zenoh.",
+    ),
     "sim": Verb("sim_harness.cli", help="Run scenarios in lock-step, faster than real time."),
-    "estimate": Verb("perception.cli", "estimate"),
+    "estimate": Verb(
+        "perception.cli",
+        "estimate",
+        "Estimate the lane, or find the vehicle ahead, in images, folders of images and videos.",
+    ),
     "camera": Verb("perception.camera.cli", help="Calibrate a camera: its lens and how it is mounted."),
     "fear": Verb("cockpit.rulebook.cli", help="Check, show and explain fuzzy rule files."),
     "vehicle": Verb("controller.cli", help="The bicycle model with understeer."),
-    "train": Verb("learning.lane.train", "train"),
-    "train-lead": Verb("learning.lead.train", "train_lead"),
-    "bench": Verb("sim_harness.bench.cli", "bench"),
+    "train": Verb(
+        "learning.lane.train",
+        "train",
+        "Train the CNN estimator on rendered roads and write its weights; needs the extra 'train'.",
+    ),
+    "train-lead": Verb(
+        "learning.lead.train",
+        "train_lead",
+        "Train the lead detector on rendered vehicles and write its weights; needs the extra 'train'.",
+    ),
+    "bench": Verb(
+        "sim_harness.bench.cli",
+        "bench",
+        "Measure time and accuracy of the parts, relative to a peer in the same run.",
+    ),
 }
 ADDED = {"fear": {"tune": Verb("sim_harness.tuning.cli", "tune")}}  # to the group of a lower package
 
 
 class Mounted(UserDict[str, Any]):
-    """The verbs by name, each imported at its first use."""
+    """Commands by name; a :class:`Verb` among them is imported at its first use."""
 
     def __getitem__(self, name: str) -> Any:  # a command of Typer, whose type is private
-        return _mounted(name)
+        found = self.data[name]
+        return _mounted(name, found) if isinstance(found, Verb) else found
 
 
 @cache
-def _mounted(name: str) -> Any:
-    target, mount = VERBS[name].load(), typer.Typer()
+def _mounted(name: str, verb: Verb) -> Any:
+    target, mount = verb.load(), typer.Typer()
     if isinstance(target, typer.Typer):
-        mount.add_typer(target, name=name, help=VERBS[name].help)
-        for added, verb in ADDED.get(name, {}).items():
-            target.command(added)(verb.load())
+        mount.add_typer(target, name=name, help=verb.help)
     else:
         mount.command(name)(target)
     command = typer.main.get_group(mount).commands[name]
     _escape_help(command)
+    if name in ADDED:
+        command.commands = Mounted({**command.commands, **ADDED[name]})  # type: ignore[attr-defined]
     return command
 
 
@@ -83,6 +104,12 @@ class Verbs(TyperGroup):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings | {"commands": Mounted(VERBS)})
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help with the texts of the table: the verbs take seconds to import."""
+        listed = TyperGroup(name=self.name, help=self.help, params=self.params)
+        listed.commands.update({name: TyperCommand(name, help=verb.help) for name, verb in VERBS.items()})
+        listed.format_help(ctx, formatter)
 
 
 app = typer.Typer(

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.signal import butter, filtfilt, sosfilt, sosfilt_zi
 
 from sim_harness.judging.margins import default_vehicle
 from sim_harness.judging.trace import Trace
@@ -35,6 +34,8 @@ def max_r79_jerk_mps3(trace: Trace) -> float:
     filtered lateral acceleration", at most 5 m/s³. The filter is causal and starts settled on the first
     value.
     """
+    from scipy.signal import butter, sosfilt, sosfilt_zi  # half a second, which a start does not need
+
     sections = butter(R79_ORDER, R79_CUTOFF_HZ, fs=R79_RATE_HZ, output="sos")
     worst = 0.0
     for t_s, accel in _driven(trace):
@@ -53,6 +54,8 @@ def steering_reversals_per_min(trace: Trace) -> float | None:
     second-order Butterworth low-pass of 0.6 Hz; between its stationary points every rise by the gap or more
     counts, and every fall. The angle is that of the road wheels, as reported, times the steering ratio.
     """
+    from scipy.signal import butter, filtfilt
+
     t_s, duration_s = trace["t_s"], float(trace["t_s"][-1] - trace["t_s"][0])
     if duration_s < 1.0:
         return None

@@ -1,7 +1,6 @@
 """Scores of fear as a predictor of departures."""
 
 import numpy as np
-from scipy.stats import rankdata
 
 from sim_harness.judging.margins import STANDING_MPS, time_gap_s
 from sim_harness.judging.trace import Trace
@@ -84,6 +83,8 @@ def auroc(scores: Column, positive: Mask) -> float | None:
     (R - n₊(n₊ + 1)/2) / (n₊·n₋) with R the sum of the ranks of the positives: Hanley and McNeil, The meaning
     and use of the area under a receiver operating characteristic (ROC) curve, Radiology 143 (1982).
     """
+    from scipy.stats import rankdata  # a second, which a start does not need
+
     count = int(positive.sum())
     others = len(positive) - count
     if count == 0 or others == 0:

@@ -17,7 +17,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import JsonValue, ValidationError
-from scipy.stats import qmc
 
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.scenarios.vary import changed, fields
@@ -130,5 +129,7 @@ def _latin_hypercube(scenario: Scenario, count: int, seed: int) -> NDArray[np.fl
     """Shape (count, parameters)."""
     if not scenario.vary:
         return np.empty((count, 0))
+    from scipy.stats import qmc  # a second, which only this method needs
+
     generator = np.random.default_rng(_sequence(scenario, seed, _DRAWS))
     return qmc.LatinHypercube(len(scenario.vary), rng=generator).random(count)

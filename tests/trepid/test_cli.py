@@ -12,9 +12,10 @@ import typer
 from typer.testing import CliRunner
 
 from trepid import __version__
-from trepid.cli import app
+from trepid.cli import VERBS, app
 from trepid.cli import main as trepid_main
 from trepid.config import CONFIG_DIR, ROOT
+from trepid.packages import PACKAGES
 
 
 def trepid(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -110,3 +111,29 @@ def test_the_bicycle_model_answers_in_json() -> None:
         row["kinematic_road_wheel_angle_rad"] + row["understeer_rad"]
     )
     assert row["understeer_rad"] == pytest.approx(0.00356 * 0.05 * 64)
+
+
+def test_the_list_of_verbs_imports_none_of_them_and_shows_their_own_texts() -> None:
+    code = "import sys; from trepid.cli import main; main(); print(*sys.modules, sep='\\n', file=sys.stderr)"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--help"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    imported = {name.split(".")[0] for name in done.stderr.splitlines()}
+    heavy = {"numpy", "scipy", "cv2", "zenoh", "skfuzzy", "matplotlib", *PACKAGES} - {"trepid"}
+    assert imported.isdisjoint(heavy)
+    shown = words(done.stdout)
+    for name, verb in VERBS.items():
+        command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+        assert verb.help, name
+        assert command.help.replace("\\", "").split("\n\n")[0].replace("\n", " ") == verb.help
+        assert f"{name} {verb.help}" in shown
+
+
+@pytest.mark.parametrize("verb", [["drive"], ["sim", "run"], ["fear", "explain"], ["bench"], ["estimate"]])
+def test_the_help_of_a_verb_does_not_import_what_only_some_runs_need(verb: list[str]) -> None:
+    code = "import sys; from trepid.cli import main; main(); print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run(
+        [sys.executable, "-c", code, *verb, "--help"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    rare = {"matplotlib", "skfuzzy.control", "control", "torch", "casadi", "optuna", "distributed"}
+    assert rare.isdisjoint(done.stderr.split()), rare & set(done.stderr.split())
