@@ -19,9 +19,9 @@ import typer
 from pydantic import BaseModel
 
 from sim_harness.sweep.pool import imap
-from trepid.config import ROOT, InputError
+from trepid.config import WORK_DIR, InputError
 
-SHIPPED = ROOT / "perception" / "weights"
+SHIPPED = WORK_DIR / "perception" / "weights"
 VERSIONS = ("torch", "onnx", "onnxruntime", "numpy", "opencv-python-headless")
 ROADS_PER_SEED = 1_000_000  # every training seed has a million roads of its own, divided below
 FIRST_ROAD = {"train": 0, "validation": 800_000, "test": 900_000}

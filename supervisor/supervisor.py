@@ -25,7 +25,7 @@ from supervisor.situation.ratings import RATED_AS, near_miss, unrated_names
 from supervisor.situation.world_state import WorldState, WorldStateObserver
 from trepid.bounds import at_least, at_most
 from trepid.causes import unknown_cause
-from trepid.config import CONFIG_DIR, InputError, Settings, load, located, read, read_text
+from trepid.config import CONFIG_DIR, InputError, Settings, default_file, load, located, read, read_text
 from trepid.messages import (
     Decision,
     ImageStatistics,
@@ -232,12 +232,16 @@ class Supervisor:
 
 def build(
     *,
-    rules: pathlib.Path = CONFIG_DIR / "fear.yaml",
+    rules: pathlib.Path | None = None,
     settings: pathlib.Path = CONFIG_DIR / "supervisor.yaml",
     vehicle: pathlib.Path = CONFIG_DIR / "vehicle.yaml",
     cruise_speed_mps: float | None = None,
 ) -> Supervisor:
-    """A supervisor from its files; ``cruise_speed_mps`` instead of that of the settings. Raises InputError."""
+    """A supervisor from its files; ``cruise_speed_mps`` instead of that of the settings. Raises InputError.
+
+    Without ``rules`` those of the car, else ``config/fear.yaml``.
+    """
+    rules = rules or default_file("fear.yaml")
     loaded, verified = load(settings, SupervisorSettings), load_verified(rules)
     for name, hint in unknown_features(verified.names):
         raise InputError(located(("inputs", name), f"unknown input; {hint}", read(rules), rules))

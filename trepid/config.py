@@ -29,6 +29,8 @@ ROOT = Path(__file__).resolve().parents[1]
 """The checkout, or the folder that the packages are installed in."""
 _INSTALLED = ROOT / "trepid" / "defaults"  # where a wheel holds the files of config/
 CONFIG_DIR = _INSTALLED if _INSTALLED.is_dir() else ROOT / "config"
+WORK_DIR = Path() if _INSTALLED.is_dir() else ROOT
+"""Where benchmarks and trainings write: the checkout, else the working folder."""
 CAR = "TREPID_CAR"
 WHOLE_FILES = frozenset({"fear.yaml"})
 """Files of a car that replace the default as a whole, like those in folders: rules are proved together."""

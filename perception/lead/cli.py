@@ -36,7 +36,7 @@ def estimate_leads(
     """Find vehicles in every frame of every input. Raises InputError at the first input that cannot be read."""
     settings = lead_settings()
     if detector is not None:
-        settings = settings.model_copy(update={"detector": detector})
+        settings = settings.model_copy(update={"detector": detector.absolute()})
     found = results(inputs, camera_for, partial(_step, settings, load(CONFIG_DIR / "vehicle.yaml", Vehicle)))
     if annotate is not None:
         found = written(found, annotate, drawn)

@@ -11,7 +11,7 @@ from perception.lead.detection import Detection, Detector, StripDetector
 from perception.lead.tracker import Track, Tracker, TrackSettings
 from trepid.camera import Camera
 from trepid.clothoid import Lane
-from trepid.config import CONFIG_DIR, ROOT, Settings, load
+from trepid.config import CONFIG_DIR, Settings, load, resource
 from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.types import OpenShare, Positive
 from trepid.vehicle import Vehicle
@@ -204,8 +204,8 @@ class Corridor:
 def make_detector(settings: LeadSettings, camera: Camera) -> Detector:
     """The detector that ``settings`` name. Raises InputError."""
     if settings.detector is None:
-        return StripDetector(ROOT / settings.weights, camera)
-    return BoxDetector(settings.detector, settings.boxes, camera)
+        return StripDetector(resource(settings.weights), camera)
+    return BoxDetector(resource(settings.detector), settings.boxes, camera)
 
 
 def build(

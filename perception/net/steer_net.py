@@ -19,7 +19,7 @@ from perception.net.canonical import CanonicalView, lane_of_row
 from perception.net.session import WeightsRecord, load_record, open_session
 from trepid.camera import Camera
 from trepid.clothoid import Lane
-from trepid.config import ROOT, InputError, Settings
+from trepid.config import InputError, Settings, resource
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Image, Share
 from trepid.vehicle import Vehicle, road_wheel_angle
@@ -84,7 +84,7 @@ class SteerNet:
 
     def __init__(self, settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> None:
         """Raises InputError when the weights are missing or do not agree with their record."""
-        weights = ROOT / settings.weights
+        weights = resource(Path(settings.weights))
         self._settings = settings
         self._vehicle = vehicle
         self._network = Network(weights)

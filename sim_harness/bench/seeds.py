@@ -18,7 +18,7 @@ from sim_harness.sweep.fingerprint import fingerprint
 from sim_harness.sweep.plan import by_seeds, plan
 from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.sweep import sweep, workforce
-from trepid.config import ROOT
+from trepid.config import WORK_DIR
 
 SCORED = {Tag.NOMINAL, Tag.CURVE, Tag.UNMARKED}
 KNOWN_SEEDS = (0, 1, 2, 3)
@@ -68,7 +68,7 @@ def bench_seeds(seed: int) -> dict[str, Any]:
     Rows are stored in ``runs/seeds_<seed>.jsonl``, from which an interrupted benchmark continues.
     """
     fresh = np.random.default_rng(seed).integers(2**32, size=len(KNOWN_SEEDS)).tolist()
-    return compared(scored_scenarios(), KNOWN_SEEDS, fresh, out=ROOT / "runs" / f"seeds_{seed}.jsonl")
+    return compared(scored_scenarios(), KNOWN_SEEDS, fresh, out=WORK_DIR / "runs" / f"seeds_{seed}.jsonl")
 
 
 def compared(

@@ -38,7 +38,7 @@ def _fingerprint(parts: tuple[str, ...], car: Path | None) -> str:
     digest = hashlib.sha256(f"{platform.machine()} {platform.python_version()}".encode())
     for library in LIBRARIES:
         digest.update(f"\0{library}=={importlib.metadata.version(library)}".encode())
-    tops = [ROOT / part for part in parts or (*PACKAGES, CONFIG_DIR.name)]
+    tops = [_top(part) for part in parts or (*PACKAGES, "config")]
     files = [path for top in tops for path in (top.rglob("*") if top.is_dir() else [top])]
     for path in sorted(path for path in files if path.suffix in SUFFIXES and path.is_file()):
         digest.update(f"\0{path.relative_to(ROOT).as_posix()}\0".encode())
@@ -48,6 +48,12 @@ def _fingerprint(parts: tuple[str, ...], car: Path | None) -> str:
             digest.update(f"\0car/{path.relative_to(car).as_posix()}\0".encode())
             digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:_DIGITS]
+
+
+def _top(part: str) -> Path:
+    """The path of a file or folder of the repository; that of ``config/...`` also when installed."""
+    first, *rest = Path(part).parts
+    return CONFIG_DIR.joinpath(*rest) if first == "config" else ROOT / part
 
 
 def estimator_fingerprint(name: str) -> str:

@@ -30,7 +30,7 @@ from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import Model, PlantSettings
 from sim_harness.world.plants.state import PlantState
-from trepid.config import CONFIG_DIR, ROOT, load
+from trepid.config import CONFIG_DIR, WORK_DIR, load
 from trepid.messages import Command
 from trepid.types import Column
 from trepid.vehicle import Vehicle
@@ -82,7 +82,7 @@ class Worst(NamedTuple):
 
 def bench_limits(seed: int, groups: tuple[Group, ...] = GROUPS, folder: Path | None = None) -> dict[str, Any]:
     """Breaches and the largest values on every plant."""
-    folder = folder or ROOT / "out" / "limits"
+    folder = folder or WORK_DIR / "out" / "limits"
     folder.mkdir(parents=True, exist_ok=True)
     result: dict[str, Any] = {}
     for group in groups:

@@ -24,7 +24,7 @@ from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import Result, build_parts, run
 from sim_harness.sweep.store import Row, stored_rows
 from supervisor.supervisor import SupervisorSettings
-from trepid.config import CONFIG_DIR, ROOT, load
+from trepid.config import CONFIG_DIR, WORK_DIR, load
 
 CASES = 80
 SUPERVISED = "supervised"
@@ -88,7 +88,7 @@ def warnings_s(trace: Trace) -> list[float]:
 
 def bench_supervision(seed: int) -> Row:
     """The table of drivers, and the figures of fear."""
-    return summary(driven(seed, CASES, ROOT / "runs" / f"supervision_{seed}.jsonl"))
+    return summary(driven(seed, CASES, WORK_DIR / "runs" / f"supervision_{seed}.jsonl"))
 
 
 def driven(seed: int, count: int, path: Path) -> list[Row]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from sim_harness.bench.follow.episode import drive, row
 from sim_harness.sweep.store import Row, stored_rows
-from trepid.config import ROOT
+from trepid.config import WORK_DIR
 
 RUNS, RENDERED_RUNS = 1000, 40
 PATH_TARGET_M, STEP_TARGET_DEG, GAP_TARGET_S = 0.3, 2.0, 1.5
@@ -28,7 +28,7 @@ def bench_rendered(seed: int) -> Row:
 
 def episodes(seed: int, count: int, *, rendered: bool) -> list[Row]:
     """The episodes of ``count`` cases; stored ones are not driven again."""
-    path = ROOT / "runs" / f"follow_{'rendered' if rendered else 'modelled'}_{seed}.jsonl"
+    path = WORK_DIR / "runs" / f"follow_{'rendered' if rendered else 'modelled'}_{seed}.jsonl"
     wanted = {str(one): one for one in range(seed * 10_000, seed * 10_000 + count)}
     return stored_rows(path, partial(_driven, rendered=rendered), wanted)
 
