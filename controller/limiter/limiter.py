@@ -269,8 +269,6 @@ class Limiter:
         return Command(
             t_s=frame_s,
             road_wheel_angle_rad=self._wheel.angle_rad,
-            road_wheel_rate_radps=0.0,
             speed_mps=goal_mps,
             accel_mps2=accel_mps2,
-            jerk_mps3=0.0,
         )

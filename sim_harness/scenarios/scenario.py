@@ -40,6 +40,7 @@ from trepid.config import (
     located,
     parse,
     read,
+    wrong_at,
 )
 from trepid.spelling import did_you_mean_or_list
 from trepid.types import NonNegative, Positive
@@ -66,6 +67,9 @@ class Tag(StrEnum):
     SPEED = "speed"
 
 
+SLOWEST_START_MPS = 0.1
+
+
 class Start(Settings):
     """Position and speed of the vehicle at t = 0.
 
@@ -80,6 +84,8 @@ class Start(Settings):
 
     @model_validator(mode="after")
     def _drifts_slower_than_it_drives(self) -> Self:
+        if 0.0 < self.speed_mps < SLOWEST_START_MPS:
+            raise wrong_at(("speed_mps",), f"expected 0 or at least {SLOWEST_START_MPS} m/s")
         if abs(self.drift_mps) > 0.4 * self.speed_mps:
             raise ValueError(
                 f"drift_mps {self.drift_mps:g} needs a speed_mps of {abs(self.drift_mps) / 0.4:g}"
@@ -138,7 +144,7 @@ class Scenario(Settings):
     lane_width_m: Annotated[float, Field(ge=2.0, le=6.0)] | None = None
     appearance: Appearance = Field(default_factory=Appearance)
     start: Start = Start()
-    duration_s: Annotated[float, Field(gt=0, le=86_400)]  # at most; it also ends when the route is driven
+    duration_s: Annotated[float, Field(ge=0.1, le=86_400)]  # at most; it also ends when the route is driven
     distance_m: Positive | None = None  # length of the route; default: one round, or to the end of the road
     camera: CameraTiming = CameraTiming()
     estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")

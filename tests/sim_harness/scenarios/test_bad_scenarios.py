@@ -64,7 +64,15 @@ BAD = {
     "nothing for a number": (with_duration(""), ":4:1: duration_s: .*valid number"),
     "list for a number": (with_duration("[10]"), ":4:1: duration_s: .*valid number"),
     "mapping for a number": (with_duration("{a: 1}"), ":4:1: duration_s: .*valid number"),
-    "negative duration": (with_duration("-10"), ":4:1: duration_s: .*greater than 0"),
+    "negative duration": (with_duration("-10"), ":4:1: duration_s: .*greater than or equal to 0.1"),
+    "duration shorter than two samples": (
+        with_duration("5e-324"),
+        ":4:1: duration_s: .*greater than or equal to 0.1",
+    ),
+    "start too slow for a driver": (
+        GOOD + "start: {speed_mps: 5e-324}\n",
+        ":5:9: start.speed_mps: expected 0 or at least 0.1 m/s",
+    ),
     "infinite duration": (with_duration(".inf"), ":4:1: duration_s: .*finite"),
     "duration that is no number": (with_duration(".nan"), ":4:1: duration_s: .*finite"),
     "duration beyond the age of the world": (with_duration("1e308"), ":4:1: duration_s: .*86400"),
@@ -273,7 +281,7 @@ def loads_or_is_told(path):
 
 def starts(scenario):
     """The scenario runs its first moments, without pictures."""
-    data = scenario.shortened(0.05).model_dump(mode="json", exclude_unset=True)
+    data = scenario.shortened(0.1).model_dump(mode="json", exclude_unset=True)
     kept = [f for f in data.get("faults", []) if f["kind"] not in ("frozen_camera", "black_frames")]
     run(Scenario.model_validate({**data, "sight": "truth", "disturbances": [], "faults": kept, "vary": {}}))
 

@@ -117,7 +117,7 @@ def test_settings_from_the_command_line_replace_those_of_the_file(tmp_path):
     overrides = {"duration_s": "3", "camera.latency_s": "0.1"}
     scenario = load_scenario(write(tmp_path, GOOD), overrides)
     assert (scenario.duration_s, scenario.camera.latency_s, scenario.camera.rate_hz) == (3.0, 0.1, 25.0)
-    with pytest.raises(InputError, match=r"--set duration_s: duration_s: .*greater than 0"):
+    with pytest.raises(InputError, match=r"--set duration_s: duration_s: .*greater than or equal to 0.1"):
         load_scenario(write(tmp_path, GOOD), {"duration_s": "-3"})
 
 
