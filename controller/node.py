@@ -1,25 +1,57 @@
 """Controller process: a command at every decision and at least 50 times a second."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from controller.controller import build
 from trepid.processes.process import Process, Ticker, process
+from trepid.processes.timing import Timekeeper
+from trepid.processes.turns import repeat
 from trepid.topics import COMMAND, DECISION, VEHICLE_STATE
 
 RATE_HZ = 50.0
 
 
+class ControllerNode:
+    """Commands on every new decision at once, and on every tick."""
+
+    def __init__(self, me: Process) -> None:
+        self._me = me
+        self._decision = me.bus.latest(DECISION)
+        self._state = me.bus.latest(VEHICLE_STATE, wakes=False)
+        self._send = me.bus.publisher(COMMAND)
+        self._controller = build()
+        self._times = Timekeeper(me.bus, me.name, me.now_s)
+        me.ready(values=self._controller.learner.values)
+        self._ticker = Ticker(RATE_HZ)
+
+    def due_s(self) -> float:
+        """Time to the next tick."""
+        return self._ticker.remaining_s()
+
+    def turn(self) -> None:
+        """Command on a new decision or at a tick."""
+        fresh = self._decision.take() is not None
+        if not (self._ticker.due() or fresh):
+            return
+        began_s = self._me.now_s()
+        command = self._controller.step(self._decision.message, self._state.refresh(), now_s=began_s)
+        self._send(command)
+        if fresh:
+            self._times.note(command.t_s, self._decision, began_s=began_s)
+        self._me.stepped()
+
+
+@contextmanager
+def node(me: Process) -> Iterator[ControllerNode]:
+    """The node of the controller."""
+    yield ControllerNode(me)
+
+
 def run(me: Process) -> None:
-    """Command on every new decision at once, and on every tick."""
-    decision, state = me.bus.latest(DECISION), me.bus.latest(VEHICLE_STATE)
-    send = me.bus.publisher(COMMAND)
-    controller = build()
-    me.ready(values=controller.learner.values)
-    ticker = Ticker(RATE_HZ)
-    while me.running():
-        me.bus.wait(timeout_s=ticker.remaining_s())
-        fresh = decision.take() is not None
-        if ticker.due() or fresh:
-            send(controller.step(decision.message, state.refresh(), now_s=me.now_s()))
-            me.stepped()
+    """Command until the process is to stop."""
+    with node(me) as commanding:
+        repeat(me, commanding)
 
 
 if __name__ == "__main__":

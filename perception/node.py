@@ -1,41 +1,70 @@
 """Perception process: one estimator (and, for one of them, the image statistics) on every new camera frame."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-
-import cv2
 
 from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import build
 from trepid.processes.process import Process, process
+from trepid.processes.timing import Timekeeper
+from trepid.processes.turns import repeat
 from trepid.topics import CAMERA_IMAGE, IMAGE_STATISTICS, VEHICLE_STATE, estimate_topic
 
+IDLE_S = 0.1  # without frames
 
-def run(me: Process) -> None:
-    """Estimate on the newest frame and publish. Frames are not queued."""
-    name = me.options["estimator"]
-    frames, state = me.bus.latest(CAMERA_IMAGE), me.bus.latest(VEHICLE_STATE)
-    send_estimate = me.bus.publisher(estimate_topic(name))
-    send_statistics = me.bus.publisher(IMAGE_STATISTICS)
-    estimator = build(name)
-    statistician = ImageStatistician() if me.options["statistics"] else None
-    me.ready()
-    while me.running():
-        me.bus.wait(timeout_s=0.1)
-        me.alive()
-        frame = frames.take()
+
+class EstimatorNode:
+    """Estimates on the newest frame and publishes. Frames are not queued."""
+
+    def __init__(self, me: Process) -> None:
+        name = me.options["estimator"]
+        self._me = me
+        self._frames = me.bus.latest(CAMERA_IMAGE)
+        self._state = me.bus.latest(VEHICLE_STATE, wakes=False)
+        self._send_estimate = me.bus.publisher(estimate_topic(name))
+        self._send_statistics = me.bus.publisher(IMAGE_STATISTICS)
+        self._estimator = build(name)
+        self._statistician = ImageStatistician() if me.options["statistics"] else None
+        self._times = Timekeeper(me.bus, name, me.now_s)
+        me.ready()
+
+    def due_s(self) -> float:
+        """Time between heartbeats without frames."""
+        return IDLE_S
+
+    def turn(self) -> None:
+        """Estimate on a new frame."""
+        frame, me = self._frames.take(), self._me
         if frame is None:
-            continue
-        started_s = time.perf_counter()
-        estimate = estimator.step(frame, state.refresh(), now_s=me.now_s())
+            me.alive()
+            return
+        began_s, started_s = me.now_s(), time.perf_counter()
+        estimate = self._estimator.step(frame, self._state.refresh(), now_s=began_s)
         latency_ms = 1e3 * (time.perf_counter() - started_s)
-        send_estimate(replace(estimate, latency_ms=latency_ms))
-        if statistician is not None:
-            send_statistics(statistician.step(frame, now_s=me.now_s()))
+        self._send_estimate(replace(estimate, latency_ms=latency_ms))
+        self._times.note(frame.t_s, self._frames, began_s=began_s)
+        if self._statistician is not None:
+            self._send_statistics(self._statistician.step(frame, now_s=me.now_s()))
         me.stepped()
 
 
-if __name__ == "__main__":
+@contextmanager
+def node(me: Process) -> Iterator[EstimatorNode]:
+    """The node of the estimator that the options name."""
+    import cv2
+
     cv2.setNumThreads(1)
+    yield EstimatorNode(me)
+
+
+def run(me: Process) -> None:
+    """Estimate until the process is to stop."""
+    with node(me) as estimating:
+        repeat(me, estimating)
+
+
+if __name__ == "__main__":
     with process() as me:
         run(me)

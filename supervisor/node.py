@@ -1,6 +1,8 @@
 """Supervisor process: one decision per camera frame, and at least one every IDLE_PERIOD_S without frames."""
 
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -8,66 +10,102 @@ from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
 from supervisor.rules.reload import RuleWatch
 from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
-from trepid.messages import Health, SteeringEstimate
+from trepid.messages import Health
 from trepid.processes.process import Process, Values, process
+from trepid.processes.timing import Timekeeper
+from trepid.processes.turns import repeat
 from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 
 IDLE_PERIOD_S = 0.05  # decide at least this often
 GATHER_S = 0.02  # wait this long for the other estimators of the same frame
 
 
-def run(me: Process) -> None:
-    """Build the supervisor and decide until the process is to stop; the rule file may change meanwhile."""
+class SupervisorNode:
+    """Decides when all estimates of a frame are in, GATHER_S after the first, or after IDLE_PERIOD_S.
+
+    Only estimates wake the process; the other inputs are read when it decides.
+    """
+
+    def __init__(self, me: Process, supervisor: Supervisor, changes: RuleWatch) -> None:
+        bus = me.bus
+        self._me, self._supervisor, self._changes = me, supervisor, changes
+        self._estimates = {name: bus.latest(estimate_topic(name)) for name in me.options["estimators"]}
+        self._statistics = bus.latest(IMAGE_STATISTICS, wakes=False)
+        self._lead = bus.latest(LEAD_VEHICLE, wakes=False)
+        self._state = bus.latest(VEHICLE_STATE, wakes=False)
+        self._inputs: dict[str, Latest[Any]] = {
+            **self._estimates,
+            STATISTICS: self._statistics,
+            LEAD: self._lead,
+            STATE: self._state,
+        }
+        self._send = bus.publisher(DECISION)
+        self._health = Health.OK, ""
+        self._adopted: deque[Values] = deque(maxlen=1)  # rules that the next heartbeat reports
+        self._times = Timekeeper(bus, me.name, me.now_s)
+        me.ready(values=lambda: self._adopted.popleft() if self._adopted else ())
+        self._decided_s = me.now_s()
+        self._first_s: float | None = None  # when the first estimate since the last decision came
+        self._last: Latest[Any] | None = None  # the estimate that came last since then
+
+    def due_s(self) -> float:
+        """Time to the next decision if no further estimate comes."""
+        by_s = self._decided_s + IDLE_PERIOD_S
+        if self._first_s is not None:
+            by_s = min(by_s, self._first_s + GATHER_S)
+        return max(0.0, by_s - self._me.now_s())
+
+    def turn(self) -> None:
+        """Decide if it is time."""
+        now_s = self._me.now_s()
+        for latest in self._estimates.values():
+            if latest.take() is not None:
+                self._last = latest
+                self._first_s = now_s if self._first_s is None else self._first_s
+        complete = self._first_s is not None and self._of_one_frame()
+        gathered = self._first_s is not None and now_s - self._first_s >= GATHER_S
+        if complete or gathered or now_s - self._decided_s >= IDLE_PERIOD_S:
+            self._decide(now_s)
+
+    def _decide(self, now_s: float) -> None:
+        decision = self._supervisor.step(
+            {name: latest.message for name, latest in self._estimates.items()},
+            self._statistics.refresh(),
+            self._lead.refresh(),
+            self._state.refresh(),
+            now_s=now_s,
+            malformed=[name for name, latest in self._inputs.items() if latest.broken],
+        )
+        self._send(decision)
+        if self._last is not None:
+            self._times.note(decision.t_s, self._last, began_s=now_s)
+        self._decided_s, self._first_s, self._last = now_s, None, None
+        change = self._changes.take()
+        if change is not None:
+            self._health = change.adopted(self._supervisor.adopt)
+            if self._health[0] is Health.OK:
+                self._adopted.append(change.values(from_s=now_s))
+        self._me.stepped(*self._health)
+
+    def _of_one_frame(self) -> bool:
+        """True when the newest messages of all estimators are of one frame."""
+        stamps = {latest.message.t_s if latest.message else None for latest in self._estimates.values()}
+        return len(stamps) == 1 and None not in stamps
+
+
+@contextmanager
+def node(me: Process) -> Iterator[SupervisorNode]:
+    """The node of the supervisor; the rule file may change meanwhile."""
     rules = Path(me.options["rules"])
     with RuleWatch(rules) as changes:
         supervisor = build(rules=rules, cruise_speed_mps=me.options["cruise_speed_mps"])
-        decide(me, supervisor, changes)
+        yield SupervisorNode(me, supervisor, changes)
 
 
-def decide(me: Process, supervisor: Supervisor, changes: RuleWatch) -> None:
-    """Decide when all estimates of a frame are in, GATHER_S after the first, or after IDLE_PERIOD_S."""
-    estimates = {name: me.bus.latest(estimate_topic(name)) for name in me.options["estimators"]}
-    statistics, lead = me.bus.latest(IMAGE_STATISTICS), me.bus.latest(LEAD_VEHICLE)
-    state = me.bus.latest(VEHICLE_STATE)
-    inputs: dict[str, Latest[Any]] = {**estimates, STATISTICS: statistics, LEAD: lead, STATE: state}
-    send = me.bus.publisher(DECISION)
-    health = Health.OK, ""
-    adopted: deque[Values] = deque(maxlen=1)  # rules that the next heartbeat reports
-    me.ready(values=lambda: adopted.popleft() if adopted else ())
-    decided_s = me.now_s()
-    first_s: float | None = None  # when the first estimate since the last decision came
-    while me.running():
-        me.bus.wait(timeout_s=GATHER_S / 4)
-        now_s = me.now_s()
-        fresh = [name for name, latest in estimates.items() if latest.take() is not None]
-        if fresh and first_s is None:
-            first_s = now_s
-        complete = first_s is not None and _same_frame(estimates)
-        gathered = first_s is not None and now_s - first_s >= GATHER_S
-        if not (complete or gathered or now_s - decided_s >= IDLE_PERIOD_S):
-            continue
-        decision = supervisor.step(
-            {name: latest.message for name, latest in estimates.items()},
-            statistics.refresh(),
-            lead.refresh(),
-            state.refresh(),
-            now_s=now_s,
-            malformed=[name for name, latest in inputs.items() if latest.broken],
-        )
-        send(decision)
-        decided_s, first_s = now_s, None
-        change = changes.take()
-        if change is not None:
-            health = change.adopted(supervisor.adopt)
-            if health[0] is Health.OK:
-                adopted.append(change.values(from_s=now_s))
-        me.stepped(*health)
-
-
-def _same_frame(estimates: dict[str, Latest[SteeringEstimate]]) -> bool:
-    """True when the newest messages of all estimators are of one frame."""
-    stamps = {latest.message.t_s if latest.message else None for latest in estimates.values()}
-    return len(stamps) == 1 and None not in stamps
+def run(me: Process) -> None:
+    """Decide until the process is to stop."""
+    with node(me) as deciding:
+        repeat(me, deciding)
 
 
 if __name__ == "__main__":

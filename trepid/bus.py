@@ -3,23 +3,33 @@
 Latest wins: a subscription keeps the newest message and nothing else (the Deep Steer paper's lag above
 10 Hz was its queue). All traffic stays on the loopback interface of this machine, multicast scouting is off,
 and every drive has its own port, so two drives on one machine do not receive each other's messages.
+
+Only a message that triggers a step wakes a process: its arrival is noted by a short callback on a thread of Zenoh.
+All others lie in a ring of Zenoh until they are read, and cost no Python before.
 """
 
 import json
+import os
 import socket
+import sys
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import zenoh
 
-from trepid.clock import Clock
+from trepid.clock import UNSTAMPED, Clock, Stamp, stamp_of, stamper
 from trepid.topics import Topic
 from trepid.wire import WireError, from_cdr, to_cdr
 
 TX_QUEUE = 16  # messages or fragments of 64 kB; the most that Zenoh allows
+KEPT = 4096  # messages that a stream or tap keeps until it is drained: seconds of all topics together
+OLDEST_S = 10.0  # older stamps of publication do not date a message
+SWITCH_S = 5e-4  # the step of a process lets the callback of an arriving message in after this long
+RUNTIME = "(rx: (worker_threads: 1), app: (worker_threads: 1))"
+"""Threads of Zenoh in one process: many processes share few cores. ZENOH_RUNTIME in the environment wins."""
 M = TypeVar("M")
 L = TypeVar("L", bound="Latest[Any]")
 
@@ -31,38 +41,88 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
+class Arrival(NamedTuple):
+    """A message that has arrived: a sample of Zenoh, or the object that a node of this process published."""
+
+    sample: Any
+    at_s: float
+
+
+class Mailbox:
+    """The newest arrivals, kept by a short callback on a thread of Zenoh that also wakes the process."""
+
+    def __init__(self, arrived: threading.Event, clock: Clock) -> None:
+        self._arrived = arrived
+        self._clock = clock
+        self._queue: deque[Arrival] = deque(maxlen=1)
+        self.handler: Any = zenoh.handlers.Callback(self.put, indirect=False)
+        """indirect=False: Zenoh's own thread calls put; the default spawns a thread that outlives main."""
+
+    def put(self, sample: Any) -> None:
+        """Keep a sample as it is: bytes are copied and decoded by the reader."""
+        self._queue.append(Arrival(sample, self._clock()))
+        self._arrived.set()
+
+    def pop(self) -> Arrival | None:
+        """The oldest arrival that is kept, or None."""
+        return self._queue.popleft() if self._queue else None
+
+
+class Ring:
+    """The newest arrivals, kept by Zenoh without Python; they wake nothing."""
+
+    def __init__(self, kept: int, clock: Clock) -> None:
+        self._clock = clock
+        self._own: deque[Arrival] = deque(maxlen=kept)  # published by this process
+        self._try_recv: Callable[[], Any] = lambda: None
+        self.handler: Any = zenoh.handlers.RingChannel(kept)
+
+    def read_from(self, subscriber: Any) -> None:
+        """Read the samples of ``subscriber``, which was declared with ``handler``."""
+        self._try_recv = subscriber.try_recv
+
+    def put(self, sample: Any) -> None:
+        """Keep a message of this process."""
+        self._own.append(Arrival(sample, self._clock()))
+
+    def pop(self) -> Arrival | None:
+        """The oldest arrival that is kept, or None; the time is that of the call."""
+        sample = self._try_recv()
+        if sample is not None:
+            return Arrival(sample, self._clock())
+        return self._own.popleft() if self._own else None
+
+
 class Latest(Generic[M]):
     """The newest message of one topic."""
 
-    KEPT: int | None = 1  # payloads that wait to be read; None: all
-
-    def __init__(self, topic: Topic[M], arrived: threading.Event, clock: Clock) -> None:
+    def __init__(self, topic: Topic[M], kept: Mailbox | Ring) -> None:
         self.topic = topic
-        self._arrived = arrived
-        self._clock = clock
-        self._queue: deque[tuple[bytes, float]] = deque(maxlen=self.KEPT)
+        self._kept = kept
         self.message: M | None = None
         """The newest message taken so far; None before the first."""
         self.received_s: float | None = None
-        """Arrival of ``message`` on the clock of this process [s]."""
+        """Arrival of ``message`` on the clock of this process [s]; its first reading where it lay in a ring."""
+        self.stamp: Stamp = UNSTAMPED
+        """Publisher, time of publication and number of ``message``."""
         self.malformed = 0
         """Number of payloads that could not be decoded; they count as not received."""
         self.broken = False
         """True while the newest payload read is a malformed one: the input is broken, ``message`` is older."""
 
-    def put(self, sample: zenoh.Sample) -> None:
-        """Keep a sample; called by Zenoh on its own thread."""
-        self._queue.append((sample.payload.to_bytes(), self._clock()))
-        self._arrived.set()
+    def put(self, message: M) -> None:
+        """Keep a message that a node of this process has published."""
+        self._kept.put(message)
 
     def take(self) -> M | None:
         """The message if one arrived since the last call, else None; malformed payloads count as none."""
-        if not self._queue:
+        arrival = self._kept.pop()
+        if arrival is None:
             return None
-        data, received_s = self._queue.popleft()
-        message = self._decoded(data)
+        message = self._decoded(arrival)
         if message is not None:
-            self.message, self.received_s = message, received_s
+            self.message, self.received_s = message, arrival.at_s
+            self.stamp = _stamp(arrival)
         return message
 
     def refresh(self) -> M | None:
@@ -70,12 +130,15 @@ class Latest(Generic[M]):
         self.take()
         return self.message
 
-    def _decoded(self, data: bytes) -> M | None:
-        try:
-            message = from_cdr(data, self.topic.type)
-        except WireError:
-            message = None
-            self.malformed += 1
+    def _decoded(self, arrival: Arrival) -> M | None:
+        if isinstance(arrival.sample, self.topic.type):
+            message: M | None = arrival.sample
+        else:
+            try:
+                message = from_cdr(arrival.sample.payload.to_bytes(), self.topic.type)
+            except WireError:
+                message = None
+                self.malformed += 1
         self.broken = message is None
         return message
 
@@ -83,31 +146,32 @@ class Latest(Generic[M]):
 class Stream(Latest[M]):
     """Every message of one topic in order, for referees and recorders that need all of them."""
 
-    KEPT = None
-
     def drain(self) -> list[tuple[M, float]]:
-        """All messages since the last call with their times of arrival [s], oldest first."""
-        arrived = [self._queue.popleft() for _ in range(len(self._queue))]
-        decoded = ((self._decoded(data), received_s) for data, received_s in arrived)
-        return [(message, received_s) for message, received_s in decoded if message is not None]
+        """All messages since the last call with their times of publication [s], oldest first."""
+        arrived = list(iter(self._kept.pop, None))
+        decoded = ((self._decoded(arrival), _published_s(arrival)) for arrival in arrived)
+        return [(message, at_s) for message, at_s in decoded if message is not None]
 
 
 class Tap:
     """All messages on some keys as bytes, for recorders."""
 
-    def __init__(self, prefix: str, clock: Clock) -> None:
+    def __init__(self, prefix: str) -> None:
         self._prefix = prefix
-        self._clock = clock
-        self._queue: deque[tuple[str, bytes, float]] = deque()
-
-    def put(self, sample: zenoh.Sample) -> None:
-        """Keep a sample; called by Zenoh on its own thread."""
-        key = str(sample.key_expr).removeprefix(self._prefix + "/")
-        self._queue.append((key, sample.payload.to_bytes(), self._clock()))
+        self.rings: list[Ring] = []
 
     def drain(self) -> list[tuple[str, bytes, float]]:
-        """Key, CDR bytes and time of arrival [s] of all messages since the last call."""
-        return [self._queue.popleft() for _ in range(len(self._queue))]
+        """Key, CDR bytes and time of publication [s] of all messages since the last call, in order of time."""
+        arrived = [arrival for ring in self.rings for arrival in iter(ring.pop, None)]
+        found = [
+            (
+                str(arrival.sample.key_expr).removeprefix(self._prefix + "/"),
+                arrival.sample.payload.to_bytes(),
+                _published_s(arrival),
+            )
+            for arrival in arrived
+        ]
+        return sorted(found, key=lambda message: message[2])
 
 
 class Bus:
@@ -118,43 +182,60 @@ class Bus:
         self._clock = clock
         self._prefix = f"trepid/{vehicle_name}"
         self._arrived = threading.Event()
-        self._subscribers: list[zenoh.Subscriber[None]] = []
+        self._subscribers: list[Any] = []
         self._subscriptions: list[Latest[Any]] = []
+        self._listeners: dict[str, list[Latest[Any]]] = {}  # subscriptions of this process by topic key
 
     def publisher(self, topic: Topic[M]) -> Callable[[M], None]:
-        """A function that publishes one message of ``topic``."""
+        """A function that publishes one message of ``topic``.
+
+        Subscriptions of this bus get the message itself, without the way over the wire.
+        """
         publisher = self._session.declare_publisher(
             f"{self._prefix}/{topic.key}",
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.REAL_TIME if topic.urgent else zenoh.Priority.DATA,
             express=True,
+            allowed_destination=zenoh.Locality.REMOTE,
         )
+        stamp = stamper(self._clock)
+        listeners = self._listeners.setdefault(topic.key, [])
 
         def send(message: M) -> None:
             if not isinstance(message, topic.type):
                 raise TypeError(f"{topic.key!r} carries {topic.type.__name__}, got {type(message).__name__}")
-            publisher.put(to_cdr(message))  # type: ignore[arg-type]
+            for listener in listeners:
+                listener.put(message)
+            data = to_cdr(message)  # type: ignore[arg-type]
+            publisher.put(data, attachment=stamp())
 
         return send
 
-    def latest(self, topic: Topic[M]) -> Latest[M]:
-        """Subscription that keeps the newest message of ``topic``."""
-        return self._subscribe(topic, Latest(topic, self._arrived, self._clock))
+    def latest(self, topic: Topic[M], *, wakes: bool = True) -> Latest[M]:
+        """Subscription that keeps the newest message of ``topic``; if it ``wakes``, its arrival ends :meth:`wait`."""
+        kept = Mailbox(self._arrived, self._clock) if wakes else Ring(1, self._clock)
+        return self._subscribe(topic, Latest(topic, kept), kept)
 
     def stream(self, topic: Topic[M]) -> Stream[M]:
-        """Subscription that keeps every message of ``topic`` until it is drained."""
-        return self._subscribe(topic, Stream(topic, self._arrived, self._clock))
+        """Subscription that keeps every message of ``topic`` until it is drained; it wakes nothing."""
+        kept = Ring(KEPT, self._clock)
+        return self._subscribe(topic, Stream(topic, kept), kept)
 
     def tap(self, *keys: str) -> Tap:
-        """Subscription that keeps the bytes of all messages on ``keys``, which may hold ``**``, until drained."""
-        tap = Tap(self._prefix, self._clock)
+        """Subscription that keeps the bytes of all messages on ``keys``, which may hold ``**``, until drained.
+
+        Messages of this process are not among them.
+        """
+        tap = Tap(self._prefix)
         for key in keys:
-            self._declare(key, tap.put)
+            tap.rings.append(Ring(KEPT, self._clock))
+            self._declare(key, tap.rings[-1])
         return tap
 
-    def _subscribe(self, topic: Topic[M], latest: L) -> L:
-        self._declare(topic.key, latest.put)
+    def _subscribe(self, topic: Topic[M], latest: L, kept: Mailbox | Ring) -> L:
+        self._declare(topic.key, kept)
         self._subscriptions.append(latest)
+        self._listeners.setdefault(topic.key, []).append(latest)
         return latest
 
     def malformed(self) -> dict[str, int]:
@@ -164,27 +245,49 @@ class Bus:
             counts[subscription.topic.key] += subscription.malformed
         return dict(+counts)
 
-    def _declare(self, key: str, put: Callable[[zenoh.Sample], None]) -> None:
-        # indirect=False: Zenoh's own thread calls put; the default spawns a Python thread that outlives main.
-        handler = zenoh.handlers.Callback(put, indirect=False)
-        self._subscribers.append(self._session.declare_subscriber(f"{self._prefix}/{key}", handler))
+    def _declare(self, key: str, kept: Mailbox | Ring) -> None:
+        subscriber: Any = self._session.declare_subscriber(f"{self._prefix}/{key}", kept.handler)
+        self._subscribers.append(subscriber)
+        if isinstance(kept, Ring):
+            kept.read_from(subscriber)
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until a message arrives on any subscription; False after ``timeout_s`` without one."""
+        """Wait until a message that wakes arrives; False after ``timeout_s`` without one."""
         arrived = self._arrived.wait(timeout_s)
         self._arrived.clear()
         return arrived
 
 
+def _stamp(arrival: Arrival) -> Stamp:
+    attachment = getattr(arrival.sample, "attachment", None)  # a message of this process has none
+    if attachment is None:
+        return UNSTAMPED._replace(published_s=arrival.at_s)
+    return stamp_of(attachment.to_bytes())
+
+
+def _published_s(arrival: Arrival) -> float:
+    """Time of publication by the stamp where it is plausible, else that of reading [s]."""
+    published_s = _stamp(arrival).published_s
+    return published_s if arrival.at_s - OLDEST_S <= published_s <= arrival.at_s else arrival.at_s
+
+
 @contextmanager
 def open_bus(
-    vehicle_name: str, clock: Clock, *, connect: str | None = None, listen: str | None = None
+    vehicle_name: str,
+    clock: Clock,
+    *,
+    connect: str | None = None,
+    listen: str | None = None,
+    further: Mapping[str, object] | None = None,
 ) -> Iterator[Bus]:
     """A bus that listens as the router of a drive, or connects to the router at ``connect``.
 
     A peer without a listen endpoint receives nothing, so every peer also listens on its own port; connected
-    peers exchange messages directly, also after the router has ended.
+    peers exchange messages directly, also after the router has ended. ``further`` holds values of the
+    configuration of Zenoh by key, such as ``transport/link/tls``.
     """
+    os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # read by Zenoh at its first session
+    sys.setswitchinterval(SWITCH_S)
     config = zenoh.Config()
     settings = {
         "mode": "router" if listen else "peer",
@@ -195,6 +298,7 @@ def open_bus(
         # The default of 2 loses the third of three messages that are sent at once.
         "transport/link/tx/queue/size/real_time": TX_QUEUE,
         "transport/link/tx/queue/size/data": TX_QUEUE,
+        **(further or {}),
     }
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))

@@ -240,6 +240,23 @@ class Diagnostic:
     values: tuple[tuple[str, str], ...]
 
 
-Derived = ImageStatistics | SteeringEstimate | LeadVehicle | VehicleState | Decision | SimTruth
+@record
+class Timing:
+    """When a process handled frames: one entry per frame that triggered a step, on the clock of the drive [s].
+
+    ``t_s`` is the time of this report. The difference of consecutive times is the time spent in transport, in
+    waiting for the process, and in the step with the serialization of its output.
+    """
+
+    t_s: float
+    process: str
+    frame_s: tuple[float, ...]  # capture of the frame
+    published_s: tuple[float | None, ...]  # publication of the message that triggered the step
+    received_s: tuple[float, ...]  # its arrival in the process
+    began_s: tuple[float, ...]  # begin of the step
+    sent_s: tuple[float, ...]  # the output is handed to the transport, or to the actuator
+
+
+Derived = ImageStatistics | SteeringEstimate | LeadVehicle | VehicleState | Decision | SimTruth | Timing
 """Messages of Trepid's own; the others travel as standard types of ROS 2."""
 Message = Frame | CompressedFrame | Command | Diagnostic | Derived

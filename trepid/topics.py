@@ -29,6 +29,7 @@ COMMAND = Topic("controller/command", messages.Command, 50)  # -> vehicle
 VEHICLE_STATE = Topic("vehicle/state", messages.VehicleState, 100)  # -> all
 SIM_TRUTH = Topic("sim/truth", messages.SimTruth, 100)  # simulated vehicle -> simulated camera, referee
 DIAGNOSTICS = Topic("diagnostics", messages.Diagnostic, 1, urgent=False)  # every process -> launcher
+TIMING = Topic("diagnostics/timing", messages.Timing, 1, urgent=False)  # processes of the frame -> launcher
 
 FIXED = {topic.key: topic for topic in list(globals().values()) if isinstance(topic, Topic)}
 

@@ -30,6 +30,8 @@ def run(me: Process) -> None:
     me.ready()
     ticker, compressed_ticker = Ticker(scenario.camera.rate_hz), Ticker(CAMERA_COMPRESSED.rate_hz)
     while me.running():
+        ticker.sleep()
+        me.bus.wait(timeout_s=0.0)  # forget the poses that came while it slept
         me.bus.wait(timeout_s=0.1)  # render right after the vehicle has moved
         now_s, newest = me.now_s(), truth.refresh()
         if newest is None or now_s - newest.t_s > STALE_TRUTH_S:

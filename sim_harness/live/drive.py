@@ -215,7 +215,8 @@ class Referee:
                 }
                 for name, child in self._fleet.children.items()
             },
-            "latency_ms": {name: latency.summary() for name, latency in self._log.latency.items()},
+            "latency_ms": self._log.times.latency_ms(),
+            "stages_ms": self._log.times.stages_ms(),
         }
         return row
 

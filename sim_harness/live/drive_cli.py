@@ -135,7 +135,7 @@ def summary(row: dict[str, Any]) -> Table:
     for reason in row["reasons"]:
         table.add_row("reason", f"[red]{reason}[/]")
     for key, value in row.items():
-        if key in ("scenario", "seed", "status", "reasons", "processes", "latency_ms"):
+        if key in ("scenario", "seed", "status", "reasons", "processes", "latency_ms", "stages_ms"):
             continue
         table.add_row(key, _text(value))
     for name, load_ in row.get("processes", {}).items():

@@ -5,6 +5,7 @@ from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.config import CONFIG_DIR, load
 from trepid.processes.process import Process, Ticker, process
+from trepid.processes.timing import Timekeeper
 from trepid.topics import COMMAND, LEAD_VEHICLE, SIM_TRUTH, VEHICLE_STATE
 from trepid.vehicle import Vehicle
 
@@ -30,14 +31,18 @@ def run(me: Process) -> None:
     publishes_lead = scenario.leads_by is LeadSensor.TRUTH
     me.ready()
     begun = False
+    times = Timekeeper(me.bus, me.name, me.now_s)
     ticker, lead_ticker = Ticker(1 / settings.period_s), Ticker(LEAD_VEHICLE.rate_hz)
     while me.running():
         ticker.sleep()
         ticker.due()
-        command.take()
-        begun = begun or (command.message is not None and command.message.t_s is not None)
+        fresh = command.take()
+        begun = begun or (fresh is not None and fresh.t_s is not None)
         if begun:
-            state, truth = simulated.step(command.message, command.received_s, now_s=me.now_s())
+            began_s = me.now_s()
+            state, truth = simulated.step(command.message, command.received_s, now_s=began_s)
+            if fresh is not None:
+                times.note(fresh.t_s, command, began_s=began_s)
         else:
             state, truth = simulated.wait(now_s=me.now_s())
         send_state(state)

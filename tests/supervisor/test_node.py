@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 from supervisor_rig import ESTIMATE, STATE, STATISTICS
 
-from supervisor.node import decide
+from supervisor.node import SupervisorNode
 from supervisor.rules.inference import FearRules
 from supervisor.rules.reload import RuleChange
 from supervisor.supervisor import build
+from trepid.clock import UNSTAMPED, Stamp
 from trepid.config import CONFIG_DIR
 from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 
@@ -21,6 +22,8 @@ class Input:
 
     message: Any
     broken: bool = False
+    received_s: float = 0.0
+    stamp: Stamp = UNSTAMPED
 
     def take(self) -> Any:
         return self.message
@@ -43,19 +46,18 @@ def one_decision(broken: str | None = None, change: RuleChange | None = None) ->
     sent: list[Any] = []
     further: list[Any] = []
     bus = SimpleNamespace(
-        latest=lambda topic: inputs[topic.key],
+        latest=lambda topic, wakes=True: inputs[topic.key],
         publisher=lambda topic: sent.append if topic is DECISION else None,
-        wait=lambda timeout_s: True,
     )
     me: Any = SimpleNamespace(
+        name="supervisor",
         bus=bus,
         options={"estimators": ["cv", "cnn"]},
         now_s=lambda: 0.0,
-        running=lambda: not sent,
         ready=lambda *, values: further.append(values),
         stepped=lambda health, message: None,
     )
-    decide(me, build(), SimpleNamespace(take=lambda: change))  # type: ignore[arg-type]
+    SupervisorNode(me, build(), SimpleNamespace(take=lambda: change)).turn()  # type: ignore[arg-type]
     return sent[0], [further[0](), further[0]()]
 
 

@@ -24,6 +24,7 @@ RECORDED = (
     "camera/image/compressed",
     *(f"{part}/**" for part in ("perception", "supervisor", "controller", "vehicle", "sim")),
     "diagnostics",
+    "diagnostics/timing",
 )
 DRIVE, BEGAN = "trepid.drive", "began_ns"  # name of the metadata record and its field
 FLUSH_S = 1.0  # chunks are closed and handed to the operating system at least this often; costs 5 % in size
@@ -57,7 +58,7 @@ class Recording:
         self._writer.add_metadata(DRIVE, {BEGAN: str(nanoseconds(t_s))})
 
     def add(self, key: str, data: bytes, *, at_s: float) -> None:
-        """Write the CDR bytes of a message that arrived at ``at_s``, in order of time."""
+        """Write the CDR bytes of a message that was published at ``at_s``, in order of time."""
         stamp_ns = nanoseconds(at_s)
         self._writer.add_message(
             channel_id=self._channel(key), log_time=stamp_ns, publish_time=stamp_ns, data=data
@@ -92,5 +93,5 @@ class BusRecorder(Recording):
 
     def write(self) -> None:
         """Write all messages since the last call."""
-        for key, data, received_s in self._tap.drain():
-            self.add(key, data, at_s=received_s)
+        for key, data, at_s in self._tap.drain():
+            self.add(key, data, at_s=at_s)
