@@ -212,7 +212,7 @@ class Bus:
         return send
 
     def latest(self, topic: Topic[M], *, wakes: bool = True) -> Latest[M]:
-        """Subscription that keeps the newest message of ``topic``; if it ``wakes``, its arrival ends :meth:`wait`."""
+        """Subscription that keeps the newest message of ``topic``; its arrival ends :meth:`wait`, if it wakes."""
         kept = Mailbox(self._arrived, self._clock) if wakes else Ring(1, self._clock)
         return self._subscribe(topic, Latest(topic, kept), kept)
 

@@ -121,3 +121,60 @@ def test_a_process_with_a_subscription_ends_by_itself() -> None:
         "    latest = bus.latest(VEHICLE_STATE)\n"
     )
     assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, timeout=20, check=False).returncode == 0
+
+
+def test_a_message_that_triggers_no_step_lies_until_it_is_read_and_wakes_nothing(
+    buses: tuple[Bus, Bus],
+) -> None:
+    one, other = buses
+    read = other.latest(VEHICLE_STATE, wakes=False)
+    assert received_after_sending(one, read, timeout_s=5)
+    one.publisher(VEHICLE_STATE)(state(2.0))
+    assert not other.wait(0.2)
+    assert read.refresh() == state(2.0)
+
+
+def test_a_message_that_triggers_a_step_wakes_the_process(buses: tuple[Bus, Bus]) -> None:
+    one, other = buses
+    assert received_after_sending(one, other.latest(VEHICLE_STATE), timeout_s=5)
+    other.wait(0.1)
+    one.publisher(VEHICLE_STATE)(state(2.0))
+    assert other.wait(5)
+
+
+def test_every_message_carries_its_publisher_number_and_time_of_publication(buses: tuple[Bus, Bus]) -> None:
+    one, other = buses
+    latest = other.latest(VEHICLE_STATE)
+    assert received_after_sending(one, latest, timeout_s=5)
+    send = one.publisher(VEHICLE_STATE)
+    stamps = []
+    for t_s in (2.0, 3.0):
+        before_s = time.monotonic()
+        send(state(t_s))
+        assert until(lambda wanted=t_s: (latest.refresh() or state(0.0)).t_s == wanted, patience_s=5)
+        assert latest.received_s is not None
+        assert before_s - 1e-6 <= latest.stamp.published_s <= latest.received_s + 1e-6
+        stamps.append(latest.stamp)
+    assert [stamp.sequence for stamp in stamps] == [1, 2]
+    assert stamps[0].publisher == stamps[1].publisher
+
+
+def test_nodes_of_one_process_hand_messages_over_as_they_are(buses: tuple[Bus, Bus]) -> None:
+    one, _ = buses
+    read, waking = one.latest(VEHICLE_STATE, wakes=False), one.latest(VEHICLE_STATE)
+    sent = state(1.0)
+    one.publisher(VEHICLE_STATE)(sent)
+    assert read.take() is sent
+    assert waking.take() is sent
+    assert one.wait(0)
+
+
+def test_a_tap_dates_messages_by_their_publication(buses: tuple[Bus, Bus]) -> None:
+    one, other = buses
+    tap, latest = other.tap("vehicle/**"), other.latest(VEHICLE_STATE)
+    assert received_after_sending(one, latest, timeout_s=5)
+    time.sleep(0.1)
+    found = tap.drain()
+    assert found[-1][0] == VEHICLE_STATE.key
+    assert found[-1][2] == pytest.approx(latest.stamp.published_s, abs=1e-6)
+    assert [at_s for *_, at_s in found] == sorted(at_s for *_, at_s in found)

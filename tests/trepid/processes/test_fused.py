@@ -1,0 +1,77 @@
+"""Several nodes in one process."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from trepid.messages import Health
+from trepid.processes.fused import run
+
+TURNS: list[str] = []
+
+
+class Recorded:
+    """A node that notes its turns and reports its health."""
+
+    def __init__(self, me: Any) -> None:
+        self.me = me
+        me.ready(values=lambda: ((f"value of {me.name}", "1"),))
+
+    def due_s(self) -> float:
+        return float(self.me.options["due_s"])
+
+    def turn(self) -> None:
+        TURNS.append(self.me.name)
+        warns = self.me.options.get("warns", "")
+        self.me.stepped(Health.WARN if warns else Health.OK, warns)
+
+
+@contextmanager
+def node(me: Any) -> Iterator[Recorded]:
+    yield Recorded(me)
+
+
+def fused(**options: dict[str, Any]) -> Any:
+    """A process with the nodes ``options`` that stops after one round; holds what was reported."""
+    module = sys.modules[__name__].__name__
+    seen = SimpleNamespace(waits=[], states=[], values=())
+
+    def ready(*, values: Any) -> None:
+        seen.values = values()
+
+    rounds = iter((True, False))
+    me: Any = SimpleNamespace(
+        options={"nodes": [dict(name=name, module=module, options=own) for name, own in options.items()]},
+        bus=SimpleNamespace(wait=seen.waits.append),
+        now_s=lambda: 0.0,
+        running=lambda: next(rounds),
+        ready=ready,
+        stepped=lambda *state: seen.states.append(state),
+    )
+    TURNS.clear()
+    run(me)
+    return seen
+
+
+def test_nodes_take_turns_in_the_order_of_the_options() -> None:
+    fused(cv=dict(due_s=1), supervisor=dict(due_s=1), controller=dict(due_s=1))
+    assert TURNS == ["cv", "supervisor", "controller"]
+
+
+def test_the_process_waits_no_longer_than_the_node_that_is_due_first() -> None:
+    assert fused(cv=dict(due_s=0.1), controller=dict(due_s=0.02)).waits == [0.02]
+
+
+def test_the_one_heartbeat_has_the_worst_health_and_the_values_of_all_nodes() -> None:
+    seen = fused(cv=dict(due_s=1, warns="no frames"), controller=dict(due_s=1))
+    assert seen.states[-1] == (Health.WARN, "cv: no frames")
+    assert seen.values == (("value of cv", "1"), ("value of controller", "1"))
+
+
+def test_a_node_without_a_module_is_refused() -> None:
+    with pytest.raises(ValueError, match="module"):
+        run(SimpleNamespace(options={"nodes": [{"name": "cv"}]}))  # type: ignore[arg-type]
