@@ -21,6 +21,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import zenoh
 
 from trepid.clock import UNSTAMPED, Clock, Stamp, stamp_of, stamper
+from trepid.security import refuse_open_endpoints
 from trepid.topics import Topic
 from trepid.wire import WireError, from_cdr, to_cdr
 
@@ -300,6 +301,7 @@ def open_bus(
         "transport/link/tx/queue/size/data": TX_QUEUE,
         **(further or {}),
     }
+    refuse_open_endpoints(settings)
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     with zenoh.open(config) as session:

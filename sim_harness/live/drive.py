@@ -27,7 +27,9 @@ from trepid.clock import Clock, epoch_clock, epoch_offset_ns
 from trepid.config import InputError, Settings
 from trepid.processes.launch import Fleet, ProcessSpec
 from trepid.recording.writer import BusRecorder
+from trepid.security import LAUNCHER, drive_endpoint, session_settings
 from trepid.types import Positive
+from vehicle.keys.check import check_keys
 
 Show = Callable[[DriveLog, Fleet, float], None]
 """Displays the drive so far: log, processes, elapsed time [s]."""
@@ -91,12 +93,15 @@ def drive(
     check_configuration([scenario])
     offset_ns = epoch_offset_ns()
     clock = epoch_clock(offset_ns)
-    endpoint = free_endpoint()
+    started = processes(scenario, seed)
+    endpoint = drive_endpoint(free_endpoint())
+    check_keys([spec.name for spec in started])
+    secured = session_settings(LAUNCHER, listen=endpoint)
     with (
         caught_signals() as signals,
-        open_bus(settings.vehicle_name, clock, listen=endpoint) as bus,
+        open_bus(settings.vehicle_name, clock, listen=endpoint, further=secured) as bus,
         Fleet(
-            processes(scenario, seed),
+            started,
             vehicle_name=settings.vehicle_name,
             endpoint=endpoint,
             clock_offset_ns=offset_ns,

@@ -21,6 +21,7 @@ from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock
 from trepid.config import InputError, Settings
 from trepid.messages import Diagnostic, Health
+from trepid.security import session_settings
 from trepid.topics import DIAGNOSTICS
 
 Values = tuple[tuple[str, str], ...]
@@ -157,12 +158,13 @@ def process() -> Iterator[Process]:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the launcher handles Ctrl-C and ends its processes
     threading.Thread(target=_stop_with_launcher, args=(stop,), daemon=True).start()
     clock = epoch_clock(assignment.clock_offset_ns)
-    with open_bus(assignment.vehicle_name, clock, connect=assignment.connect) as bus:
-        try:
+    try:
+        secured = session_settings(assignment.name, connect=assignment.connect)
+        with open_bus(assignment.vehicle_name, clock, connect=assignment.connect, further=secured) as bus:
             yield Process(assignment, bus, stop)
-        except InputError as error:
-            print(" ".join(str(error).split()), file=sys.stderr)
-            sys.exit(BAD_INPUT)
+    except InputError as error:
+        print(" ".join(str(error).split()), file=sys.stderr)
+        sys.exit(BAD_INPUT)
 
 
 def _stop_with_launcher(stop: threading.Event) -> None:

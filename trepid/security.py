@@ -1,0 +1,215 @@
+"""Who may join a drive and who may publish what: settings of Zenoh for a process by its role (docs/security.md).
+
+Without keys all traffic stays on the loopback interface; an endpoint elsewhere is refused. With keys (``keys`` in
+``security.yaml``, made by ``trepid keys create``) every link is TLS with a certificate on both sides. The common
+name of a certificate is the role of its process, and every process drops what its sender may not publish.
+"""
+
+import ipaddress
+import stat
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from trepid.config import CONFIG_DIR, ROOT, InputError, Settings, car_folder, load
+
+LAUNCHER = "launcher"
+OBSERVER = "observer"
+"""Roles that publish nothing: the launcher with recorder and referee, and tools that attach to a drive."""
+AUTHORITY = "ca"
+ROLE = r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$"
+
+
+class Security(Settings):
+    """``config/security.yaml``."""
+
+    keys: Path | None
+    listen: Annotated[str, Field(pattern=r"^[^/]+:\d+$")] | None
+    max_message_bytes: Annotated[int, Field(ge=65536)]
+    publishes: Mapping[Annotated[str, Field(pattern=ROLE)], tuple[str, ...]]
+    others: tuple[str, ...]
+    all: tuple[str, ...]
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder of the keys, relative to the folder of the car."""
+        if self.keys is None:
+            return None
+        return (car_folder() or ROOT) / self.keys.expanduser()
+
+    def topics(self, role: str) -> tuple[str, ...]:
+        """Keys below ``trepid/<vehicle-name>/`` that ``role`` may publish; may hold wildcards."""
+        if role in (LAUNCHER, OBSERVER):
+            return ()
+        own = self.publishes.get(role, tuple(key.format(name=role) for key in self.others))
+        return (*own, *self.all)
+
+
+def load_security() -> Security:
+    """The settings of this car. Raises InputError."""
+    return load(CONFIG_DIR / "security.yaml", Security)
+
+
+def session_settings(
+    role: str,
+    *,
+    connect: str | None = None,
+    listen: str | None = None,
+    security: Security | None = None,
+) -> dict[str, Any]:
+    """Values of the configuration of Zenoh, by key, for the process ``role``.
+
+    ``connect`` and ``listen`` are the endpoints of :func:`trepid.bus.open_bus`; with keys both become TLS. Raises
+    InputError for missing keys and for keys that others may read.
+    """
+    security = security or load_security()
+    settings: dict[str, Any] = {"transport/link/rx/max_message_size": security.max_message_bytes}
+    if security.folder is None:
+        return settings
+    check_private(security.folder, role)
+    own = listen or f"tls/{_host(security)}:0"
+    return settings | {
+        "listen/endpoints": [_over_tls(own)],
+        "connect/endpoints": [_over_tls(connect)] if connect else [],
+        "transport/link/protocols": ["tls"],
+        "transport/link/tls": _tls(security.folder, role),
+        "access_control": access_control(security, known_roles(security.folder)),
+    }
+
+
+def refuse_open_endpoints(settings: Mapping[str, Any]) -> None:
+    """Raise InputError when ``settings`` of Zenoh leave the loopback interface without certificates."""
+    mutual = settings.get("transport/link/tls", {}).get("enable_mtls", False)
+    for endpoint in (*settings["listen/endpoints"], *settings["connect/endpoints"]):
+        if not on_loopback(endpoint) and not (mutual and endpoint.startswith("tls/")):
+            raise InputError(f"{endpoint}: leaves this machine without keys; {_REMEDY}")
+
+
+_REMEDY = "`trepid keys create DIR` makes them, `keys: DIR` in security.yaml of the car uses them"
+
+
+def drive_endpoint(free: str, security: Security | None = None) -> str:
+    """The endpoint of a drive: ``listen`` of the settings, else ``free``, which is on loopback; TLS with keys."""
+    security = security or load_security()
+    endpoint = free if security.listen is None else f"tcp/{security.listen}"
+    return endpoint if security.keys is None else _over_tls(endpoint)
+
+
+def on_loopback(endpoint: str) -> bool:
+    """True when only this machine reaches ``endpoint``, such as ``tcp/127.0.0.1:7447``."""
+    protocol, _, address = endpoint.partition("/")
+    if protocol.startswith("unix"):
+        return True
+    host = address.partition("#")[0].rpartition(":")[0].strip("[]")
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _host(security: Security) -> str:
+    return security.listen.rpartition(":")[0] if security.listen else "127.0.0.1"
+
+
+def _over_tls(endpoint: str) -> str:
+    return f"tls/{endpoint.partition('/')[2]}"
+
+
+def certificate(folder: Path, role: str) -> Path:
+    """Path of the certificate of ``role``."""
+    return folder / f"{role}.crt"
+
+
+def private_key(folder: Path, role: str) -> Path:
+    """Path of the private key of ``role``."""
+    return folder / f"{role}.key"
+
+
+def known_roles(folder: Path) -> list[str]:
+    """Roles that have a certificate in ``folder``."""
+    return sorted(path.stem for path in folder.glob("*.crt") if path.stem != AUTHORITY)
+
+
+def check_private(folder: Path, role: str) -> None:
+    """Raise InputError unless the files of ``role`` exist and nobody else may read its private key."""
+    key = private_key(folder, role)
+    for path in (certificate(folder, AUTHORITY), certificate(folder, role), key):
+        if not path.is_file():
+            raise InputError(f"{path}: no such file; `trepid keys create {folder} --process {role}` makes it")
+    mode = stat.S_IMODE(key.stat().st_mode)
+    if mode & 0o077:
+        raise InputError(f"{key}: others may read this private key (mode {mode:04o}); run `chmod 600 {key}`")
+
+
+def _tls(folder: Path, role: str) -> dict[str, Any]:
+    """TLS with certificates on both sides."""
+    own, key = str(certificate(folder, role)), str(private_key(folder, role))
+    return {
+        "root_ca_certificate": str(certificate(folder, AUTHORITY)),
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": False,  # a certificate that expires while driving ends no link
+        "listen_certificate": own,
+        "listen_private_key": key,
+        "connect_certificate": own,
+        "connect_private_key": key,
+    }
+
+
+def access_control(security: Security, roles: Iterable[str]) -> dict[str, Any]:
+    """Access control of Zenoh: nobody may send what no rule allows; see ``access-control`` of its configuration.
+
+    Every process gets the same rules and applies them to what arrives, so that none depends on another.
+    """
+    roles = list(roles)
+    rules: list[dict[str, Any]] = [
+        {
+            "id": "out",
+            "messages": ["put", "declare_subscriber", *_LIVELINESS],
+            "flows": ["egress"],
+            "permission": "allow",
+            "key_exprs": ["**"],
+        },
+        {
+            "id": "subscribe",
+            "messages": ["declare_subscriber", *_LIVELINESS],
+            "flows": ["ingress"],
+            "permission": "allow",
+            "key_exprs": ["trepid/**"],
+        },
+    ]
+    subjects: list[dict[str, Any]] = [{"id": "all"}]
+    policies: list[dict[str, Any]] = [{"rules": ["out"], "subjects": ["all"]}]
+    for role, keys in _published(security, roles):
+        subjects.append({"id": role, "cert_common_names": [role]})
+        allowed = ["subscribe"]
+        if keys:
+            allowed.append(f"publish-{role}")
+            rules.append(
+                {
+                    "id": f"publish-{role}",
+                    "messages": ["put"],
+                    "flows": ["ingress"],
+                    "permission": "allow",
+                    "key_exprs": keys,
+                }
+            )
+        policies.append({"rules": allowed, "subjects": [role]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+_LIVELINESS = ["liveliness_token", "liveliness_query", "declare_liveliness_subscriber"]
+
+
+def _published(security: Security, roles: Iterable[str]) -> Iterator[tuple[str, list[str]]]:
+    """Each role with the key expressions it may publish, for any name of the vehicle."""
+    for role in roles:
+        yield role, [f"trepid/*/{key}" for key in security.topics(role)]

@@ -1,0 +1,21 @@
+"""The check of the keys before a drive."""
+
+from collections.abc import Iterable
+
+from trepid.security import LAUNCHER, Security, check_private, load_security
+
+
+def check_keys(roles: Iterable[str], security: Security | None = None) -> None:
+    """Check the keys of the launcher and of all ``roles``; nothing without keys in the settings.
+
+    Raises InputError for missing files, for private keys that others may read, and for certificates that are not
+    those of their keys or of the authority, or not valid today.
+    """
+    security = security or load_security()
+    if security.folder is None:
+        return
+    from vehicle.keys.certificates import check_certificate  # imports cryptography
+
+    for role in (LAUNCHER, *roles):
+        check_private(security.folder, role)
+        check_certificate(security.folder, role)
