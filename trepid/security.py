@@ -1,4 +1,4 @@
-"""Who may join a drive and who may publish what: settings of Zenoh for a process by its role (docs/security.md).
+"""Who may join a drive and who may publish what: settings of Zenoh for a process by its role (SECURITY.md).
 
 Without keys all traffic stays on the loopback interface; an endpoint elsewhere is refused. With keys (``keys`` in
 ``security.yaml``, made by ``trepid keys create``) every link is TLS with a certificate on both sides. The common
