@@ -40,6 +40,11 @@ VERBS = {
         "drive",
         "Drive with all processes (camera, perception, supervisor, controller, vehicle) over Zenoh.",
     ),
+    "init": Verb(
+        "cockpit.car.init",
+        "init",
+        "Write the folder of a new car: commented YAML files that override the defaults field by field.",
+    ),
     "sim": Verb("sim_harness.cli", help="Run scenarios in lock-step, faster than real time."),
     "estimate": Verb(
         "perception.cli",

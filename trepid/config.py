@@ -137,7 +137,7 @@ def _loaded(path: Path, text: str, over: Path | None, over_text: str, model: typ
     """By content, because reading YAML is slow: ten settings files take as long as half a second of driving."""
     data = _mapping(text, path)
     if over is not None:
-        _overlay(data, _mapping(over_text, over), over)
+        _overlay(data, _mapping(over_text, over, may_be_empty=True), over)
     return parse(data, model, source=path)
 
 
@@ -145,7 +145,7 @@ def read(path: Path) -> CommentedMap:
     """The YAML mapping in ``path``, overridden by that of the car, with line numbers. Raises InputError."""
     data, over = _mapping(read_text(path), path), _override_of(path)
     if over is not None:
-        _overlay(data, _mapping(read_text(over), over), over)
+        _overlay(data, _mapping(read_text(over), over, may_be_empty=True), over)
     return data
 
 
@@ -187,7 +187,7 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: cannot be read: {_brief(error)}") from error
 
 
-def _mapping(text: str, path: Path) -> CommentedMap:
+def _mapping(text: str, path: Path, *, may_be_empty: bool = False) -> CommentedMap:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ReusedAnchorWarning)  # YAML takes the last one
@@ -203,6 +203,8 @@ def _mapping(text: str, path: Path) -> CommentedMap:
         raise InputError(f"{path}: not valid YAML: {_brief(error)}") from error
     except RecursionError as error:
         raise InputError(f"{path}: nested too deeply") from error
+    if data is None and may_be_empty:  # nothing but comments
+        return CommentedMap()
     if not isinstance(data, CommentedMap):
         raise InputError(f"{path}:1:1: expected a mapping of names to values")
     return data

@@ -1,0 +1,82 @@
+"""``trepid init``: the folder of a new car."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cockpit.car.template import merged
+from trepid.config import CONFIG_DIR, WHOLE_FILES, InputError, read_text
+
+TEMPLATES = CONFIG_DIR / "cars"
+FILES = (
+    "vehicle.yaml",
+    "camera.yaml",
+    "camera_source.yaml",
+    "actuator.yaml",
+    "limiter.yaml",
+    "fear.yaml",
+    "processes.yaml",
+    "drive.yaml",
+)
+"""Written for every car, beside the files of its template."""
+SCHEMAS = ("fear.json", "scenario.json")
+HEADER = """\
+# This car's {name}. A line "#field: value" is a field with its default: delete the "#" to change it, and that of
+# the line that it stands below. Fields that stay comments follow the defaults of the installed Trepid.
+#
+"""
+WHOLE_HEADER = "# This car's {name}, which replaces the default as a whole.\n#\n"
+
+
+class Like(StrEnum):
+    """Templates of cars."""
+
+    SHUTTLE = "shuttle"
+    RC_CAR = "rc-car"
+    SIM = "sim"
+
+
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder to write; must be empty or new.")],
+    like: Annotated[Like, typer.Option(help="The car to begin with.")] = Like.SIM,
+) -> int:
+    """Write the folder of a new car: commented YAML files that override the defaults field by field."""
+    written = write_car(folder, like)
+    print(f"{folder}: {', '.join(written)}")
+    print(f"Next: edit the files, then `trepid doctor --car {folder}` and `trepid drive --car {folder}`.")
+    return 0
+
+
+def write_car(folder: Path, like: Like) -> list[str]:
+    """Write the files of a car like ``like`` into ``folder``; return their names. Raises InputError."""
+    template = TEMPLATES / like
+    own = {path.relative_to(template).as_posix() for path in template.rglob("*") if path.is_file()}
+    top = {name for name in own if "/" not in name}
+    texts = {
+        name: file_text(name, template) for name in FILES if name in top or (CONFIG_DIR / name).is_file()
+    }
+    texts |= {name: file_text(name, template) for name in sorted(own - texts.keys())}
+    texts |= {f"schema/{name}": read_text(CONFIG_DIR / "schema" / name) for name in SCHEMAS}
+    try:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise InputError(f"{folder}: exists and is not an empty folder; name a new one")
+        for name, text in texts.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{error.filename or folder}: cannot be written: {error.strerror}") from error
+    return [name for name in texts if not name.startswith("schema/")]
+
+
+def file_text(name: str, template: Path) -> str:
+    """The text of the file ``name`` of a car with the files in ``template``."""
+    own = read_text(template / name) if (template / name).is_file() else ""
+    if name in WHOLE_FILES:
+        default = read_text(CONFIG_DIR / name)
+        first, _, rest = (own or default).partition("\n")  # editors expect the schema in the first line
+        return f"{first}\n{WHOLE_HEADER.format(name=name)}{rest}"
+    if "/" in name or not (CONFIG_DIR / name).is_file():
+        return own
+    return HEADER.format(name=name) + merged(read_text(CONFIG_DIR / name), own)
