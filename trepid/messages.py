@@ -144,6 +144,15 @@ class VehicleState:
 
 
 @record
+class Odometry:
+    """Motion measured by the driver of a car (nav_msgs/Odometry): the part that Trepid uses."""
+
+    t_s: float
+    speed_mps: float  # along x of the vehicle
+    yaw_rate_radps: float
+
+
+@record
 class Decision:
     """The decision of the supervisor: fear and its cause, mode, path and speed."""
 
@@ -259,4 +268,4 @@ class Timing:
 
 Derived = ImageStatistics | SteeringEstimate | LeadVehicle | VehicleState | Decision | SimTruth | Timing
 """Messages of Trepid's own; the others travel as standard types of ROS 2."""
-Message = Frame | CompressedFrame | Command | Diagnostic | Derived
+Message = Frame | CompressedFrame | Odometry | Command | Diagnostic | Derived

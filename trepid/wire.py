@@ -37,6 +37,7 @@ from trepid.messages import (
     Frame,
     Health,
     Message,
+    Odometry,
     PixelPath,
 )
 from trepid.types import Array
@@ -147,6 +148,26 @@ def _to_command(ros: Any) -> dict[str, Any]:
     return {name: getattr(ros.drive, field) for field, name in COMMAND_FIELDS.items()}
 
 
+def _from_odometry(odometry: Odometry) -> dict[str, Any]:
+    zero, unknown = ROS["geometry_msgs/msg/Vector3"], np.zeros(36)
+    place = ROS["geometry_msgs/msg/Pose"](
+        position=ROS["geometry_msgs/msg/Point"](x=0.0, y=0.0, z=0.0),
+        orientation=ROS["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0),
+    )
+    motion = ROS["geometry_msgs/msg/Twist"](
+        linear=zero(x=odometry.speed_mps, y=0.0, z=0.0), angular=zero(x=0.0, y=0.0, z=odometry.yaw_rate_radps)
+    )
+    return dict(
+        child_frame_id=FRAME_ID,
+        pose=ROS["geometry_msgs/msg/PoseWithCovariance"](pose=place, covariance=unknown),
+        twist=ROS["geometry_msgs/msg/TwistWithCovariance"](twist=motion, covariance=unknown),
+    )
+
+
+def _to_odometry(ros: Any) -> dict[str, Any]:
+    return dict(speed_mps=ros.twist.twist.linear.x, yaw_rate_radps=ros.twist.twist.angular.z)
+
+
 def _from_diagnostic(diagnostic: Diagnostic) -> dict[str, Any]:
     pair = ROS["diagnostic_msgs/msg/KeyValue"]
     status = ROS["diagnostic_msgs/msg/DiagnosticStatus"](
@@ -197,6 +218,7 @@ MESSAGES: dict[type, MessageCodec] = {
     Frame: MessageCodec("sensor_msgs/msg/Image", _from_frame, _to_frame),
     CompressedFrame: MessageCodec("sensor_msgs/msg/CompressedImage", _from_compressed, _to_compressed),
     Command: MessageCodec("ackermann_msgs/msg/AckermannDriveStamped", _from_command, _to_command),
+    Odometry: MessageCodec("nav_msgs/msg/Odometry", _from_odometry, _to_odometry),
     Diagnostic: MessageCodec("diagnostic_msgs/msg/DiagnosticArray", _from_diagnostic, _to_diagnostic),
     **{message_type: _derived(message_type) for message_type in DERIVED},
 }

@@ -1,0 +1,144 @@
+"""A simulated ECU: the electronics of a car on a CAN bus, with the simulated car behind them.
+
+It takes the command messages of the map of signals and sends its reports at their periods. Frames with a wrong
+length, checksum or counter are refused. Without an accepted frame of every command message for ``silence_s``, or
+when the sender is no longer engaged, the ECU goes to its safe state: no drive, the brake at ``safe_decel_mps2``,
+the wheel held. The safe state ends at standstill, when engaged commands come again.
+"""
+
+from collections.abc import Iterable, Mapping
+
+from sim_harness.counterparts.car import CarBehindWire
+from trepid.config import CONFIG_DIR, InputError, Settings, load, resource
+from trepid.messages import Command, Health, VehicleState
+from trepid.processes.process import Process, Ticker, process
+from trepid.types import Positive
+from trepid.vehicle import Vehicle
+from vehicle.actuators.can.frames import Sender
+from vehicle.actuators.can.quantities import of_state, to_command
+from vehicle.actuators.can.settings import CanSettings
+from vehicle.actuators.can.signal_map import SignalMap, load_map
+from vehicle.actuators.can.wire import CanWire
+from vehicle.actuators.table import configured
+
+STANDING_MPS = 0.05
+EARLY = 0.5  # of a step: a report is sent in the step nearest to its time
+
+
+class EcuSettings(Settings):
+    """Options of the process."""
+
+    silence_s: Positive = 0.1
+    safe_decel_mps2: Positive = 3.5
+
+
+class Ecu:
+    """Commands from frames, reports as frames. Pure: no bus, no clock."""
+
+    def __init__(self, signals: SignalMap, settings: EcuSettings, *, steering_ratio: float) -> None:
+        self._settings, self._ratio = settings, steering_ratio
+        self._receivers = [signals.receiver(each) for each in signals.settings.commands]
+        self._heard_s: list[float | None] = [None] * len(self._receivers)
+        self._quantities: dict[str, float] = {}
+        self._has_engaged = any(
+            each.quantity == "engaged" for mapped in signals.settings.commands for each in mapped.signals
+        )
+        self._reports = signals.settings.reports
+        self._senders = [signals.sender(each) for each in self._reports]
+        self._next_s = [0.0] * len(self._senders)
+        self._angle_rad = 0.0
+        self._begun = False
+        self.safe = ""
+        """Why the ECU is in its safe state; empty while it follows commands."""
+
+    def take(self, address: int, extended: bool, data: bytes, *, now_s: float) -> None:
+        """Take a frame of the bus; other addresses, wrong checksums and wrong counters do not count."""
+        for k, receiver in enumerate(self._receivers):
+            if (receiver.address, receiver.extended) == (address, extended):
+                found = receiver.quantities(data)
+                if found is not None:
+                    self._quantities |= found
+                    self._heard_s[k] = now_s
+
+    def command(self, speed_mps: float, *, now_s: float) -> Command | None:
+        """The command that acts at ``speed_mps``; None until the first engaged command."""
+        fault = self._fault(now_s)
+        if not self._begun:
+            self._begun = not fault
+            if fault:
+                return None
+        if fault:
+            self.safe = fault
+        elif speed_mps <= STANDING_MPS:
+            self.safe = ""
+        if self.safe:
+            decel_mps2 = self._settings.safe_decel_mps2
+            return Command(
+                t_s=now_s, road_wheel_angle_rad=self._angle_rad, speed_mps=0.0, accel_mps2=-decel_mps2
+            )
+        command = to_command(self._quantities, steering_ratio=self._ratio, t_s=now_s)
+        self._angle_rad = command.road_wheel_angle_rad
+        return command
+
+    def _fault(self, now_s: float) -> str:
+        """Why commands do not count now; empty when they do."""
+        for receiver, heard_s in zip(self._receivers, self._heard_s, strict=True):
+            if heard_s is None or now_s - heard_s > self._settings.silence_s:
+                return f"no valid {receiver.name}"
+        if self._has_engaged and not self._quantities["engaged"]:
+            return "not engaged"
+        return ""
+
+    def reports(self, state: VehicleState, *, now_s: float, step_s: float) -> Iterable[tuple[Sender, bytes]]:
+        """The reports of ``state`` that are due."""
+        quantities: Mapping[str, float] = of_state(state, steering_ratio=self._ratio)
+        for k, sender in enumerate(self._senders):
+            if now_s >= self._next_s[k] - EARLY * step_s:
+                period_s = self._reports[k].period_s
+                late = now_s - self._next_s[k] > period_s
+                self._next_s[k] = (now_s if late else self._next_s[k]) + period_s
+                yield sender, sender.frame(quantities)
+
+    def refused(self) -> dict[str, int]:
+        """Number of refused frames by message and reason."""
+        return {
+            f"refused {receiver.name} {why}": count
+            for receiver in self._receivers
+            for why, count in receiver.refused.items()
+        }
+
+
+def run(me: Process) -> None:
+    """The ECU and the car, in real time, on the bus of the block ``can`` in ``config/actuator.yaml``."""
+    options = {name: me.options[name] for name in EcuSettings.model_fields if name in me.options}
+    name, settings = configured()
+    if not isinstance(settings, CanSettings):
+        raise InputError(f"process {me.name} is the ECU of the actuator 'can'; actuator.yaml names {name!r}")
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    signals = load_map(resource(settings.map), vehicle)
+    ecu = Ecu(signals, EcuSettings.model_validate(options), steering_ratio=vehicle.steering_ratio)
+    car, wire = CarBehindWire(me), CanWire(settings)
+    me.ready(values=lambda: tuple((name, str(count)) for name, count in ecu.refused().items()))
+    ticker, speed_mps = Ticker(1 / car.settings.period_s), 0.0
+    try:
+        while me.running():
+            ticker.sleep()
+            ticker.due()
+            now_s = me.now_s()
+            for address, extended, data in wire.frames():
+                ecu.take(address, extended, data, now_s=now_s)
+            state = car.step(ecu.command(speed_mps, now_s=now_s), now_s=now_s)
+            speed_mps = abs(state.speed_mps or 0.0)
+            for sender, frame in ecu.reports(state, now_s=now_s, step_s=car.settings.period_s):
+                wire.send(sender, frame)
+            if ecu.safe:
+                me.stepped(Health.WARN, f"safe state: {ecu.safe}")
+            else:
+                me.stepped()
+    finally:
+        wire.close()
+
+
+if __name__ == "__main__":
+    with process() as me:
+        run(me)

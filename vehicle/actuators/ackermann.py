@@ -1,0 +1,95 @@
+"""The Ackermann actuator: ackermann_msgs/AckermannDriveStamped to a driver on the bus, and its state back.
+
+The topics stand below ``trepid/<vehicle name>/``, in the wire format of ROS 2. The state is a
+trepid_msgs/VehicleState, or a nav_msgs/Odometry, which holds speed and yaw rate.
+"""
+
+from dataclasses import replace
+from typing import Any, ClassVar, Literal, Self
+
+from pydantic import model_validator
+
+from trepid.config import InputError, Settings, wrong_at
+from trepid.messages import Command, Odometry, VehicleState
+from trepid.topics import FIXED, Topic
+from trepid.types import Positive
+from vehicle.actuators.actuator import Car
+
+RATE_HZ = 100
+SAFE = Command(t_s=None, road_wheel_angle_rad=0.0, speed_mps=0.0, accel_mps2=0.0)
+
+
+class AckermannSettings(Settings):
+    """The block ``ackermann`` of ``config/actuator.yaml``."""
+
+    command_topic: str
+    state_topic: str
+    state: Literal["vehicle_state", "odometry"]
+    wheel_angle: Literal["reported", "commanded"]
+    timeout_s: Positive
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        for field in ("command_topic", "state_topic"):
+            if getattr(self, field) in FIXED:
+                raise wrong_at((field,), f"{getattr(self, field)!r} is a topic of Trepid: choose another")
+        if self.command_topic == self.state_topic:
+            raise wrong_at(("state_topic",), "is the topic of the commands too")
+        if self.state == "odometry" and self.wheel_angle == "reported":
+            raise wrong_at(("wheel_angle",), "an odometry reports no wheel angle: choose commanded")
+        return self
+
+
+class AckermannActuator:
+    """Publishes every command and keeps the newest report."""
+
+    Settings: ClassVar[type[AckermannSettings]] = AckermannSettings
+
+    def __init__(self, settings: AckermannSettings, car: Car) -> None:
+        """Raises InputError without a bus."""
+        if car.bus is None:
+            raise InputError("actuator 'ackermann' needs the bus of a drive")
+        self._settings = settings
+        kind: Any = Odometry if settings.state == "odometry" else VehicleState
+        self._report = car.bus.latest(Topic(settings.state_topic, kind, RATE_HZ))
+        self._send = car.bus.publisher(Topic(settings.command_topic, Command, RATE_HZ))
+        self._last = SAFE
+
+    def read(self, *, now_s: float) -> VehicleState | None:
+        """The newest report; None when it arrived too long ago, or is malformed.
+
+        With ``wheel_angle: commanded`` the angle is that of the last command. Nothing measures it, so the limiter
+        cannot notice a driver by the wheel.
+        """
+        report, received_s = self._report.refresh(), self._report.received_s
+        if report is None or received_s is None or self._report.broken:
+            return None
+        if now_s - received_s > self._settings.timeout_s:
+            return None
+        state = report if isinstance(report, VehicleState) else _state(report)
+        if self._settings.wheel_angle == "commanded":
+            return replace(state, road_wheel_angle_rad=self._last.road_wheel_angle_rad)
+        return state
+
+    def write(self, command: Command, *, now_s: float) -> None:
+        """Publish ``command``."""
+        self._last = command
+        self._send(command)
+
+    def values(self) -> tuple[tuple[str, str], ...]:
+        """No further values."""
+        return ()
+
+    def close(self) -> None:
+        """Publish a command to stand with the last wheel angle; its stamp is zero."""
+        self._send(replace(SAFE, road_wheel_angle_rad=self._last.road_wheel_angle_rad))
+
+
+def _state(odometry: Odometry) -> VehicleState:
+    return VehicleState(
+        t_s=odometry.t_s,
+        speed_mps=odometry.speed_mps,
+        road_wheel_angle_rad=None,
+        yaw_rate_radps=odometry.yaw_rate_radps,
+        driver_override=False,
+    )

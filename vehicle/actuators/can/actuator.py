@@ -1,0 +1,136 @@
+"""The CAN actuator: commands as the messages of a map of signals, and the reports of the car as its state."""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from trepid.config import resource
+from trepid.messages import Command, VehicleState
+from vehicle.actuators.actuator import Car
+from vehicle.actuators.can.frames import Receiver, Sender
+from vehicle.actuators.can.quantities import HELD, of_command, safe, to_state
+from vehicle.actuators.can.settings import CanMap, CanSettings, ReportMessage
+from vehicle.actuators.can.signal_map import load_map
+from vehicle.actuators.can.wire import CanWire
+
+PAUSE_S = 0.1  # after a longer time without reading, the frames that waited have no known age
+LAST_FRAMES = 3  # of the safe state: a receiver that misses one gets another
+EARLY = 0.5  # of the writing period: a message is sent in the step nearest to its time
+STEP_S = 0.01
+
+
+class CanActuator:
+    """Sends every message of the map at its period from ``write``, without a thread.
+
+    A process that hangs therefore sends nothing, and the car notices the silence.
+    """
+
+    Settings: ClassVar[type[CanSettings]] = CanSettings
+
+    def __init__(self, settings: CanSettings, car: Car) -> None:
+        """Raises InputError for a map that does not fit its DBC, and for a bus that cannot be opened."""
+        signals = load_map(resource(settings.map), car.vehicle)
+        self._map: CanMap = signals.settings
+        self._ratio = car.vehicle.steering_ratio
+        self._reports = Reports(self._map.reports, signals.receivers(), steering_ratio=self._ratio)
+        self._senders = signals.senders()
+        self._next_s = [0.0] * len(self._senders)
+        self._read_s: float | None = None
+        self._last = HELD
+        self._wire = CanWire(settings)
+
+    def read(self, *, now_s: float) -> VehicleState | None:
+        """State of the newest reports; None while a message with speed, angle or override is silent.
+
+        Frames that waited through a pause of this process are dropped: their age is not known. Raises OSError.
+        """
+        paused = self._read_s is not None and now_s - self._read_s > PAUSE_S
+        self._read_s = now_s
+        for address, extended, data in self._wire.frames():
+            if not paused:
+                self._reports.take(address, extended, data, now_s=now_s)
+        return self._reports.state(now_s=now_s)
+
+    def write(self, command: Command, *, now_s: float) -> None:
+        """Send the messages that are due. Raises OSError after all of them were tried."""
+        self._last = command
+        due = [k for k, next_s in enumerate(self._next_s) if now_s >= next_s - EARLY * STEP_S]
+        for k in due:
+            period_s = self._map.commands[k].period_s
+            late = now_s - self._next_s[k] > period_s
+            self._next_s[k] = (now_s if late else self._next_s[k]) + period_s
+        self._send(command, [self._senders[k] for k in due])
+
+    def _send(self, command: Command, senders: Sequence[Sender]) -> None:
+        quantities = of_command(command, steering_ratio=self._ratio)
+        failure: OSError | None = None
+        for sender in senders:
+            try:
+                self._wire.send(sender, sender.frame(quantities))
+            except OSError as error:
+                failure = error
+        if failure is not None:
+            raise failure
+
+    def values(self) -> tuple[tuple[str, str], ...]:
+        """Number of refused frames by message and reason."""
+        return self._reports.values()
+
+    def close(self) -> None:
+        """Send the safe state: not engaged, ``safe_accel_mps2``, the last angle. Raises OSError."""
+        try:
+            for _ in range(LAST_FRAMES):
+                self._send(safe(self._last, accel_mps2=self._map.safe_accel_mps2), self._senders)
+        finally:
+            self._wire.close()
+
+
+class Reports:
+    """The newest quantities of each report of the car, with the time of their arrival."""
+
+    ESSENTIAL: ClassVar = frozenset(
+        {"speed_mps", "road_wheel_angle_rad", "steering_wheel_angle_rad", "driver_override"}
+    )
+
+    def __init__(
+        self, mapped: Sequence[ReportMessage], receivers: Sequence[Receiver], *, steering_ratio: float
+    ) -> None:
+        self._ratio = steering_ratio
+        self._receivers = {(each.address, each.extended): k for k, each in enumerate(receivers)}
+        self._all = list(receivers)
+        self._timeouts_s = [each.timeout_s for each in mapped]
+        self._needed = [any(signal.quantity in self.ESSENTIAL for signal in each.signals) for each in mapped]
+        self._newest: list[tuple[dict[str, float], float] | None] = [None] * len(receivers)
+
+    def take(self, address: int, extended: bool, data: bytes, *, now_s: float) -> None:
+        """Keep the quantities of a frame of the map that its checks accept."""
+        k = self._receivers.get((address, extended))
+        if k is None:
+            return
+        found = self._all[k].quantities(data)
+        if found is not None:
+            self._newest[k] = found, now_s
+
+    def state(self, *, now_s: float) -> VehicleState | None:
+        """The state, dated with its oldest part.
+
+        A message that is silent beyond its timeout has no quantities; without one of speed, wheel angle or driver
+        override there is no state: an override that is not known is not "no override".
+        """
+        quantities: dict[str, float] = {}
+        oldest_s = now_s
+        for newest, timeout_s, needed in zip(self._newest, self._timeouts_s, self._needed, strict=True):
+            if newest is None or now_s - newest[1] > timeout_s:
+                if needed:
+                    return None
+                continue
+            quantities |= newest[0]
+            oldest_s = min(oldest_s, newest[1])
+        return to_state(quantities, steering_ratio=self._ratio, t_s=oldest_s)
+
+    def values(self) -> tuple[tuple[str, str], ...]:
+        """Number of refused frames by message and reason."""
+        return tuple(
+            (f"refused {receiver.name} {why}", str(count))
+            for receiver in self._all
+            for why, count in receiver.refused.items()
+        )

@@ -1,0 +1,150 @@
+"""Messages of a DBC as frames: quantities to bytes with counter and checksum, and back with their checks."""
+
+import math
+from collections import Counter as Counts
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from vehicle.actuators.can.checksums import checksum
+from vehicle.actuators.can.settings import Conversion, Mapped
+
+MOST_LOST = 2  # consecutive messages that may be lost without a wrong counter
+WORD = 8
+
+
+def raw_range(signal: Any) -> tuple[float, float]:
+    """Smallest and largest value that a signal of cantools holds, in its units: by bits and stated range."""
+    bits = signal.length
+    low, high = (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signal.is_signed else (0, (1 << bits) - 1)
+    ends = sorted(raw * signal.scale + signal.offset for raw in (low, high))
+    stated_low = -math.inf if signal.minimum is None else signal.minimum
+    stated_high = math.inf if signal.maximum is None else signal.maximum
+    if stated_low >= stated_high:  # [0|0] stands for no range
+        return ends[0], ends[1]
+    return max(ends[0], stated_low), min(ends[1], stated_high)
+
+
+def to_signal(conversion: Conversion, quantity: float) -> float:
+    """The quantity [SI] in units of the signal."""
+    return conversion.sign * conversion.scale * quantity + conversion.offset
+
+
+def to_quantity(conversion: Conversion, value: float) -> float:
+    """The value of a signal as its quantity [SI]."""
+    return conversion.sign * (value - conversion.offset) / conversion.scale
+
+
+class Protection:
+    """Counter and checksum of one message; ``message`` is that of cantools."""
+
+    def __init__(self, mapped: Mapped, message: Any) -> None:
+        self._message = message
+        self._checksum = mapped.checksum
+        self.counter = mapped.counter.signal if mapped.counter else None
+        self.modulo = 1
+        if mapped.counter is not None:
+            bits = message.get_signal_by_name(mapped.counter.signal).length
+            self.modulo = mapped.counter.modulo or 1 << bits
+        if self._checksum is not None:
+            self._field = message.get_signal_by_name(self._checksum.signal)
+            self._cover = self._bits_of_field()
+
+    def sealed(self, values: dict[str, float]) -> bytes:
+        """Bytes of ``values`` with their checksum."""
+        if self._checksum is None:
+            return bytes(self._message.encode(values, strict=False))
+        name = self._checksum.signal
+        data = bytes(self._message.encode({**values, name: 0}, strict=False))
+        return bytes(self._message.encode({**values, name: self._computed(data)}, strict=False))
+
+    def intact(self, data: bytes, values: Mapping[str, Any]) -> bool:
+        """Whether the checksum in ``data``, of which ``values`` were decoded, is right."""
+        if self._checksum is None:
+            return True
+        zeroed = bytes(byte & ~cover for byte, cover in zip(data, self._cover, strict=True))
+        return int(values[self._checksum.signal]) == self._computed(zeroed)
+
+    def _bits_of_field(self) -> bytes:
+        """The bits of the checksum, as ones."""
+        ones = (1 << self._field.length) - 1
+        zero = {signal.name: 0 for signal in self._message.signals}
+        return bytes(self._message.encode({**zero, self._field.name: ones}, scaling=False, strict=False))
+
+    def _computed(self, data: bytes) -> int:
+        assert self._checksum is not None
+        return checksum(
+            self._checksum.algorithm,
+            self._message.frame_id,
+            data,
+            bits=self._field.length,
+            byte=self._field.start // WORD,
+            data_id=self._checksum.data_id,
+        )
+
+
+class Sender:
+    """A message that is sent: quantities to bytes."""
+
+    def __init__(
+        self, mapped: Mapped, conversions: Sequence[Any], constants: Mapping[str, float], message: Any
+    ) -> None:
+        self.address: int = message.frame_id
+        self.extended: bool = message.is_extended_frame
+        self.fd: bool = message.is_fd
+        self._protection = Protection(mapped, message)
+        self._conversions = [
+            (each, raw_range(message.get_signal_by_name(each.signal))) for each in conversions
+        ]
+        self._rest = {signal.name: float(signal.offset) for signal in message.signals} | dict(constants)
+        self._count = 0
+
+    def frame(self, quantities: Mapping[str, float]) -> bytes:
+        """Bytes of ``quantities``, each at most as large as its signal holds; the counter moves on."""
+        values = dict(self._rest)
+        for each, (low, high) in self._conversions:
+            values[each.signal] = min(max(to_signal(each, quantities[each.quantity]), low), high)
+        if self._protection.counter is not None:
+            values[self._protection.counter] = self._count
+            self._count = (self._count + 1) % self._protection.modulo
+        return self._protection.sealed(values)
+
+
+class Receiver:
+    """A message that arrives: bytes to quantities, refused with a wrong length, checksum or counter."""
+
+    def __init__(self, mapped: Mapped, conversions: Sequence[Any], message: Any) -> None:
+        self.name: str = message.name
+        self.address: int = message.frame_id
+        self.extended: bool = message.is_extended_frame
+        self._length: int = message.length
+        self._message = message
+        self._conversions = list(conversions)
+        self._protection = Protection(mapped, message)
+        self._count: int | None = None
+        self.refused: Counts[str] = Counts()
+        """Number of refused frames by reason."""
+
+    def quantities(self, data: bytes) -> dict[str, float] | None:
+        """The quantities in ``data`` [SI]; None for a frame that is refused.
+
+        The counter must be 1 to 3 ahead of that of the last intact frame: a repeated one is refused, a lost one is
+        not an error. After a wrong counter the next right one counts from there.
+        """
+        if len(data) != self._length:
+            self.refused["length"] += 1
+            return None
+        values = self._message.decode(data, decode_choices=False)
+        if not self._protection.intact(data, values):
+            self.refused["checksum"] += 1
+            return None
+        if self._protection.counter is not None:
+            before, self._count = self._count, int(values[self._protection.counter])
+            ahead = None if before is None else (self._count - before) % self._protection.modulo
+            if ahead is not None and not 1 <= ahead <= 1 + MOST_LOST:
+                self.refused["counter"] += 1
+                return None
+        found: dict[str, float] = {}
+        for each in self._conversions:
+            value = to_quantity(each, float(values[each.signal]))
+            found[each.quantity] = max(value, found.get(each.quantity, value), key=abs)
+        return found

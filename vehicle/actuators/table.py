@@ -1,0 +1,79 @@
+"""The table of actuators, and the actuator that ``config/actuator.yaml`` names."""
+
+from collections.abc import Mapping
+from pkgutil import resolve_name
+from types import MappingProxyType
+from typing import Any, cast
+
+from pydantic import ConfigDict, create_model
+
+from trepid import plugins
+from trepid.config import CONFIG_DIR, InputError, Settings, parse, place, read
+from trepid.spelling import did_you_mean
+from vehicle.actuators.actuator import Actuator, ActuatorKind, Car
+
+OWN: Mapping[str, str] = MappingProxyType(
+    {
+        "ackermann": "vehicle.actuators.ackermann:AckermannActuator",
+        "can": "vehicle.actuators.can.actuator:CanActuator",
+    }
+)
+"""Name -> module and class; imported when chosen, because the libraries of a wire are extras."""
+SIMULATED = "sim"
+SIMULATOR = "sim_harness.live.vehicle_node"
+FILE = CONFIG_DIR / "actuator.yaml"
+
+
+REMEDY = {"can": "pip install 'trepid[can]'"}
+
+
+def names() -> list[str]:
+    """Names of all actuators: those of Trepid, then those of other packages."""
+    return plugins.names(plugins.Group.ACTUATORS, {SIMULATED: None, **OWN})
+
+
+def kind(name: str) -> ActuatorKind:
+    """The class of actuators called ``name``. Raises InputError for an unknown name or a missing library."""
+    if name not in OWN:
+        return cast(ActuatorKind, plugins.part(plugins.Group.ACTUATORS, name, {}))
+    try:
+        return cast(ActuatorKind, resolve_name(OWN[name]))
+    except ImportError as error:
+        missing = error.name or str(error)
+        raise InputError(f"actuator {name!r} needs the package {missing}: {REMEDY.get(name, '')}") from error
+
+
+def configured() -> tuple[str, Settings | None]:
+    """Name and settings of the actuator in ``config/actuator.yaml``; no settings for the simulated car.
+
+    Raises InputError with the place of the fault.
+    """
+    data = read(FILE)
+    known = names()
+    for key in data:
+        if key != "actuator" and key not in known:
+            hint = did_you_mean(str(key), ["actuator", *known])
+            raise InputError(f"{place(data, [key], FILE)}: unknown actuator {str(key)!r}; {hint}")
+    name = str(data.get("actuator"))
+    if name not in known:
+        where = place(data, ["actuator"], FILE)
+        raise InputError(f"{where}: actuator: unknown actuator {name!r}; {did_you_mean(name, known)}")
+    if name == SIMULATED:
+        return name, None
+    if name not in data:
+        raise InputError(f"{place(data, ['actuator'], FILE)}: actuator: {name!r} has no block of settings")
+    block: dict[str, Any] = {name: (kind(name).Settings, ...)}
+    model = create_model("ActuatorFile", __config__=ConfigDict(extra="ignore"), **block)
+    return name, getattr(parse(data, model, source=FILE), name)
+
+
+def build(car: Car) -> tuple[str, Actuator]:
+    """Name of the configured actuator, and the actuator with its wire open. Raises InputError."""
+    name, settings = configured()
+    if settings is None:
+        where = place(read(FILE), ["actuator"], FILE)
+        raise InputError(
+            f"{where}: actuator: {SIMULATED!r} is the car of the process {SIMULATOR}: run that module in "
+            f"processes.yaml, or choose one of {', '.join(names()[1:])}"
+        )
+    return name, kind(name)(settings, car)
