@@ -250,6 +250,20 @@ class Diagnostic:
 
 
 @record
+class DriverInput:
+    """The demand of a driver at a game pad or keyboard. ``t_s`` is the time of reading."""
+
+    t_s: float
+    connected: bool  # the device exists and can be read
+    allowed: bool  # the dead man's switch is held, and no stop button was pressed since it was last released
+    override: bool  # the driver drives in place of the controller
+    road_wheel_angle_rad: float | None  # demands of the driver; None without override
+    accel_mps2: float | None
+    speed_mps: float | None
+    record: bool  # the driver wants the drive recorded
+
+
+@record
 class Timing:
     """When a process handled frames: one entry per frame that triggered a step, on the clock of the drive [s].
 
@@ -266,6 +280,15 @@ class Timing:
     sent_s: tuple[float, ...]  # the output is handed to the transport, or to the actuator
 
 
-Derived = ImageStatistics | SteeringEstimate | LeadVehicle | VehicleState | Decision | SimTruth | Timing
+Derived = (
+    ImageStatistics
+    | SteeringEstimate
+    | LeadVehicle
+    | VehicleState
+    | Decision
+    | SimTruth
+    | DriverInput
+    | Timing
+)
 """Messages of Trepid's own; the others travel as standard types of ROS 2."""
 Message = Frame | CompressedFrame | Odometry | Command | Diagnostic | Derived

@@ -27,6 +27,7 @@ LEAD_VEHICLE = Topic("perception/lead", messages.LeadVehicle, 25)  # -> supervis
 DECISION = Topic("supervisor/decision", messages.Decision, 25)  # -> controller
 COMMAND = Topic("controller/command", messages.Command, 50)  # -> vehicle
 VEHICLE_STATE = Topic("vehicle/state", messages.VehicleState, 100)  # -> all
+DRIVER_INPUT = Topic("driver/input", messages.DriverInput, 50)  # game pad or keyboard -> vehicle
 SIM_TRUTH = Topic("sim/truth", messages.SimTruth, 100)  # simulated vehicle -> simulated camera, referee
 DIAGNOSTICS = Topic("diagnostics", messages.Diagnostic, 1, urgent=False)  # every process -> launcher
 TIMING = Topic("diagnostics/timing", messages.Timing, 1, urgent=False)  # processes of the frame -> launcher

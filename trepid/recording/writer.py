@@ -22,7 +22,7 @@ from trepid.wire import definition, ros_name
 
 RECORDED = (
     "camera/image/compressed",
-    *(f"{part}/**" for part in ("perception", "supervisor", "controller", "vehicle", "sim")),
+    *(f"{part}/**" for part in ("perception", "supervisor", "controller", "vehicle", "driver", "sim")),
     "diagnostics",
     "diagnostics/timing",
 )

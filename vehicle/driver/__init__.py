@@ -1,0 +1,1 @@
+"""Driver input: a game pad or keyboard drives by hand, permits driving, takes over, stops and marks recordings."""

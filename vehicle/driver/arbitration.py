@@ -1,0 +1,64 @@
+"""Who drives: controller, driver or nobody. The result goes through the limiter, so its limits hold for both."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from trepid.messages import Command, DriverInput, VehicleState
+
+
+class Demand(NamedTuple):
+    """The command for the limiter."""
+
+    command: Command | None  # None: nobody may drive; the limiter brakes to standstill
+    received_s: float | None  # arrival of ``command``
+    override: bool  # the command is that of the driver
+    reason: str  # why nobody may drive; "" otherwise
+
+
+def arbitrate(
+    command: Command | None,
+    received_s: float | None,
+    driver: DriverInput | None,
+    driver_received_s: float | None,
+    *,
+    required: bool,
+    timeout_s: float,
+    now_s: float,
+) -> Demand:
+    """The command for the limiter from that of the controller and the newest input of the driver.
+
+    ``driver`` is None before the first input. Without an input the controller drives, unless ``required``. After
+    the first input it is required: a device that vanishes, an input older than ``timeout_s`` and a released dead
+    man's switch mean that nobody may drive. With ``override`` the demand of the driver becomes the command.
+    """
+    if driver is None or driver_received_s is None:
+        return _nobody("no input of the driver") if required else Demand(command, received_s, False, "")
+    present = abs(now_s - driver_received_s) <= timeout_s
+    if not (present and driver.connected and driver.allowed):
+        return _nobody(_why_not(driver, present=present))
+    if not driver.override:
+        return Demand(command, received_s, False, "")
+    angle_rad, accel_mps2, speed_mps = driver.road_wheel_angle_rad, driver.accel_mps2, driver.speed_mps
+    if angle_rad is None or accel_mps2 is None or speed_mps is None:
+        return _nobody("the driver overrides without a demand")
+    by_hand = Command(
+        t_s=driver.t_s, road_wheel_angle_rad=angle_rad, speed_mps=speed_mps, accel_mps2=accel_mps2
+    )
+    return Demand(by_hand, driver_received_s, True, "")
+
+
+def _why_not(driver: DriverInput, *, present: bool) -> str:
+    if not present:
+        return "the input of the driver is old"
+    if not driver.connected:
+        return "the input device of the driver is gone"
+    return "the dead man's switch is released"
+
+
+def reported(state: VehicleState, demand: Demand) -> VehicleState:
+    """``state``, the limiter's report, with the override of a driver whose demand is the command."""
+    return replace(state, driver_override=True) if demand.override else state
+
+
+def _nobody(reason: str) -> Demand:
+    return Demand(None, None, False, reason)
