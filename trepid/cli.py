@@ -45,6 +45,11 @@ VERBS = {
         "init",
         "Write the folder of a new car: commented YAML files that override the defaults field by field.",
     ),
+    "doctor": Verb(
+        "cockpit.car.cli",
+        "doctor",
+        "Check the machine and the car, and say what to do about each finding; exit code 1 when a check fails.",
+    ),
     "sim": Verb("sim_harness.cli", help="Run scenarios in lock-step, faster than real time."),
     "estimate": Verb(
         "perception.cli",

@@ -1,7 +1,7 @@
 """The text of a settings file of a new car: the fields of its template, and all others as comments.
 
-The default file gives every field with its unit, default and source. Each of its lines gets a ``#``, so that an edit
-is the removal of that character; the fields of the template stand uncommented below their default.
+The default file gives every field with its unit, default and source. Each of its lines gets a ``#``, so that an
+edit is the removal of that character; the fields of the template stand uncommented below their default.
 """
 
 import re

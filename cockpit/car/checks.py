@@ -1,0 +1,152 @@
+"""Checks of the software and the settings of a car: packages, files, models, endpoint."""
+
+import socket
+from collections.abc import Callable, Iterator
+
+from cockpit.car.finding import Finding
+from trepid.config import CONFIG_DIR, InputError, car_folder, load, read
+from trepid.packages import PACKAGES, check_packages
+
+
+def packages() -> Finding:
+    """The packages of Trepid are those of this installation: their names also exist on PyPI."""
+    try:
+        check_packages()
+    except InputError as error:
+        return Finding(
+            "packages", False, str(error), "uninstall the other package, or use a fresh environment"
+        )
+    return Finding("packages", True, f"{len(PACKAGES)} packages of this installation")
+
+
+def configuration() -> Finding:
+    """Every file of settings and rules, with the fields of the car, fits its class."""
+    faults = dict.fromkeys(fault for check in SETTINGS if (fault := _fault(check)))
+    if faults:
+        return Finding("configuration", False, "; ".join(faults), "correct the fields at these places")
+    car = car_folder()
+    return Finding("configuration", True, f"{car or 'the defaults'}: valid")
+
+
+def _fault(check: Callable[[], object]) -> str:
+    try:
+        check()
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _vehicle() -> None:
+    from trepid.vehicle import Vehicle
+
+    load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+
+
+def _camera() -> None:
+    from trepid.camera import Camera
+
+    load(CONFIG_DIR / "camera.yaml", Camera)
+
+
+def _limiter() -> None:
+    import controller.limiter
+
+    controller.limiter.build()
+
+
+def _controller() -> None:
+    import controller.controller
+
+    controller.controller.build()
+
+
+def _supervisor() -> None:
+    import supervisor.supervisor
+
+    supervisor.supervisor.build()
+
+
+def _estimators() -> None:
+    from perception.estimators import estimators, lane_cv_settings
+
+    lane_cv_settings()
+    estimators()
+
+
+def _security() -> None:
+    from trepid.security import load_security
+
+    load_security()
+
+
+def _files() -> None:
+    """All other files of the car are at least YAML."""
+    car = car_folder()
+    for path in sorted(car.glob("*.yaml")) if car is not None else ():
+        read(CONFIG_DIR / path.name if (CONFIG_DIR / path.name).is_file() else path)
+
+
+SETTINGS: tuple[Callable[[], None], ...] = (
+    _vehicle,
+    _camera,
+    _limiter,
+    _controller,
+    _supervisor,
+    _estimators,
+    _security,
+    _files,
+)
+
+
+def models() -> Finding:
+    """The networks of the drive exist, agree with their records (SHA-256) and start."""
+    try:
+        names = list(_loaded_models())
+    except InputError as error:
+        return Finding(
+            "models", False, str(error), "install Trepid again, or train: `trepid train`, `trepid train-lead`"
+        )
+    return Finding("models", True, f"{', '.join(names)}: hashes agree")
+
+
+def _loaded_models() -> Iterator[str]:
+    import perception.estimators
+    import perception.lead.finder
+
+    perception.estimators.build("cnn")
+    yield "steer_net"
+    perception.lead.finder.build()
+    yield "lead"
+
+
+def endpoint() -> Finding:
+    """The port on which the processes of a drive meet is free, and the keys of the drive are there."""
+    from trepid.bus import free_endpoint
+    from trepid.security import LAUNCHER, drive_endpoint, session_settings
+
+    try:
+        found = drive_endpoint(free_endpoint())
+        session_settings(LAUNCHER, listen=found)
+    except InputError as error:
+        return Finding(
+            "endpoint", False, str(error), "correct security.yaml, or make keys: `trepid keys create`"
+        )
+    return judged_endpoint(found, _refusal(found))
+
+
+def _refusal(endpoint: str) -> str:
+    """Why no program can listen at ``endpoint``, such as ``tcp/127.0.0.1:7447``; "" if one can."""
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    try:
+        with socket.create_server((host.strip("[]"), int(port))):
+            return ""
+    except OSError as error:
+        return error.strerror or str(error)
+
+
+def judged_endpoint(endpoint: str, refusal: str) -> Finding:
+    """``refusal`` is the error of the operating system, "" for none."""
+    if refusal:
+        remedy = "end the other drive or program, or change `listen` in security.yaml"
+        return Finding("endpoint", False, f"{endpoint}: {refusal}", remedy)
+    return Finding("endpoint", True, f"{endpoint} is free")

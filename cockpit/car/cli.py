@@ -1,0 +1,55 @@
+"""``trepid doctor``: is this machine and this car ready."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from cockpit.car import checks, machine
+from cockpit.car.finding import Finding
+from trepid.commands.car_option import Car
+
+CHECKS: tuple[Callable[[], Finding], ...] = (
+    checks.packages,
+    checks.configuration,
+    checks.models,
+    checks.endpoint,
+    machine.clock,
+    machine.cores,
+    lambda: machine.disk(Path()),
+    machine.real_time,
+)
+
+
+def doctor(
+    car: Car = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per check.")] = False,
+) -> int:
+    """Check the machine and the car, and say what to do about each finding; exit code 1 when a check fails."""
+    healthy = True
+    for finding in findings():
+        healthy &= finding.ok
+        if as_json:
+            print(json.dumps(asdict(finding)), flush=True)
+        else:
+            show(finding)
+    return 0 if healthy else 1
+
+
+def findings() -> Iterator[Finding]:
+    """The finding of each check, as soon as it is known."""
+    for check in CHECKS:
+        yield check()
+
+
+def show(finding: Finding) -> None:
+    """Print a finding as a line, and its remedy below it."""
+    console = Console(soft_wrap=True, highlight=False, markup=False)
+    console.print("ok  " if finding.ok else "FAIL", style="green" if finding.ok else "bold red", end=" ")
+    console.print(f"{finding.check:14}{finding.message}")
+    if finding.remedy:
+        console.print(f"{'':19}-> {finding.remedy}", style="dim" if finding.ok else "yellow")
