@@ -1,4 +1,5 @@
-"""Parts that other packages add through entry points: estimators, cameras, actuators, plants, inputs of fear.
+"""Parts that other packages add through entry points: estimators, cameras, actuators, plants, inputs of fear,
+processes.
 
 A package declares, for example::
 
@@ -24,6 +25,7 @@ class Group(StrEnum):
     ACTUATORS = "trepid.actuators"
     PLANTS = "trepid.plants"
     FEAR_INPUTS = "trepid.fear_inputs"
+    PROCESSES = "trepid.processes"
 
 
 @cache

@@ -10,14 +10,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
-
-from pydantic import Field
+from typing import Any
 
 from sim_harness.judging.conditions.expect import judge
 from sim_harness.judging.metrics import measure
 from sim_harness.judging.trace import Trace
 from sim_harness.live.drive_log import DriveLog
+from sim_harness.live.plan import context_of, planned
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.events import with_events
 from sim_harness.scenarios.faults import EstimatorBias, LostLane
@@ -25,7 +24,8 @@ from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
 from trepid.config import InputError, Settings
-from trepid.processes.launch import Fleet, ProcessSpec
+from trepid.processes.launch import Fleet
+from trepid.processes.settings import load_processes
 from trepid.recording.writer import BusRecorder
 from trepid.security import LAUNCHER, drive_endpoint, session_settings
 from trepid.types import Positive
@@ -40,45 +40,10 @@ class DriveSettings(Settings):
 
     vehicle_name: str
     ready_timeout_s: Positive
-    max_restarts: Annotated[int, Field(ge=0)]
     silence_s: Positive
     standstill_mps: Positive
     stop_timeout_s: Positive
     status_period_s: Positive
-
-
-def processes(scenario: Scenario, seed: int) -> tuple[ProcessSpec, ...]:
-    """Every process of a simulated drive, in one list; the first estimator also judges the image."""
-    simulated = {"scenario": scenario.model_dump(mode="json"), "seed": seed}
-    return (
-        ProcessSpec(
-            "vehicle", "sim_harness.live.vehicle_node", simulated, restart=False
-        ),  # a restart would place the car at the start
-        ProcessSpec("camera", "sim_harness.live.camera_node", simulated),
-        *(
-            ProcessSpec(
-                name, "perception.node", {"estimator": name, "statistics": name == scenario.estimators[0]}
-            )
-            for name in scenario.estimators
-        ),
-        *_lead_processes(scenario),
-        ProcessSpec(
-            "supervisor",
-            "supervisor.node",
-            {
-                "estimators": scenario.estimators,
-                "cruise_speed_mps": scenario.speed_mps,
-                "rules": str(scenario.rules_file.resolve()),  # processes run in the root
-            },
-        ),
-        ProcessSpec("controller", "controller.node"),
-    )
-
-
-def _lead_processes(scenario: Scenario) -> tuple[ProcessSpec, ...]:
-    if scenario.leads_by is not LeadSensor.CAMERA:
-        return ()  # the vehicle process publishes it
-    return (ProcessSpec("lead", "perception.lead.node", {"estimators": scenario.estimators}),)
 
 
 def drive(
@@ -90,22 +55,22 @@ def drive(
     """
     for what in lockstep_only(scenario):
         raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
+    specs = planned(load_processes(), scenario)
     check_configuration([scenario])
     offset_ns = epoch_offset_ns()
     clock = epoch_clock(offset_ns)
-    started = processes(scenario, seed)
     endpoint = drive_endpoint(free_endpoint())
-    check_keys([spec.name for spec in started])
+    check_keys([spec.name for spec in specs])
     secured = session_settings(LAUNCHER, listen=endpoint)
     with (
         caught_signals() as signals,
         open_bus(settings.vehicle_name, clock, listen=endpoint, further=secured) as bus,
         Fleet(
-            started,
+            specs,
             vehicle_name=settings.vehicle_name,
             endpoint=endpoint,
             clock_offset_ns=offset_ns,
-            max_restarts=settings.max_restarts,
+            context=context_of(scenario, scenario.estimators, seed),
         ) as fleet,
         BusRecorder(record, bus, [scenario.rules_file]) if record else nullcontext() as recording,
     ):

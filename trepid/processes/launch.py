@@ -1,8 +1,8 @@
 """Start, watch and stop the processes of a drive.
 
-Every child is a ``python -m <module>`` in its own session (Ctrl-C reaches only the launcher) and holds the reading
-end of a pipe to the launcher. The pipe closes when the launcher ends for any reason, and the child then ends itself
-(:mod:`trepid.processes.process`).
+Every child has its own session (Ctrl-C reaches only the launcher) and holds the reading end of a pipe to the
+launcher. The pipe closes when the launcher ends for any reason, and the child then ends itself
+(:mod:`trepid.processes.process`); the kernel ends a command (:mod:`trepid.processes.foreign`).
 """
 
 import os
@@ -11,24 +11,17 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import IO, Any
 
-from trepid.config import ROOT
-from trepid.processes.process import BAD_INPUT, Assignment
+from trepid.config import ROOT, InputError, car_folder
+from trepid.processes.process import ASSIGNMENT, BAD_INPUT, Assignment
+from trepid.processes.settings import ProcessSpec, Restart, working_folder
 
 ABORT_GRACE_S = 0.3
 TERM_GRACE_S = 1.2  # SIGTERM to SIGKILL; with the kill this keeps a stop below 2 s
-
-
-@dataclass(frozen=True, slots=True)
-class ProcessSpec:
-    """One process of a drive: ``python -m module`` with options."""
-
-    name: str
-    module: str
-    options: dict[str, Any] = field(default_factory=dict)
-    restart: bool = True  # start it again after an unexpected end
 
 
 @dataclass(slots=True)
@@ -39,6 +32,12 @@ class Child:
     popen: subprocess.Popen[bytes]
     log: IO[bytes]
     restarts: int = 0
+    restart_at_s: float | None = None  # when it is to start again, after its end [monotonic s]
+
+    @property
+    def alive(self) -> bool:
+        """True while the process runs."""
+        return self.popen.poll() is None
 
     def stderr_tail(self, lines: int = 12) -> str:
         """The last lines that the process wrote to its log, joined by `` | ``."""
@@ -82,18 +81,19 @@ class Fleet:
         vehicle_name: str,
         endpoint: str,
         clock_offset_ns: int,
-        max_restarts: int,
+        context: Mapping[str, Any] | None = None,
     ) -> None:
+        """``context`` describes the drive to every process: options that the own ones of a process override."""
         self._session = dict(vehicle_name=vehicle_name, connect=endpoint, clock_offset_ns=clock_offset_ns)
         self._specs = specs
-        self._max_restarts = max_restarts
+        self._context = dict(context or {})
         self.children: dict[str, Child] = {}
 
     def __enter__(self) -> "Fleet":
         try:
             for spec in self._specs:
                 self.children[spec.name] = self._start(spec)
-        except OSError:
+        except BaseException:
             self.stop()
             raise
         return self
@@ -102,37 +102,65 @@ class Fleet:
         self.stop()
 
     def _start(self, spec: ProcessSpec) -> Child:
-        assignment = Assignment.model_validate({"name": spec.name, "options": spec.options, **self._session})
+        """Start the process. Raises InputError when the system refuses it."""
+        options = {**self._context, **spec.options}
+        assignment = Assignment.model_validate({"name": spec.name, "options": options, **self._session})
+        text = assignment.model_dump_json()
         log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the child
-        popen = subprocess.Popen(
-            [sys.executable, "-m", spec.module, assignment.model_dump_json()],
-            cwd=ROOT,  # `-m` then prefers the packages of this checkout to installed ones of the same name
-            stdin=subprocess.PIPE,
-            stdout=log,
-            stderr=log,
-            start_new_session=True,
-            # One thread per process: seven processes share two cores.
-            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        )
-        return Child(spec, popen, log)
+        try:
+            popen = subprocess.Popen(
+                _arguments(spec, text),
+                cwd=working_folder()
+                if spec.command
+                else ROOT,  # `-m` then prefers the packages of this checkout
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+                env=_environment(spec, text),
+            )
+        except OSError as error:
+            log.close()
+            raise InputError(f"{_place(spec)}: cannot be started: {error.strerror}") from error
+        child = Child(spec, popen, log)
+        try:
+            _schedule(spec, popen.pid)
+        except InputError:
+            _end(child, deadline_s=time.monotonic())
+            raise
+        return child
 
     def collect_exits(self) -> list[UnexpectedExit]:
-        """The children that ended since the last call; each is started again while it has restarts left.
+        """The children that ended since the last call; starts those again whose restart is due.
 
-        A process that refused its input is not started again.
+        A process is started again as its entry says, and never after it has refused its input.
         """
         exits = []
         for name, child in self.children.items():
+            if child.restart_at_s is not None and time.monotonic() >= child.restart_at_s:
+                self.children[name] = self._start(child.spec)
+                self.children[name].restarts = child.restarts + 1
+                continue
             returncode = child.popen.poll()
             if returncode is None or child.log.closed:
                 continue
             ended = UnexpectedExit(name, child.popen.pid, returncode, child.stderr_tail())
             exits.append(ended)
             _close(child)
-            if child.spec.restart and not ended.from_bad_input and child.restarts < self._max_restarts:
-                self.children[name] = self._start(child.spec)
-                self.children[name].restarts = child.restarts + 1
+            if self._restarts(child, ended):
+                child.restart_at_s = time.monotonic() + child.spec.backoff_after_s(child.restarts)
+                if child.restart_at_s <= time.monotonic():
+                    self.children[name] = self._start(child.spec)
+                    self.children[name].restarts = child.restarts + 1
         return exits
+
+    def _restarts(self, child: Child, ended: UnexpectedExit) -> bool:
+        return (
+            child.spec.restart is Restart.ON_FAILURE
+            and ended.returncode != 0
+            and not ended.from_bad_input
+            and child.restarts < child.spec.max_restarts
+        )
 
     def kill(self, name: str) -> None:
         """End a process that no longer responds; :meth:`collect_exits` then reports it.
@@ -158,20 +186,64 @@ class Fleet:
     def stop(self) -> None:
         """End every child within 2 s: SIGTERM, then SIGKILL."""
         for child in self.children.values():
-            if child.popen.poll() is None:
+            if child.alive:
                 child.popen.terminate()
                 child.popen.send_signal(signal.SIGCONT)  # a paused process handles SIGTERM only after it
         deadline_s = time.monotonic() + TERM_GRACE_S
         for child in self.children.values():
+            _end(child, deadline_s=deadline_s)
+
+
+def _place(spec: ProcessSpec) -> str:
+    return f"{spec.place}: process {spec.name}" if spec.place else f"process {spec.name}"
+
+
+def _arguments(spec: ProcessSpec, assignment: str) -> list[str]:
+    """The command line of the process."""
+    if spec.command:
+        return [sys.executable, "-m", "trepid.processes.foreign", *spec.command]
+    if spec.entry_point:
+        return [sys.executable, "-m", "trepid.processes.entry", assignment, spec.entry_point]
+    return [sys.executable, "-m", spec.module, assignment]
+
+
+def _environment(spec: ProcessSpec, assignment: str) -> dict[str, str]:
+    # One thread per process: seven processes share two cores.
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    paths = [str(ROOT)] if spec.command else []
+    paths += [*filter(None, [os.environ.get("PYTHONPATH")]), *map(str, filter(None, [car_folder()]))]
+    if paths:
+        environment["PYTHONPATH"] = os.pathsep.join(paths)
+    return environment | ({ASSIGNMENT: assignment} if spec.command else {})
+
+
+def _schedule(spec: ProcessSpec, pid: int) -> None:
+    """Set cores and niceness of a process that has just started; its threads inherit them. Raises InputError."""
+    with suppress(ProcessLookupError):  # it has already ended, which is reported as such
+        if spec.cores:
+            os.sched_setaffinity(pid, spec.cores)
+        if spec.nice:
             try:
-                child.popen.wait(max(0.0, deadline_s - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                child.popen.kill()
-                child.popen.wait()
-            _close(child)
+                os.setpriority(os.PRIO_PROCESS, pid, spec.nice)
+            except PermissionError as error:
+                remedy = "give at least 0, or the right CAP_SYS_NICE (LimitNICE= of a systemd unit)"
+                raise InputError(f"{_place(spec)}: nice: {spec.nice} is refused; {remedy}") from error
+
+
+def _end(child: Child, *, deadline_s: float) -> None:
+    """Wait for the end of the process until ``deadline_s``, then kill it; a command with all that it started."""
+    try:
+        child.popen.wait(max(0.0, deadline_s - time.monotonic()))
+    except subprocess.TimeoutExpired:
+        child.popen.kill()
+        child.popen.wait()
+    _close(child)
 
 
 def _close(child: Child) -> None:
+    if child.spec.command:
+        with suppress(ProcessLookupError):
+            os.killpg(child.popen.pid, signal.SIGKILL)
     if child.popen.stdin is not None:
         child.popen.stdin.close()
     child.log.close()

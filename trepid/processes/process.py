@@ -1,7 +1,8 @@
 """The common part of all Trepid processes: bus, clock, end, heartbeat.
 
 `trepid.processes.launch` starts a process as ``python -m <module> '<Assignment as JSON>'`` with a pipe as standard
-input. The process stops on SIGTERM, and when that pipe closes because the launcher has ended.
+input; a command finds the assignment in the environment variable TREPID_ASSIGNMENT. The process stops on SIGTERM,
+and when that pipe closes because the launcher has ended.
 """
 
 import ctypes
@@ -30,6 +31,7 @@ HEARTBEAT_PERIOD_S = 1.0
 READY = "ready"
 MALFORMED = "malformed "  # beginning of the names of values, followed by the key of a topic
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
+ASSIGNMENT = "TREPID_ASSIGNMENT"  # environment variable with the assignment of a command
 BAD_INPUT = 2  # exit code after an InputError; the same input would fail again
 EXIT_GRACE_S = 1.0  # from the end of the launcher to the end of a process whose main thread is stuck
 
@@ -147,7 +149,7 @@ def process() -> Iterator[Process]:
     An InputError in the body becomes one line on standard error and exit code 2.
     """
     try:
-        assignment = Assignment.model_validate_json(sys.argv[1])
+        assignment = Assignment.model_validate_json(os.environ.get(ASSIGNMENT) or sys.argv[1])
     except (IndexError, ValidationError):
         sys.exit(f"{sys.argv[0]}: is started by `trepid drive`, not by hand")
     faulthandler.enable()  # writes the stack to the log at a crash and at an abort by the launcher

@@ -98,13 +98,14 @@ def reached(path: Path) -> Iterator[Callable[[Callable[[], bool]], bool]]:
     """A running supervisor process; waits for a condition on its last diagnostic and decision."""
     offset_ns, endpoint = epoch_offset_ns(), free_endpoint()
     spec = ProcessSpec(
-        "supervisor", "supervisor.node", {"estimators": ["cv"], "cruise_speed_mps": 8.0, "rules": str(path)}
+        "supervisor",
+        "supervisor.node",
+        {"estimators": ["cv"], "cruise_speed_mps": 8.0, "rules": str(path)},
+        max_restarts=0,
     )
     with (
         open_bus("car", epoch_clock(offset_ns), listen=endpoint) as bus,
-        Fleet(
-            (spec,), vehicle_name="car", endpoint=endpoint, clock_offset_ns=offset_ns, max_restarts=0
-        ) as fleet,
+        Fleet((spec,), vehicle_name="car", endpoint=endpoint, clock_offset_ns=offset_ns) as fleet,
     ):
         diagnostic, decided = bus.latest(DIAGNOSTICS), bus.latest(DECISION)
 

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import pytest
 from process_rig import alive, until
@@ -23,14 +24,8 @@ CONTROLLER = ProcessSpec("controller", "controller.node")  # the process with th
 def drive() -> Iterator[tuple[Bus, Callable[..., Fleet]]]:
     offset_ns, endpoint = epoch_offset_ns(), free_endpoint()
 
-    def fleet(*specs: ProcessSpec, max_restarts: int = 1) -> Fleet:
-        return Fleet(
-            specs,
-            vehicle_name="car",
-            endpoint=endpoint,
-            clock_offset_ns=offset_ns,
-            max_restarts=max_restarts,
-        )
+    def fleet(*specs: ProcessSpec) -> Fleet:
+        return Fleet(specs, vehicle_name="car", endpoint=endpoint, clock_offset_ns=offset_ns)
 
     with open_bus("car", epoch_clock(offset_ns), listen=endpoint) as bus:
         yield bus, fleet
@@ -56,7 +51,7 @@ def test_a_killed_process_is_reported_and_started_again_until_its_restarts_are_u
 ) -> None:
     bus, fleet = drive
     beats = beats_of(bus)
-    with fleet(CONTROLLER, max_restarts=1) as running:
+    with fleet(replace(CONTROLLER, max_restarts=1)) as running:
         assert beats()
         first = running.children["controller"].popen
         os.kill(first.pid, signal.SIGKILL)
@@ -75,7 +70,7 @@ def test_a_module_that_fails_is_reported_with_the_end_of_its_stderr(
     drive: tuple[Bus, Callable[..., Fleet]],
 ) -> None:
     _, fleet = drive
-    with fleet(ProcessSpec("ghost", "controller.no_such_module"), max_restarts=0) as running:
+    with fleet(ProcessSpec("ghost", "controller.no_such_module", max_restarts=0)) as running:
         assert until(lambda: running.children["ghost"].popen.poll() is not None, patience_s=20)
         (ended,) = running.collect_exits()
     assert "exited with code 1" in str(ended)
@@ -87,7 +82,7 @@ def test_a_process_with_bad_input_ends_with_one_line_and_is_not_started_again(
 ) -> None:
     _, fleet = drive
     options = {"rules": "no.yaml", "estimators": [], "cruise_speed_mps": None}
-    with fleet(ProcessSpec("supervisor", "supervisor.node", options), max_restarts=3) as running:
+    with fleet(ProcessSpec("supervisor", "supervisor.node", options)) as running:
         assert until(lambda: running.children["supervisor"].popen.poll() is not None, patience_s=20)
         (ended,) = running.collect_exits()
         assert running.collect_exits() == []
@@ -153,7 +148,7 @@ def test_processes_end_themselves_when_their_launcher_is_killed(paused: bool) ->
         "with open_bus('car', time.monotonic, listen=endpoint) as bus:\n"
         "    diagnostics = bus.latest(DIAGNOSTICS)\n"
         "    fleet = Fleet((ProcessSpec('controller', 'controller.node'),), vehicle_name='car',\n"
-        "                  endpoint=endpoint, clock_offset_ns=0, max_restarts=0)\n"
+        "                  endpoint=endpoint, clock_offset_ns=0)\n"
         "    with fleet:\n"
         "        while diagnostics.take() is None:\n"
         "            time.sleep(0.02)\n"

@@ -1,0 +1,116 @@
+"""The processes of one drive: those of the car, and in a simulated drive those that its scenario asks for."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from sim_harness.scenarios.scenario import LeadSensor, Scenario
+from trepid.config import InputError, default_file
+from trepid.processes.settings import RECORDER, ProcessSpec, Restart
+from trepid.topics import (
+    CAMERA_COMPRESSED,
+    CAMERA_IMAGE,
+    IMAGE_STATISTICS,
+    LEAD_VEHICLE,
+    SIM_TRUTH,
+    VEHICLE_STATE,
+    estimate_topic,
+)
+
+ESTIMATOR = "perception.node"
+SIMULATED = (
+    ProcessSpec(
+        "vehicle",
+        "sim_harness.live.vehicle_node",
+        publishes=(VEHICLE_STATE.key, SIM_TRUTH.key),
+        restart=Restart.NEVER,
+    ),
+    ProcessSpec(
+        "camera", "sim_harness.live.camera_node", publishes=(CAMERA_IMAGE.key, CAMERA_COMPRESSED.key)
+    ),
+)
+"""Processes that replace those of the same name when a car without simulator drives a scenario."""
+
+
+def is_simulated(specs: Iterable[ProcessSpec]) -> bool:
+    """True when a process is part of the simulator: the drive then needs a scenario."""
+    return any(spec.simulates for spec in specs)
+
+
+def planned(
+    specs: tuple[ProcessSpec, ...], scenario: Scenario | None, *, recorded: bool = False
+) -> tuple[ProcessSpec, ...]:
+    """The processes that run in a drive of ``scenario``; None: of a real car.
+
+    A scenario gives the estimators, and where it gives the vehicle ahead itself, no process detects it. An
+    estimator without an entry of its own runs as ``perception.node``. The first ``perception.node`` also judges the
+    image, unless a process publishes ``perception/image_statistics``. Raises InputError when a fault of the
+    scenario concerns a process that does not run.
+    """
+    specs = tuple(spec for spec in specs if recorded or spec.name != RECORDER)
+    if scenario is not None:
+        specs = _of_scenario(specs, scenario)
+    return _with_statistics(specs)
+
+
+def _of_scenario(specs: tuple[ProcessSpec, ...], scenario: Scenario) -> tuple[ProcessSpec, ...]:
+    if not is_simulated(specs):
+        names = {spec.name for spec in SIMULATED}
+        specs = (*SIMULATED, *(spec for spec in specs if spec.name not in names))
+    if scenario.leads_by is not LeadSensor.CAMERA:
+        specs = tuple(spec for spec in specs if spec.publishes != (LEAD_VEHICLE.key,))
+    specs = tuple(
+        spec
+        for spec in specs
+        if not spec.estimators or not set(spec.estimators).isdisjoint(scenario.estimators)
+    )
+    missing = [name for name in scenario.estimators if not any(name in spec.estimators for spec in specs)]
+    specs += tuple(
+        ProcessSpec(name, ESTIMATOR, {"estimator": name}, publishes=(estimate_topic(name).key,))
+        for name in missing
+    )
+    names = {spec.name for spec in specs}
+    for fault in scenario.faults:
+        process = getattr(fault, "process", None)
+        if process is not None and process not in names:
+            raise InputError(
+                f"scenario {scenario.name}: the fault {fault.kind} concerns the process {process!r}, which the car "
+                f"does not run; it runs {', '.join(sorted(names))}"
+            )
+    return specs
+
+
+def _with_statistics(specs: tuple[ProcessSpec, ...]) -> tuple[ProcessSpec, ...]:
+    """Of the processes of estimators exactly one judges the image, if no other process does."""
+    judged = any(IMAGE_STATISTICS.key in spec.publishes for spec in specs)
+    judged = judged or any(spec.options.get("statistics") for spec in specs)
+    judges = [spec.name for spec in specs if spec.module == ESTIMATOR][: 0 if judged else 1]
+    return tuple(
+        replace(spec, options={"statistics": spec.name in judges, **spec.options})
+        if spec.module == ESTIMATOR
+        else spec
+        for spec in specs
+    )
+
+
+def estimators_of(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> tuple[str, ...]:
+    """Names of the estimators of the drive. Raises InputError without any."""
+    if scenario is not None:
+        return scenario.estimators
+    names = tuple(name for spec in specs for name in spec.estimators)
+    if not names:
+        raise InputError("processes.yaml: no process publishes an estimate, so the car cannot see the lane")
+    return names
+
+
+def context_of(scenario: Scenario | None, estimators: tuple[str, ...], seed: int) -> dict[str, Any]:
+    """The options that describe the drive to every process."""
+    rules: Path = default_file("fear.yaml") if scenario is None else scenario.rules_file
+    return {
+        "scenario": None if scenario is None else scenario.model_dump(mode="json"),
+        "seed": seed,
+        "estimators": estimators,
+        "cruise_speed_mps": None if scenario is None else scenario.speed_mps,
+        "rules": str(rules.resolve()),  # processes run in the root
+    }

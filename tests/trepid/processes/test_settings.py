@@ -1,0 +1,115 @@
+"""The processes of a drive are settings; a car changes, replaces, adds and leaves out processes by an edit."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from trepid.config import CAR, InputError
+from trepid.processes.settings import Loss, ProcessSpec, Restart, load_processes
+
+
+@pytest.fixture
+def car(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], dict[str, ProcessSpec]]:
+    """The processes of a car with this text in processes.yaml, by name."""
+    monkeypatch.setenv(CAR, str(tmp_path))
+
+    def loaded(text: str) -> dict[str, ProcessSpec]:
+        (tmp_path / "processes.yaml").write_text(text)
+        return {spec.name: spec for spec in load_processes()}
+
+    return loaded
+
+
+def test_the_defaults_are_the_processes_of_a_simulated_drive() -> None:
+    specs = {spec.name: spec for spec in load_processes()}
+    assert {"vehicle", "camera", "cv", "cnn", "lead", "supervisor", "controller"} <= specs.keys()
+    assert specs["vehicle"].simulates
+    assert (specs["vehicle"].restart, specs["cv"].restart) == (Restart.NEVER, Restart.ON_FAILURE)
+    assert specs["cv"].publishes == ("perception/cv/estimate",)
+    assert specs["cnn"].estimators == ("cnn",)
+
+
+def test_a_process_of_null_is_left_out(car: Callable[[str], dict[str, ProcessSpec]]) -> None:
+    assert "cnn" not in car("processes: {cnn: null}")
+
+
+def test_single_fields_change_and_the_others_stay(car: Callable[[str], dict[str, ProcessSpec]]) -> None:
+    cv = car("processes: {cv: {nice: 3, loss: slow}}")["cv"]
+    assert (cv.nice, cv.loss) == (3, Loss.SLOW)
+    assert (cv.module, cv.options) == ("perception.node", {"estimator": "cv"})
+
+
+def test_another_program_replaces_the_entry_as_a_whole(car: Callable[[str], dict[str, ProcessSpec]]) -> None:
+    specs = car("processes: {vehicle: {module: controller.node}, cv: {command: [echo], loss: nothing}}")
+    vehicle, cv = specs["vehicle"], specs["cv"]
+    assert (vehicle.restart, vehicle.publishes, vehicle.simulates) == (Restart.ON_FAILURE, (), False)
+    assert (cv.module, cv.options, cv.publishes) == ("", {}, ())
+
+
+def test_a_process_of_ones_own_is_added_with_the_defaults(
+    car: Callable[[str], dict[str, ProcessSpec]], tmp_path: Path
+) -> None:
+    (tmp_path / "horn.py").write_text("")
+    horn = car("defaults: {loss: nothing}\nprocesses: {horn: {module: horn}}")["horn"]
+    assert (horn.loss, horn.place) == (Loss.NOTHING, f"{tmp_path}/processes.yaml:2:13")
+
+
+def test_a_command_need_not_report_and_may(car: Callable[[str], dict[str, ProcessSpec]]) -> None:
+    specs = car("processes: {a: {command: [echo]}, b: {command: [echo], heartbeat: true}}")
+    assert (specs["a"].heartbeat, specs["b"].heartbeat) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (
+            "processes: {camra: {nice: 1}}",
+            ":1:13: processes.camra: has no program: give module, command or entry_point; "
+            "did you mean 'camera'?",
+        ),
+        (
+            "processes: {horn: {module: no.horn}}",
+            ":1:20: processes.horn.module: no module 'no.horn'; install its package, or put the file into the "
+            "folder of the car",
+        ),
+        (
+            "processes: {horn: {command: [no-horn]}}",
+            ":1:20: processes.horn.command: no program 'no-horn'; install it, or give its whole path",
+        ),
+        (
+            "processes: {horn: {entry_point: no-horn}}",
+            ":1:20: processes.horn.entry_point: no entry point 'no-horn' in the group trepid.processes; "
+            "no installed package adds one",
+        ),
+        (
+            "processes: {horn: {command: [echo], module: controller.node}}",
+            ":1:20: processes.horn.command: the process already has a module; a process has one program",
+        ),
+        (
+            "processes: {two: {module: perception.node, options: {estimator: cv}}}",
+            ":1:13: processes.two: process cv publishes perception/cv/estimate too; "
+            "leave one of them out: cv: null",
+        ),
+        ("processes: {cv: {cores: [4096]}}", ":1:18: processes.cv.cores: this machine has no core 4096; "),
+        (
+            "processes: {cv: {loss: crash}}",
+            ":1:18: processes.cv.loss: Input should be 'stop', 'slow' or 'nothing'",
+        ),
+        (
+            "processes: {launcher: {command: [echo]}}",
+            ":1:13: processes.launcher: is the name of the launcher itself; use another one",
+        ),
+    ],
+)
+def test_a_wrong_entry_is_one_line_with_its_place_and_the_remedy(
+    car: Callable[[str], dict[str, ProcessSpec]], tmp_path: Path, text: str, problem: str
+) -> None:
+    with pytest.raises(InputError) as raised:
+        car(text)
+    assert str(raised.value).startswith(f"{tmp_path}/processes.yaml{problem}")
+
+
+def test_the_first_restart_comes_at_once_and_each_further_one_after_twice_the_time() -> None:
+    spec = ProcessSpec("cv", "perception.node", backoff_s=0.5, longest_backoff_s=3.0)
+    assert [spec.backoff_after_s(restarts) for restarts in range(6)] == [0.0, 0.5, 1.0, 2.0, 3.0, 3.0]

@@ -1,0 +1,263 @@
+"""The processes of a drive as settings: ``config/processes.yaml``, overridden by that of the car."""
+
+import importlib.util
+import os
+import re
+import shutil
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, NoReturn, Self
+
+from pydantic import Field, model_validator
+from ruamel.yaml.comments import CommentedMap
+
+from trepid.config import (
+    CONFIG_DIR,
+    InputError,
+    Settings,
+    car_folder,
+    located,
+    parse,
+    place,
+    read,
+    wrong_at,
+)
+from trepid.plugins import Group, added
+from trepid.spelling import did_you_mean
+from trepid.types import NonNegative
+
+FILE = CONFIG_DIR / "processes.yaml"
+RECORDER = "recorder"
+"""Name of the process that runs only in a recorded drive."""
+LAUNCHER = "launcher"
+"""Name under which the launcher itself reports."""
+PROGRAMS = ("module", "command", "entry_point")
+SIMULATOR = "sim_harness."
+ESTIMATE = re.compile(r"perception/([^/]+)/estimate")
+
+Nice = Annotated[int, Field(ge=-20, le=19)]
+Cores = tuple[Annotated[int, Field(ge=0)], ...]
+Restarts = Annotated[int, Field(ge=0)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][\w-]*$")]
+
+
+class Restart(StrEnum):
+    """When a process is started again."""
+
+    NEVER = "never"
+    ON_FAILURE = "on_failure"  # after an end with an error, by a signal, or for silence
+
+
+class Loss(StrEnum):
+    """What the loss of a process means for the drive."""
+
+    STOP = "stop"  # the car stops, and the drive ends
+    SLOW = "slow"  # the car slows down until the process is back
+    NOTHING = "nothing"  # the loss is reported
+
+
+class Handling(Settings):
+    """How the launcher treats a process."""
+
+    restart: Restart
+    max_restarts: Restarts
+    backoff_s: NonNegative
+    longest_backoff_s: NonNegative
+    loss: Loss
+    cores: Cores
+    nice: Nice
+
+
+class ProcessSettings(Settings):
+    """One process: its program, and how it differs from the defaults."""
+
+    module: str | None = (
+        None  # `python -m`; a module of Trepid, of a package, or a file in the folder of the car
+    )
+    command: Annotated[tuple[str, ...], Field(min_length=1)] | None = None  # any program, with arguments
+    entry_point: str | None = None  # a name in the group trepid.processes of an installed package
+    options: dict[str, Any] = Field(default_factory=dict)
+    publishes: tuple[str, ...] = ()  # keys of the topics; default for `options: {estimator: X}`: its estimate
+    heartbeat: bool | None = None  # it reports to the launcher; default: all but commands
+    restart: Restart | None = None
+    max_restarts: Restarts | None = None
+    backoff_s: NonNegative | None = None
+    longest_backoff_s: NonNegative | None = None
+    loss: Loss | None = None
+    cores: Cores | None = None
+    nice: Nice | None = None
+
+    @model_validator(mode="after")
+    def _one_program(self) -> Self:
+        given = [name for name in PROGRAMS if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise wrong_at((given[1],), f"the process already has a {given[0]}; a process has one program")
+        return self
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Keys of the topics that the process publishes."""
+        name = self.options.get("estimator")
+        return self.publishes or ((f"perception/{name}/estimate",) if name else ())
+
+    @property
+    def beats(self) -> bool:
+        """True when the process sends heartbeats."""
+        return self.command is None if self.heartbeat is None else self.heartbeat
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSpec:
+    """One process of a drive, with all defaults filled in and the place of its entry."""
+
+    name: str
+    module: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    command: tuple[str, ...] = ()
+    entry_point: str = ""
+    publishes: tuple[str, ...] = ()
+    heartbeat: bool = True
+    restart: Restart = Restart.ON_FAILURE
+    max_restarts: int = 2
+    backoff_s: float = 0.5
+    longest_backoff_s: float = 8.0
+    loss: Loss = Loss.STOP
+    cores: tuple[int, ...] = ()
+    nice: int = 0
+    place: str = ""  # file:line:column of the entry; "" where there is no file
+
+    @property
+    def program(self) -> str:
+        """The program in words."""
+        return self.module or " ".join(self.command) or self.entry_point
+
+    @property
+    def simulates(self) -> bool:
+        """True when the process is a part of the simulator and needs a scenario."""
+        return self.module.startswith(SIMULATOR) or "sim/truth" in self.publishes
+
+    @property
+    def estimators(self) -> tuple[str, ...]:
+        """Names of the estimators whose estimates the process publishes."""
+        return tuple(found[1] for key in self.publishes if (found := ESTIMATE.fullmatch(key)))
+
+    def backoff_after_s(self, restarts: int) -> float:
+        """Time from the end of the process to its restart after ``restarts`` earlier ones: 0, b, 2b, 4b, … [s]."""
+        if restarts == 0:
+            return 0.0
+        return min(self.longest_backoff_s, self.backoff_s * 2.0 ** (restarts - 1))
+
+
+class ProcessesFile(Settings):
+    """``processes.yaml``."""
+
+    defaults: Handling
+    processes: dict[Name, ProcessSettings]
+
+
+def load_processes() -> tuple[ProcessSpec, ...]:
+    """The processes of the car in use, in the order of the file.
+
+    Raises InputError with file:line:column for an invalid field, an entry without a program, a program that does
+    not exist on this machine, a core that it does not have, and two processes that publish the same topic.
+    """
+    data = read(FILE)
+    _replace_programs(data)
+    return tuple(_specs(parse(data, ProcessesFile, source=FILE), data))
+
+
+def _replace_programs(data: CommentedMap) -> None:
+    """Drop what an entry of the car would inherit from an entry with another program.
+
+    Options, topics and the treatment of one program make no sense for another.
+    """
+    entries = data.get("processes")
+    for entry in entries.values() if isinstance(entries, CommentedMap) else ():
+        given = getattr(entry, "sources", {})
+        if not given.keys().isdisjoint(PROGRAMS):
+            for field in [field for field in entry if field not in given]:
+                del entry[field]
+
+
+def _specs(file: ProcessesFile, data: CommentedMap) -> Iterator[ProcessSpec]:
+    publishers: dict[str, str] = {}
+    for name, entry in file.processes.items():
+        where = ("processes", name)
+        given = [program for program in PROGRAMS if getattr(entry, program) is not None]
+        if not given:
+            hint = did_you_mean(name, [*(other for other in file.processes if other != name)], "")
+            _refuse(where, f"has no program: give module, command or entry_point; {hint}".rstrip("; "), data)
+        if name == LAUNCHER:
+            _refuse(where, "is the name of the launcher itself; use another one", data)
+        problem = missing_program(entry)
+        if problem:
+            _refuse((*where, given[0]), problem, data)
+        for number, key in enumerate(entry.topics):
+            other = publishers.setdefault(key, name)
+            if other != name:
+                at = (*where, "publishes", number) if entry.publishes else where
+                _refuse(
+                    at, f"process {other} publishes {key} too; leave one of them out: {other}: null", data
+                )
+        handling = {
+            field: default if getattr(entry, field) is None else getattr(entry, field)
+            for field, default in file.defaults
+        }
+        missing = sorted(set(handling["cores"]) - os.sched_getaffinity(0))
+        if missing:
+            have = ", ".join(map(str, sorted(os.sched_getaffinity(0))))
+            owner = where if entry.cores is not None else ("defaults",)
+            _refuse((*owner, "cores"), f"this machine has no core {missing[0]}; there are {have}", data)
+        yield ProcessSpec(
+            name=name,
+            module=entry.module or "",
+            command=entry.command or (),
+            entry_point=entry.entry_point or "",
+            options=entry.options,
+            publishes=entry.topics,
+            heartbeat=entry.beats,
+            place=place(data, where, FILE),
+            **handling,
+        )
+
+
+def _refuse(path: Sequence[str | int], problem: str, data: CommentedMap) -> NoReturn:
+    raise InputError(located(path, problem, data, FILE))
+
+
+def missing_program(entry: ProcessSettings) -> str:
+    """What is wrong with the program of ``entry`` on this machine; "" when it can be started."""
+    if entry.module is not None and not _module_exists(entry.module):
+        return f"no module {entry.module!r}; install its package, or put the file into the folder of the car"
+    if entry.command is not None and not _command_exists(entry.command[0]):
+        return f"no program {entry.command[0]!r}; install it, or give its whole path"
+    if entry.entry_point is not None and entry.entry_point not in added(Group.PROCESSES):
+        hint = did_you_mean(entry.entry_point, added(Group.PROCESSES).keys(), "no installed package adds one")
+        return f"no entry point {entry.entry_point!r} in the group {Group.PROCESSES}; {hint}"
+    return ""
+
+
+def working_folder() -> Path:
+    """Folder in which the commands of processes run: that of the car, else the present one."""
+    return car_folder() or Path.cwd()
+
+
+def _command_exists(name: str) -> bool:
+    """True for a program on the PATH, and for a path of one, relative to the working folder of commands."""
+    return shutil.which(str(working_folder() / name) if os.sep in name else name) is not None
+
+
+def _module_exists(name: str) -> bool:
+    """True when ``python -m name`` finds the module, also in the folder of the car."""
+    car = car_folder()
+    before = list(sys.path)
+    sys.path += [str(car)] if car else []
+    try:
+        return importlib.util.find_spec(name) is not None
+    except (ImportError, ValueError):
+        return False
+    finally:
+        sys.path[:] = before
