@@ -108,6 +108,8 @@ class Latest(Generic[M]):
         """Publisher, time of publication and number of ``message``."""
         self.malformed = 0
         """Number of payloads that could not be decoded; they count as not received."""
+        self.overtaken = 0
+        """Number of messages older than ``message``: replayed, or out of order; they count as not received."""
         self.broken = False
         """True while the newest payload read is a malformed one: the input is broken, ``message`` is older."""
 
@@ -116,14 +118,17 @@ class Latest(Generic[M]):
         self._kept.put(message)
 
     def take(self) -> M | None:
-        """The message if one arrived since the last call, else None; malformed payloads count as none."""
+        """The message if one arrived since the last call, else None; malformed and replayed ones count as none."""
         arrival = self._kept.pop()
         if arrival is None:
             return None
+        stamp = _stamp(arrival)
+        if stamp.repeats(self.stamp, now_s=arrival.at_s):
+            self.overtaken += 1
+            return None
         message = self._decoded(arrival)
         if message is not None:
-            self.message, self.received_s = message, arrival.at_s
-            self.stamp = _stamp(arrival)
+            self.message, self.received_s, self.stamp = message, arrival.at_s, stamp
         return message
 
     def refresh(self) -> M | None:
@@ -306,3 +311,47 @@ def open_bus(
         config.insert_json5(key, json.dumps(value))
     with zenoh.open(config) as session:
         yield Bus(session, vehicle_name, clock)
+
+
+class Graph:
+    """Bytes on any keys in the network of another system, such as a ROS 2 graph."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._declared: list[Any] = []
+        self.session_id = str(session.zid())
+
+    def token(self, key: str) -> None:
+        """Declare a liveliness token that lasts as long as the session."""
+        self._declared.append(self._session.liveliness().declare_token(key))
+
+    def publisher(self, key: str, *, cached: bool = False) -> Callable[[bytes, bytes | None], None]:
+        """A function that publishes bytes with an attachment; ``cached``: late subscribers get the newest."""
+        settings: dict[str, Any] = dict(congestion_control=zenoh.CongestionControl.DROP)
+        publisher: Any = (
+            zenoh.ext.declare_advanced_publisher(
+                self._session, key, cache=zenoh.ext.CacheConfig(1), publisher_detection=True, **settings
+            )
+            if cached
+            else self._session.declare_publisher(key, express=True, **settings)
+        )
+        self._declared.append(publisher)
+
+        def send(data: bytes, attachment: bytes | None) -> None:
+            publisher.put(data, attachment=attachment)
+
+        return send
+
+
+@contextmanager
+def open_graph(settings: Mapping[str, object]) -> Iterator[Graph]:
+    """A session of its own with ``settings`` of Zenoh. Raises ConnectionError when it cannot be opened."""
+    config = zenoh.Config()
+    for key, value in {"scouting/multicast/enabled": False, **settings}.items():
+        config.insert_json5(key, json.dumps(value))
+    try:
+        session = zenoh.open(config)
+    except zenoh.ZError as error:
+        raise ConnectionError(str(error).splitlines()[0]) from error
+    with session:
+        yield Graph(session)

@@ -62,6 +62,15 @@ class Stamp(NamedTuple):
     published_s: float  # time of publication [s]; NaN: none
     publisher: bytes  # random identity
 
+    def repeats(self, newest: "Stamp", *, now_s: float) -> bool:
+        """Whether a message with this stamp is no newer than the one with ``newest``: replayed or out of order.
+
+        A stamp from the future, later than ``now_s``, makes no other message old.
+        """
+        if 0 < self.sequence <= newest.sequence and self.publisher == newest.publisher:
+            return True
+        return self.published_s < newest.published_s <= now_s
+
 
 UNSTAMPED = Stamp(0, math.nan, b"")
 """The stamp of a message without one, or with one of another layout."""

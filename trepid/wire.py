@@ -46,6 +46,9 @@ M = TypeVar("M")
 DERIVED: tuple[type, ...] = get_args(Derived)
 FRAME_ID = "rear_axle"
 HEALTH_LEVELS = {Health.OK: 0, Health.WARN: 1, Health.ERROR: 2}
+MAX_PLAIN_BYTES = 2**18
+MAX_BYTES: dict[type, int] = {Frame: 2**26, CompressedFrame: 2**24}
+"""Longest CDR of a message [B]; decoding a longer one would only take time. Images may be long."""
 COMMAND_FIELDS = {
     "steering_angle": "road_wheel_angle_rad",
     "steering_angle_velocity": "road_wheel_rate_radps",
@@ -276,6 +279,8 @@ def from_cdr(data: bytes, message_type: type[M], store: Any = STORE) -> M:
     ``store``: the definitions of another version of Trepid; fields that they lack are absent.
     """
     name, _, decode = MESSAGES[message_type]
+    if len(data) > MAX_BYTES.get(message_type, MAX_PLAIN_BYTES):
+        raise WireError(f"not a {name}: {len(data)} bytes are too many")
     try:
         ros = store.deserialize_cdr(data, name)
         stamp_ns = ros.header.stamp.sec * NANO + ros.header.stamp.nanosec

@@ -9,6 +9,7 @@ import pytest
 from process_rig import until
 
 from trepid.bus import Bus, Latest, free_endpoint, open_bus
+from trepid.clock import Stamp
 from trepid.config import ROOT
 from trepid.messages import ImageStatistics, VehicleState
 from trepid.topics import COMMAND, VEHICLE_STATE, Topic
@@ -178,3 +179,21 @@ def test_a_tap_dates_messages_by_their_publication(buses: tuple[Bus, Bus]) -> No
     assert found[-1][0] == VEHICLE_STATE.key
     assert found[-1][2] == pytest.approx(latest.stamp.published_s, abs=1e-6)
     assert [at_s for *_, at_s in found] == sorted(at_s for *_, at_s in found)
+
+
+def test_a_replayed_and_an_overtaken_message_count_as_not_received(buses: tuple[Bus, Bus]) -> None:
+    one, other = buses
+    latest = other.latest(VEHICLE_STATE)
+    assert received_after_sending(one, latest, timeout_s=5)
+    newest = latest.stamp
+    earlier = newest._replace(sequence=newest.sequence - 1)
+    another = Stamp(1, newest.published_s - 1.0, b"another publisher")
+    assert newest.repeats(newest, now_s=newest.published_s)
+    assert earlier.repeats(newest, now_s=newest.published_s)
+    assert another.repeats(newest, now_s=newest.published_s)
+    assert not newest.repeats(another, now_s=newest.published_s)
+
+
+def test_a_stamp_from_the_future_makes_no_later_message_old() -> None:
+    future = Stamp(5, 1000.0, b"faulty clock")
+    assert not Stamp(1, 10.0, b"sound clock").repeats(future, now_s=10.0)

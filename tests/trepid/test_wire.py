@@ -100,3 +100,11 @@ def test_the_msg_text_states_units_signs_and_the_header() -> None:
     assert "std_msgs/Header header" in text
     assert "float64 speed_mps" in text
     assert "ISO 8855" in text
+
+
+def test_a_message_longer_than_any_of_its_type_is_refused_before_it_is_decoded() -> None:
+    decision = to_cdr(
+        m.Diagnostic(t_s=1.0, process="cv", health=m.Health.OK, message="x" * 300_000, values=())
+    )
+    with pytest.raises(WireError, match="too many"):
+        from_cdr(decision, m.Diagnostic)
