@@ -1,8 +1,8 @@
 """Attacks on the bus of a drive with real sessions: number of foreign or malformed messages that are acted upon.
 
 Processes of a drive with keys take messages as in a drive. Each attack sends its share of the messages to the
-consumers of commands, decisions, images or states; a message that a consumer takes is acted upon. After every attack
-a genuine message must arrive, so that a dead network does not count as a safe one. The same forged messages against
+consumers of commands, decisions, images or states; a message that a consumer takes is acted upon. Afterwards
+a genuine message must arrive, so that a dead network does not count as a safe one. The same messages against
 a drive without keys show that the measurement sees them.
 """
 
