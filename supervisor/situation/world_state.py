@@ -98,26 +98,8 @@ class WorldStateObserver:
         statistics_age_s = limits.age_s(statistics, now_s=now_s)
         valid = statistics_age_s <= limits.fresh_s and STATISTICS not in malformed
         fresh = statistics if valid else None
-        frozen = fresh is not None and is_frozen(  # also where the vehicle may move
-            fresh.frozen_s,
-            moving and moving.speed_mps,
-            after_s=limits.unused_frozen_s,
-            from_mps=limits.moving_mps,
-            if_unknown=True,
-        )
-        before_m = self._fusion.offset_m
-        seen = []
-        for name, estimate in estimates.items():
-            validated = validate(
-                name,
-                estimate,
-                now_s=now_s,
-                settings=limits,
-                wheelbase_m=self._wheelbase_m,
-                frozen=frozen,
-                malformed=name in malformed,
-            )
-            seen.append(in_own_lane(validated, before_m))
+        frozen = self._unusable(fresh, moving)
+        seen = self._validated(estimates, now_s=now_s, frozen=frozen, malformed=malformed)
         state_age_s = limits.age_s(state, now_s=now_s)
         rated = rating_names(seen, rules, self._rated_as)
         early = early_features(
@@ -159,3 +141,40 @@ class WorldStateObserver:
             near=self.follower.is_near(ahead, moving),
             features=inputs,
         )
+
+    def _unusable(self, statistics: ImageStatistics | None, motion: Motion | None) -> bool:
+        """Whether the image repeats for so long that its lanes are not used; also where the vehicle may move."""
+        limits = self._validation
+        return statistics is not None and is_frozen(
+            statistics.frozen_s,
+            motion and motion.speed_mps,
+            after_s=limits.unused_frozen_s,
+            from_mps=limits.moving_mps,
+            if_unknown=True,
+        )
+
+    def _validated(
+        self,
+        estimates: Mapping[str, SteeringEstimate | None],
+        *,
+        now_s: float,
+        frozen: bool,
+        malformed: Collection[str],
+    ) -> list[ValidatedEstimate]:
+        """The validated estimates, each moved into the lane of the last path."""
+        before_m = self._fusion.offset_m
+        return [
+            in_own_lane(
+                validate(
+                    name,
+                    estimate,
+                    now_s=now_s,
+                    settings=self._validation,
+                    wheelbase_m=self._wheelbase_m,
+                    frozen=frozen,
+                    malformed=name in malformed,
+                ),
+                before_m,
+            )
+            for name, estimate in estimates.items()
+        ]
