@@ -16,10 +16,12 @@ from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Health, VehicleState
 from trepid.processes.process import Process, Ticker, process
 from trepid.processes.timing import Timekeeper
-from trepid.topics import COMMAND, VEHICLE_STATE
+from trepid.topics import COMMAND, DRIVER_INPUT, VEHICLE_STATE
 from trepid.vehicle import Vehicle
 from vehicle.actuators.actuator import Actuator, Car
 from vehicle.actuators.table import build as build_actuator
+from vehicle.driver.arbitration import arbitrate, reported
+from vehicle.driver.settings import load_driver
 
 RATE_HZ = 100.0  # of UN R79
 T = TypeVar("T")
@@ -120,6 +122,7 @@ def run(me: Process) -> None:
 def drive(me: Process, actuator: Actuator, name: str, node: ActuatorStep) -> None:
     """The loop of :func:`run`."""
     newest, send_state = me.bus.latest(COMMAND), me.bus.publisher(VEHICLE_STATE)
+    driver, hand = me.bus.latest(DRIVER_INPUT), load_driver()
     wire = Wire(actuator, name)
     times = Timekeeper(me.bus, me.name, me.now_s)
     me.ready(values=wire.values)
@@ -128,18 +131,30 @@ def drive(me: Process, actuator: Actuator, name: str, node: ActuatorStep) -> Non
         ticker.sleep()
         ticker.due()
         fresh = newest.take()
+        driver.take()
         now_s = me.now_s()
+        demand = arbitrate(
+            newest.message,
+            newest.received_s,
+            driver.message,
+            driver.received_s,
+            required=hand.required,
+            timeout_s=hand.timeout_s,
+            now_s=now_s,
+        )
         state = wire.read(now_s)
         failed, known = wire.failures > known, wire.failures
-        applied = node.step(newest.message, newest.received_s, state, refused=failed, now_s=now_s)
+        applied = node.step(demand.command, demand.received_s, state, refused=failed, now_s=now_s)
         wire.write(applied.command, now_s)
         if fresh is not None:
             times.note(fresh.t_s, newest, began_s=now_s)
-        send_state(applied.state)
+        send_state(reported(applied.state, demand))
         if failed or wire.failures > known:
             me.stepped(Health.ERROR, f"actuator {name}: {wire.last}")
         elif state is None:
             me.stepped(Health.WARN, f"actuator {name}: the car reports no state")
+        elif demand.reason:
+            me.stepped(Health.WARN, demand.reason)
         else:
             me.stepped()
 
