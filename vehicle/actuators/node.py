@@ -6,6 +6,7 @@ actuator to the safe state; where it cannot, because it was killed or is frozen,
 itself has to stop.
 """
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple, TypeVar
@@ -104,11 +105,17 @@ class Wire:
 
 @contextmanager
 def safe_at_end(actuator: Actuator) -> Iterator[None]:
-    """Bring ``actuator`` to its safe state at the end of the body, whatever ends it."""
+    """Bring ``actuator`` to its safe state at the end of the body, whatever ends it.
+
+    When the wire refuses that, a line on standard error says so: the car then notices the silence.
+    """
     try:
         yield
     finally:
-        actuator.close()
+        try:
+            actuator.close()
+        except OSError as error:
+            print(f"actuator: the safe state was not sent: {error}", file=sys.stderr)
 
 
 def run(me: Process) -> None:

@@ -1,0 +1,100 @@
+"""The Ackermann actuator over a real bus, against the driver's end of the topics."""
+
+import can_rig
+import pytest
+from process_rig import until
+
+from sim_harness.counterparts.ackermann_driver import SAFE_DECEL_MPS2, followed
+from trepid.bus import free_endpoint, open_bus
+from trepid.clock import epoch_clock
+from trepid.messages import Command, Odometry, VehicleState
+from trepid.topics import Topic
+from trepid.wire import from_cdr, ros_name, to_cdr
+from vehicle.actuators.ackermann import AckermannActuator, AckermannSettings
+from vehicle.actuators.actuator import Car
+
+CLOCK = epoch_clock(0)
+NEVER_S = 1e6
+
+
+def settings(**changes):
+    base = dict(command_topic="actuator/command", state_topic="actuator/state", state="vehicle_state")
+    return AckermannSettings.model_validate(base | dict(wheel_angle="reported", timeout_s=NEVER_S) | changes)
+
+
+@pytest.fixture
+def buses():
+    endpoint = free_endpoint()
+    with open_bus("v", CLOCK, listen=endpoint) as ours, open_bus("v", CLOCK, connect=endpoint) as theirs:
+        yield ours, theirs
+
+
+def actuator_on(bus, **changes):
+    return AckermannActuator(settings(**changes), Car(can_rig.VEHICLE, bus, CLOCK))
+
+
+def test_commands_travel_as_ackermann_drive_stamped_and_the_state_comes_back(buses):
+    ours, theirs = buses
+    actuator = actuator_on(ours)
+    commands = theirs.latest(Topic("actuator/command", Command, 100))
+    report = theirs.publisher(Topic("actuator/state", VehicleState, 100))
+    assert ros_name(Command) == "ackermann_msgs/msg/AckermannDriveStamped"
+
+    def exchanged():
+        actuator.write(can_rig.command(0.2, 1.0, t_s=5.0), now_s=CLOCK())
+        report(can_rig.state(0.1, 3.0, override=True, t_s=4.0))
+        return commands.refresh() and actuator.read(now_s=CLOCK())
+
+    assert until(exchanged, patience_s=20)
+    arrived = commands.message
+    assert (arrived.t_s, arrived.road_wheel_angle_rad, arrived.accel_mps2) == pytest.approx((5.0, 0.2, 1.0))
+    state = actuator.read(now_s=CLOCK())
+    assert (state.t_s, state.speed_mps, state.road_wheel_angle_rad, state.driver_override) == (
+        4.0,
+        3.0,
+        0.1,
+        True,
+    )
+    assert actuator.read(now_s=CLOCK() + 2 * NEVER_S) is None  # the driver is silent
+
+
+def test_an_odometry_gives_speed_and_yaw_rate_and_the_angle_is_that_of_the_last_command(buses):
+    ours, theirs = buses
+    actuator = actuator_on(ours, state="odometry", wheel_angle="commanded")
+    report = theirs.publisher(Topic("actuator/state", Odometry, 100))
+    actuator.write(can_rig.command(0.2), now_s=CLOCK())
+
+    def reported():
+        report(Odometry(t_s=4.0, speed_mps=2.5, yaw_rate_radps=-0.3))
+        return actuator.read(now_s=CLOCK())
+
+    assert until(reported, patience_s=20)
+    state = actuator.read(now_s=CLOCK())
+    assert (state.speed_mps, state.yaw_rate_radps, state.road_wheel_angle_rad) == (2.5, -0.3, 0.2)
+
+
+def test_before_the_first_report_there_is_no_state(buses):
+    assert actuator_on(buses[0]).read(now_s=CLOCK()) is None
+
+
+def test_the_end_is_a_command_to_stand_that_is_based_on_no_frame(buses):
+    sent = []
+    actuator = actuator_on(buses[0])
+    actuator._send = sent.append
+    actuator.write(can_rig.command(0.2, 1.0), now_s=CLOCK())
+    actuator.close()
+    assert (sent[-1].t_s, sent[-1].speed_mps, sent[-1].accel_mps2) == (None, 0.0, 0.0)
+    assert sent[-1].road_wheel_angle_rad == 0.2
+
+
+def test_an_odometry_comes_through_the_wire_format():
+    message = Odometry(t_s=1.5, speed_mps=-0.5, yaw_rate_radps=0.25)
+    assert from_cdr(to_cdr(message), Odometry) == message
+    assert ros_name(Odometry) == "nav_msgs/msg/Odometry"
+
+
+@pytest.mark.parametrize(("t_s", "age_s", "acts"), [(1.0, 0.05, True), (1.0, 0.2, False), (None, 0.0, False)])
+def test_the_driver_brakes_without_fresh_commands_on_a_frame(t_s, age_s, acts):
+    command = can_rig.command(0.1, 1.0, t_s=t_s)
+    assert followed(command, age_s).accel_mps2 == (1.0 if acts else -SAFE_DECEL_MPS2)
+    assert followed(command, age_s).road_wheel_angle_rad == 0.1

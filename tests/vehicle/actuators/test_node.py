@@ -1,0 +1,114 @@
+"""The step between bus and wire, and the guards around an actuator."""
+
+import can_rig
+import pytest
+
+from controller.limiter import build as build_limiter
+from trepid.config import CONFIG_DIR, load
+from trepid.vehicle import Vehicle
+from vehicle.actuators.node import ActuatorStep, Wire, safe_at_end
+
+VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+
+
+@pytest.fixture
+def node():
+    return ActuatorStep(build_limiter(VEHICLE))
+
+
+def driven(node, *, steps, refused_at=None, state=True, from_s=10.0):
+    """Steps with fresh commands at 5 m/s; the accelerations that go to the wire."""
+    given = []
+    for k in range(steps):
+        now_s = from_s + 0.01 * k
+        car = can_rig.state(0.0, 5.0, t_s=now_s) if state else None
+        order = can_rig.command(accel_mps2=0.5, t_s=now_s)
+        applied = node.step(order, now_s, car, refused=k == refused_at, now_s=now_s)
+        given.append(applied.command.accel_mps2)
+    return given, applied
+
+
+def test_a_fresh_command_passes_through_the_limiter_to_the_wire(node):
+    accel_mps2, applied = driven(node, steps=50)
+    assert accel_mps2[-1] == pytest.approx(0.5)
+    assert applied.state.speed_mps == 5.0
+
+
+def test_a_command_beyond_the_limits_does_not_reach_the_wire(node):
+    sharp = can_rig.command(0.5, 9.0, t_s=10.0)
+    applied = node.step(sharp, 10.0, can_rig.state(0.0, 8.0, t_s=10.0), now_s=10.0)
+    assert applied.command.road_wheel_angle_rad < 0.01
+    assert applied.command.accel_mps2 <= 1.5
+
+
+def test_an_absent_state_travels_as_such_and_brakes(node):
+    driven(node, steps=20)
+    accel_mps2, applied = driven(node, steps=30, state=False, from_s=10.2)
+    assert accel_mps2[0] <= -1.0
+    assert accel_mps2[-1] == pytest.approx(-3.5)
+    state = applied.state
+    assert (state.speed_mps, state.road_wheel_angle_rad, state.yaw_rate_radps) == (None, None, None)
+
+
+def test_an_old_state_travels_with_its_own_time(node):
+    applied = node.step(None, None, can_rig.state(t_s=9.0), now_s=10.0)
+    assert applied.state.t_s == 9.0
+
+
+def test_a_refusal_of_the_wire_stops_the_car_until_standstill(node):
+    accel_mps2, _ = driven(node, steps=100, refused_at=20)
+    assert accel_mps2[19] == pytest.approx(0.5)
+    assert max(accel_mps2[20:]) == pytest.approx(-3.5)
+    standing = can_rig.state(0.0, 0.0, t_s=11.0)
+    assert (
+        node.step(can_rig.command(accel_mps2=0.5, t_s=11.0), 11.0, standing, now_s=11.0).command.accel_mps2
+        > -3.5
+    )
+
+
+def test_the_override_of_the_driver_is_read_back_and_the_wheel_follows_the_hand(node):
+    driven(node, steps=20)
+    state = can_rig.state(0.1, 5.0, override=True, t_s=10.2)
+    applied = node.step(can_rig.command(t_s=10.2), 10.2, state, now_s=10.2)
+    assert applied.state.driver_override
+    assert applied.command.road_wheel_angle_rad == pytest.approx(0.1)
+
+
+class Faulty:
+    """An actuator of which every call fails."""
+
+    def read(self, *, now_s):
+        raise OSError(100, "Network is down")
+
+    write = values = None
+
+    def close(self):
+        raise OSError(100, "Network is down")
+
+
+def test_a_failure_of_the_wire_is_counted_and_its_text_kept():
+    wire = Wire(Faulty(), "can")
+    assert wire.read(1.0) is None
+    assert wire.read(1.1) is None
+    assert (wire.failures, "Network is down" in wire.last) == (2, True)
+
+
+class Closing:
+    closed = False
+
+    def close(self):
+        self.closed = True
+
+
+@pytest.mark.parametrize("end", [RuntimeError, KeyboardInterrupt, SystemExit])
+def test_whatever_ends_the_process_the_actuator_goes_to_its_safe_state(end):
+    actuator = Closing()
+    with pytest.raises(end), safe_at_end(actuator):
+        raise end
+    assert actuator.closed
+
+
+def test_a_safe_state_that_the_wire_refuses_is_reported(capsys):
+    with safe_at_end(Faulty()):
+        pass
+    assert "the safe state was not sent" in capsys.readouterr().err
