@@ -7,7 +7,7 @@ name of a certificate is the role of its process, and every process drops what i
 
 import ipaddress
 import stat
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +17,10 @@ from trepid.config import CONFIG_DIR, ROOT, InputError, Settings, car_folder, lo
 
 LAUNCHER = "launcher"
 OBSERVER = "observer"
-"""Roles that publish nothing: the launcher with recorder and referee, and tools that attach to a drive."""
+"""Roles outside processes.yaml: the launcher, and tools that attach to a drive and publish nothing."""
+LAUNCHER_TOPICS = ("drive/losses",)
+HEARTBEATS = ("diagnostics", "diagnostics/**")
+"""What every process of a drive may publish besides its topics in ``processes.yaml``."""
 AUTHORITY = "ca"
 ROLE = r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$"
 
@@ -28,9 +31,6 @@ class Security(Settings):
     keys: Path | None
     listen: Annotated[str, Field(pattern=r"^[^/]+:\d+$")] | None
     max_message_bytes: Annotated[int, Field(ge=65536)]
-    publishes: Mapping[Annotated[str, Field(pattern=ROLE)], tuple[str, ...]]
-    others: tuple[str, ...]
-    all: tuple[str, ...]
 
     @property
     def folder(self) -> Path | None:
@@ -38,13 +38,6 @@ class Security(Settings):
         if self.keys is None:
             return None
         return (car_folder() or ROOT) / self.keys.expanduser()
-
-    def topics(self, role: str) -> tuple[str, ...]:
-        """Keys below ``trepid/<vehicle-name>/`` that ``role`` may publish; may hold wildcards."""
-        if role in (LAUNCHER, OBSERVER):
-            return ()
-        own = self.publishes.get(role, tuple(key.format(name=role) for key in self.others))
-        return (*own, *self.all)
 
 
 def load_security() -> Security:
@@ -55,12 +48,15 @@ def load_security() -> Security:
 def session_settings(
     role: str,
     *,
+    publishes: Mapping[str, Sequence[str]] | None = None,
     connect: str | None = None,
     listen: str | None = None,
     security: Security | None = None,
 ) -> dict[str, Any]:
     """Values of the configuration of Zenoh, by key, for the process ``role``.
 
+    ``publishes`` gives the topics of every process of the drive; all other messages are dropped on arrival. None,
+    for observers: whatever a process with a certificate sends is received.
     ``connect`` and ``listen`` are the endpoints of :func:`trepid.bus.open_bus`; with keys both become TLS. Raises
     InputError for missing keys and for keys that others may read.
     """
@@ -70,12 +66,13 @@ def session_settings(
         return settings
     check_private(security.folder, role)
     own = listen or f"tls/{_host(security)}:0"
+    if publishes is not None:
+        settings["access_control"] = access_control(publishes)
     return settings | {
         "listen/endpoints": [_over_tls(own)],
         "connect/endpoints": [_over_tls(connect)] if connect else [],
         "transport/link/protocols": ["tls"],
         "transport/link/tls": _tls(security.folder, role),
-        "access_control": access_control(security, known_roles(security.folder)),
     }
 
 
@@ -158,45 +155,25 @@ def _tls(folder: Path, role: str) -> dict[str, Any]:
     }
 
 
-def access_control(security: Security, roles: Iterable[str]) -> dict[str, Any]:
-    """Access control of Zenoh: nobody may send what no rule allows; see ``access-control`` of its configuration.
+def access_control(publishes: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """Access control of Zenoh: nobody may send what no rule allows; see ``access_control`` of its configuration.
 
-    Every process gets the same rules and applies them to what arrives, so that none depends on another.
+    ``publishes``: keys below ``trepid/<vehicle-name>/`` by role. Every process gets the same rules and applies them
+    to what arrives, so that none depends on another.
     """
-    roles = list(roles)
-    rules: list[dict[str, Any]] = [
-        {
-            "id": "out",
-            "messages": ["put", "declare_subscriber", *_LIVELINESS],
-            "flows": ["egress"],
-            "permission": "allow",
-            "key_exprs": ["**"],
-        },
-        {
-            "id": "subscribe",
-            "messages": ["declare_subscriber", *_LIVELINESS],
-            "flows": ["ingress"],
-            "permission": "allow",
-            "key_exprs": ["trepid/**"],
-        },
+    rules = [
+        _rule("out", ["put", "declare_subscriber", *_LIVELINESS], "egress", ["**"]),
+        _rule("subscribe", ["declare_subscriber", *_LIVELINESS], "ingress", ["trepid/**"]),
     ]
     subjects: list[dict[str, Any]] = [{"id": "all"}]
     policies: list[dict[str, Any]] = [{"rules": ["out"], "subjects": ["all"]}]
-    for role, keys in _published(security, roles):
+    for role, topics in {LAUNCHER: LAUNCHER_TOPICS, **publishes}.items():
+        keys = [f"trepid/*/{key}" for key in (*topics, *HEARTBEATS)]
+        rules.append(_rule(f"publish-{role}", ["put"], "ingress", keys))
         subjects.append({"id": role, "cert_common_names": [role]})
-        allowed = ["subscribe"]
-        if keys:
-            allowed.append(f"publish-{role}")
-            rules.append(
-                {
-                    "id": f"publish-{role}",
-                    "messages": ["put"],
-                    "flows": ["ingress"],
-                    "permission": "allow",
-                    "key_exprs": keys,
-                }
-            )
-        policies.append({"rules": allowed, "subjects": [role]})
+        policies.append({"rules": ["subscribe", f"publish-{role}"], "subjects": [role]})
+    subjects.append({"id": OBSERVER, "cert_common_names": [OBSERVER]})
+    policies.append({"rules": ["subscribe"], "subjects": [OBSERVER]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -206,10 +183,8 @@ def access_control(security: Security, roles: Iterable[str]) -> dict[str, Any]:
     }
 
 
+def _rule(name: str, messages: list[str], flow: str, keys: list[str]) -> dict[str, Any]:
+    return {"id": name, "messages": messages, "flows": [flow], "permission": "allow", "key_exprs": keys}
+
+
 _LIVELINESS = ["liveliness_token", "liveliness_query", "declare_liveliness_subscriber"]
-
-
-def _published(security: Security, roles: Iterable[str]) -> Iterator[tuple[str, list[str]]]:
-    """Each role with the key expressions it may publish, for any name of the vehicle."""
-    for role in roles:
-        yield role, [f"trepid/*/{key}" for key in security.topics(role)]

@@ -19,7 +19,7 @@ from trepid.bus import Bus, Graph, Latest, free_endpoint, open_bus, open_graph
 from trepid.clock import Stamp, nanoseconds, stamp_of, stamper
 from trepid.messages import Command, Decision, Frame, Mode, Stop, VehicleState
 from trepid.security import LAUNCHER, OBSERVER, Security, certificate, load_security, session_settings
-from trepid.topics import CAMERA_IMAGE, COMMAND, DECISION, VEHICLE_STATE, Topic
+from trepid.topics import CAMERA_IMAGE, COMMAND, DECISION, VEHICLE_STATE, Topic, estimate_topic
 from trepid.wire import to_cdr
 
 CAR = "shuttle"
@@ -27,6 +27,13 @@ PATIENCE_S = 10.0  # for a genuine message
 SETTLE_S = 0.3  # for the last forged messages
 PACE_S = 2e-4  # between forged messages
 OVERSIZE_BYTES = 20 * 2**20
+PUBLISHES = {
+    "camera": (CAMERA_IMAGE.key,),
+    "supervisor": (DECISION.key,),
+    "controller": (COMMAND.key,),
+    "vehicle": (VEHICLE_STATE.key,),
+    "cv": (estimate_topic("cv").key,),
+}
 
 
 def bench_security(seed: int, *, messages: int = 10_000) -> dict[str, Any]:
@@ -55,7 +62,7 @@ class Drive(NamedTuple):
     def settings(self, role: str, folder: Path | None = None) -> dict[str, Any]:
         """Settings of a session of an attacker with the keys of ``role`` in ``folder``."""
         security = secured(folder or self.keys)
-        return session_settings(role, connect=self.endpoint, security=security) | {"mode": "peer"}
+        return session_settings(role, connect=self.endpoint, security=security)
 
 
 def secured(keys: Path | None) -> Security:
@@ -68,7 +75,7 @@ def secured_drive(folder: Path) -> Iterator[Drive]:
     """A drive with keys of its own in ``folder``."""
     from vehicle.keys.certificates import create
 
-    create(folder / "own", [LAUNCHER, OBSERVER, *load_security().publishes, "cv"])
+    create(folder / "own", [LAUNCHER, OBSERVER, *PUBLISHES])
     create(folder / "foreign", ["controller"])
     with open_drive(folder / "own") as drive:
         yield drive
@@ -86,7 +93,7 @@ def open_drive(keys: Path | None = None) -> Iterator[Drive]:
                 CAR,
                 time.time,
                 listen=endpoint,
-                further=session_settings(LAUNCHER, listen=endpoint, security=security),
+                further=session_settings(LAUNCHER, publishes=PUBLISHES, listen=endpoint, security=security),
             )
         )
         buses = {
@@ -95,10 +102,10 @@ def open_drive(keys: Path | None = None) -> Iterator[Drive]:
                     CAR,
                     time.time,
                     connect=endpoint,
-                    further=session_settings(role, connect=endpoint, security=security),
+                    further=session_settings(role, publishes=PUBLISHES, connect=endpoint, security=security),
                 )
             )
-            for role in ("camera", "supervisor", "controller", "vehicle", "cv")
+            for role in PUBLISHES
         }
         consumers: dict[str, Latest[Any]] = {
             COMMAND.key: buses["vehicle"].latest(COMMAND),

@@ -24,6 +24,7 @@ from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
 from trepid.config import InputError, Settings
+from trepid.processes.access import published_by
 from trepid.processes.launch import Fleet
 from trepid.processes.settings import load_processes
 from trepid.recording.writer import BusRecorder
@@ -61,7 +62,7 @@ def drive(
     clock = epoch_clock(offset_ns)
     endpoint = drive_endpoint(free_endpoint())
     check_keys([spec.name for spec in specs])
-    secured = session_settings(LAUNCHER, listen=endpoint)
+    secured = session_settings(LAUNCHER, publishes=published_by(specs), listen=endpoint)
     with (
         caught_signals() as signals,
         open_bus(settings.vehicle_name, clock, listen=endpoint, further=secured) as bus,

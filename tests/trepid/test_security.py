@@ -6,6 +6,8 @@ import pytest
 
 from trepid.bus import free_endpoint, open_bus
 from trepid.config import CAR, InputError
+from trepid.processes.access import published_by
+from trepid.processes.settings import load_processes
 from trepid.security import (
     LAUNCHER,
     OBSERVER,
@@ -16,7 +18,6 @@ from trepid.security import (
     refuse_open_endpoints,
     session_settings,
 )
-from trepid.topics import FIXED
 
 CLOCK = lambda: 0.0  # noqa: E731
 
@@ -68,26 +69,42 @@ def test_without_keys_only_the_size_of_messages_is_limited() -> None:
     assert session_settings("camera") == {"transport/link/rx/max_message_size": 16 * 2**20}
 
 
-def test_every_command_decision_image_and_state_has_exactly_one_publisher() -> None:
-    security = load_security()
-    publishers = {key: [role for role in security.publishes if key in security.topics(role)] for key in FIXED}
-    for key in ("controller/command", "supervisor/decision", "camera/image", "vehicle/state"):
-        assert publishers[key] == [key.split("/")[0]]
+def messages_allowed(control: dict, role: str) -> list[str]:
+    """Keys that ``role`` may publish by the rules of ``control``."""
+    subjects = [
+        subject["id"] for subject in control["subjects"] if role in subject.get("cert_common_names", ())
+    ]
+    rules = [
+        name
+        for policy in control["policies"]
+        if set(subjects) & set(policy["subjects"])
+        for name in policy["rules"]
+    ]
+    return [
+        key
+        for rule in control["rules"]
+        if rule["id"] in rules and "put" in rule["messages"] and rule["flows"] == ["ingress"]
+        for key in rule["key_exprs"]
+    ]
 
 
-def test_a_process_without_an_entry_publishes_its_own_estimate_only() -> None:
-    assert "perception/mine/estimate" in load_security().topics("mine")
-    assert not any("yours" in key or "command" in key for key in load_security().topics("mine"))
-
-
-@pytest.mark.parametrize("role", [LAUNCHER, OBSERVER])
-def test_launcher_and_observers_publish_nothing(role: str) -> None:
-    assert load_security().topics(role) == ()
-    control = access_control(load_security(), [role])
-    assert not any("put" in rule["messages"] and "ingress" in rule["flows"] for rule in control["rules"])
+def test_every_process_may_publish_its_topics_and_heartbeats_and_no_others() -> None:
+    control = access_control({"camera": ("camera/image",), "cv": ("perception/cv/estimate",)})
+    beats = ["trepid/*/diagnostics", "trepid/*/diagnostics/**"]
+    assert messages_allowed(control, "camera") == ["trepid/*/camera/image", *beats]
+    assert messages_allowed(control, "cv") == ["trepid/*/perception/cv/estimate", *beats]
+    assert messages_allowed(control, LAUNCHER) == ["trepid/*/drive/losses", *beats]
+    assert messages_allowed(control, OBSERVER) == []
+    assert messages_allowed(control, "stranger") == []
 
 
 def test_what_no_rule_allows_is_denied() -> None:
-    control = access_control(load_security(), ["controller"])
+    control = access_control({})
     assert control["enabled"]
     assert control["default_permission"] == "deny"
+
+
+def test_commands_decisions_images_and_states_have_one_publisher_in_a_drive() -> None:
+    publishes = published_by(load_processes())
+    for key in ("controller/command", "supervisor/decision", "camera/image", "vehicle/state"):
+        assert [role for role, topics in publishes.items() if key in topics] == [key.split("/")[0]]

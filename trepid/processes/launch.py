@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import IO, Any
 
 from trepid.config import ROOT, InputError, car_folder
+from trepid.processes.access import published_by
 from trepid.processes.process import ASSIGNMENT, BAD_INPUT, Assignment
 from trepid.processes.settings import ProcessSpec, Restart, working_folder
 
@@ -84,7 +85,12 @@ class Fleet:
         context: Mapping[str, Any] | None = None,
     ) -> None:
         """``context`` describes the drive to every process: options that the own ones of a process override."""
-        self._session = dict(vehicle_name=vehicle_name, connect=endpoint, clock_offset_ns=clock_offset_ns)
+        self._session: dict[str, Any] = dict(
+            vehicle_name=vehicle_name,
+            connect=endpoint,
+            clock_offset_ns=clock_offset_ns,
+            publishes=published_by(specs),
+        )
         self._specs = specs
         self._context = dict(context or {})
         self.children: dict[str, Child] = {}

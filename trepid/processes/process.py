@@ -43,6 +43,9 @@ class Assignment(Settings):
     vehicle_name: str
     connect: str  # Zenoh endpoint of the launcher
     clock_offset_ns: int
+    publishes: dict[str, tuple[str, ...]] = Field(
+        default_factory=dict
+    )  # topics of every process of the drive
     options: dict[str, Any] = Field(default_factory=dict)
 
 
@@ -161,7 +164,9 @@ def process() -> Iterator[Process]:
     threading.Thread(target=_stop_with_launcher, args=(stop,), daemon=True).start()
     clock = epoch_clock(assignment.clock_offset_ns)
     try:
-        secured = session_settings(assignment.name, connect=assignment.connect)
+        secured = session_settings(
+            assignment.name, publishes=assignment.publishes, connect=assignment.connect
+        )
         with open_bus(assignment.vehicle_name, clock, connect=assignment.connect, further=secured) as bus:
             yield Process(assignment, bus, stop)
     except InputError as error:

@@ -5,10 +5,12 @@ from typing import Annotated
 
 import typer
 
-from trepid.security import LAUNCHER, OBSERVER, load_security
+from trepid.commands.car_option import Car
+from trepid.config import parse, read
+from trepid.processes.settings import FILE, ProcessesFile
+from trepid.security import LAUNCHER, OBSERVER
 
 app = typer.Typer(no_args_is_help=True)
-ESTIMATORS = ("cv", "cnn")
 
 
 @app.callback()
@@ -23,17 +25,18 @@ def create(
     ],
     processes: Annotated[
         list[str] | None,
-        typer.Option("--process", metavar="NAME", help="A further process, such as an estimator of yours."),
+        typer.Option("--process", metavar="NAME", help="A process that processes.yaml does not name."),
     ] = None,
     hosts: Annotated[
         list[str] | None,
         typer.Option("--host", help="Address or name of a machine of the car, if processes run on several."),
     ] = None,
+    car: Car = None,
 ) -> int:
     """Make a certificate authority and a certificate for every process; existing files are kept as they are."""
     from vehicle.keys.certificates import create as create_keys
 
-    roles = [LAUNCHER, OBSERVER, *load_security().publishes, *ESTIMATORS, *(processes or [])]
+    roles = [LAUNCHER, OBSERVER, *parse(read(FILE), ProcessesFile, source=FILE).processes, *(processes or [])]
     made = create_keys(folder, roles, hosts or [])
     for path in made:
         print(path)
