@@ -8,6 +8,7 @@ from typing import Protocol
 
 from perception.lane.lane_cv import LaneCv
 from perception.lane.settings import LaneCvSettings
+from trepid import plugins
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
@@ -66,12 +67,15 @@ ESTIMATORS = {
 
 
 def estimators() -> dict[str, Entry]:
-    """Every estimator by name: ``ESTIMATORS`` and the pipelines of config/pipelines.yaml. Raises InputError."""
+    """Every estimator by name: ``ESTIMATORS``, the pipelines of config/pipelines.yaml, and those of other packages.
+
+    Raises InputError.
+    """
     # Imported here: the stages take 0.4 s, which ESTIMATORS do not need.
     from perception.techniques.pipeline import Pipeline
     from perception.techniques.recipe import recipes
 
-    return ESTIMATORS | {
+    pipelines = {
         name: Entry(
             recipe.description,
             partial(Pipeline, recipe),
@@ -81,6 +85,23 @@ def estimators() -> dict[str, Entry]:
         )
         for name, recipe in recipes().items()
     }
+    return _of_other_packages() | ESTIMATORS | pipelines
+
+
+def _of_other_packages() -> dict[str, Entry]:
+    """Estimators of the entry points ``trepid.estimators``, each imported when it is built."""
+    return {
+        name: Entry(
+            f"added by the package {point.dist.name if point.dist else '?'}",
+            partial(_added, name),
+            source=point.value,
+        )
+        for name, point in plugins.added(plugins.Group.ESTIMATORS).items()
+    }
+
+
+def _added(name: str, camera: Camera, vehicle: Vehicle) -> Estimator:
+    return plugins.part(plugins.Group.ESTIMATORS, name, {})(camera, vehicle)
 
 
 def entry_of(name: str) -> Entry:

@@ -20,6 +20,7 @@ from supervisor.path.fusion import FusionSettings, Path
 from supervisor.path.hand_over import HandOver
 from supervisor.rules.inference import CALM, FearResult, FearRules
 from supervisor.rules.verify import load_verified
+from supervisor.situation.added import wrong_ranges
 from supervisor.situation.features import unknown_features
 from supervisor.situation.ratings import RATED_AS, near_miss, unrated_names
 from supervisor.situation.world_state import WorldState, WorldStateObserver
@@ -111,6 +112,8 @@ class Supervisor:
         """
         for name, hint in unknown_features(rules.names):
             raise InputError(f"the fear rules name an unknown input {name!r}; {hint}")
+        for _, fault in wrong_ranges({name: spec.range for name, spec in rules.file.inputs.items()}):
+            raise InputError(f"the fear rules: {fault}")
         for path, problem in self._settings.problems(rules):
             if self._source is not None:
                 raise InputError(located(path, problem, read(self._source), self._source))
@@ -245,6 +248,8 @@ def build(
     loaded, verified = load(settings, SupervisorSettings), load_verified(rules)
     for name, hint in unknown_features(verified.names):
         raise InputError(located(("inputs", name), f"unknown input; {hint}", read(rules), rules))
+    for name, fault in wrong_ranges({name: spec.range for name, spec in verified.file.inputs.items()}):
+        raise InputError(located(("inputs", name, "range"), fault, read(rules), rules))
     _warn_of_near_misses(settings, read_text(settings), verified)
     if cruise_speed_mps is not None:
         loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps})

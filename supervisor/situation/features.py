@@ -14,6 +14,7 @@ from supervisor.inputs.validated import ValidatedEstimate, surest_of_marking
 from supervisor.path.follow import Lead
 from supervisor.path.fusion import Fused
 from supervisor.rules.rule_file import FORMER_PATH_JITTER
+from supervisor.situation.added import added_names
 from supervisor.situation.ratings import CONFIDENCE, ESTIMATOR_SUFFIXES, JITTER, PATH_JITTER
 from trepid.bounds import at_least
 from trepid.clothoid import Motion
@@ -55,8 +56,9 @@ Features = dict[str, float | None]
 def unknown_features(names: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Each of ``names`` that is no feature, with the nearest one as a question."""
     for name in names:
-        if name not in FEATURES and not name.endswith(ESTIMATOR_SUFFIXES):
-            yield name, did_you_mean(name, FEATURES)
+        if name in FEATURES or name.endswith(ESTIMATOR_SUFFIXES) or name in added_names():
+            continue
+        yield name, did_you_mean(name, FEATURES | added_names())
 
 
 def early_features(

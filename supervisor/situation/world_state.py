@@ -17,6 +17,7 @@ from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
 from supervisor.path.follow import Follower, Following, FollowSettings, Lead, judge_lead
 from supervisor.path.fusion import Fused, Fusion, FusionSettings
 from supervisor.rules.inference import FearRules
+from supervisor.situation.added import Moment, measured
 from supervisor.situation.features import Features, early_features, features
 from supervisor.situation.ratings import RATED_AS, absent_values, rating_names
 from trepid.clothoid import Motion
@@ -114,6 +115,8 @@ class WorldStateObserver:
             rated_as=rated,
             absent=absent_values(rules, len(seen)),
         )
+        now = Moment(tuple(seen), fresh, ahead, motion, early, now_s)
+        early = measured(rules.names, now) | early  # Trepid's own inputs take precedence
         voices = rules.trust(early)
         trust = {name: voices[rating].trust for name, rating in rated.items() if rating in voices}
         fused = self._fusion.step(seen, moving, now_s=now_s, trust=trust)

@@ -56,7 +56,7 @@ def _laps(seed: int) -> dict[str, Any]:
         found = identify_understeer(_log(trace), known)
         values = {name: parameter.value for name, parameter in found.parameters.items()}
         identified = found.refused or _errors(plant, values[GRADIENT], values["steering_offset_rad"])
-        name = f"lap of {plant.model.value}, K {gradient:.5f}, offset {offset_rad:+.4f}"
+        name = f"lap of {plant.model}, K {gradient:.5f}, offset {offset_rad:+.4f}"
         rows[name] = f"learned {learned}; identified {identified}"
     return rows
 

@@ -82,6 +82,6 @@ def bench_ranking(seed: int) -> dict[str, Any]:
 
 def _rms_m(plant: PlantSettings, settings: ControllerSettings, seed: int) -> float:
     """Rms on the S over both speeds; a lost lane counts up to the loss."""
-    known = tyred(nominal(), plant.model)
+    known = tyred(nominal(), Model(plant.model))
     tracks = [drive(s_curve(speed, known, plant, seed=seed), settings) for speed in RANKING_SPEEDS_MPS]
     return float(np.sqrt(np.mean(np.concatenate([track.offset_m for track in tracks]) ** 2)))

@@ -8,6 +8,7 @@ from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import Model, PlantSettings
 from sim_harness.world.plants.single_track import SingleTrackPlant
+from trepid import plugins
 from trepid.config import InputError
 from trepid.vehicle import Vehicle
 
@@ -24,6 +25,8 @@ def build_plant(settings: PlantSettings, vehicle: Vehicle) -> Plant:
             return CommonRoadPlant(real, settings)
         case Model.HIGHWAY_ENV:
             return HighwayEnvPlant(real, settings)
+        case name:
+            return plugins.part(plugins.Group.PLANTS, name, {})(real, settings)
 
 
 def real_vehicle(settings: PlantSettings, vehicle: Vehicle) -> Vehicle:

@@ -47,10 +47,11 @@ class CommonRoadPlant(ForeignPlant):
     def __init__(self, vehicle: Vehicle, settings: PlantSettings) -> None:
         """Raises InputError for a banked road, and where the package is not installed."""
         if settings.bank_rad != 0.0:
-            raise InputError(f"plant: model {settings.model.value!r} does not simulate a banked road")
-        own = UNDERSTEER[settings.model]
+            raise InputError(f"plant: model {str(settings.model)!r} does not simulate a banked road")
+        model = Model(settings.model)
+        own = UNDERSTEER[model]
         known = vehicle.model_copy(update=dict(understeer_gradient_rad_per_mps2=own))
-        self._model = _model(settings.model, vehicle, settings)
+        self._model = _model(model, vehicle, settings)
         self._stiffness_mps2 = _wheel_stiffness_mps2(self._model.parameters)
         super().__init__(
             known,

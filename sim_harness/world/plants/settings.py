@@ -3,9 +3,11 @@
 from enum import StrEnum
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
+from trepid import plugins
 from trepid.config import Settings
+from trepid.spelling import did_you_mean
 from trepid.types import NonNegative, OpenShare, Positive
 
 
@@ -17,6 +19,17 @@ class Model(StrEnum):
     COMMONROAD_DRIFT = "commonroad_drift"
     COMMONROAD_MULTI_BODY = "commonroad_multi_body"
     HIGHWAY_ENV = "highway_env"
+
+
+def _is_known(model: Model | str) -> Model | str:
+    known = plugins.names(plugins.Group.PLANTS, {each.value: each for each in Model})
+    if model not in known:
+        raise ValueError(f"unknown model {model!r}; {did_you_mean(str(model), known)}")
+    return model
+
+
+ModelName = Annotated[Model | str, Field(union_mode="left_to_right"), AfterValidator(_is_known)]
+"""A model of Trepid, or the name of one that another package adds (entry points ``trepid.plants``)."""
 
 
 class Chassis(Settings):
@@ -36,7 +49,7 @@ class Chassis(Settings):
 class PlantSettings(Settings):
     """Differences between the simulated vehicle and the vehicle file of the controller; by default none."""
 
-    model: Model = Model.KINEMATIC
+    model: ModelName = Model.KINEMATIC
     friction: Annotated[float, Field(gt=0, le=1.5)] = 1.0  # μ between tyres and road
     bank_rad: Annotated[float, Field(gt=-0.3, lt=0.3)] = 0.0  # of the road; + = left side up, pulls right
     load_kg: NonNegative = 0.0  # added to the mass of the vehicle; the tyre stiffness is unchanged
