@@ -30,6 +30,7 @@ class EcuSettings(Settings):
 
     silence_s: Positive = 0.1
     safe_decel_mps2: Positive = 3.5
+    mute_after_s: Positive | None = None  # a fault: the reports end so long after the first engaged command
 
 
 class Ecu:
@@ -47,7 +48,7 @@ class Ecu:
         self._senders = [signals.sender(each) for each in self._reports]
         self._next_s = [0.0] * len(self._senders)
         self._angle_rad = 0.0
-        self._begun = False
+        self._begun_s: float | None = None
         self.safe = ""
         """Why the ECU is in its safe state; empty while it follows commands."""
 
@@ -63,10 +64,10 @@ class Ecu:
     def command(self, speed_mps: float, *, now_s: float) -> Command | None:
         """The command that acts at ``speed_mps``; None until the first engaged command."""
         fault = self._fault(now_s)
-        if not self._begun:
-            self._begun = not fault
+        if self._begun_s is None:
             if fault:
                 return None
+            self._begun_s = now_s
         if fault:
             self.safe = fault
         elif speed_mps <= STANDING_MPS:
@@ -91,6 +92,8 @@ class Ecu:
 
     def reports(self, state: VehicleState, *, now_s: float, step_s: float) -> Iterable[tuple[Sender, bytes]]:
         """The reports of ``state`` that are due."""
+        if self._muted(now_s):
+            return
         quantities: Mapping[str, float] = of_state(state, steering_ratio=self._ratio)
         for k, sender in enumerate(self._senders):
             if now_s >= self._next_s[k] - EARLY * step_s:
@@ -98,6 +101,10 @@ class Ecu:
                 late = now_s - self._next_s[k] > period_s
                 self._next_s[k] = (now_s if late else self._next_s[k]) + period_s
                 yield sender, sender.frame(quantities)
+
+    def _muted(self, now_s: float) -> bool:
+        mute_after_s = self._settings.mute_after_s
+        return mute_after_s is not None and self._begun_s is not None and now_s - self._begun_s > mute_after_s
 
     def refused(self) -> dict[str, int]:
         """Number of refused frames by message and reason."""
@@ -110,7 +117,7 @@ class Ecu:
 
 def run(me: Process) -> None:
     """The ECU and the car, in real time, on the bus of the block ``can`` in ``config/actuator.yaml``."""
-    options = {name: me.options[name] for name in EcuSettings.model_fields if name in me.options}
+    options = {field: me.options[field] for field in EcuSettings.model_fields if field in me.options}
     name, settings = configured()
     if not isinstance(settings, CanSettings):
         raise InputError(f"process {me.name} is the ECU of the actuator 'can'; actuator.yaml names {name!r}")

@@ -86,3 +86,14 @@ def test_reports_are_sent_at_their_periods(sending):
         for sender, _ in sending.ecu.reports(can_rig.state(), now_s=10.0 + 0.01 * k, step_s=0.01):
             counts[sender.address] += 1
     assert counts == {608: 100, 180: 50, 36: 50}
+
+
+def test_a_mute_ecu_drives_on_and_reports_nothing():
+    ecu = Sending()
+    ecu.ecu = Ecu(MAP, EcuSettings(mute_after_s=0.5), steering_ratio=can_rig.RATIO)
+    counts = []
+    for _ in range(100):
+        assert ecu.step(can_rig.command()) is not None
+        counts.append(len(list(ecu.ecu.reports(can_rig.state(), now_s=ecu.now_s, step_s=0.01))))
+    assert min(counts[:45]) >= 1
+    assert max(counts[55:]) == 0
