@@ -9,13 +9,14 @@ LIMITER_TESTS := tests/controller/limiter/test_edges.py tests/controller/limiter
 # By file name: importing all test files would take longer than these tests.
 PROCESS_TESTS := $(shell grep -rl mark.processes tests --include=test_*.py)
 
-.PHONY: help setup drive test live suite proof mutation lint train acados clean
+.PHONY: help setup drive test live suite wheel proof mutation lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
 	@echo "make test    set up and run the tests"
 	@echo "make live    every process of a live drive killed, frozen or left alone: the tests of this kind that make test omits"
 	@echo "make suite   all scenarios against their expectations, on the exact lane instead of rendered pictures"
+	@echo "make wheel   build wheel and sdist, install them, and use them from an empty folder"
 	@echo "make proof   run the long tests: 100 runs on a loaded machine, a sweep on a Dask cluster that loses a worker"
 	@echo "make mutation  mutate the limiter; its tests must fail at every mutation (15 min on two quiet cores)"
 	@echo "make lint    ruff and mypy"
@@ -47,7 +48,7 @@ test: $(TESTED)
 ifdef ARGS
 	@$(BIN)/python -m pytest $(ARGS)
 else
-	@$(BIN)/python -m pytest -n 2 -m "not processes and not proof and not suite"
+	@$(BIN)/python -m pytest -n 2 -m "not processes and not proof and not suite and not wheel"
 	@$(BIN)/python -m pytest -m "processes and smoke" $(PROCESS_TESTS)
 endif
 
@@ -58,6 +59,10 @@ live: $(TESTED)
 suite: $(TESTED)
 	@echo "== pytest -m suite"
 	@$(BIN)/python -m pytest -n 2 -m suite tests/sim_harness/scenarios $(ARGS)
+
+wheel: $(TESTED)
+	@echo "== pytest -m wheel"
+	@$(BIN)/python -m pytest -m wheel tests/test_wheel.py $(ARGS)
 
 proof: $(TESTED)
 	@$(PIP) -e '.[proof]'

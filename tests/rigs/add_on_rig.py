@@ -26,7 +26,7 @@ def installed(place: Path) -> Path:
 
 
 def car_with_rules(place: Path, *, parts: bool) -> Path:
-    """The folder of a new car in ``place`` with the input of the package in its rules; ``parts``: all others too."""
+    """The folder of a new car with the input of the package in its rules; ``parts``: with all of its parts."""
     car = place / "car"
     subprocess.run(
         [sys.executable, "-m", "trepid", "init", str(car)], check=True, capture_output=True, cwd=ROOT

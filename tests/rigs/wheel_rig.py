@@ -1,0 +1,69 @@
+"""Wheel and sdist of the checkout, and an environment with one of them and the libraries of the tests."""
+
+import os
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+from typing import NamedTuple
+
+from trepid.config import ROOT
+
+OFFLINE = ["--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check", "--quiet"]
+
+
+def built(place: Path) -> dict[str, Path]:
+    """The files ``wheel`` and ``sdist`` in ``place``."""
+    run(sys.executable, "-m", "hatchling", "build", "-d", str(place), cwd=ROOT)
+    (wheel,), (sdist,) = place.glob("*.whl"), place.glob("*.tar.gz")
+    return {"wheel": wheel, "sdist": sdist}
+
+
+class Installation(NamedTuple):
+    """A virtual environment with Trepid, and an empty folder to work in."""
+
+    environment: Path
+    work: Path
+
+    def trepid(self, *words: str, timeout_s: float = 120) -> subprocess.CompletedProcess[str]:
+        """``trepid`` of this environment, in the empty folder."""
+        return subprocess.run(
+            [self.environment / "bin" / "trepid", *words],
+            cwd=self.work,
+            env={
+                name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "TREPID"))
+            },
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+            check=False,
+        )
+
+    def files(self) -> set[str]:
+        """The files of the environment without the byte code that Python caches."""
+        return {
+            str(path)
+            for path in self.environment.rglob("*")
+            if path.is_file() and "__pycache__" not in path.parts and path.suffix != ".pyc"
+        }
+
+
+def installed(package: Path, place: Path) -> Installation:
+    """``package`` in a new environment, whose libraries are those of this one: no download is needed."""
+    environment, work = place / "environment", place / "empty"
+    work.mkdir()
+    venv.create(environment, with_pip=False)
+    python = environment / "bin" / "python"
+    version = f"python{sys.version_info.major}.{sys.version_info.minor}"
+    libraries = environment / "lib" / version / "site-packages" / "libraries.pth"
+    # Folders named in a .pth file are not searched for .pth files, such as that of an editable installation.
+    libraries.write_text(f"{sysconfig.get_path('purelib')}\n{sysconfig.get_path('platlib')}\n")
+    run(sys.executable, "-m", "pip", "--python", str(python), "install", *OFFLINE, str(package))
+    return Installation(environment, work)
+
+
+def run(*words: str, cwd: Path | None = None) -> None:
+    """Raises CalledProcessError with the output of a failed command."""
+    done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr

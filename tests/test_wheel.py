@@ -1,0 +1,79 @@
+"""Wheel and sdist, installed into an environment of their own, work from an empty folder. Run by `make wheel`."""
+
+import json
+from pathlib import Path
+
+import cv2
+import pytest
+from drawn_road_rig import road
+from wheel_rig import Installation, built, installed
+
+from trepid.clothoid import Lane
+
+pytestmark = pytest.mark.wheel
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    return built(tmp_path_factory.mktemp("dist"))
+
+
+@pytest.fixture(scope="module")
+def wheel(packages: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Installation:
+    return installed(packages["wheel"], tmp_path_factory.mktemp("wheel"))
+
+
+def test_the_list_of_verbs_is_printed(wheel: Installation) -> None:
+    done = wheel.trepid("--help")
+    assert done.returncode == 0, done.stderr
+    assert "doctor" in done.stdout
+
+
+def test_settings_weights_and_packages_are_those_of_the_installation(wheel: Installation) -> None:
+    rows = [json.loads(line) for line in wheel.trepid("doctor", "--json").stdout.splitlines()]
+    state = {row["check"]: row["ok"] for row in rows}
+    assert state["packages"] and state["configuration"] and state["models"], rows
+
+
+def test_a_car_of_each_template_is_written_and_used(wheel: Installation) -> None:
+    for like in ("sim", "shuttle", "rc-car"):
+        done = wheel.trepid("init", like, "--like", like)
+        assert done.returncode == 0, done.stderr
+    steer = ["vehicle", "steer", "--curvature", "0.1", "--speed", "0", "--json"]
+    angles = [json.loads(wheel.trepid(*steer, "--car", car).stdout) for car in ("sim", "rc-car")]
+    assert angles[0] != angles[1]
+
+
+def test_images_are_estimated_by_every_estimator_of_the_drive(wheel: Installation) -> None:
+    cv2.imwrite(str(wheel.work / "lane.png"), road(Lane(0.0, 0.0, 0.0, 0.0)))
+    for estimator in ("cv", "cnn"):
+        done = wheel.trepid("estimate", "--estimator", estimator, "--json", "lane.png")
+        assert done.returncode == 0, done.stderr
+        assert json.loads(done.stdout)["estimator"] == estimator
+
+
+def test_scenarios_run_in_lock_step(wheel: Installation) -> None:
+    done = wheel.trepid("sim", "run", "straight", "--set", "sight=truth", "--set", "duration_s=3", "--json")
+    assert json.loads(done.stdout)["departures"] == 0, done.stderr
+
+
+def test_all_processes_drive_and_nothing_is_written_beside_the_packages(wheel: Installation) -> None:
+    before, work = wheel.files(), set(wheel.work.iterdir())
+    done = wheel.trepid("drive", "--duration", "10", "--no-dashboard", "--json")
+    row = json.loads(done.stdout)
+    assert row["departures"] == 0 and row["distance_m"] > 5.0, row["reasons"]
+    assert wheel.files() == before
+    assert set(wheel.work.iterdir()) == work
+
+
+def test_the_sdist_contains_the_same_files(
+    packages: dict[str, Path], wheel: Installation, tmp_path: Path
+) -> None:
+    sdist = installed(packages["sdist"], tmp_path)
+
+    def names(installation: Installation) -> set[str]:
+        files = {Path(file).relative_to(installation.environment) for file in installation.files()}
+        return {file.as_posix() for file in files if "dist-info" not in file.as_posix()}
+
+    assert names(sdist) == names(wheel)
+    assert sdist.trepid("vehicle", "margins").returncode == 0
