@@ -15,7 +15,7 @@ import sys
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import zenoh
@@ -49,11 +49,28 @@ class Arrival(NamedTuple):
     at_s: float
 
 
+class Bell:
+    """Wakes the one thread that waits: a lock that is released to ring, without the second lock of an Event."""
+
+    def __init__(self) -> None:
+        self._silent = threading.Lock()
+        self._silent.acquire()
+
+    def ring(self) -> None:
+        """End the wait under way, or the next one."""
+        with suppress(RuntimeError):  # it has rung since the last wait
+            self._silent.release()
+
+    def wait(self, timeout_s: float) -> bool:
+        """True when it rings or has rung since the last call; False after ``timeout_s``."""
+        return self._silent.acquire(timeout=timeout_s)
+
+
 class Mailbox:
     """The newest arrivals, kept by a short callback on a thread of Zenoh that also wakes the process."""
 
-    def __init__(self, arrived: threading.Event, clock: Clock) -> None:
-        self._arrived = arrived
+    def __init__(self, bell: Bell, clock: Clock) -> None:
+        self._bell = bell
         self._clock = clock
         self._queue: deque[Arrival] = deque(maxlen=1)
         self.handler: Any = zenoh.handlers.Callback(self.put, indirect=False)
@@ -62,7 +79,7 @@ class Mailbox:
     def put(self, sample: Any) -> None:
         """Keep a sample as it is: bytes are copied and decoded by the reader."""
         self._queue.append(Arrival(sample, self._clock()))
-        self._arrived.set()
+        self._bell.ring()
 
     def pop(self) -> Arrival | None:
         """The oldest arrival that is kept, or None."""
@@ -187,7 +204,7 @@ class Bus:
         self._session = session
         self._clock = clock
         self._prefix = f"trepid/{vehicle_name}"
-        self._arrived = threading.Event()
+        self._bell = Bell()
         self._subscribers: list[Any] = []
         self._subscriptions: list[Latest[Any]] = []
         self._listeners: dict[str, list[Latest[Any]]] = {}  # subscriptions of this process by topic key
@@ -219,7 +236,7 @@ class Bus:
 
     def latest(self, topic: Topic[M], *, wakes: bool = True) -> Latest[M]:
         """Subscription that keeps the newest message of ``topic``; its arrival ends :meth:`wait`, if it wakes."""
-        kept = Mailbox(self._arrived, self._clock) if wakes else Ring(1, self._clock)
+        kept = Mailbox(self._bell, self._clock) if wakes else Ring(1, self._clock)
         return self._subscribe(topic, Latest(topic, kept), kept)
 
     def stream(self, topic: Topic[M]) -> Stream[M]:
@@ -259,9 +276,7 @@ class Bus:
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until a message that wakes arrives; False after ``timeout_s`` without one."""
-        arrived = self._arrived.wait(timeout_s)
-        self._arrived.clear()
-        return arrived
+        return self._bell.wait(timeout_s)
 
 
 def _stamp(arrival: Arrival) -> Stamp:
@@ -286,14 +301,29 @@ def open_bus(
     listen: str | None = None,
     further: Mapping[str, object] | None = None,
 ) -> Iterator[Bus]:
-    """A bus that listens as the router of a drive, or connects to the router at ``connect``.
+    """A bus on a session of :func:`open_session`."""
+    sys.setswitchinterval(SWITCH_S)
+    with open_session(connect=connect, listen=listen, further=further) as session:
+        yield Bus(session, vehicle_name, clock)
+
+
+def listen_to(session: zenoh.Session, key: str, put: Callable[[Any], None]) -> Any:
+    """A subscriber whose samples Zenoh's own thread passes to ``put``; the default would spawn a thread for it."""
+    handler: Any = zenoh.handlers.Callback(put, indirect=False)
+    return session.declare_subscriber(key, handler)
+
+
+@contextmanager
+def open_session(
+    *, connect: str | None = None, listen: str | None = None, further: Mapping[str, object] | None = None
+) -> Iterator[zenoh.Session]:
+    """A session of Zenoh that listens as the router of a drive, or connects to the router at ``connect``.
 
     A peer without a listen endpoint receives nothing, so every peer also listens on its own port; connected
     peers exchange messages directly, also after the router has ended. ``further`` holds values of the
     configuration of Zenoh by key, such as ``transport/link/tls``.
     """
     os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # read by Zenoh at its first session
-    sys.setswitchinterval(SWITCH_S)
     config = zenoh.Config()
     settings = {
         "mode": "router" if listen else "peer",
@@ -310,7 +340,7 @@ def open_bus(
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     with zenoh.open(config) as session:
-        yield Bus(session, vehicle_name, clock)
+        yield session
 
 
 class Graph:

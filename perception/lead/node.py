@@ -1,4 +1,4 @@
-"""Lead process: the vehicle ahead in every new camera frame."""
+"""Lead process: the vehicle ahead in every new camera frame, after the first estimator is through with it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,36 +9,46 @@ from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import repeat
 from trepid.topics import CAMERA_IMAGE, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 
-IDLE_S = 0.1  # without frames
+IDLE_S = 0.1  # without estimates
 
 
 class LeadNode:
-    """Publishes the vehicle ahead in the newest frame."""
+    """Publishes the vehicle ahead in the newest frame.
+
+    The estimate of the frame wakes the process, not the frame: the processor belongs to the estimators first. Without
+    estimates it looks at the newest frame every IDLE_S.
+    """
 
     def __init__(self, me: Process) -> None:
         self._me = me
-        self._frames = me.bus.latest(CAMERA_IMAGE)
+        self._frames = me.bus.latest(CAMERA_IMAGE, wakes=False)
         self._state = me.bus.latest(VEHICLE_STATE, wakes=False)
-        self._lanes = [me.bus.latest(estimate_topic(name), wakes=False) for name in me.options["estimators"]]
+        first, *others = map(estimate_topic, me.options["estimators"])
+        self._first = me.bus.latest(first)
+        self._lanes = [self._first, *(me.bus.latest(topic, wakes=False) for topic in others)]
         self._send = me.bus.publisher(LEAD_VEHICLE)
         self._finder = build()
         self._times = Timekeeper(me.bus, me.name, me.now_s)
+        self._looked_s = me.now_s()
         me.ready()
 
     def due_s(self) -> float:
-        """Time between heartbeats without frames."""
-        return IDLE_S
+        """Time to the next look without estimates."""
+        return max(0.0, self._looked_s + IDLE_S - self._me.now_s())
 
     def turn(self) -> None:
         """Look for the vehicle ahead in a new frame."""
-        frame, me = self._frames.take(), self._me
+        began_s, me = self._me.now_s(), self._me
+        if self._first.take() is None and began_s - self._looked_s < IDLE_S:
+            return
+        self._looked_s = began_s
+        frame = self._frames.take()
         if frame is None:
             me.alive()
             return
-        began_s = me.now_s()
         seen = [lane.refresh() for lane in self._lanes]
         self._send(self._finder.step(frame, self._state.refresh(), seen, now_s=began_s))
-        self._times.note(frame.t_s, self._frames, began_s=began_s)
+        self._times.note(frame.t_s, self._first, began_s=began_s)
         me.stepped()
 
 

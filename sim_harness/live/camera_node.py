@@ -1,5 +1,7 @@
 """Simulated-camera process: renders the road from the true pose."""
 
+import time
+
 import cv2
 
 from sim_harness.lockstep.camera import SimulatedCamera, compressed
@@ -43,6 +45,7 @@ def run(me: Process) -> None:
         if frame is not None:
             send(frame)
             if compressed_ticker.due():
+                time.sleep(ticker.remaining_s() / 2)  # the processor belongs to perception now
                 send_compressed(compressed(frame))
         me.stepped()
 

@@ -51,7 +51,7 @@ class Heartbeats:
 
         part = SimpleNamespace(
             name=spec.name,
-            options=spec.options,
+            options={**self._me.options, **spec.options},  # those of the drive, and its own
             bus=self._me.bus,
             now_s=self._me.now_s,
             running=self._me.running,

@@ -4,10 +4,29 @@ Usually a process holds one node. Several in one process (:mod:`trepid.processes
 the other, in the order of the data flow, so that the output of one is there at the turn of the next.
 """
 
+import gc
+import os
 from contextlib import AbstractContextManager
+from pathlib import Path
 from typing import Protocol
 
+from trepid.messages import Health
 from trepid.processes.process import Process
+
+
+def prefer(priority: int | None) -> str:
+    """Put all threads of this process into the real-time class SCHED_RR; None: leave them as they are.
+
+    Returns why the system refuses, else "".
+    """
+    if priority is None:
+        return ""
+    try:
+        for thread in Path("/proc/self/task").iterdir():
+            os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(priority))
+    except OSError as error:
+        return f"no real-time class: {error.strerror}; it needs CAP_SYS_NICE or RLIMIT_RTPRIO, and Linux"
+    return ""
 
 
 class Node(Protocol):
@@ -31,7 +50,15 @@ class NodeModule(Protocol):
 
 
 def repeat(me: Process, *nodes: Node) -> None:
-    """Let ``nodes`` take turns until the process is to stop."""
+    """Let ``nodes`` take turns until the process is to stop.
+
+    The option ``realtime`` of the process is the priority, 1 to 99, of the real-time class that its threads get.
+    """
+    refused = prefer(me.options.get("realtime"))
+    if refused:
+        me.beat(Health.WARN, refused)
+    gc.collect()
+    gc.freeze()  # what was built stays: later collections, which stop the process, do not look at it
     while me.running():
         me.bus.wait(timeout_s=max(0.0, min(node.due_s() for node in nodes)))
         for node in nodes:
