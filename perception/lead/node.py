@@ -1,4 +1,4 @@
-"""Lead process: the vehicle ahead in every new camera frame, after the first estimator is through with it."""
+"""Lead process: the vehicle ahead in every new camera frame, after the estimators are through with it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,17 +15,15 @@ IDLE_S = 0.1  # without estimates
 class LeadNode:
     """Publishes the vehicle ahead in the newest frame.
 
-    The estimate of the frame wakes the process, not the frame: the processor belongs to the estimators first. Without
-    estimates it looks at the newest frame every IDLE_S.
+    It looks when all estimates of a frame are in: the processor belongs to the estimators first. Without them it
+    looks at the newest frame every IDLE_S.
     """
 
     def __init__(self, me: Process) -> None:
         self._me = me
         self._frames = me.bus.latest(CAMERA_IMAGE, wakes=False)
         self._state = me.bus.latest(VEHICLE_STATE, wakes=False)
-        first, *others = map(estimate_topic, me.options["estimators"])
-        self._first = me.bus.latest(first)
-        self._lanes = [self._first, *(me.bus.latest(topic, wakes=False) for topic in others)]
+        self._lanes = [me.bus.latest(estimate_topic(name)) for name in me.options["estimators"]]
         self._send = me.bus.publisher(LEAD_VEHICLE)
         self._finder = build()
         self._times = Timekeeper(me.bus, me.name, me.now_s)
@@ -39,16 +37,20 @@ class LeadNode:
     def turn(self) -> None:
         """Look for the vehicle ahead in a new frame."""
         began_s, me = self._me.now_s(), self._me
-        if self._first.take() is None and began_s - self._looked_s < IDLE_S:
+        came = [lane for lane in self._lanes if lane.take() is not None]
+        frames = {lane.message.t_s if lane.message else None for lane in self._lanes}
+        complete = bool(came) and len(frames) == 1
+        if not complete and began_s - self._looked_s < IDLE_S:
             return
         self._looked_s = began_s
         frame = self._frames.take()
         if frame is None:
             me.alive()
             return
-        seen = [lane.refresh() for lane in self._lanes]
+        seen = [lane.message for lane in self._lanes]
         self._send(self._finder.step(frame, self._state.refresh(), seen, now_s=began_s))
-        self._times.note(frame.t_s, self._first, began_s=began_s)
+        if came:
+            self._times.note(frame.t_s, came[-1], began_s=began_s)
         me.stepped()
 
 

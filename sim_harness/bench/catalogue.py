@@ -19,6 +19,9 @@ BENCHMARKS = {
     "plants": Benchmark("plants", "steps per second of the vehicle models and their peers"),
     "sweep": Benchmark("sweep", "speed-up of two processes over one"),
     "determinism": Benchmark("sweep", "one trace hash from 100 runs under load"),
+    "pipeline": Benchmark(
+        "live.pipeline", "a frame from process to process at 30 Hz, beside bare Zenoh; a queue under overload"
+    ),
     "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),
     "seeds": Benchmark("seeds", "scores with known seeds and with fresh ones"),

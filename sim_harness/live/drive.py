@@ -25,6 +25,7 @@ from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import Clock, epoch_clock, epoch_offset_ns
 from trepid.config import InputError, Settings
 from trepid.processes.access import published_by
+from trepid.processes.fused import gathered
 from trepid.processes.launch import Fleet
 from trepid.processes.settings import load_processes
 from trepid.recording.writer import BusRecorder
@@ -56,7 +57,13 @@ def drive(
     """
     for what in lockstep_only(scenario):
         raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
-    specs = planned(load_processes(), scenario)
+    specs = gathered(planned(load_processes(), scenario))
+    names = {spec.name for spec in specs}
+    for fault in scenario.faults:
+        if getattr(fault, "process", None) not in {None, *names}:
+            raise InputError(
+                f"scenario {scenario.name}: the process of the fault {fault.kind} shares one: together"
+            )
     check_configuration([scenario])
     offset_ns = epoch_offset_ns()
     clock = epoch_clock(offset_ns)

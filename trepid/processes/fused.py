@@ -1,24 +1,29 @@
 """Several nodes in one process: the same steps, with neither the wire nor a change of process between them.
 
-Options: ``nodes``, a list in the order of the turns; each has ``name``, ``module`` and ``options`` as in a process
-of its own. A message from one node of the process to another is handed over as it is; others hear it over Zenoh.
-The nodes share one heartbeat. They also share their end: an error in one ends all of them, and the vehicle
-process then stops the car.
+Entries of ``processes.yaml`` with the same value of ``together`` become one process of that name
+(:func:`gathered`); its nodes take turns in the order of the file. A message from one node of the process to
+another is handed over as it is; others hear it over Zenoh. The nodes share one heartbeat. They also share their
+end: an error in one ends all of them, and the vehicle process then stops the car.
 """
 
 import importlib
-from collections.abc import Callable
+import importlib.util
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 from pydantic import Field
 
-from trepid.config import Settings
+from trepid.config import InputError, Settings
 from trepid.messages import Health
 from trepid.processes.process import Process, Values, process
+from trepid.processes.settings import ProcessSpec
 from trepid.processes.turns import NodeModule, repeat
 
+FUSED = "trepid.processes.fused"
 SEVERITY = list(Health)
 
 
@@ -28,6 +33,43 @@ class FusedNode(Settings):
     name: str
     module: str
     options: dict[str, Any] = Field(default_factory=dict)
+
+
+def gathered(specs: Iterable[ProcessSpec]) -> tuple[ProcessSpec, ...]:
+    """``specs`` with one process in place of those that share the value of ``together``.
+
+    It is treated as the first of them is. Raises InputError for a program whose node cannot share a process.
+    """
+    found: dict[str, ProcessSpec] = {}
+    for spec in specs:
+        if not spec.together:
+            found[spec.name] = spec
+            continue
+        problem = _unfit(spec)
+        if problem:
+            where = f"{spec.place}: " if spec.place else ""
+            raise InputError(f"{where}process {spec.name}: together: {spec.together}: {problem}")
+        node = {"name": spec.name, "module": spec.module, "options": dict(spec.options)}
+        whole = found.get(spec.together) or replace(
+            spec, name=spec.together, module=FUSED, options={"nodes": []}, publishes=(), together=""
+        )
+        found[spec.together] = replace(
+            whole,
+            options={"nodes": [*whole.options["nodes"], node]},
+            publishes=(*whole.publishes, *spec.publishes),
+        )
+    return tuple(found.values())
+
+
+def _unfit(spec: ProcessSpec) -> str:
+    """Why ``spec`` cannot share a process; "" when it can."""
+    if spec.name == spec.together:
+        return "the shared process needs a name of its own"
+    found = importlib.util.find_spec(spec.module) if spec.module else None
+    source = Path(found.origin).read_text(encoding="utf-8") if found and found.origin else ""
+    if "\ndef node(" not in source:
+        return f"{spec.program} has no function node(me), so that it needs a process of its own"
+    return ""
 
 
 class Heartbeats:
@@ -76,12 +118,13 @@ def run(me: Process) -> None:
     heartbeats = Heartbeats(me)
     with ExitStack() as stack:
         nodes = []
-        for options in me.options["nodes"]:
-            spec = FusedNode.model_validate(options)
+        specs = [FusedNode.model_validate(options) for options in me.options["nodes"]]
+        for spec in specs:
             module = cast(NodeModule, importlib.import_module(spec.module))
             nodes.append(stack.enter_context(module.node(heartbeats.part(spec))))
         me.ready(values=heartbeats.values)
-        repeat(me, *nodes)
+        priorities = [spec.options["realtime"] for spec in specs if "realtime" in spec.options]
+        repeat(me, *nodes, realtime=max(priorities, default=None))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import IO, Any
 
 from trepid.config import ROOT, InputError, car_folder
@@ -231,6 +232,10 @@ def _schedule(spec: ProcessSpec, pid: int) -> None:
         if spec.nice:
             try:
                 os.setpriority(os.PRIO_PROCESS, pid, spec.nice)
+                # Linux weighs sessions against each other by the niceness of their group, if it groups at all.
+                group = Path(f"/proc/{pid}/autogroup")
+                if group.exists():
+                    group.write_text(str(spec.nice))
             except PermissionError as error:
                 remedy = "give at least 0, or the right CAP_SYS_NICE (LimitNICE= of a systemd unit)"
                 raise InputError(f"{_place(spec)}: nice: {spec.nice} is refused; {remedy}") from error

@@ -89,6 +89,7 @@ class ProcessSettings(Settings):
     loss: Loss | None = None
     cores: Cores | None = None
     nice: Nice | None = None
+    together: Name | None = None  # name of a process that it shares with others; default: one of its own
 
     @model_validator(mode="after")
     def _one_program(self) -> Self:
@@ -127,6 +128,7 @@ class ProcessSpec:
     loss: Loss = Loss.STOP
     cores: tuple[int, ...] = ()
     nice: int = 0
+    together: str = ""  # name of the process that it shares with others; "": a process of its own
     place: str = ""  # file:line:column of the entry; "" where there is no file
 
     @property
@@ -219,6 +221,7 @@ def _specs(file: ProcessesFile, data: CommentedMap) -> Iterator[ProcessSpec]:
             options=entry.options,
             publishes=entry.topics,
             heartbeat=entry.beats,
+            together=entry.together or "",
             place=place(data, where, FILE),
             **handling,
         )

@@ -49,12 +49,13 @@ class NodeModule(Protocol):
         ...
 
 
-def repeat(me: Process, *nodes: Node) -> None:
+def repeat(me: Process, *nodes: Node, realtime: int | None = None) -> None:
     """Let ``nodes`` take turns until the process is to stop.
 
-    The option ``realtime`` of the process is the priority, 1 to 99, of the real-time class that its threads get.
+    ``realtime``, or else the option of this name of the process, is the priority, 1 to 99, of the real-time class
+    that its threads get.
     """
-    refused = prefer(me.options.get("realtime"))
+    refused = prefer(me.options.get("realtime") if realtime is None else realtime)
     if refused:
         me.beat(Health.WARN, refused)
     gc.collect()

@@ -1,7 +1,7 @@
 """The way of a frame through all processes at 30 Hz, beside bare Zenoh in the same run.
 
-Arms, in turns: every node in a process of its own; the nodes of the frame in one process; both also in the real-time
-class where the system permits it. Each arm drives the straight on the same machine with a bare ping beside it.
+Arms, in turns: every node in a process of its own; the nodes of the frame in one process; both also in the
+real-time class where the system permits it. Each arm drives the straight with a bare ping beside it.
 """
 
 import os
@@ -9,6 +9,7 @@ import statistics
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from sim_harness.bench.live.overload import overload
@@ -19,6 +20,7 @@ from sim_harness.scenarios.scenario import Scenario, load_scenario
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import InputError
+from trepid.processes.fused import FUSED, gathered
 from trepid.processes.launch import Fleet
 from trepid.processes.settings import ProcessSpec, Restart, load_processes
 from trepid.processes.timing import APPLIES, COMMANDS, DECIDES, Summary
@@ -31,7 +33,6 @@ PING_HZ = 5.0
 RECEIVE_S = 0.1  # the launcher hears little and late
 SIMULATED = {"vehicle", "camera"}
 Row = dict[str, Any]
-FUSED = "trepid.processes.fused"
 
 
 def bench_pipeline(seed: int) -> Row:
@@ -40,9 +41,9 @@ def bench_pipeline(seed: int) -> Row:
     specs = planned(load_processes(), scenario)
     arms = {
         "a process each": specs,
-        "one process": fused(specs),
+        "one process": in_one_process(specs),
         "a process each, real-time": in_real_time(specs),
-        "one process, real-time": in_real_time(fused(specs)),
+        "one process, real-time": in_real_time(in_one_process(specs)),
     }
     runs: dict[str, list[Row]] = {name: [] for name in arms}
     for _ in range(ROUNDS):
@@ -59,12 +60,10 @@ def bench_pipeline(seed: int) -> Row:
     }
 
 
-def fused(specs: tuple[ProcessSpec, ...]) -> tuple[ProcessSpec, ...]:
+def in_one_process(specs: tuple[ProcessSpec, ...]) -> tuple[ProcessSpec, ...]:
     """``specs`` with the nodes of the frame in one process; the vehicle ahead comes after the command."""
-    alone = [spec for spec in specs if spec.name in SIMULATED]
-    shared = sorted((s for s in specs if s.name not in SIMULATED), key=lambda spec: spec.name == "lead")
-    nodes = [{"name": spec.name, "module": spec.module, "options": spec.options} for spec in shared]
-    return (*alone, ProcessSpec("frame", FUSED, {"nodes": nodes}))
+    shared = tuple(s if s.name in SIMULATED else replace(s, together="frame") for s in specs)
+    return gathered(tuple(sorted(shared, key=lambda spec: spec.name == "lead")))
 
 
 def in_real_time(specs: tuple[ProcessSpec, ...]) -> tuple[ProcessSpec, ...]:
@@ -124,8 +123,7 @@ def _cpu_s(fleet: Fleet) -> dict[str, float]:
     tick_s = 1 / os.sysconf("SC_CLK_TCK")
     found = {}
     for name, child in fleet.children.items():
-        with open(f"/proc/{child.popen.pid}/stat") as file:
-            fields = file.read().rsplit(")", 1)[1].split()
+        fields = Path(f"/proc/{child.popen.pid}/stat").read_text().rsplit(")", 1)[1].split()
         found[name] = tick_s * (int(fields[11]) + int(fields[12]))
     return found
 

@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 
+from trepid.config import InputError
 from trepid.messages import Health
-from trepid.processes.fused import run
+from trepid.processes.fused import gathered, run
+from trepid.processes.settings import ProcessSpec
 
 TURNS: list[str] = []
 
@@ -43,10 +45,13 @@ def fused(**options: dict[str, Any]) -> Any:
     def ready(*, values: Any) -> None:
         seen.values = values()
 
+    def wait(*, timeout_s: float) -> None:
+        seen.waits.append(timeout_s)
+
     rounds = iter((True, False))
     me: Any = SimpleNamespace(
         options={"nodes": [dict(name=name, module=module, options=own) for name, own in options.items()]},
-        bus=SimpleNamespace(wait=seen.waits.append),
+        bus=SimpleNamespace(wait=wait),
         now_s=lambda: 0.0,
         running=lambda: next(rounds),
         ready=ready,
@@ -75,3 +80,35 @@ def test_the_one_heartbeat_has_the_worst_health_and_the_values_of_all_nodes() ->
 def test_a_node_without_a_module_is_refused() -> None:
     with pytest.raises(ValueError, match="module"):
         run(SimpleNamespace(options={"nodes": [{"name": "cv"}]}))  # type: ignore[arg-type]
+
+
+def spec(name: str, module: str = __name__, **fields: Any) -> ProcessSpec:
+    return ProcessSpec(name, module, **{"together": "frame", **fields})
+
+
+def test_entries_that_name_the_same_process_become_one() -> None:
+    found = gathered(
+        (
+            spec("camera", "sim_harness.live.camera_node", together=""),
+            spec("cv", "perception.node", options={"estimator": "cv"}, publishes=("perception/cv/estimate",)),
+            spec("controller", "controller.node", publishes=("controller/command",)),
+        )
+    )
+    assert [one.name for one in found] == ["camera", "frame"]
+    frame = found[1]
+    assert [node["name"] for node in frame.options["nodes"]] == ["cv", "controller"]
+    assert frame.options["nodes"][0]["options"] == {"estimator": "cv"}
+    assert frame.publishes == ("perception/cv/estimate", "controller/command")
+    assert frame.module == "trepid.processes.fused"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "problem"),
+    [
+        (spec("vehicle", "sim_harness.live.vehicle_node"), r"has no function node\(me\)"),
+        (spec("frame", "controller.node"), "needs a name of its own"),
+    ],
+)
+def test_a_process_that_cannot_share_is_refused(wrong: ProcessSpec, problem: str) -> None:
+    with pytest.raises(InputError, match=problem):
+        gathered((wrong,))
