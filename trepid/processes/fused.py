@@ -19,6 +19,7 @@ from pydantic import Field
 
 from trepid.config import InputError, Settings
 from trepid.messages import Health
+from trepid.processes.access import published_by
 from trepid.processes.process import Process, Values, process
 from trepid.processes.settings import ProcessSpec
 from trepid.processes.turns import NodeModule, repeat
@@ -56,7 +57,7 @@ def gathered(specs: Iterable[ProcessSpec]) -> tuple[ProcessSpec, ...]:
         found[spec.together] = replace(
             whole,
             options={"nodes": [*whole.options["nodes"], node]},
-            publishes=(*whole.publishes, *spec.publishes),
+            publishes=(*whole.publishes, *published_by([spec])[spec.name]),
         )
     return tuple(found.values())
 

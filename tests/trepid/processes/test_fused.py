@@ -90,15 +90,24 @@ def test_entries_that_name_the_same_process_become_one() -> None:
     found = gathered(
         (
             spec("camera", "sim_harness.live.camera_node", together=""),
-            spec("cv", "perception.node", options={"estimator": "cv"}, publishes=("perception/cv/estimate",)),
+            spec(
+                "cv",
+                "perception.node",
+                options={"estimator": "cv", "statistics": True},
+                publishes=("perception/cv/estimate",),
+            ),
             spec("controller", "controller.node", publishes=("controller/command",)),
         )
     )
     assert [one.name for one in found] == ["camera", "frame"]
     frame = found[1]
     assert [node["name"] for node in frame.options["nodes"]] == ["cv", "controller"]
-    assert frame.options["nodes"][0]["options"] == {"estimator": "cv"}
-    assert frame.publishes == ("perception/cv/estimate", "controller/command")
+    assert frame.options["nodes"][0]["options"] == {"estimator": "cv", "statistics": True}
+    assert frame.publishes == (
+        "perception/cv/estimate",
+        "perception/image_statistics",
+        "controller/command",
+    )
     assert frame.module == "trepid.processes.fused"
 
 
