@@ -31,6 +31,8 @@ OLDEST_S = 10.0  # older stamps of publication do not date a message
 SWITCH_S = 5e-4  # the step of a process lets the callback of an arriving message in after this long
 RUNTIME = "(rx: (worker_threads: 1), app: (worker_threads: 1))"
 """Threads of Zenoh in one process: many processes share few cores. ZENOH_RUNTIME in the environment wins."""
+ZenohError = zenoh.ZError
+"""Raised by :func:`open_bus` where no endpoint answers or can be opened."""
 M = TypeVar("M")
 L = TypeVar("L", bound="Latest[Any]")
 
@@ -197,6 +199,18 @@ class Tap:
         return sorted(found, key=lambda message: message[2])
 
 
+class Newest:
+    """The newest message on a key of others, as bytes."""
+
+    def __init__(self, kept: Mailbox) -> None:
+        self._kept = kept
+
+    def take(self) -> tuple[bytes, float] | None:
+        """The payload and its time of arrival [s] if one arrived since the last call, else None."""
+        arrival = self._kept.pop()
+        return None if arrival is None else (arrival.sample.payload.to_bytes(), arrival.at_s)
+
+
 class Bus:
     """Publish and subscribe below ``trepid/<vehicle-name>/``."""
 
@@ -254,6 +268,15 @@ class Bus:
             tap.rings.append(Ring(KEPT, self._clock))
             self._declare(key, tap.rings[-1])
         return tap
+
+    def newest(self, key_expression: str) -> Newest:
+        """Subscription on a whole key expression, outside ``trepid/<vehicle-name>/``; an arrival wakes.
+
+        Raises ZenohError for text that is no key expression.
+        """
+        kept = Mailbox(self._arrived, self._clock)
+        self._subscribers.append(self._session.declare_subscriber(key_expression, kept.handler))
+        return Newest(kept)
 
     def _subscribe(self, topic: Topic[M], latest: L, kept: Mailbox | Ring) -> L:
         self._declare(topic.key, kept)

@@ -8,12 +8,10 @@ import cv2
 import numpy as np
 
 from trepid.config import InputError
+from trepid.image_files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
 from trepid.types import Image
 
-IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm"})
-VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
 INDEXED_SUFFIXES = frozenset({".mp4", ".m4v", ".mov", ".avi"})
-NOMINAL_FPS = 25.0  # for videos without a frame rate
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +77,9 @@ Source = Still | Clip
 
 
 def sources(path: Path) -> list[Source]:
-    """The sources in ``path``: an image, a video, or the images of a folder by name. Raises InputError."""
+    """The sources in ``path``: an image, a video, or the images of a folder in natural order. Raises InputError."""
     if path.is_dir():
-        return _folder(path)
+        return [Still(image) for image in images_in(path)]
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     suffix = path.suffix.lower()
@@ -91,13 +89,6 @@ def sources(path: Path) -> list[Source]:
         return [Still(path)]
     known = " ".join(sorted(IMAGE_SUFFIXES | VIDEO_SUFFIXES))
     raise InputError(f"{path}: unknown kind of file; known: {known}")
-
-
-def _folder(path: Path) -> list[Source]:
-    images = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file())
-    if not images:
-        raise InputError(f"{path}: there is no image in this folder")
-    return [Still(image) for image in images]
 
 
 def _clip(path: Path) -> Clip:
@@ -110,27 +101,3 @@ def _clip(path: Path) -> Clip:
     if frames <= 0:
         raise InputError(f"{path}: cannot be read as a video; it may be truncated")
     return Clip(path=path, frames=frames, fps=fps if 0 < fps < 1000 else NOMINAL_FPS)
-
-
-def read_image(path: Path) -> Image:
-    """The image in ``path``, shape (height, width, 3). Raises InputError when it is not an image or truncated."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if not _is_complete(data):
-        raise InputError(f"{path}: image file is truncated")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
-    if image is None:
-        raise InputError(f"{path}: not an image")
-    return image.astype(np.uint8, copy=False)
-
-
-def _is_complete(data: bytes) -> bool:
-    """False for a JPEG or PNG without its end mark: decoders fill the missing rest with grey."""
-    tail = data.rstrip(b"\x00\r\n")
-    if data.startswith(b"\xff\xd8\xff"):
-        return b"\xff\xd9" in tail[-64 * 1024 :]
-    if data.startswith(b"\x89PNG\r\n\x1a\n"):
-        return b"IEND" in data[-64 * 1024 :]
-    return True

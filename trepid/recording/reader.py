@@ -57,7 +57,7 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
     recorded = Recorded(path)
     schemas: dict[int, Schema] = {}
     wanted: dict[int, tuple[str, Decoder]] = {}
-    for record in _records(path):
+    for record in records(path):
         match record:
             case Schema():
                 schemas[record.id] = record
@@ -84,8 +84,8 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
     return recorded
 
 
-def _records(path: Path) -> Iterator[McapRecord]:
-    """The records up to the first incomplete one. Raises InputError when ``path`` is no MCAP file."""
+def records(path: Path) -> Iterator[McapRecord]:
+    """The records of a MCAP file up to the first incomplete one. Raises InputError when it is none."""
     found = False
     try:
         with path.open("rb") as file:

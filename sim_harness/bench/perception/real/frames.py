@@ -10,9 +10,10 @@ import numpy as np
 
 from perception.camera.self_calibration import self_calibrated
 from perception.estimators import entry_of, lane_cv_settings
-from perception.images.sources import Clip, read_image, sources
+from perception.images.sources import Clip, sources
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.image_files import read_image
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Image
 from trepid.vehicle import Vehicle

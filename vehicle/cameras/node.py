@@ -1,0 +1,125 @@
+"""Camera process: the frames of the configured source, upright and of the working size, on the bus."""
+
+import os
+import time
+
+import cv2
+
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import CompressedFrame, Frame, Health
+from trepid.processes.process import Process, process
+from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
+from vehicle.cameras.source import CameraSource, Drive, Values
+from vehicle.cameras.statistics import FrameStatistics
+from vehicle.cameras.table import build
+from vehicle.cameras.working import Unfit, Working, WorkingSettings
+
+JPEG_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
+EARLY = 0.2  # share of a period by which a frame may come before it is due
+
+
+class Thinned:
+    """Which frames pass at a given highest rate."""
+
+    def __init__(self, rate_hz: float | None) -> None:
+        self._period_s = 1 / rate_hz if rate_hz else 0.0
+        self._due_s = 0.0
+
+    def passes(self, t_s: float) -> bool:
+        """True for a frame captured at ``t_s`` that is due."""
+        if t_s < self._due_s - EARLY * self._period_s:
+            return False
+        self._due_s = max(self._due_s, t_s - self._period_s) + self._period_s
+        return True
+
+
+class CameraStep:
+    """The step between a source and the bus."""
+
+    def __init__(self, settings: WorkingSettings, camera: Camera) -> None:
+        self.working = Working(settings, camera)
+        self.statistics = FrameStatistics()
+        self._rate = Thinned(settings.rate_hz)
+        self._compressed_rate = Thinned(settings.compressed_hz)
+        self._silence_s = settings.silence_s
+        self._good_s: float | None = None  # when the last frame was published
+        self._refusal = ""
+
+    def step(self, frame: Frame | None) -> tuple[Frame | None, CompressedFrame | None]:
+        """The working frame, and its JPEG where one is due; None for a frame that is refused or not due.
+
+        Raises InputError when the first frame does not fit the camera.
+        """
+        if frame is None or not self._rate.passes(frame.t_s):
+            return None, None
+        try:
+            working = self.working.step(frame)
+        except Unfit as error:
+            self._refusal = str(error)
+            self.statistics.refuse()
+            return None, None
+        self._refusal = ""
+        self.statistics.add(working)
+        return working, compressed(working) if self._compressed_rate.passes(frame.t_s) else None
+
+    def health(self, sent: bool, trouble: str, *, now_s: float) -> tuple[Health, str]:
+        """WARN and the reason while frames are refused or absent; ``trouble``: what the source says."""
+        if self._good_s is None or sent:
+            self._good_s = now_s
+        if self._refusal:
+            return Health.WARN, self._refusal
+        if now_s - self._good_s < self._silence_s:
+            return Health.OK, ""
+        return Health.WARN, f"no frame: {trouble}" if trouble else "no frame"
+
+    def values(self) -> Values:
+        """Values for the heartbeat."""
+        size = self.working.source_size
+        return (*((("source_px", "{}x{}".format(*size)),) if size else ()), *self.statistics.values())
+
+
+def compressed(frame: Frame) -> CompressedFrame:
+    """``frame`` as JPEG."""
+    _, jpeg = cv2.imencode(".jpg", frame.image, JPEG_QUALITY)
+    return CompressedFrame(t_s=frame.t_s, jpeg=jpeg.tobytes())
+
+
+def run(me: Process) -> None:
+    """Read, correct and publish until the process is to stop."""
+    camera = load(CONFIG_DIR / "camera.yaml", Camera)
+    name, source, settings = build(Drive(me.bus, me.now_s))
+    try:
+        drive(me, name, source, CameraStep(settings, camera))
+    finally:
+        source.close()
+
+
+def drive(me: Process, name: str, source: CameraSource, node: CameraStep) -> None:
+    """The loop of :func:`run`."""
+    send, send_compressed = me.bus.publisher(CAMERA_IMAGE), me.bus.publisher(CAMERA_COMPRESSED)
+    me.ready(values=lambda: (("source", name), *source.values(), *node.values()))
+    while me.running():
+        frame = source.read(timeout_s=0.1)
+        working, jpeg = node.step(frame)
+        if working is not None:
+            send(working)
+        if jpeg is not None:
+            send_compressed(jpeg)
+        health, message = node.health(working is not None, source.trouble, now_s=me.now_s())
+        (me.alive if working is None else me.stepped)(health, message)
+        if frame is None and source.ended:
+            time.sleep(0.05)
+
+
+def quiet_libraries() -> None:
+    """Keep OpenCV and FFmpeg from writing to the log: errors are reported by this process in one line."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+
+
+if __name__ == "__main__":
+    cv2.setNumThreads(1)
+    quiet_libraries()
+    with process() as me:
+        run(me)
