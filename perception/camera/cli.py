@@ -3,21 +3,26 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from pydantic import ValidationError
 
 from perception.camera.chessboard import Intrinsics, intrinsics
 from perception.camera.drive_clip import steps_of
+from perception.camera.height import Step
 from perception.camera.straight_drive import Mounting, mounting
 from perception.images.sources import Clip, Still, sources
 from trepid.camera import Camera
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.mount import Mount
 from trepid.types import Image
 
 MIN_SPEED_MPS = 1.0
+MIN_WIDTH_PX, MAX_WIDTH_PX = 64, 8192
 MAX_BOARDS = 60  # of a video
 SAME_RATIO = 0.01  # tolerance of width over height
 LENS_REPORT = ("boards", "left_out", "reprojection_px", "focal_doubt", "cover")
@@ -51,6 +56,16 @@ def calibrate(
         float | None,
         typer.Option(help="Speed of that drive in m/s; gives the height. Recordings contain it."),
     ] = None,
+    width: Annotated[
+        int | None,
+        typer.Option(help="Width in px to which images are scaled while driving. Default: as they are."),
+    ] = None,
+    rotate: Annotated[
+        int, typer.Option(help="0, 90, 180 or 270: clockwise turn that makes the images upright.")
+    ] = 0,
+    mirror: Annotated[
+        str, typer.Option(help="none, horizontal or vertical: how the images are mirrored before.")
+    ] = "none",
     camera: Annotated[
         Path, typer.Option(help="Camera file with the values that are not measured.")
     ] = CONFIG_DIR / "camera.yaml",
@@ -67,18 +82,23 @@ def calibrate(
     for name, value, minimum in (("--lane-width", lane_width, 0.1), ("--speed", speed, MIN_SPEED_MPS)):
         if value is not None and not (math.isfinite(value) and value >= minimum):
             raise InputError(f"{name}: must be a number of at least {minimum:g}, got {value}")
+    if width is not None and not MIN_WIDTH_PX <= width <= MAX_WIDTH_PX:
+        raise InputError(f"--width: must be {MIN_WIDTH_PX} to {MAX_WIDTH_PX}, got {width}")
+    mount = _mount(rotate, mirror)
     measured = load(camera, Camera)
     notes: dict[str, str] = {}
     report: dict[str, Any] = {}
     if boards:
-        lens = intrinsics(_pictures(boards), _corners(corners))
+        lens = intrinsics(_pictures(boards, mount), _corners(corners))
         measured = _with_lens(measured, lens)
         notes["intrinsics"], report["intrinsics"] = _lens_note(lens), _fields(lens, LENS_REPORT)
     if straight is not None:
-        steps = steps_of(straight, speed_mps=speed)
+        steps = [_upright(step, mount) for step in steps_of(straight, speed_mps=speed)]
         found = mounting(steps, _same_lens(measured, steps[0].image, straight), lane_width_m=lane_width)
         measured = measured.model_copy(update=_fields(found, ("pitch_down_rad", "yaw_rad", "height_m")))
         notes["extrinsics"], report["extrinsics"] = _mounting_note(found), _fields(found, MOUNTING_REPORT)
+    if width is not None:
+        measured = at_width(measured, width)
     text = camera_yaml(measured, notes)
     if out is not None:
         _write(out, text)
@@ -101,8 +121,33 @@ def _corners(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-def _pictures(paths: list[Path]) -> dict[str, Image]:
-    """Images by name; of a video up to MAX_BOARDS frames, evenly spread."""
+def _mount(rotate_deg: int, mirror: str) -> Mount:
+    try:
+        return Mount.model_validate({"rotate_deg": rotate_deg, "mirror": mirror})
+    except ValidationError as error:
+        option = "--rotate" if error.errors()[0]["loc"] == ("rotate_deg",) else "--mirror"
+        raise InputError(f"{option}: {error.errors()[0]['msg']}") from error
+
+
+def _upright(step: Step, mount: Mount) -> Step:
+    following = None if step.following is None else mount.upright(step.following)
+    return replace(step, image=mount.upright(step.image), following=following)
+
+
+def at_width(camera: Camera, width_px: int) -> Camera:
+    """The camera with its image scaled to ``width_px``, exact for images that OpenCV resizes.
+
+    OpenCV counts pixels at their centres and keeps the corner of the image: c' = (c + ½)·s − ½, f' = f·s.
+    """
+    height_px = round(camera.height_px * width_px / camera.width_px)
+    scaled = camera.resized(width_px, height_px)
+    sx, sy = width_px / camera.width_px, height_px / camera.height_px
+    cx_px, cy_px = (camera.cx_px + 0.5) * sx - 0.5, (camera.cy_px + 0.5) * sy - 0.5
+    return scaled.model_copy(update={"cx_px": cx_px, "cy_px": cy_px})
+
+
+def _pictures(paths: list[Path], mount: Mount) -> dict[str, Image]:
+    """Upright images by name; of a video up to MAX_BOARDS frames, evenly spread."""
     pictures: dict[str, Image] = {}
     for path in paths:
         for source in sources(path):
@@ -110,7 +155,7 @@ def _pictures(paths: list[Path]) -> dict[str, Image]:
                 pictures[str(source.path)] = source.read()
             elif isinstance(source, Clip):
                 pictures |= {f"{source.path} {n}": image for n, image in enumerate(source.sample(MAX_BOARDS))}
-    return pictures
+    return {name: mount.upright(image) for name, image in pictures.items()}
 
 
 def _same_lens(camera: Camera, image: Image, path: Path) -> Camera:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from process_rig import until
 
-from trepid.bus import Bus, Latest, free_endpoint, open_bus
+from trepid.bus import Bus, Latest, ZenohError, free_endpoint, open_bus
 from trepid.clock import UNSTAMPED, Stamp
 from trepid.config import ROOT
 from trepid.messages import ImageStatistics, VehicleState
@@ -193,3 +193,31 @@ def test_a_replayed_and_an_overtaken_message_are_recognised_by_their_stamps() ->
 def test_a_stamp_from_the_future_makes_no_later_message_old() -> None:
     future = Stamp(5, 1000.0, b"faulty clock")
     assert not Stamp(1, 10.0, b"sound clock").repeats(future, now_s=10.0)
+
+
+def test_a_key_of_others_is_received_as_bytes_and_only_the_newest(buses: tuple[Bus, Bus]) -> None:
+    sender, receiver = buses
+    newest = receiver.newest("0/front/image_raw/**")
+    numbers = iter(range(10_000))
+
+    def arrived() -> bool:
+        for _ in range(3):
+            sender._session.put("0/front/image_raw/type/hash", str(next(numbers)).encode())
+        return receiver.wait(0.1)
+
+    assert until(arrived, patience_s=10.0)
+    last = str(next(numbers) - 1).encode()
+    taken: list[bytes] = []
+
+    def newest_taken() -> bool:
+        found = newest.take()
+        taken.extend([found[0]] if found else [])
+        return last in taken
+
+    assert until(newest_taken, patience_s=10.0)
+    assert len(taken) <= 3 and newest.take() is None
+
+
+def test_text_that_is_no_key_expression_is_refused(buses: tuple[Bus, Bus]) -> None:
+    with pytest.raises(ZenohError):
+        buses[0].newest("//front")

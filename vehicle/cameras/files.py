@@ -11,7 +11,7 @@ import numpy as np
 from trepid.config import InputError
 from trepid.image_files import NOMINAL_FPS, images_in, read_image
 from trepid.types import Positive
-from vehicle.cameras.playback import Playback, PlaybackSettings, Shot
+from vehicle.cameras.playback import Playback, PlaybackSettings, Shot, recording_path
 from vehicle.cameras.source import Drive
 
 
@@ -27,7 +27,7 @@ class VideoFile(Playback):
     Settings = PlaybackSettings
 
     def __init__(self, settings: PlaybackSettings, drive: Drive) -> None:
-        path = Path(settings.path).expanduser()
+        path = recording_path(settings.path)
         if not path.is_file():
             raise InputError(f"{path}: no such file; set path")
         begin = partial(video_shots, path)
@@ -43,7 +43,7 @@ class ImageFolder(Playback):
     Settings = FolderSettings
 
     def __init__(self, settings: FolderSettings, drive: Drive) -> None:
-        folder = Path(settings.path).expanduser()
+        folder = recording_path(settings.path)
         if not folder.is_dir():
             raise InputError(f"{folder}: no such folder; set path")
         images = images_in(folder)

@@ -14,7 +14,7 @@ from trepid.recording.reader import records
 from trepid.spelling import did_you_mean
 from trepid.types import Image
 from trepid.wire import WireError
-from vehicle.cameras.playback import Playback, PlaybackSettings, Shot
+from vehicle.cameras.playback import Playback, PlaybackSettings, Shot, recording_path
 from vehicle.cameras.ros_images import TYPES, RosImage, ros_image
 from vehicle.cameras.source import Drive
 
@@ -31,7 +31,7 @@ class McapFile(Playback):
     Settings = McapSettings
 
     def __init__(self, settings: McapSettings, drive: Drive) -> None:
-        path = Path(settings.path).expanduser()
+        path = recording_path(settings.path)
         topics = image_topics(path)
         topic = _chosen(settings.topic, topics, path)
         begin = partial(mcap_shots, path, topic, topics[topic])

@@ -1,5 +1,6 @@
 """Camera process: the frames of the configured source, upright and of the working size, on the bus."""
 
+import math
 import os
 import time
 
@@ -24,13 +25,14 @@ class Thinned:
 
     def __init__(self, rate_hz: float | None) -> None:
         self._period_s = 1 / rate_hz if rate_hz else 0.0
-        self._due_s = 0.0
+        self._due_s = -math.inf
 
     def passes(self, t_s: float) -> bool:
         """True for a frame captured at ``t_s`` that is due."""
         if t_s < self._due_s - EARLY * self._period_s:
             return False
-        self._due_s = max(self._due_s, t_s - self._period_s) + self._period_s
+        on_schedule = t_s - self._due_s < self._period_s
+        self._due_s = (self._due_s if on_schedule else t_s) + self._period_s
         return True
 
 

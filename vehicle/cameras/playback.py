@@ -7,13 +7,14 @@ of the first reading. It is not handed out before t; of several that are due, on
 import itertools
 import time
 from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
 from trepid import config
 from trepid.clock import Clock
-from trepid.config import InputError
+from trepid.config import InputError, car_folder
 from trepid.messages import Frame
 from trepid.types import Image, NonNegative
 from vehicle.cameras.source import Values
@@ -32,6 +33,12 @@ class PlaybackSettings(config.Settings):
     path: Annotated[str, Field(min_length=1)]
     pace: NonNegative = 1.0  # recorded seconds per second; 0: frame by frame as they are read, stamped then
     loop: bool = False
+
+
+def recording_path(path: str) -> Path:
+    """The file or folder at ``path``: in the folder of the car if it is there, else from the working folder."""
+    own, car = Path(path).expanduser(), car_folder()
+    return car / own if car is not None and (car / own).exists() else own
 
 
 class Playback:

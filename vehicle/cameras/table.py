@@ -24,6 +24,8 @@ OWN: Mapping[str, str] = MappingProxyType(
     }
 )
 """Name -> module and class; imported when chosen."""
+LEADING = ("device", "path", "pipeline", "connect", "key")
+"""Fields that lead to a source; a fault at its opening is reported at the first that its block has."""
 _LOADERS: Mapping[str, Callable[[], Any]] = {name: partial(resolve_name, at) for name, at in OWN.items()}
 
 
@@ -74,5 +76,6 @@ def build(drive: Drive) -> tuple[str, CameraSource, WorkingSettings]:
     try:
         return name, kind(name)(settings, drive), common
     except InputError as error:
-        where = place(read(FILE), [name], FILE)
-        raise InputError(f"{where}: {name}: {error}") from error
+        data = read(FILE)
+        field = next((field for field in LEADING if field in data[name]), "")
+        raise InputError(f"{place(data, [name, field], FILE)}: {name}: {error}") from error

@@ -13,9 +13,10 @@ from perception.camera.height import Step
 from trepid.__main__ import main
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import CompressedFrame, VehicleState
+from trepid.messages import CompressedFrame, Frame, VehicleState
 from trepid.recording.writer import Recording
 from trepid.wire import to_cdr
+from vehicle.cameras.working import Working, WorkingSettings
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: str | Path) -> int:
@@ -139,3 +140,54 @@ def test_a_recording_gives_the_speed(
     report = json.loads(capsys.readouterr().out)
     assert report["extrinsics"]["height_from"] == "the speed"
     assert report["camera"]["height_m"] == pytest.approx(drives.TRUE.height_m, rel=0.03)
+
+
+def test_the_file_is_accepted_by_estimate_and_by_a_car_at_the_scaled_resolution(
+    boards: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    car = tmp_path / "car"
+    car.mkdir()
+    out = car / "camera.yaml"
+    assert run(monkeypatch, boards, "--corners", "7x5", "--width", 320, "--out", out) == 0
+    capsys.readouterr()
+    monkeypatch.setattr(
+        "sys.argv", ["trepid", "estimate", "--camera", str(out), "--json", str(boards / "1.png")]
+    )
+    assert main() == 0  # an image of 480 x 360 px
+    assert json.loads(capsys.readouterr().out)["file"] == str(boards / "1.png")
+    monkeypatch.setenv("TREPID_CAR", str(car))
+    camera = load(CONFIG_DIR / "camera.yaml", Camera)
+    assert (camera.width_px, camera.height_px) == (320, 240)
+    scale = 320 / chessboard.SIZE_PX[0]
+    assert camera.fx_px == pytest.approx(scale * 430.0, rel=2e-3)
+    assert camera.cx_px == pytest.approx((chessboard.MATRIX[0, 2] + 0.5) * scale - 0.5, abs=0.5)
+    assert camera.distortion[0] == pytest.approx(chessboard.DISTORTION[0], abs=0.02)  # free of the scale
+    source = WorkingSettings(source="video")
+    picture = cv2.imread(str(boards / "1.png"))
+    assert Working(source, camera).step(Frame(t_s=1.0, image=picture)).image.shape == (240, 320, 3)
+
+
+def test_boards_of_a_turned_camera_give_the_camera_of_the_upright_image(
+    boards: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turned = tmp_path / "turned"
+    turned.mkdir()
+    for path in boards.iterdir():
+        cv2.imwrite(
+            str(turned / path.name), cv2.rotate(cv2.imread(str(path)), cv2.ROTATE_90_COUNTERCLOCKWISE)
+        )
+    files = [tmp_path / "upright.yaml", tmp_path / "turned.yaml"]
+    assert run(monkeypatch, boards, "--corners", "7x5", "--out", files[0]) == 0
+    assert run(monkeypatch, turned, "--corners", "7x5", "--rotate", 90, "--out", files[1]) == 0
+    upright, corrected = (load(path, Camera) for path in files)
+    assert corrected == upright
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("--width", "10"), ("--rotate", "45"), ("--mirror", "sideways"), ("--width", "1e3")]
+)
+def test_a_wrong_size_or_turn_is_refused(
+    boards: Path, option: str, value: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, boards, option, value) == 2
+    assert option in capsys.readouterr().err

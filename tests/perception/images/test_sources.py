@@ -60,3 +60,10 @@ def test_hidden_and_foreign_files_in_a_folder_are_left_out(folder):
     (folder / "readme.txt").write_text("notes")
     found = sources(folder)
     assert all(isinstance(source, Still) for source in found) and len(found) == 2
+
+
+def test_the_images_of_a_folder_come_in_natural_order(folder):
+    for name in ("100.png", "2.png", "frame10.png", "frame9.png"):
+        (folder / name).write_bytes((folder / "b.png").read_bytes())
+    names = [source.path.name for source in sources(folder)]
+    assert names == ["2.png", "100.png", "a.jpg", "b.png", "frame9.png", "frame10.png"]

@@ -1,0 +1,111 @@
+"""MCAP files as camera sources: those of Trepid and those of other writers."""
+
+import shutil
+from pathlib import Path
+
+import cv2
+import foreign_ros_rig as foreign
+import pytest
+from camera_source_rig import SIZE, ManualClock, drive, number_of, picture
+
+from trepid.config import InputError
+from trepid.messages import CompressedFrame
+from trepid.recording.writer import Recording
+from trepid.topics import CAMERA_COMPRESSED
+from trepid.wire import to_cdr
+from vehicle.cameras.mcap_file import McapFile, McapSettings
+
+SECOND = 10**9
+BEGIN_NS = 1_700_000_000 * SECOND
+
+
+def frames_of(path: Path, topic: str | None = None, pace: float = 1.0) -> list[tuple[float, int]]:
+    clock, found = ManualClock(0.0), []
+    source = McapFile(McapSettings(path=str(path), topic=topic, pace=pace), drive(clock))
+    while not source.ended:
+        frame = source.read(timeout_s=0.0)
+        found += [(round(frame.t_s, 6), number_of(frame.image))] if frame is not None else []
+        clock.sleep(0.01)
+    return found
+
+
+def images(
+    count: int, *, late_ns: int = 0, stamped: bool = True, size: tuple[int, int] = SIZE
+) -> tuple[str, list[tuple[int, bytes]]]:
+    """Ten numbered images a second, logged ``late_ns`` after their stamps, more with each message."""
+    times = [BEGIN_NS + n * SECOND // 10 for n in range(count)]
+    data = [
+        (at + late_ns * n, foreign.image(picture(n, size), "bgr8", stamp_ns=at if stamped else 0))
+        for n, at in enumerate(times)
+    ]
+    return "sensor_msgs/msg/Image", data
+
+
+def photos(count: int) -> tuple[str, list[tuple[int, bytes]]]:
+    times = [BEGIN_NS + n * SECOND // 10 for n in range(count)]
+    data = [(at, foreign.compressed(picture(n), stamp_ns=at)) for n, at in enumerate(times)]
+    return "sensor_msgs/msg/CompressedImage", data
+
+
+EXPECTED = [(0.0, 0), (0.1, 1), (0.2, 2), (0.3, 3)]
+
+
+def test_a_foreign_recording_plays_by_the_stamps_of_its_headers(tmp_path: Path) -> None:
+    path = foreign.bag(tmp_path / "bag", {"/front/image_raw": images(4, late_ns=30_000_000)})
+    assert frames_of(path) == EXPECTED
+
+
+def test_compressed_images_of_a_foreign_recording_play_too(tmp_path: Path) -> None:
+    assert frames_of(foreign.bag(tmp_path / "bag", {"/front/compressed": photos(4)})) == EXPECTED
+
+
+def test_images_without_stamps_play_by_the_time_of_logging(tmp_path: Path) -> None:
+    assert frames_of(foreign.bag(tmp_path / "bag", {"/image": images(4, stamped=False)})) == EXPECTED
+
+
+def test_a_recording_of_trepid_plays(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with Recording(path) as recording:
+        for number in range(4):
+            t_s = 1.7e9 + number / 10
+            _, jpeg = cv2.imencode(".jpg", picture(number))
+            data = to_cdr(CompressedFrame(t_s=t_s, jpeg=jpeg.tobytes()))
+            recording.add(CAMERA_COMPRESSED.key, data, at_s=t_s + 0.01)
+    assert frames_of(path) == EXPECTED
+    assert frames_of(path, "camera/image/compressed") == EXPECTED
+
+
+def test_one_of_several_topics_with_images_must_be_named(tmp_path: Path) -> None:
+    path = foreign.bag(tmp_path / "bag", {"/left/image": images(2), "/right/image": images(3)})
+    with pytest.raises(InputError, match="set topic to one of /left/image, /right/image"):
+        frames_of(path)
+    assert len(frames_of(path, "/right/image")) == 3
+    with pytest.raises(InputError, match="did you mean '/right/image'"):
+        frames_of(path, "/rigth/image")
+
+
+def test_a_recording_that_was_cut_short_plays_up_to_its_end(tmp_path: Path) -> None:
+    path = foreign.bag(tmp_path / "bag", {"/image": images(8, size=(960, 540))})  # a chunk each
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(0.7 * len(whole))])
+    frames = frames_of(path)
+    assert [number for _, number in frames] == list(range(len(frames)))
+    assert 1 <= len(frames) < 8
+
+
+@pytest.mark.parametrize("kind", ["missing", "text", "empty", "no images", "folder"])
+def test_another_file_is_refused_in_one_line_with_its_name(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    if kind == "text":
+        path.write_text("no recording")
+    elif kind == "empty":
+        path.write_bytes(b"")
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "no images":
+        text = foreign.TYPES["std_msgs/msg/String"](data="hello")
+        data = bytes(foreign.STORE.serialize_cdr(text, "std_msgs/msg/String"))
+        shutil.copy(foreign.bag(tmp_path / "bag", {"/talk": ("std_msgs/msg/String", [(1, data)])}), path)
+    with pytest.raises(InputError) as problem:
+        frames_of(path)
+    assert str(path) in str(problem.value) and "\n" not in str(problem.value)

@@ -1,0 +1,138 @@
+"""The step of the camera process, and the process itself on a bus."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from camera_source_rig import folder_of
+from process_rig import until
+
+from trepid.bus import Bus, free_endpoint, open_bus
+from trepid.camera import Camera
+from trepid.clock import epoch_clock, epoch_offset_ns
+from trepid.config import CONFIG_DIR, ROOT, load
+from trepid.messages import Frame, Health
+from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, DIAGNOSTICS
+from vehicle.cameras.node import CameraStep, Thinned
+from vehicle.cameras.working import WorkingSettings
+
+PATIENCE_S = 30.0
+OFFSET_NS = epoch_offset_ns()
+
+
+def node(**settings: object) -> CameraStep:
+    known = WorkingSettings.model_validate({"source": "video", **settings})
+    return CameraStep(known, load(CONFIG_DIR / "camera.yaml", Camera))
+
+
+def frame(t_s: float, size: tuple[int, int] = (640, 480)) -> Frame:
+    return Frame(t_s=t_s, image=np.full((size[1], size[0], 3), 90, np.uint8))
+
+
+def test_every_frame_is_published_and_ten_a_second_also_as_jpeg() -> None:
+    step = node()
+    results = [step.step(frame(10 + n / 30)) for n in range(30)]
+    assert all(working is not None for working, _ in results)
+    assert sum(jpeg is not None for _, jpeg in results) == 10
+    assert [working.t_s for working, _ in results if working] == [10 + n / 30 for n in range(30)]
+
+
+@pytest.mark.parametrize(("given_hz", "limit_hz", "published"), [(30, 15, 15), (30, 25, 25), (30, 60, 30)])
+def test_a_highest_rate_leaves_frames_out(given_hz: int, limit_hz: float, published: int) -> None:
+    rate = Thinned(limit_hz)
+    passed = sum(rate.passes(50 + n / given_hz) for n in range(10 * given_hz)) / 10
+    assert passed == pytest.approx(published, rel=0.05)
+
+
+def test_a_refused_frame_is_a_warning_until_a_good_one_comes() -> None:
+    step = node()
+    step.step(frame(10.0))
+    assert step.health(True, "", now_s=10.0) == (Health.OK, "")
+    assert step.step(frame(10.1, (1280, 720))) == (None, None)
+    health, message = step.health(False, "", now_s=10.1)
+    assert health is Health.WARN and "1280 x 720 px refused" in message
+    working, _ = step.step(frame(10.2))
+    assert step.health(working is not None, "", now_s=10.2) == (Health.OK, "")
+    assert ("refused_frames", "1") in step.values()
+
+
+def test_silence_is_a_warning_with_the_reason_of_the_source() -> None:
+    step = node(silence_s=0.3)
+    step.step(frame(10.0))
+    step.health(True, "", now_s=10.0)
+    assert step.health(False, "unplugged", now_s=10.2)[0] is Health.OK
+    assert step.health(False, "unplugged", now_s=10.4) == (Health.WARN, "no frame: unplugged")
+
+
+@pytest.fixture
+def hub() -> Iterator[tuple[Bus, str]]:
+    endpoint = free_endpoint()
+    with open_bus("car", epoch_clock(OFFSET_NS), listen=endpoint) as bus:
+        yield bus, endpoint
+
+
+def started(endpoint: str, car: Path, text: str) -> subprocess.Popen[str]:
+    """The camera process of a car."""
+    car.mkdir(exist_ok=True)
+    (car / "camera_source.yaml").write_text(text)
+    task = dict(name="camera", vehicle_name="car", connect=endpoint, clock_offset_ns=OFFSET_NS, options={})
+    words = [sys.executable, "-m", "vehicle.cameras.node", json.dumps(task)]
+    environment = {"TREPID_CAR": str(car), "PATH": "", "PYTHONPATH": str(ROOT)}
+    pipes = dict(stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    return subprocess.Popen(words, cwd=ROOT, env=environment, text=True, **pipes)
+
+
+def test_the_process_publishes_frames_jpegs_and_a_heartbeat_with_statistics(
+    hub: tuple[Bus, str], tmp_path: Path
+) -> None:
+    bus, endpoint = hub
+    frames, jpegs, beats = bus.latest(CAMERA_IMAGE), bus.latest(CAMERA_COMPRESSED), bus.stream(DIAGNOSTICS)
+    folder = folder_of(tmp_path / "frames", 3)
+    text = f"source: folder\nmount: {{rotate_deg: 180}}\nfolder:\n  path: {folder}\n  loop: true\n"
+    child = started(endpoint, tmp_path / "car", text)
+    try:
+        assert until(lambda: frames.refresh() and jpegs.refresh(), patience_s=PATIENCE_S)
+        values: dict[str, str] = {}
+
+        def told() -> bool:
+            for beat, _ in beats.drain():
+                values.update(beat.values)
+            return "gap_median_ms" in values
+
+        assert until(told, patience_s=PATIENCE_S)
+    finally:
+        child.terminate()
+        child.communicate(timeout=PATIENCE_S)
+    assert child.returncode == 0
+    newest = frames.message
+    assert newest is not None and newest.image.shape == (240, 320, 3)
+    assert abs(newest.t_s - (time.monotonic() + OFFSET_NS * 1e-9)) < 60  # the clock of the drive
+    assert jpegs.message is not None
+    assert cv2.imdecode(np.frombuffer(jpegs.message.jpeg, np.uint8), 1).shape == (240, 320, 3)
+    assert (values["source"], values["source_px"], values["stamped_by"]) == ("folder", "64x48", "recording")
+    assert {"brightness", "over_exposed", "gap_max_ms", "missing_frames"} <= values.keys()
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("source: camera\n", "unknown camera source 'camera'"),
+        ("source: v4l2\nv4l2:\n  device: 77\n", "/dev/video77: no such device"),
+        ("source: video\nvideo:\n  path: broken.mp4\n", "broken.mp4: cannot be read as a video"),
+    ],
+)
+def test_a_wrong_source_ends_the_process_with_one_line_and_code_2(
+    hub: tuple[Bus, str], tmp_path: Path, text: str, problem: str
+) -> None:
+    (tmp_path / "car").mkdir()
+    (tmp_path / "car" / "broken.mp4").write_text("no video")
+    child = started(hub[1], tmp_path / "car", text)
+    _, error = child.communicate(timeout=PATIENCE_S)
+    assert child.returncode == 2
+    assert problem in error and len(error.strip().splitlines()) == 1

@@ -1,0 +1,98 @@
+"""Images of ROS 2 in every encoding, written by foreign code."""
+
+import cv2
+import foreign_ros_rig as foreign
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trepid.types import Image
+from trepid.wire import WireError
+from vehicle.cameras.ros_images import COMPRESSED, ENCODINGS, IMAGE, ros_image
+
+BGR = np.dstack(
+    [np.tile(np.linspace(20, 220, 32), (16, 1)), np.full((16, 32), 90.0), np.full((16, 32), 160.0)]
+).astype(np.uint8)
+
+
+def packed_yuv(picture: np.ndarray, *, luma_first: bool) -> np.ndarray:
+    """Y, U and V of ITU-R BT.601 (studio range), by the printed equations; a pair of pixels shares U and V."""
+    b, g, r = (picture[:, :, n].astype(float) for n in range(3))
+    y = 16 + 0.257 * r + 0.504 * g + 0.098 * b
+    u = (128 - 0.148 * r - 0.291 * g + 0.439 * b).reshape(16, 16, 2).mean(axis=2)
+    v = (128 + 0.439 * r - 0.368 * g - 0.071 * b).reshape(16, 16, 2).mean(axis=2)
+    chroma = np.stack([u, v], axis=2).reshape(16, 32)
+    return np.round(np.stack([y, chroma] if luma_first else [chroma, y], axis=2)).astype(np.uint8)
+
+
+def grey_of(picture: np.ndarray) -> np.ndarray:
+    return picture[:, :, :1]
+
+
+@pytest.mark.parametrize(
+    ("encoding", "data", "expected", "tolerance"),
+    [
+        ("bgr8", BGR, BGR, 0),
+        ("rgb8", BGR[:, :, ::-1], BGR, 0),
+        ("bgra8", np.dstack([BGR, BGR[:, :, :1]]), BGR, 0),
+        ("mono8", grey_of(BGR), np.repeat(grey_of(BGR), 3, axis=2), 0),
+        ("yuv422", packed_yuv(BGR, luma_first=False), BGR, 5),
+        ("yuv422_yuy2", packed_yuv(BGR, luma_first=True), BGR, 5),
+    ],
+)
+@pytest.mark.parametrize("padding", [0, 12])
+def test_every_encoding_becomes_the_same_picture(
+    encoding: str, data: np.ndarray, expected: np.ndarray, tolerance: int, padding: int
+) -> None:
+    message = ros_image(foreign.image(data, encoding, padding=padding, stamp_ns=1_500_000_000), IMAGE)
+    assert message.stamp_s == 1.5
+    assert np.abs(message.decode().astype(int) - expected).max() <= tolerance
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_compressed_images_are_decoded(suffix: str) -> None:
+    picture = ros_image(foreign.compressed(BGR, suffix), COMPRESSED).decode()
+    assert np.abs(picture.astype(int) - BGR).mean() < 4
+
+
+def test_a_zero_stamp_is_no_stamp() -> None:
+    assert ros_image(foreign.image(BGR, "bgr8"), IMAGE).stamp_s is None
+
+
+@pytest.mark.parametrize("encoding", ["32FC1", "mono16", "nv12", ""])
+def test_an_unknown_encoding_is_named(encoding: str) -> None:
+    with pytest.raises(WireError, match=f"'{encoding}'"):
+        ros_image(foreign.image(BGR, encoding), IMAGE).decode()
+
+
+def test_an_image_with_too_few_bytes_is_refused() -> None:
+    with pytest.raises(WireError, match="is not one of encoding"):
+        ros_image(foreign.image(BGR[:, :, :2], "bgr8"), IMAGE).decode()
+
+
+def decoded(data: bytes, ros_type: str) -> Image | None:
+    try:
+        return ros_image(data, ros_type).decode()
+    except WireError:
+        return None
+
+
+@given(
+    at=st.integers(0, 10**6),
+    value=st.integers(0, 255),
+    keep=st.floats(0, 1),
+    encoding=st.sampled_from(sorted(ENCODINGS)),
+)
+def test_broken_bytes_give_an_image_or_one_clear_error(
+    at: int, value: int, keep: float, encoding: str
+) -> None:
+    for data, ros_type in ((foreign.image(BGR, encoding), IMAGE), (foreign.compressed(BGR), COMPRESSED)):
+        broken = bytearray(data)
+        broken[at % 80] = value
+        image = decoded(bytes(broken[: round(keep * len(broken))]), ros_type)
+        assert image is None or (image.ndim == 3 and image.shape[2] == 3 and image.dtype == np.uint8)
+
+
+def test_the_tests_write_what_opencv_reads() -> None:
+    assert cv2.cvtColor(packed_yuv(BGR, luma_first=False), cv2.COLOR_YUV2BGR_UYVY).shape == BGR.shape
