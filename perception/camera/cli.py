@@ -18,7 +18,7 @@ from perception.images.sources import Clip, Still, sources
 from trepid.camera import Camera
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.mount import Mount
+from trepid.images.mount import Mount
 from trepid.types import Image
 
 MIN_SPEED_MPS = 1.0

@@ -9,7 +9,7 @@ import numpy as np
 from perception.camera.height import Step
 from perception.images.sources import Clip, Still, sources
 from trepid.config import InputError
-from trepid.image_files import NOMINAL_FPS
+from trepid.images.files import NOMINAL_FPS
 from trepid.messages import CompressedFrame
 from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE

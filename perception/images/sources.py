@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from trepid.config import InputError
-from trepid.image_files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
+from trepid.images.files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
 from trepid.types import Image
 
 INDEXED_SUFFIXES = frozenset({".mp4", ".m4v", ".mov", ".avi"})

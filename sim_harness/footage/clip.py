@@ -16,7 +16,7 @@ from perception.images.sources import Clip, Still, sources
 from sim_harness.footage.visual_yaw import yaw_changes_rad
 from trepid.camera import Camera
 from trepid.config import InputError
-from trepid.image_files import NOMINAL_FPS
+from trepid.images.files import NOMINAL_FPS
 from trepid.types import Array, Image
 
 MPS_PER_MPH = 0.44704

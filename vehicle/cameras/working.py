@@ -12,8 +12,8 @@ from pydantic import Field
 
 from trepid.camera import Camera
 from trepid.config import InputError, Settings
+from trepid.images.mount import Mount
 from trepid.messages import Frame
-from trepid.mount import Mount
 from trepid.types import Image, Positive
 
 SAME_RATIO = 0.01  # tolerance of width over height

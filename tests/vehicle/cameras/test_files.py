@@ -6,7 +6,7 @@ import pytest
 from camera_source_rig import ManualClock, drive, folder_of, number_of, video_of
 
 from trepid.config import InputError, use_car
-from trepid.image_files import images_in
+from trepid.images.files import images_in
 from vehicle.cameras.files import FolderSettings, ImageFolder, VideoFile
 from vehicle.cameras.playback import Playback, PlaybackSettings
 

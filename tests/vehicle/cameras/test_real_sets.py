@@ -8,7 +8,7 @@ from camera_source_rig import ManualClock, drive
 
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
-from trepid.image_files import images_in
+from trepid.images.files import images_in
 from vehicle.cameras.files import FolderSettings, ImageFolder, VideoFile
 from vehicle.cameras.playback import PlaybackSettings
 from vehicle.cameras.source import CameraSource

@@ -13,7 +13,7 @@ from perception.estimators import entry_of, lane_cv_settings
 from perception.images.sources import Clip, sources
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.image_files import read_image
+from trepid.images.files import read_image
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Image
 from trepid.vehicle import Vehicle

@@ -5,7 +5,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trepid.image_files import natural_order
+from trepid.images.files import natural_order
 
 
 def ordered(*names: str) -> list[str]:
