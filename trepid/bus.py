@@ -217,6 +217,7 @@ class Bus:
     def __init__(self, session: zenoh.Session, vehicle_name: str, clock: Clock) -> None:
         self._session = session
         self._clock = clock
+        self.vehicle_name = vehicle_name
         self._prefix = f"trepid/{vehicle_name}"
         self._bell = Bell()
         self._subscribers: list[Any] = []

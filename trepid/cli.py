@@ -59,6 +59,7 @@ VERBS = {
     "camera": Verb("perception.camera.cli", help="Calibrate a camera: its lens and how it is mounted."),
     "fear": Verb("cockpit.rulebook.cli", help="Check, show and explain fuzzy rule files."),
     "vehicle": Verb("controller.cli", help="The bicycle model with understeer."),
+    "ros": Verb("vehicle.ros.cli", help="The messages as a ROS 2 package."),
     "keys": Verb("vehicle.keys.cli", help="Certificates of the processes of a car."),
     "train": Verb(
         "learning.lane.train",

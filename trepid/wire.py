@@ -36,15 +36,21 @@ from trepid.messages import (
     Diagnostic,
     Frame,
     Health,
+    ImageStatistics,
     Message,
     Odometry,
     PixelPath,
+    SimTruth,
 )
 from trepid.types import Array
 
 M = TypeVar("M")
 DERIVED: tuple[type, ...] = get_args(Derived)
-FRAME_ID = "rear_axle"
+VEHICLE_FRAME = "rear_axle"
+"""Frame of the vehicle: origin below the rear axle, x forward, y left, z up (REP 103)."""
+CAMERA_FRAME = "camera_optical"
+"""Frame of images: z ahead, x right, y down (REP 103)."""
+ROAD_FRAME = "map"
 HEALTH_LEVELS = {Health.OK: 0, Health.WARN: 1, Health.ERROR: 2}
 MAX_PLAIN_BYTES = 2**18
 MAX_BYTES: dict[type, int] = {Frame: 2**26, CompressedFrame: 2**24}
@@ -161,7 +167,7 @@ def _from_odometry(odometry: Odometry) -> dict[str, Any]:
         linear=zero(x=odometry.speed_mps, y=0.0, z=0.0), angular=zero(x=0.0, y=0.0, z=odometry.yaw_rate_radps)
     )
     return dict(
-        child_frame_id=FRAME_ID,
+        child_frame_id=VEHICLE_FRAME,
         pose=ROS["geometry_msgs/msg/PoseWithCovariance"](pose=place, covariance=unknown),
         twist=ROS["geometry_msgs/msg/TwistWithCovariance"](twist=motion, covariance=unknown),
     )
@@ -227,6 +233,17 @@ MESSAGES: dict[type, MessageCodec] = {
 }
 
 
+FRAMES: dict[type, str] = {
+    Frame: CAMERA_FRAME,
+    CompressedFrame: CAMERA_FRAME,
+    ImageStatistics: CAMERA_FRAME,
+    SimTruth: ROAD_FRAME,
+    Odometry: "odom",
+    Diagnostic: "",
+}
+"""``frame_id`` of the messages that are not in the frame of the vehicle."""
+
+
 def ros_name(message_type: type) -> str:
     """ROS 2 type name of a message class."""
     return MESSAGES[message_type].ros_name
@@ -269,7 +286,7 @@ def to_cdr(message: Message) -> bytes:
     name, encode, _ = MESSAGES[type(message)]
     stamp_ns = 0 if message.t_s is None else nanoseconds(message.t_s)
     stamp = ROS["builtin_interfaces/msg/Time"](sec=stamp_ns // NANO, nanosec=stamp_ns % NANO)
-    header = ROS["std_msgs/msg/Header"](stamp=stamp, frame_id=FRAME_ID)
+    header = ROS["std_msgs/msg/Header"](stamp=stamp, frame_id=FRAMES.get(type(message), VEHICLE_FRAME))
     return bytes(STORE.serialize_cdr(ROS[name](header=header, **encode(message)), name))
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from trepid import messages as m
 from trepid.clock import nanoseconds, seconds
-from trepid.wire import DERIVED, WireError, from_cdr, msg_text, to_cdr
+from trepid.wire import DERIVED, STORE, WireError, from_cdr, msg_text, ros_name, to_cdr
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 stamps = st.integers(1, 2**30 * 10**9).map(seconds)
@@ -108,3 +108,19 @@ def test_a_message_longer_than_any_of_its_type_is_refused_before_it_is_decoded()
     )
     with pytest.raises(WireError, match="too many"):
         from_cdr(decision, m.Diagnostic)
+
+
+@pytest.mark.parametrize(
+    ("message", "frame_id"),
+    [
+        (m.Frame(t_s=2.5, image=np.zeros((2, 2, 3), np.uint8)), "camera_optical"),
+        (m.Command(t_s=2.5, road_wheel_angle_rad=0.0, speed_mps=0.0, accel_mps2=0.0), "rear_axle"),
+        (m.Command(t_s=None, road_wheel_angle_rad=0.0, speed_mps=0.0, accel_mps2=0.0), "rear_axle"),
+    ],
+)
+def test_a_header_names_the_frame_of_the_data_and_the_capture_of_the_frame_or_zero_without_one(
+    message: m.Frame | m.Command, frame_id: str
+) -> None:
+    header = STORE.deserialize_cdr(to_cdr(message), ros_name(type(message))).header
+    assert header.frame_id == frame_id
+    assert (header.stamp.sec, header.stamp.nanosec) == ((2, 500_000_000) if message.t_s else (0, 0))
