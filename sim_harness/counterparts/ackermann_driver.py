@@ -4,6 +4,7 @@ Without commands for ``SILENCE_S`` the driver brakes, as the drivers of real car
 """
 
 from dataclasses import replace
+from typing import Any
 
 from sim_harness.counterparts.car import CarBehindWire
 from trepid.config import InputError
@@ -29,9 +30,9 @@ def run(me: Process) -> None:
     name, settings = configured()
     if not isinstance(settings, AckermannSettings):
         raise InputError(f"process {me.name} is the driver of 'ackermann'; actuator.yaml names {name!r}")
-    kind = Odometry if settings.state == "odometry" else VehicleState
+    kind: Any = Odometry if settings.state == "odometry" else VehicleState
     newest = me.bus.latest(Topic(settings.command_topic, Command, RATE_HZ))
-    send = me.bus.publisher(Topic[VehicleState | Odometry](settings.state_topic, kind, RATE_HZ))
+    send = me.bus.publisher(Topic(settings.state_topic, kind, RATE_HZ))
     car = CarBehindWire(me)
     me.ready()
     ticker, begun = Ticker(1 / car.settings.period_s), False

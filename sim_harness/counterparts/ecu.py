@@ -38,8 +38,8 @@ class Ecu:
 
     def __init__(self, signals: SignalMap, settings: EcuSettings, *, steering_ratio: float) -> None:
         self._settings, self._ratio = settings, steering_ratio
-        self._receivers = [signals.receiver(each) for each in signals.settings.commands]
-        self._heard_s: list[float | None] = [None] * len(self._receivers)
+        self.receivers = [signals.receiver(each) for each in signals.settings.commands]
+        self._heard_s: list[float | None] = [None] * len(self.receivers)
         self._quantities: dict[str, float] = {}
         self._has_engaged = any(
             each.quantity == "engaged" for mapped in signals.settings.commands for each in mapped.signals
@@ -54,7 +54,7 @@ class Ecu:
 
     def take(self, address: int, extended: bool, data: bytes, *, now_s: float) -> None:
         """Take a frame of the bus; other addresses, wrong checksums and wrong counters do not count."""
-        for k, receiver in enumerate(self._receivers):
+        for k, receiver in enumerate(self.receivers):
             if (receiver.address, receiver.extended) == (address, extended):
                 found = receiver.quantities(data)
                 if found is not None:
@@ -83,7 +83,7 @@ class Ecu:
 
     def _fault(self, now_s: float) -> str:
         """Why commands do not count now; empty when they do."""
-        for receiver, heard_s in zip(self._receivers, self._heard_s, strict=True):
+        for receiver, heard_s in zip(self.receivers, self._heard_s, strict=True):
             if heard_s is None or now_s - heard_s > self._settings.silence_s:
                 return f"no valid {receiver.name}"
         if self._has_engaged and not self._quantities["engaged"]:
@@ -110,7 +110,7 @@ class Ecu:
         """Number of refused frames by message and reason."""
         return {
             f"refused {receiver.name} {why}": count
-            for receiver in self._receivers
+            for receiver in self.receivers
             for why, count in receiver.refused.items()
         }
 
@@ -124,7 +124,7 @@ def run(me: Process) -> None:
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     signals = load_map(resource(settings.map), vehicle)
     ecu = Ecu(signals, EcuSettings.model_validate(options), steering_ratio=vehicle.steering_ratio)
-    car, wire = CarBehindWire(me), CanWire(settings)
+    car, wire = CarBehindWire(me), CanWire(settings, ecu.receivers)
     me.ready(values=lambda: tuple((name, str(count)) for name, count in ecu.refused().items()))
     ticker, speed_mps = Ticker(1 / car.settings.period_s), 0.0
     try:

@@ -31,12 +31,13 @@ class CanActuator:
         signals = load_map(resource(settings.map), car.vehicle)
         self._map: CanMap = signals.settings
         self._ratio = car.vehicle.steering_ratio
-        self._reports = Reports(self._map.reports, signals.receivers(), steering_ratio=self._ratio)
+        receivers = signals.receivers()
+        self._reports = Reports(self._map.reports, receivers, steering_ratio=self._ratio)
         self._senders = signals.senders()
         self._next_s = [0.0] * len(self._senders)
         self._read_s: float | None = None
         self._last = HELD
-        self._wire = CanWire(settings)
+        self._wire = CanWire(settings, receivers)
 
     def read(self, *, now_s: float) -> VehicleState | None:
         """State of the newest reports; None while a message with speed, angle or override is silent.

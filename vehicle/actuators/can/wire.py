@@ -1,12 +1,12 @@
 """A CAN bus of python-can: newest frames in, frames out; its faults as OSError."""
 
 import errno
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import can
 
 from trepid.config import InputError
-from vehicle.actuators.can.frames import Sender
+from vehicle.actuators.can.frames import Receiver, Sender
 from vehicle.actuators.can.settings import CanSettings
 
 BUS_OFF = 0x40  # class of error frames: linux/can/error.h, CAN_ERR_BUSOFF
@@ -17,8 +17,8 @@ MOST_FRAMES = 1000  # read at once; a bus of 1 Mbit/s carries 90 in 10 ms
 class CanWire:
     """One open bus."""
 
-    def __init__(self, settings: CanSettings) -> None:
-        """Raises InputError when python-can cannot open it."""
+    def __init__(self, settings: CanSettings, wanted: Iterable[Receiver]) -> None:
+        """Only the addresses ``wanted`` are received. Raises InputError when python-can cannot open the bus."""
         try:
             self._bus = can.Bus(interface=settings.interface, channel=settings.channel, **settings.options)
         except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError) as error:
@@ -27,6 +27,13 @@ class CanWire:
                 f"can: interface {settings.interface}, channel {settings.channel}: cannot be opened: {what}; "
                 "`ip link` lists the interfaces of SocketCAN, actuator.yaml names the one to use"
             ) from error
+        masks = {False: 0x7FF, True: 0x1FFFFFFF}
+        self._bus.set_filters(
+            [
+                {"can_id": each.address, "can_mask": masks[each.extended], "extended": each.extended}
+                for each in wanted
+            ]
+        )
 
     def frames(self) -> Iterator[tuple[int, bool, bytes]]:
         """Address, whether it is extended, and data of every frame that waits. Raises OSError."""

@@ -1,8 +1,11 @@
 """The CAN actuator on python-can's bus inside this process; times are given, nothing waits."""
 
+from pathlib import Path
+
 import can
 import can_rig
 import pytest
+from process_rig import until
 
 from trepid.config import InputError
 from vehicle.actuators.actuator import Car
@@ -171,3 +174,20 @@ def test_a_bus_that_does_not_open_is_one_line_with_the_remedy(interface, channel
     ) as refused:
         CanActuator(settings, Car(can_rig.VEHICLE, None, lambda: 0.0))
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.skipif(
+    not Path("/sys/class/net/vcan0").exists(), reason="no interface vcan0: `ip link add vcan0 type vcan`"
+)
+def test_the_same_over_a_virtual_interface_of_the_kernel(senders):
+    settings = CanSettings(interface="socketcan", channel="vcan0", map=can_rig.FOLDER / "map.yaml")
+    actuator = CanActuator(settings, Car(can_rig.VEHICLE, None, lambda: 0.0))
+    end = can.Bus(interface="socketcan", channel="vcan0")
+    actuator.write(can_rig.command(), now_s=1.0)
+    assert {end.recv(timeout=5).arbitration_id for _ in range(2)} == {STEERING, ACCELERATION}
+    for sender in senders:
+        data = sender.frame(can_rig.reported(can_rig.state(speed_mps=3.0)))
+        end.send(can.Message(arbitration_id=sender.address, data=data, is_extended_id=False))
+    assert until(lambda: actuator.read(now_s=1.0), patience_s=5)
+    actuator.close()
+    end.shutdown()
