@@ -14,7 +14,7 @@ from trepid.messages import Health
 from trepid.processes.process import Process, Values, process
 from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import repeat
-from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
+from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, LOSSES, VEHICLE_STATE, estimate_topic
 
 IDLE_PERIOD_S = 0.05  # decide at least this often
 GATHER_S = 0.02  # wait this long for the other estimators of the same frame
@@ -33,6 +33,7 @@ class SupervisorNode:
         self._statistics = bus.latest(IMAGE_STATISTICS, wakes=False)
         self._lead = bus.latest(LEAD_VEHICLE, wakes=False)
         self._state = bus.latest(VEHICLE_STATE, wakes=False)
+        self._losses = bus.latest(LOSSES, wakes=False)
         self._inputs: dict[str, Latest[Any]] = {
             **self._estimates,
             STATISTICS: self._statistics,
@@ -75,6 +76,7 @@ class SupervisorNode:
             self._state.refresh(),
             now_s=now_s,
             malformed=[name for name, latest in self._inputs.items() if latest.broken],
+            losses=self._losses.refresh(),
         )
         self._send(decision)
         if self._last is not None:

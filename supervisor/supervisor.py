@@ -25,19 +25,20 @@ from supervisor.situation.features import unknown_features
 from supervisor.situation.ratings import RATED_AS, near_miss, unrated_names
 from supervisor.situation.world_state import WorldState, WorldStateObserver
 from trepid.bounds import at_least, at_most
-from trepid.causes import unknown_cause
+from trepid.causes import Cause, unknown_cause
 from trepid.config import CONFIG_DIR, InputError, Settings, default_file, load, located, read, read_text
 from trepid.messages import (
     Decision,
     ImageStatistics,
     LeadVehicle,
+    Losses,
     Mode,
     SteeringEstimate,
     Stop,
     VehicleState,
 )
 from trepid.spelling import did_you_mean
-from trepid.types import Positive
+from trepid.types import Positive, Share
 from trepid.vehicle import Vehicle
 
 FieldPath = tuple[str | int, ...]
@@ -49,6 +50,7 @@ class SupervisorSettings(Settings):
     former_names: ClassVar = {"sightings": ("validation",)}
 
     cruise_speed_mps: Positive
+    lost_process_speed_factor: Share
     rated_as: dict[str, str] = Field(default=dict(RATED_AS))  # estimator or kind -> its name in the rules
     validation: ValidationSettings
     analyser: AnalyserSettings
@@ -129,12 +131,13 @@ class Supervisor:
         *,
         now_s: float,
         malformed: Collection[str] = (),
+        losses: Losses | None = None,
     ) -> Decision:
         """The decision at ``now_s``. ``estimates`` holds the latest message of every expected estimator, or None.
 
         The step computes the age of every message. ``lead`` is None where no detector runs; "no vehicle ahead" has
         confidence 0. ``malformed`` names the estimators, and "statistics", "lead", "state", whose newest message
-        could not be decoded: the input is broken.
+        could not be decoded: the input is broken. ``losses``: the newest report of the launcher.
         """
         rules, driver = self._rules, state is not None and state.driver_override
         world = self._observer.step(
@@ -149,6 +152,7 @@ class Supervisor:
             lead_s=world.ahead.age_s if lead else None,
             state_s=world.state_age_s,
             driver_override=driver,
+            process_lost=losses is not None and bool(losses.stop),
         )
         now = moment(
             world,
@@ -174,6 +178,9 @@ class Supervisor:
             begins=begins,
             now_s=now_s,
         )
+        if losses is not None and losses.slow:
+            factor = at_most(factor, self._settings.lost_process_speed_factor)
+            cause = Cause.LOST_PROCESS if cause == CALM else cause
         return self._decision(world, rated, self._mode.cause or cause, finding, factor, now_s)
 
     def _path(self, world: WorldState, now_s: float) -> Path | None:

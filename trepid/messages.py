@@ -280,6 +280,15 @@ class Timing:
     sent_s: tuple[float, ...]  # the output is handed to the transport, or to the actuator
 
 
+@record
+class Losses:
+    """Processes that the launcher misses and whose loss it answers for, by what their loss means."""
+
+    t_s: float
+    stop: tuple[str, ...]  # the car stops
+    slow: tuple[str, ...]  # the car slows down until they are back
+
+
 Derived = (
     ImageStatistics
     | SteeringEstimate
@@ -289,6 +298,7 @@ Derived = (
     | SimTruth
     | DriverInput
     | Timing
+    | Losses
 )
 """Messages of Trepid's own; the others travel as standard types of ROS 2."""
 Message = Frame | CompressedFrame | Odometry | Command | Diagnostic | Derived

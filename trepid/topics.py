@@ -30,6 +30,7 @@ VEHICLE_STATE = Topic("vehicle/state", messages.VehicleState, 100)  # -> all
 DRIVER_INPUT = Topic("driver/input", messages.DriverInput, 50)  # game pad or keyboard -> vehicle
 SIM_TRUTH = Topic("sim/truth", messages.SimTruth, 100)  # simulated vehicle -> simulated camera, referee
 DIAGNOSTICS = Topic("diagnostics", messages.Diagnostic, 1, urgent=False)  # every process -> launcher
+LOSSES = Topic("drive/losses", messages.Losses, 1)  # launcher -> supervisor
 TIMING = Topic("diagnostics/timing", messages.Timing, 1, urgent=False)  # processes of the frame -> launcher
 
 FIXED = {topic.key: topic for topic in list(globals().values()) if isinstance(topic, Topic)}

@@ -5,22 +5,22 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console, Group
-from rich.live import Live
-from rich.table import Table
-from rich.text import Text
 
-from sim_harness.live.drive import DriveSettings, Show
-from sim_harness.live.drive import drive as drive_scenario
-from sim_harness.live.drive_log import DriveLog
-from sim_harness.scenarios.scenario import load_scenario
 from trepid.commands.car_option import Car
-from trepid.config import CONFIG_DIR, load, parse_overrides
+from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
 from trepid.messages import Health
-from trepid.processes.launch import Fleet
+
+if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    from sim_harness.live.drive_log import DriveLog
+    from sim_harness.live.referee import Show
+    from trepid.processes.launch import Fleet
 
 PLAIN_PERIOD_S = 2.0  # between lines when standard error is no terminal
 FEAR_COLOURS = {
@@ -33,7 +33,12 @@ FEAR_COLOURS = {
 
 
 def drive(
-    scenario: Annotated[str, typer.Option(help="Scenario name or file.")] = "circuit",
+    scenario: Annotated[
+        str | None,
+        typer.Option(
+            help="Scenario name or file; default: that of drive.yaml, and none where the car has no simulator."
+        ),
+    ] = None,
     duration: Annotated[float | None, typer.Option(min=1.0, help="Stop after this long [s].")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of textures and noise.")] = 0,
     changes: Annotated[
@@ -45,27 +50,55 @@ def drive(
     car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> int:
-    """Drive with all processes (camera, perception, supervisor, controller, vehicle) over Zenoh."""
-    what = load_scenario(scenario, parse_overrides(changes or []))
-    what.check()
-    if duration is not None:
-        what = what.shortened(duration)
+    """Drive with all processes (camera, perception, supervisor, controller, vehicle) over Zenoh.
+
+    The processes are those of processes.yaml. With a simulator among them, or with --scenario, the car is
+    simulated; else the drive lasts until --duration or a signal (Ctrl-C), and the car stops before the processes end.
+    """
+    say(f"reading the configuration{f' of {car_folder()}' if car_folder() else ''}")
+    from sim_harness.live.drive import drive as drive_scenario
+    from sim_harness.live.drive import has_simulator
+    from sim_harness.live.referee import DriveSettings
+
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
+    if scenario is None and has_simulator():
+        scenario = settings.scenario
+    what = None
+    if scenario is not None:
+        from sim_harness.scenarios.scenario import load_scenario
+
+        what = load_scenario(scenario, parse_overrides(changes or []))
+        what.check()
+        what = what if duration is None else what.shortened(duration)
+    elif changes:
+        raise InputError("--set changes a scenario, and this car has no simulator; give --scenario too")
     with shown(dashboard) as show:
-        row = drive_scenario(what, settings, seed=seed, show=show, record=record)
+        row = drive_scenario(
+            what, settings, seed=seed, show=show, say=say, record=record, duration_s=duration
+        )
     if as_json:
         print(json.dumps(row))
     else:
+        from rich.console import Console
+
         Console().print(summary(row))
     return 0 if row["status"] == "passed" else 1
 
 
+def say(text: str) -> None:
+    """One line about the start of the drive."""
+    print(f"trepid drive: {text}", file=sys.stderr, flush=True)
+
+
 @contextmanager
-def shown(dashboard: bool) -> Iterator[Show]:
+def shown(dashboard: bool) -> "Iterator[Show]":
     """Display of the drive on standard error: a live table in a terminal, else a line every few seconds.
 
     Without the table, each new warning or error of a process is a line of its own.
     """
+    from rich.console import Console
+    from rich.live import Live
+
     console = Console(stderr=True)
     if dashboard and console.is_terminal:
         with Live(console=console, auto_refresh=False, transient=True) as live:
@@ -76,7 +109,7 @@ def shown(dashboard: bool) -> Iterator[Show]:
     printed_s = -PLAIN_PERIOD_S
     reported: dict[str, tuple[Health, str]] = {}  # newest state of each process
 
-    def show(log: DriveLog, fleet: Fleet, elapsed_s: float) -> None:
+    def show(log: "DriveLog", fleet: "Fleet", elapsed_s: float) -> None:
         nonlocal printed_s
         for beat in log.diagnostics.values():
             state = beat.health, " ".join(beat.message.split())
@@ -90,8 +123,11 @@ def shown(dashboard: bool) -> Iterator[Show]:
     yield show
 
 
-def status(log: DriveLog, fleet: Fleet, *, elapsed_s: float) -> Group:
+def status(log: "DriveLog", fleet: "Fleet", *, elapsed_s: float) -> "Group":
     """Table of the processes with rates and ages, and below it a line about the car and its fear."""
+    from rich.console import Group
+    from rich.table import Table
+
     table = Table(box=None, pad_edge=False)
     for heading in ("process", "pid", "steps/s", "last beat", "cpu %", "restarts", "message"):
         table.add_column(heading, justify="left" if heading in ("process", "message") else "right")
@@ -105,14 +141,18 @@ def status(log: DriveLog, fleet: Fleet, *, elapsed_s: float) -> Group:
             f"{log.now_s() - beat.t_s:.1f} s" if beat else "-",
             values.get("cpu_percent", "-"),
             str(child.restarts),
-            beat.message if beat else "starting",
+            beat.message if beat else "starting" if child.alive else "ended",
         )
     return Group(table, driving_line(log, elapsed_s=elapsed_s))
 
 
-def driving_line(log: DriveLog, *, elapsed_s: float) -> Text:
+def driving_line(log: "DriveLog", *, elapsed_s: float) -> "Text":
     """One line: time, place, speed, lateral error, mode, fear and its cause."""
+    from rich.text import Text
+
     text = Text(f"t {elapsed_s:6.1f} s")
+    if log.waiting:
+        return text.append(f"  {log.waiting}")
     truth, state, decision = log.truth, log.state, log.decision
     if truth is not None:
         text.append(f"  at {truth.station_m:6.1f} m ({truth.section})")
@@ -126,16 +166,22 @@ def driving_line(log: DriveLog, *, elapsed_s: float) -> Text:
     return text
 
 
-def summary(row: dict[str, Any]) -> Table:
+def summary(row: dict[str, Any]) -> "Table":
     """The result as a table."""
+    from rich.table import Table
+
     verdict = "[green]passed[/]" if row["status"] == "passed" else "[red]failed[/]"
-    table = Table(title=f"{row['scenario']} (seed {row['seed']}): {verdict}", title_justify="left", box=None)
+    table = Table(
+        title=f"{row['scenario'] or 'drive'} (seed {row['seed']}): {verdict}", title_justify="left", box=None
+    )
     table.add_column("what", style="dim")
     table.add_column("value")
     for reason in row["reasons"]:
         table.add_row("reason", f"[red]{reason}[/]")
+    for note in row["notes"]:
+        table.add_row("note", f"[yellow]{note}[/]")
     for key, value in row.items():
-        if key in ("scenario", "seed", "status", "reasons", "processes", "latency_ms", "stages_ms"):
+        if key in ("scenario", "seed", "status", "reasons", "notes", "processes", "latency_ms", "stages_ms"):
             continue
         table.add_row(key, _text(value))
     for name, load_ in row.get("processes", {}).items():

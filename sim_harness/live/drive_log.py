@@ -2,13 +2,13 @@
 
 from typing import Any
 
-import numpy as np
-
 from sim_harness.judging.trace import Recorder, Trace
+from sim_harness.live.tally import Tally
 from trepid.bus import Bus, Stream
 from trepid.clock import Clock
 from trepid.messages import Command, Decision, Diagnostic, SimTruth, SteeringEstimate, Timing, VehicleState
 from trepid.processes.process import MALFORMED, READY
+from trepid.processes.settings import LAUNCHER
 from trepid.processes.timing import FrameTimes
 from trepid.topics import (
     COMMAND,
@@ -39,6 +39,8 @@ class DriveLog:
         )
         self._streams: list[Stream[Any]] = [bus.stream(topic) for topic in topics]
         self._estimators = estimators
+        self.waiting = ""
+        """What the drive waits for before it begins; "" from its beginning on."""
         self.truth: SimTruth | None = None
         self.state: VehicleState | None = None
         self.command: Command | None = None
@@ -51,7 +53,10 @@ class DriveLog:
         """Discard trace and latencies at the begin of the drive."""
         self._recorder = Recorder(self._estimators)
         self.manoeuvres: list[tuple[str, ...]] = []  # of the other vehicles, one item per sample of the trace
-        self._beats: dict[str, list[Diagnostic]] = {}
+        self.tally = Tally()
+        self._loads: dict[
+            str, tuple[int, float, float]
+        ] = {}  # heartbeats, sums of rates and of shares of a core
         self._began_s = self.now_s()
         self.times = FrameTimes(self._estimators)
 
@@ -78,6 +83,7 @@ class DriveLog:
                     self.manoeuvres.append(message.manoeuvres)
             case VehicleState():
                 self.state = message
+                self.tally.add(message, self.decision)
             case Command():
                 self.command = message
             case Decision():
@@ -86,16 +92,28 @@ class DriveLog:
                 self.estimates[message.estimator] = message
             case Timing():
                 self.times.add(message, from_s=self._began_s)
-            case Diagnostic():
+            case Diagnostic() if message.process != LAUNCHER:
                 self.diagnostics[message.process] = message
-                self._beats.setdefault(message.process, []).append(message)
+                if message.message != READY:
+                    self._add_load(message)
+
+    def _add_load(self, beat: Diagnostic) -> None:
+        values, (beats, rate_hz, cpu_percent) = (
+            dict(beat.values),
+            self._loads.get(beat.process, (0, 0.0, 0.0)),
+        )
+        self._loads[beat.process] = (
+            beats + 1,
+            rate_hz + float(values["rate_hz"]),
+            cpu_percent + float(values["cpu_percent"]),
+        )
 
     def load(self, process: str) -> dict[str, float | None]:
         """Mean steps per second and share of a core [%] of a process over the drive; None without heartbeats."""
-        beats = [dict(beat.values) for beat in self._beats.get(process, []) if beat.message != READY]
+        beats, rate_hz, cpu_percent = self._loads.get(process, (0, 0.0, 0.0))
         return {
-            key: round(float(np.mean([float(beat[key]) for beat in beats])), 1) if beats else None
-            for key in ("rate_hz", "cpu_percent")
+            "rate_hz": round(rate_hz / beats, 1) if beats else None,
+            "cpu_percent": round(cpu_percent / beats, 1) if beats else None,
         }
 
     def malformed(self, process: str) -> int:

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
-from trepid.config import InputError, default_file
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, default_file, load
 from trepid.processes.settings import RECORDER, ProcessSpec, Restart
 from trepid.topics import (
     CAMERA_COMPRESSED,
@@ -45,8 +46,7 @@ def planned(
 
     A scenario gives the estimators, and where it gives the vehicle ahead itself, no process detects it. An
     estimator without an entry of its own runs as ``perception.node``. The first ``perception.node`` also judges the
-    image, unless a process publishes ``perception/image_statistics``. Raises InputError when a fault of the
-    scenario concerns a process that does not run.
+    image, unless a process publishes ``perception/image_statistics``.
     """
     specs = tuple(spec for spec in specs if recorded or spec.name != RECORDER)
     if scenario is not None:
@@ -70,14 +70,6 @@ def _of_scenario(specs: tuple[ProcessSpec, ...], scenario: Scenario) -> tuple[Pr
         ProcessSpec(name, ESTIMATOR, {"estimator": name}, publishes=(estimate_topic(name).key,))
         for name in missing
     )
-    names = {spec.name for spec in specs}
-    for fault in scenario.faults:
-        process = getattr(fault, "process", None)
-        if process is not None and process not in names:
-            raise InputError(
-                f"scenario {scenario.name}: the fault {fault.kind} concerns the process {process!r}, which the car "
-                f"does not run; it runs {', '.join(sorted(names))}"
-            )
     return specs
 
 
@@ -102,6 +94,28 @@ def estimators_of(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> tu
     if not names:
         raise InputError("processes.yaml: no process publishes an estimate, so the car cannot see the lane")
     return names
+
+
+def check_car(specs: Iterable[ProcessSpec]) -> None:
+    """Load every file of settings, rules and weights that these processes of a real car read.
+
+    Raises InputError with file:line:column for the first invalid value.
+    """
+    import controller.controller
+    import controller.limiter
+    import perception.estimators
+    import perception.lead.finder
+    import supervisor.supervisor
+
+    load(CONFIG_DIR / "camera.yaml", Camera)
+    controller.limiter.build()
+    controller.controller.build()
+    supervisor.supervisor.build(rules=default_file("fear.yaml"))
+    for spec in specs:
+        if spec.module == ESTIMATOR and "estimator" in spec.options:
+            perception.estimators.build(spec.options["estimator"])
+        elif spec.module == "perception.lead.node":
+            perception.lead.finder.build()
 
 
 def context_of(scenario: Scenario | None, estimators: tuple[str, ...], seed: int) -> dict[str, Any]:

@@ -12,7 +12,7 @@ STATISTICS, LEAD, STATE = "statistics", "lead", "state"
 FAULTS = frozenset(
     {
         *(Cause.STALE_DATA, Cause.LOST_ESTIMATOR, Cause.VEHICLE_STATE_LOST),
-        *(Cause.IMAGE_STATISTICS_LOST, Cause.LEAD_LOST, Cause.DRIVER_OVERRIDE),
+        *(Cause.IMAGE_STATISTICS_LOST, Cause.LEAD_LOST, Cause.LOST_PROCESS, Cause.DRIVER_OVERRIDE),
     }
 )
 """Causes of a :class:`Fault`."""
@@ -41,10 +41,11 @@ class Watchdog:
         lead_s: float | None,
         state_s: float,
         driver_override: bool,
+        process_lost: bool = False,
     ) -> Fault:
         """The worst fault by these ages (inf: no message), a common cause before its consequences.
 
-        ``lead_s`` is None where no lead detector runs.
+        ``lead_s`` is None where no lead detector runs. ``process_lost``: the launcher misses a process.
         """
         ages = {**estimator_ages_s, STATISTICS: statistics_s, STATE: state_s}
         if lead_s is None:
@@ -65,6 +66,8 @@ class Watchdog:
             cause = Cause.IMAGE_STATISTICS_LOST
         elif LEAD in lost:
             cause = Cause.LEAD_LOST
+        elif process_lost:
+            cause = Cause.LOST_PROCESS
         elif driver_override:
             cause = Cause.DRIVER_OVERRIDE
-        return Fault(cause, bool(lost))
+        return Fault(cause, bool(lost) or process_lost)

@@ -7,7 +7,9 @@ start of the drive.
 After a crash at most the last second is missing: see FLUSH_S and :mod:`trepid.recording.reader`.
 """
 
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Self
 
@@ -30,44 +32,88 @@ DRIVE, BEGAN = "trepid.drive", "began_ns"  # name of the metadata record and its
 FLUSH_S = 1.0  # chunks are closed and handed to the operating system at least this often; costs 5 % in size
 
 
+def check_free(path: Path) -> None:
+    """Raise InputError when a recording at ``path`` would overwrite a file, or has no folder to be written in.
+
+    A disk that is full or read-only is no reason not to drive; :mod:`trepid.recording.node` reports it.
+    """
+    if path.exists():
+        raise InputError(f"{path}: exists already and is kept; give another name")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: cannot be written: no such folder; `mkdir -p {path.parent}` makes it")
+    read_only = os.statvfs(path.parent).f_flag & os.ST_RDONLY
+    if not read_only and not os.access(path.parent, os.W_OK):
+        raise InputError(f"{path}: cannot be written: no right to write in {path.parent}")
+
+
 class Recording:
-    """One MCAP file being written. Use as a context manager. Raises InputError when it cannot be created."""
+    """One MCAP file being written. Use as a context manager.
+
+    Every method raises InputError when the disk refuses the file; what was written until then stays readable.
+    """
 
     def __init__(self, path: Path, files: Iterable[Path] = ()) -> None:
-        """``files`` are attached under their names."""
+        """``files`` are attached under their names. An existing file is never overwritten."""
+        self._path = path
         try:
-            self._file = path.open("wb")
+            self._file = path.open("xb")
+        except FileExistsError as error:
+            raise InputError(f"{path}: exists already and is kept; give another name") from error
         except OSError as error:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from error
         self._writer = Writer(self._file, compression=CompressionType.ZSTD)
-        self._writer.start(profile="ros2", library=f"trepid {__version__}")
         self._channels: dict[str, int] = {}
         self._flushed_s: float | None = None
-        for file in files:
-            self._writer.add_attachment(0, 0, file.name, "application/yaml", file.read_bytes())
+        self._refused = False  # the disk has refused a part
+        with self._on_disk():
+            self._writer.start(profile="ros2", library=f"trepid {__version__}")
+            for file in files:
+                self._writer.add_attachment(0, 0, file.name, "application/yaml", file.read_bytes())
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._writer.finish()
-        self._file.close()
+        if self._refused:
+            with suppress(OSError):  # what is buffered is refused too
+                self._file.close()
+            return
+        with self._on_disk():
+            self._writer.finish()
+            self._file.close()
+
+    @contextmanager
+    def _on_disk(self) -> Iterator[None]:
+        """Turn an OSError of the disk into an InputError, once; nothing more is written after it."""
+        try:
+            yield
+        except OSError as error:
+            self._refused = True
+            with suppress(OSError):
+                self._file.close()
+            raise InputError(f"{self._path}: cannot be written: {error.strerror}") from error
 
     def began(self, t_s: float) -> None:
         """Record that the drive began at ``t_s``; earlier messages belong to the start of the processes."""
-        self._writer.add_metadata(DRIVE, {BEGAN: str(nanoseconds(t_s))})
+        self.began_ns(nanoseconds(t_s))
+
+    def began_ns(self, stamp_ns: int) -> None:
+        """As :meth:`began`, with an integer stamp."""
+        with self._on_disk():
+            self._writer.add_metadata(DRIVE, {BEGAN: str(stamp_ns)})
 
     def add(self, key: str, data: bytes, *, at_s: float) -> None:
         """Write the CDR bytes of a message that was published at ``at_s``, in order of time."""
         stamp_ns = nanoseconds(at_s)
-        self._writer.add_message(
-            channel_id=self._channel(key), log_time=stamp_ns, publish_time=stamp_ns, data=data
-        )
-        if self._flushed_s is None:
-            self._flushed_s = at_s
-        elif at_s - self._flushed_s >= FLUSH_S:
-            self._writer.flush()
-            self._flushed_s = at_s
+        with self._on_disk():
+            self._writer.add_message(
+                channel_id=self._channel(key), log_time=stamp_ns, publish_time=stamp_ns, data=data
+            )
+            if self._flushed_s is None:
+                self._flushed_s = at_s
+            elif at_s - self._flushed_s >= FLUSH_S:
+                self._writer.flush()
+                self._flushed_s = at_s
 
     def _channel(self, key: str) -> int:
         if key not in self._channels:
@@ -88,8 +134,11 @@ class BusRecorder(Recording):
         self._tap = bus.tap(*RECORDED)
 
     def __exit__(self, *_: object) -> None:
-        self.write()
-        super().__exit__()
+        try:
+            if not self._refused:
+                self.write()
+        finally:
+            super().__exit__()
 
     def write(self) -> None:
         """Write all messages since the last call."""

@@ -10,7 +10,7 @@ REPORTED = f"process supervisor: warn: {KEPT}"
 
 
 def test_without_a_terminal_each_new_warning_of_a_process_is_one_line(capsys):
-    log = SimpleNamespace(truth=None, state=None, decision=None, diagnostics={})
+    log = SimpleNamespace(waiting="", truth=None, state=None, decision=None, diagnostics={})
     beats = [
         (Health.OK, "ready"),
         (Health.WARN, KEPT),

@@ -1,0 +1,77 @@
+"""The launcher's report of all processes, once a second, for `trepid status` and recordings."""
+
+import json
+from typing import Any
+
+from sim_harness.live.drive_log import DriveLog
+from trepid.bus import Bus
+from trepid.clock import nanoseconds
+from trepid.messages import Diagnostic, Health
+from trepid.processes.launch import Fleet
+from trepid.processes.notify import Notifier
+from trepid.processes.settings import LAUNCHER
+from trepid.recording.writer import BEGAN
+from trepid.topics import DIAGNOSTICS
+
+PERIOD_S = 1.0
+PROCESS = "process "  # beginning of the names of values, followed by the name of a process; JSON
+
+
+class Overview:
+    """Publishes the state of all processes, and tells systemd that the launcher works."""
+
+    def __init__(self, bus: Bus, log: DriveLog, fleet: Fleet) -> None:
+        self._send = bus.publisher(DIAGNOSTICS)
+        self._log, self._fleet = log, fleet
+        self._notifier = Notifier()
+        self._sent_s = log.now_s() - PERIOD_S
+        self._said = ""
+        self._began_s: float | None = None
+        self._last_words: dict[str, str] = {}
+
+    def begin(self, now_s: float) -> None:
+        """The drive begins."""
+        self._began_s = now_s
+        self._notifier.ready()
+
+    def ended(self, name: str, words: str) -> None:
+        """Keep what is known of the end of a process."""
+        self._last_words[name] = words
+
+    def publish(self, health: Health, message: str) -> None:
+        """Publish when it is due, or when ``message`` has changed."""
+        self._notifier.alive()
+        now_s = self._log.now_s()
+        if message == self._said and now_s - self._sent_s < PERIOD_S:
+            return
+        self._said, self._sent_s = message, now_s
+        self._notifier.status(message)
+        values = [(f"{PROCESS}{name}", json.dumps(self._state(name, now_s))) for name in self._fleet.children]
+        if self._began_s is not None:
+            values.append((BEGAN, str(nanoseconds(self._began_s))))
+        self._send(
+            Diagnostic(t_s=now_s, process=LAUNCHER, health=health, message=message, values=tuple(values))
+        )
+
+    def stopping(self) -> None:
+        """The drive ends."""
+        self._notifier.stopping()
+
+    def _state(self, name: str, now_s: float) -> dict[str, Any]:
+        """One process as `trepid status` prints it."""
+        child, beat = self._fleet.children[name], self._log.diagnostics.get(name)
+        values = dict(beat.values) if beat else {}
+        numbers = {key: float(values[key]) if key in values else None for key in ("rate_hz", "cpu_percent")}
+        message = " ".join(beat.message.split()) if beat else self._last_words.get(name, "")
+        return {
+            "name": name,
+            "pid": child.popen.pid,
+            "alive": child.alive,
+            "rate_hz": numbers["rate_hz"],
+            "age_s": round(now_s - beat.t_s, 2) if beat else None,
+            "cpu_percent": numbers["cpu_percent"],
+            "restarts": child.restarts,
+            "message": message,
+            "health": str(beat.health) if beat else "",
+            "heartbeat": child.spec.heartbeat,
+        }

@@ -1,0 +1,268 @@
+"""The launcher's monitor of one drive: its beginning, the losses of processes, its end, and its evaluation."""
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, NamedTuple
+
+from sim_harness.judging.conditions.expect import judge
+from sim_harness.judging.metrics import measure
+from sim_harness.judging.trace import Trace
+from sim_harness.live.drive_log import DriveLog
+from sim_harness.live.losses import LossReport
+from sim_harness.live.overview import Overview
+from sim_harness.scenarios.events import with_events
+from sim_harness.scenarios.scenario import Scenario
+from trepid.bus import Bus
+from trepid.clock import Clock
+from trepid.config import InputError, Settings
+from trepid.messages import Health
+from trepid.processes.launch import Fleet, UnexpectedExit
+from trepid.processes.settings import Loss, Restart
+from trepid.types import Positive
+
+Show = Callable[[DriveLog, Fleet, float], None]
+"""Displays the drive so far: log, processes, elapsed time [s]."""
+LISTEN_S = 0.02
+ENDINGS = ("stopped by SIGINT", "stopped by SIGTERM")
+"""How a drive of a real car without duration ends normally."""
+
+
+class DriveSettings(Settings):
+    """``config/drive.yaml``."""
+
+    vehicle_name: str
+    scenario: str
+    ready_timeout_s: Positive
+    silence_s: Positive
+    standstill_mps: Positive
+    stop_timeout_s: Positive
+    status_period_s: Positive
+
+
+class Assigned(NamedTuple):
+    """What is to be driven."""
+
+    scenario: Scenario | None  # None: a real car
+    estimators: tuple[str, ...]
+    duration_s: float | None  # of a real car; None: until a signal
+    what: str  # name of the scenario or of the car
+    endpoint: str
+
+
+class Referee:
+    """Monitors one drive and evaluates it."""
+
+    def __init__(
+        self, bus: Bus, clock: Clock, fleet: Fleet, assigned: Assigned, settings: DriveSettings, show: Show
+    ) -> None:
+        self._clock = clock
+        self._fleet = fleet
+        self._assigned = assigned
+        self._scenario = assigned.scenario
+        self._settings = settings
+        self._show = show
+        self._log = DriveLog(bus, clock, assigned.estimators)
+        self._losses = LossReport(bus, clock, fleet)
+        self._overview = Overview(bus, self._log, fleet)
+        self._problems: list[str] = []
+        self._notes: list[str] = []  # losses that do not end the drive
+        self._began_s = clock()
+        self._shown_s = self._began_s
+        self._lost_s: float | None = None  # time of the first loss of a process
+        self._ended_s: float | None = None  # from when on the car stops because the drive ends
+        self._paused: set[str] = set()  # processes that a fault of the scenario has paused
+        self._resumed_s: dict[str, float] = {}  # time of their resumption
+
+    def wait_until_ready(self, signals: list[str]) -> bool:
+        """Wait for a heartbeat of every process, a first decision, and the end of any run-up.
+
+        False on a signal. Raises InputError when a process refuses its input, ends, or does not report in time.
+        """
+        while not signals:
+            for exited in self._fleet.collect_exits():
+                raise InputError(self._not_started(exited))
+            missing = [
+                name
+                for name, child in self._fleet.children.items()
+                if child.spec.heartbeat and name not in self._log.diagnostics
+            ]
+            if not missing and self._log.decision is not None and self._begun():
+                self._begin()
+                return True
+            self._log.waiting = f"waiting for {', '.join(missing) or 'the first decision'}"
+            self._receive(self._log.waiting)
+            if self._elapsed_s() > self._settings.ready_timeout_s:
+                raise InputError(self._not_ready(missing))
+        self._problems += signals
+        return False
+
+    def watch(self, signals: list[str]) -> None:
+        """Monitor until the end of the route or the duration, standstill after a loss, or a signal."""
+        while not self._finished(signals):
+            self._receive("; ".join([*self._problems, *self._notes]) or "driving")
+            self._simulate_losses()
+            self._end_silent_processes()
+            for exited in self._fleet.collect_exits():
+                if self._lose(exited):
+                    return  # it contains the simulated car
+        self._overview.stopping()
+        self._problems += [text for text in signals if self._scenario is not None or text not in ENDINGS]
+
+    def _begin(self) -> None:
+        self._log.waiting = ""
+        self._log.restart()
+        self._began_s = self._clock()
+        self._overview.begin(self._began_s)
+
+    def _finished(self, signals: list[str]) -> bool:
+        """True at the end of the drive. A real car is stopped before; a second signal ends at once."""
+        if self._scenario is not None:
+            duration_s: float | None = self._scenario.duration_s
+        else:
+            duration_s = self._assigned.duration_s
+        over = bool(signals) or (duration_s is not None and self._elapsed_s() >= duration_s)
+        over = over or (self._log.truth is not None and self._log.truth.finished)
+        if over and self._scenario is None and len(signals) < 2 and not self._stands():
+            if self._ended_s is None:
+                self._ended_s = self._clock()
+                self._losses.request_stop()
+            return self._clock() - self._ended_s > self._settings.stop_timeout_s
+        return over or self._stopped_after_loss()
+
+    def _stands(self) -> bool:
+        """True when the car reports standstill, or reports no speed at all."""
+        state = self._log.state
+        return (
+            state is None or state.speed_mps is None or abs(state.speed_mps) < self._settings.standstill_mps
+        )
+
+    def _lose(self, exited: UnexpectedExit) -> bool:
+        """Note an unexpected end and what it means; True when the drive cannot go on."""
+        said = f"{exited} at {self._elapsed_s():.1f} s"
+        self._log.diagnostics.pop(exited.name, None)
+        self._overview.ended(exited.name, str(exited))
+        if self._losses.lose(exited.name) is not Loss.STOP:
+            self._notes.append(said)
+            return False
+        self._problems.append(said)
+        self._lost_s = self._elapsed_s() if self._lost_s is None else self._lost_s
+        spec = self._fleet.children[exited.name].spec
+        return spec.simulates and spec.restart is Restart.NEVER
+
+    def _not_started(self, exited: UnexpectedExit) -> str:
+        spec = self._fleet.children[exited.name].spec
+        where = f"{spec.place}: " if spec.place and not exited.from_bad_input else ""
+        return f"{where}{exited}"
+
+    def _not_ready(self, missing: list[str]) -> str:
+        waited = f"after {self._settings.ready_timeout_s:.0f} s"
+        if not missing:
+            return f"no decision {waited}: look for warnings of the supervisor above"
+        spec = self._fleet.children[missing[0]].spec
+        where = f"{spec.place}: " if spec.place else ""
+        words = self._fleet.children[missing[0]].stderr_tail()
+        remedy = "a program that never reports needs heartbeat: false; ready_timeout_s is in drive.yaml"
+        said = f" (its last words: {words})" if words else ""
+        return f"{where}no heartbeat of {', '.join(missing)} {waited}{said}; {remedy}"
+
+    def row(self, seed: int) -> dict[str, Any]:
+        """The result of the run as a row of ``drive --json``."""
+        row: dict[str, Any] = {"scenario": self._scenario.name if self._scenario else None, "seed": seed}
+        if self._scenario is None:
+            row |= self._judged(self._problems, self._log.tally.row())
+            row |= {"realtime_factor": None, "trace_sha256": None}
+            return row | self._further()
+        trace = self._trace(self._scenario)
+        if len(trace) < 2:
+            return row | self._judged(self._problems or ["no samples were recorded"], {})
+        metrics = measure(trace)
+        reasons = [*self._problems, *judge(self._scenario.expect, metrics, trace)]
+        row |= self._judged(reasons, asdict(metrics))
+        row |= {
+            "realtime_factor": round(metrics.duration_s / self._elapsed_s(), 3),
+            "trace_sha256": trace.sha256,
+        }
+        return row | self._further()
+
+    def _judged(self, reasons: list[str], scores: dict[str, Any]) -> dict[str, Any]:
+        status = "failed" if reasons else "passed"
+        return {"status": status, "reasons": list(reasons), "notes": self._notes, **scores}
+
+    def _further(self) -> dict[str, Any]:
+        return {
+            "final_speed_mps": self._log.state.speed_mps if self._log.state else None,
+            "processes": {
+                name: {
+                    "pid": child.popen.pid,
+                    "restarts": child.restarts,
+                    **self._log.load(name),
+                    "malformed": self._log.malformed(name),
+                }
+                for name, child in self._fleet.children.items()
+            },
+            "latency_ms": self._log.times.latency_ms(),
+            "stages_ms": self._log.times.stages_ms(),
+        }
+
+    def _trace(self, scenario: Scenario) -> Trace:
+        """The drive so far, with its events."""
+        trace = self._log.trace()
+        if len(trace) == 0:
+            return trace
+        return with_events(trace, scenario, scenario.build_road(), self._log.manoeuvres)
+
+    def _simulate_losses(self) -> None:
+        """Pause the processes that a fault of the scenario loses now, and resume the others."""
+        lost = self._scenario.lost_processes(self._elapsed_s()) if self._scenario else set()
+        for name in lost - self._paused:
+            self._fleet.pause(name)
+        for name in self._paused - lost:
+            self._fleet.resume(name)
+            self._resumed_s[name] = self._clock()
+        self._paused = lost
+
+    def _receive(self, message: str) -> None:
+        self._log.receive(timeout_s=LISTEN_S)
+        self._losses.publish((name, beat.t_s) for name, beat in self._log.diagnostics.items())
+        self._overview.publish(Health.ERROR if self._problems else Health.OK, message)
+        now_s = self._clock()
+        if now_s - self._shown_s >= self._settings.status_period_s:
+            self._shown_s = now_s
+            self._show(self._log, self._fleet, self._elapsed_s())
+
+    def _elapsed_s(self) -> float:
+        return self._clock() - self._began_s
+
+    def _begun(self) -> bool:
+        """True from the start of the run on; before a start at speed a driver brings the car there."""
+        truth = self._log.truth
+        if self._scenario is None:
+            return True
+        return truth is not None and truth.elapsed_s is not None and truth.elapsed_s >= 0.0
+
+    def _end_silent_processes(self) -> None:
+        """End processes that run without heartbeats, so that they are started again."""
+        for name, beat in self._log.diagnostics.items():
+            silent_s = self._clock() - max(beat.t_s, self._resumed_s.get(name, beat.t_s))
+            if name in self._paused or name not in self._fleet.children:
+                continue
+            child = self._fleet.children[name]
+            if silent_s > self._settings.silence_s and child.alive:
+                said = f"process {name} was silent for {silent_s:.1f} s"
+                (self._problems if child.spec.loss is Loss.STOP else self._notes).append(said)
+                self._fleet.kill(name)
+
+    def _stopped_after_loss(self) -> bool:
+        """True at standstill after the loss of a process, or after the time limit for it."""
+        if self._lost_s is None:
+            return False
+        speed_mps = self._log.state.speed_mps if self._log.state else None
+        if speed_mps is not None and abs(speed_mps) < self._settings.standstill_mps:
+            self._problems.append(f"the car stopped {self._elapsed_s() - self._lost_s:.1f} s after that")
+            return True
+        if self._elapsed_s() - self._lost_s > self._settings.stop_timeout_s:
+            self._problems.append(
+                f"the car did not stop within {self._settings.stop_timeout_s:.0f} s after that"
+            )
+            return True
+        return False

@@ -1,0 +1,76 @@
+"""The drives that run on this machine: one small file each, by which `trepid status` finds them."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from trepid.config import InputError, Settings
+
+
+class Running(Settings):
+    """A running drive."""
+
+    pid: int  # of the launcher
+    started_ticks: int  # field 22 of /proc/PID/stat: tells the launcher from a later process with its number
+    vehicle_name: str
+    endpoint: str
+    clock_offset_ns: int
+    car: str | None  # folder of the car
+    what: str  # name of the scenario, or of the car
+
+
+def folder() -> Path:
+    """Folder of the register, for this user alone. Raises InputError when another user owns it."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    path = Path(runtime) / "trepid" if runtime else Path(tempfile.gettempdir()) / f"trepid-{os.getuid()}"
+    try:
+        path.mkdir(mode=0o700, exist_ok=True)
+        owner = path.stat().st_uid
+    except OSError as error:
+        raise InputError(f"{path}: cannot be created: {error.strerror}; set XDG_RUNTIME_DIR") from error
+    if owner != os.getuid():
+        raise InputError(f"{path}: belongs to another user; set XDG_RUNTIME_DIR to a folder of your own")
+    return path
+
+
+def ticks(pid: int) -> int | None:
+    """Start of the process in clock ticks since boot; None when it does not run."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    return None if fields[0] in "ZX" else int(fields[19])
+
+
+@contextmanager
+def registered(drive: Running) -> Iterator[None]:
+    """List ``drive`` while it runs. A register that cannot be written never keeps a car from driving."""
+    path = None
+    with suppress(OSError, InputError):
+        path = folder() / f"{drive.pid}.json"
+        path.write_text(drive.model_dump_json(), encoding="utf-8")
+    try:
+        yield
+    finally:
+        if path is not None:
+            with suppress(OSError):
+                path.unlink()
+
+
+def running() -> list[Running]:
+    """The drives of this user that run, the oldest first; what a killed launcher left is removed."""
+    found = []
+    for path in folder().glob("*.json"):
+        try:
+            drive = Running.model_validate_json(path.read_text(encoding="utf-8"))
+        except (OSError, ValidationError):
+            continue  # it has just ended, or is being written
+        if ticks(drive.pid) == drive.started_ticks:
+            found.append(drive)
+        else:
+            path.unlink(missing_ok=True)
+    return sorted(found, key=lambda drive: drive.started_ticks)
