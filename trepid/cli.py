@@ -71,6 +71,16 @@ VERBS = {
         "train_lead",
         "Train the lead detector on rendered vehicles and write its weights; needs the extra 'train'.",
     ),
+    "status": Verb(
+        "cockpit.status.cli",
+        "status",
+        "Show the processes of a running drive: up, rate, age of the last heartbeat, CPU, restarts, last words.",
+    ),
+    "service": Verb(
+        "cockpit.status.cli",
+        "service",
+        "Write a systemd unit that drives a car, with readiness and watchdog notifications.",
+    ),
     "bench": Verb(
         "sim_harness.bench.cli",
         "bench",

@@ -53,7 +53,7 @@ def drive(
     """Drive with all processes (camera, perception, supervisor, controller, vehicle) over Zenoh.
 
     The processes are those of processes.yaml. With a simulator among them, or with --scenario, the car is
-    simulated; else the drive lasts until --duration or a signal (Ctrl-C), and the car stops before the processes end.
+    simulated. Else the drive lasts until --duration or a signal (Ctrl-C), and the car stops before its end.
     """
     say(f"reading the configuration{f' of {car_folder()}' if car_folder() else ''}")
     from sim_harness.live.drive import drive as drive_scenario

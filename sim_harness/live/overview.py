@@ -9,12 +9,12 @@ from trepid.clock import nanoseconds
 from trepid.messages import Diagnostic, Health
 from trepid.processes.launch import Fleet
 from trepid.processes.notify import Notifier
+from trepid.processes.register import PROCESS
 from trepid.processes.settings import LAUNCHER
 from trepid.recording.writer import BEGAN
 from trepid.topics import DIAGNOSTICS
 
 PERIOD_S = 1.0
-PROCESS = "process "  # beginning of the names of values, followed by the name of a process; JSON
 
 
 class Overview:

@@ -11,6 +11,10 @@ from pydantic import ValidationError
 from trepid.config import InputError, Settings
 
 
+PROCESS = "process "
+"""Beginning of the names of values in the launcher's report, followed by the name of a process; JSON."""
+
+
 class Running(Settings):
     """A running drive."""
 

@@ -1,0 +1,1 @@
+"""The state of running drives, and drives as services of systemd."""

@@ -1,0 +1,79 @@
+"""The verbs ``status`` and ``service``."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from trepid.config import InputError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from cockpit.status.attach import State
+
+COLUMNS = ("name", "pid", "alive", "rate_hz", "age_s", "cpu_percent", "restarts", "message")
+
+
+def status(
+    endpoint: Annotated[
+        str | None, typer.Option(help="Zenoh endpoint of the drive, where several run.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per process.")] = False,
+) -> int:
+    """Show the processes of a running drive: up, rate, age of the last heartbeat, CPU, restarts, last words.
+
+    Exit code 1 when something is wrong with a process; the culprit is named on standard error.
+    """
+    from cockpit.status.attach import PATIENCE_S, choose, report_of, states
+
+    drive = choose(endpoint)
+    report = report_of(drive)
+    if report is None:
+        raise InputError(
+            f"the drive {drive.what} (pid {drive.pid}, {drive.endpoint}) sent no report for {PATIENCE_S:.0f} s; "
+            f"`kill {drive.pid}` ends it with all its processes"
+        )
+    found = states(report)
+    culprits = [state for state in found if state.problem]
+    if as_json:
+        for state in found:
+            print(json.dumps(state.row))
+    else:
+        from rich.console import Console
+
+        Console().print(table(found, f"{drive.what} at {drive.endpoint}: {report.message}"))
+    for state in culprits:
+        words = f": {state.row['message']}" if state.row["message"] else ""
+        typer.echo(f"culprit: process {state.row['name']} {state.problem}{words}", err=True)
+    return 1 if culprits else 0
+
+
+def table(found: "list[State]", title: str) -> "Table":
+    """The processes as a table."""
+    from rich.table import Table
+    from rich.text import Text
+
+    made = Table(title=Text(title), title_justify="left", box=None, pad_edge=False)
+    for name in COLUMNS:
+        made.add_column(name, justify="left" if name in ("name", "message") else "right")
+    for state in found:
+        cells = ["-" if state.row[name] is None else str(state.row[name]) for name in COLUMNS]
+        made.add_row(*map(Text, cells), style="red" if state.problem else None)
+    return made
+
+
+def service(
+    car: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the car.")],
+    out: Annotated[Path, typer.Option(help="Folder for the units.")] = Path(),
+    user: Annotated[
+        bool, typer.Option("--user", help="Units of a user's systemd instead of the system's.")
+    ] = False,
+) -> int:
+    """Write a systemd unit that drives a car, with readiness and watchdog notifications."""
+    from cockpit.status.service import write_units
+
+    for path in write_units(car, out, user=user):
+        print(path)
+    return 0
