@@ -2,6 +2,7 @@
 
 import json
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,7 @@ if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
     from sim_harness.live.referee import Show
     from trepid.processes.launch import Fleet
 
+SIGN_OF_LIFE_S = 0.7  # a drive that has not said anything until then says what it does
 PLAIN_PERIOD_S = 2.0  # between lines when standard error is no terminal
 FEAR_COLOURS = {
     "very_low": "green",
@@ -55,7 +57,31 @@ def drive(
     The processes are those of processes.yaml. With a simulator among them, or with --scenario, the car is
     simulated. Else the drive lasts until --duration or a signal (Ctrl-C), and the car stops before its end.
     """
-    say(f"reading the configuration{f' of {car_folder()}' if car_folder() else ''}")
+    life = threading.Timer(SIGN_OF_LIFE_S, say, [f"reading the configuration {of_car()}".rstrip()])
+    life.start()
+    try:
+        row = _drive(scenario, duration, seed, changes, dashboard, record, life)
+    finally:
+        life.cancel()
+    if as_json:
+        print(json.dumps(row))
+    else:
+        from rich.console import Console
+
+        Console().print(summary(row))
+    return 0 if row["status"] == "passed" else 1
+
+
+def _drive(
+    scenario: str | None,
+    duration: float | None,
+    seed: int,
+    changes: list[str] | None,
+    dashboard: bool,
+    record: Path | None,
+    life: threading.Timer,
+) -> dict[str, Any]:
+    """The row of the drive. ``life`` announces that it begins; the drive itself goes on from its processes on."""
     from sim_harness.live.drive import drive as drive_scenario
     from sim_harness.live.drive import has_simulator
     from sim_harness.live.referee import DriveSettings
@@ -72,17 +98,20 @@ def drive(
         what = what if duration is None else what.shortened(duration)
     elif changes:
         raise InputError("--set changes a scenario, and this car has no simulator; give --scenario too")
-    with shown(dashboard) as show:
-        row = drive_scenario(
-            what, settings, seed=seed, show=show, say=say, record=record, duration_s=duration
-        )
-    if as_json:
-        print(json.dumps(row))
-    else:
-        from rich.console import Console
 
-        Console().print(summary(row))
-    return 0 if row["status"] == "passed" else 1
+    def started(text: str) -> None:
+        life.cancel()
+        say(text)
+
+    with shown(dashboard) as show:
+        return drive_scenario(
+            what, settings, seed=seed, show=show, say=started, record=record, duration_s=duration
+        )
+
+
+def of_car() -> str:
+    """The car in use, in words."""
+    return f"of {car_folder()}" if car_folder() else ""
 
 
 def say(text: str) -> None:

@@ -13,7 +13,8 @@ from supervisor.rules.reload import RuleChange
 from supervisor.supervisor import build
 from trepid.clock import UNSTAMPED, Stamp
 from trepid.config import CONFIG_DIR
-from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
+from trepid.messages import Losses
+from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, LOSSES, VEHICLE_STATE, estimate_topic
 
 
 @dataclass
@@ -32,7 +33,9 @@ class Input:
         return self.message
 
 
-def one_decision(broken: str | None = None, change: RuleChange | None = None) -> tuple[Any, list[Any]]:
+def one_decision(
+    broken: str | None = None, change: RuleChange | None = None, losses: Losses | None = None
+) -> tuple[Any, list[Any]]:
     """The decision when the newest message on the key ``broken`` could not be decoded; values of two heartbeats."""
     inputs = {
         estimate_topic("cv").key: Input(ESTIMATE),
@@ -40,6 +43,7 @@ def one_decision(broken: str | None = None, change: RuleChange | None = None) ->
         IMAGE_STATISTICS.key: Input(STATISTICS),
         LEAD_VEHICLE.key: Input(None),
         VEHICLE_STATE.key: Input(STATE),
+        LOSSES.key: Input(losses),
     }
     if broken is not None:
         inputs[broken].broken = True

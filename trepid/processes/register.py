@@ -10,7 +10,6 @@ from pydantic import ValidationError
 
 from trepid.config import InputError, Settings
 
-
 PROCESS = "process "
 """Beginning of the names of values in the launcher's report, followed by the name of a process; JSON."""
 
