@@ -112,7 +112,7 @@ def _check_losable(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> N
         process = getattr(fault, "process", None)
         if process is not None and process not in names:
             raise InputError(
-                f"scenario {scenario.name if scenario else ''}: the fault {fault.kind} concerns {process!r}, which is "
+                f"the fault {fault.kind} of the scenario concerns {process!r}, which is "
                 f"no process of its own in this drive; there are {', '.join(sorted(names))}"
             )
 
