@@ -275,7 +275,7 @@ class Bus:
 
         Raises ZenohError for text that is no key expression.
         """
-        kept = Mailbox(self._arrived, self._clock)
+        kept = Mailbox(self._bell, self._clock)
         self._subscribers.append(self._session.declare_subscriber(key_expression, kept.handler))
         return Newest(kept)
 
