@@ -12,7 +12,7 @@ import socket
 from typing import Protocol
 
 I2C_SLAVE = 0x0703  # linux/i2c-dev.h
-TIMEOUT_S = 0.05
+TIMEOUT_S = 0.2
 UNIX = "unix:"
 WRITE, READ = 0, 1
 
@@ -69,14 +69,8 @@ class SocketI2c:
     """A device behind a socket."""
 
     def __init__(self, path: str, address: int) -> None:
-        self._address = address
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._socket.settimeout(TIMEOUT_S)
-        try:
-            self._socket.connect(path)
-        except OSError:
-            self._socket.close()
-            raise
+        self._path, self._address = path, address
+        self._socket = _connected(path)
 
     def write(self, data: bytes) -> None:
         """Send ``data`` in one transfer."""
@@ -91,13 +85,31 @@ class SocketI2c:
         self._socket.close()
 
     def _transfer(self, packet: bytes) -> bytes:
-        self._socket.send(packet)
-        answer = self._socket.recv(256)
+        if self._socket.fileno() < 0:
+            self._socket = _connected(self._path)
+        try:
+            self._socket.send(packet)
+            answer = self._socket.recv(256)
+        except OSError:
+            self._socket.close()  # a late answer would be taken for that of the next transfer
+            raise
         if not answer:
+            self._socket.close()
             raise OSError(errno.EPIPE, "the I2C bus is closed")
         if answer[0]:
             raise OSError(errno.EREMOTEIO, f"no I2C device at address 0x{self._address:02x}")
         return answer[1:]
+
+
+def _connected(path: str) -> socket.socket:
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    made.settimeout(TIMEOUT_S)
+    try:
+        made.connect(path)
+    except OSError:
+        made.close()
+        raise
+    return made
 
 
 def open_i2c(bus: str, address: int, *, alone: bool = False) -> I2cDevice:
