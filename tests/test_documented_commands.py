@@ -20,7 +20,7 @@ import typer
 from typer.exceptions import TyperException
 
 from trepid.cli import app, main
-from trepid.config import ROOT
+from trepid.config import CAR, ROOT
 
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
 LANGUAGES = ("", "console", "bash", "sh", "shell")
@@ -50,6 +50,12 @@ EXECUTED: dict[str, Callable[[list[str]], list[str] | None]] = {
 A command is only parsed, too, when its verb is not listed, when it stands in running text, or when one of its input
 files does not exist.
 """
+
+
+@pytest.fixture(autouse=True)
+def no_car(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command with ``--car`` leaves the environment of the other tests as it is."""
+    monkeypatch.setenv(CAR, "")
 
 
 class Documented(NamedTuple):
