@@ -50,7 +50,8 @@ def estimate(
     ] = None,
     estimator: Annotated[str, typer.Option(help="Name of the estimator; 'list' prints all.")] = "cv",
     camera: Annotated[
-        Path | None, typer.Option(help="Camera file; default: that of --car, else a typical camera is assumed.")
+        Path | None,
+        typer.Option(help="Camera file; default: that of --car, else a typical camera is assumed."),
     ] = None,
     detector: Annotated[
         Path | None, typer.Option(help="With --estimator lead: an .onnx or .tflite box detector.")
