@@ -20,7 +20,7 @@ import typer
 from typer.exceptions import TyperException
 
 from trepid.cli import app, main
-from trepid.config import CAR, ROOT
+from trepid.config import ROOT
 
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
 LANGUAGES = ("", "console", "bash", "sh", "shell")
@@ -50,12 +50,6 @@ EXECUTED: dict[str, Callable[[list[str]], list[str] | None]] = {
 A command is only parsed, too, when its verb is not listed, when it stands in running text, or when one of its input
 files does not exist.
 """
-
-
-@pytest.fixture(autouse=True)
-def no_car(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A command with ``--car`` leaves the environment of the other tests as it is."""
-    monkeypatch.setenv(CAR, "")
 
 
 class Documented(NamedTuple):
@@ -92,6 +86,12 @@ def documented(page: Path, text: str) -> Iterator[Documented]:
 COMMANDS = [command for page in PAGES for command in documented(page, page.read_text(encoding="utf-8"))]
 TREPID = [command for command in COMMANDS if command.words[0] == "trepid"]
 MAKE = [command for command in COMMANDS if command.words[0] == "make"]
+
+
+@pytest.fixture(autouse=True)
+def any_car(monkeypatch: pytest.MonkeyPatch) -> None:
+    """``--car mycar`` of a page names a folder that does not exist here; tests/test_your_car.py makes one."""
+    monkeypatch.setattr("trepid.commands.car_option.use_car", lambda folder: None)
 
 
 def place(command: Documented) -> str:

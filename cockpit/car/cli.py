@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from cockpit.car import checks, machine
+from cockpit.car import checks, devices, machine
 from cockpit.car.finding import Finding
 from trepid.commands.car_option import Car
 
@@ -17,6 +17,9 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     checks.packages,
     checks.configuration,
     checks.models,
+    devices.processes,
+    devices.camera,
+    devices.actuator,
     checks.endpoint,
     machine.clock,
     machine.cores,

@@ -14,8 +14,6 @@ from trepid.config import ROOT
 PLACE = re.compile(r" at +([0-9.]+) m .* speed +([0-9.]+) m/s")
 STATION = re.compile(r" at +([0-9.]+) m ")
 
-STALLED_MS = 250.0  # six frames
-
 
 class WireDrive:
     """`trepid drive --json` with the car in ``folder``, which gets these two files."""
@@ -40,18 +38,12 @@ class WireDrive:
         return self
 
     def reach(self, speed_mps):
-        """Read the status lines until the car has ``speed_mps``.
-
-        Skips where this machine stalled the processes for so long that the car rightly stops for good.
-        """
+        """Read the status lines until the car has ``speed_mps``."""
         for line in self.popen.stderr:
             found = PLACE.search(line)
             if found and float(found[2]) >= speed_mps:
                 return
         out, _ = self.popen.communicate(timeout=20)
-        frame_to_command = json.loads(out).get("latency_ms", {}).get("frame_to_command") or {}
-        if frame_to_command.get("max", 0.0) > STALLED_MS:
-            pytest.skip(f"a frame took {frame_to_command['max']:.0f} ms to the command on this machine")
         pytest.fail(f"the drive ended before {speed_mps} m/s: {out}")
 
     def pid(self, name):

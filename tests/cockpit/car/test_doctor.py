@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cockpit.car import checks, machine
+from cockpit.car import checks, devices, machine
 from cockpit.car import cli as doctor_cli
 from cockpit.car.finding import Finding
 from cockpit.car.init import Like, write_car
@@ -159,3 +159,49 @@ def test_a_failed_check_gives_exit_code_1_and_json_has_its_fields(
     monkeypatch.setattr(sys, "argv", ["trepid", "doctor"])
     main()
     assert "-> wipe it" in capsys.readouterr().out
+
+
+def test_the_simulated_car_needs_neither_camera_nor_actuator() -> None:
+    assert "simulated" in devices.camera().message
+    assert "simulated" in devices.actuator().message
+    assert devices.processes().ok
+
+
+def test_a_program_that_does_not_exist_is_found(car: Path) -> None:
+    (car / "processes.yaml").write_text("processes:\n  horn: {module: horn.node}\n")
+    found = devices.processes()
+    assert not found.ok
+    assert f"{car}/processes.yaml:2:" in found.message
+
+
+@pytest.mark.parametrize(
+    ("count", "period_s", "rate_hz", "ok"),
+    [
+        (50, 0.04, 25.0, True),
+        (50, 0.04, None, True),
+        (50, 0.04, 60.0, False),
+        (10, 0.2, None, False),
+        (1, 0, 1, False),
+    ],
+)
+def test_a_camera_below_its_rate_fails(count: int, period_s: float, rate_hz: float | None, ok: bool) -> None:
+    found = devices.judged_camera("v4l2", [k * period_s for k in range(count)], rate_hz, "")
+    assert (found.ok, bool(found.remedy)) == (ok, not ok)
+
+
+def test_a_silent_camera_and_a_silent_car_say_why() -> None:
+    assert "unplugged" in devices.judged_camera("v4l2", [], None, "unplugged").message
+    assert "bus-off" in devices.judged_actuator("can", False, "bus-off").message
+    assert devices.judged_actuator("can", True, "").ok
+
+
+def test_an_actuator_whose_device_is_missing_is_found(car: Path) -> None:
+    (car / "processes.yaml").write_text(
+        "processes:\n  vehicle: {module: vehicle.actuators.node, publishes: [vehicle/state]}\n"
+    )
+    (car / "actuator.yaml").write_text(
+        "actuator: can\ncan: {interface: socketcan, channel: can77, map: map.yaml}\n"
+    )
+    found = devices.actuator()
+    assert not found.ok
+    assert found.remedy

@@ -1,0 +1,121 @@
+"""Checks of the processes of a car, of its camera and of its actuator: opened, read for a moment, closed."""
+
+import time
+from typing import TYPE_CHECKING
+
+from cockpit.car.finding import Finding
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.processes.settings import load_processes
+from trepid.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from vehicle.actuators.actuator import Actuator
+
+CAMERA_NODE, ACTUATOR_NODE = "vehicle.cameras.node", "vehicle.actuators.node"
+LISTEN_S = 2.0  # to the camera
+REPORT_S = 1.0  # until a car has reported its state
+LEAST_HZ = 10.0  # below it the images are too old for driving
+SHARE = 0.8  # of the configured rate
+ON_THE_BUS = frozenset({"ackermann"})  # actuators that need the bus of a drive
+
+
+def processes() -> Finding:
+    """The programs of all processes exist on this machine."""
+    try:
+        specs = load_processes()
+    except InputError as error:
+        return Finding("processes", False, str(error), "correct the entry in processes.yaml")
+    return Finding("processes", True, ", ".join(spec.name for spec in specs))
+
+
+def camera() -> Finding:
+    """The camera opens and delivers frames at its rate."""
+    process = _process_with(CAMERA_NODE)
+    if process is None:
+        return Finding("camera", True, "simulated: no process runs vehicle.cameras.node")
+    from vehicle.cameras.source import Drive
+    from vehicle.cameras.table import build
+
+    try:
+        name, source, common = build(Drive(bus=None, now_s=time.monotonic))
+    except InputError as error:
+        return Finding(
+            "camera", False, str(error), "correct camera_source.yaml; `v4l2-ctl --list-devices` lists cameras"
+        )
+    try:
+        began_s, stamps = time.monotonic(), list[float]()
+        while time.monotonic() - began_s < LISTEN_S and not source.ended:
+            frame = source.read(timeout_s=LISTEN_S / 4)
+            if frame is not None:
+                stamps.append(frame.t_s)
+        trouble = source.trouble
+    finally:
+        source.close()
+    return judged_camera(name, stamps, common.rate_hz, trouble)
+
+
+def judged_camera(name: str, stamps: list[float], rate_hz: float | None, trouble: str) -> Finding:
+    """``stamps``: times of capture [s]; ``rate_hz``: the configured rate; ``trouble``: what the source says."""
+    if len(stamps) < 2:
+        reason = f": {trouble}" if trouble else ""
+        remedy = "check cable and power; end other programs that use the camera"
+        return Finding("camera", False, f"{name}: {len(stamps)} frames within {LISTEN_S:g} s{reason}", remedy)
+    measured_hz = (len(stamps) - 1) / (stamps[-1] - stamps[0]) if stamps[-1] > stamps[0] else 0.0
+    message = f"{name}: {measured_hz:.1f} frames/s"
+    wanted_hz = max(LEAST_HZ, SHARE * (rate_hz or 0.0))
+    if measured_hz < wanted_hz:
+        remedy = "more light or a shorter exposure; a smaller size or fourcc: MJPG"
+        return Finding("camera", False, f"{message}, expected {wanted_hz:.0f} or more", remedy)
+    return Finding("camera", True, message)
+
+
+def actuator() -> Finding:
+    """The device or bus of the actuator opens, and the car reports its state."""
+    process = _process_with(ACTUATOR_NODE)
+    if process is None:
+        return Finding("actuator", True, "simulated: no process runs vehicle.actuators.node")
+    from vehicle.actuators.actuator import Car
+    from vehicle.actuators.table import build, configured
+
+    try:
+        name, _ = configured()
+        if name in ON_THE_BUS:
+            return Finding("actuator", True, f"{name}: its driver joins the bus of a drive")
+        name, wire = build(Car(load(CONFIG_DIR / "vehicle.yaml", Vehicle), None, time.monotonic))
+    except InputError as error:
+        return Finding("actuator", False, str(error), "correct actuator.yaml, or connect the device")
+    try:
+        reported, fault = _reports(wire)
+        wire.close()
+    except OSError as error:
+        reported, fault = False, str(error)
+    return judged_actuator(name, reported, fault)
+
+
+def _reports(wire: "Actuator") -> tuple[bool, str]:
+    """True when a state arrives within REPORT_S; the last fault of the wire."""
+    began_s, fault = time.monotonic(), ""
+    while time.monotonic() - began_s < REPORT_S:
+        try:
+            if wire.read(now_s=time.monotonic()) is not None:
+                return True, ""
+        except OSError as error:
+            fault = str(error)
+        time.sleep(0.01)
+    return False, fault
+
+
+def judged_actuator(name: str, reported: bool, fault: str) -> Finding:
+    """``reported``: the car has sent its state; ``fault``: of the wire."""
+    if reported:
+        return Finding("actuator", True, f"{name}: open, the car reports its state")
+    message = f"{name}: open, but the car reports nothing" + (f": {fault}" if fault else "")
+    return Finding("actuator", False, message, "switch the car on; check channel, bit rate and wiring")
+
+
+def _process_with(module: str) -> str | None:
+    """Name of the process that runs ``module``; None without one, also when the processes are not valid."""
+    try:
+        return next((spec.name for spec in load_processes() if spec.module == module), None)
+    except InputError:
+        return None  # the check of the processes reports it

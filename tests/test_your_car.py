@@ -1,0 +1,87 @@
+"""The commands of docs/your-car.md, in their order: from `init` through an own video to a CAN counterpart."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import can
+import cv2
+import pytest
+
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.road_file import load_road
+from trepid.camera import Camera
+from trepid.config import CONFIG_DIR, ROOT, load
+from trepid.recording.reader import read_recording
+from trepid.topics import COMMAND, VEHICLE_STATE
+
+pytestmark = pytest.mark.processes
+PAGE = (ROOT / "docs" / "your-car.md").read_text(encoding="utf-8")
+BLOCKS = [block.strip().splitlines() for block in re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)]
+COMMANDS = [command for block in BLOCKS[:2] for command in block]
+SETS_UP = 4  # clone, make, activate, pip
+FRAMES, RATE_HZ, SPEED_MPS = 100, 25.0, 6.0
+MAY_FAIL = "trepid doctor"  # on a loaded machine, and because the ECU is silent outside a drive
+
+
+@pytest.fixture
+def work(tmp_path: Path) -> Path:
+    """A folder like the checkout, with a video and `trepid` on the path."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    shim = tmp_path / "bin" / "trepid"
+    shim.parent.mkdir()
+    shim.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" -m trepid "$@"\n')
+    shim.chmod(0o755)
+    film_of_a_straight_road(tmp_path / "VIDEO.mp4")
+    return tmp_path
+
+
+def film_of_a_straight_road(path: Path) -> None:
+    """The view from the middle of the lane, some seconds at 6 m/s."""
+    road, camera = load_road("straight"), load(CONFIG_DIR / "camera.yaml", Camera)
+    renderer = Renderer(road, camera, seed=0)
+    film = cv2.VideoWriter(
+        str(path), cv2.VideoWriter.fourcc(*"mp4v"), RATE_HZ, (camera.width_px, camera.height_px)
+    )
+    for frame in range(FRAMES):
+        station_m = 20.0 + SPEED_MPS * frame / RATE_HZ
+        pose = (*road.position(station_m, 0.0), road.heading_at(station_m))
+        film.write(renderer.render(*pose, t_s=frame / RATE_HZ, station_m=station_m))
+    film.release()
+
+
+def run(command: str, work: Path) -> subprocess.CompletedProcess[str]:
+    path = f"{work / 'bin'}:{os.environ['PATH']}"
+    return subprocess.run(
+        ["/bin/sh", "-c", command],
+        cwd=work,
+        env={**os.environ, "PATH": path},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+def test_ten_commands_are_enough() -> None:
+    assert len(COMMANDS) == 10
+    assert COMMANDS[0].startswith("git clone") and COMMANDS[SETS_UP].startswith("trepid init")
+
+
+def test_an_own_video_drives_a_can_counterpart(work: Path) -> None:
+    try:
+        can.Bus(interface="udp_multicast", channel="239.74.163.2", port=43113, hop_limit=0).shutdown()
+    except can.CanError as error:
+        pytest.skip(f"no multicast on this machine: {error}")
+    for command in COMMANDS[SETS_UP:]:
+        done = run(command, work)
+        good = (0, 1) if command.startswith(MAY_FAIL) else (0,)
+        assert done.returncode in good, f"{command}: {done.stdout}{done.stderr}"
+    assert (work / "lanes.mp4").stat().st_size > 10_000
+    recorded = read_recording(work / "drive.mcap", COMMAND.key, VEHICLE_STATE.key)
+    speeds = [message.speed_mps or 0.0 for _, message in recorded.of(VEHICLE_STATE)]
+    assert max(speeds) > 1.0  # as the ECU reports it over CAN
+    commands = [message for _, message in recorded.of(COMMAND) if message.t_s is not None]
+    assert len(commands) > 100
