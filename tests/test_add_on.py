@@ -58,3 +58,13 @@ def test_without_the_package_each_part_is_refused_by_name(change: list[str], tex
     assert (done.returncode, done.stdout) == (2, "")
     assert text in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.processes
+def test_processes_drive_with_the_camera_and_the_actuator_of_the_package(site: Path, tmp_path: Path) -> None:
+    car = car_with_rules(tmp_path, parts=True)
+    done = trepid("drive", "--car", str(car), "--duration", "8", "--no-dashboard", "--json", site=site)
+    row = json.loads(done.stdout)
+    assert {"camera", "vehicle", "mirrored_cv"} <= row["processes"].keys(), done.stderr
+    assert not {"cnn", "ecu"} & row["processes"].keys()
+    assert row["distance_m"] > 1.0, row
