@@ -35,6 +35,7 @@ from trepid.bounds import at_least, at_most, within
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
+from trepid.scale import scaled_message
 from trepid.types import Positive
 from trepid.vehicle import Vehicle
 
@@ -84,7 +85,7 @@ def build(vehicle: Vehicle | None = None, settings_file: Path | None = None) -> 
             f" {vehicle.accel_lag_s} s: the speed would overshoot; at most"
             f" {_MAX_DRIVE_LAG / vehicle.accel_lag_s:.2f}"
         )
-    return Controller(vehicle, settings)
+    return (Controller if vehicle.scale == 1.0 else SimilarController)(vehicle, settings)
 
 
 class Controller:
@@ -270,6 +271,27 @@ class Controller:
             settings=self._eased if cut else self._settings.speed,
         )
         return goal.speed_mps, self._speed.track(goal, speed_mps=speed_mps, dt_s=dt_s)
+
+
+class SimilarController(Controller):
+    """The controller in the reference world of :mod:`trepid.scale`, with messages of the car's own world."""
+
+    def __init__(self, vehicle: Vehicle, settings: ControllerSettings) -> None:
+        """``vehicle`` is that of the car's own world; ``settings`` hold in the reference world."""
+        super().__init__(vehicle.in_reference_world, settings)
+        self._scale = vehicle.scale
+        self._taken: tuple[Decision | None, Decision | None] = (
+            None,
+            None,
+        )  # the newest decision and its enlargement
+
+    def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
+        """As :meth:`Controller.step`."""
+        enlargement = 1 / self._scale
+        if decision is not self._taken[0]:  # one object a decision: a controller judges each once
+            self._taken = decision, scaled_message(decision, enlargement)
+        command = super().step(self._taken[1], scaled_message(state, enlargement), now_s=now_s)
+        return scaled_message(command, self._scale)
 
 
 def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:

@@ -20,8 +20,9 @@ from perception.images.sources import Source, Still
 from perception.lead.cli import estimate_leads
 from trepid.camera import Camera
 from trepid.commands.car_option import Car
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import CONFIG_DIR, InputError, car_folder, load
 from trepid.messages import SteeringEstimate
+from trepid.scale import scaled_settings
 from trepid.types import Image
 from trepid.vehicle import Vehicle
 
@@ -49,7 +50,8 @@ def estimate(
     ] = None,
     estimator: Annotated[str, typer.Option(help="Name of the estimator; 'list' prints all.")] = "cv",
     camera: Annotated[
-        Path | None, typer.Option(help="Camera file; default: a typical camera is assumed.")
+        Path | None,
+        typer.Option(help="Camera file; default: that of --car, else a typical camera is assumed."),
     ] = None,
     detector: Annotated[
         Path | None, typer.Option(help="With --estimator lead: an .onnx or .tflite box detector.")
@@ -74,13 +76,15 @@ def estimate(
         raise InputError("name at least one image, folder or video")
     cv2.setNumThreads(1)
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # FFmpeg prints nothing: errors are reported here
-    camera_for = partial(_camera_for, known=load(camera, Camera) if camera else None)
+    camera = camera or _camera_of_the_car()
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    camera_for = partial(_camera_for, known=load(camera, Camera) if camera else None, scale=vehicle.scale)
     if estimator == LEAD:
         if camera is None:
             print(ASSUMED, file=sys.stderr)
         estimate_leads(inputs, camera_for, detector=detector, annotate=annotate, as_json=as_json)
         return
-    found = results(inputs, camera_for, partial(_step, estimator, load(CONFIG_DIR / "vehicle.yaml", Vehicle)))
+    found = results(inputs, camera_for, partial(_step, estimator, vehicle))
     if camera is None:
         found = _with_note(found, ASSUMED)
     if annotate is not None:
@@ -114,12 +118,21 @@ def _step(name: str, vehicle: Vehicle, camera: Camera) -> Step[SteeringEstimate]
     return lambda frame: estimator.step(frame, None, now_s=frame.t_s)
 
 
-def _camera_for(source: Source, image: Image, known: Camera | None) -> Camera:
-    """The given camera at the size of the image, or an assumed one with the horizon of the image or clip."""
+def _camera_of_the_car() -> Path | None:
+    """The camera file that the folder of a car overrides; None without one."""
+    car = car_folder()
+    return CONFIG_DIR / "camera.yaml" if car is not None and (car / "camera.yaml").exists() else None
+
+
+def _camera_for(source: Source, image: Image, known: Camera | None, *, scale: float) -> Camera:
+    """The given camera at the size of the image, or an assumed one with the horizon of the image or clip.
+
+    ``scale`` is that of the vehicle: an assumed camera is as high as the lanes of the vehicle are wide.
+    """
     if known is not None:
         return known.resized(image.shape[1], image.shape[0])
     images = [image] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES)
-    return self_calibrated(images, lane_cv_settings().self_calibration)
+    return scaled_settings(self_calibrated(images, lane_cv_settings().self_calibration), scale)
 
 
 def _with_note(

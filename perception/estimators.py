@@ -12,6 +12,7 @@ from trepid import plugins
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
+from trepid.scale import scaled_message, scaled_settings
 from trepid.spelling import did_you_mean_or_list
 from trepid.vehicle import Vehicle
 
@@ -24,15 +25,39 @@ class Estimator(Protocol):
         ...
 
 
+class Similar:
+    """An estimator of the reference world of :mod:`trepid.scale`, in a world that is ``scale`` times as large."""
+
+    def __init__(self, estimator: Estimator, scale: float) -> None:
+        """``estimator`` was built for the camera and the vehicle enlarged to the reference world."""
+        self._estimator, self._scale = estimator, scale
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The estimate of ``frame`` with lengths of the car's own world."""
+        seen = self._estimator.step(frame, scaled_message(state, 1 / self._scale), now_s=now_s)
+        return scaled_message(seen, self._scale)
+
+
 @dataclass(frozen=True, slots=True)
 class Entry:
     """The description, constructor and source of an estimator."""
 
     description: str
-    build: Callable[[Camera, Vehicle], Estimator]
+    construct: Callable[[Camera, Vehicle], Estimator]  # for a camera and vehicle of the reference world
     source: str
     kind: EstimateKind = EstimateKind.LANE
     stages: tuple[str, ...] = ()  # of a pipeline
+    # raises InputError for a camera and vehicle of their own world that it is not made for
+    check: Callable[[Camera, Vehicle], None] | None = None
+
+    def build(self, camera: Camera, vehicle: Vehicle) -> Estimator:
+        """The estimator for ``camera`` on ``vehicle``, in the scale of its lanes. Raises InputError."""
+        if self.check is not None:
+            self.check(camera, vehicle)
+        if vehicle.scale == 1.0:
+            return self.construct(camera, vehicle)
+        eye = scaled_settings(camera, 1 / vehicle.scale)
+        return Similar(self.construct(eye, vehicle.in_reference_world), vehicle.scale)
 
 
 def lane_cv_settings() -> LaneCvSettings:
@@ -51,6 +76,12 @@ def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
     return SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
 
 
+def _check_steer_net(camera: Camera, vehicle: Vehicle) -> None:
+    from perception.net.steer_net import SteerNetSettings, check_use
+
+    check_use(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
+
+
 ESTIMATORS = {
     "cv": Entry(
         "lane lines or road edges, robust clothoid fit, Kalman tracking",
@@ -61,6 +92,7 @@ ESTIMATORS = {
         "PilotNet-sized network from pixels to lane state with its own uncertainty",
         _steer_net,
         source="R [87] and later; config/steer_net.yaml",
+        check=_check_steer_net,
     ),
 }
 """The estimators of the default drive; :func:`estimators` adds the pipelines."""

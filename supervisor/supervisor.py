@@ -5,7 +5,7 @@ import pathlib
 import sys
 from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
-from typing import ClassVar
+from typing import Any, ClassVar, TypeVar, cast
 
 from pydantic import Field
 
@@ -37,11 +37,13 @@ from trepid.messages import (
     Stop,
     VehicleState,
 )
+from trepid.scale import scaled_message
 from trepid.spelling import did_you_mean
 from trepid.types import Positive, Share
 from trepid.vehicle import Vehicle
 
 FieldPath = tuple[str | int, ...]
+M = TypeVar("M")
 
 
 class SupervisorSettings(Settings):
@@ -240,6 +242,58 @@ class Supervisor:
         )
 
 
+class SimilarSupervisor(Supervisor):
+    """The supervisor in the reference world of :mod:`trepid.scale`; its messages are those of the car's own world.
+
+    The inputs of the rules, and their values in a decision, are lengths and speeds of the reference world: the same
+    rules hold for every scale.
+    """
+
+    def __init__(
+        self,
+        rules: FearRules,
+        settings: SupervisorSettings,
+        vehicle: Vehicle,
+        *,
+        source: pathlib.Path | None = None,
+    ) -> None:
+        """``vehicle`` is that of the car's own world; ``rules`` and ``settings`` hold in the reference world."""
+        super().__init__(rules, settings, vehicle.in_reference_world, source=source)
+        self._scale = vehicle.scale
+        self._taken: dict[str, tuple[Any, Any]] = {}  # newest messages and their enlargements, by input
+
+    def step(
+        self,
+        estimates: Mapping[str, SteeringEstimate | None],
+        statistics: ImageStatistics | None,
+        lead: LeadVehicle | None,
+        state: VehicleState | None,
+        *,
+        now_s: float,
+        malformed: Collection[str] = (),
+        losses: Losses | None = None,
+    ) -> Decision:
+        """As :meth:`Supervisor.step`."""
+        decision = super().step(
+            {name: self._enlarged(f"estimate {name}", estimate) for name, estimate in estimates.items()},
+            statistics,
+            self._enlarged("lead", lead),
+            self._enlarged("state", state),
+            now_s=now_s,
+            malformed=malformed,
+            losses=losses,
+        )
+        return scaled_message(decision, self._scale)
+
+    def _enlarged(self, key: str, message: M) -> M:
+        """``message`` in the reference world; one object for each message, as a supervisor compares them."""
+        taken, enlarged = self._taken.get(key, (None, None))
+        if taken is not message:
+            enlarged = scaled_message(message, 1 / self._scale)
+            self._taken[key] = message, enlarged
+        return cast(M, enlarged)
+
+
 def build(
     *,
     rules: pathlib.Path | None = None,
@@ -258,9 +312,11 @@ def build(
     for name, fault in wrong_ranges({name: spec.range for name, spec in verified.file.inputs.items()}):
         raise InputError(located(("inputs", name, "range"), fault, read(rules), rules))
     _warn_of_near_misses(settings, read_text(settings), verified)
+    car = load(vehicle, Vehicle)
     if cruise_speed_mps is not None:
-        loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps})
-    return Supervisor(verified, loaded, load(vehicle, Vehicle), source=settings)
+        loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps / car.scale})
+    kind = Supervisor if car.scale == 1.0 else SimilarSupervisor
+    return kind(verified, loaded, car, source=settings)
 
 
 @lru_cache(maxsize=16)  # one warning a file

@@ -20,7 +20,7 @@ import typer
 from typer.exceptions import TyperException
 
 from trepid.cli import app, main
-from trepid.config import ROOT
+from trepid.config import CAR, ROOT, use_car
 
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
 LANGUAGES = ("", "console", "bash", "sh", "shell")
@@ -90,8 +90,13 @@ MAKE = [command for command in COMMANDS if command.words[0] == "make"]
 
 @pytest.fixture(autouse=True)
 def any_car(monkeypatch: pytest.MonkeyPatch) -> None:
-    """``--car mycar`` of a page names a folder that does not exist here; tests/test_your_car.py makes one."""
-    monkeypatch.setattr("trepid.commands.car_option.use_car", lambda folder: None)
+    """``--car mycar`` of a page names a folder that does not exist here; tests/test_your_car.py makes one.
+
+    A car that exists is used until the test ends.
+    """
+    monkeypatch.setenv(CAR, "")
+    used = "trepid.commands.car_option.use_car"
+    monkeypatch.setattr(used, lambda folder: use_car(folder) if folder.is_dir() else None)
 
 
 def place(command: Documented) -> str:

@@ -23,6 +23,7 @@ from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
 
+from trepid.scale import REFERENCE_LANE_M, scale_data
 from trepid.spelling import did_you_mean
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -34,6 +35,10 @@ WORK_DIR = Path() if _INSTALLED.is_dir() else ROOT
 CAR = "TREPID_CAR"
 WHOLE_FILES = frozenset({"fear.yaml"})
 """Files of a car that replace the default as a whole, like those in folders: rules are proved together."""
+REFERENCE_FILES = frozenset(
+    {"controller.yaml", "lead.yaml", "perception.yaml", "pipelines.yaml", "steer_net.yaml", "supervisor.yaml"}
+)
+"""Settings that hold in the reference world of :mod:`trepid.scale`; a car states them in its own metres."""
 
 
 class Settings(BaseModel):
@@ -129,15 +134,16 @@ def load(path: Path, model: type[S], *, overrides: Mapping[str, str] | None = No
     if overrides:
         return parse(read(path), model, source=path, overrides=overrides)
     over = _override_of(path)
-    return _loaded(path, read_text(path), over, read_text(over) if over else "", model)
+    above = (over, read_text(over), _enlargement(over)) if over is not None else None
+    return _loaded(path, read_text(path), above, model)
 
 
 @lru_cache(maxsize=256)
-def _loaded(path: Path, text: str, over: Path | None, over_text: str, model: type[S]) -> S:
+def _loaded(path: Path, text: str, above: tuple[Path, str, float] | None, model: type[S]) -> S:
     """By content, because reading YAML is slow: ten settings files take as long as half a second of driving."""
     data = _mapping(text, path)
-    if over is not None:
-        _overlay(data, _mapping(over_text, over, may_be_empty=True), over)
+    if above is not None:
+        _overlay_file(data, *above)
     return parse(data, model, source=path)
 
 
@@ -145,7 +151,7 @@ def read(path: Path) -> CommentedMap:
     """The YAML mapping in ``path``, overridden by that of the car, with line numbers. Raises InputError."""
     data, over = _mapping(read_text(path), path), _override_of(path)
     if over is not None:
-        _overlay(data, _mapping(read_text(over), over, may_be_empty=True), over)
+        _overlay_file(data, over, read_text(over), _enlargement(over))
     return data
 
 
@@ -155,6 +161,27 @@ def _override_of(path: Path) -> Path | None:
     if car is None or path.parent != CONFIG_DIR or path.name in WHOLE_FILES:
         return None
     return car / path.name if (car / path.name).exists() else None
+
+
+def _enlargement(over: Path) -> float:
+    """The factor by which the reference world is larger than that of the car with the file ``over``.
+
+    1 for settings that hold in the world of the car. Raises InputError.
+    """
+    vehicle = over.parent / "vehicle.yaml"
+    if over.name not in REFERENCE_FILES or not vehicle.exists():
+        return 1.0
+    lane_m = _mapping(read_text(vehicle), vehicle, may_be_empty=True).get("lane_width_m", REFERENCE_LANE_M)
+    usable = isinstance(lane_m, float | int) and lane_m > 0  # else the settings of the vehicle report it
+    return REFERENCE_LANE_M / lane_m if usable else 1.0
+
+
+def _overlay_file(data: CommentedMap, over: Path, text: str, enlargement: float) -> None:
+    """Override the fields of ``data`` by those in ``text``, read from ``over``, in the reference world."""
+    above = _mapping(text, over, may_be_empty=True)
+    if enlargement != 1.0:
+        scale_data(above, enlargement)
+    _overlay(data, above, over)
 
 
 def _overlay(data: CommentedMap, over: CommentedMap, source: Path) -> None:

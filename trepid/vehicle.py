@@ -6,6 +6,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from trepid.config import Settings, wrong_at
+from trepid.scale import REFERENCE_LANE_M, scaled_settings
 from trepid.types import NonNegative, Positive
 
 GRADIENT = "understeer_gradient_rad_per_mps2"
@@ -86,6 +87,17 @@ class Vehicle(Settings):
     max_accel_mps2: Positive
     max_decel_mps2: Positive  # of the brakes
     accel_lag_s: NonNegative  # first-order time constant of drive and brakes
+    lane_width_m: Annotated[float, Field(ge=0.2, le=6)] = REFERENCE_LANE_M  # usual, of the lanes it drives in
+
+    @property
+    def scale(self) -> float:
+        """Its world relative to the reference world of :mod:`trepid.scale`; 1 on lanes of 3.3 m."""
+        return self.lane_width_m / REFERENCE_LANE_M
+
+    @property
+    def in_reference_world(self) -> "Vehicle":
+        """The vehicle enlarged to the reference world; itself at a scale of 1."""
+        return scaled_settings(self, 1 / self.scale)
 
     @model_validator(mode="after")
     def _one_understeer(self) -> Self:

@@ -1,6 +1,7 @@
 """`trepid train`: renders labelled frames, fits the lane network to them, scores it and writes it as ONNX."""
 
 import json
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
+from learning.drawn_frames import UNMARKED_WIDTH_M, WIDTH_M
 from learning.lane.frames import Shot, circuit_frames, random_frames
 from learning.lane.scores import Labelled, Task, calibrate, nonsense_seen, predict, scores
 from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, origin, say, ship
@@ -93,6 +95,7 @@ def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
         parameters=sum(p.numel() for p in network.parameters()),
         camera=canonical,
         lane_lookahead_m=recipe.lane_lookahead_m,
+        lane_width_m=seen_widths_m(recipe.augmentation.height),
         calibration=calibration,
         recipe=recipe.model_dump(),
         training=dict(
@@ -107,6 +110,13 @@ def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
     )
     ship(fresh, record, folder)
     return record
+
+
+def seen_widths_m(height_sigma: float) -> tuple[float, float]:
+    """Widths of the lanes of training, as seen from the canonical height, with the height varied by two sigmas."""
+    spread = math.exp(2 * height_sigma)
+    widths_m = (*WIDTH_M, *UNMARKED_WIDTH_M)
+    return round(min(widths_m) / spread, 2), round(max(widths_m) * spread, 2)
 
 
 def _calibrated(recipe: "Recipe", network: Network, validation: Labelled) -> tuple[Task, Calibration]:

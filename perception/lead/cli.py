@@ -9,7 +9,7 @@ import cv2
 from perception.images.annotate import HIGH, PANEL, WHITE, enlarged, text
 from perception.images.frames import CameraFor, FrameResult, Step, print_json, print_table, results, written
 from perception.lead.detection import Detection
-from perception.lead.finder import LeadFinder, LeadSettings, lead_settings, make_detector
+from perception.lead.finder import LeadSettings, lead_finder, lead_settings
 from trepid.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import LeadVehicle
@@ -48,7 +48,7 @@ def estimate_leads(
 
 def _step(settings: LeadSettings, vehicle: Vehicle, camera: Camera) -> Step[Leads]:
     """A fresh finder; without odometry it measures no speeds."""
-    finder = LeadFinder(make_detector(settings, camera), settings, camera, vehicle)
+    finder = lead_finder(settings, camera, vehicle)
     return lambda frame: Leads(finder.step(frame, None, [], now_s=frame.t_s), finder.detections)
 
 

@@ -13,6 +13,7 @@ from trepid.camera import Camera
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, Settings, load, resource
 from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.scale import scaled_message, scaled_settings
 from trepid.types import OpenShare, Positive
 from trepid.vehicle import Vehicle
 
@@ -131,6 +132,33 @@ class LeadFinder:
         return math.tan(state.road_wheel_angle_rad or 0.0) / self._vehicle.wheelbase_m
 
 
+class SimilarLeadFinder(LeadFinder):
+    """The lead finder in the reference world of :mod:`trepid.scale`, with messages of the car's own world."""
+
+    def __init__(self, detector: Detector, settings: LeadSettings, camera: Camera, vehicle: Vehicle) -> None:
+        """``detector`` and ``camera`` are of the reference world, ``vehicle`` of the car's own."""
+        super().__init__(detector, settings, camera, vehicle.in_reference_world)
+        self._scale = vehicle.scale
+
+    def step(
+        self,
+        frame: Frame,
+        state: VehicleState | None,
+        lanes: Iterable[SteeringEstimate | None],
+        *,
+        now_s: float,
+    ) -> LeadVehicle:
+        """As :meth:`LeadFinder.step`."""
+        enlargement = 1 / self._scale
+        seen = super().step(
+            frame,
+            scaled_message(state, enlargement),
+            [scaled_message(lane, enlargement) for lane in lanes],
+            now_s=now_s,
+        )
+        return scaled_message(seen, self._scale)
+
+
 def usable_lane(
     settings: ChoiceSettings, lanes: Iterable[SteeringEstimate | None], *, t_s: float
 ) -> SteeringEstimate | None:
@@ -208,9 +236,15 @@ def make_detector(settings: LeadSettings, camera: Camera) -> Detector:
     return BoxDetector(resource(settings.detector), settings.boxes, camera)
 
 
+def lead_finder(settings: LeadSettings, camera: Camera, vehicle: Vehicle) -> LeadFinder:
+    """The lead finder for ``camera`` on ``vehicle``, in the scale of its lanes. Raises InputError."""
+    eye = scaled_settings(camera, 1 / vehicle.scale)
+    kind = LeadFinder if vehicle.scale == 1.0 else SimilarLeadFinder
+    return kind(make_detector(settings, eye), settings, eye, vehicle)
+
+
 def build(
     *, camera: Path = CONFIG_DIR / "camera.yaml", vehicle: Path = CONFIG_DIR / "vehicle.yaml"
 ) -> LeadFinder:
     """The lead detector for the camera and vehicle files. Raises InputError."""
-    eye, settings = load(camera, Camera), lead_settings()
-    return LeadFinder(make_detector(settings, eye), settings, eye, load(vehicle, Vehicle))
+    return lead_finder(lead_settings(), load(camera, Camera), load(vehicle, Vehicle))

@@ -9,7 +9,6 @@ from perception.techniques.recipe import Recipe
 
 RESIDUAL_M = 0.15  # scatter of the evidence that halves the score: the width of a line
 ASIDE_M = 0.5  # σ of the distance by which the path leads out of the lane
-AHEAD_M = 8.0  # where that distance is measured, besides the axle
 ONE_SIDE = 0.6  # score of a lane with one boundary
 ON_M, WIDE_M, CLEAR_TO_M = 0.3, 3.0, 20.0  # half width of a boundary; of the search area; its reach
 MURKY, CLEAR = 0.45, 0.85  # shares of the features on the boundaries; white noise reaches 0.2 to 0.3
@@ -25,7 +24,7 @@ def lane_score(boundaries: Boundaries, measured: MeasuredLane, recipe: Recipe) -
         plausible = ONE_SIDE
     else:
         plausible = math.exp(-0.5 * ((measured.width_m - recipe.width_m) / recipe.width_sigma_m) ** 2)
-    farther_m = max(abs(measured.lane.offset_m), abs(measured.lane.y_m(AHEAD_M)))
+    farther_m = max(abs(measured.lane.offset_m), abs(measured.lane.y_m(recipe.inside_m)))
     inside = math.exp(-0.5 * (max(0.0, farther_m - recipe.width_m / 2) / ASIDE_M) ** 2)
     return min(1.0, support) * fits * plausible * inside
 

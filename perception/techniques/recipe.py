@@ -15,7 +15,7 @@ from perception.techniques.stages import KINDS
 from trepid.config import CONFIG_DIR, InputError, Settings, located, parse, read, texts
 from trepid.messages import EstimateKind
 from trepid.spelling import did_you_mean
-from trepid.types import Positive, PositiveShare
+from trepid.types import NonNegative, Positive, PositiveShare
 
 PIPELINES = CONFIG_DIR / "pipelines.yaml"
 ORDER = {name: number for number, name in enumerate(KINDS)} | {"prepare": 0, "warp": 0, "region": 0}
@@ -32,6 +32,7 @@ class Written(Settings):
     trust: PositiveShare = 1.0  # greatest confidence, from the benchmark
     width_m: Positive = 3.4  # of its lanes; between lines 2.7 to 3.75 m
     width_sigma_m: Positive = 0.6
+    inside_m: NonNegative = 8.0  # ahead of the axle; the way straight ahead to there lies in a plausible lane
     stages: Annotated[tuple[str | dict[str, dict[str, Any] | None], ...], Field(min_length=1)]
 
 
@@ -62,6 +63,7 @@ class Recipe:
     trust: float
     width_m: float
     width_sigma_m: float
+    inside_m: float
     stages: tuple[Stage, ...]
 
     @property

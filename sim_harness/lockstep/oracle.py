@@ -22,10 +22,11 @@ class Oracle:
         self._name = name
         self._road = road
         self._wheelbase_m = vehicle.wheelbase_m
+        self._near_m = MIN_LOOKAHEAD_M * vehicle.scale
 
     def step(self, truth: SimTruth) -> SteeringEstimate:
         """The lane at ``truth``, with the curvature of the road at the rear axle and at the look-ahead."""
-        ahead_m = max(MIN_LOOKAHEAD_M, LOOKAHEAD_S * (truth.speed_mps or 0.0))
+        ahead_m = max(self._near_m, LOOKAHEAD_S * (truth.speed_mps or 0.0))
         ahead_1pm = self._road.curvature_at(truth.station_m + ahead_m)
         rate_1pm2 = (ahead_1pm - truth.curvature_1pm) / ahead_m
         lane = Lane(truth.lateral_offset_m, truth.heading_error_rad, truth.curvature_1pm, rate_1pm2)

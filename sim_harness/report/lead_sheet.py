@@ -9,7 +9,7 @@ import typer
 
 from perception.images.frames import FrameResult
 from perception.lead.cli import Leads, drawn
-from perception.lead.finder import LeadFinder, lead_settings, make_detector
+from perception.lead.finder import lead_finder, lead_settings
 from sim_harness.scenarios.traffic import BODIES, Shape
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body
@@ -79,7 +79,7 @@ def _tile(renderer: Renderer, vehicle: Vehicle, gap_m: float, body: Body) -> Ima
         motion=MOTION,
     )
     settings = lead_settings()
-    finder = LeadFinder(make_detector(settings, camera), settings, camera, vehicle)
+    finder = lead_finder(settings, camera, vehicle)
     lead = finder.step(Frame(t_s=0.0, image=image), None, [], now_s=0.0)
     found = FrameResult(Path("sheet"), 0, image, camera, Leads(lead, finder.detections), 0.0)
     return np.asarray(cv2.resize(drawn(found), TILE_PX, interpolation=cv2.INTER_AREA), np.uint8)

@@ -22,7 +22,7 @@ INK, PAPER = (255, 255, 255), (40, 40, 40)
 
 def draw_road(road: Road, camera: Camera, stations_m: list[float], *, seed: int = 0) -> Image:
     """A sheet of frames in the lane centre at ``stations_m``, each above its plan view."""
-    ground = Ground(road, seed=seed)
+    ground = Ground(road.in_reference_world, seed=seed)
     renderer = Renderer(road, camera, seed=seed, ground=ground)
     cells = [_cell(renderer, ground, station_m, min(camera.width_px, MOST_PX)) for station_m in stations_m]
     height, width = cells[0].shape[:2]
@@ -39,11 +39,14 @@ def draw_road(road: Road, camera: Camera, stations_m: list[float], *, seed: int 
 def stations_along(road: Road, count: int) -> list[float]:
     """Stations of ``count`` pictures: shortly before marks and side roads, and in every section."""
     settings = road.settings
-    before = [mark.at_m - 9.0 for mark in settings.marks] + [j.at_m - 13.0 for j in settings.junctions]
-    before += [section.start_m + 10.0 for section in road.sections]
+    scale = settings.scale
+    before = [mark.at_m - 9.0 * scale for mark in settings.marks] + [
+        j.at_m - 13.0 * scale for j in settings.junctions
+    ]
+    before += [section.start_m + 10.0 * scale for section in road.sections]
     places: list[float] = []
     for place in sorted(max(place, 0.0) for place in before):
-        if not places or place > places[-1] + 8.0:
+        if not places or place > places[-1] + 8.0 * scale:
             places.append(place)
     if len(places) < count:
         return [float(place) for place in np.linspace(0.02, 0.9, count) * road.length_m]
@@ -56,8 +59,8 @@ def _cell(renderer: Renderer, ground: Ground, station_m: float, width_px: int) -
     x_m, y_m = road.position(station_m, 0.0)
     frame = renderer.render(x_m, y_m, road.heading_at(station_m), station_m=station_m, t_s=0.0)
     small = cv2.resize(frame, (width_px, round(frame.shape[0] * width_px / frame.shape[1])))
-    cell = np.vstack([small, plan_view(ground, station_m, width_px)])
-    label = f"{road.name} {station_m:.0f} m: {road.section_at(station_m).name}"
+    cell = np.vstack([small, plan_view(ground, station_m / road.settings.scale, width_px)])
+    label = f"{road.name} {station_m:.{1 if road.settings.scale < 1 else 0}f} m: {road.section_at(station_m).name}"
     cell[:LABEL_PX] = PAPER
     cv2.putText(cell, label, (5, LABEL_PX - 5), cv2.FONT_HERSHEY_SIMPLEX, 0.4, INK, 1, cv2.LINE_AA)
     return np.asarray(cell, np.uint8)

@@ -24,7 +24,7 @@ from sim_harness.scenarios.vary import Variation, check_vary
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.road_file import ROAD_SUFFIXES, load_road_settings
-from sim_harness.world.roads.appearance import Section
+from sim_harness.world.roads.appearance import LaneWidth, Section
 from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.features import Junction, RoadMark
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
@@ -42,6 +42,7 @@ from trepid.config import (
     read,
     wrong_at,
 )
+from trepid.scale import PUBLIC_LANE_M, given_fields
 from trepid.spelling import did_you_mean_or_list
 from trepid.types import NonNegative, Positive
 from trepid.vehicle import Vehicle
@@ -141,7 +142,7 @@ class Scenario(Settings):
     segments: tuple[Segment, ...] | None = None  # reference line instead of the road's, as an open road
     marks: tuple[RoadMark, ...] | None = None  # instead of the road's; default with `segments`: none
     junctions: tuple[Junction, ...] | None = None  # as `marks`
-    lane_width_m: Annotated[float, Field(ge=2.0, le=6.0)] | None = None
+    lane_width_m: LaneWidth | None = None
     appearance: Appearance = Field(default_factory=Appearance)
     start: Start = Start()
     duration_s: Annotated[float, Field(ge=0.1, le=86_400)]  # at most; it also ends when the route is driven
@@ -204,7 +205,7 @@ class Scenario(Settings):
         """``settings`` with the changes of this scenario. Raises ValueError for values that exclude each other."""
         changes = {name: value for name, value in self.appearance if value is not None}
         sections = tuple(
-            Section.model_validate({**dict(section), **changes}) for section in settings.sections
+            Section.model_validate({**given_fields(section), **changes}) for section in settings.sections
         )
         update: dict[str, object] = {"sections": sections}
         if self.lane_width_m is not None:
@@ -215,7 +216,7 @@ class Scenario(Settings):
         update |= {
             name: given for name in ("marks", "junctions") if (given := getattr(self, name)) is not None
         }
-        return RoadSettings.model_validate({**dict(settings), **update})
+        return RoadSettings.model_validate({**given_fields(settings), **update})
 
     def check(self) -> None:
         """Raise InputError for an unknown name or for values that exclude each other."""
@@ -248,6 +249,8 @@ class Scenario(Settings):
     def _problem_with_parts(self, road: RoadSettings) -> Problem | None:
         if not self.rules_file.is_file():
             return ("rules",), f"no rule file {self.rules_file}"
+        if self.traffic and (self.lane_width_m or road.lane_width_m) < PUBLIC_LANE_M:
+            return ("traffic",), "other vehicles are those of public roads, and these lanes are of models"
         vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
         try:
             build_plant(self.plant, vehicle)

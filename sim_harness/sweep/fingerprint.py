@@ -66,7 +66,7 @@ def estimator_fingerprint(name: str) -> str:
     recipe = recipes()[name]
     modules = [*PIPELINE, *(stage.entry.__module__ for stage in recipe.stages)]
     settings = [(stage.name, sorted(stage.settings.items())) for stage in recipe.stages]
-    text = repr((recipe.trust, recipe.width_m, recipe.width_sigma_m, settings))
+    text = repr((recipe.trust, recipe.width_m, recipe.width_sigma_m, recipe.inside_m, settings))
     settings_hash = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
     return f"{fingerprint(*import_closure(modules), 'config/vehicle.yaml')}-{settings_hash}"
 

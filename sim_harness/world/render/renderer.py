@@ -25,6 +25,7 @@ from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.road import Road
 from trepid.camera import Camera
+from trepid.scale import scaled_message, scaled_settings
 from trepid.types import Array, Floats, Image
 
 REACH = ((0, 0.9), (0, 1.2), (1, 1.2), (2, 1.2), (3, 1.2), (4, math.inf))
@@ -60,15 +61,19 @@ class Renderer:
         ground: Ground | None = None,
         disturbances: Sequence[Disturbance] = (),
     ) -> None:
-        """``ground``: shared between the cameras of one road; disturbances do not repaint it.
+        """``ground``: shared between the cameras of one road, enlarged to the reference world of
+        :mod:`trepid.scale`; disturbances do not repaint it.
 
         Raises ValueError for a distortion that is not one-to-one, InputError for a bad table of disturbances.
         """
+        self.road, self.camera, self.seed = road, camera, seed
+        self._enlargement = 1 / road.settings.scale  # of the world that is drawn
+        road, camera = road.in_reference_world, scaled_settings(camera, self._enlargement)
+        disturbances = [scaled_settings(d, self._enlargement) for d in disturbances]
         if ground is None and disturbances:
             road = Road(disturbed(road.settings, disturbances))
-        self.road = road
-        self.camera = camera
-        self.seed = seed
+            self.road = road if self._enlargement == 1.0 else self.road
+        self._world = road
         self._lens = Distortion(camera) if any(camera.distortion) else None
         self._eye = self._lens.pinhole if self._lens else camera
         self._ground = ground or Ground(road, seed=seed)
@@ -102,20 +107,26 @@ class Renderer:
         ``vehicles``: poses and bodies of others; ``motion``: of the own vehicle, for motion blur and rolling
         shutter; ``light``: replaces that of the road's section.
         """
+        larger = self._enlargement
+        x_m, y_m, motion = x_m * larger, y_m * larger, scaled_message(motion, larger)
+        station_m = station_m if station_m is None else station_m * larger
         if station_m is None and (light is None or self._disturber):
-            station_m = self.road.local_coordinates(x_m, y_m)[0]
+            station_m = self._world.local_coordinates(x_m, y_m)[0]
         pose = (x_m, y_m, yaw_rad)
         image = self._ground_and_sky(pose)
         self._paint_ahead(x_m, y_m, yaw_rad)
         others = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
+        others = [
+            ((x * larger, y * larger, yaw), scaled_message(body, larger)) for (x, y, yaw), body in others
+        ]
         shot = Shot(
-            road=self.road,
+            road=self._world,
             pose=pose,
             station_m=0.0 if station_m is None else station_m,
             t_s=t_s,
             motion=motion,
             vehicles=_far_first(others, pose),
-            sun_bearing_rad=self.road.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad,
+            sun_bearing_rad=self._world.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad,
             seed=self.seed,
         )
         light = self._light_at(shot.station_m) if light is None else light
@@ -197,7 +208,7 @@ class Renderer:
         return corners.min(axis=1), corners.max(axis=1)
 
     def _light_at(self, station_m: float) -> Light:
-        before, here, share = self.road.transition_at(station_m, LIGHT_RAMP_M)
+        before, here, share = self._world.transition_at(station_m, LIGHT_RAMP_M)
         if share == 1 or before.light == here.light:
             return here.light
         fields = Light.model_fields

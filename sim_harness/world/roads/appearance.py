@@ -45,7 +45,7 @@ class Verge(StrEnum):
 
 
 Width = Annotated[float, Field(ge=0, le=8)]
-LaneWidth = Annotated[float, Field(ge=2.0, le=6.0)]
+LaneWidth = Annotated[float, Field(ge=0.3, le=6.0)]  # below PUBLIC_LANE_M: the road of a model car
 Stretch = tuple[NonNegative, NonNegative]  # from, to [m]: stations along the road
 
 

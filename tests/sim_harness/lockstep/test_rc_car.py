@@ -1,0 +1,116 @@
+"""A car of another scale: the same drive in a smaller world, and refusals where a part does not fit it."""
+
+import os
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import controller.controller
+import perception.estimators
+import supervisor.supervisor
+from sim_harness.lockstep.closed_loop import run
+from sim_harness.scenarios.scenario import Scenario, load_scenario
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.road_file import load_road
+from trepid.camera import Camera
+from trepid.config import CAR, CONFIG_DIR, InputError, load, use_car
+from trepid.messages import Frame, VehicleState
+from trepid.scale import scaled_settings
+from trepid.vehicle import Vehicle
+
+
+@pytest.fixture
+def rc_car() -> Iterator[None]:
+    before = os.environ.get(CAR)
+    use_car(CONFIG_DIR / "cars" / "rc-car")
+    yield
+    os.environ.pop(CAR)
+    if before is not None:
+        os.environ[CAR] = before
+
+
+@pytest.mark.usefixtures("rc_car")
+def test_the_rc_car_drives_the_first_bend_of_its_track_without_departure() -> None:
+    scenario = load_scenario("circuit")
+    result = run(scenario.shortened(14.0), seed=0)
+    assert result.metrics.departures == 0
+    assert result.metrics.distance_m > 3.0
+    assert result.metrics.max_lateral_error_m < 0.05
+    assert result.metrics.max_lateral_accel_mps2 < 3.0
+
+
+@pytest.mark.usefixtures("rc_car")
+def test_the_network_of_public_roads_is_refused_on_narrow_lanes() -> None:
+    with pytest.raises(InputError, match=r"trained on lanes of 2\.39 to 5\.87 m"):
+        perception.estimators.build("cnn")
+
+
+@pytest.mark.usefixtures("rc_car")
+def test_a_scenario_with_the_network_ends_in_one_line_and_exit_code_2(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from trepid.cli import main
+
+    monkeypatch.setattr("sys.argv", ["trepid", "sim", "run", "straight"])
+    assert main() == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.usefixtures("rc_car")
+def test_other_vehicles_are_refused_on_the_track() -> None:
+    with pytest.raises(InputError, match="other vehicles are those of public roads"):
+        load_scenario("circuit", {"traffic": "[{gap_m: 1}]"})
+
+
+def test_equal_images_give_equal_lanes_up_to_the_scale() -> None:
+    """The estimator measures a road of half the size, from half the height, as half the offset."""
+    vehicle, camera = load(CONFIG_DIR / "vehicle.yaml", Vehicle), load(CONFIG_DIR / "camera.yaml", Camera)
+    half = scaled_settings(vehicle, 0.5)
+    entry = perception.estimators.entry_of("cv")
+    large = entry.build(camera, vehicle)
+    small = entry.build(scaled_settings(camera, 0.5), half)
+    road = load_road("straight")
+    renderer = Renderer(road, camera, seed=0)
+    for number in range(5):
+        t_s = 0.04 * number
+        frame = Frame(t_s=t_s, image=renderer.render(10.0 + 8 * t_s, 0.3, 0.0, t_s=t_s))
+        seen = large.step(frame, _state(t_s, 8.0), now_s=t_s)
+        half_seen = small.step(frame, _state(t_s, 4.0), now_s=t_s)
+    assert seen.lateral_offset_m is not None
+    assert half_seen.lateral_offset_m == pytest.approx(seen.lateral_offset_m / 2, rel=1e-6)
+    assert half_seen.road_wheel_angle_rad == pytest.approx(seen.road_wheel_angle_rad, rel=1e-6)
+    assert half_seen.confidence == pytest.approx(seen.confidence, rel=1e-6)
+
+
+def test_a_model_road_is_drawn_as_the_road_that_is_larger_by_its_scale() -> None:
+    """A camera sees the same picture of a track and of the road enlarged from it."""
+    camera = load(CONFIG_DIR / "camera.yaml", Camera)
+    large = load_road("circuit")  # lanes of 3.3 m
+    track = type(large)(scaled_settings(large.settings, 0.25, given_only=True))
+    assert track.settings.scale == pytest.approx(0.25)
+    there = Renderer(large, camera, seed=0).render(10.0, 0.3, 0.0, t_s=0.0, station_m=10.0)
+    here = Renderer(track, scaled_settings(camera, 0.25), seed=0).render(
+        2.5, 0.075, 0.0, t_s=0.0, station_m=2.5
+    )
+    assert np.mean(np.abs(here.astype(int) - there.astype(int))) < 1.0
+
+
+def test_the_default_car_has_the_plain_supervisor_and_controller() -> None:
+    assert type(supervisor.supervisor.build()) is supervisor.supervisor.Supervisor
+    assert type(controller.controller.build()) is controller.controller.Controller
+
+
+@pytest.mark.usefixtures("rc_car")
+def test_the_set_speed_is_in_metres_of_the_car() -> None:
+    scenario = Scenario.model_validate(
+        load_scenario("circuit").model_dump() | {"sight": "truth", "speed_mps": 0.4, "duration_s": 10.0}
+    )
+    result = run(scenario, seed=0)
+    assert 0.35 < float(np.max(result.trace["speed_mps"])) < 0.45
+
+
+def _state(t_s: float, speed_mps: float) -> VehicleState:
+    return VehicleState(
+        t_s=t_s, speed_mps=speed_mps, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+    )
