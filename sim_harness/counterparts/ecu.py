@@ -47,7 +47,7 @@ class Ecu:
         self._reports = signals.settings.reports
         self._senders = [signals.sender(each) for each in self._reports]
         self._next_s = [0.0] * len(self._senders)
-        self._angle_rad = 0.0
+        self._held_rad = 0.0
         self._begun_s: float | None = None
         self.safe = ""
         """Why the ECU is in its safe state; empty while it follows commands."""
@@ -61,25 +61,24 @@ class Ecu:
                     self._quantities |= found
                     self._heard_s[k] = now_s
 
-    def command(self, speed_mps: float, *, now_s: float) -> Command | None:
-        """The command that acts at ``speed_mps``; None until the first engaged command."""
+    def command(self, speed_mps: float, wheel_rad: float, *, now_s: float) -> Command | None:
+        """The command that acts at this speed and wheel angle; None until the first engaged command."""
         fault = self._fault(now_s)
         if self._begun_s is None:
             if fault:
                 return None
             self._begun_s = now_s
         if fault:
+            self._held_rad = self._held_rad if self.safe else wheel_rad
             self.safe = fault
         elif speed_mps <= STANDING_MPS:
             self.safe = ""
         if self.safe:
             decel_mps2 = self._settings.safe_decel_mps2
             return Command(
-                t_s=now_s, road_wheel_angle_rad=self._angle_rad, speed_mps=0.0, accel_mps2=-decel_mps2
+                t_s=now_s, road_wheel_angle_rad=self._held_rad, speed_mps=0.0, accel_mps2=-decel_mps2
             )
-        command = to_command(self._quantities, steering_ratio=self._ratio, t_s=now_s)
-        self._angle_rad = command.road_wheel_angle_rad
-        return command
+        return to_command(self._quantities, steering_ratio=self._ratio, t_s=now_s)
 
     def _fault(self, now_s: float) -> str:
         """Why commands do not count now; empty when they do."""
@@ -126,7 +125,7 @@ def run(me: Process) -> None:
     ecu = Ecu(signals, EcuSettings.model_validate(options), steering_ratio=vehicle.steering_ratio)
     car, wire = CarBehindWire(me), CanWire(settings, ecu.receivers)
     me.ready(values=lambda: tuple((name, str(count)) for name, count in ecu.refused().items()))
-    ticker, speed_mps = Ticker(1 / car.settings.period_s), 0.0
+    ticker, speed_mps, wheel_rad = Ticker(1 / car.settings.period_s), 0.0, 0.0
     try:
         while me.running():
             ticker.sleep()
@@ -134,8 +133,8 @@ def run(me: Process) -> None:
             now_s = me.now_s()
             for address, extended, data in wire.frames():
                 ecu.take(address, extended, data, now_s=now_s)
-            state = car.step(ecu.command(speed_mps, now_s=now_s), now_s=now_s)
-            speed_mps = abs(state.speed_mps or 0.0)
+            state = car.step(ecu.command(speed_mps, wheel_rad, now_s=now_s), now_s=now_s)
+            speed_mps, wheel_rad = abs(state.speed_mps or 0.0), state.road_wheel_angle_rad or 0.0
             for sender, frame in ecu.reports(state, now_s=now_s, step_s=car.settings.period_s):
                 wire.send(sender, frame)
             if ecu.safe:

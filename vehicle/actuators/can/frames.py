@@ -9,6 +9,7 @@ from vehicle.actuators.can.checksums import checksum
 from vehicle.actuators.can.settings import Conversion, Mapped
 
 MOST_LOST = 2  # consecutive messages that may be lost without a wrong counter
+RIGHT_AGAIN = 3  # consecutive right counters after a wrong one before a message counts again
 WORD = 8
 
 
@@ -121,6 +122,7 @@ class Receiver:
         self._conversions = list(conversions)
         self._protection = Protection(mapped, message)
         self._count: int | None = None
+        self._distrusted = 0  # right counters that are still missing after a wrong one
         self.refused: Counts[str] = Counts()
         """Number of refused frames by reason."""
 
@@ -128,7 +130,8 @@ class Receiver:
         """The quantities in ``data`` [SI]; None for a frame that is refused.
 
         The counter must be 1 to 3 ahead of that of the last intact frame: a repeated one is refused, a lost one is
-        not an error. After a wrong counter the next right one counts from there.
+        not an error. After a wrong counter three right ones in a row must come first, so that of two senders with
+        one address neither is heard.
         """
         if len(data) != self._length:
             self.refused["length"] += 1
@@ -139,8 +142,9 @@ class Receiver:
             return None
         if self._protection.counter is not None:
             before, self._count = self._count, int(values[self._protection.counter])
-            ahead = None if before is None else (self._count - before) % self._protection.modulo
-            if ahead is not None and not 1 <= ahead <= 1 + MOST_LOST:
+            ahead = 1 if before is None else (self._count - before) % self._protection.modulo
+            self._distrusted = max(self._distrusted - 1, 0) if 1 <= ahead <= 1 + MOST_LOST else RIGHT_AGAIN
+            if self._distrusted:
                 self.refused["counter"] += 1
                 return None
         found: dict[str, float] = {}

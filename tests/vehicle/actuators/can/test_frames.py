@@ -155,13 +155,24 @@ def test_a_frame_of_another_length_is_refused():
 def test_a_repeated_frame_is_refused_and_lost_ones_are_not():
     sent, receiver = frames(70), MAP.receiver(STEERING)
     assert receiver.quantities(sent[0]) is not None
-    assert receiver.quantities(sent[0]) is None  # repeated
-    assert receiver.quantities(sent[1]) is not None
-    assert receiver.quantities(sent[4]) is not None  # two lost
-    assert receiver.quantities(sent[8]) is None  # three lost
-    assert receiver.quantities(sent[9]) is not None  # right again
-    assert receiver.quantities(sent[8]) is None  # backwards
+    assert receiver.quantities(sent[3]) is not None  # two lost
+    assert receiver.quantities(sent[3]) is None  # repeated
+
+
+@pytest.mark.parametrize("wrong", [10, 14, 7])  # repeated, three lost, backwards
+def test_after_a_wrong_counter_a_message_counts_from_the_third_right_one_on(wrong):
+    sent, receiver = frames(30), MAP.receiver(STEERING)
+    assert receiver.quantities(sent[10]) is not None
+    following = [receiver.quantities(frame) is not None for frame in sent[wrong : wrong + 5]]
+    assert following == [False, False, False, True, True]
     assert receiver.refused == {"counter": 3}
+
+
+def test_of_two_senders_with_one_address_neither_is_heard():
+    one, other, receiver = frames(60), frames(60)[30:], MAP.receiver(STEERING)
+    receiver.quantities(one[0])
+    heard = [receiver.quantities(frame) for pair in zip(one[1:], other, strict=False) for frame in pair]
+    assert sum(each is not None for each in heard) == 1  # the first right one
 
 
 def test_the_counter_passes_its_end():
