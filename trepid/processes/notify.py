@@ -29,7 +29,7 @@ class Notifier:
     def alive(self) -> None:
         """The launcher works; sent twice in the time after which the watchdog of systemd ends the drive."""
         now_s = time.monotonic()
-        if self._period_s is not None and now_s - self._alive_s >= self._period_s / 2:
+        if self._period_s is not None and now_s - self._alive_s >= self._period_s:
             self._alive_s = now_s
             self._send("WATCHDOG=1")
 

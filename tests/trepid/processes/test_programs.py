@@ -1,0 +1,64 @@
+"""Modules of a car, commands and cores: started as the entry says, and gone with the launcher."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from process_rig import alive, until
+
+from trepid.config import CAR, ROOT
+from trepid.processes.launch import Fleet
+from trepid.processes.settings import ProcessSpec
+
+
+def fleet(*specs: ProcessSpec) -> Fleet:
+    return Fleet(specs, vehicle_name="car", endpoint="tcp/127.0.0.1:1", clock_offset_ns=0)
+
+
+def test_a_command_ends_with_the_drive_and_all_that_it_has_started(tmp_path: Path) -> None:
+    inner = tmp_path / "inner"
+    command = ("sh", "-c", f"sleep 1000 & echo $! > {inner}; wait")
+    with fleet(ProcessSpec("horn", command=command, heartbeat=False)) as running:
+        outer = running.children["horn"].popen.pid
+        assert until(lambda: inner.exists() and inner.read_text().strip(), patience_s=20)
+    assert until(lambda: not alive(outer) and not alive(int(inner.read_text())), patience_s=5)
+
+
+def test_a_command_ends_when_its_launcher_is_killed() -> None:
+    program = (
+        "import time\n"
+        "from trepid.processes.launch import Fleet\n"
+        "from trepid.processes.settings import ProcessSpec\n"
+        "spec = ProcessSpec('horn', command=('sleep', '1000'))\n"
+        "with Fleet((spec,), vehicle_name='car', endpoint='', clock_offset_ns=0) as fleet:\n"
+        "    pid = fleet.children['horn'].popen.pid\n"
+        "    while b'sleep' not in open(f'/proc/{pid}/cmdline', 'rb').read().split(b'\\0')[0]:\n"
+        "        time.sleep(0.01)\n"
+        "    print(pid, flush=True)\n"
+        "    time.sleep(60)\n"
+    )
+    launcher = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert launcher.stdout is not None
+    with launcher, launcher.stdout:
+        pid = int(launcher.stdout.readline())
+        assert alive(pid)
+        launcher.kill()
+        assert until(lambda: not alive(pid), patience_s=5)
+
+
+def test_a_module_in_the_folder_of_the_car_runs_on_its_cores_with_its_niceness(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = tmp_path / "said"
+    (tmp_path / "horn.py").write_text(
+        "import os, time\n"
+        "time.sleep(0.3)\n"
+        f"open({str(said)!r}, 'w').write(f'{{os.sched_getaffinity(0)}} {{os.nice(0)}}.')\n"
+    )
+    monkeypatch.setenv(CAR, str(tmp_path))
+    core = min(os.sched_getaffinity(0))
+    with fleet(ProcessSpec("horn", "horn", cores=(core,), nice=7)):
+        assert until(lambda: said.exists() and said.read_text().endswith("."), patience_s=20)
+    assert said.read_text() == f"{{{core}}} 7."

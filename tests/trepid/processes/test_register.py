@@ -1,0 +1,47 @@
+"""The register lists the drives that run, and nothing that a killed launcher left."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from trepid.processes.register import Running, folder, registered, running, ticks
+
+
+@pytest.fixture(autouse=True)
+def _own_register(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+def drive(*, started_ticks: int | None = None) -> Running:
+    started = ticks(os.getpid()) if started_ticks is None else started_ticks
+    assert started is not None
+    return Running(
+        pid=os.getpid(),
+        started_ticks=started,
+        vehicle_name="car",
+        endpoint="tcp/127.0.0.1:1",
+        clock_offset_ns=0,
+        car=None,
+        what="circuit",
+    )
+
+
+def test_a_drive_is_listed_while_it_runs() -> None:
+    with registered(drive()):
+        assert running() == [drive()]
+    assert running() == []
+
+
+def test_a_drive_whose_number_belongs_to_a_later_process_is_not_listed_and_removed() -> None:
+    with registered(drive(started_ticks=1)):
+        assert running() == []
+        assert list(folder().iterdir()) == []
+
+
+def test_a_register_that_cannot_be_written_does_not_keep_a_car_from_driving(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "missing"))
+    with registered(drive()):
+        pass

@@ -1,0 +1,116 @@
+"""The recorder process: a disk that refuses the recording is reported once, and the process lives on."""
+
+import resource
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from process_rig import until
+
+from trepid.bus import free_endpoint, open_bus
+from trepid.clock import epoch_clock, epoch_offset_ns
+from trepid.config import InputError
+from trepid.messages import Diagnostic, Health, VehicleState
+from trepid.processes.launch import Fleet
+from trepid.processes.settings import LAUNCHER, Loss, ProcessSpec
+from trepid.recording.node import free_path
+from trepid.recording.reader import read_recording
+from trepid.recording.writer import BEGAN, Recording, check_free
+from trepid.topics import DIAGNOSTICS, VEHICLE_STATE
+
+
+class Recorded:
+    """A recorder process, and a bus that gives it states of a vehicle."""
+
+    def __init__(self, fleet: Fleet, bus: Any, clock: Callable[[], float]) -> None:
+        self.child = fleet.children["recorder"]
+        self._heard, self._clock = bus.latest(DIAGNOSTICS), clock
+        self._send, self._report = bus.publisher(VEHICLE_STATE), bus.publisher(DIAGNOSTICS)
+
+    def sends_until(self, condition: Callable[[Diagnostic], bool]) -> bool:
+        """Publish states until the newest heartbeat fulfils the condition."""
+
+        def holds() -> bool:
+            state = VehicleState(
+                t_s=self._clock(),
+                speed_mps=self._clock() % 1.0,
+                road_wheel_angle_rad=None,
+                yaw_rate_radps=None,
+                driver_override=False,
+            )
+            self._send(state)
+            began = ((BEGAN, "123000000000"),)
+            self._report(
+                Diagnostic(t_s=self._clock(), process=LAUNCHER, health=Health.OK, message="", values=began)
+            )
+            time.sleep(0.002)
+            beat = self._heard.take()
+            return beat is not None and beat.process == "recorder" and condition(beat)
+
+        return until(holds, patience_s=30)
+
+
+@pytest.fixture
+def recorder() -> Iterator[Callable[[Path], Any]]:
+    offset_ns, endpoint = epoch_offset_ns(), free_endpoint()
+    clock = epoch_clock(offset_ns)
+    with open_bus("car", clock, listen=endpoint) as bus:
+
+        def fleet(path: Path) -> Fleet:
+            spec = ProcessSpec("recorder", "trepid.recording.node", {"record": str(path)}, loss=Loss.NOTHING)
+            return Fleet((spec,), vehicle_name="car", endpoint=endpoint, clock_offset_ns=offset_ns)
+
+        fleet.of = lambda running: Recorded(running, bus, clock)  # type: ignore[attr-defined]
+        yield fleet
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_process(recorder: Any, tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with recorder(path) as running:
+        recorded = recorder.of(running)
+        assert recorded.sends_until(lambda beat: beat.message == "")
+        resource.prlimit(recorded.child.popen.pid, resource.RLIMIT_FSIZE, (16384, 16384))
+        assert recorded.sends_until(lambda beat: "the recording ends here" in beat.message)
+        assert recorded.sends_until(
+            lambda beat: beat.health is Health.ERROR and "File too large" in beat.message
+        )
+        assert recorded.child.alive
+        assert running.collect_exits() == []
+    assert read_recording(path, VEHICLE_STATE.key).of(VEHICLE_STATE)
+
+
+def test_the_recorder_notes_the_start_of_the_drive_that_the_launcher_reports(
+    recorder: Any, tmp_path: Path
+) -> None:
+    path = tmp_path / "drive.mcap"
+    with recorder(path) as running:
+        recorded = recorder.of(running)
+        for _ in range(2):  # the second heartbeat comes after a period of writing
+            assert recorded.sends_until(lambda beat: beat.message == "")
+    found = read_recording(path, VEHICLE_STATE.key)
+    assert found.began_s == 123.0
+    assert found.of(VEHICLE_STATE)
+
+
+def test_nothing_that_exists_is_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    path.write_text("precious")
+    for refused in (check_free, Recording):
+        with pytest.raises(InputError, match=r"drive\.mcap: exists already and is kept; give another name$"):
+            refused(path)
+    assert path.read_text() == "precious"
+
+
+def test_after_a_restart_the_recorder_takes_the_next_name(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    assert free_path(path) == path
+    path.touch()
+    (tmp_path / "drive-2.mcap").touch()
+    assert free_path(path) == tmp_path / "drive-3.mcap"
+
+
+def test_a_recording_without_a_folder_is_refused_before_the_drive(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no such folder; `mkdir -p .*/missing` makes it$"):
+        check_free(tmp_path / "missing" / "drive.mcap")
