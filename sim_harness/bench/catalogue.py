@@ -51,6 +51,7 @@ BENCHMARKS = {
         "fear.supervision", "supervised car and unsupervised drivers on hard drives"
     ),
     "security": Benchmark("security", "foreign, malformed and replayed messages that a drive acts upon"),
+    "security-flood": Benchmark("flood", "a drive under 100 000 messages a second, with and without keys"),
     "follow-detector": Benchmark("follow.detector", "recall and precision of the lead detector"),
     "follow-runs": Benchmark("follow.runs", "1000 cases of following with a modelled detector"),
     "follow-rendered": Benchmark("follow.runs", "40 cases of following with rendered images"),

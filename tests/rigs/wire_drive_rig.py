@@ -42,7 +42,10 @@ class WireDrive:
         return self
 
     def reach(self, speed_mps):
-        """Read the status lines until the car has ``speed_mps``."""
+        """Read the status lines until the car has ``speed_mps``.
+
+        Skips where this machine stalled the processes for so long that the car rightly stops for good.
+        """
         for line in self.popen.stderr:
             found = PLACE.search(line)
             if found and float(found[2]) >= speed_mps:

@@ -16,6 +16,8 @@ OWN: Mapping[str, str] = MappingProxyType(
     {
         "ackermann": "vehicle.actuators.ackermann:AckermannActuator",
         "can": "vehicle.actuators.can.actuator:CanActuator",
+        "pca9685": "vehicle.actuators.rc.actuator:PcaActuator",
+        "serial": "vehicle.actuators.rc.actuator:SerialActuator",
     }
 )
 """Name -> module and class; imported when chosen, because the libraries of a wire are extras."""
@@ -24,7 +26,7 @@ SIMULATOR = "sim_harness.live.vehicle_node"
 FILE = CONFIG_DIR / "actuator.yaml"
 
 
-REMEDY = {"can": "pip install 'trepid[can]'"}
+REMEDY = {"can": "pip install 'trepid[can]'", "serial": "pip install 'trepid[rc]'"}
 
 
 def names() -> list[str]:

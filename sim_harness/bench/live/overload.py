@@ -13,7 +13,7 @@ from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.messages import Frame
 from trepid.processes.launch import Fleet
-from trepid.processes.process import Process, process
+from trepid.processes.process import Process, Ticker, process
 from trepid.processes.settings import ProcessSpec
 from trepid.processes.timing import Timekeeper
 from trepid.topics import CAMERA_IMAGE, DIAGNOSTICS, TIMING
@@ -45,9 +45,11 @@ def overload() -> dict[str, Row]:
             bus.wait(0.05)
             ready.update(beat.process for beat, _ in beats.drain())
         image = np.zeros(SHAPE, np.uint8)
+        ticker = Ticker(1 / period_s)
         for _ in range(round(DRIVE_S / period_s)):
+            ticker.sleep()
+            ticker.due()
             send(Frame(t_s=clock(), image=image))
-            time.sleep(period_s)
         bus.wait(1.5)
         for report, _ in reports.drain():
             rows = zip(report.frame_s, report.began_s, report.sent_s, strict=True)

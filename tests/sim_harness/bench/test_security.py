@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_harness.bench.flood import bench_security_flood
 from sim_harness.bench.security import (
     Attack,
     Drive,
@@ -66,3 +67,11 @@ def test_none_of_ten_thousand_foreign_or_malformed_messages_is_acted_upon(tmp_pa
     assert result["sent"] >= 10_000
     assert result["acted_upon"] == 0
     assert result["comparison"]["no keys at all"]["acted_upon"] > 0
+
+
+@pytest.mark.proof
+def test_under_a_flood_the_car_stays_in_its_lane_and_memory_stays_bounded() -> None:
+    for row in bench_security_flood(0)["flood"].values():
+        assert row["sent_per_s"] > 10_000
+        assert row["departures"] == 0
+        assert row["most_growth_mb"] < 50

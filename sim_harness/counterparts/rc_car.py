@@ -1,0 +1,42 @@
+"""The simulated RC car behind its servo and speed controller: two pulses in, the car's true speed out.
+
+The speed controller drives towards the speed of the pulse, a = (v(pulse) - v)/T, and holds the car with its drag
+brake at neutral. Without pulses, as before a board is set up, both do nothing.
+"""
+
+from sim_harness.counterparts.car import CarBehindWire
+from trepid.messages import Command
+from trepid.processes.process import Process
+from vehicle.actuators.rc.settings import RcSettings
+
+SETTLE_S = 0.25  # T: differs from the model of the actuator, as in a real car
+DRAG_MPS2 = 3.0
+DEAD_US = 5.0  # around neutral
+
+
+class RcCar:
+    """Call ``step`` at the period of the plant."""
+
+    def __init__(self, me: Process, settings: RcSettings) -> None:
+        self._settings = settings
+        self._car = CarBehindWire(me)
+        self.period_s = self._car.settings.period_s
+        self.speed_mps = 0.0
+        self._begun = False
+
+    def step(self, steering_us: float | None, throttle_us: float | None, *, now_s: float) -> None:
+        """One period with these pulses; None: no pulse. The run begins with the first pulse that drives."""
+        throttle = self._settings.throttle
+        pulse_us = throttle.neutral_us if throttle_us is None else throttle_us
+        angle_rad = 0.0 if steering_us is None else self._settings.steering.angle_rad(steering_us)
+        driven = abs(pulse_us - throttle.neutral_us) > DEAD_US
+        goal_mps = throttle.speed_mps(pulse_us) if driven else 0.0
+        self._begun = self._begun or goal_mps > 0.0
+        accel_mps2 = max(
+            -DRAG_MPS2, min(self._car.vehicle.max_accel_mps2, (goal_mps - self.speed_mps) / SETTLE_S)
+        )
+        command = Command(
+            t_s=now_s, road_wheel_angle_rad=angle_rad, speed_mps=goal_mps, accel_mps2=accel_mps2
+        )
+        state = self._car.step(command if self._begun else None, now_s=now_s)
+        self.speed_mps = state.speed_mps or 0.0

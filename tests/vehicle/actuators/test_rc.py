@@ -1,0 +1,220 @@
+"""The actuators of RC cars against counterparts that speak the wire."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from process_rig import until
+from rc_rig import (
+    STEERING,
+    STEERING_CHANNEL,
+    THROTTLE,
+    THROTTLE_CHANNEL,
+    BoardOnPty,
+    Time,
+    board,
+    car,
+    chip_on,
+    command,
+    pca,
+)
+
+from trepid.config import ROOT, InputError
+from vehicle.actuators.rc.actuator import BRAKE_FROM_MPS2, PcaActuator, SerialActuator
+from vehicle.actuators.rc.motion import LEAD_MPS, Motion
+
+COUNT_US = 1e6 / 60 / 4096
+CRASHING = """
+import json, os, signal, sys, time
+from rc_rig import Time, car, command, pca
+from vehicle.actuators.rc.actuator import PcaActuator
+clock = Time()
+actuator = PcaActuator(pca(sys.argv[1]), car(clock))
+for _ in range(100):
+    clock.now_s += 0.01
+    actuator.write(command(0.1, 1.0), now_s=clock.now_s)
+print("driving", flush=True)
+os.kill(os.getpid(), getattr(signal, sys.argv[2]))
+time.sleep(60)
+"""
+
+
+def drive(actuator, clock: Time, accel_mps2: float, seconds: float, angle_rad: float = 0.0) -> None:
+    for _ in range(round(seconds / 0.01)):
+        clock.now_s += 0.01
+        actuator.read(now_s=clock.now_s)
+        actuator.write(command(angle_rad, accel_mps2), now_s=clock.now_s)
+
+
+def test_a_command_becomes_two_pulses_of_the_calibration(tmp_path) -> None:
+    clock = Time()
+    with chip_on(tmp_path / "i2c") as chip:
+        actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
+        assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
+        assert chip.frequency_hz == pytest.approx(60.0, rel=0.01)
+        drive(actuator, clock, 1.0, 1.01, angle_rad=STEERING["left_rad"])
+        assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(STEERING["left_us"], abs=COUNT_US)
+        assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(1570.0, abs=COUNT_US)
+        actuator.close()
+        assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
+        assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(STEERING["centre_us"], abs=COUNT_US)
+
+
+def test_the_state_says_only_what_is_known(tmp_path) -> None:
+    clock = Time()
+    with chip_on(tmp_path / "i2c"):
+        actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
+        drive(actuator, clock, 1.0, 4.0, angle_rad=2.0)
+        state = actuator.read(now_s=clock.now_s)
+        assert state.speed_mps == pytest.approx(3.0, abs=0.35)  # the end of the table, less its lag
+        assert state.road_wheel_angle_rad == STEERING["left_rad"]
+        assert state.yaw_rate_radps is None
+        actuator.close()
+
+
+def test_an_unknown_speed_does_not_drive(tmp_path) -> None:
+    with pytest.raises(InputError, match=r"speed: none: .*modelled"):
+        PcaActuator(pca(tmp_path / "i2c", speed="none"), car(Time()))
+
+
+def test_an_absent_chip_is_one_line_with_the_remedy(tmp_path) -> None:
+    with pytest.raises(InputError, match=r"i2c, address 0x40: cannot be opened: No such file.*i2cdetect"):
+        PcaActuator(pca(tmp_path / "i2c"), car(Time()))
+    with (
+        chip_on(tmp_path / "i2c", address=0x41),
+        pytest.raises(InputError, match="Remote I/O error"),
+    ):
+        PcaActuator(pca(tmp_path / "i2c"), car(Time()))
+
+
+def test_a_chip_that_lost_its_power_is_reported_once_and_set_up_again(tmp_path) -> None:
+    clock = Time()
+    with chip_on(tmp_path / "i2c") as chip:
+        actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
+        chip.power_on()
+        assert chip.pulse_us(THROTTLE_CHANNEL) is None
+        with pytest.raises(OSError, match="look at its power"):
+            drive(actuator, clock, -1.0, 1.0)
+        drive(actuator, clock, -1.0, 1.0)
+        assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
+        actuator.close()
+
+
+@pytest.mark.parametrize("how", ["SIGKILL", "SIGSTOP"])
+def test_the_guard_stops_a_car_whose_actuator_process_is_killed_or_frozen(tmp_path, how) -> None:
+    with chip_on(tmp_path / "i2c") as chip:
+        path = os.pathsep.join([str(ROOT), str(Path(__file__).parents[2] / "rigs")])
+        process = subprocess.Popen(
+            [sys.executable, "-c", CRASHING, str(tmp_path / "i2c"), how],
+            stdout=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": path},
+        )
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == b"driving\n"
+            assert until(
+                lambda: (
+                    chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
+                ),
+                patience_s=20,
+            )
+            assert chip.pulse_us(STEERING_CHANNEL) > STEERING["centre_us"] + 50  # the bend is held
+        finally:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+
+
+def test_a_guard_that_ended_is_a_failure_of_the_wire(tmp_path) -> None:
+    clock = Time()
+    with chip_on(tmp_path / "i2c"):
+        actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
+        os.kill(actuator._board._guard.pid, signal.SIGKILL)
+        with pytest.raises(OSError, match="guard"):
+            for _ in range(1000):
+                drive(actuator, clock, 0.0, 0.1)
+        with pytest.raises(OSError, match="guard"):
+            actuator.close()
+
+
+@pytest.fixture
+def there(tmp_path) -> BoardOnPty:
+    return BoardOnPty(tmp_path / "tty", "ascii")
+
+
+def test_a_board_with_a_sensor_reports_the_measured_speed_until_it_is_old(there, tmp_path) -> None:
+    clock = Time()
+    actuator = SerialActuator(board(tmp_path / "tty"), car(clock))
+    assert actuator.read(now_s=clock.now_s).speed_mps is None
+    there.port.write(b"V1250\nV12")
+    assert until(lambda: actuator.read(now_s=clock.now_s).speed_mps == 1.25, patience_s=5)
+    assert actuator.read(now_s=clock.now_s + 0.19).speed_mps == 1.25
+    assert actuator.read(now_s=clock.now_s + 0.21).speed_mps is None
+
+
+def test_without_a_measured_speed_a_board_with_a_sensor_is_not_driven(there, tmp_path) -> None:
+    clock = Time()
+    actuator = SerialActuator(board(tmp_path / "tty"), car(clock))
+    drive(actuator, clock, 2.0, 1.0)
+    assert until(lambda: there.turn(clock.now_s) or there.board.pulses_us, patience_s=5)
+    assert there.board.pulses_us[THROTTLE_CHANNEL] == THROTTLE["neutral_us"]
+
+
+@pytest.mark.parametrize("protocol", ["ascii", "maestro"])
+def test_both_protocols_carry_the_pulses(tmp_path, protocol) -> None:
+    clock, there = Time(), BoardOnPty(tmp_path / "tty", protocol)
+    actuator = SerialActuator(board(tmp_path / "tty", protocol=protocol, speed="modelled"), car(clock))
+    for _ in range(150):
+        drive(actuator, clock, 1.0, 0.01, angle_rad=-STEERING["right_rad"])
+        there.turn(clock.now_s)
+    sent = there.board.pulses_us
+    assert until(
+        lambda: there.turn(clock.now_s) or sent[STEERING_CHANNEL] == STEERING["right_us"], patience_s=5
+    )
+    assert sent[THROTTLE_CHANNEL] == pytest.approx(1590.0, abs=2.0)
+    assert there.board.errors == 0
+
+
+def test_a_maestro_that_does_not_answer_is_a_failure_of_the_wire(tmp_path) -> None:
+    clock, _ = Time(), BoardOnPty(tmp_path / "tty", "maestro")
+    actuator = SerialActuator(board(tmp_path / "tty", protocol="maestro", speed="modelled"), car(clock))
+    with pytest.raises(OSError, match="does not answer"):
+        drive(actuator, clock, 1.0, 2.0)
+
+
+def test_the_board_stops_the_car_when_the_wire_is_silent(there) -> None:
+    there.board.feed(b"S0 1600\n", now_s=1.0)
+    there.board.watch(now_s=1.2)
+    assert there.board.pulses_us[THROTTLE_CHANNEL] == 1600.0
+    there.board.watch(now_s=1.3)
+    assert there.board.pulses_us[THROTTLE_CHANNEL] == THROTTLE["neutral_us"]
+
+
+def test_a_board_that_returns_is_driven_again_without_a_restart(tmp_path) -> None:
+    clock, first = Time(), BoardOnPty(tmp_path / "tty", "ascii")
+    actuator = SerialActuator(board(tmp_path / "tty"), car(clock))
+    first.port.close()
+    with pytest.raises(OSError):
+        drive(actuator, clock, 0.0, 1.0)
+    second = BoardOnPty(tmp_path / "tty", "ascii")
+    clock.now_s += 1.0
+    actuator.write(command(0.0, 0.0), now_s=clock.now_s)
+    assert until(lambda: second.turn(clock.now_s) or second.board.pulses_us, patience_s=5)
+
+
+def test_the_demand_stays_near_the_measured_speed() -> None:
+    motion = Motion(0.3)
+    for tick in range(1000):
+        motion.step(1.0, 3.0, 0.4, now_s=0.01 * tick)
+    assert motion.demand_mps == pytest.approx(0.4 + LEAD_MPS)
+
+
+def test_a_brake_ends_in_standstill_and_not_in_reverse() -> None:
+    motion = Motion(0.3)
+    for tick in range(100):
+        motion.step(2.0, 3.0, None, now_s=0.01 * tick)
+    for tick in range(100, 900):
+        motion.step(-BRAKE_FROM_MPS2, 3.0, None, now_s=0.01 * tick)
+    assert (motion.demand_mps, motion.modelled_mps) == (0.0, 0.0)

@@ -1,0 +1,260 @@
+"""The actuators ``pca9685`` and ``serial``: a command as two pulses; a state without what the car does not measure.
+
+The road-wheel angle is that of the last pulse: no RC servo reports its own. Yaw rate and driver override are not
+known. The calibration is read again when ``actuator.yaml`` changes, so that `trepid calibrate steering` acts on a
+running drive; a file with a fault leaves the calibration as it is.
+"""
+
+import errno
+import os
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import ClassVar, Protocol
+
+from trepid.config import InputError, car_folder
+from trepid.messages import Command, VehicleState
+from vehicle.actuators.actuator import Car
+from vehicle.actuators.rc.guard import Guard
+from vehicle.actuators.rc.i2c import open_i2c
+from vehicle.actuators.rc.motion import Motion
+from vehicle.actuators.rc.pca9685 import Pca9685
+from vehicle.actuators.rc.serial_board import SerialBoard
+from vehicle.actuators.rc.settings import PcaSettings, RcSettings, SerialSettings, SpeedSource
+from vehicle.actuators.table import FILE, configured
+
+CHECK_EVERY = 50  # writes, half a second: settings file, and whether the PCA9685 has lost its power
+BRAKE_FROM_MPS2 = 1.5  # a harder brake than that of a neutral throttle
+RETRY_S = 0.1  # between attempts to open a board
+BRAKE_ABOVE_MPS = 0.2  # below it the brake pulse may start the reverse
+
+
+class Board(Protocol):
+    """What takes pulses. All methods raise OSError."""
+
+    def write(self, pulses_us: Mapping[int, float], *, now_s: float) -> None:
+        """Set the pulse [µs] of each channel."""
+        ...
+
+    def speed_mps(self, *, now_s: float) -> tuple[float, float] | None:
+        """Measured speed [m/s] and its time; None without one."""
+        ...
+
+    def values(self) -> tuple[tuple[str, str], ...]:
+        """Values for the heartbeat."""
+        ...
+
+    def close(self) -> None:
+        """Release the board."""
+        ...
+
+
+class Calibration:
+    """The pulses of the settings file, read again when it changes."""
+
+    def __init__(self, name: str, settings: RcSettings) -> None:
+        self._name = name
+        self.steering, self.throttle = settings.steering, settings.throttle
+        self.refused = ""
+        """The fault of the newest file; "" without one."""
+        self._changed_ns = _changed_ns()
+
+    def refresh(self) -> None:
+        """Take the pulses of a changed file over."""
+        changed_ns = _changed_ns()
+        if changed_ns == self._changed_ns:
+            return
+        self._changed_ns = changed_ns
+        try:
+            name, settings = configured()
+        except InputError as error:
+            self.refused = str(error)
+            return
+        if name != self._name or not isinstance(settings, RcSettings):
+            self.refused = f"actuator.yaml names {name!r} now"
+        elif (settings.steering.channel, settings.throttle.channel) != (
+            self.steering.channel,
+            self.throttle.channel,
+        ):
+            self.refused = "other channels count from the next start on"
+        else:
+            self.steering, self.throttle, self.refused = settings.steering, settings.throttle, ""
+
+
+def _changed_ns() -> tuple[int, ...]:
+    car = car_folder()
+    paths: list[Path] = [FILE, *([car / FILE.name] if car is not None else [])]
+    return tuple(path.stat().st_mtime_ns for path in paths if path.exists())
+
+
+class RcActuator:
+    """A board, its calibration, and the speed that the car has or should have."""
+
+    def __init__(self, name: str, settings: RcSettings, board: Board, *, now_s: float) -> None:
+        """Set both channels to neutral, as speed controllers want at their start. Raises OSError."""
+        self._source = settings.speed
+        self._calibration = Calibration(name, settings)
+        self._motion = Motion(settings.speed_lag_s)
+        self._board = board
+        self._angle_rad = 0.0
+        self._writes = 0
+        self._measured: tuple[float, float] | None = None
+        board.write(self._neutral_us(), now_s=now_s)
+
+    def read(self, *, now_s: float) -> VehicleState:
+        """Speed as measured or as modelled, the angle of the last pulse; an unknown speed is None."""
+        self._measured = self._board.speed_mps(now_s=now_s)
+        speed_mps, t_s = None, now_s
+        if self._source is SpeedSource.MODELLED:
+            speed_mps = self._motion.modelled_mps
+        elif self._measured is not None:
+            speed_mps, t_s = self._measured
+        return VehicleState(
+            t_s=t_s,
+            speed_mps=speed_mps,
+            road_wheel_angle_rad=self._angle_rad,
+            yaw_rate_radps=None,
+            driver_override=False,
+        )
+
+    def write(self, command: Command, *, now_s: float) -> None:
+        """Set the pulses for ``command``: its angle, and the speed that its acceleration leads to."""
+        self._writes += 1
+        if self._writes % CHECK_EVERY == 0:
+            self._calibration.refresh()
+        steering, throttle = self._calibration.steering, self._calibration.throttle
+        measured_mps = None if self._measured is None else self._measured[0]
+        if self._source is SpeedSource.SENSOR and measured_mps is None:
+            accel_mps2 = min(command.accel_mps2, -BRAKE_FROM_MPS2)  # no drive without a speed
+        else:
+            accel_mps2 = command.accel_mps2
+        goal_mps = self._motion.step(accel_mps2, throttle.most_mps, measured_mps, now_s=now_s)
+        throttle_us = throttle.pulse_us(goal_mps)
+        hard = command.accel_mps2 <= -BRAKE_FROM_MPS2 and (measured_mps or 0.0) > BRAKE_ABOVE_MPS
+        if throttle.brake_us is not None and hard:
+            throttle_us = throttle.brake_us
+        self._angle_rad = steering.reached_rad(command.road_wheel_angle_rad)
+        self._board.write(
+            {steering.channel: steering.pulse_us(self._angle_rad), throttle.channel: throttle_us}, now_s=now_s
+        )
+
+    def values(self) -> tuple[tuple[str, str], ...]:
+        """Speed source, values of the board, and the fault of a refused calibration."""
+        refused = (("calibration", self._calibration.refused),) if self._calibration.refused else ()
+        return (("speed_source", str(self._source)), *refused, *self._board.values())
+
+    def close(self) -> None:
+        """Throttle neutral, wheels straight; release the board."""
+        try:
+            self._board.write(self._neutral_us(), now_s=0.0)
+        finally:
+            self._board.close()
+
+    def _neutral_us(self) -> Mapping[int, float]:
+        steering, throttle = self._calibration.steering, self._calibration.throttle
+        return {steering.channel: steering.centre_us, throttle.channel: throttle.neutral_us}
+
+
+class PcaBoard:
+    """A PCA9685, which goes on with its last pulses when nothing comes: a guard watches this process."""
+
+    def __init__(self, settings: PcaSettings, *, guarded: bool = True) -> None:
+        device = open_i2c(settings.bus, settings.address, alone=True)
+        self._chip = Pca9685(device, frequency_hz=settings.frequency_hz, oscillator_hz=settings.oscillator_hz)
+        self._writes = self._resets = 0
+        self._guard: Guard | None = None
+        try:
+            self._chip.set_up(
+                {
+                    settings.steering.channel: settings.steering.centre_us,
+                    settings.throttle.channel: settings.throttle.neutral_us,
+                }
+            )
+            self._guard = Guard(settings) if guarded else None
+        except OSError:
+            self._chip.close()
+            raise
+
+    def write(self, pulses_us: Mapping[int, float], *, now_s: float) -> None:
+        """Set the pulses. Raises OSError, once, when the chip had lost its power; it is then set up again."""
+        self._writes += 1
+        if self._writes % CHECK_EVERY == 0 and not self._chip.is_set_up():
+            self._resets += 1
+            self._chip.set_up(pulses_us)
+            raise OSError(errno.EIO, "the PCA9685 had lost its settings: look at its power")
+        self._chip.write(pulses_us)
+        if self._guard is not None:
+            self._guard.alive()
+
+    def speed_mps(self, *, now_s: float) -> None:
+        """None: the chip measures nothing."""
+        return
+
+    def values(self) -> tuple[tuple[str, str], ...]:
+        """Number of losses of power."""
+        return (("resets", str(self._resets)),)
+
+    def close(self) -> None:
+        """End the guard, release the bus."""
+        if self._guard is not None:
+            self._guard.close()
+        self._chip.close()
+
+
+def open_board(settings: RcSettings, *, guarded: bool = True) -> Board:
+    """The board of ``settings``, which may appear within ``wait_s``. Raises InputError with the remedy."""
+    deadline_s = time.monotonic() + settings.wait_s
+    while True:
+        try:
+            if isinstance(settings, PcaSettings):
+                return PcaBoard(settings, guarded=guarded)
+            assert isinstance(settings, SerialSettings)
+            return SerialBoard(settings)
+        except ImportError as error:
+            raise InputError(f"serial: needs the package {error.name}: pip install 'trepid[rc]'") from error
+        except OSError as error:
+            if time.monotonic() >= deadline_s:
+                raise InputError(_unopened(settings, error)) from error
+            time.sleep(RETRY_S)
+
+
+def _unopened(settings: RcSettings, error: OSError) -> str:
+    what = " ".join((os.strerror(error.errno) if error.errno else str(error)).split())
+    if isinstance(settings, PcaSettings):
+        where = f"pca9685: {settings.bus}, address 0x{settings.address:02x}"
+        remedy = "`i2cdetect -y N` lists the devices; your user must be in the group `i2c`"
+    else:
+        assert isinstance(settings, SerialSettings)
+        where = f"serial: {settings.port}"
+        remedy = "`ls /dev/serial/by-id` lists the boards; your user must be in the group `dialout`"
+    return f"{where}: cannot be opened: {what}; {remedy}"
+
+
+class PcaActuator(RcActuator):
+    """A PCA9685 on an I2C bus."""
+
+    Settings: ClassVar[type[PcaSettings]] = PcaSettings
+
+    def __init__(self, settings: PcaSettings, car: Car) -> None:
+        """Raises InputError when the chip does not answer or the speed has no source."""
+        _require_speed("pca9685", settings)
+        super().__init__("pca9685", settings, open_board(settings), now_s=car.now_s())
+
+
+class SerialActuator(RcActuator):
+    """A servo board on a serial port."""
+
+    Settings: ClassVar[type[SerialSettings]] = SerialSettings
+
+    def __init__(self, settings: SerialSettings, car: Car) -> None:
+        """Raises InputError when the port cannot be opened or the speed has no source."""
+        _require_speed("serial", settings)
+        super().__init__("serial", settings, open_board(settings), now_s=car.now_s())
+
+
+def _require_speed(name: str, settings: RcSettings) -> None:
+    if settings.speed is SpeedSource.NONE:
+        raise InputError(
+            f"actuator.yaml: {name}.speed: none: the limiter drives no car of unknown speed; choose `modelled` "
+            "(the throttle table) or `sensor`: docs/actuators.md"
+        )

@@ -1,0 +1,89 @@
+"""Writing a calibration into the ``actuator.yaml`` of a car: comments are kept, a wrong value is refused before."""
+
+import os
+from collections.abc import Mapping
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from pydantic import ConfigDict, create_model
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import YAMLError
+
+from trepid.config import CONFIG_DIR, InputError, load, parse, put, read, read_text
+from trepid.config import Settings as BaseSettings
+from vehicle.actuators.rc.settings import PcaSettings, RcSettings, SerialSettings
+
+BOARDS: Mapping[str, type[RcSettings]] = {"pca9685": PcaSettings, "serial": SerialSettings}
+FILE = CONFIG_DIR / "actuator.yaml"
+HEADER = "# Overrides config/actuator.yaml field by field; written by `trepid calibrate steering`.\n"
+
+
+class _Chosen(BaseSettings):
+    """The name of the actuator; the blocks of others are of no interest."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    actuator: str
+
+
+def chosen() -> str:
+    """The board that ``actuator.yaml`` names. Raises InputError when it names no board."""
+    name = load(FILE, _Chosen).actuator
+    if name not in BOARDS:
+        raise InputError(
+            f"actuator.yaml names {name!r}; give --board pca9685 or --board serial, or choose one in the file"
+        )
+    return name
+
+
+def settings_of(board: str, changes: Mapping[str, Any] | None = None) -> RcSettings:
+    """The settings of ``board`` with ``changes``, dotted names below its block. Raises InputError."""
+    data = read(FILE)
+    for name, value in (changes or {}).items():
+        put(data, f"{board}.{name}", value)
+    block: dict[str, Any] = {board: (BOARDS[board], ...)}
+    model = create_model("ActuatorFile", __config__=ConfigDict(extra="ignore"), **block)
+    found: RcSettings = getattr(parse(data, model, source=FILE), board)
+    return found
+
+
+def write(car: Path, board: str, changes: Mapping[str, Any]) -> Path:
+    """Write ``changes`` into the block ``board`` of the car's file; all else in it stays. Returns its path.
+
+    The file is replaced at once, so that a running drive never reads half of it. Raises InputError.
+    """
+    settings_of(board, changes)
+    path = car / FILE.name
+    yaml = YAML(typ="rt")
+    yaml.preserve_quotes = True
+    yaml.width = 120
+    text = read_text(path) if path.exists() else HEADER
+    try:
+        data = yaml.load(text)
+    except YAMLError as error:
+        raise InputError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+    if data is None:
+        data = CommentedMap()
+    for name, value in changes.items():
+        put(data, f"{board}.{name}", _flow(value))
+    out = StringIO() if path.exists() else StringIO(HEADER)
+    out.seek(0, os.SEEK_END)
+    yaml.dump(data, out)
+    new = path.with_suffix(".yaml.new")
+    try:
+        new.write_text(out.getvalue(), encoding="utf-8")
+        new.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    return path
+
+
+def _flow(value: Any) -> Any:
+    """Lists of pairs on one line."""
+    if not isinstance(value, list | tuple):
+        return value
+    seq = CommentedSeq([_flow(item) for item in value])
+    seq.fa.set_flow_style()
+    return seq

@@ -1,0 +1,205 @@
+"""The verb `trepid calibrate`: pulses of an RC car, live or from values."""
+
+import json
+import math
+import os
+import select
+import sys
+import termios
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from trepid.commands.car_option import Car
+from trepid.config import InputError, car_folder
+from vehicle.actuators.rc import calibration_file
+from vehicle.actuators.rc.actuator import Board, open_board
+from vehicle.actuators.rc.session import HELP, Session
+from vehicle.actuators.rc.settings import RcSettings
+
+app = typer.Typer()
+PERIOD_S = 0.02
+STEP_US = 10.0  # in a period: the servo turns slowly
+
+
+@app.callback()
+def calibrate() -> None:
+    """Calibrate the pulses of an RC car."""
+
+
+@app.command()
+def steering(
+    car: Car = None,
+    board: Annotated[str | None, typer.Option(help="pca9685 or serial; default: that of the car.")] = None,
+    centre: Annotated[float | None, typer.Option(metavar="US", help="Pulse of straight wheels [µs].")] = None,
+    left: Annotated[float | None, typer.Option(metavar="US", help="Pulse of the left end [µs].")] = None,
+    right: Annotated[float | None, typer.Option(metavar="US", help="Pulse of the right end [µs].")] = None,
+    left_deg: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Road-wheel angle at the left end [deg].")
+    ] = None,
+    right_deg: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Road-wheel angle at the right end [deg].")
+    ] = None,
+    neutral: Annotated[float | None, typer.Option(metavar="US", help="Pulse without drive [µs].")] = None,
+    speed: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MPS=US", help="Measured speed [m/s] at a throttle pulse [µs]; repeat it."),
+    ] = None,
+    file_only: Annotated[
+        bool, typer.Option("--file-only", help="Write the values without moving anything.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
+) -> None:
+    """Find centre and ends of the steering and the speed per throttle, and write them to the car's actuator.yaml.
+
+    Without values it reads keys from the terminal and moves the servo live, in small steps within the hard ends.
+    With values it moves the steering to each, back to the centre, and writes. A running drive takes the new
+    calibration over within a second; it owns the board, so use --file-only then.
+    """
+    folder = car_folder()
+    if folder is None:
+        raise InputError("give the folder of the car: --car DIR; `trepid init` makes one")
+    name = board or calibration_file.chosen()
+    if name not in calibration_file.BOARDS:
+        raise InputError(f"--board {name}: expected pca9685 or serial")
+    changes = _given(
+        {
+            "steering.centre_us": centre,
+            "steering.left_us": left,
+            "steering.right_us": right,
+            "steering.left_rad": None if left_deg is None else round(math.radians(left_deg), 4),
+            "steering.right_rad": None if right_deg is None else round(math.radians(right_deg), 4),
+            "throttle.neutral_us": neutral,
+            "throttle.speeds": _speeds(speed or []) or None,
+        }
+    )
+    settings = calibration_file.settings_of(name, changes)
+    if not changes and file_only:
+        raise InputError("--file-only needs values, such as --centre 1490")
+    if not changes:
+        changes = _by_keys(folder, name, settings)
+    elif not file_only:
+        _show(settings, [changes[key] for key in changes if key.startswith("steering.") and "_us" in key])
+    if changes:
+        path = calibration_file.write(folder, name, changes)
+        print(json.dumps({"file": str(path), "board": name, **changes}) if as_json else f"{path}: written")
+    elif as_json:
+        print(json.dumps({"file": None, "board": name}))
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _speeds(texts: list[str]) -> list[list[float]]:
+    """The pairs of ``--speed``. Raises InputError."""
+    pairs = []
+    for text in texts:
+        speed, _, pulse = text.partition("=")
+        try:
+            pairs.append([float(speed), float(pulse)])
+        except ValueError as error:
+            raise InputError(f"--speed {text}: expected MPS=US, such as 1.0=1570") from error
+    return sorted(pairs)
+
+
+@contextmanager
+def _opened(settings: RcSettings) -> Iterator[Board]:
+    """The board; at the end the throttle is neutral and the wheels are straight."""
+    board = open_board(settings)
+    try:
+        yield board
+    finally:
+        with suppress(OSError):  # a board that is gone: the fault was reported, or is about to be
+            board.write(_rest_us(settings), now_s=time.monotonic())
+        board.close()
+
+
+def _rest_us(settings: RcSettings) -> dict[int, float]:
+    return {
+        settings.steering.channel: settings.steering.centre_us,
+        settings.throttle.channel: settings.throttle.neutral_us,
+    }
+
+
+def _show(settings: RcSettings, pulses_us: list[float]) -> None:
+    """Move the steering in small steps to each pulse and back to the centre."""
+    try:
+        with _opened(settings) as board:
+            at_us = settings.steering.centre_us
+            for goal_us in [*pulses_us, settings.steering.centre_us]:
+                while at_us != goal_us:
+                    at_us += max(-STEP_US, min(STEP_US, goal_us - at_us))
+                    board.write(
+                        _rest_us(settings) | {settings.steering.channel: at_us}, now_s=time.monotonic()
+                    )
+                    time.sleep(PERIOD_S)
+    except OSError as error:
+        raise InputError(f"the board refused a pulse, nothing was written: {error}") from error
+
+
+def _by_keys(folder: Path, name: str, settings: RcSettings) -> dict[str, Any]:
+    """Read keys until the end; the values that are not written yet, none after `q`."""
+    if not sys.stdin.isatty():
+        raise InputError("no terminal to read keys from: give values, such as --centre 1490")
+    session = Session(settings)
+    print(HELP, file=sys.stderr)
+    try:
+        with _keys() as keys, _opened(settings) as board:
+            while True:
+                now_s = time.monotonic()
+                key = keys()
+                if key:
+                    pressed = session.press(key, now_s=now_s)
+                    if pressed.ends:
+                        return {}
+                    if pressed.asks_speed:
+                        pulse_us = session.throttle_us
+                        pressed = session.speed(_asked_speed(), pulse_us=pulse_us)
+                    if pressed.writes:
+                        return session.changes
+                    print(f"\r\x1b[K{pressed.said}", end="", file=sys.stderr, flush=True)
+                board.write(session.pulses(now_s=time.monotonic()), now_s=now_s)
+                time.sleep(PERIOD_S)
+    except OSError as error:
+        raise InputError(f"the board refused a pulse, nothing was written: {error}") from error
+    finally:
+        print(file=sys.stderr)
+
+
+def _asked_speed() -> float:
+    """A number that is typed, ended by the return key."""
+    text = ""
+    while not text.endswith(("\r", "\n")):
+        text += os.read(sys.stdin.fileno(), 1).decode(errors="replace")
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InputError(f"speed {text.strip()!r}: expected a number in m/s") from error
+
+
+@contextmanager
+def _keys() -> Iterator[Any]:
+    """A function that returns the pressed key, or "" without one."""
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    tty.setcbreak(terminal)
+    try:
+
+        def pressed() -> str:
+            ready, _, _ = select.select([terminal], [], [], 0.0)
+            if not ready:
+                return ""
+            first = os.read(terminal, 1)
+            if first == b"\x1b":
+                first += os.read(terminal, 2)
+            return first.decode(errors="replace")
+
+        yield pressed
+    finally:
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)

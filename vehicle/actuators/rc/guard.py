@@ -1,0 +1,99 @@
+"""Guard of a board without a watchdog: a process that sets the throttle to neutral when its parent falls silent.
+
+The parent writes a byte with every command. No byte for ``silence_s`` (the parent is frozen or starved) or a closed
+pipe (it has ended) sets neutral; the guard ends with the pipe, or after ``LAST`` at an orderly end. It cannot help
+when the whole computer stops.
+"""
+
+import errno
+import json
+import os
+import select
+import subprocess
+import sys
+from contextlib import suppress
+
+from trepid.config import ROOT
+from vehicle.actuators.rc.i2c import open_i2c
+from vehicle.actuators.rc.pca9685 import Pca9685
+from vehicle.actuators.rc.settings import PcaSettings
+
+ALIVE, LAST = b".", b"q"
+REPEAT_S = 0.05  # neutral is set again this often: a parent that wakes up may write in between
+START_S = 10.0
+
+
+class Guard:
+    """The parent's end."""
+
+    def __init__(self, settings: PcaSettings) -> None:
+        """Start the process and wait until it watches. Raises OSError."""
+        options = settings.model_dump_json()
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "vehicle.actuators.rc.guard", options],
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._pipe = self._process.stdin.fileno()
+        os.set_blocking(self._pipe, False)
+        ready, _, _ = select.select([self._process.stdout], [], [], START_S)
+        if not ready or not self._process.stdout.readline():
+            self._process.kill()
+            self.close()
+            raise OSError(errno.ECHILD, "the guard of the PCA9685 did not start")
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    def alive(self) -> None:
+        """Say that the parent works. Raises OSError when the guard has ended."""
+        try:
+            os.write(self._pipe, ALIVE)
+        except BlockingIOError:
+            pass  # the guard is starved; it has plenty to read
+        except OSError as error:
+            raise OSError(errno.ECHILD, "the guard of the PCA9685 has ended") from error
+
+    def close(self) -> None:
+        """End the guard without a further pulse."""
+        with suppress(OSError):
+            os.write(self._pipe, LAST)
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                with suppress(OSError):
+                    stream.close()
+        try:
+            self._process.wait(1.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+def watch(settings: PcaSettings, pipe: int) -> None:
+    """Watch ``pipe`` until it closes or brings ``LAST``."""
+    device = open_i2c(settings.bus, settings.address)
+    chip = Pca9685(device, frequency_hz=settings.frequency_hz, oscillator_hz=settings.oscillator_hz)
+    neutral_us = {settings.throttle.channel: settings.throttle.neutral_us}
+    print("watching", flush=True)
+    wait_s, open_ = settings.guard_s, True
+    while open_:
+        ready, _, _ = select.select([pipe], [], [], wait_s)
+        data = os.read(pipe, 4096) if ready else b""
+        if LAST in data:
+            return
+        if data:
+            wait_s = settings.guard_s
+            continue
+        open_, wait_s = not ready, REPEAT_S
+        with suppress(OSError):  # tried again, unless the parent has ended
+            chip.write(neutral_us)
+
+
+if __name__ == "__main__":
+    watch(PcaSettings.model_validate(json.loads(sys.argv[1])), sys.stdin.fileno())

@@ -1,0 +1,75 @@
+"""Settings of the actuators of RC cars: the blocks ``pca9685`` and ``serial`` of ``config/actuator.yaml``."""
+
+from enum import StrEnum
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from trepid.config import Settings, wrong_at
+from trepid.types import NonNegative, Positive
+from vehicle.actuators.rc.pulses import Steering, Throttle
+
+
+class SpeedSource(StrEnum):
+    """Where the speed of the car comes from."""
+
+    NONE = "none"  # nowhere: it is not known, and Trepid does not drive
+    MODELLED = "modelled"  # the throttle table: the speed that the pulse should give
+    SENSOR = "sensor"  # the board measures it
+
+
+class RcSettings(Settings):
+    """What all RC cars have."""
+
+    wait_s: Annotated[float, Field(ge=0, le=60)]  # a board may appear so long after the start
+    speed: SpeedSource
+    speed_lag_s: NonNegative  # time constant from pulse to speed, of `modelled`
+    steering: Steering
+    throttle: Throttle
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.steering.channel == self.throttle.channel:
+            raise wrong_at(("throttle", "channel"), "is the channel of the steering too")
+        if self.speed is SpeedSource.SENSOR and not self._measures():
+            raise wrong_at(("speed",), "this board measures no speed: choose modelled")
+        if self.throttle.brake_us is not None and self.speed is not SpeedSource.SENSOR:
+            raise wrong_at(
+                ("throttle", "brake_us"),
+                "needs speed: sensor, because at standstill most speed controllers take it for reverse",
+            )
+        return self
+
+    def _measures(self) -> bool:
+        return False
+
+
+class PcaSettings(RcSettings):
+    """The block ``pca9685``."""
+
+    bus: str  # /dev/i2c-N, or unix:PATH
+    address: Annotated[int, Field(ge=0x03, le=0x77)]
+    frequency_hz: Annotated[float, Field(ge=40, le=400)]
+    oscillator_hz: Annotated[float, Field(ge=20e6, le=32e6)]
+    guard_s: Annotated[float, Field(gt=0.03, le=1.0)]
+
+    @model_validator(mode="after")
+    def _channels(self) -> Self:
+        for name, part in (("steering", self.steering), ("throttle", self.throttle)):
+            if part.channel > 15:
+                raise wrong_at((name, "channel"), "a PCA9685 has the channels 0 to 15")
+            if part.most_us * 1e-6 * self.frequency_hz >= 1.0:
+                raise wrong_at((name, "most_us"), f"is longer than a period of {self.frequency_hz:g} Hz")
+        return self
+
+
+class SerialSettings(RcSettings):
+    """The block ``serial``."""
+
+    port: str
+    baud: Annotated[int, Field(ge=1200, le=2_000_000)]
+    protocol: Literal["ascii", "maestro"]
+    timeout_s: Positive  # an older speed of the board counts as unknown
+
+    def _measures(self) -> bool:
+        return self.protocol == "ascii"
