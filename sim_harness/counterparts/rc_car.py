@@ -14,6 +14,24 @@ DRAG_MPS2 = 3.0
 DEAD_US = 5.0  # around neutral
 
 
+def followed(
+    settings: RcSettings,
+    pulses_us: tuple[float | None, float | None],
+    speed_mps: float,
+    most_mps2: float,
+    *,
+    now_s: float,
+) -> Command:
+    """What servo and speed controller make of steering and throttle pulse; None: no pulse."""
+    steering_us, throttle_us = pulses_us
+    throttle = settings.throttle
+    driven = throttle_us is not None and abs(throttle_us - throttle.neutral_us) > DEAD_US
+    goal_mps = throttle.speed_mps(throttle_us) if driven and throttle_us is not None else 0.0
+    angle_rad = 0.0 if steering_us is None else settings.steering.angle_rad(steering_us)
+    accel_mps2 = max(-DRAG_MPS2, min(most_mps2, (goal_mps - speed_mps) / SETTLE_S))
+    return Command(t_s=now_s, road_wheel_angle_rad=angle_rad, speed_mps=goal_mps, accel_mps2=accel_mps2)
+
+
 class RcCar:
     """Call ``step`` at the period of the plant."""
 
@@ -26,17 +44,8 @@ class RcCar:
 
     def step(self, steering_us: float | None, throttle_us: float | None, *, now_s: float) -> None:
         """One period with these pulses; None: no pulse. The run begins with the first pulse that drives."""
-        throttle = self._settings.throttle
-        pulse_us = throttle.neutral_us if throttle_us is None else throttle_us
-        angle_rad = 0.0 if steering_us is None else self._settings.steering.angle_rad(steering_us)
-        driven = abs(pulse_us - throttle.neutral_us) > DEAD_US
-        goal_mps = throttle.speed_mps(pulse_us) if driven else 0.0
-        self._begun = self._begun or goal_mps > 0.0
-        accel_mps2 = max(
-            -DRAG_MPS2, min(self._car.vehicle.max_accel_mps2, (goal_mps - self.speed_mps) / SETTLE_S)
-        )
-        command = Command(
-            t_s=now_s, road_wheel_angle_rad=angle_rad, speed_mps=goal_mps, accel_mps2=accel_mps2
-        )
+        most_mps2 = self._car.vehicle.max_accel_mps2
+        command = followed(self._settings, (steering_us, throttle_us), self.speed_mps, most_mps2, now_s=now_s)
+        self._begun = self._begun or command.speed_mps > 0.0
         state = self._car.step(command if self._begun else None, now_s=now_s)
         self.speed_mps = state.speed_mps or 0.0

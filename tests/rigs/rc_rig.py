@@ -38,13 +38,29 @@ def car(clock: Time) -> Car:
 def pca(path: Path, **changed: Any) -> PcaSettings:
     """Settings of a chip on a socket."""
     return PcaSettings(
-        **{**FILE["pca9685"], "bus": f"unix:{path}", "speed": "modelled", "wait_s": 0, **changed}
+        **{
+            **FILE["pca9685"],
+            "bus": f"unix:{path}",
+            "speed": "modelled",
+            "yaw_rate": "modelled",
+            "wait_s": 0,
+            **changed,
+        }
     )
 
 
 def board(path: Path, **changed: Any) -> SerialSettings:
     """Settings of a servo board on a pty."""
-    return SerialSettings(**{**FILE["serial"], "port": str(path), "speed": "sensor", "wait_s": 0, **changed})
+    return SerialSettings(
+        **{
+            **FILE["serial"],
+            "port": str(path),
+            "speed": "sensor",
+            "yaw_rate": "modelled",
+            "wait_s": 0,
+            **changed,
+        }
+    )
 
 
 def command(angle_rad: float, accel_mps2: float) -> Command:

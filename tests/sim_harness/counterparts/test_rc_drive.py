@@ -23,7 +23,7 @@ THROTTLE = {
     "most_us": 1900.0,
     "speeds": [[0.0, 1530.0], [4.0, 1630.0], [12.0, 1850.0]],
 }
-COMMON = {"wait_s": 30.0, "steering": STEERING, "throttle": THROTTLE}
+COMMON = {"wait_s": 30.0, "yaw_rate": "modelled", "steering": STEERING, "throttle": THROTTLE}
 
 
 def driven(tmp_path, kind: str, *, further: str = "", **changed: object) -> WireDrive:

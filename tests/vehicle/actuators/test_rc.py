@@ -71,13 +71,15 @@ def test_the_state_says_only_what_is_known(tmp_path) -> None:
         state = actuator.read(now_s=clock.now_s)
         assert state.speed_mps == pytest.approx(3.0, abs=0.35)  # the end of the table, less its lag
         assert state.road_wheel_angle_rad == STEERING["left_rad"]
-        assert state.yaw_rate_radps is None
+        assert 0.0 < state.yaw_rate_radps < 1.0
         actuator.close()
 
 
 def test_an_unknown_speed_does_not_drive(tmp_path) -> None:
     with pytest.raises(InputError, match=r"speed: none: .*modelled"):
         PcaActuator(pca(tmp_path / "i2c", speed="none"), car(Time()))
+    with pytest.raises(InputError, match=r"yaw_rate: none: .*modelled"):
+        PcaActuator(pca(tmp_path / "i2c", yaw_rate="none"), car(Time()))
 
 
 def test_an_absent_chip_is_one_line_with_the_remedy(tmp_path) -> None:

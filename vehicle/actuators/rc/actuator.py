@@ -1,11 +1,13 @@
 """The actuators ``pca9685`` and ``serial``: a command as two pulses; a state without what the car does not measure.
 
-The road-wheel angle is that of the last pulse: no RC servo reports its own. Yaw rate and driver override are not
-known. The calibration is read again when ``actuator.yaml`` changes, so that `trepid calibrate steering` acts on a
-running drive; a file with a fault leaves the calibration as it is.
+The road-wheel angle is that of the last pulse: no RC servo reports its own. The driver override is not known, and
+the yaw rate only where ``yaw_rate: modelled`` names the bicycle as its source. The calibration is read again when
+``actuator.yaml`` changes, so that `trepid calibrate steering` acts on a running drive; a file with a fault leaves
+the calibration as it is.
 """
 
 import errno
+import math
 import os
 import time
 from collections.abc import Mapping
@@ -90,16 +92,19 @@ def _changed_ns() -> tuple[int, ...]:
 class RcActuator:
     """A board, its calibration, and the speed that the car has or should have."""
 
-    def __init__(self, name: str, settings: RcSettings, board: Board, *, now_s: float) -> None:
+    def __init__(self, name: str, settings: RcSettings, board: Board, car: Car) -> None:
         """Set both channels to neutral, as speed controllers want at their start. Raises OSError."""
         self._source = settings.speed
         self._calibration = Calibration(name, settings)
         self._motion = Motion(settings.speed_lag_s)
         self._board = board
-        self._angle_rad = 0.0
+        self._vehicle = car.vehicle
+        self._models_yaw = settings.yaw_rate == "modelled"
+        self._angle_rad = self._turned_rad = 0.0
+        self._then_s = car.now_s()
         self._writes = 0
         self._measured: tuple[float, float] | None = None
-        board.write(self._neutral_us(), now_s=now_s)
+        board.write(self._neutral_us(), now_s=car.now_s())
 
     def read(self, *, now_s: float) -> VehicleState:
         """Speed as measured or as modelled, the angle of the last pulse; an unknown speed is None."""
@@ -113,7 +118,7 @@ class RcActuator:
             t_s=t_s,
             speed_mps=speed_mps,
             road_wheel_angle_rad=self._angle_rad,
-            yaw_rate_radps=None,
+            yaw_rate_radps=self._yaw_rate_radps(speed_mps, now_s),
             driver_override=False,
         )
 
@@ -149,6 +154,18 @@ class RcActuator:
             self._board.write(self._neutral_us(), now_s=0.0)
         finally:
             self._board.close()
+
+    def _yaw_rate_radps(self, speed_mps: float | None, now_s: float) -> float | None:
+        """ψ' = v·tan δ/(L + K_us·v²), δ behind the pulse by delay and lag; None: not modelled."""
+        car = self._vehicle
+        late_s = car.steering_delay_s + car.steering_lag_s
+        dt_s, self._then_s = max(0.0, now_s - self._then_s), now_s
+        part = 1.0 - math.exp(-dt_s / late_s) if late_s > 0.0 else 1.0
+        self._turned_rad += part * (self._angle_rad - self._turned_rad)
+        if speed_mps is None or not self._models_yaw:
+            return None
+        length_m = car.wheelbase_m + car.understeer_gradient_rad_per_mps2 * speed_mps**2
+        return speed_mps * math.tan(self._turned_rad) / length_m
 
     def _neutral_us(self) -> Mapping[int, float]:
         steering, throttle = self._calibration.steering, self._calibration.throttle
@@ -238,7 +255,7 @@ class PcaActuator(RcActuator):
     def __init__(self, settings: PcaSettings, car: Car) -> None:
         """Raises InputError when the chip does not answer or the speed has no source."""
         _require_speed("pca9685", settings)
-        super().__init__("pca9685", settings, open_board(settings), now_s=car.now_s())
+        super().__init__("pca9685", settings, open_board(settings), car)
 
 
 class SerialActuator(RcActuator):
@@ -249,7 +266,7 @@ class SerialActuator(RcActuator):
     def __init__(self, settings: SerialSettings, car: Car) -> None:
         """Raises InputError when the port cannot be opened or the speed has no source."""
         _require_speed("serial", settings)
-        super().__init__("serial", settings, open_board(settings), now_s=car.now_s())
+        super().__init__("serial", settings, open_board(settings), car)
 
 
 def _require_speed(name: str, settings: RcSettings) -> None:
@@ -257,4 +274,9 @@ def _require_speed(name: str, settings: RcSettings) -> None:
         raise InputError(
             f"actuator.yaml: {name}.speed: none: the limiter drives no car of unknown speed; choose `modelled` "
             "(the throttle table) or `sensor`: docs/actuators.md"
+        )
+    if settings.yaw_rate == "none":
+        raise InputError(
+            f"actuator.yaml: {name}.yaw_rate: none: the supervisor drives no car of unknown yaw rate; choose "
+            "`modelled` (the bicycle of vehicle.yaml): docs/actuators.md"
         )

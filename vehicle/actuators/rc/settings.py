@@ -23,6 +23,7 @@ class RcSettings(Settings):
 
     wait_s: Annotated[float, Field(ge=0, le=60)]  # a board may appear so long after the start
     speed: SpeedSource
+    yaw_rate: Literal["none", "modelled"]  # modelled: bicycle at the speed and the angle of the last pulses
     speed_lag_s: NonNegative  # time constant from pulse to speed, of `modelled`
     steering: Steering
     throttle: Throttle
