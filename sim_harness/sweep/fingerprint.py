@@ -30,11 +30,12 @@ def fingerprint(*parts: str) -> str:
     car that overrides the defaults always count. The hash of a process is computed once: later changes of the files
     do not change the code that it runs.
     """
-    return _fingerprint(parts, car_folder())
+    return hash_of_files(parts, car_folder())
 
 
 @cache
-def _fingerprint(parts: tuple[str, ...], car: Path | None) -> str:
+def hash_of_files(parts: tuple[str, ...], car: Path | None) -> str:
+    """The hash of :func:`fingerprint` with the files of the folder ``car``, computed once."""
     digest = hashlib.sha256(f"{platform.machine()} {platform.python_version()}".encode())
     for library in LIBRARIES:
         digest.update(f"\0{library}=={importlib.metadata.version(library)}".encode())

@@ -11,7 +11,7 @@ from contextlib import suppress
 import pytest
 
 from sim_harness.cli import app
-from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.fingerprint import hash_of_files
 from trepid.config import ROOT, InputError
 
 SECOND = """\
@@ -94,7 +94,7 @@ def test_a_killed_sweep_resumes_at_its_last_case(files, start, capsys):
     with pytest.raises(InputError, match="holds results"):
         sim("run", *sources, "--out", stored)
     capsys.readouterr()
-    fingerprint.cache_clear()  # as in a new process
+    hash_of_files.cache_clear()  # as in a new process
     assert sim("run", files / "second.yaml", "--seeds", 5, "--out", stored, "--resume", "--json") == 0
     out, err = capsys.readouterr()
     assert "3 of 5 cases are stored and not run again" in err
