@@ -54,7 +54,7 @@ endif
 
 live: $(TESTED)
 	@echo "== pytest -m processes"
-	@$(BIN)/python -m pytest -m "processes and not smoke" $(PROCESS_TESTS) $(ARGS)
+	@$(BIN)/python -m pytest -m "processes and not smoke" $(or $(FILES),$(PROCESS_TESTS)) $(ARGS)
 
 suite: $(TESTED)
 	@echo "== pytest -m suite"
