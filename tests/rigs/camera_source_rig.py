@@ -13,7 +13,7 @@ SIZE = (64, 48)
 
 
 class ManualClock:
-    """A clock that moves only when somebody sleeps or moves it."""
+    """A clock that advances by sleeping and by assignment only."""
 
     def __init__(self, t_s: float = 1000.0) -> None:
         self.t_s = t_s

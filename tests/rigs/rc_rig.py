@@ -88,7 +88,7 @@ def chip_on(path: Path, address: int = 0x40) -> Iterator[Registers]:
 
 
 class BoardOnPty:
-    """A servo board that answers when it is told to."""
+    """A servo board that answers on request only."""
 
     def __init__(self, path: Path, protocol: str) -> None:
         self.port = Pty(str(path))
