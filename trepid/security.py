@@ -1,4 +1,4 @@
-"""Who may join a drive and who may publish what: settings of Zenoh for a process by its role (SECURITY.md).
+"""Admission to a drive and permission to publish: settings of Zenoh for a process by its role (SECURITY.md).
 
 Without keys all traffic stays on the loopback interface; an endpoint elsewhere is refused. With keys (``keys`` in
 ``security.yaml``, made by ``trepid keys create``) every link is TLS with a certificate on both sides. The common
@@ -130,7 +130,7 @@ def known_roles(folder: Path) -> list[str]:
 
 
 def check_private(folder: Path, role: str) -> None:
-    """Raise InputError unless the files of ``role`` exist and nobody else may read its private key."""
+    """Raise InputError unless the files of ``role`` exist and its private key is readable by its owner alone."""
     key = private_key(folder, role)
     for path in (certificate(folder, AUTHORITY), certificate(folder, role), key):
         if not path.is_file():
@@ -156,7 +156,7 @@ def _tls(folder: Path, role: str) -> dict[str, Any]:
 
 
 def access_control(publishes: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-    """Access control of Zenoh: nobody may send what no rule allows; see ``access_control`` of its configuration.
+    """Access control of Zenoh, its setting ``access_control``: a message that no rule permits is refused.
 
     ``publishes``: keys below ``trepid/<vehicle-name>/`` by role. Every process gets the same rules and applies them
     to what arrives, so that none depends on another.

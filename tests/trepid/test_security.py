@@ -1,4 +1,4 @@
-"""Settings of Zenoh by role: what leaves this machine without keys, and who may publish what, is decided here."""
+"""Settings of Zenoh by role: endpoints outside this machine without keys, and permission to publish."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Who may publish what in a drive, from its processes."""
+"""Permitted publishers of the topics of a drive, from its processes."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""Who drives: controller, driver or nobody. The result goes through the limiter, so its limits hold for both."""
+"""Arbitration between controller, driver and a stop. The limits of the limiter hold for each result."""
 
 from dataclasses import replace
 from typing import NamedTuple

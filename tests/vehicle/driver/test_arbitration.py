@@ -1,4 +1,4 @@
-"""Who drives: driver, controller or nobody."""
+"""Arbitration between driver, controller and a stop."""
 
 from dataclasses import replace
 
