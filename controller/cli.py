@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from controller.model.bicycle import GRAVITY_MPS2, understeer_angle
+from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
-from trepid.vehicle import Vehicle, road_wheel_angle
 
 if TYPE_CHECKING:
     from controller.identify.identification import Parameter

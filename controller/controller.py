@@ -32,12 +32,12 @@ from controller.prediction import Predictor
 from controller.speed.control import SpeedControl
 from controller.speed.limits import SpeedSettings, target
 from trepid.bounds import at_least, at_most, within
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
 from trepid.scale import scaled_message
 from trepid.types import Positive
-from trepid.vehicle import Vehicle
 
 _MAX_DRIVE_LAG = 0.25  # of k·τ_a: damping 1 of the speed loop
 _MAX_OVERSTEER = 0.95  # of the critical speed, up to which the bicycle model is trusted

@@ -17,9 +17,9 @@ from controller.learner.steering_timing import SteeringTiming
 from controller.model.lag import wheel_after
 from controller.model.tyres import Turning, Tyres
 from trepid.bounds import at_least, at_most
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane, LaneFields, lane_after
 from trepid.messages import VehicleState
-from trepid.vehicle import Vehicle
 
 _STEP_S = 0.02  # of the model; the wheel is exact for any step, the pose of second order
 

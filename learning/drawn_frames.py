@@ -19,7 +19,7 @@ from sim_harness.world.roads.appearance import Light, Marking, Paint, Section, S
 from sim_harness.world.roads.disturbances import MAX_GRADE, Disturbance, DisturbanceKind, disturbed
 from sim_harness.world.roads.drawn import SNOW_COVER, UNMARKED, Kind, random_section, snow_on
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.clothoid import Lane
 from trepid.types import Image
 

@@ -18,13 +18,13 @@ from perception.images.annotate import annotated, as_path, number
 from perception.images.frames import FrameResult, Step, print_json, print_table, results, written
 from perception.images.sources import Source, Still
 from perception.lead.cli import estimate_leads
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, car_folder, load
 from trepid.messages import SteeringEstimate
 from trepid.scale import scaled_settings
 from trepid.types import Image
-from trepid.vehicle import Vehicle
 
 CALIBRATION_FRAMES = 9
 LEAD = "lead"

@@ -9,12 +9,12 @@ from typing import Protocol
 from perception.lane.lane_cv import LaneCv
 from perception.lane.settings import LaneCvSettings
 from trepid import plugins
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
 from trepid.scale import scaled_message, scaled_settings
 from trepid.spelling import did_you_mean_or_list
-from trepid.vehicle import Vehicle
 
 
 class Estimator(Protocol):
@@ -26,7 +26,7 @@ class Estimator(Protocol):
 
 
 class Similar:
-    """An estimator of the reference world of :mod:`trepid.scale`, in a world that is ``scale`` times as large."""
+    """An estimator of the reference world (:mod:`trepid.scale`) in a world ``scale`` times as large."""
 
     def __init__(self, estimator: Estimator, scale: float) -> None:
         """``estimator`` was built for the camera and the vehicle enlarged to the reference world."""

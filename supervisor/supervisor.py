@@ -25,6 +25,7 @@ from supervisor.situation.features import unknown_features
 from supervisor.situation.ratings import RATED_AS, near_miss, unrated_names
 from supervisor.situation.world_state import WorldState, WorldStateObserver
 from trepid.bounds import at_least, at_most
+from trepid.car.vehicle import Vehicle
 from trepid.causes import Cause, unknown_cause
 from trepid.config import CONFIG_DIR, InputError, Settings, default_file, load, located, read, read_text
 from trepid.messages import (
@@ -40,7 +41,6 @@ from trepid.messages import (
 from trepid.scale import scaled_message
 from trepid.spelling import did_you_mean
 from trepid.types import Positive, Share
-from trepid.vehicle import Vehicle
 
 FieldPath = tuple[str | int, ...]
 M = TypeVar("M")
@@ -243,7 +243,7 @@ class Supervisor:
 
 
 class SimilarSupervisor(Supervisor):
-    """The supervisor in the reference world of :mod:`trepid.scale`; its messages are those of the car's own world.
+    """The supervisor in the reference world (:mod:`trepid.scale`) with messages of the car's own world.
 
     The inputs of the rules, and their values in a decision, are lengths and speeds of the reference world: the same
     rules hold for every scale.

@@ -12,7 +12,7 @@ import pytest
 
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.recording.reader import read_recording
 from trepid.topics import COMMAND, VEHICLE_STATE

@@ -37,13 +37,13 @@ def _fault(check: Callable[[], object]) -> str:
 
 
 def _vehicle() -> None:
-    from trepid.vehicle import Vehicle
+    from trepid.car.vehicle import Vehicle
 
     load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
 
 def _camera() -> None:
-    from trepid.camera import Camera
+    from trepid.car.camera import Camera
 
     load(CONFIG_DIR / "camera.yaml", Camera)
 

@@ -4,9 +4,9 @@ import time
 from typing import TYPE_CHECKING
 
 from cockpit.car.finding import Finding
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.processes.settings import load_processes
-from trepid.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from vehicle.actuators.actuator import Actuator

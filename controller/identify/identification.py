@@ -35,8 +35,8 @@ from scipy.signal import butter, sosfiltfilt
 from controller.identify.confidence import NORMAL_95, covariance
 from controller.identify.drive_log import DriveLog
 from controller.model.bicycle import GRAVITY_MPS2
+from trepid.car.vehicle import GRADIENT, Vehicle
 from trepid.types import Array, Mask
-from trepid.vehicle import GRADIENT, Vehicle
 
 BAND_HZ = 1.0  # steering lies below it, the dynamics of the tyres above
 PERIOD_S = 0.05  # of the fit

@@ -21,8 +21,8 @@ from scipy.signal import lfilter
 from controller.identify.confidence import covariance
 from controller.identify.drive_log import DriveLog
 from controller.identify.identification import GAP_S, Identified, interval, jitter
+from trepid.car.vehicle import Vehicle
 from trepid.types import Array, Mask
-from trepid.vehicle import Vehicle
 
 DEAD_TIMES_S = np.arange(0.0, 0.65, 0.05)
 TIME_CONSTANTS_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)

@@ -8,9 +8,9 @@ import math
 
 from controller.laws.law import Acting, LateralLaw
 from trepid.bounds import at_least, within
+from trepid.car.vehicle import Vehicle
 from trepid.config import Settings
 from trepid.types import NonNegative, Positive
-from trepid.vehicle import Vehicle
 
 
 class PurePursuitSettings(Settings):

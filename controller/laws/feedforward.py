@@ -34,10 +34,10 @@ from pydantic import Field
 from controller.laws.law import Acting, LateralLaw
 from controller.model.tyres import Tyres
 from trepid.bounds import at_least, at_most, within
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.config import Settings
 from trepid.types import Positive
-from trepid.vehicle import Vehicle
 
 _MIN_SPEED_MPS = 0.1  # avoids a division by zero; ω_s is the smaller bandwidth there
 

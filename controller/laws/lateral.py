@@ -11,9 +11,9 @@ from controller.laws.law import LateralLaw
 from controller.laws.lqi import Lqi
 from controller.laws.lqi_settings import LqiSettings
 from controller.laws.mpc import Mpc, MpcSettings
+from trepid.car.vehicle import Vehicle
 from trepid.config import Settings
 from trepid.types import NonNegative
-from trepid.vehicle import Vehicle
 
 
 class LawName(StrEnum):

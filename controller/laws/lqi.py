@@ -34,8 +34,8 @@ from controller.laws.lqi_gains import schedule
 from controller.laws.lqi_settings import SPEEDS_MPS, Gains, Lags, LqiSettings
 from controller.model.tyres import Tyres
 from trepid.bounds import at_least, at_most, within
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
-from trepid.vehicle import Vehicle
 
 _MIN_SPEED_MPS = SPEEDS_MPS[0]
 

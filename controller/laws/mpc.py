@@ -33,9 +33,9 @@ from controller.laws.law import Acting, LateralLaw
 from controller.model.bicycle import curvature_from_angle
 from controller.model.tyres import Tyres
 from trepid.bounds import at_least, at_most, within
+from trepid.car.vehicle import Vehicle
 from trepid.config import Settings
 from trepid.types import Positive
-from trepid.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from controller.laws.mpc_model import Problem

@@ -34,10 +34,10 @@ from typing import Annotated
 from pydantic import Field
 
 from trepid.bounds import at_least, at_most, within
+from trepid.car.vehicle import GRADIENT, Vehicle
 from trepid.config import Settings
 from trepid.messages import VehicleState
 from trepid.types import NonNegative, Positive
-from trepid.vehicle import GRADIENT, Vehicle
 
 SMOOTH_S = 0.3  # an octave below the 1 Hz above which the tyres' own dynamics begin
 UPDATE_S = 0.05  # between updates of the filter, which follows at 2 rad/s; the low-pass uses every state

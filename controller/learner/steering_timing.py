@@ -18,8 +18,8 @@ from collections import deque
 
 from controller.model.lag import wheel_after
 from trepid.bounds import at_least, at_most, within
+from trepid.car.vehicle import Vehicle
 from trepid.messages import VehicleState
-from trepid.vehicle import Vehicle
 
 _PRIOR = 3e-6  # λ [rad²/s]: a tenth of a second at the rate of the wheel in an S at 25 m/s
 _WINDOW = 1e-3  # [rad²/s] of excitation after which older data has faded to 1/e

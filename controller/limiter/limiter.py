@@ -41,9 +41,9 @@ from controller.limiter.limits import Limits
 from controller.limiter.override import DriverWatch
 from controller.limiter.saturation import SaturationWatch
 from controller.limiter.turn import SteadyTurn
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, VehicleState
-from trepid.vehicle import Vehicle
 
 SLOWEST_MPS = 0.1  # lower bound of v, which keeps a/v² finite
 LEAST = 1e-9  # lower bound of other divisors

@@ -18,7 +18,7 @@ from collections import deque
 
 from controller.limiter.inputs import Seen
 from controller.limiter.limits import Limits
-from trepid.vehicle import Vehicle
+from trepid.car.vehicle import Vehicle
 
 TIME_CONSTANTS = 4.0
 

@@ -7,7 +7,7 @@ cut off and on counts too; from ``after_s`` on the car is saturated.
 """
 
 from controller.limiter.limits import Limits
-from trepid.vehicle import Vehicle
+from trepid.car.vehicle import Vehicle
 
 
 class SaturationWatch:

@@ -12,7 +12,7 @@ Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 and 3.3.
 from math import atan, sqrt
 
 from controller.limiter.interval import clip
-from trepid.vehicle import Vehicle
+from trepid.car.vehicle import Vehicle
 
 STABLE = 0.95
 SLOPE = 0.02

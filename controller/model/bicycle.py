@@ -19,7 +19,7 @@ Rajamani, Vehicle Dynamics and Control (2012), sections 2.2 and 3.3; Gillespie, 
 
 import math
 
-from trepid.vehicle import Vehicle, road_wheel_angle
+from trepid.car.vehicle import Vehicle, road_wheel_angle
 
 GRAVITY_MPS2 = 9.80665
 _MAX_NEWTON_STEPS = 60  # six suffice but for oversteer close to its tightest turn

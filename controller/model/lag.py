@@ -3,7 +3,7 @@
 import math
 
 from trepid.bounds import within
-from trepid.vehicle import Vehicle
+from trepid.car.vehicle import Vehicle
 
 
 def left_after(dt_s: float, lag_s: float) -> float:

@@ -24,7 +24,7 @@ from typing import NamedTuple
 from controller.model.bicycle import curvature_from_angle
 from controller.model.lag import left_after
 from trepid.bounds import at_least, within
-from trepid.vehicle import Vehicle
+from trepid.car.vehicle import Vehicle
 
 _MAX_DIRECTION_RAD = 1.4  # of the front axle, below 90°
 _CRAWL_MPS = 0.5  # below it the tyres follow without lag

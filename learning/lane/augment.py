@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from perception.net.canonical import lane_of_row, row_of_lane, scaled
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import Settings
 from trepid.types import Floats, Image, NonNegative, Share
 

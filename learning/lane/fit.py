@@ -20,7 +20,7 @@ from learning.lane.augment import Augmentation, Augmenter, nonsense
 from learning.lane.network import Exported, SteerNetwork, loss
 from learning.lane.scores import Labelled
 from perception.net.steer_net import Network
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
 from trepid.types import NonNegative, Positive, Share
 

@@ -12,7 +12,7 @@ from learning.rendered import Part, Report, rendered
 from perception.net.canonical import CanonicalView, row_of_lane
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 
 CIRCUIT_STEP_M = 1.0
 OFFSET_M, HEADING_RAD = 0.3, 0.03  # standard deviations of the poses on the circuit: a lively drive

@@ -15,10 +15,10 @@ from learning.lane.scores import Labelled, Task, calibrate, nonsense_seen, predi
 from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, origin, say, ship
 from perception.net.canonical import cropped
 from perception.net.steer_net import Calibration, Network, Record
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from learning.lane.fit import Recipe

@@ -21,7 +21,7 @@ from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import DisturbanceKind
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Image
 
 MAX_VEHICLES = 6

@@ -15,7 +15,7 @@ from learning.lead.scores import Match, calibrate, match, scores
 from learning.rendered import SHIPPED, Part, WeightsFolder, need_torch, origin, rendered, say, ship
 from perception.lead.detection import Platt, Record, peaks
 from perception.net.session import open_session
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, load
 

@@ -15,7 +15,7 @@ from perception.camera.drive_clip import steps_of
 from perception.camera.height import Step
 from perception.camera.straight_drive import Mounting, mounting
 from perception.images.sources import Clip, Still, sources
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.images.mount import Mount

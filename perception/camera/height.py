@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from perception.camera.road_lines import BONNET_SHARE, SHARP_RAD, Segments, pitch_and_yaw, undistorted
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.types import Array, Image
 

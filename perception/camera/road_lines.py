@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.grey import grey
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.types import Array, Image, Mask
 

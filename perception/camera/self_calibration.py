@@ -10,7 +10,7 @@ from pydantic import Field
 
 from perception.camera.grey import small_grey
 from perception.camera.road_lines import Segments, segments
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import Settings
 from trepid.types import Array, Positive, Share
 

@@ -29,7 +29,7 @@ from perception.camera.road_lines import (
     pitch_and_yaw,
     road_segments,
 )
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.types import Array
 

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from perception.images.annotate import AnnotationWriter
 from perception.images.sources import Clip, Source, Still, sources
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.images.files import NOMINAL_FPS, VIDEO_SUFFIXES
 from trepid.messages import Frame
 from trepid.types import Image

@@ -20,9 +20,9 @@ from perception.lane.model.prediction import Motion
 from perception.lane.rating import Features, Rating
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import View, make_view, unusable
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.messages import Frame, SteeringEstimate, VehicleState
-from trepid.vehicle import Vehicle, road_wheel_angle
 
 NAME = "cv"
 

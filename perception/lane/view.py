@@ -11,7 +11,7 @@ from perception.lane.detection.edges import RoadEdgeFinder
 from perception.lane.detection.grid import LateralGrid, lateral_grid
 from perception.lane.detection.points import MarkingFilter
 from perception.lane.settings import LaneCvSettings
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Image
 
 MIN_SIZE_PX = 32  # smaller images are not processed

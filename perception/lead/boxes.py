@@ -17,7 +17,7 @@ from pydantic import Field
 
 from perception.lead.detection import Detection
 from perception.net.session import open_session
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
 from trepid.types import Floats, Image, OpenShare
 

@@ -10,11 +10,11 @@ from perception.images.annotate import HIGH, PANEL, WHITE, enlarged, text
 from perception.images.frames import CameraFor, FrameResult, Step, print_json, print_table, results, written
 from perception.lead.detection import Detection
 from perception.lead.finder import LeadSettings, lead_finder, lead_settings
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import LeadVehicle
 from trepid.types import Image
-from trepid.vehicle import Vehicle
 
 OTHER = (190, 150, 60)
 LEAD_STILL_CONFIDENCE = (

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from perception.lead.view import CELLS_LEFT_M, DISTANCES_M, RATIO, LeadView
 from perception.net.session import WeightsRecord, load_record, open_session
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
 from trepid.types import Image
 

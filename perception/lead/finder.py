@@ -9,13 +9,13 @@ import numpy as np
 from perception.lead.boxes import BoxDetector, BoxSettings
 from perception.lead.detection import Detection, Detector, StripDetector
 from perception.lead.tracker import Track, Tracker, TrackSettings
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, Settings, load, resource
 from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.scale import scaled_message, scaled_settings
 from trepid.types import OpenShare, Positive
-from trepid.vehicle import Vehicle
 
 MAX_STEP_S = 0.5  # a longer gap between two frames drops all tracks
 SLOW_MPS = 1.0  # below, the wheel angle gives the arc more exactly than the yaw rate

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Image
 
 FIRST_M, RATIO, STRIPS = 2.5, 1.13, 25

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.clothoid import Lane
 from trepid.types import Image
 

@@ -17,12 +17,12 @@ from pydantic import Field
 
 from perception.net.canonical import CanonicalView, lane_of_row
 from perception.net.session import WeightsRecord, load_record, open_session
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.config import InputError, Settings, resource
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Image, Share
-from trepid.vehicle import Vehicle, road_wheel_angle
 
 NAME = "cnn"
 Outputs = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]

@@ -26,10 +26,10 @@ from perception.techniques.image.picture import (
 from perception.techniques.recipe import Recipe, Stage
 from perception.techniques.steering.lane import pursuit
 from perception.techniques.steering.rule import RuleAngle
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
 from trepid.types import Array, Image, Mask
-from trepid.vehicle import Vehicle
 
 WORKING_WIDTH_PX = 320  # as the default estimator, so that times compare
 LOOKAHEAD_M = 8.0  # where the curvature of the estimate holds, as config/perception.yaml

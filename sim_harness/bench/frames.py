@@ -14,7 +14,7 @@ from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, VehicleState
 from trepid.types import Image

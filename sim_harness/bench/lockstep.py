@@ -17,8 +17,8 @@ from sim_harness.bench.plants import peers, steps_per_s
 from sim_harness.lockstep.closed_loop import ClosedLoop, build_parts
 from sim_harness.lockstep.vehicle import load_simulator
 from sim_harness.scenarios.scenario import Scenario, load_scenario
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.vehicle import Vehicle
 
 RUNS = 3
 SIGHTS = {"true_sight": {"sight": "truth"}, "rendering_and_both_estimators": {}}

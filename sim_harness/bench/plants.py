@@ -19,9 +19,9 @@ from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.runge_kutta import rk4
 from sim_harness.world.plants.settings import Model, PlantSettings
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command
-from trepid.vehicle import Vehicle
 
 STEP_S = 0.01
 SPEED_MPS = 8.0

@@ -18,7 +18,14 @@ import numpy as np
 from trepid.bus import Bus, Graph, Latest, free_endpoint, open_bus, open_graph
 from trepid.clock import Stamp, nanoseconds, stamp_of, stamper
 from trepid.messages import Command, Decision, Frame, Mode, Stop, VehicleState
-from trepid.security import LAUNCHER, OBSERVER, Security, certificate, load_security, session_settings
+from trepid.security import (
+    LAUNCHER,
+    OBSERVER,
+    Security,
+    certificate,
+    load_security,
+    session_settings,
+)
 from trepid.topics import CAMERA_IMAGE, COMMAND, DECISION, VEHICLE_STATE, Topic, estimate_topic
 from trepid.wire import to_cdr
 

@@ -5,11 +5,11 @@ The limiter stands at the other end of the wire, so commands take effect as they
 
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Command, VehicleState
 from trepid.processes.process import Process, Ticker
 from trepid.topics import LEAD_VEHICLE, SIM_TRUTH
-from trepid.vehicle import Vehicle
 
 
 class CarBehindWire:

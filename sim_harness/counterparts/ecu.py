@@ -9,11 +9,11 @@ the wheel held. The safe state ends at standstill, when engaged commands come ag
 from collections.abc import Iterable, Mapping
 
 from sim_harness.counterparts.car import CarBehindWire
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, Settings, load, resource
 from trepid.messages import Command, Health, VehicleState
 from trepid.processes.process import Process, Ticker, process
 from trepid.types import Positive
-from trepid.vehicle import Vehicle
 from vehicle.actuators.can.frames import Sender
 from vehicle.actuators.can.quantities import of_state, to_command
 from vehicle.actuators.can.settings import CanSettings

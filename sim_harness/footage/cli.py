@@ -17,10 +17,10 @@ from perception.images.sources import Clip, sources
 from sim_harness.footage.clip import Drive, load_drive
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.footage.resimulation import Resimulation, resimulate
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.vehicle import Vehicle
 
 CALIBRATION_FRAMES = 9
 STARTS = ((0.5, 0.0), (-0.5, 0.0), (0.0, 2.0), (0.0, -2.0))  # m to the left, degrees to the left

@@ -14,7 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from perception.images.sources import Clip, Still, sources
 from sim_harness.footage.visual_yaw import yaw_changes_rad
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
 from trepid.types import Array, Image

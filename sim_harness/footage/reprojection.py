@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Array, Image
 
 NO_SHIFT_M, NO_SHIFT_RAD = 1e-9, 1e-12

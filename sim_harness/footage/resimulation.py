@@ -28,10 +28,10 @@ from sim_harness.lockstep.stack import Perception, Stack
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
+from trepid.car.vehicle import Vehicle
 from trepid.config import InputError
 from trepid.messages import Command, Frame, Mode, SteeringEstimate, VehicleState
 from trepid.types import Array, Image
-from trepid.vehicle import Vehicle
 
 PERIOD_S = 0.01  # of the vehicle; as in lock-step
 CONTROL_TICKS = 2

@@ -20,7 +20,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Array, Image
 
 CORNERS = 300

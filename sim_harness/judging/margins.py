@@ -6,9 +6,9 @@ NaN where the margin is undefined, inf where the event will not occur in the pre
 import numpy as np
 
 from sim_harness.judging.trace import Trace
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.types import Column
-from trepid.vehicle import Vehicle
 
 STANDING_MPS = 0.1  # below it a time gap is infinite
 

@@ -7,7 +7,7 @@ import cv2
 from sim_harness.lockstep.camera import SimulatedCamera, compressed
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Health
 from trepid.processes.process import Process, Ticker, process

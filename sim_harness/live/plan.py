@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, default_file, load
 from trepid.processes.settings import RECORDER, ProcessSpec, Restart
 from trepid.topics import (

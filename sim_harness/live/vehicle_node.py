@@ -3,11 +3,11 @@
 from controller.limiter import build as build_limiter
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.processes.process import Process, Ticker, process
 from trepid.processes.timing import Timekeeper
 from trepid.topics import COMMAND, LEAD_VEHICLE, SIM_TRUTH, VEHICLE_STATE
-from trepid.vehicle import Vehicle
 
 
 def run(me: Process) -> None:

@@ -37,7 +37,8 @@ from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.disturbance_table import load_table
 from supervisor.rules.rule_file import RuleFile
 from supervisor.supervisor import Supervisor
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, default_file, load
 from trepid.messages import (
     Command,
@@ -49,7 +50,6 @@ from trepid.messages import (
     SteeringEstimate,
     VehicleState,
 )
-from trepid.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

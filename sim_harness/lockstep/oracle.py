@@ -6,9 +6,9 @@ The image statistics are constants that cause no fear. Disturbances of the image
 """
 
 from sim_harness.world.roads.road import Road
+from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.messages import ImageStatistics, SimTruth, SteeringEstimate
-from trepid.vehicle import Vehicle, road_wheel_angle
 
 MIN_LOOKAHEAD_M = 8.0
 LOOKAHEAD_S = 1.0  # as the supervisor's fusion looks ahead

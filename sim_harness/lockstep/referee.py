@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.roads.road import FootPoint, Road
-from trepid.vehicle import Vehicle
+from trepid.car.vehicle import Vehicle
 
 SEPARATED_M = 0.5  # a contact is over when the gap has grown to this
 

@@ -19,10 +19,10 @@ from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.roads.road import Road
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.messages import Command, LeadVehicle, SimTruth, VehicleState
 from trepid.types import NonNegative, Positive
-from trepid.vehicle import Vehicle
 
 _TICK_SLACK = 1e-6  # of a period, so that rounding of now_s does not lose a tick
 

@@ -18,7 +18,7 @@ from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.disturbance_table import load_table
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, disturbed
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.types import Image

@@ -17,12 +17,12 @@ from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame
 from trepid.types import Image
-from trepid.vehicle import Vehicle
 
 STATION_M = 55.0
 GAPS_M = (4.0, 9.0, 16.0, 28.0)

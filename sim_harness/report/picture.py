@@ -15,7 +15,7 @@ from sim_harness.judging.trace import Trace
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Image

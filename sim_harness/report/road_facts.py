@@ -10,7 +10,7 @@ import typer
 
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 

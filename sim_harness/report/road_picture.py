@@ -7,7 +7,7 @@ from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.ground.strip_grid import LEVELS_M
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Image
 
 VIEW_M = (-9.0, 9.0)  # lateral range of the plan view

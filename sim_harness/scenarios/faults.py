@@ -6,11 +6,11 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from trepid.car.vehicle import road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.config import Settings
 from trepid.messages import EstimateKind, SteeringEstimate
 from trepid.types import NonNegative, Positive, Share
-from trepid.vehicle import road_wheel_angle
 
 
 class Span(Settings):

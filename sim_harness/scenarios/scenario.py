@@ -29,6 +29,7 @@ from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.features import Junction, RoadMark
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from supervisor.rules.rule_file import RuleFile
+from trepid.car.vehicle import Vehicle
 from trepid.config import (
     CONFIG_DIR,
     InputError,
@@ -45,7 +46,6 @@ from trepid.config import (
 from trepid.scale import PUBLIC_LANE_M, given_fields
 from trepid.spelling import did_you_mean_or_list
 from trepid.types import NonNegative, Positive
-from trepid.vehicle import Vehicle
 
 SCHEMA_FILE = CONFIG_DIR / "schema" / "scenario.json"
 """The output of ``trepid sim schema``; scenario files name it in their first line, for YAML plug-ins of editors."""

@@ -11,11 +11,11 @@ from supervisor.inputs.validated import ValidationSettings, within
 from supervisor.path.fusion import Path
 from supervisor.path.hand_over import LEAD
 from supervisor.path.trail import Trail, TrailSettings, fit, max_curvature_rate_1pm2
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import STANDING, Lane, Motion
 from trepid.config import Settings
 from trepid.messages import LeadVehicle
 from trepid.types import Positive
-from trepid.vehicle import Vehicle
 
 STRAIGHT = Lane(0.0, 0.0, 0.0, 0.0)
 LED_BACK_S = 2.0  # the trail is driven for a while after the road is back (modes.road_back_s)

@@ -20,9 +20,9 @@ from supervisor.rules.inference import FearRules
 from supervisor.situation.added import Moment, measured
 from supervisor.situation.features import Features, early_features, features
 from supervisor.situation.ratings import RATED_AS, absent_values, rating_names
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Motion
 from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
-from trepid.vehicle import Vehicle
 
 
 class WorldState(NamedTuple):

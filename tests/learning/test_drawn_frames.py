@@ -21,7 +21,7 @@ from learning.drawn_frames import (
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.appearance import Light, Marking, Section
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

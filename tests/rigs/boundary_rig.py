@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from perception.techniques.image.picture import Boundaries, Boundary, Features, Kind, View, camera_view
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 VIEW: View = camera_view(load(CONFIG_DIR / "camera.yaml", Camera))

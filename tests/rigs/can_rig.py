@@ -7,9 +7,9 @@ from pathlib import Path
 
 import can
 
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, VehicleState
-from trepid.vehicle import Vehicle
 from vehicle.actuators.actuator import Car
 from vehicle.actuators.can.actuator import CanActuator
 from vehicle.actuators.can.quantities import of_command, of_state

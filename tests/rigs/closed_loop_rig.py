@@ -12,8 +12,8 @@ from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.roads.road import Road
+from trepid.car.vehicle import Vehicle
 from trepid.messages import Command, Decision
-from trepid.vehicle import Vehicle
 
 TICK_S = 0.01  # of the vehicle
 CONTROL_EVERY, FRAME_EVERY = 2, 4  # ticks: 50 Hz, 25 Hz

@@ -6,10 +6,10 @@ import numpy as np
 from perception.lane.lane_cv import LaneCv
 from perception.lane.model.geometry import lane_curve
 from perception.lane.settings import LaneCvSettings
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, SteeringEstimate
-from trepid.vehicle import Vehicle
 
 SETTINGS = load(CONFIG_DIR / "perception.yaml", LaneCvSettings)
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

@@ -12,7 +12,7 @@ from controller.identify.drive_log import DriveLog
 from controller.identify.identification import identify_understeer
 from controller.identify.steering_response import identify_response
 from controller.learner.steering_learner import SteeringLearner
-from trepid.vehicle import GRADIENT
+from trepid.car.vehicle import GRADIENT
 
 PERIOD_S = 0.01
 CONTROL_EVERY = 2

@@ -5,9 +5,9 @@ from message_rig import SHUTTLE
 
 from controller.limiter import Limiter, Limits
 from controller.limiter.inputs import Seen
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import VehicleState
-from trepid.vehicle import Vehicle
 
 SHIPPED = load(CONFIG_DIR / "limiter.yaml", Limits)
 DT_S = 1.0 / 128.0  # a tick whose multiples are exact

@@ -1,8 +1,8 @@
 """Messages with calm defaults for the tests of controller and limiter."""
 
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
-from trepid.vehicle import Vehicle
 
 SHUTTLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 SIGHT_M = 10.0

@@ -3,10 +3,10 @@
 import numpy as np
 
 from perception.net.steer_net import SteerNet, SteerNetSettings
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, SteeringEstimate
-from trepid.vehicle import Vehicle
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)

@@ -8,9 +8,9 @@ from typing import Any
 
 from sim_harness.counterparts.pca9685 import Bus, Registers
 from sim_harness.counterparts.servo_board import Pty, ServoBoard
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load, read
 from trepid.messages import Command
-from trepid.vehicle import Vehicle
 from vehicle.actuators.actuator import Car
 from vehicle.actuators.rc.settings import PcaSettings, SerialSettings
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from perception.camera.height import Step
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 KNOWN = load(CONFIG_DIR / "camera.yaml", Camera)

@@ -8,9 +8,9 @@ import pytest
 from supervisor_rig import ESTIMATE, FRAME_S, STATE, STATISTICS
 
 from supervisor.supervisor import Supervisor, build
+from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Decision, EstimateKind, Mode, SteeringEstimate
-from trepid.vehicle import Vehicle, road_wheel_angle
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 CURVATURE_1PM = 0.01

@@ -14,6 +14,7 @@ from supervisor_rig import ESTIMATE, FRAME_S, LATENCY_S, SETTINGS, STATE, STATIS
 from supervisor.rules.inference import FearRules
 from supervisor.rules.sentence import parse_rule
 from supervisor.supervisor import Supervisor, SupervisorSettings, build
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import (
     Decision,
@@ -22,7 +23,6 @@ from trepid.messages import (
     SteeringEstimate,
     Stop,
 )
-from trepid.vehicle import Vehicle
 
 NO_LANE = replace(
     ESTIMATE,

@@ -10,6 +10,7 @@ from typing import ClassVar
 import pytest
 from pydantic import ConfigDict
 
+from trepid.car.vehicle import Vehicle
 from trepid.config import (
     CAR,
     CONFIG_DIR,
@@ -22,7 +23,6 @@ from trepid.config import (
     resource,
     use_car,
 )
-from trepid.vehicle import Vehicle
 
 VEHICLE = CONFIG_DIR / "vehicle.yaml"
 
@@ -139,7 +139,7 @@ def test_a_file_that_overrides_nothing_is_refused(tmp_path: Path) -> None:
 def test_processes_started_later_use_the_car(car: Path) -> None:
     write(car, "wheelbase_m: 2.9\n")
     code = (
-        "from trepid.config import CONFIG_DIR, load; from trepid.vehicle import Vehicle;"
+        "from trepid.config import CONFIG_DIR, load; from trepid.car.vehicle import Vehicle;"
         "print(load(CONFIG_DIR / 'vehicle.yaml', Vehicle).wheelbase_m)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

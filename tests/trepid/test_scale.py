@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from perception.lane.settings import LaneCvSettings
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CAR, CONFIG_DIR, load, use_car
 from trepid.messages import Command, SteeringEstimate, VehicleState
 from trepid.scale import REFERENCE_LANE_M, power_of_metre, scaled_message, scaled_settings
-from trepid.vehicle import Vehicle
 
 ESTIMATE = SteeringEstimate(
     t_s=1.0,

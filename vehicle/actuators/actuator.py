@@ -4,9 +4,9 @@ from typing import NamedTuple, Protocol
 
 from trepid import config
 from trepid.bus import Bus
+from trepid.car.vehicle import Vehicle
 from trepid.clock import Clock
 from trepid.messages import Command, VehicleState
-from trepid.vehicle import Vehicle
 
 
 class Car(NamedTuple):

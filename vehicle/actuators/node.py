@@ -13,12 +13,12 @@ from typing import NamedTuple, TypeVar
 
 from controller.limiter import Limiter
 from controller.limiter import build as build_limiter
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Health, VehicleState
 from trepid.processes.process import Process, Ticker, process
 from trepid.processes.timing import Timekeeper
 from trepid.topics import COMMAND, DRIVER_INPUT, VEHICLE_STATE
-from trepid.vehicle import Vehicle
 from vehicle.actuators.actuator import Actuator, Car
 from vehicle.actuators.table import build as build_actuator
 from vehicle.driver.arbitration import arbitrate, reported

@@ -6,7 +6,7 @@ import time
 
 import cv2
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import CompressedFrame, Frame, Health
 from trepid.processes.process import Process, process

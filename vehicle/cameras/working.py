@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
 from trepid.images.mount import Mount
 from trepid.messages import Frame

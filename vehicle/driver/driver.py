@@ -9,8 +9,8 @@ the controller a centred throttle holds the speed, so that a correction of the s
 While the speed is not known the demand is the hardest brake.
 """
 
+from trepid.car.vehicle import Vehicle
 from trepid.messages import DriverInput
-from trepid.vehicle import Vehicle
 from vehicle.driver.settings import DriverSettings
 from vehicle.driver.sticks import Sticks
 

@@ -2,11 +2,11 @@
 
 from contextlib import closing
 
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Health
 from trepid.processes.process import Process, Ticker, process
 from trepid.topics import DRIVER_INPUT, VEHICLE_STATE
-from trepid.vehicle import Vehicle
 from vehicle.driver.driver import Driver
 from vehicle.driver.settings import load_driver
 from vehicle.driver.sticks import open_input

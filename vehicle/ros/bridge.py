@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from trepid.bus import open_graph
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Health
 from trepid.processes.process import Process, Ticker, process

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import PositiveFloat, PositiveInt
 
 from trepid import config
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.messages import Frame
 from vehicle.cameras.source import Drive, Values
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from perception.estimators import ESTIMATORS
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, PixelPath, SteeringEstimate, VehicleState
-from trepid.vehicle import Vehicle
 
 NAME = "mirrored_cv"
 ODD = (

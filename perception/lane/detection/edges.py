@@ -22,7 +22,7 @@ from perception.lane.model.geometry import (
     lane_coordinates,
     parallel_curve,
 )
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import Settings
 from trepid.types import Array, Floats, Image, NonNegative, Positive
 

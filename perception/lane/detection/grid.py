@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Array
 
 

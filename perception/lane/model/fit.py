@@ -20,7 +20,7 @@ from perception.lane.model.geometry import (
     lane_coordinates,
     levelled,
 )
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import Settings
 from trepid.types import Array, NonNegative, Positive
 

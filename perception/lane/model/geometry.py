@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.clothoid import Lane
 from trepid.types import Array
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from perception.lane.model.geometry import PITCH, LaneState, lane_curve
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.messages import PixelPath
 from trepid.types import Array
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.clothoid import Lane, chord
 from trepid.types import Array, Mask
 

@@ -10,9 +10,9 @@ from pydantic import Field
 
 from perception.techniques.image.picture import Boundaries, Boundary, MeasuredLane, View
 from perception.techniques.steering.rule import ImageLine, level_line, meeting_point
+from trepid.car.vehicle import road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.types import Array, Positive
-from trepid.vehicle import road_wheel_angle
 
 LINE_M = 0.15  # scatter that halves the weight of a boundary: the width of a line
 

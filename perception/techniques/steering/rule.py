@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from perception.techniques.image.picture import Boundaries, Boundary, View
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 
 ImageAngle = NewType("ImageAngle", float)  # [rad] in the picture, + = steer left
 RoadWheel = NewType("RoadWheel", float)  # [rad] at the road wheels, + = left

@@ -10,8 +10,8 @@ from sim_harness.lockstep.vehicle import load_simulator
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.settings import Model, PlantSettings
+from trepid.car.vehicle import REAR_SLIP, Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.vehicle import REAR_SLIP, Vehicle
 
 
 def shipped() -> ControllerSettings:

@@ -18,9 +18,9 @@ from sim_harness.bench.control.contestants import nominal, shipped
 from sim_harness.bench.control.episode import FRAME_EVERY, LATENCY_S, Episode, drive, drive_by, road_of
 from sim_harness.bench.control.speeds import MPH
 from sim_harness.world.roads.road import Road
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.messages import Command, Decision, VehicleState
-from trepid.vehicle import Vehicle
 
 SPEEDS_MPH = (5, 10, 15, 20)
 LEARNED_AT_MPS = 5 * MPH

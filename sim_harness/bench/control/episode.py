@@ -16,10 +16,10 @@ from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
 from trepid.bounds import at_least
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
 from trepid.types import Column
-from trepid.vehicle import Vehicle
 
 TICK_S = 0.01  # of the vehicle, as in config/simulator.yaml
 CONTROL_EVERY, FRAME_EVERY = 2, 4  # ticks: 50 Hz, 25 Hz

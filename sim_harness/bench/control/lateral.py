@@ -18,7 +18,7 @@ from sim_harness.bench.control.episode import SETTLED_S, Episode, drive, road_of
 from sim_harness.sweep.progress import SweepProgress
 from sim_harness.world.plants.axles import GRAVITY_MPS2
 from sim_harness.world.plants.settings import Model, PlantSettings
-from trepid.vehicle import GRADIENT, Vehicle
+from trepid.car.vehicle import GRADIENT, Vehicle
 
 SPEEDS_MPS = (10.0, 20.0, 30.0)
 UNDERSTEER_DEG_PER_G = (0.0, 0.94, 2.45, 5.0)

@@ -21,7 +21,7 @@ from sim_harness.bench.control.lateral import OFFSET_RAD, pushed
 from sim_harness.judging.trace import Trace
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.plants.settings import Model, PlantSettings
-from trepid.vehicle import GRADIENT, Vehicle
+from trepid.car.vehicle import GRADIENT, Vehicle
 
 SPEEDS_MPS = (10.0, 20.0, 25.0)
 MODELS = (Model.KINEMATIC, Model.SINGLE_TRACK)

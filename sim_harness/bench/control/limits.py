@@ -30,10 +30,10 @@ from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import Model, PlantSettings
 from sim_harness.world.plants.state import PlantState
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, WORK_DIR, load
 from trepid.messages import Command
 from trepid.types import Column
-from trepid.vehicle import Vehicle
 
 TICK_S, CONTROL_TICKS = 0.01, 2
 SLOWEST_MPS = 2.0

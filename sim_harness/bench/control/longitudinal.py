@@ -15,8 +15,8 @@ from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.plants.build import build_plant
 from sim_harness.world.plants.settings import PlantSettings
+from trepid.car.vehicle import Vehicle
 from trepid.messages import Command, Stop
-from trepid.vehicle import Vehicle
 
 SPEEDS_MPS = (2.0, 5.0, 8.94, 20.0, 30.0)
 TICK_S, CONTROL_EVERY = 0.01, 2

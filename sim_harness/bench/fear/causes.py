@@ -24,11 +24,11 @@ from supervisor.modes.analyser import analyse, explained
 from supervisor.rules.inference import CALM, FearRules
 from supervisor.situation.world_state import WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.types import Image
-from trepid.vehicle import Vehicle
 
 TRIALS = 40  # of each fault
 WARM_UP, WITHIN = 10, 2  # frames

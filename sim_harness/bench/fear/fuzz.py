@@ -14,9 +14,9 @@ from typing import Any
 from supervisor.rules.inference import FearRules
 from supervisor.situation.world_state import WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
-from trepid.vehicle import Vehicle
 
 MESSAGES = 10_000
 WARM_UP = 3  # frames before the broken one

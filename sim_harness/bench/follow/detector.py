@@ -28,10 +28,10 @@ from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, LeadVehicle, VehicleState
-from trepid.vehicle import Vehicle
 
 Kind = DisturbanceKind
 CONDITIONS: dict[str, tuple[Disturbance, ...]] = {"clear": ()} | {

@@ -17,9 +17,9 @@ from sim_harness.bench.perception.store import ClipStore, Pictures
 from sim_harness.bench.perception.watch import Watched, watch
 from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint
 from sim_harness.sweep.store import Store, finished
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.vehicle import Vehicle
 
 FOLDER = Path("out/bench_perception")
 PICTURES = (

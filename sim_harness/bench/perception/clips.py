@@ -12,10 +12,10 @@ from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.drawn import SPEEDS_MPS, Kind, Shape, random_road
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.messages import Frame, SimTruth, SteeringEstimate, VehicleState
 from trepid.types import Image
-from trepid.vehicle import Vehicle, road_wheel_angle
 
 VERSION = 1  # of the set: the same seed draws the same frames
 PERIOD_S = 0.04

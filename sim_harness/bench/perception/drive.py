@@ -24,10 +24,10 @@ from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.drawn import Kind, Shape, random_section, random_segments
 from sim_harness.world.roads.road import Road, RoadSettings
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Frame, VehicleState
-from trepid.vehicle import Vehicle
 
 _Drive = tuple[int, int, str]  # seed, number of the course, estimator
 

@@ -19,11 +19,11 @@ from perception.lane.settings import ConfidenceSettings
 from sim_harness.bench.perception.clips import GAP, Case, Moment, harness_set, moments
 from sim_harness.bench.perception.scores import TOLERANCE_RAD
 from sim_harness.world.roads.drawn import SNOW_COVER
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, SteeringEstimate
 from trepid.types import Array, Image
-from trepid.vehicle import Vehicle
 
 TURNS: tuple[Callable[[Image], Image], ...] = (np.flipud, np.rot90, lambda image: np.rot90(image, 3))
 TURNED_EVERY, TURNED_FRAMES = 10, 14  # every tenth clip is turned; number of its first frames

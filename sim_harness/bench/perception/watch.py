@@ -12,11 +12,11 @@ from perception.estimators import entry_of
 from perception.lane.model.geometry import centre_line
 from sim_harness.bench.frames import bare_canny_chain
 from sim_harness.bench.perception.clips import AIM_M, Moment
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.messages import PixelPath, SteeringEstimate
 from trepid.types import Array
-from trepid.vehicle import Vehicle
 
 NEAR_M, FAR_M = 4.0, 20.0  # ahead of the rear axle: where boundaries are compared
 LOOK = np.dtype(

@@ -19,8 +19,8 @@ from typing import NamedTuple
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.bounds import at_least, at_most, within
+from trepid.car.vehicle import Vehicle
 from trepid.messages import Command
-from trepid.vehicle import Vehicle
 
 _SAME_INSTANT_S = 1e-9
 

@@ -10,8 +10,8 @@ gain some stiffness with load; leaving that out is the harder case).
 from dataclasses import dataclass
 
 from sim_harness.world.plants.settings import PlantSettings
+from trepid.car.vehicle import Vehicle
 from trepid.config import InputError
-from trepid.vehicle import Vehicle
 
 GRAVITY_MPS2 = 9.80665
 ANTI_LOCK = 0.95  # largest share of the grip that brakes and drive use, so that the tyres still steer

@@ -9,8 +9,8 @@ from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import Model, PlantSettings
 from sim_harness.world.plants.single_track import SingleTrackPlant
 from trepid import plugins
+from trepid.car.vehicle import Vehicle
 from trepid.config import InputError
-from trepid.vehicle import Vehicle
 
 
 def build_plant(settings: PlantSettings, vehicle: Vehicle) -> Plant:

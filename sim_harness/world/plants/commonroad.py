@@ -25,8 +25,8 @@ from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.runge_kutta import rk4
 from sim_harness.world.plants.settings import Model, PlantSettings
 from sim_harness.world.plants.state import PlantState
+from trepid.car.vehicle import Vehicle
 from trepid.config import InputError
-from trepid.vehicle import Vehicle
 
 ROLLING_MPS = 0.5
 # [rad/(m/s²)] at 20 m/s and 2 m/s², measured by a test: 0.004 and -0.058 deg/g. All wheels have the same tyres,

@@ -14,7 +14,7 @@ from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
-from trepid.vehicle import Vehicle
+from trepid.car.vehicle import Vehicle
 
 Pose = tuple[float, float, float]  # x, y [m], yaw [rad]
 Inner = tuple[float, ...]

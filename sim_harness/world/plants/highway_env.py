@@ -17,8 +17,8 @@ from sim_harness.world.plants.foreign import ForeignPlant, Inner, Pose
 from sim_harness.world.plants.kinematic import KinematicPlant
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
+from trepid.car.vehicle import Vehicle
 from trepid.config import InputError
-from trepid.vehicle import Vehicle
 
 _MAX_STEP_S = 0.01
 

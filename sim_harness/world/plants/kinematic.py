@@ -23,7 +23,7 @@ from sim_harness.world.plants.plant import Plant
 from sim_harness.world.plants.settings import AS_IN_THE_FILE, PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.bounds import within
-from trepid.vehicle import Vehicle
+from trepid.car.vehicle import Vehicle
 
 _NEWTON_STEPS = 20  # two or three in practice
 _LAST_STEP_RAD = 1e-9  # the error after a step is of the order of the step's square

@@ -7,8 +7,8 @@ from sim_harness.world.plants.actuators import Actuators
 from sim_harness.world.plants.axles import ANTI_LOCK, GRAVITY_MPS2
 from sim_harness.world.plants.settings import PlantSettings
 from sim_harness.world.plants.state import PlantState
+from trepid.car.vehicle import Vehicle
 from trepid.messages import Command, VehicleState
-from trepid.vehicle import Vehicle
 
 
 class Plant(ABC):

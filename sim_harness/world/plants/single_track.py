@@ -29,7 +29,7 @@ from sim_harness.world.plants.runge_kutta import rk4
 from sim_harness.world.plants.settings import AS_IN_THE_FILE, PlantSettings
 from sim_harness.world.plants.state import PlantState
 from trepid.bounds import within
-from trepid.vehicle import Vehicle
+from trepid.car.vehicle import Vehicle
 
 SHAPE = 1.3  # of the magic formula, lateral
 SETTLES_AS_AT_MPS = 1.0

@@ -19,7 +19,7 @@ from sim_harness.world.render.scene.wet import WetRoad
 from sim_harness.world.roads.disturbance_table import at, extinction_1pm, load_table
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind, grades_at
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Floats, Image
 
 Kind = DisturbanceKind

@@ -24,7 +24,7 @@ from sim_harness.world.render.scene.view import STILL, Motion, Shot
 from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import Disturbance, disturbed
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.scale import scaled_message, scaled_settings
 from trepid.types import Array, Floats, Image
 

@@ -9,9 +9,9 @@ from ruamel.yaml import YAML
 
 from cockpit.car.init import FILES, TEMPLATES, Like, write_car
 from cockpit.car.template import merged
+from trepid.car.vehicle import Vehicle
 from trepid.cli import main
 from trepid.config import CAR, CONFIG_DIR, WHOLE_FILES, load, read, use_car
-from trepid.vehicle import Vehicle
 
 FIELD_FILES = [name for name in FILES if name not in WHOLE_FILES and (CONFIG_DIR / name).is_file()]
 PLAIN = YAML(typ="safe")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from message_rig import SHUTTLE
 
 from controller.model.bicycle import angle_from_curvature, curvature_from_angle, understeer_angle
-from trepid.vehicle import Chassis, Vehicle
+from trepid.car.vehicle import Chassis, Vehicle
 
 WHY = "opendbc is not installed (pip install 'trepid[test]')"
 car_helpers = pytest.importorskip("opendbc.car.car_helpers", reason=WHY)

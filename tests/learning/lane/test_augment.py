@@ -5,7 +5,7 @@ import pytest
 
 from learning.lane.augment import Augmentation, Augmenter, nonsense
 from perception.net.canonical import CanonicalView, cropped, lane_of_row, row_of_lane
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CALM = Augmentation(

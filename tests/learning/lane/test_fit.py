@@ -10,7 +10,7 @@ from learning.lane.network import SteerNetwork, command_row, export, loss  # noq
 from learning.lane.scores import Labelled  # noqa: E402
 from perception.net.canonical import cropped  # noqa: E402
 from perception.net.steer_net import Network  # noqa: E402
-from trepid.camera import Camera  # noqa: E402
+from trepid.car.camera import Camera  # noqa: E402
 from trepid.clothoid import Lane  # noqa: E402
 from trepid.config import CONFIG_DIR, InputError, load  # noqa: E402
 

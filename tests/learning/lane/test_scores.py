@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from learning.lane.scores import Task, auroc, calibrate, expected_calibration_error
+from trepid.car.vehicle import road_wheel_angle
 from trepid.clothoid import Lane
-from trepid.vehicle import road_wheel_angle
 
 TOLERANCE_RAD = math.radians(2)
 

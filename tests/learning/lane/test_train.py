@@ -13,7 +13,7 @@ from learning.lane.train import train
 from learning.rendered import FIRST_ROAD, ROADS_PER_SEED
 from perception.net.canonical import cropped
 from sim_harness.world.road_file import load_road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

@@ -6,7 +6,7 @@ import pytest
 from learning.lead.frames import MAX_VEHICLES, labels, lead_samples, near_end
 from learning.lead.scores import calibrate, match, scores
 from sim_harness.scenarios.traffic import BODIES
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

@@ -11,7 +11,7 @@ import straight_drive_rig as drives
 
 from perception.camera.height import Step
 from trepid.__main__ import main
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import CompressedFrame, Frame, VehicleState
 from trepid.recording.writer import Recording

@@ -9,7 +9,7 @@ from straight_drive_rig import KNOWN, LANE_M, TRUE, clip
 
 from perception.camera.height import Step
 from perception.camera.straight_drive import mounting
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import InputError
 
 

@@ -6,7 +6,7 @@ from perception.lane.frame_search import FrameSearch
 from perception.lane.model.evidence import LaneFit
 from perception.lane.model.geometry import WIDTH, E
 from perception.lane.view import make_view
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

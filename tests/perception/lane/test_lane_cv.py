@@ -12,7 +12,7 @@ from perception.lane.lane_cv import LaneCv
 from perception.lane.model.geometry import lane_curve
 from perception.techniques.steering.lane import straight_lane
 from perception.techniques.steering.rule import ImageLine
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 

@@ -22,11 +22,11 @@ from perception.lead.view import (
     LeadView,
     strip_pixels,
 )
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.types import Image
-from trepid.vehicle import Vehicle
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)

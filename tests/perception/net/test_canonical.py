@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.net.canonical import SUPERSAMPLE, CanonicalView, cropped
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, load
 

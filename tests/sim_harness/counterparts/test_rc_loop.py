@@ -9,8 +9,8 @@ from controller.limiter import build as build_limiter
 from sim_harness.counterparts.rc_car import followed
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import Scenario
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.vehicle import Vehicle
 from vehicle.actuators.node import ActuatorStep
 from vehicle.actuators.rc.actuator import PcaActuator, RcActuator, SerialActuator
 

@@ -20,9 +20,9 @@ from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
-from trepid.vehicle import Vehicle
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)

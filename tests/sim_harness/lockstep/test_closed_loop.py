@@ -16,9 +16,9 @@ from sim_harness.lockstep.camera import SimulatedCamera
 from sim_harness.lockstep.closed_loop import Parts, build_parts, run
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import Scenario, load_scenario
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, SteeringEstimate
-from trepid.vehicle import Vehicle
 
 LOOKAHEAD_M = 8.0
 

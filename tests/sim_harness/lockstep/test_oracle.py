@@ -7,8 +7,8 @@ from sim_harness.lockstep.oracle import Oracle, clear_view
 from sim_harness.scenarios.scenario import load_scenario
 from supervisor.rules.inference import FearRules
 from supervisor.situation.features import IMAGE_FEATURES
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.vehicle import Vehicle
 
 SHUTTLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 S_CURVE = load_scenario("s_curve").build_road()

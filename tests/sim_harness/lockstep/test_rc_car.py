@@ -13,11 +13,11 @@ from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CAR, CONFIG_DIR, InputError, load, use_car
 from trepid.messages import Frame, VehicleState
 from trepid.scale import scaled_settings
-from trepid.vehicle import Vehicle
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.world.plants.state import PlantState
 from sim_harness.world.render.scene.vehicles import Body
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.vehicle import Vehicle
 
 SHUTTLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 QUIET = load_simulator().model_copy(

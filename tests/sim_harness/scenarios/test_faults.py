@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from sim_harness.scenarios.faults import BlackFrames, EstimatorBias
+from trepid.car.vehicle import road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.messages import EstimateKind, SteeringEstimate
-from trepid.vehicle import road_wheel_angle
 
 SEEN = SteeringEstimate(
     t_s=1.0,

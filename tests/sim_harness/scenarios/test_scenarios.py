@@ -12,8 +12,8 @@ from sim_harness.scenarios.scenario import (
     load_scenarios,
 )
 from sim_harness.world.plants.build import real_vehicle
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
-from trepid.vehicle import Vehicle
 
 GOOD = """\
 description: a test

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from supervisor.path.follow import Follower, Following, Lead, judge_lead
 from supervisor.path.fusion import Path
 from supervisor.supervisor import SupervisorSettings
+from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane, Motion
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import LeadVehicle
-from trepid.vehicle import Vehicle
 
 SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)

@@ -10,9 +10,9 @@ from supervisor.rules.inference import FearRules
 from supervisor.situation.features import BEYOND, _first_root
 from supervisor.situation.world_state import WorldState, WorldStateObserver
 from supervisor.supervisor import SupervisorSettings
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import ImageStatistics, SteeringEstimate, VehicleState
-from trepid.vehicle import Vehicle
 
 RULES = FearRules.load(CONFIG_DIR / "fear.yaml")
 SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings)

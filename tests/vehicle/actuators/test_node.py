@@ -4,8 +4,8 @@ import can_rig
 import pytest
 
 from controller.limiter import build as build_limiter
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.vehicle import Vehicle
 from vehicle.actuators.node import ActuatorStep, Wire, safe_at_end
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)

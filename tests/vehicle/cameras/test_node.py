@@ -14,7 +14,7 @@ from camera_source_rig import folder_of
 from process_rig import until
 
 from trepid.bus import Bus, free_endpoint, open_bus
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.messages import Frame, Health

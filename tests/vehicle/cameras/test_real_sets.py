@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from camera_source_rig import ManualClock, drive
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.images.files import images_in
 from vehicle.cameras.files import FolderSettings, ImageFolder, VideoFile

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.camera.cli import at_width
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame
 from vehicle.cameras.working import Unfit, Working, WorkingSettings

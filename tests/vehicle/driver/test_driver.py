@@ -3,8 +3,8 @@
 import pytest
 from vehicle_driver_rig import SETTINGS
 
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.vehicle import Vehicle
 from vehicle.driver.driver import Driver
 from vehicle.driver.sticks import Sticks
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CAR, CONFIG_DIR, InputError, load
 from trepid.wire import STORE
 from vehicle.ros.bridge import TF_STATIC, RosSettings, camera_pose, load_settings, quaternion

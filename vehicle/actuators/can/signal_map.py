@@ -7,9 +7,9 @@ import cantools
 from ruamel.yaml.comments import CommentedMap
 
 from controller.limiter import Limits
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load, located, parse, read
 from trepid.spelling import did_you_mean
-from trepid.vehicle import Vehicle
 from vehicle.actuators.can.checksums import WHOLE_BYTE
 from vehicle.actuators.can.frames import WORD, Receiver, Sender, raw_range, to_signal
 from vehicle.actuators.can.settings import (

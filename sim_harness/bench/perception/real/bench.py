@@ -30,7 +30,7 @@ from sim_harness.bench.perception.real.scores import (
 )
 from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint
 from sim_harness.sweep.store import Store
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
 
 CODE = (

@@ -11,12 +11,12 @@ import numpy as np
 from perception.camera.self_calibration import self_calibrated
 from perception.estimators import entry_of, lane_cv_settings
 from perception.images.sources import Clip, sources
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.images.files import read_image
 from trepid.messages import Frame, SteeringEstimate, VehicleState
 from trepid.types import Image
-from trepid.vehicle import Vehicle
 
 MPS_PER_MPH = 0.44704
 FULL_LOCK_RAD = np.radians(25.0)  # of both steering logs, by the MANIFESTs

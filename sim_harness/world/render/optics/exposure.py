@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from sim_harness.world.roads.appearance import Light
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Floats, Image
 
 SUN_ELEVATION_RAD = 0.09

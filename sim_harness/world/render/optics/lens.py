@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.scene.view import in_colour
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Array, Floats, Image
 
 FIXED_POINT_STEPS = 40

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sim_harness.world.render.scene.view import Motion
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Array, Floats, Image
 
 FINEST_PX = 1.5  # motion of the fastest pixel between two averaged moments

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_harness.world.render.ground.noise import smooth_noise
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Floats, Image
 
 WIDTH = 1280  # columns of the panorama for a full turn

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Array, Image
 
 Pose = tuple[float, float, float]

@@ -13,7 +13,7 @@ import numpy as np
 
 from sim_harness.world.render.scene.vehicles import SHIFT, Body, Pixels, Pose
 from sim_harness.world.roads.road import Road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Array, Floats, Image
 
 SKY_M = 1500.0  # distance of hills and sky for fog, rain and snow

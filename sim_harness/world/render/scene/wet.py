@@ -9,7 +9,7 @@ from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.scene.backdrop import MIRROR_MARGIN_PX, Backdrop
 from sim_harness.world.render.scene.vehicles import SHIFT, Pixels, draw_lead
 from sim_harness.world.render.scene.view import AHEAD_M, Shot, View, in_colour, light_of, polygon
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.types import Floats
 
 PUDDLE_PX, PUDDLE_M = 256, 0.2  # period and pixel size of the pattern of puddles

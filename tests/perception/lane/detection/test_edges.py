@@ -6,7 +6,7 @@ import pytest
 from perception.estimators import lane_cv_settings
 from perception.lane.model.geometry import KAPPA, PSI, WIDTH, E
 from perception.lane.view import make_view
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 HALF_M = 2.0  # of a road

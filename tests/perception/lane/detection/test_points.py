@@ -4,7 +4,7 @@ import pytest
 from perception.estimators import lane_cv_settings
 from perception.lane.detection.grid import lateral_grid
 from perception.lane.detection.points import MarkingFilter
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

@@ -17,7 +17,7 @@ from perception.lane.model.geometry import (
     parallel_curve,
 )
 from perception.lane.settings import LaneCvSettings
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 SETTINGS = load(CONFIG_DIR / "perception.yaml", LaneCvSettings)

@@ -26,7 +26,7 @@ from perception.techniques.steering.lane import straight_lane
 from perception.techniques.steering.rule import ImageLine, level_lines
 from perception.techniques.steering.sujatha import Sujatha, case_2, case_3a, case_3b, heading
 from perception.techniques.steering.umamaheswari import Umamaheswari, crossings
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 Rule = Callable[[ImageLine, ImageLine], float]

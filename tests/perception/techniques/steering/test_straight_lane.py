@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from perception.techniques.steering.lane import straight_lane
 from perception.techniques.steering.rule import ImageLine, meeting_point
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 
 offsets = st.floats(-1.5, 1.5)
 headings = st.floats(-0.6, 0.6)

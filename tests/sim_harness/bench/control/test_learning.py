@@ -5,7 +5,7 @@ from controller_rig import SETTINGS
 from message_rig import SHUTTLE
 
 from sim_harness.bench.control import learning
-from trepid.vehicle import GRADIENT
+from trepid.car.vehicle import GRADIENT
 
 
 def test_one_lap_identifies_understeer_within_5_percent_and_the_offset_within_half_a_milliradian():

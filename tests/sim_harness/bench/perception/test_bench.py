@@ -20,10 +20,10 @@ from sim_harness.sweep.fingerprint import estimator_fingerprint, hash_of_files, 
 from sim_harness.sweep.store import Store
 from sim_harness.world.roads.disturbances import DisturbanceKind
 from sim_harness.world.roads.drawn import Kind, Shape, random_road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import PixelPath, SteeringEstimate
-from trepid.vehicle import Vehicle
 
 CAMERA, VEHICLE = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 CASE = Case(seed=1, number=0, condition=CLEAR, grade=0, kind=Kind.YELLOW, shape=Shape.TIGHT)

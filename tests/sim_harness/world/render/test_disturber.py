@@ -13,7 +13,7 @@ from sim_harness.world.roads.appearance import Light, Marking, Section
 from sim_harness.world.roads.disturbance_table import at, extinction_1pm, load_table
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

@@ -7,10 +7,10 @@ from perception.lead.finder import build
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.road_file import load_road
-from trepid.camera import Camera
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame
-from trepid.vehicle import Vehicle
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)

@@ -11,7 +11,7 @@ from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.appearance import Light, Marking, Section, Stroke, Verge
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

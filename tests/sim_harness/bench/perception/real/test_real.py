@@ -18,7 +18,7 @@ from sim_harness.bench.perception.real.scores import (
     steering,
     tusimple,
 )
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.messages import PixelPath, SteeringEstimate
 

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.appearance import Light, Marking, NeighbourLane, Paint, Stroke
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

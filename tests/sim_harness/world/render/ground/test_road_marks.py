@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.appearance import Light, NeighbourLane, Paint
 from sim_harness.world.roads.features import MarkKind
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 LANES = bare(left_lanes=(NeighbourLane(width_m=3.0),), right_lanes=(NeighbourLane(width_m=2.8),))

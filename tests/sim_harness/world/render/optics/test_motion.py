@@ -7,7 +7,7 @@ import pytest
 
 from sim_harness.world.render.optics.motion import Shake, road_after
 from sim_harness.world.render.scene.view import Motion
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim_harness.world.render.scene.vehicles import Body, draw_lead
-from trepid.camera import Camera
+from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)

@@ -2,8 +2,8 @@
 
 import pytest
 
+from trepid.car.vehicle import Chassis, Vehicle, understeer_gradient
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.vehicle import Chassis, Vehicle, understeer_gradient
 
 FILE = CONFIG_DIR / "vehicle.yaml"
 RAV4 = dict(

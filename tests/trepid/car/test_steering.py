@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trepid.vehicle import road_wheel_angle
+from trepid.car.vehicle import road_wheel_angle
 
 
 @given(kappa=st.floats(-0.2, 0.2), wheelbase=st.floats(0.3, 4))

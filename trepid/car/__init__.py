@@ -1,0 +1,1 @@
+"""The car: its dimensions and its camera."""
