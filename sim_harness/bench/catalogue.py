@@ -22,6 +22,9 @@ BENCHMARKS = {
     "pipeline": Benchmark(
         "live.pipeline", "a frame from process to process at 30 Hz, beside bare Zenoh; a queue under overload"
     ),
+    "faults": Benchmark(
+        "live.faults.bench", "faults of real processes: time to the brake, lane, ends, recordings"
+    ),
     "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),
     "seeds": Benchmark("seeds", "scores with known seeds and with fresh ones"),

@@ -58,6 +58,9 @@ def bench(
         typer.Option(help="perception: the real sets; default: TREPID_DATA, else ../shared/data."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="perception: folder for tables and figures.")] = None,
+    count: Annotated[int | None, typer.Option(min=1, help="faults: episodes of each; default: 100.")] = None,
+    wires: Annotated[str, typer.Option(help="faults: sim, can, separated by commas; default: both.")] = "",
+    faults: Annotated[str, typer.Option(help="faults: names, separated by commas; default: all.")] = "",
 ) -> int:
     """Measure time and accuracy of the parts, relative to a peer in the same run."""
     if list_only:
@@ -72,6 +75,7 @@ def bench(
     seed = secrets.randbits(32) if seed is None else seed
     options: dict[str, Any] = dict(estimators=_listed(estimators), parts=_listed(parts), data=data, out=out)
     options |= dict(quick=quick, repeats=repeats, jobs=jobs, keep_frames=keep_frames)
+    options |= dict(count=count, wires=_listed(wires), faults=_listed(faults))
     wanted = [member for name in names or BY_DEFAULT for member in named(name)]
     taken = taken_options(wanted, {name: value for name, value in options.items() if value}, seed)
     check_configuration(list_scenarios())

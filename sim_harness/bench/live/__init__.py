@@ -1,1 +1,1 @@
-"""Benchmarks of processes over Zenoh: the way of a frame through the pipeline, bare Zenoh, overload."""
+"""Benchmarks of processes over Zenoh: the way of a frame through the pipeline, bare Zenoh, overload; faults."""

@@ -1,0 +1,252 @@
+"""One real ``trepid drive`` as the program that is harmed: its start, its events, its end.
+
+The drive records to a disk of its own, a tmpfs in a mount namespace that ends with it, so that the disk can be full
+without harm to the system. Needs ``unshare`` of util-linux and, without root, user namespaces.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from sim_harness.bench.live.faults.course import write_car
+from sim_harness.bench.live.faults.episode import Events, Place
+from sim_harness.bench.live.faults.inside import APPLIED, FRAME_MARK, MARKS, Order
+from trepid.bus import Bus, Tap, open_bus
+from trepid.clock import epoch_clock
+from trepid.config import ROOT, InputError
+from trepid.messages import Command, SimTruth
+from trepid.processes.register import Running
+from trepid.recording.reader import read_recording
+from trepid.topics import CAMERA_IMAGE, SIM_TRUTH, VEHICLE_STATE
+from trepid.wire import from_cdr
+
+DISK_MB = 64
+START_S = 40.0
+END_S = 20.0  # from the request, or from the last fault, to the end of the drive
+GONE_S = 2.5  # from the end of the launcher to the end of all processes
+POLL_S = 0.02
+HEARD = (
+    "controller/command",
+    "supervisor/decision",
+    "perception/**",
+    "vehicle/state",
+    "sim/truth",
+    "bench/**",
+)
+IN_NAMESPACE = 'mount -t tmpfs -o size={size}m trepid "$0" && exec "$@"'
+
+
+class Ended(Exception):
+    """The drive has ended."""
+
+
+def command_in_namespace(disk: Path, command: list[str]) -> list[str]:
+    """``command`` with a small file system of its own at ``disk``."""
+    user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
+    script = IN_NAMESPACE.format(size=DISK_MB)
+    return ["unshare", *user, "--mount", "sh", "-c", script, str(disk), *command]
+
+
+class FaultDrive:
+    """A drive on the wire ``wire`` in ``folder``. Use :func:`driving`."""
+
+    def __init__(self, folder: Path, wire: str) -> None:
+        self.wire, self._folder = wire, folder
+        self._disk, self._errors = folder / "disk", folder / "stderr"
+        self._disk.mkdir(parents=True)
+        car = write_car(folder, wire)
+        words = ["drive", "--car", str(car), "--record", str(self._disk / "drive.mcap"), "--no-dashboard"]
+        with self._errors.open("wb") as errors, (folder / "row.json").open("wb") as row:
+            self.popen = subprocess.Popen(
+                command_in_namespace(self._disk, [sys.executable, "-m", "trepid", *words, "--json"]),
+                cwd=ROOT,
+                stdout=row,
+                stderr=errors,
+                start_new_session=True,
+                env={**os.environ, "XDG_RUNTIME_DIR": str(folder)},
+            )
+        self.events = Events()
+        self._disk_fd: int | None = None
+        self._renewals = 0
+        self.killed_launcher = False
+
+    def attach(self) -> Running:
+        """Wait until the drive is registered. Raises InputError when it does not start."""
+        path = self._folder / "trepid" / f"{self.popen.pid}.json"
+        until_s = time.monotonic() + START_S
+        while time.monotonic() < until_s and self.popen.poll() is None:
+            if path.exists() and path.stat().st_size:
+                self.running = Running.model_validate_json(path.read_text(encoding="utf-8"))
+                self._disk_fd = os.open(
+                    f"/proc/{self.popen.pid}/root{self._disk}", os.O_RDONLY | os.O_DIRECTORY
+                )
+                return self.running
+            time.sleep(0.1)
+        raise InputError(f"the drive did not start: {self.errors()}")
+
+    def listen(self, bus: Bus) -> None:
+        """Take the events of the drive from ``bus`` on."""
+        self._tap: Tap = bus.tap(*HEARD)
+        self.now_s = epoch_clock(self.running.clock_offset_ns)
+
+    def forget(self) -> None:
+        """Drop the events so far, but for the last place."""
+        self.events = Events(places=self.events.places[-1:])
+
+    def poll(self) -> None:
+        """Take what was published meanwhile. Raises Ended."""
+        time.sleep(POLL_S)
+        events = self.events
+        for key, data, t_s in self._tap.drain():
+            if key == APPLIED.key:
+                events.applied.append((t_s, from_cdr(data, Command).accel_mps2))
+            elif key == SIM_TRUTH.key:
+                truth = from_cdr(data, SimTruth)
+                events.places.append(Place(t_s, truth.speed_mps or 0.0, truth.departures))
+            elif key == MARKS:
+                text = data.decode()
+                events.marks_s[text].append(t_s)
+                if text == FRAME_MARK:
+                    events.published_s[CAMERA_IMAGE.key].append(t_s)
+            else:
+                events.published_s[key].append(t_s)
+        if self.popen.poll() is not None:
+            raise Ended
+
+    def errors(self) -> str:
+        """The last lines on standard error."""
+        return " | ".join(self._errors.read_text(errors="replace").splitlines()[-3:])
+
+    def pids(self) -> dict[str, int]:
+        """The processes of the drive that run, by name."""
+        found = {}
+        for path in Path("/proc").glob("[0-9]*"):
+            try:
+                arguments = (path / "cmdline").read_bytes().split(b"\0")
+                state = (path / "stat").read_text().rsplit(")", 1)[1].split()[0]
+            except (FileNotFoundError, ProcessLookupError, PermissionError):
+                continue
+            if state in "ZX" or len(arguments) < 4 or self.running.endpoint.encode() not in arguments[3]:
+                continue
+            found[str(json.loads(arguments[3])["name"])] = int(path.name)
+        return found
+
+    def order(self, name: str, order: Order) -> None:
+        """Give a process an order (:mod:`sim_harness.bench.live.faults.inside`)."""
+        file = self._folder / "control" / f"{name}.json"
+        new = file.with_suffix(".new")
+        new.write_text(order.model_dump_json(), encoding="utf-8")
+        new.rename(file)
+        os.kill(self.pids()[name], signal.SIGUSR1)
+
+    def renew_supervisor(self) -> None:
+        """Let the supervisor start anew, as in a new drive: it may drive again after a final stop."""
+        self._renewals += 1
+        self.order("supervisor", Order(renewals=self._renewals))
+
+    @property
+    def disk(self) -> Path:
+        """The file system of the recording, also after the end of the drive."""
+        return Path(f"/proc/self/fd/{self._disk_fd}")
+
+    def fill_disk(self) -> None:
+        """Leave no free byte."""
+        with (self.disk / "ballast").open("wb", buffering=0) as file, suppress(OSError):
+            while True:
+                file.write(bytes(2**16))
+
+    def free_disk(self) -> None:
+        """Undo :meth:`fill_disk`."""
+        (self.disk / "ballast").unlink(missing_ok=True)
+
+    def ending(self) -> dict[str, Any]:
+        """The end of the drive: whether it hung, processes that were left, and the state of the recording.
+
+        Call it after a fault that ends the drive, or after :meth:`interrupt`.
+        """
+        began_s = time.monotonic()
+        with suppress(Ended):
+            while time.monotonic() - began_s < END_S:
+                self.poll()
+        hung = self.popen.poll() is None
+        if hung:
+            self.popen.kill()
+        self.popen.wait()
+        left = self._left()
+        for pid in left.values():
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        return {
+            "hung": hung,
+            "orphans": sorted(left),
+            "exit_code": self.popen.returncode,
+            "recording": recording_state(self.disk),
+        }
+
+    def _left(self) -> Mapping[str, int]:
+        """Processes that run GONE_S after the launcher; the electronics of a car run on without it."""
+        until_s = time.monotonic() + GONE_S
+        left = self.pids()
+        while time.monotonic() < until_s and left.keys() - ({"ecu"} if self.killed_launcher else set()):
+            self._drain()
+            left = self.pids()
+        if not self.killed_launcher:
+            return left
+        return {name: pid for name, pid in left.items() if name != "ecu"}
+
+    def _drain(self) -> None:
+        with suppress(Ended):
+            self.poll()
+
+    def interrupt(self) -> None:
+        """Ask the drive to end."""
+        with suppress(ProcessLookupError):
+            self.popen.send_signal(signal.SIGINT)
+
+    def close(self) -> None:
+        """End whatever still runs."""
+        if self.popen.poll() is None:
+            self.popen.kill()
+        self.popen.wait()
+        if hasattr(self, "running"):
+            for pid in self.pids().values():
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+        if self._disk_fd is not None:
+            os.close(self._disk_fd)
+
+
+def recording_state(folder: Path) -> str:
+    """``complete``, ``cut short`` (readable up to its end), or what makes a recording in ``folder`` unreadable."""
+    files = sorted(folder.glob("*.mcap"))
+    if not files:
+        return "none"
+    complete = True
+    for file in files:
+        try:
+            recorded = read_recording(file, VEHICLE_STATE.key)
+        except InputError as error:
+            return str(error).rpartition("/")[2]
+        complete = complete and recorded.complete
+    return "complete" if complete else "cut short"
+
+
+@contextmanager
+def driving(folder: Path, wire: str) -> Iterator[FaultDrive]:
+    """A drive that has started, and its events; everything of it ends with the body."""
+    drive = FaultDrive(folder, wire)
+    try:
+        running = drive.attach()
+        clock = epoch_clock(running.clock_offset_ns)
+        with open_bus(running.vehicle_name, clock, connect=running.endpoint) as bus:
+            drive.listen(bus)
+            yield drive
+    finally:
+        drive.close()

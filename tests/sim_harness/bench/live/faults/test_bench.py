@@ -1,0 +1,100 @@
+"""The plan of the drives with faults, and the table of their episodes."""
+
+from typing import Any
+
+import pytest
+
+from sim_harness.bench.live.faults.bench import SURVIVED, bench_faults, next_drive, table
+from sim_harness.bench.live.faults.catalogue import CAN, FAULTS, SIM, WIRES, Act
+from sim_harness.bench.live.faults.course import processes
+from trepid.config import InputError
+
+TASKS = [
+    (wire, fault, number)
+    for number in range(2)
+    for wire in WIRES
+    for fault in FAULTS.values()
+    if wire in fault.wires
+]
+
+
+def row(fault: str = "kill-cv", **changes: Any) -> dict[str, Any]:
+    calm = dict(
+        wire=SIM, fault=fault, number=0, load=1.0, observable_ms=0.0, reaction_ms=50.0, braked_ms=50.0
+    )
+    end = dict(stood_s=3.0, departures=0, resumed=None, hung=False, orphans=[], recording="complete")
+    return calm | end | changes
+
+
+def test_every_episode_is_driven_once_and_at_most_one_fault_ends_a_drive() -> None:
+    left, drives = list(TASKS), []
+    while left:
+        drives.append(next_drive(left))
+        for task in drives[-1]:
+            left.remove(task)
+    assert sum(map(len, drives)) == len(TASKS)
+    for drive in drives:
+        assert len({(wire, number) for wire, _, number in drive}) == 1
+        assert not any(fault.ends_drive for _, fault, _ in drive[:-1])
+        assert len(drive) <= SURVIVED + 1
+
+
+def test_counts_grow_evenly() -> None:
+    numbers = [number for _, _, number in TASKS]
+    assert numbers == sorted(numbers)
+
+
+def test_the_simulated_car_itself_is_neither_killed_nor_frozen() -> None:
+    harmed = {
+        fault.process
+        for fault in FAULTS.values()
+        if SIM in fault.wires and fault.act in (Act.KILL, Act.FREEZE)
+    }
+    assert "vehicle" not in harmed
+    assert FAULTS["kill-vehicle"].wires == (CAN,)
+
+
+def test_an_unknown_fault_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(InputError, match="no fault 'kill-cw'; did you mean 'kill-cv'"):
+        bench_faults(faults=("kill-cw",))
+
+
+def test_an_unknown_wire_is_refused() -> None:
+    with pytest.raises(InputError, match="no wire 'lin'"):
+        bench_faults(wires=("lin",))
+
+
+def test_a_car_that_did_not_brake_is_counted_and_has_no_reaction_time() -> None:
+    rows = [row(), row(reaction_ms=150.0), row(reaction_ms=None, braked_ms=None, stood_s=None)]
+    figures = table(rows)[SIM]["kill-cv"]
+    assert (figures["count"], figures["braked"], figures["stood"]) == (3, 2, 2)
+    assert (figures["p50 [ms]"], figures["worst [ms]"]) == (100.0, 150.0)
+
+
+def test_faults_that_must_not_stop_the_car_stand_apart_from_those_that_must() -> None:
+    rows = [row(), row("disk-full", reaction_ms=None, braked_ms=None, stood_s=None, resumed="never stopped")]
+    every = table(rows)["all"]
+    assert every["sim: have to stop"]["braked"] == 1
+    assert every["sim: have to drive on"]["braked"] == 0
+    assert every["sim: have to drive on"]["drove on"] == "never stopped 1"
+
+
+def test_departures_hangs_orphans_and_recordings_are_counted() -> None:
+    bad = row(departures=1, hung=True, orphans=["cv", "cnn"], recording="not a recording: no MCAP file")
+    figures = table([row(recording="cut short"), bad])[SIM]["kill-cv"]
+    assert figures["in lane [%]"] == 50.0
+    assert (figures["hung"], figures["orphans"], figures["recordings not readable"]) == (1, 2, 1)
+
+
+def test_the_table_of_no_episode_is_empty() -> None:
+    assert table([])["all"] == {}
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_commands_are_reported_where_they_act_on_the_car(wire: str, tmp_path: Any) -> None:
+    applied = {
+        name: entry["options"]["applied"]
+        for name, entry in processes(wire, tmp_path).items()
+        if "applied" in entry["options"]
+    }
+    assert applied == ({"ecu": "ecu"} if wire == CAN else {"vehicle": "limiter"})
