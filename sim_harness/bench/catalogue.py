@@ -25,6 +25,9 @@ BENCHMARKS = {
     "faults": Benchmark(
         "live.faults.bench", "faults of real processes: time to the brake, lane, ends, recordings"
     ),
+    "soak": Benchmark(
+        "live.soak", "half an hour live: memory, files, threads, lost messages of the recorder"
+    ),
     "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),
     "seeds": Benchmark("seeds", "scores with known seeds and with fresh ones"),

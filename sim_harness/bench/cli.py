@@ -59,6 +59,9 @@ def bench(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="perception: folder for tables and figures.")] = None,
     count: Annotated[int | None, typer.Option(min=1, help="faults: episodes of each; default: 100.")] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=20.0, help="soak: length of the drive [s]; default: 1800.")
+    ] = None,
     wires: Annotated[str, typer.Option(help="faults: sim, can, separated by commas; default: both.")] = "",
     faults: Annotated[str, typer.Option(help="faults: names, separated by commas; default: all.")] = "",
 ) -> int:
@@ -75,7 +78,7 @@ def bench(
     seed = secrets.randbits(32) if seed is None else seed
     options: dict[str, Any] = dict(estimators=_listed(estimators), parts=_listed(parts), data=data, out=out)
     options |= dict(quick=quick, repeats=repeats, jobs=jobs, keep_frames=keep_frames)
-    options |= dict(count=count, wires=_listed(wires), faults=_listed(faults))
+    options |= dict(count=count, duration=duration, wires=_listed(wires), faults=_listed(faults))
     wanted = [member for name in names or BY_DEFAULT for member in named(name)]
     taken = taken_options(wanted, {name: value for name, value in options.items() if value}, seed)
     check_configuration(list_scenarios())

@@ -5,7 +5,7 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -178,10 +178,22 @@ def _replace_programs(data: CommentedMap) -> None:
     """
     entries = data.get("processes")
     for entry in entries.values() if isinstance(entries, CommentedMap) else ():
-        given = getattr(entry, "sources", {})
-        if not given.keys().isdisjoint(PROGRAMS):
-            for field in [field for field in entry if field not in given]:
-                del entry[field]
+        if not _of_car(entry).isdisjoint(PROGRAMS):
+            _keep_own(entry)
+
+
+def _of_car(fields: object) -> Set[str]:
+    """The names of the fields that the car gives, whole or as the only ones of a mapping of its own."""
+    return getattr(fields, "sources", {}).keys()
+
+
+def _keep_own(fields: CommentedMap) -> None:
+    """Drop the fields that the car does not give, also of the mappings below."""
+    for name in [name for name in fields if name not in _of_car(fields)]:
+        if _of_car(fields[name]):
+            _keep_own(fields[name])
+        else:
+            del fields[name]
 
 
 def _specs(file: ProcessesFile, data: CommentedMap) -> Iterator[ProcessSpec]:

@@ -47,6 +47,12 @@ def test_another_program_replaces_the_entry_as_a_whole(car: Callable[[str], dict
     assert (cv.module, cv.options, cv.publishes) == ("", {}, ())
 
 
+def test_another_program_has_its_own_options_and_none_of_the_replaced_one(
+    car: Callable[[str], dict[str, ProcessSpec]],
+) -> None:
+    assert car("processes: {cv: {module: controller.node, options: {far: 1}}}")["cv"].options == {"far": 1}
+
+
 def test_a_process_of_ones_own_is_added_with_the_defaults(
     car: Callable[[str], dict[str, ProcessSpec]], tmp_path: Path
 ) -> None:

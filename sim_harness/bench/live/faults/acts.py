@@ -22,11 +22,11 @@ def inject(drive: FaultDrive, fault: Fault, *, number: int) -> tuple[float, Rele
     match fault.act:
         case Act.KILL:
             drive.killed_launcher = fault.process == LAUNCHER
-            pid, injected_s = _pid(drive, fault.process), drive.now_s()
+            pid, injected_s = drive.pid(fault.process), drive.now_s()
             os.kill(pid, signal.SIGKILL)
             return injected_s, lambda: None
         case Act.FREEZE:
-            pid = _pid(drive, fault.process)
+            pid = drive.pid(fault.process)
             os.kill(pid, signal.SIGSTOP)
             return drive.now_s(), lambda: _resume(pid)
         case Act.STARVE:
@@ -47,10 +47,6 @@ def inject(drive: FaultDrive, fault: Fault, *, number: int) -> tuple[float, Rele
     injected_s = drive.now_s()
     drive.order(name, order)
     return injected_s, lambda: drive.order(name, Order())
-
-
-def _pid(drive: FaultDrive, process: str) -> int:
-    return drive.popen.pid if process == LAUNCHER else drive.pids()[process]
 
 
 def _resume(pid: int) -> None:

@@ -2,11 +2,12 @@
 
 Real processes of real drives (``trepid drive``) are harmed while the car laps at 3 m/s. Every drive takes some
 faults that it survives and one that ends it. Rows are in ``runs/faults.jsonl`` at the end of their drive; the same
-command continues an interrupted run. Rows of other code do not count.
+command continues an interrupted run. Ctrl-C ends it with the figures so far. Rows of other code do not count.
 """
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from itertools import islice
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from sim_harness.bench.live.faults.catalogue import FAULTS, WIRES, Fault
 from sim_harness.bench.live.faults.flow import BY_ITSELF, KEPT, NOT_AT_ALL, RENEWED, driven
-from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.fingerprint import fingerprint, import_closure
 from sim_harness.sweep.progress import SweepProgress
 from sim_harness.sweep.store import Row, Store
 from trepid.config import WORK_DIR, InputError
@@ -25,6 +26,13 @@ TARGET_P99_MS, TARGET_WORST_MS = 100.0, 300.0
 FAILURES = 4  # drives in a row without a result
 SURVIVED = 6  # faults of one drive before the one that ends it
 STORE = WORK_DIR / "runs" / "faults.jsonl"
+DRIVEN = (
+    *("sim_harness.bench.live.faults.bench", "sim_harness.live.drive_cli", "sim_harness.live.drive"),
+    *("sim_harness.live.camera_node", "sim_harness.live.vehicle_node", "sim_harness.counterparts.ecu"),
+    *("perception.node", "perception.lead.node", "supervisor.node", "controller.node"),
+    *("vehicle.actuators.node", "vehicle.actuators.can.actuator", "trepid.recording.node"),
+)
+"""The modules of the processes; their code, and what they import, makes a row valid."""
 Task = tuple[str, Fault, int]
 """Wire, fault and number of an episode."""
 
@@ -36,11 +44,12 @@ def bench_faults(count: int = COUNT, wires: tuple[str, ...] = (), faults: tuple[
     tasks = [
         (wire, fault, n) for n in range(count) for wire in over for fault in chosen if wire in fault.wires
     ]
-    code = fingerprint()
+    code = fingerprint(*import_closure(DRIVEN), "config")
     with Store(STORE) as store:
-        fill(store, code, tasks)
+        with suppress(KeyboardInterrupt):
+            fill(store, code, tasks)
         rows = [row for task in tasks if (row := store.get(case(task), code))]
-    return table(rows)
+    return {"episodes": f"{len(rows)} of {len(tasks)}", **table(rows)}
 
 
 def known(names: Iterable[str], among: Iterable[str], what: str) -> tuple[str, ...]:

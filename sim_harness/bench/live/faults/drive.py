@@ -4,31 +4,28 @@ The drive records to a disk of its own, a tmpfs in a mount namespace that ends w
 without harm to the system. Needs ``unshare`` of util-linux and, without root, user namespaces.
 """
 
-import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from sim_harness.bench.live.faults.catalogue import LAUNCHER
 from sim_harness.bench.live.faults.course import write_car
-from sim_harness.bench.live.faults.episode import Events, Place
-from sim_harness.bench.live.faults.inside import APPLIED, FRAME_MARK, MARKS, Order
+from sim_harness.bench.live.faults.episode import STANDING_MPS, Events, Place
+from sim_harness.bench.live.faults.inside import APPLIED, FRAME_MARK, LINGER_S, MARKS, Order
+from sim_harness.bench.live.program import DriveProgram, kill
 from trepid.bus import Bus, Tap, open_bus
 from trepid.clock import epoch_clock
-from trepid.config import ROOT, InputError
+from trepid.config import InputError
 from trepid.messages import Command, SimTruth
-from trepid.processes.register import Running
 from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_IMAGE, SIM_TRUTH, VEHICLE_STATE
 from trepid.wire import from_cdr
 
 DISK_MB = 64
-START_S = 40.0
 END_S = 20.0  # from the request, or from the last fault, to the end of the drive
 GONE_S = 2.5  # from the end of the launcher to the end of all processes
 POLL_S = 0.02
@@ -54,45 +51,22 @@ def command_in_namespace(disk: Path, command: list[str]) -> list[str]:
     return ["unshare", *user, "--mount", "sh", "-c", script, str(disk), *command]
 
 
-class FaultDrive:
+class FaultDrive(DriveProgram):
     """A drive on the wire ``wire`` in ``folder``. Use :func:`driving`."""
 
     def __init__(self, folder: Path, wire: str) -> None:
-        self.wire, self._folder = wire, folder
-        self._disk, self._errors = folder / "disk", folder / "stderr"
+        self.wire, self._folder, self._disk = wire, folder, folder / "disk"
         self._disk.mkdir(parents=True)
-        car = write_car(folder, wire)
-        words = ["drive", "--car", str(car), "--record", str(self._disk / "drive.mcap"), "--no-dashboard"]
-        with self._errors.open("wb") as errors, (folder / "row.json").open("wb") as row:
-            self.popen = subprocess.Popen(
-                command_in_namespace(self._disk, [sys.executable, "-m", "trepid", *words, "--json"]),
-                cwd=ROOT,
-                stdout=row,
-                stderr=errors,
-                start_new_session=True,
-                env={**os.environ, "XDG_RUNTIME_DIR": str(folder)},
-            )
+        words = ["--car", str(write_car(folder, wire)), "--record", str(self._disk / "drive.mcap")]
+        super().__init__(folder, words, wrapped=lambda command: command_in_namespace(self._disk, command))
         self.events = Events()
         self._disk_fd: int | None = None
         self._renewals = 0
         self.killed_launcher = False
 
-    def attach(self) -> Running:
-        """Wait until the drive is registered. Raises InputError when it does not start."""
-        path = self._folder / "trepid" / f"{self.popen.pid}.json"
-        until_s = time.monotonic() + START_S
-        while time.monotonic() < until_s and self.popen.poll() is None:
-            if path.exists() and path.stat().st_size:
-                self.running = Running.model_validate_json(path.read_text(encoding="utf-8"))
-                self._disk_fd = os.open(
-                    f"/proc/{self.popen.pid}/root{self._disk}", os.O_RDONLY | os.O_DIRECTORY
-                )
-                return self.running
-            time.sleep(0.1)
-        raise InputError(f"the drive did not start: {self.errors()}")
-
     def listen(self, bus: Bus) -> None:
-        """Take the events of the drive from ``bus`` on."""
+        """Take the events of the drive from ``bus`` on, and hold its disk."""
+        self._disk_fd = os.open(f"/proc/{self.popen.pid}/root{self._disk}", os.O_RDONLY | os.O_DIRECTORY)
         self._tap: Tap = bus.tap(*HEARD)
         self.now_s = epoch_clock(self.running.clock_offset_ns)
 
@@ -120,23 +94,14 @@ class FaultDrive:
         if self.popen.poll() is not None:
             raise Ended
 
-    def errors(self) -> str:
-        """The last lines on standard error."""
-        return " | ".join(self._errors.read_text(errors="replace").splitlines()[-3:])
-
-    def pids(self) -> dict[str, int]:
-        """The processes of the drive that run, by name."""
-        found = {}
-        for path in Path("/proc").glob("[0-9]*"):
-            try:
-                arguments = (path / "cmdline").read_bytes().split(b"\0")
-                state = (path / "stat").read_text().rsplit(")", 1)[1].split()[0]
-            except (FileNotFoundError, ProcessLookupError, PermissionError):
-                continue
-            if state in "ZX" or len(arguments) < 4 or self.running.endpoint.encode() not in arguments[3]:
-                continue
-            found[str(json.loads(arguments[3])["name"])] = int(path.name)
-        return found
+    def pid(self, name: str) -> int:
+        """The process ``name``, or the launcher. Raises Ended when it does not run."""
+        if name == LAUNCHER:
+            return self.popen.pid
+        found = self.pids()
+        if name not in found:
+            raise Ended
+        return found[name]
 
     def order(self, name: str, order: Order) -> None:
         """Give a process an order (:mod:`sim_harness.bench.live.faults.inside`)."""
@@ -144,7 +109,7 @@ class FaultDrive:
         new = file.with_suffix(".new")
         new.write_text(order.model_dump_json(), encoding="utf-8")
         new.rename(file)
-        os.kill(self.pids()[name], signal.SIGUSR1)
+        os.kill(self.pid(name), signal.SIGUSR1)
 
     def renew_supervisor(self) -> None:
         """Let the supervisor start anew, as in a new drive: it may drive again after a final stop."""
@@ -180,9 +145,7 @@ class FaultDrive:
             self.popen.kill()
         self.popen.wait()
         left = self._left()
-        for pid in left.values():
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
+        kill(left.values())
         return {
             "hung": hung,
             "orphans": sorted(left),
@@ -191,34 +154,24 @@ class FaultDrive:
         }
 
     def _left(self) -> Mapping[str, int]:
-        """Processes that run GONE_S after the launcher; the electronics of a car run on without it."""
-        until_s = time.monotonic() + GONE_S
+        """Processes that run GONE_S after the launcher; the electronics of a car run on and stop the car."""
+        electronics = {"ecu"} if self.killed_launcher else set()
+        until_s = time.monotonic() + (LINGER_S if electronics else GONE_S)
         left = self.pids()
-        while time.monotonic() < until_s and left.keys() - ({"ecu"} if self.killed_launcher else set()):
-            self._drain()
+        while time.monotonic() < until_s and (left.keys() - electronics or (electronics and not self.stands)):
+            with suppress(Ended):
+                self.poll()
             left = self.pids()
-        if not self.killed_launcher:
-            return left
-        return {name: pid for name, pid in left.items() if name != "ecu"}
+        return {name: pid for name, pid in left.items() if name not in electronics}
 
-    def _drain(self) -> None:
-        with suppress(Ended):
-            self.poll()
-
-    def interrupt(self) -> None:
-        """Ask the drive to end."""
-        with suppress(ProcessLookupError):
-            self.popen.send_signal(signal.SIGINT)
+    @property
+    def stands(self) -> bool:
+        """The car stands now."""
+        return bool(self.events.places) and self.events.places[-1].speed_mps < STANDING_MPS
 
     def close(self) -> None:
-        """End whatever still runs."""
-        if self.popen.poll() is None:
-            self.popen.kill()
-        self.popen.wait()
-        if hasattr(self, "running"):
-            for pid in self.pids().values():
-                with suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGKILL)
+        """Kill whatever still runs, and let go of the disk."""
+        super().close()
         if self._disk_fd is not None:
             os.close(self._disk_fd)
 
@@ -243,7 +196,7 @@ def driving(folder: Path, wire: str) -> Iterator[FaultDrive]:
     """A drive that has started, and its events; everything of it ends with the body."""
     drive = FaultDrive(folder, wire)
     try:
-        running = drive.attach()
+        running = drive.running
         clock = epoch_clock(running.clock_offset_ns)
         with open_bus(running.vehicle_name, clock, connect=running.endpoint) as bus:
             drive.listen(bus)

@@ -12,7 +12,7 @@ from sim_harness.bench.live.faults.acts import inject
 from sim_harness.bench.live.faults.catalogue import Fault
 from sim_harness.bench.live.faults.course import SPEED_MPS
 from sim_harness.bench.live.faults.drive import Ended, FaultDrive, driving
-from sim_harness.bench.live.faults.episode import CALM_S, STANDING_MPS, Row, judged
+from sim_harness.bench.live.faults.episode import CALM_S, Row, judged
 
 CRUISE_SHARE = 0.93
 CALM_MPS2 = 0.3  # accelerations of the speed control at its speed
@@ -64,11 +64,12 @@ def episode(drive: FaultDrive, fault: Fault, number: int) -> Row:
     """One fault after which the drive may go on."""
     injected_s, release = harmed(drive, fault, number)
     try:
-        waited = until(drive, lambda: stands(drive), STAND_S if fault.stops else UNHARMED_S)
+        waited = until(drive, lambda: drive.stands, STAND_S if fault.stops else UNHARMED_S)
     except Ended:
         return judged(fault, drive.events, injected_s=injected_s) | {"resumed": None}
     finally:
-        release()
+        with suppress(Ended):
+            release()
     resumed = resume(drive) if waited or not moves(drive) else KEPT
     return judged(fault, drive.events, injected_s=injected_s) | {"resumed": resumed}
 
@@ -101,11 +102,6 @@ def calm(drive: FaultDrive) -> bool:
     long_enough = bool(events.places) and now_s - events.places[0].t_s > CALM_S
     steady = bool(places) and min(place.speed_mps for place in places) > CRUISE_SHARE * SPEED_MPS
     return long_enough and steady and bool(accels) and max(map(abs, accels)) < CALM_MPS2
-
-
-def stands(drive: FaultDrive) -> bool:
-    """The car stands now."""
-    return bool(drive.events.places) and drive.events.places[-1].speed_mps < STANDING_MPS
 
 
 def moves(drive: FaultDrive) -> bool:
