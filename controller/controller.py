@@ -36,7 +36,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Command, Decision, Mode, Stop, VehicleState
-from trepid.scale import scaled_message
+from trepid.scale import ReferenceWorld
 from trepid.types import Positive
 
 _MAX_DRIVE_LAG = 0.25  # of k·τ_a: damping 1 of the speed loop
@@ -85,13 +85,17 @@ def build(vehicle: Vehicle | None = None, settings_file: Path | None = None) -> 
             f" {vehicle.accel_lag_s} s: the speed would overshoot; at most"
             f" {_MAX_DRIVE_LAG / vehicle.accel_lag_s:.2f}"
         )
-    return (Controller if vehicle.scale == 1.0 else SimilarController)(vehicle, settings)
+    return Controller(vehicle, settings)
 
 
 class Controller:
-    """Call ``step`` at every new decision and at least 50 times a second. Starts with the brake applied."""
+    """Call ``step`` at every new decision and at least 50 times a second. Starts with the brake applied.
+
+    It computes in the reference world (:mod:`trepid.scale`), in which the settings hold.
+    """
 
     def __init__(self, vehicle: Vehicle, settings: ControllerSettings) -> None:
+        self._reference, vehicle = ReferenceWorld(vehicle.scale), vehicle.in_reference_world
         self.learner = SteeringLearner(vehicle, settings.learning)
         self._settings = settings
         self._top_mps = critical_speed(vehicle) * settings.speed.critical_speed_share
@@ -118,6 +122,8 @@ class Controller:
 
     def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
         """The command for ``now_s`` [s]; always finite, and braking where an input is not good."""
+        decision = self._reference.enlarged("decision", decision)
+        state = self._reference.enlarged("state", state)
         dt_s = self._elapsed(now_s)
         frame_s = decision.t_s if decision is not None else None
         if frame_s is not None and not math.isfinite(frame_s):
@@ -142,7 +148,7 @@ class Controller:
         stop = self._stop(decision, lane, speed_mps, now_s)
         cut = state is not None and state.saturated is True
         goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver, cut=cut)
-        return Command(
+        command = Command(
             t_s=frame_s,
             road_wheel_angle_rad=within(
                 self.learner.command_rad(angle_rad), self._vehicle.max_road_wheel_angle_rad
@@ -150,6 +156,7 @@ class Controller:
             speed_mps=goal_mps,
             accel_mps2=accel_mps2,
         )
+        return self._reference.restored(command)
 
     @property
     def _vehicle(self) -> Vehicle:
@@ -271,27 +278,6 @@ class Controller:
             settings=self._eased if cut else self._settings.speed,
         )
         return goal.speed_mps, self._speed.track(goal, speed_mps=speed_mps, dt_s=dt_s)
-
-
-class SimilarController(Controller):
-    """The controller in the reference world of :mod:`trepid.scale`, with messages of the car's own world."""
-
-    def __init__(self, vehicle: Vehicle, settings: ControllerSettings) -> None:
-        """``vehicle`` is that of the car's own world; ``settings`` hold in the reference world."""
-        super().__init__(vehicle.in_reference_world, settings)
-        self._scale = vehicle.scale
-        self._taken: tuple[Decision | None, Decision | None] = (
-            None,
-            None,
-        )  # the newest decision and its enlargement
-
-    def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
-        """As :meth:`Controller.step`."""
-        enlargement = 1 / self._scale
-        if decision is not self._taken[0]:  # one object a decision: a controller judges each once
-            self._taken = decision, scaled_message(decision, enlargement)
-        command = super().step(self._taken[1], scaled_message(state, enlargement), now_s=now_s)
-        return scaled_message(command, self._scale)
 
 
 def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:

@@ -13,7 +13,7 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
-from trepid.scale import scaled_message, scaled_settings
+from trepid.scale import ReferenceWorld, scaled_settings
 from trepid.spelling import did_you_mean_or_list
 
 
@@ -25,17 +25,17 @@ class Estimator(Protocol):
         ...
 
 
-class Similar:
+class ScaledEstimator:
     """An estimator of the reference world (:mod:`trepid.scale`) in a world ``scale`` times as large."""
 
     def __init__(self, estimator: Estimator, scale: float) -> None:
         """``estimator`` was built for the camera and the vehicle enlarged to the reference world."""
-        self._estimator, self._scale = estimator, scale
+        self._estimator, self._reference = estimator, ReferenceWorld(scale)
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The estimate of ``frame`` with lengths of the car's own world."""
-        seen = self._estimator.step(frame, scaled_message(state, 1 / self._scale), now_s=now_s)
-        return scaled_message(seen, self._scale)
+        estimate = self._estimator.step(frame, self._reference.enlarged("state", state), now_s=now_s)
+        return self._reference.restored(estimate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Entry:
     source: str
     kind: EstimateKind = EstimateKind.LANE
     stages: tuple[str, ...] = ()  # of a pipeline
-    # raises InputError for a camera and vehicle of their own world that it is not made for
+    # raises InputError for a camera and vehicle (of the car's own world) outside its range
     check: Callable[[Camera, Vehicle], None] | None = None
 
     def build(self, camera: Camera, vehicle: Vehicle) -> Estimator:
@@ -57,7 +57,7 @@ class Entry:
         if vehicle.scale == 1.0:
             return self.construct(camera, vehicle)
         eye = scaled_settings(camera, 1 / vehicle.scale)
-        return Similar(self.construct(eye, vehicle.in_reference_world), vehicle.scale)
+        return ScaledEstimator(self.construct(eye, vehicle.in_reference_world), vehicle.scale)
 
 
 def lane_cv_settings() -> LaneCvSettings:

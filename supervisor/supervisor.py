@@ -5,7 +5,7 @@ import pathlib
 import sys
 from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
-from typing import Any, ClassVar, TypeVar, cast
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -38,12 +38,11 @@ from trepid.messages import (
     Stop,
     VehicleState,
 )
-from trepid.scale import scaled_message
+from trepid.scale import ReferenceWorld
 from trepid.spelling import did_you_mean
 from trepid.types import Positive, Share
 
 FieldPath = tuple[str | int, ...]
-M = TypeVar("M")
 
 
 class SupervisorSettings(Settings):
@@ -84,6 +83,9 @@ class Supervisor:
     It begins in STOP, also after a restart on the move, and leaves STOP only with healthy inputs: from standstill,
     or when a driver lets go of a moving car. Its state is the remembered path, the trail of the vehicle ahead, the
     mode and its timers. It alone holds the rules; its parts get them at every step.
+
+    It computes in the reference world (:mod:`trepid.scale`), in which rules and settings hold. The inputs of the
+    rules, and their values in a decision, are lengths and speeds of that world.
     """
 
     def __init__(
@@ -95,6 +97,7 @@ class Supervisor:
         source: pathlib.Path | None = None,
     ) -> None:
         """``source`` is the file of ``settings``, for errors. Raises InputError as :meth:`adopt`."""
+        self._reference, vehicle = ReferenceWorld(vehicle.scale), vehicle.in_reference_world
         self._settings, self._source = settings, source
         self.adopt(rules)
         self._observer = WorldStateObserver(
@@ -141,6 +144,9 @@ class Supervisor:
         confidence 0. ``malformed`` names the estimators, and "statistics", "lead", "state", whose newest message
         could not be decoded: the input is broken. ``losses``: the newest report of the launcher.
         """
+        enlarged = self._reference.enlarged
+        estimates = {name: enlarged(f"estimate {name}", estimate) for name, estimate in estimates.items()}
+        lead, state = enlarged("lead", lead), enlarged("state", state)
         rules, driver = self._rules, state is not None and state.driver_override
         world = self._observer.step(
             rules, estimates, statistics, lead, state, now_s=now_s, malformed=malformed
@@ -183,7 +189,8 @@ class Supervisor:
         if losses is not None and losses.slow:
             factor = at_most(factor, self._settings.lost_process_speed_factor)
             cause = Cause.LOST_PROCESS if cause == CALM else cause
-        return self._decision(world, rated, self._mode.cause or cause, finding, factor, now_s)
+        decision = self._decision(world, rated, self._mode.cause or cause, finding, factor, now_s)
+        return self._reference.restored(decision)
 
     def _path(self, world: WorldState, now_s: float) -> Path | None:
         """The path of the road, or the trail of the vehicle ahead where the road is lost, blended at a change.
@@ -242,58 +249,6 @@ class Supervisor:
         )
 
 
-class SimilarSupervisor(Supervisor):
-    """The supervisor in the reference world (:mod:`trepid.scale`) with messages of the car's own world.
-
-    The inputs of the rules, and their values in a decision, are lengths and speeds of the reference world: the same
-    rules hold for every scale.
-    """
-
-    def __init__(
-        self,
-        rules: FearRules,
-        settings: SupervisorSettings,
-        vehicle: Vehicle,
-        *,
-        source: pathlib.Path | None = None,
-    ) -> None:
-        """``vehicle`` is that of the car's own world; ``rules`` and ``settings`` hold in the reference world."""
-        super().__init__(rules, settings, vehicle.in_reference_world, source=source)
-        self._scale = vehicle.scale
-        self._taken: dict[str, tuple[Any, Any]] = {}  # newest messages and their enlargements, by input
-
-    def step(
-        self,
-        estimates: Mapping[str, SteeringEstimate | None],
-        statistics: ImageStatistics | None,
-        lead: LeadVehicle | None,
-        state: VehicleState | None,
-        *,
-        now_s: float,
-        malformed: Collection[str] = (),
-        losses: Losses | None = None,
-    ) -> Decision:
-        """As :meth:`Supervisor.step`."""
-        decision = super().step(
-            {name: self._enlarged(f"estimate {name}", estimate) for name, estimate in estimates.items()},
-            statistics,
-            self._enlarged("lead", lead),
-            self._enlarged("state", state),
-            now_s=now_s,
-            malformed=malformed,
-            losses=losses,
-        )
-        return scaled_message(decision, self._scale)
-
-    def _enlarged(self, key: str, message: M) -> M:
-        """``message`` in the reference world; one object for each message, as a supervisor compares them."""
-        taken, enlarged = self._taken.get(key, (None, None))
-        if taken is not message:
-            enlarged = scaled_message(message, 1 / self._scale)
-            self._taken[key] = message, enlarged
-        return cast(M, enlarged)
-
-
 def build(
     *,
     rules: pathlib.Path | None = None,
@@ -315,8 +270,7 @@ def build(
     car = load(vehicle, Vehicle)
     if cruise_speed_mps is not None:
         loaded = loaded.model_copy(update={"cruise_speed_mps": cruise_speed_mps / car.scale})
-    kind = Supervisor if car.scale == 1.0 else SimilarSupervisor
-    return kind(verified, loaded, car, source=settings)
+    return Supervisor(verified, loaded, car, source=settings)
 
 
 @lru_cache(maxsize=16)  # one warning a file

@@ -1,4 +1,4 @@
-"""Similarity: a small car on narrow lanes is the road car in a world that is smaller by one factor.
+"""Scale: a small car on narrow lanes is the road car in a world that is smaller by one factor.
 
 A camera image has no scale. With every length divided by s and times unchanged, the images, angles and times of a
 car on lanes of width s·:data:`REFERENCE_LANE_M` are those of a car on public roads. Perception, supervisor and
@@ -68,6 +68,31 @@ def scaled_message(message: T, factor: float) -> T:
         elif value is not None:
             changes[name] = value * factor**power
     return replace(message, **changes)  # type: ignore[type-var]
+
+
+class ReferenceWorld:
+    """Messages of a car on lanes ``scale`` times as wide as the reference lane, in the reference world and back."""
+
+    def __init__(self, scale: float) -> None:
+        self._scale = scale
+        self._newest: dict[str, tuple[Any, Any]] = {}  # newest message and its enlargement, by input
+
+    def enlarged(self, name: str, message: T) -> T:
+        """``message`` of the input ``name`` in the reference world.
+
+        The same message gives the same object, because the steps compare objects to recognise a new message.
+        """
+        if self._scale == 1.0:
+            return message
+        newest, enlarged = self._newest.get(name, (None, None))
+        if newest is not message:
+            enlarged = scaled_message(message, 1 / self._scale)
+            self._newest[name] = message, enlarged
+        return cast(T, enlarged)
+
+    def restored(self, message: T) -> T:
+        """``message`` of the reference world in the world of the car."""
+        return scaled_message(message, self._scale)
 
 
 @cache

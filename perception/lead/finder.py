@@ -14,7 +14,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, Settings, load, resource
 from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
-from trepid.scale import scaled_message, scaled_settings
+from trepid.scale import ReferenceWorld, scaled_settings
 from trepid.types import OpenShare, Positive
 
 MAX_STEP_S = 0.5  # a longer gap between two frames drops all tracks
@@ -50,9 +50,12 @@ def lead_settings() -> LeadSettings:
 
 
 class LeadFinder:
-    """Node: frames to the vehicle ahead."""
+    """Node: frames to the vehicle ahead. It computes in the reference world (:mod:`trepid.scale`)."""
 
     def __init__(self, detector: Detector, settings: LeadSettings, camera: Camera, vehicle: Vehicle) -> None:
+        """``detector`` is built for the camera enlarged to the reference world."""
+        self._reference = ReferenceWorld(vehicle.scale)
+        camera, vehicle = scaled_settings(camera, 1 / vehicle.scale), vehicle.in_reference_world
         self._detect, self._settings, self._vehicle = detector, settings, vehicle
         self._shape = (camera.height_px, camera.width_px, 3)
         self._eye_m, self._nose_m = camera.x_m, vehicle.wheelbase_m + vehicle.front_overhang_m
@@ -77,6 +80,8 @@ class LeadFinder:
         ``state`` gives the ego motion; without it a vehicle has a place but no speed. The most confident of
         ``lanes``, the newest estimates, defines the corridor; without one, the arc that the ego vehicle drives.
         """
+        state = self._reference.enlarged("state", state)
+        lanes = [self._reference.enlarged(f"lane {number}", lane) for number, lane in enumerate(lanes)]
         gap_s = math.inf if self._t_s is None else frame.t_s - self._t_s
         if not 0 <= gap_s <= MAX_STEP_S:
             self._restart()
@@ -90,7 +95,7 @@ class LeadFinder:
         lane = usable_lane(self._settings.choice, lanes, t_s=frame.t_s)
         arc_1pm = self._arc_1pm(state)
         self._ahead = self._choose(Corridor(self._settings.choice, lane, arc_1pm, motion, t_s=frame.t_s))
-        return self._message(frame.t_s, self._ahead, moves=motion is not None)
+        return self._reference.restored(self._message(frame.t_s, self._ahead, moves=motion is not None))
 
     def _choose(self, corridor: "Corridor") -> Track | None:
         """The nearest vehicle in the corridor; the present leader may be ``keep_m`` farther out."""
@@ -130,33 +135,6 @@ class LeadFinder:
         if state.speed_mps is not None and state.yaw_rate_radps is not None and state.speed_mps > SLOW_MPS:
             return state.yaw_rate_radps / state.speed_mps
         return math.tan(state.road_wheel_angle_rad or 0.0) / self._vehicle.wheelbase_m
-
-
-class SimilarLeadFinder(LeadFinder):
-    """The lead finder in the reference world of :mod:`trepid.scale`, with messages of the car's own world."""
-
-    def __init__(self, detector: Detector, settings: LeadSettings, camera: Camera, vehicle: Vehicle) -> None:
-        """``detector`` and ``camera`` are of the reference world, ``vehicle`` of the car's own."""
-        super().__init__(detector, settings, camera, vehicle.in_reference_world)
-        self._scale = vehicle.scale
-
-    def step(
-        self,
-        frame: Frame,
-        state: VehicleState | None,
-        lanes: Iterable[SteeringEstimate | None],
-        *,
-        now_s: float,
-    ) -> LeadVehicle:
-        """As :meth:`LeadFinder.step`."""
-        enlargement = 1 / self._scale
-        seen = super().step(
-            frame,
-            scaled_message(state, enlargement),
-            [scaled_message(lane, enlargement) for lane in lanes],
-            now_s=now_s,
-        )
-        return scaled_message(seen, self._scale)
 
 
 def usable_lane(
@@ -238,9 +216,8 @@ def make_detector(settings: LeadSettings, camera: Camera) -> Detector:
 
 def lead_finder(settings: LeadSettings, camera: Camera, vehicle: Vehicle) -> LeadFinder:
     """The lead finder for ``camera`` on ``vehicle``, in the scale of its lanes. Raises InputError."""
-    eye = scaled_settings(camera, 1 / vehicle.scale)
-    kind = LeadFinder if vehicle.scale == 1.0 else SimilarLeadFinder
-    return kind(make_detector(settings, eye), settings, eye, vehicle)
+    detector = make_detector(settings, scaled_settings(camera, 1 / vehicle.scale))
+    return LeadFinder(detector, settings, camera, vehicle)
 
 
 def build(
