@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from controller.controller import build
-from trepid.processes.process import Process, Ticker, process
+from trepid.processes.process import Process, Ticker
 from trepid.processes.timing import Timekeeper
-from trepid.processes.turns import repeat
+from trepid.processes.turns import serve
 from trepid.topics import COMMAND, DECISION, VEHICLE_STATE
 
 RATE_HZ = 50.0
@@ -48,12 +48,5 @@ def node(me: Process) -> Iterator[ControllerNode]:
     yield ControllerNode(me)
 
 
-def run(me: Process) -> None:
-    """Command until the process is to stop."""
-    with node(me) as commanding:
-        repeat(me, commanding)
-
-
 if __name__ == "__main__":
-    with process() as me:
-        run(me)
+    serve(node)

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import build
-from trepid.processes.process import Process, process
+from trepid.processes.process import Process
 from trepid.processes.timing import Timekeeper
-from trepid.processes.turns import repeat
+from trepid.processes.turns import serve
 from trepid.topics import CAMERA_IMAGE, IMAGE_STATISTICS, VEHICLE_STATE, estimate_topic
 
 IDLE_S = 0.1  # without frames
@@ -59,12 +59,5 @@ def node(me: Process) -> Iterator[EstimatorNode]:
     yield EstimatorNode(me)
 
 
-def run(me: Process) -> None:
-    """Estimate until the process is to stop."""
-    with node(me) as estimating:
-        repeat(me, estimating)
-
-
 if __name__ == "__main__":
-    with process() as me:
-        run(me)
+    serve(node)

@@ -11,9 +11,9 @@ from supervisor.rules.reload import RuleWatch
 from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
 from trepid.messages import Health
-from trepid.processes.process import Process, Values, process
+from trepid.processes.process import Process, Values
 from trepid.processes.timing import Timekeeper
-from trepid.processes.turns import repeat
+from trepid.processes.turns import serve
 from trepid.topics import DECISION, IMAGE_STATISTICS, LEAD_VEHICLE, LOSSES, VEHICLE_STATE, estimate_topic
 
 IDLE_PERIOD_S = 0.05  # decide at least this often
@@ -104,12 +104,5 @@ def node(me: Process) -> Iterator[SupervisorNode]:
         yield SupervisorNode(me, supervisor, changes)
 
 
-def run(me: Process) -> None:
-    """Decide until the process is to stop."""
-    with node(me) as deciding:
-        repeat(me, deciding)
-
-
 if __name__ == "__main__":
-    with process() as me:
-        run(me)
+    serve(node)

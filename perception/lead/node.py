@@ -1,12 +1,12 @@
-"""Lead process: the vehicle ahead in every new camera frame, after the estimators are through with it."""
+"""Lead process: the vehicle ahead in every new camera frame, after the estimates of the frame."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from perception.lead.finder import build
-from trepid.processes.process import Process, process
+from trepid.processes.process import Process
 from trepid.processes.timing import Timekeeper
-from trepid.processes.turns import repeat
+from trepid.processes.turns import serve
 from trepid.topics import CAMERA_IMAGE, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 
 IDLE_S = 0.1  # without estimates
@@ -15,8 +15,8 @@ IDLE_S = 0.1  # without estimates
 class LeadNode:
     """Publishes the vehicle ahead in the newest frame.
 
-    It looks when all estimates of a frame are in: the processor belongs to the estimators first. Without them it
-    looks at the newest frame every IDLE_S.
+    It processes a frame when all estimates of it have arrived, so that the estimators get the processor first.
+    Without estimates it processes the newest frame every IDLE_S.
     """
 
     def __init__(self, me: Process) -> None:
@@ -31,11 +31,11 @@ class LeadNode:
         me.ready()
 
     def due_s(self) -> float:
-        """Time to the next look without estimates."""
+        """Time to the next turn without estimates [s]."""
         return max(0.0, self._looked_s + IDLE_S - self._me.now_s())
 
     def turn(self) -> None:
-        """Look for the vehicle ahead in a new frame."""
+        """Find the vehicle ahead in a new frame, if one is due."""
         began_s, me = self._me.now_s(), self._me
         came = [lane for lane in self._lanes if lane.take() is not None]
         frames = {lane.message.t_s if lane.message else None for lane in self._lanes}
@@ -63,12 +63,5 @@ def node(me: Process) -> Iterator[LeadNode]:
     yield LeadNode(me)
 
 
-def run(me: Process) -> None:
-    """Look for the vehicle ahead until the process is to stop."""
-    with node(me) as looking:
-        repeat(me, looking)
-
-
 if __name__ == "__main__":
-    with process() as me:
-        run(me)
+    serve(node)

@@ -6,12 +6,13 @@ the other, in the order of the data flow, so that the output of one is there at 
 
 import gc
 import os
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Protocol
 
 from trepid.messages import Health
-from trepid.processes.process import Process
+from trepid.processes.process import Process, process
 
 
 def prefer(priority: int | None) -> str:
@@ -59,8 +60,14 @@ def repeat(me: Process, *nodes: Node, realtime: int | None = None) -> None:
     if refused:
         me.beat(Health.WARN, refused)
     gc.collect()
-    gc.freeze()  # what was built stays: later collections, which stop the process, do not look at it
+    gc.freeze()  # later collections, which stop the process, skip the objects that exist now
     while me.running():
         me.bus.wait(timeout_s=max(0.0, min(node.due_s() for node in nodes)))
         for node in nodes:
             node.turn()
+
+
+def serve(node: Callable[[Process], AbstractContextManager[Node]]) -> None:
+    """Run ``node`` as a process of its own until the process is to stop."""
+    with process() as me, node(me) as own:
+        repeat(me, own)
