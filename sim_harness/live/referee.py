@@ -1,16 +1,12 @@
 """The launcher's monitor of one drive: its beginning, the losses of processes, its end, and its evaluation."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any, NamedTuple
 
-from sim_harness.judging.conditions.expect import judge
-from sim_harness.judging.metrics import measure
-from sim_harness.judging.trace import Trace
 from sim_harness.live.drive_log import DriveLog
+from sim_harness.live.evaluation import evaluated
 from sim_harness.live.losses import LossReport
 from sim_harness.live.overview import Overview
-from sim_harness.scenarios.events import with_events
 from sim_harness.scenarios.scenario import Scenario
 from trepid.bus import Bus
 from trepid.clock import Clock
@@ -137,7 +133,7 @@ class Referee:
         )
 
     def _lose(self, exited: UnexpectedExit) -> bool:
-        """Note an unexpected end and what it means; True when the drive cannot go on."""
+        """Note an unexpected end and its effect; True when the drive cannot go on."""
         said = f"{exited} at {self._elapsed_s():.1f} s"
         self._log.diagnostics.pop(exited.name, None)
         self._overview.ended(exited.name, str(exited))
@@ -157,59 +153,25 @@ class Referee:
     def _not_ready(self, missing: list[str]) -> str:
         waited = f"after {self._settings.ready_timeout_s:.0f} s"
         if not missing:
-            return f"no decision {waited}: look for warnings of the supervisor above"
+            return f"no decision {waited}: read the warnings of the supervisor above"
         spec = self._fleet.children[missing[0]].spec
         where = f"{spec.place}: " if spec.place else ""
         words = self._fleet.children[missing[0]].stderr_tail()
         remedy = "a program that never reports needs heartbeat: false; ready_timeout_s is in drive.yaml"
-        said = f" (its last words: {words})" if words else ""
+        said = f" (its last output: {words})" if words else ""
         return f"{where}no heartbeat of {', '.join(missing)} {waited}{said}; {remedy}"
 
     def row(self, seed: int) -> dict[str, Any]:
         """The result of the run as a row of ``drive --json``."""
-        row: dict[str, Any] = {"scenario": self._scenario.name if self._scenario else None, "seed": seed}
-        if self._scenario is None:
-            row |= self._judged(self._problems, self._log.tally.row())
-            row |= {"realtime_factor": None, "trace_sha256": None}
-            return row | self._further()
-        trace = self._trace(self._scenario)
-        if len(trace) < 2:
-            return row | self._judged(self._problems or ["no samples were recorded"], {})
-        metrics = measure(trace)
-        reasons = [*self._problems, *judge(self._scenario.expect, metrics, trace)]
-        row |= self._judged(reasons, asdict(metrics))
-        row |= {
-            "realtime_factor": round(metrics.duration_s / self._elapsed_s(), 3),
-            "trace_sha256": trace.sha256,
-        }
-        return row | self._further()
-
-    def _judged(self, reasons: list[str], scores: dict[str, Any]) -> dict[str, Any]:
-        status = "failed" if reasons else "passed"
-        return {"status": status, "reasons": list(reasons), "notes": self._notes, **scores}
-
-    def _further(self) -> dict[str, Any]:
-        return {
-            "final_speed_mps": self._log.state.speed_mps if self._log.state else None,
-            "processes": {
-                name: {
-                    "pid": child.popen.pid,
-                    "restarts": child.restarts,
-                    **self._log.load(name),
-                    "malformed": self._log.malformed(name),
-                }
-                for name, child in self._fleet.children.items()
-            },
-            "latency_ms": self._log.times.latency_ms(),
-            "stages_ms": self._log.times.stages_ms(),
-        }
-
-    def _trace(self, scenario: Scenario) -> Trace:
-        """The drive so far, with its events."""
-        trace = self._log.trace()
-        if len(trace) == 0:
-            return trace
-        return with_events(trace, scenario, scenario.build_road(), self._log.manoeuvres)
+        return evaluated(
+            self._log,
+            self._fleet,
+            self._scenario,
+            seed=seed,
+            elapsed_s=self._elapsed_s(),
+            problems=self._problems,
+            notes=self._notes,
+        )
 
     def _simulate_losses(self) -> None:
         """Pause the processes that a fault of the scenario loses now, and resume the others."""
@@ -234,10 +196,10 @@ class Referee:
         return self._clock() - self._began_s
 
     def _begun(self) -> bool:
-        """True from the start of the run on; before a start at speed a driver brings the car there."""
-        truth = self._log.truth
+        """True from the start of the run on; a start at speed follows a run-up."""
         if self._scenario is None:
             return True
+        truth = self._log.truth
         return truth is not None and truth.elapsed_s is not None and truth.elapsed_s >= 0.0
 
     def _end_silent_processes(self) -> None:
