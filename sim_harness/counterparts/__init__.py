@@ -1,1 +1,1 @@
-"""Simulated cars behind a real wire: each process speaks the wire of one kind of actuator and contains the car."""
+"""Simulated cars behind a real wire: each process implements the protocol of one actuator and contains the car."""

@@ -6,13 +6,11 @@ Without commands for ``SILENCE_S`` the driver brakes, as the drivers of real car
 from dataclasses import replace
 from typing import Any
 
-from sim_harness.counterparts.car import CarBehindWire
-from trepid.config import InputError
+from sim_harness.counterparts.car import CarBehindWire, wire_settings
 from trepid.messages import Command, Odometry, VehicleState
 from trepid.processes.process import Process, Ticker, process
 from trepid.topics import Topic
 from vehicle.actuators.ackermann import RATE_HZ, AckermannSettings
-from vehicle.actuators.table import configured
 
 SILENCE_S = 0.1
 SAFE_DECEL_MPS2 = 3.5
@@ -27,9 +25,7 @@ def followed(command: Command, age_s: float) -> Command:
 
 def run(me: Process) -> None:
     """The driver and the car, in real time, on the topics of the block ``ackermann``."""
-    name, settings = configured()
-    if not isinstance(settings, AckermannSettings):
-        raise InputError(f"process {me.name} is the driver of 'ackermann'; actuator.yaml names {name!r}")
+    settings = wire_settings(me, AckermannSettings, "ackermann")
     kind: Any = Odometry if settings.state == "odometry" else VehicleState
     newest = me.bus.latest(Topic(settings.command_topic, Command, RATE_HZ))
     send = me.bus.publisher(Topic(settings.state_topic, kind, RATE_HZ))

@@ -3,19 +3,38 @@
 The limiter stands at the other end of the wire, so commands take effect as they arrive.
 """
 
+from typing import TypeVar
+
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import CONFIG_DIR, InputError, Settings, load
 from trepid.messages import Command, VehicleState
 from trepid.processes.process import Process, Ticker
 from trepid.topics import LEAD_VEHICLE, SIM_TRUTH
+from vehicle.actuators.table import configured
+
+S = TypeVar("S", bound=Settings)
+
+
+def wire_settings(me: Process, kind: type[S], actuator: str) -> S:
+    """The settings of the configured actuator, the other end of the wire.
+
+    Raises InputError when ``config/actuator.yaml`` names an actuator other than ``actuator``.
+    """
+    name, settings = configured()
+    if not isinstance(settings, kind):
+        raise InputError(
+            f"process {me.name} simulates the other end of the actuator {actuator!r}, but actuator.yaml names "
+            f"{name!r}; set actuator: {actuator}, or remove the process from processes.yaml"
+        )
+    return settings
 
 
 class CarBehindWire:
     """The simulated car of the drive of a process; its options are ``scenario`` and ``seed``.
 
-    Raises InputError without a scenario: a counterpart has no part in a drive of a real car.
+    Raises InputError without a scenario: a counterpart belongs to simulated drives only.
     """
 
     def __init__(self, me: Process) -> None:

@@ -8,9 +8,9 @@ the wheel held. The safe state ends at standstill, when engaged commands come ag
 
 from collections.abc import Iterable, Mapping
 
-from sim_harness.counterparts.car import CarBehindWire
+from sim_harness.counterparts.car import CarBehindWire, wire_settings
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, Settings, load, resource
+from trepid.config import CONFIG_DIR, Settings, load, resource
 from trepid.messages import Command, Health, VehicleState
 from trepid.processes.process import Process, Ticker, process
 from trepid.types import Positive
@@ -19,7 +19,6 @@ from vehicle.actuators.can.quantities import of_state, to_command
 from vehicle.actuators.can.settings import CanSettings
 from vehicle.actuators.can.signal_map import SignalMap, load_map
 from vehicle.actuators.can.wire import CanWire
-from vehicle.actuators.table import configured
 
 STANDING_MPS = 0.05
 EARLY = 0.5  # of a step: a report is sent in the step nearest to its time
@@ -117,9 +116,7 @@ class Ecu:
 def run(me: Process) -> None:
     """The ECU and the car, in real time, on the bus of the block ``can`` in ``config/actuator.yaml``."""
     options = {field: me.options[field] for field in EcuSettings.model_fields if field in me.options}
-    name, settings = configured()
-    if not isinstance(settings, CanSettings):
-        raise InputError(f"process {me.name} is the ECU of the actuator 'can'; actuator.yaml names {name!r}")
+    settings = wire_settings(me, CanSettings, "can")
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     signals = load_map(resource(settings.map), vehicle)
     ecu = Ecu(signals, EcuSettings.model_validate(options), steering_ratio=vehicle.steering_ratio)

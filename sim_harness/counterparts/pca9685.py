@@ -9,13 +9,13 @@ import socket
 from contextlib import closing
 from pathlib import Path
 
+from sim_harness.counterparts.car import wire_settings
 from sim_harness.counterparts.rc_car import RcCar
 from trepid.config import InputError
 from trepid.processes.process import Process, Ticker, process
 from vehicle.actuators.rc.i2c import READ, UNIX, WRITE
 from vehicle.actuators.rc.pca9685 import AUTO_INCREMENT, COUNTS, LED0_ON_L, MODE1, PRE_SCALE, SLEEP
 from vehicle.actuators.rc.settings import PcaSettings
-from vehicle.actuators.table import configured
 
 POWER_ON = {MODE1: 0x11, 0x01: 0x04, PRE_SCALE: 0x1E}  # data sheet, tables 5, 6 and 9
 FULL = 0x10  # bit 4 of ON_H and OFF_H
@@ -128,11 +128,10 @@ class Bus:
 
 def run(me: Process) -> None:
     """The chip answers at once; the car moves at its period."""
-    name, settings = configured()
-    if not isinstance(settings, PcaSettings) or not settings.bus.startswith(UNIX):
+    settings = wire_settings(me, PcaSettings, "pca9685")
+    if not settings.bus.startswith(UNIX):
         raise InputError(
-            f"process {me.name} simulates a PCA9685 on a socket; actuator.yaml names {name!r}; "
-            "set actuator: pca9685 and pca9685.bus: unix:PATH"
+            f"process {me.name} simulates a PCA9685 on a socket; set pca9685.bus: {UNIX}PATH in actuator.yaml"
         )
     chip, car = Registers(settings.oscillator_hz), RcCar(me, settings)
     steering, throttle = settings.steering.channel, settings.throttle.channel

@@ -22,7 +22,7 @@ def followed(
     *,
     now_s: float,
 ) -> Command:
-    """What servo and speed controller make of steering and throttle pulse; None: no pulse."""
+    """The motion that servo and speed controller demand for steering and throttle pulse [µs]; None: no pulse."""
     steering_us, throttle_us = pulses_us
     throttle = settings.throttle
     driven = throttle_us is not None and abs(throttle_us - throttle.neutral_us) > DEAD_US

@@ -11,12 +11,11 @@ import tty
 from contextlib import closing, suppress
 from pathlib import Path
 
+from sim_harness.counterparts.car import wire_settings
 from sim_harness.counterparts.rc_car import RcCar
-from trepid.config import InputError
 from trepid.processes.process import Process, Ticker, process
 from vehicle.actuators.rc.serial_board import GET_ERRORS, SET_TARGET
 from vehicle.actuators.rc.settings import SerialSettings
-from vehicle.actuators.table import configured
 
 SILENCE_S = 0.25
 SPEED_HZ = 50
@@ -110,11 +109,7 @@ class Pty:
 
 def run(me: Process) -> None:
     """The board and the car, at the period of the car."""
-    name, settings = configured()
-    if not isinstance(settings, SerialSettings):
-        raise InputError(
-            f"process {me.name} simulates a servo board; actuator.yaml names {name!r}, not 'serial'"
-        )
+    settings = wire_settings(me, SerialSettings, "serial")
     car = RcCar(me, settings)
     board = ServoBoard(settings.protocol, settings.throttle.channel, settings.throttle.neutral_us)
     with closing(Pty(settings.port)) as port:
