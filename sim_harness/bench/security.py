@@ -2,14 +2,16 @@
 
 Processes of a drive with keys take messages as in a drive. Each attack sends its share of the messages to the
 consumers of commands, decisions, images or states; a message that a consumer takes is acted upon. Afterwards
-a genuine message must arrive, so that a dead network does not count as a safe one. The same messages against
-a drive without keys show that the measurement sees them.
+a genuine message must arrive, so that a broken network does not count as a safe one. The same messages against
+a drive without keys are a control of the measurement: there they are acted upon.
 """
 
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +19,7 @@ import numpy as np
 
 from trepid.bus import Bus, Graph, Latest, free_endpoint, open_bus, open_graph
 from trepid.clock import Stamp, nanoseconds, stamp_of, stamper
-from trepid.messages import Command, Decision, Frame, Mode, Stop, VehicleState
+from trepid.messages import Command, Decision, Frame, VehicleState
 from trepid.security import (
     LAUNCHER,
     OBSERVER,
@@ -137,7 +139,7 @@ def _sender(bus: Bus, topic: Topic[Any]) -> Callable[[], None]:
 
 
 def message_of(topic: Topic[Any]) -> Any:
-    """A plausible message of ``topic``, of now."""
+    """A valid message of ``topic`` with the present time."""
     now_s = time.time()
     if topic.type is Command:
         return Command(t_s=now_s, road_wheel_angle_rad=0.3, speed_mps=15.0, accel_mps2=2.0)
@@ -147,26 +149,15 @@ def message_of(topic: Topic[Any]) -> Any:
         return VehicleState(
             t_s=now_s, speed_mps=1.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
         )
-    return Decision(
-        t_s=now_s,
-        decided_s=now_s,
-        mode=Mode.KEEP,
-        stop=Stop.NONE,
-        fear=0.0,
-        level="very_low",
-        cause="none",
-        path_t_s=now_s,
-        lateral_offset_m=0.0,
-        heading_error_rad=0.0,
-        curvature_1pm=0.1,
-        curvature_rate_1pm2=0.0,
-        lookahead_m=8.0,
-        path_source="cv",
-        sources=("cv",),
-        trust=(1.0,),
-        speed_factor=1.0,
-        speed_cap_mps=15.0,
-    )
+    return replace(_decision(), t_s=now_s, decided_s=now_s)
+
+
+@cache
+def _decision() -> Decision:
+    """The first decision of a supervisor without inputs."""
+    from supervisor.supervisor import build
+
+    return build().step({}, None, None, None, now_s=0.0)
 
 
 def arrives(drive: Drive, key: str) -> bool:
@@ -267,7 +258,7 @@ def wrong_roles(drive: Drive) -> Iterator[Attack]:
 
 
 def broken(drive: Drive, rng: np.random.Generator) -> Iterator[Attack]:
-    """Messages of the right role that are no messages, or old ones."""
+    """Bytes of the right role that are not valid messages, or old messages."""
     controller, stamp = drive.settings("controller"), stamper(time.time)
     whole = to_cdr(message_of(COMMAND))
     shapes: dict[str, Callable[[str], bytes]] = {
@@ -288,7 +279,7 @@ def broken(drive: Drive, rng: np.random.Generator) -> Iterator[Attack]:
 
 
 def _replayed(drive: Drive) -> bytes:
-    """The attachment of the newest command that the vehicle took, as a listener on the network sees it."""
+    """The attachment of the newest command that the vehicle took, as a listener on the network receives it."""
     taken: Stamp = drive.consumers[COMMAND.key].stamp
     attachment = bytearray(stamper(time.time)())
     attachment[:8] = taken.sequence.to_bytes(8, "little")

@@ -32,7 +32,7 @@ class Driver(StrEnum):
     FUSED = "fused"  # the supervisor's path without its fear
 
 
-class Way(NamedTuple):
+class FollowedLane(NamedTuple):
     """A followed lane."""
 
     t_s: float
@@ -45,15 +45,15 @@ class Way(NamedTuple):
         return cls(t_s, message.lookahead_m, {name: getattr(message, name) for name in LANE})
 
 
-class Watched:
-    """Follows ``driver`` without fear; a supervisor runs in parallel, and its fear is part of the decision.
+class UnsupervisedDriver:
+    """Follows the lane of ``driver`` at cruise speed; the fear of a supervisor is recorded but has no effect.
 
-    Without an estimate it follows the last lane, because a driver without fear never stops.
+    Without an estimate it follows the last lane and does not stop.
     """
 
     def __init__(self, supervisor: Supervisor, driver: Driver, *, cruise_speed_mps: float) -> None:
         self._supervisor, self._driver, self._cruise_speed_mps = supervisor, driver, cruise_speed_mps
-        self._way: Way | None = None
+        self._followed: FollowedLane | None = None
 
     def step(
         self,
@@ -65,33 +65,37 @@ class Watched:
         now_s: float,
     ) -> Decision:
         """The decision of the driver, with the fear of the supervisor."""
-        felt = self._supervisor.step(estimates, statistics, lead, state, now_s=now_s)
-        way = self._way = self._shown(felt, estimates) or self._way
-        if way is None:
+        supervised = self._supervisor.step(estimates, statistics, lead, state, now_s=now_s)
+        followed = self._followed = self._chosen(supervised, estimates) or self._followed
+        if followed is None:
             nowhere: dict[str, Any] = dict.fromkeys(("path_t_s", *LANE))
             halt: dict[str, Any] = dict(mode=Mode.STOP, stop=Stop.COMFORT, path_source="none")
-            return replace(felt, **halt, **nowhere, speed_factor=0.0, speed_cap_mps=0.0)
-        lane: dict[str, Any] = way.lane
+            return replace(supervised, **halt, **nowhere, speed_factor=0.0, speed_cap_mps=0.0)
+        lane: dict[str, Any] = followed.lane
         return replace(
-            felt,
+            supervised,
             mode=Mode.KEEP,
             stop=Stop.NONE,
-            path_t_s=way.t_s,
-            lookahead_m=way.lookahead_m,
+            path_t_s=followed.t_s,
+            lookahead_m=followed.lookahead_m,
             path_source=str(self._driver),
-            cause=CALM if felt.cause == STARTING else felt.cause,  # this driver has no start condition
+            cause=CALM
+            if supervised.cause == STARTING
+            else supervised.cause,  # this driver has no start condition
             speed_factor=1.0,
             speed_cap_mps=self._cruise_speed_mps,
             **lane,
         )
 
-    def _shown(self, felt: Decision, estimates: Mapping[str, SteeringEstimate | None]) -> Way | None:
-        """Observable distance ahead."""
+    def _chosen(
+        self, supervised: Decision, estimates: Mapping[str, SteeringEstimate | None]
+    ) -> FollowedLane | None:
+        """The lane that the driver follows from now on; None without one."""
         if self._driver is Driver.FUSED:
-            return None if felt.path_t_s is None else Way.of(felt, felt.path_t_s)
+            return None if supervised.path_t_s is None else FollowedLane.of(supervised, supervised.path_t_s)
         seen = {name: e for name, e in estimates.items() if e is not None and e.lateral_offset_m is not None}
         lane = chosen(seen, self._driver)
-        return None if lane is None else Way.of(lane, lane.t_s)
+        return None if lane is None else FollowedLane.of(lane, lane.t_s)
 
 
 def chosen(seen: Mapping[str, SteeringEstimate], driver: Driver) -> SteeringEstimate | None:

@@ -206,11 +206,11 @@ class Watcher:
         world = self._observer.step(
             self._rules, self._seen, self._statistics, lead, state, now_s=t_s + LATENCY_S
         )
-        felt = self._rules.evaluate(world.features)
+        rated = self._rules.evaluate(world.features)
         started_s = time.thread_time()
         finding = analyse(world.features, self._settings, ages_s=world.ages_s)
         self.spent_us.append(1e6 * (time.thread_time() - started_s))
-        return CALM if felt.cause == CALM else explained(felt.cause, finding)
+        return CALM if rated.cause == CALM else explained(rated.cause, finding)
 
     def _look(self, moment: Moment, state: VehicleState, t_s: float) -> None:
         frame = Frame(t_s=t_s, image=moment.image)

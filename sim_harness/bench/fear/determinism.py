@@ -37,9 +37,9 @@ def result_hash(seed: int, *, count: int = 2000) -> str:
     """Hash of all results of the shipped rules at ``count`` points drawn by ``seed``."""
     rules, rng, digest = FearRules.load(CONFIG_DIR / "fear.yaml"), random.Random(seed), hashlib.sha256()
     for _ in range(count):
-        felt = rules.evaluate(random_point(rules, rng, rng.random()))
-        digest.update(struct.pack(f"<{1 + len(felt.strengths)}d", felt.fear, *felt.strengths))
-        digest.update(json.dumps([felt.cause, felt.texts]).encode())
+        rated = rules.evaluate(random_point(rules, rng, rng.random()))
+        digest.update(struct.pack(f"<{1 + len(rated.strengths)}d", rated.fear, *rated.strengths))
+        digest.update(json.dumps([rated.cause, rated.texts]).encode())
     return digest.hexdigest()
 
 

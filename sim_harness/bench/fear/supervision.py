@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_harness.bench.fear.arms import Driver, Watched
+from sim_harness.bench.fear.arms import Driver, UnsupervisedDriver
 from sim_harness.bench.fear.drives import Case, cases
 from sim_harness.judging.fear_scores import afraid, auroc, fear_and_departure
 from sim_harness.judging.trace import Trace
@@ -46,7 +46,9 @@ def drive(case: Case, driver: Driver | None) -> Result:
     parts = build_parts(scenario, seed=case.seed)
     if driver is not None:
         cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps
-        watched = Watched(parts.supervisor, driver, cruise_speed_mps=scenario.speed_mps or cruise_mps)
+        watched = UnsupervisedDriver(
+            parts.supervisor, driver, cruise_speed_mps=scenario.speed_mps or cruise_mps
+        )
         parts = replace(parts, supervisor=watched)  # type: ignore[arg-type]
     return run(scenario, seed=case.seed, parts=parts)
 
