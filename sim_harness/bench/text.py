@@ -58,7 +58,8 @@ def shown(value: object) -> str:
     if value is None:
         return "–"
     if isinstance(value, float):
-        return f"{value:.{FIGURES}g}"
+        digits = f"{value:.{FIGURES}g}"
+        return f"{float(digits):.0f}" if "e+" in digits else digits
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {shown(part)}" for name, part in value.items())
     if isinstance(value, list | tuple):
