@@ -1,8 +1,8 @@
-"""Messages with calm defaults for the tests of controller and limiter."""
+"""Messages of an undisturbed drive, with changes."""
 
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import Command, Decision, Mode, Stop, VehicleState
+from trepid.messages import Command, Decision, Mode, SteeringEstimate, Stop, VehicleState
 
 SHUTTLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 SIGHT_M = 10.0
@@ -36,6 +36,25 @@ def decision(now_s=0.0, **changes) -> Decision:
         speed_cap_mps=5.0,
     )
     return Decision(**(calm | changes))
+
+
+def estimate(t_s=0.0, **changes) -> SteeringEstimate:
+    """A sure estimate of a lane with two lines, changed."""
+    calm = dict(
+        t_s=t_s,
+        estimator="cv",
+        lateral_offset_m=0.1,
+        heading_error_rad=0.01,
+        curvature_1pm=0.002,
+        curvature_rate_1pm2=0.0001,
+        lookahead_m=8.0,
+        road_wheel_angle_rad=0.0,
+        confidence=0.9,
+        lanes_detected=2,
+        lane_width_m=3.4,
+        reason="",
+    )
+    return SteeringEstimate(**(calm | changes))
 
 
 def state(now_s=0.0, **changes) -> VehicleState:

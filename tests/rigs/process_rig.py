@@ -1,8 +1,12 @@
 """Observation of real processes in tests."""
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+
+from trepid.config import ROOT
 
 
 def alive(pid: int) -> bool:
@@ -21,3 +25,14 @@ def until(condition: Callable[[], object], *, patience_s: float) -> bool:
             return True
         time.sleep(0.02)
     return bool(condition())
+
+
+def ends_with_its_launcher(program: str, *, patience_s: float) -> bool:
+    """Run ``program`` until it prints the pid of a process, and kill it; True when that process ends in time."""
+    launcher = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert launcher.stdout is not None
+    with launcher, launcher.stdout:
+        pid = int(launcher.stdout.readline())
+        assert alive(pid)
+        launcher.kill()
+        return until(lambda: not alive(pid), patience_s=patience_s)

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from message_rig import estimate
+
 from supervisor.supervisor import Supervisor, SupervisorSettings, build
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import (
@@ -23,23 +25,7 @@ FRAME_S = 0.04
 LATENCY_S = 0.03
 
 
-ESTIMATE = SteeringEstimate(
-    t_s=0.0,
-    estimator="cv",
-    lateral_offset_m=0.1,
-    heading_error_rad=0.01,
-    curvature_1pm=0.002,
-    curvature_rate_1pm2=0.0001,
-    lookahead_m=8.0,
-    road_wheel_angle_rad=0.0,
-    confidence=0.9,
-    lanes_detected=2,
-    lane_width_m=3.4,
-    latency_ms=None,
-    reason="",
-    left_boundary_px=(),
-    right_boundary_px=(),
-)
+ESTIMATE = estimate()
 
 
 STATISTICS = ImageStatistics(

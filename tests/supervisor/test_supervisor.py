@@ -554,7 +554,7 @@ def settings_with(tmp_path: Path, old: str, new: str) -> Path:
 def test_a_rating_by_a_name_without_rules_is_refused_at_its_place(tmp_path: Path) -> None:
     file = settings_with(tmp_path, "lane: cv ", "lane: cvv ")
     with pytest.raises(
-        InputError, match=r"supervisor\.yaml:4:3: rated_as\.lane: .*'cvv'; did you mean 'cv'\?$"
+        InputError, match=r"supervisor\.yaml:5:3: rated_as\.lane: .*'cvv'; did you mean 'cv'\?$"
     ):
         build(settings=file)
 

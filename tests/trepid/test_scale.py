@@ -4,25 +4,22 @@ import math
 from pathlib import Path
 
 import pytest
+from message_rig import estimate
 
 from perception.lane.settings import LaneCvSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CAR, CONFIG_DIR, load, use_car
-from trepid.messages import Command, SteeringEstimate, VehicleState
+from trepid.messages import Command, VehicleState
 from trepid.scale import REFERENCE_LANE_M, power_of_metre, scaled_message, scaled_settings
 
-ESTIMATE = SteeringEstimate(
-    t_s=1.0,
-    estimator="cv",
+ESTIMATE = estimate(
     lateral_offset_m=0.4,
     heading_error_rad=0.1,
     curvature_1pm=0.05,
     curvature_rate_1pm2=0.01,
-    lookahead_m=8.0,
     road_wheel_angle_rad=0.2,
-    confidence=0.9,
-    reason="",
+    lane_width_m=None,
     left_boundary_px=((1.0, 2.0),),
 )
 

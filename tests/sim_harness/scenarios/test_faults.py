@@ -3,28 +3,20 @@
 from dataclasses import replace
 
 import pytest
+from message_rig import estimate
 
 from sim_harness.scenarios.faults import BlackFrames, EstimatorBias
 from trepid.car.vehicle import road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.messages import EstimateKind, SteeringEstimate
 
-SEEN = SteeringEstimate(
+SEEN = estimate(
     t_s=1.0,
-    estimator="cv",
-    lateral_offset_m=0.1,
     heading_error_rad=0.02,
     curvature_1pm=0.01,
     curvature_rate_1pm2=0.001,
-    lookahead_m=8.0,
-    road_wheel_angle_rad=0.0,
     confidence=0.6,
-    lanes_detected=2,
     lane_width_m=3.5,
-    latency_ms=None,
-    reason="",
-    left_boundary_px=(),
-    right_boundary_px=(),
 )
 WHEELBASE_M = 2.0
 

@@ -2,17 +2,14 @@
 
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import pytest
-from process_rig import alive, until
+from process_rig import alive, ends_with_its_launcher, until
 
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
-from trepid.config import ROOT
 from trepid.messages import Diagnostic, Health
 from trepid.processes.launch import Fleet, ProcessSpec
 from trepid.topics import DECISION, DIAGNOSTICS, Topic
@@ -156,10 +153,4 @@ def test_processes_end_themselves_when_their_launcher_is_killed(paused: bool) ->
         "        print(fleet.children['controller'].popen.pid, flush=True)\n"
         "        time.sleep(60)\n"
     )
-    launcher = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    assert launcher.stdout is not None
-    with launcher, launcher.stdout:
-        pid = int(launcher.stdout.readline())
-        assert alive(pid)
-        launcher.kill()
-        assert until(lambda: not alive(pid), patience_s=5)
+    assert ends_with_its_launcher(program, patience_s=5)

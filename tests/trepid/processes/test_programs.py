@@ -1,14 +1,12 @@
 """Modules of a car, commands and cores: started as the entry says, and gone with the launcher."""
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from process_rig import alive, until
+from process_rig import alive, ends_with_its_launcher, until
 
-from trepid.config import CAR, ROOT
+from trepid.config import CAR
 from trepid.processes.launch import Fleet
 from trepid.processes.settings import ProcessSpec
 
@@ -39,13 +37,7 @@ def test_a_command_ends_when_its_launcher_is_killed() -> None:
         "    print(pid, flush=True)\n"
         "    time.sleep(60)\n"
     )
-    launcher = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    assert launcher.stdout is not None
-    with launcher, launcher.stdout:
-        pid = int(launcher.stdout.readline())
-        assert alive(pid)
-        launcher.kill()
-        assert until(lambda: not alive(pid), patience_s=5)
+    assert ends_with_its_launcher(program, patience_s=5)
 
 
 def test_a_module_in_the_folder_of_the_car_runs_on_its_cores_with_its_niceness(
