@@ -25,6 +25,11 @@ SINGLE_IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".bmp"})
 
 
 def annotated(image: Image, estimate: SteeringEstimate) -> Image:
+    """A copy of ``image``, at least 640 px wide, with the lane and the numbers of ``estimate`` drawn into it."""
+    return _panel(with_lane(image, estimate), estimate, _confidence_colour(estimate.confidence))
+
+
+def with_lane(image: Image, estimate: SteeringEstimate) -> Image:
     """A copy of ``image``, at least 640 px wide, with the lane of ``estimate`` drawn into it."""
     canvas, scale = enlarged(image)
     left, right = (
@@ -37,7 +42,7 @@ def annotated(image: Image, estimate: SteeringEstimate) -> Image:
     for line, line_colour in ((left, LEFT), (right, RIGHT)):
         _polyline(canvas, line, line_colour, 2 * unit)
     _centre(canvas, left, right, 2 * unit)
-    return _panel(canvas, estimate, colour)
+    return canvas
 
 
 def enlarged(image: Image) -> tuple[Image, float]:

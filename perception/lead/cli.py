@@ -53,19 +53,27 @@ def _step(settings: LeadSettings, vehicle: Vehicle, camera: Camera) -> Step[Lead
 
 
 def drawn(one: FrameResult[Leads]) -> Image:
-    """The frame with a box around each vehicle, its distance and confidence; the leader is green."""
+    """The frame with a box around each vehicle, its distance and confidence; the leader is green.
+
+    The text of the leader stands above its box, that of others below, so that texts of neighbours do not overlap.
+    """
     canvas, scale = enlarged(one.image)
     unit = canvas.shape[1] / 640
+    labels: list[tuple[str, tuple[int, int]]] = []
     for detection in sorted(one.result.detections, key=lambda d: -d.ahead_m):
         box = detection.pixels(one.camera)
         if box is None or detection.confidence < LEAD_STILL_CONFIDENCE:
             continue
         left, top, right, bottom = (round(value * scale) for value in box)
-        colour = HIGH if _is_lead(detection, one.result.lead) else OTHER
+        leads = _is_lead(detection, one.result.lead)
+        colour = HIGH if leads else OTHER
         cv2.rectangle(canvas, (left, top), (right, bottom), PANEL, 2 + max(1, round(unit)), cv2.LINE_AA)
         cv2.rectangle(canvas, (left, top), (right, bottom), colour, max(1, round(unit)), cv2.LINE_AA)
         label = f"{detection.ahead_m:.0f} m  {detection.confidence:.2f}"
-        text(canvas, label, (left, max(top - round(4 * unit), round(12 * unit))), 0.4 * unit, WHITE)
+        row = max(top - round(4 * unit), round(12 * unit)) if leads else bottom + round(16 * unit)
+        labels.append((label, (left, row)))
+    for label, place in labels:
+        text(canvas, label, place, 0.5 * unit, WHITE)
     return canvas
 
 

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import typer
 
+from perception.images.annotate import WHITE, text
 from perception.images.frames import FrameResult
 from perception.lead.cli import Leads, drawn
 from perception.lead.finder import lead_finder, lead_settings
@@ -33,7 +34,8 @@ ROWS: tuple[tuple[DisturbanceKind, float] | None, ...] = (
     (DisturbanceKind.NIGHT, 2.0),
     (DisturbanceKind.RAIN, 3.0),
 )
-TILE_PX = (320, 240)
+SHARE = (0.12, 0.72), (0.30, 0.75)  # of the columns and of the rows of a frame that a tile shows
+TILE_PX = (400, 225)
 MOTION = Motion(speed_mps=6.0, yaw_rate_radps=0.0)
 
 
@@ -59,7 +61,10 @@ def lead_sheet(road: Road, *, seed: int) -> Image:
         disturbances = [] if kind is None else [Disturbance(kind=kind[0], grade=kind[1])]
         renderer = Renderer(road, camera, seed=seed, disturbances=disturbances)
         places = zip(GAPS_M, SHAPES, strict=True)
-        rows.append(np.hstack([_tile(renderer, vehicle, gap_m, BODIES[shape]) for gap_m, shape in places]))
+        row = np.hstack([_tile(renderer, vehicle, gap_m, BODIES[shape]) for gap_m, shape in places])
+        name = "clear" if kind is None else kind[0].replace("_", " ")
+        text(row, name, (8, TILE_PX[1] - 10), 0.5, WHITE)
+        rows.append(row)
     return np.asarray(np.vstack(rows), np.uint8)
 
 
@@ -82,4 +87,8 @@ def _tile(renderer: Renderer, vehicle: Vehicle, gap_m: float, body: Body) -> Ima
     finder = lead_finder(settings, camera, vehicle)
     lead = finder.step(Frame(t_s=0.0, image=image), None, [], now_s=0.0)
     found = FrameResult(Path("sheet"), 0, image, camera, Leads(lead, finder.detections), 0.0)
-    return np.asarray(cv2.resize(drawn(found), TILE_PX, interpolation=cv2.INTER_AREA), np.uint8)
+    canvas = drawn(found)
+    (left, right), (top, bottom) = SHARE
+    height, width = canvas.shape[:2]
+    part = canvas[round(top * height) : round(bottom * height), round(left * width) : round(right * width)]
+    return np.asarray(cv2.resize(part, TILE_PX, interpolation=cv2.INTER_AREA), np.uint8)

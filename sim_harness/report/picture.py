@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from perception.estimators import build
-from perception.images.annotate import annotated
+from perception.images.annotate import with_lane
 from sim_harness.judging.trace import Trace
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
@@ -48,9 +48,10 @@ def _views(panels: Iterable[Axes], road: Road, trace: Trace, seed: int) -> None:
     """Camera views with the lane of the CV estimator, one from each of eight sections, framed in fear's colour."""
     renderer = Renderer(road, load(CONFIG_DIR / "camera.yaml", Camera), seed=seed)
     for axes, (section, sample) in zip(panels, _moments(trace, count=VIEWS), strict=True):
-        axes.imshow(annotated(*_estimated(renderer, trace, sample))[..., ::-1])
+        image, estimate = _estimated(renderer, trace, sample)
+        axes.imshow(with_lane(image, estimate)[..., ::-1])
         fear = float(trace["decision.fear"][sample])
-        axes.set_title(f"{section}: fear {fear:.2f}", fontsize=10)
+        axes.set_title(f"{section}: fear {fear:.2f}, confidence {estimate.confidence:.2f}", fontsize=10)
         axes.set_xticks([])
         axes.set_yticks([])
         axes.spines[:].set(color=_colour(fear), linewidth=3)
