@@ -30,7 +30,7 @@ KEPT = 4096  # messages that a stream or tap keeps until it is drained: seconds 
 OLDEST_S = 10.0  # older stamps of publication do not date a message
 SWITCH_S = 5e-4  # the step of a process lets the callback of an arriving message in after this long
 RUNTIME = "(rx: (worker_threads: 1), app: (worker_threads: 1))"
-"""Threads of Zenoh in one process: many processes share few cores. ZENOH_RUNTIME in the environment wins."""
+"""Threads of Zenoh in one process: processes share few cores. ZENOH_RUNTIME in the environment overrides it."""
 ZenohError = zenoh.ZError
 """Raised by :func:`open_bus` where no endpoint answers or can be opened."""
 M = TypeVar("M")

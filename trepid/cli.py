@@ -48,7 +48,7 @@ VERBS = {
     "doctor": Verb(
         "cockpit.car.cli",
         "doctor",
-        "Check the machine and the car, and say what to do about each finding; exit code 1 when a check fails.",
+        "Check the machine and the car, with a remedy for each fault; exit code 1 when a check fails.",
     ),
     "sim": Verb("sim_harness.cli", help="Run scenarios in lock-step, faster than real time."),
     "estimate": Verb(
@@ -75,7 +75,7 @@ VERBS = {
     "status": Verb(
         "cockpit.status.cli",
         "status",
-        "Show the processes of a running drive: up, rate, age of the last heartbeat, CPU, restarts, last words.",
+        "Show the processes of a running drive: up, rate, age of the last heartbeat, CPU, restarts, message.",
     ),
     "service": Verb(
         "cockpit.status.cli",

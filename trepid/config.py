@@ -240,7 +240,7 @@ def _mapping(text: str, path: Path, *, may_be_empty: bool = False) -> CommentedM
 class _PlainConstructor(RoundTripConstructor):
     """Refuses tags such as ``!!set`` and names that are lists or mappings.
 
-    Settings have no use for them, and the library stumbles over the wrong ones.
+    Settings have no use for them, and wrong ones are exceptions of other types in the library.
     """
 
     def construct_non_recursive_object(self, node: Any, tag: str | None = None) -> Any:

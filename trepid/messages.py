@@ -53,7 +53,7 @@ class CompressedFrame:
 
 @record
 class ImageStatistics:
-    """Statistics of the pixels of a frame, for the trust in it."""
+    """Statistics of the pixels of a frame, from which its quality is rated."""
 
     t_s: float
     brightness: float  # mean grey level, 0..1
@@ -282,7 +282,7 @@ class Timing:
 
 @record
 class Losses:
-    """Processes that the launcher misses and whose loss it answers for, by what their loss means."""
+    """Lost processes, as reported by the launcher, by the effect of their loss (``loss`` in ``processes.yaml``)."""
 
     t_s: float
     stop: tuple[str, ...]  # the car stops

@@ -1,4 +1,4 @@
-"""``trepid doctor``: is this machine and this car ready."""
+"""``trepid doctor``: checks of the machine and of the car before a drive."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -32,7 +32,7 @@ def doctor(
     car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per check.")] = False,
 ) -> int:
-    """Check the machine and the car, and say what to do about each finding; exit code 1 when a check fails."""
+    """Check the machine and the car, with a remedy for each fault; exit code 1 when a check fails."""
     healthy = True
     for finding in findings():
         healthy &= finding.ok

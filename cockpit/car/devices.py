@@ -55,7 +55,7 @@ def camera() -> Finding:
 
 
 def judged_camera(name: str, stamps: list[float], rate_hz: float | None, trouble: str) -> Finding:
-    """``stamps``: times of capture [s]; ``rate_hz``: the configured rate; ``trouble``: what the source says."""
+    """``stamps``: times of capture [s]; ``rate_hz``: the configured rate; ``trouble``: the reported fault."""
     if len(stamps) < 2:
         reason = f": {trouble}" if trouble else ""
         remedy = "check cable and power; end other programs that use the camera"

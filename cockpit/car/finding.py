@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """The result of one check: what was found, and what to do about it."""
+    """The result of one check, and the remedy of a fault."""
 
     check: str
     ok: bool

@@ -22,9 +22,9 @@ def status(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per process.")] = False,
 ) -> int:
-    """Show the processes of a running drive: up, rate, age of the last heartbeat, CPU, restarts, last words.
+    """Show the processes of a running drive: up, rate, age of the last heartbeat, CPU, restarts, message.
 
-    Exit code 1 when something is wrong with a process; the culprit is named on standard error.
+    Exit code 1 when something is wrong with a process; standard error names it.
     """
     from cockpit.status.attach import PATIENCE_S, choose, report_of, states
 
@@ -46,7 +46,7 @@ def status(
         Console().print(table(found, f"{drive.what} at {drive.endpoint}: {report.message}"))
     for state in culprits:
         words = f": {state.row['message']}" if state.row["message"] else ""
-        typer.echo(f"culprit: process {state.row['name']} {state.problem}{words}", err=True)
+        typer.echo(f"at fault: process {state.row['name']} {state.problem}{words}", err=True)
     return 1 if culprits else 0
 
 

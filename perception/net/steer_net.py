@@ -63,9 +63,10 @@ class Record(WeightsRecord):
 
 
 def check_use(settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> None:
-    """Raise InputError where the lanes of ``vehicle``, or their look in ``camera``, are unlike those of training.
+    """Raise InputError where the lanes of ``vehicle``, or their image in ``camera``, are outside those of training.
 
-    From a camera at the height h a lane of width w looks like one of width w·h_c/h from the canonical height h_c.
+    From a camera at the height h a lane of width w has the image of a lane of width w·h_c/h from the canonical
+    height h_c.
     """
     weights = resource(Path(settings.weights))
     if not weights.is_file():

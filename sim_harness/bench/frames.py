@@ -68,7 +68,7 @@ def bench_renderer() -> dict[str, Any]:
 def bench_disturbances() -> dict[str, Any]:
     """Processor time of a frame at grades 3 and 5 of every disturbance, on painted ground, relative to one without.
 
-    Frames with and without take turns, so that both see the same load.
+    Frames with and without take turns, so that both are measured under the same load.
     """
     road = load_scenario("circuit").build_road()
     camera = load(CONFIG_DIR / "camera.yaml", Camera)

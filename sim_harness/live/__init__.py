@@ -1,1 +1,1 @@
-"""The main job: every process over Zenoh, watched and summed up."""
+"""`trepid drive`: every process over Zenoh, monitored and evaluated."""

@@ -33,7 +33,7 @@ def run(me: Process) -> None:
     ticker, compressed_ticker = Ticker(scenario.camera.rate_hz), Ticker(CAMERA_COMPRESSED.rate_hz)
     while me.running():
         ticker.sleep()
-        me.bus.wait(timeout_s=0.0)  # forget the poses that came while it slept
+        me.bus.wait(timeout_s=0.0)  # discard the poses that arrived during the sleep
         me.bus.wait(timeout_s=0.1)  # render right after the vehicle has moved
         now_s, newest = me.now_s(), truth.refresh()
         if newest is None or now_s - newest.t_s > STALE_TRUTH_S:
@@ -45,7 +45,7 @@ def run(me: Process) -> None:
         if frame is not None:
             send(frame)
             if compressed_ticker.due():
-                time.sleep(ticker.remaining_s() / 2)  # the processor belongs to perception now
+                time.sleep(ticker.remaining_s() / 2)  # leaves the processor to perception first
                 send_compressed(compressed(frame))
         me.stepped()
 

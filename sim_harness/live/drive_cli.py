@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
     from sim_harness.live.referee import Show
     from trepid.processes.launch import Fleet
 
-SIGN_OF_LIFE_S = 0.7  # a drive that has not said anything until then says what it does
+SIGN_OF_LIFE_S = 0.7  # without output until then, a line says what the drive does
 PLAIN_PERIOD_S = 2.0  # between lines when standard error is no terminal
 FEAR_COLOURS = {
     "very_low": "green",
@@ -81,7 +81,7 @@ def _drive(
     record: Path | None,
     life: threading.Timer,
 ) -> dict[str, Any]:
-    """The row of the drive. ``life`` announces that it begins; the drive itself goes on from its processes on."""
+    """The row of the drive. ``life`` prints a line after SIGN_OF_LIFE_S; the first line of the drive cancels it."""
     from sim_harness.live.drive import drive as drive_scenario
     from sim_harness.live.drive import has_simulator
     from sim_harness.live.referee import DriveSettings
@@ -110,7 +110,7 @@ def _drive(
 
 
 def of_car() -> str:
-    """The car in use, in words."""
+    """The folder of the car in use, as text."""
     return f"of {car_folder()}" if car_folder() else ""
 
 

@@ -50,7 +50,7 @@ class DriveLog:
         self.restart()
 
     def restart(self) -> None:
-        """Discard trace and latencies at the begin of the drive."""
+        """Discard trace and latencies: the drive begins."""
         self._recorder = Recorder(self._estimators)
         self.manoeuvres: list[tuple[str, ...]] = []  # of the other vehicles, one item per sample of the trace
         self.tally = Tally()
@@ -63,7 +63,7 @@ class DriveLog:
     def receive(self, timeout_s: float) -> None:
         """Let messages gather for ``timeout_s``, then add all of them in the order of their publication.
 
-        Nothing that this process hears wakes it: it shall not compete with the processes that drive.
+        No message wakes this process, so that it does not compete with the processes that drive.
         """
         self._bus.wait(timeout_s)
         arrived = [

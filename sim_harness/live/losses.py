@@ -1,4 +1,4 @@
-"""What the loss of a process means: stop, slow, nothing. The launcher tells the supervisor."""
+"""The report of lost processes by the launcher to the supervisor: those that stop the car, those that slow it."""
 
 from collections.abc import Iterable
 
@@ -13,10 +13,10 @@ PERIOD_S = 0.2
 
 
 class LossReport:
-    """Publishes which processes are missing and what that means, at every change and while one is missing.
+    """Publishes the lost processes by the effect of their loss, at every change and while there is one.
 
-    A lost process whose loss means a stop stays in the report: the stop is final. One that slows the car leaves it
-    with its first heartbeat after the restart.
+    A process whose loss stops the car stays in the report: the stop is final. A process whose loss slows the car
+    leaves the report with its first heartbeat after the restart.
     """
 
     def __init__(self, bus: Bus, clock: Clock, fleet: Fleet) -> None:
@@ -29,7 +29,7 @@ class LossReport:
         self._sent_s = clock()
 
     def lose(self, name: str) -> Loss:
-        """Note the loss of the process ``name``; what it means."""
+        """Note the loss of the process ``name``; the effect of its loss."""
         loss = self._fleet.children[name].spec.loss
         if loss is Loss.STOP:
             self._stop.add(name)
@@ -42,7 +42,7 @@ class LossReport:
         self._stop.add(LAUNCHER)
 
     def publish(self, beats_s: Iterable[tuple[str, float]]) -> None:
-        """Publish when it is due. ``beats_s``: time of the newest heartbeat of the processes."""
+        """Publish if the report has changed or is due. ``beats_s``: processes, times of newest heartbeats."""
         for name, beat_s in beats_s:
             if beat_s > self._slow.get(name, beat_s):
                 del self._slow[name]

@@ -18,33 +18,33 @@ PERIOD_S = 1.0
 
 
 class Overview:
-    """Publishes the state of all processes, and tells systemd that the launcher works."""
+    """Publishes the state of all processes, and notifies the watchdog of systemd."""
 
     def __init__(self, bus: Bus, log: DriveLog, fleet: Fleet) -> None:
         self._send = bus.publisher(DIAGNOSTICS)
         self._log, self._fleet = log, fleet
         self._notifier = Notifier()
         self._sent_s = log.now_s() - PERIOD_S
-        self._said = ""
+        self._published = ""  # message of the last report
         self._began_s: float | None = None
-        self._last_words: dict[str, str] = {}
+        self._ends: dict[str, str] = {}  # reasons of the ends of processes
 
     def begin(self, now_s: float) -> None:
         """The drive begins."""
         self._began_s = now_s
         self._notifier.ready()
 
-    def ended(self, name: str, words: str) -> None:
-        """Keep what is known of the end of a process."""
-        self._last_words[name] = words
+    def ended(self, name: str, reason: str) -> None:
+        """Keep the reason of the end of the process ``name``."""
+        self._ends[name] = reason
 
     def publish(self, health: Health, message: str) -> None:
         """Publish when it is due, or when ``message`` has changed."""
         self._notifier.alive()
         now_s = self._log.now_s()
-        if message == self._said and now_s - self._sent_s < PERIOD_S:
+        if message == self._published and now_s - self._sent_s < PERIOD_S:
             return
-        self._said, self._sent_s = message, now_s
+        self._published, self._sent_s = message, now_s
         self._notifier.status(message)
         values = [(f"{PROCESS}{name}", json.dumps(self._state(name, now_s))) for name in self._fleet.children]
         if self._began_s is not None:
@@ -62,7 +62,7 @@ class Overview:
         child, beat = self._fleet.children[name], self._log.diagnostics.get(name)
         values = dict(beat.values) if beat else {}
         numbers = {key: float(values[key]) if key in values else None for key in ("rate_hz", "cpu_percent")}
-        message = " ".join(beat.message.split()) if beat else self._last_words.get(name, "")
+        message = " ".join(beat.message.split()) if beat else self._ends.get(name, "")
         return {
             "name": name,
             "pid": child.popen.pid,

@@ -92,7 +92,10 @@ def estimators_of(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> tu
         return scenario.estimators
     names = tuple(name for spec in specs for name in spec.estimators)
     if not names:
-        raise InputError("processes.yaml: no process publishes an estimate, so the car cannot see the lane")
+        raise InputError(
+            "processes.yaml: no process publishes an estimate of the lane; add one, such as "
+            "cv: {module: perception.node, options: {estimator: cv}}"
+        )
     return names
 
 

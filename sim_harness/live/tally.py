@@ -11,7 +11,7 @@ LONGEST_S = 1.0  # a longer gap between two states is not counted as driven
 
 
 class Tally:
-    """Sums over the states of the vehicle; needs no memory of the drive."""
+    """Sums over the states of the vehicle; their size does not grow with the drive."""
 
     def __init__(self) -> None:
         self._last: VehicleState | None = None

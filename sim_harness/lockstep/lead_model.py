@@ -44,7 +44,7 @@ class LeadModelSettings(Settings):
 
 
 class LeadModel:
-    """Spoils the true lead as the detector does."""
+    """Adds the errors of the detector to the true lead."""
 
     def __init__(self, settings: LeadModelSettings, *, seed: int) -> None:
         self._settings = settings

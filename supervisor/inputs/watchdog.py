@@ -45,7 +45,7 @@ class Watchdog:
     ) -> Fault:
         """The worst fault by these ages (inf: no message), a common cause before its consequences.
 
-        ``lead_s`` is None where no lead detector runs. ``process_lost``: the launcher misses a process.
+        ``lead_s`` is None where no lead detector runs. ``process_lost``: the launcher reports a lost process.
         """
         ages = {**estimator_ages_s, STATISTICS: statistics_s, STATE: state_s}
         if lead_s is None:

@@ -83,7 +83,7 @@ def _lost(name: str) -> Evidence:
 
 
 def _behind(x: Features, s: AnalyserSettings) -> bool:
-    """One estimator is a frame behind another, or has never been heard."""
+    """One estimator is a frame behind another, or has not sent any message."""
     return _lost("estimator_age")(x, s) or _number(x["estimator_age"]) - _number(x["frame_age"]) > s.behind_s
 
 

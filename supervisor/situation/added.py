@@ -31,9 +31,8 @@ class Moment(NamedTuple):
     statistics: ImageStatistics | None  # of the image; None: lost or too old
     lead: Lead
     motion: Motion | None  # None: lost
-    features: Mapping[
-        str, float | None
-    ]  # the inputs of Trepid that do not depend on the fusion; None: missing
+    # The inputs of Trepid that do not depend on the fusion; None: missing.
+    features: Mapping[str, float | None]
     now_s: float
 
 

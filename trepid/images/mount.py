@@ -1,4 +1,4 @@
-"""How a camera is screwed on: images of a turned or mirrored camera made upright."""
+"""The orientation of a mounted camera: images of a turned or mirrored camera made upright."""
 
 from typing import Literal
 

@@ -82,7 +82,7 @@ class Heartbeats:
         self._values: list[Callable[[], Values]] = []
 
     def part(self, spec: FusedNode) -> Process:
-        """The process as the node ``spec`` sees it."""
+        """The interface of the process for the node ``spec``."""
 
         def stepped(health: Health = Health.OK, message: str = "") -> None:
             self._states[spec.name] = health, message

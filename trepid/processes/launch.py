@@ -215,7 +215,7 @@ def _arguments(spec: ProcessSpec, assignment: str) -> list[str]:
 
 
 def _environment(spec: ProcessSpec, assignment: str) -> dict[str, str]:
-    # One thread per process: seven processes share two cores.
+    # One thread per process: many processes share few cores.
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     paths = [str(ROOT)] if spec.command else []
     paths += [*filter(None, [os.environ.get("PYTHONPATH")]), *map(str, filter(None, [car_folder()]))]

@@ -18,7 +18,9 @@ class Running(Settings):
     """A running drive."""
 
     pid: int  # of the launcher
-    started_ticks: int  # field 22 of /proc/PID/stat: tells the launcher from a later process with its number
+    started_ticks: (
+        int  # field 22 of /proc/PID/stat: distinguishes the launcher from a later process with its pid
+    )
     vehicle_name: str
     endpoint: str
     clock_offset_ns: int
@@ -51,7 +53,7 @@ def ticks(pid: int) -> int | None:
 
 @contextmanager
 def registered(drive: Running) -> Iterator[None]:
-    """List ``drive`` while it runs. A register that cannot be written never keeps a car from driving."""
+    """List ``drive`` while it runs. A register that cannot be written does not prevent a drive."""
     path = None
     with suppress(OSError, InputError):
         path = folder() / f"{drive.pid}.json"
@@ -65,7 +67,7 @@ def registered(drive: Running) -> Iterator[None]:
 
 
 def running() -> list[Running]:
-    """The drives of this user that run, the oldest first; what a killed launcher left is removed."""
+    """The drives of this user that run, the oldest first; entries of killed launchers are removed."""
     found = []
     for path in folder().glob("*.json"):
         try:

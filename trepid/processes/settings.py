@@ -52,7 +52,7 @@ class Restart(StrEnum):
 
 
 class Loss(StrEnum):
-    """What the loss of a process means for the drive."""
+    """The effect of the loss of a process on the drive."""
 
     STOP = "stop"  # the car stops, and the drive ends
     SLOW = "slow"  # the car slows down until the process is back

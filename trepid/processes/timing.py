@@ -1,7 +1,7 @@
 """Where the time of a frame goes: exposed, published, received, estimated, decided, commanded, applied.
 
 Every process notes its own times on the shared clock and reports them once a second (:class:`Timekeeper`), so that
-no time depends on when a listener gets round to a message. :class:`FrameTimes` joins the reports by frame.
+no time depends on the delay of a listener. :class:`FrameTimes` joins the reports by frame.
 """
 
 import math
@@ -114,7 +114,7 @@ class FrameTimes:
         }
 
     def spread_ms(self) -> Summary | None:
-        """Time from the first to the last estimate of a frame: what a decision with all estimates waits for."""
+        """Time from the first to the last estimate of a frame: the wait of a decision for all estimates."""
         of_all = [self._times.get(name, {}) for name in self._estimators]
         if not of_all:
             return None

@@ -1,7 +1,7 @@
 """Recorder process: every topic of the drive into one MCAP file.
 
 A recording never touches the drive. A disk that is full or refuses to be written is reported once, as the health of
-this process; the process then lives on without writing.
+this process; the process then runs on without writing.
 """
 
 import itertools

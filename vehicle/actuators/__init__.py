@@ -1,1 +1,1 @@
-"""Actuators: the output of the limiter on a wire, and what the car measures."""
+"""Actuators: the output of the limiter on a wire, and the measured state of the car."""

@@ -66,7 +66,7 @@ class CameraStep:
         return working, compressed(working) if self._compressed_rate.passes(frame.t_s) else None
 
     def health(self, sent: bool, trouble: str, *, now_s: float) -> tuple[Health, str]:
-        """WARN and the reason while frames are refused or absent; ``trouble``: what the source says."""
+        """WARN and the reason while frames are refused or absent; ``trouble``: the fault of the source."""
         if self._good_s is None or sent:
             self._good_s = now_s
         if self._refusal:

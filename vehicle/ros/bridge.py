@@ -1,4 +1,4 @@
-"""ROS 2 process: what a drive publishes, in a ROS 2 graph over rmw_zenoh. Nothing comes back into the drive.
+"""ROS 2 process: the topics of a drive in a ROS 2 graph over rmw_zenoh. Nothing comes back into the drive.
 
 The process has a session of its own in the graph, so that the driving processes publish once, and a ROS 2 graph has
 no way to their topics. The bytes pass unchanged, since messages of a drive are ROS 2 CDR already.

@@ -10,12 +10,8 @@ from perception.lane.detection.grid import LateralGrid
 from perception.lane.model.evidence import EvidenceSettings, LaneFit, boundary_support
 from perception.lane.model.fit import FitSettings, Fitted, fit_lane, log_evidence
 from perception.lane.model.geometry import (
-    KAPPA,
-    KAPPA_RATE,
     PITCH,
-    PSI,
     WIDTH,
-    E,
     LaneState,
     RoadPoints,
     lane_coordinates,
@@ -91,10 +87,11 @@ class LaneFitter:
         Approximates the boundaries by circles plus κ'·x³/6, accurate to a few columns.
         """
         grid, camera = self.grid, self.grid.camera
-        stretch = np.maximum(1 + mean[PITCH] / camera.height_m * grid.ahead_m, 0.3)
+        e, psi, kappa, rate, width, pitch = mean
+        stretch = np.maximum(1 + pitch / camera.height_m * grid.ahead_m, 0.3)
         x_m = camera.x_m + grid.ahead_m / stretch
-        place_m = np.array([[0.5], [-0.5]]) * mean[WIDTH] - mean[E]
-        y_m = parallel_curve(x_m, mean[PSI], mean[KAPPA], place_m) + mean[KAPPA_RATE] / 6 * x_m**3
+        place_m = np.array([[0.5], [-0.5]]) * width - e
+        y_m = parallel_curve(x_m, psi, kappa, place_m) + rate / 6 * x_m**3
         aside_m = (y_m - camera.y_m) * stretch - math.tan(camera.yaw_rad) * grid.ahead_m
         column = camera.cx_px - aside_m * grid.metre_px
         return (column >= 0) & (column < camera.width_px) & (x_m < EVIDENCE_REACH_M)

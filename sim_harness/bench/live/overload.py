@@ -1,7 +1,7 @@
 """Frames that come twice as fast as the step can take them: a queue against latest-wins.
 
 The step takes 0.1 s, as the network of Deep Steer did; its paper reports a lag that grows above 10 Hz. Both
-subscriptions hear the same frames in two processes, which busy themselves for the time of the step.
+subscriptions receive the same frames, in two processes that wait for the time of the step.
 """
 
 import time
@@ -26,7 +26,7 @@ Row = dict[str, Any]
 
 
 def overload() -> dict[str, Row]:
-    """Age of the frame at the begin of its step and behind its output, with a queue and with latest-wins."""
+    """Age of the frame at the start of its step and behind its output, with a queue and with latest-wins."""
     offset_ns, endpoint = epoch_offset_ns(), free_endpoint()
     clock, period_s = epoch_clock(offset_ns), STEP_S / OVERLOAD
     specs = tuple(

@@ -1,7 +1,7 @@
 """Bare Zenoh beside a drive: the same settings, number of subscribers and size of payload, with nothing else.
 
 ``python -m sim_harness.bench.live.ping '<Part as JSON>'`` is one process of it. The payload begins with the time of
-publication; a receiver notes the time at which Zenoh calls it, as :class:`trepid.bus.Mailbox` does.
+publication; a receiver notes the time of Zenoh's call, as :class:`trepid.bus.Mailbox` does.
 """
 
 import json

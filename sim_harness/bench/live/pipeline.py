@@ -30,7 +30,7 @@ DRIVE_S = 20.0
 ROUNDS = 2
 READY_S = 30.0
 PING_HZ = 5.0
-RECEIVE_S = 0.1  # the launcher hears little and late
+RECEIVE_S = 0.1  # between two readings of the launcher, so that it takes little time from the others
 SIMULATED = {"vehicle", "camera"}
 Row = dict[str, Any]
 
