@@ -562,7 +562,7 @@ def test_a_rating_by_a_name_without_rules_is_refused_at_its_place(tmp_path: Path
 @pytest.mark.parametrize(
     ("old", "new", "warning"),
     [
-        ("  lane: cv ", "  lanee: cv ", r":4:3: rated_as\.lanee: warning: .*; did you mean 'lane'\?"),
+        ("  lane: cv ", "  lanee: cv ", r":5:3: rated_as\.lanee: warning: .*; did you mean 'lane'\?"),
         ("    cnn: 0.7", "    cnnn: 0.7", r":\d+:5: fusion\.trust\.cnnn: warning: .*; did you mean 'cnn'\?"),
         ("    cnn: 0.7", "    cnn: 0.7\n    hough: 0.7", "^$"),
     ],

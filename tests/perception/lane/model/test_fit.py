@@ -71,12 +71,12 @@ def test_the_derivatives_of_the_residuals_agree_with_finite_differences(mean, pi
 @settings(max_examples=25, deadline=None)
 @given(mean=lanes)
 def test_the_fit_recovers_the_lane_from_a_rough_start(mean):
-    """To a decimetre and 2.3 degrees at R = 14 m, because of the model error of far points and the prior."""
+    """To a decimetre and 2.9 degrees at R = 14 m, because of the model error of far points and the prior."""
     points, side = boundary_points(mean)
     start = mean + np.array([0.1, 0.02, 0.004, 0.0, 0.1, 0.0])
     fitted = fit_lane(points, side, SETTINGS.prior.lane, start, CAMERA, SETTINGS.fit)
     assert fitted.state.mean[E] == pytest.approx(mean[E], abs=0.10)
-    assert fitted.state.mean[PSI] == pytest.approx(mean[PSI], abs=0.04)
+    assert fitted.state.mean[PSI] == pytest.approx(mean[PSI], abs=0.05)
     assert fitted.state.mean[WIDTH] == pytest.approx(mean[WIDTH], abs=0.06)
 
 
