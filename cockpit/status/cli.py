@@ -46,7 +46,7 @@ def status(
         Console().print(table(found, f"{drive.what} at {drive.endpoint}: {report.message}"))
     for state in culprits:
         words = f": {state.row['message']}" if state.row["message"] else ""
-        typer.echo(f"at fault: process {state.row['name']} {state.problem}{words}", err=True)
+        typer.echo(f"culprit: process {state.row['name']} {state.problem}{words}", err=True)
     return 1 if culprits else 0
 
 
