@@ -6,6 +6,7 @@ an older version of Trepid is decoded by the definitions in the file; fields tha
 
 import math
 import struct
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -43,6 +44,8 @@ class Recorded:
     first_s: float = math.nan  # arrival of the first message of any topic ...
     last_s: float = math.nan  # ... and of the last
     complete: bool = False  # False: cut short, or broken somewhere
+    malformed: Counter[str] = field(default_factory=Counter)
+    """Number of messages by topic that were malformed on the bus already; they are left out."""
 
     def of(self, topic: Topic[M]) -> list[tuple[float, M]]:
         """Every message of ``topic`` that was read, with its arrival."""
@@ -72,7 +75,10 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
                 recorded.last_s = at_s if math.isnan(recorded.last_s) else max(at_s, recorded.last_s)
                 if record.channel_id in wanted and from_s <= at_s <= to_s:
                     key, decode = wanted[record.channel_id]
-                    recorded.messages.setdefault(key, []).append((at_s, _decoded(decode, record, key, path)))
+                    try:
+                        recorded.messages.setdefault(key, []).append((at_s, decode(record.data)))
+                    except WireError:
+                        recorded.malformed[key] += 1
             case Attachment():
                 recorded.files[record.name] = record.data
             case Metadata(name=name, metadata=notes) if name == DRIVE:
@@ -82,6 +88,18 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
     for arrived in recorded.messages.values():
         arrived.sort(key=lambda entry: entry[0])
     return recorded
+
+
+def times_of(path: Path) -> dict[str, list[float]]:
+    """Times of arrival [s] of all messages by topic key, without decoding them. Raises InputError."""
+    keys: dict[int, str] = {}
+    times: dict[str, list[float]] = {}
+    for record in records(path):
+        if isinstance(record, Channel):
+            keys[record.id] = record.topic.removeprefix("/")
+        elif isinstance(record, McapMessage):
+            times.setdefault(keys[record.channel_id], []).append(seconds(record.log_time))
+    return times
 
 
 def records(path: Path) -> Iterator[McapRecord]:
@@ -98,13 +116,6 @@ def records(path: Path) -> Iterator[McapRecord]:
     except _BROKEN as error:
         if not found:
             raise InputError(f"{path}: not a recording: no MCAP file") from error
-
-
-def _decoded(decode: Decoder, record: McapMessage, key: str, path: Path) -> Any:
-    try:
-        return decode(record.data)
-    except WireError as error:
-        raise InputError(f"{path}: {key} at {seconds(record.log_time):.3f} s: {error}") from error
 
 
 def _began_s(notes: Mapping[str, str]) -> float | None:
@@ -131,4 +142,11 @@ def _older(message_type: type, text: str, path: Path) -> Decoder:
         store.register(get_types_from_msg(text, name))
     except Exception as error:  # the exceptions of the parser in rosbags are not documented
         raise InputError(f"{path}: its definition of {name} cannot be read") from error
-    return lambda data: from_cdr(data, message_type, store)
+
+    def decoded(data: bytes) -> Any:
+        try:
+            return from_cdr(data, message_type, store)
+        except WireError as error:
+            raise InputError(f"{path}: {error}") from error
+
+    return decoded

@@ -12,18 +12,15 @@ messages as their numbers count.
 import statistics
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mcap.records import Channel, Message
-
 from sim_harness.bench.live.program import DriveProgram
 from trepid.bus import Bus, Latest, open_bus
-from trepid.clock import Stamp, epoch_clock, nanoseconds
+from trepid.clock import Stamp, epoch_clock
 from trepid.config import InputError
-from trepid.recording.reader import records
+from trepid.recording.reader import times_of
 from trepid.topics import (
     CAMERA_COMPRESSED,
     COMMAND,
@@ -156,25 +153,11 @@ def usage(samples: list[Usage]) -> Row:
 
 def recorded(recording: Path, first: Mapping[str, Stamp], last: Mapping[str, Stamp]) -> dict[str, Row]:
     """By topic: messages from ``first`` to ``last`` by their numbers, and how many of them the file lacks."""
-    held = counted(
-        recording,
-        {
-            key: (nanoseconds(first[key].published_s), nanoseconds(stamp.published_s))
-            for key, stamp in last.items()
-        },
-    )
-    sent = {key: stamp.sequence - first[key].sequence + 1 for key, stamp in last.items()}
-    return {key: {"messages": sent[key], "lost": sent[key] - held[key]} for key in sorted(sent)}
-
-
-def counted(recording: Path, windows_ns: Mapping[str, tuple[int, int]]) -> Counter[str]:
-    """Messages by topic key whose time of publication is in the window of the key. Raises InputError."""
-    keys: dict[int, str] = {}
-    counts: Counter[str] = Counter()
-    for record in records(recording):
-        if isinstance(record, Channel):
-            keys[record.id] = record.topic.removeprefix("/")
-        elif isinstance(record, Message) and keys[record.channel_id] in windows_ns:
-            from_ns, to_ns = windows_ns[keys[record.channel_id]]
-            counts[keys[record.channel_id]] += from_ns <= record.log_time <= to_ns
-    return counts
+    times = times_of(recording)
+    found = {}
+    for key, stamp in sorted(last.items()):
+        from_s, to_s = first[key].published_s, stamp.published_s
+        sent = stamp.sequence - first[key].sequence + 1
+        held = sum(from_s <= at_s <= to_s for at_s in times.get(key, ()))
+        found[key] = {"messages": sent, "lost": sent - held}
+    return found

@@ -104,6 +104,18 @@ def test_reading_ends_at_a_corrupted_byte(tmp_path: Path) -> None:
     assert not read.complete
 
 
+def test_a_message_that_was_malformed_on_the_bus_is_left_out_and_counted(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with Recording(path) as recording:
+        recording.add("vehicle/state", to_cdr(states()[0]), at_s=1.0)
+        recording.add("vehicle/state", b"junk", at_s=2.0)
+        recording.add("vehicle/state", to_cdr(states()[1]), at_s=3.0)
+    read = read_recording(path, VEHICLE_STATE.key)
+    assert [state for _, state in read.of(VEHICLE_STATE)] == states()[:2]
+    assert read.malformed == {"vehicle/state": 1}
+    assert read.complete
+
+
 @pytest.mark.parametrize("data", [b"", b"hello", b"\x89MCAP0\r\n", bytes(1000)])
 def test_an_error_names_a_file_that_is_no_recording(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "no.mcap"

@@ -13,7 +13,7 @@ SPEED_MPS = 3.0
 GROUP = "239.74.163.2"
 PERCEPTION: dict[str, tuple[str, dict[str, Any]]] = {
     "cv": ("perception.node", {"estimator": "cv", "statistics": True}),
-    "cnn": ("perception.node", {"estimator": "cnn"}),
+    "cnn": ("perception.node", {"estimator": "cnn", "statistics": False}),
     "lead": ("perception.lead.node", {}),
     "supervisor": ("supervisor.node", {}),
     "controller": ("controller.node", {}),

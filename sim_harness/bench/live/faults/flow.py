@@ -13,11 +13,12 @@ from sim_harness.bench.live.faults.catalogue import Fault
 from sim_harness.bench.live.faults.course import SPEED_MPS
 from sim_harness.bench.live.faults.drive import Ended, FaultDrive, driving
 from sim_harness.bench.live.faults.episode import CALM_S, Row, judged
+from trepid.config import InputError
 
 CRUISE_SHARE = 0.93
 CALM_MPS2 = 0.3  # accelerations of the speed control at its speed
 BEGIN_S = 45.0  # greatest time to the first motion: all processes start
-CRUISE_S = 15.0  # greatest time to the cruise speed
+CRUISE_S = 10.0  # greatest time to the cruise speed
 STAND_S = 6.0  # greatest time to standstill after a fault that has to stop the car
 UNHARMED_S = 2.0  # duration of a fault that must not stop it
 RESUME_S, RENEW_S = (
@@ -36,8 +37,8 @@ def driven(wire: str, faults: Iterable[tuple[Fault, int]]) -> list[Row]:
     """
     rows: list[Row] = []
     with tempfile.TemporaryDirectory(prefix="trepid-faults-") as folder, driving(Path(folder), wire) as drive:
+        begin(drive)
         with suppress(Ended):
-            until(drive, lambda: moves(drive), BEGIN_S)
             for fault, number in faults:
                 if not cruises(drive):
                     break
@@ -51,6 +52,14 @@ def driven(wire: str, faults: Iterable[tuple[Fault, int]]) -> list[Row]:
         drive.interrupt()
         end = drive.ending()
     return [row | end for row in rows if "fault" in row]
+
+
+def begin(drive: FaultDrive) -> None:
+    """Wait for the first motion. Raises InputError when the drive refuses to begin."""
+    try:
+        until(drive, lambda: moves(drive), BEGIN_S)
+    except Ended as error:
+        raise InputError(f"the drive did not begin: {drive.errors()}") from error
 
 
 def harmed(drive: FaultDrive, fault: Fault, number: int) -> tuple[float, Callable[[], None]]:
@@ -86,10 +95,12 @@ def resume(drive: FaultDrive) -> str:
 
 
 def cruises(drive: FaultDrive) -> bool:
-    """Wait until the car drives calmly at its speed; False when it does not in time."""
+    """Wait until the car drives calmly at its speed; False when it does not, also after a new start."""
     drive.forget()
     if not until(drive, lambda: calm(drive), CRUISE_S):
-        return False
+        drive.renew_supervisor()
+        if not until(drive, lambda: calm(drive), CRUISE_S):
+            return False
     drive.events.applied = drive.events.applied[-int(200 * CALM_S) :]
     return True
 
