@@ -20,6 +20,14 @@ def _latency(m: Measured) -> str:
     return f"{latency['p50']:.0f} ms median, {latency['p99']:.0f} ms p99"
 
 
+def _pipeline(m: Measured) -> str:
+    times = m["from the published frame [ms]"]
+    ways = (times["a process each"], times["one process"])
+    return "; ".join(
+        f"{way['frame_to_command p50']:.1f} ms median, {way['frame_to_command p99']:.1f} ms p99" for way in ways
+    )
+
+
 def _suite(m: Measured) -> str:
     every = m["scenarios"]["all"]
     return (
@@ -47,7 +55,8 @@ def _inference(m: Measured) -> str:
 
 ROWS: tuple[tuple[str, str, Callable[[Measured], str]], ...] = (
     ("drive", "one lap live, seven processes over Zenoh, 1141 m, bends to R = 15 m", _lap),
-    ("drive", "published frame to command, live", _latency),
+    ("drive", "published frame to command, in that lap", _latency),
+    ("pipeline", "published frame to command at 30 Hz: a process each; one process", _pipeline),
     ("suite", "all scenarios in lock-step, each once", _suite),
     (
         "lockstep",
