@@ -3,7 +3,8 @@
 Entries of ``processes.yaml`` with the same value of ``together`` become one process of that name
 (:func:`gathered`); its nodes take turns in the order of the file. A message from one node of the process to
 another is handed over as it is; others hear it over Zenoh. The nodes share one heartbeat. They also share their
-end: an error in one ends all of them, and the vehicle process then stops the car.
+end: an error in one ends all of them, and the vehicle process then stops the car. The process that publishes
+``vehicle/state`` holds the limiter and is therefore never shared.
 """
 
 import importlib
@@ -26,6 +27,7 @@ from trepid.processes.turns import NodeModule, repeat
 
 FUSED = "trepid.processes.fused"
 SEVERITY = list(Health)
+OUTLIVES = "which stops the car when another node hangs or ends, so that it needs a process of its own"
 
 
 class FusedNode(Settings):
@@ -66,6 +68,8 @@ def _unfit(spec: ProcessSpec) -> str:
     """Why ``spec`` cannot share a process; "" when it can."""
     if spec.name == spec.together:
         return "the shared process needs a name of its own"
+    if spec.is_vehicle:
+        return f"it holds the limiter, {OUTLIVES}"
     found = importlib.util.find_spec(spec.module) if spec.module else None
     source = Path(found.origin).read_text(encoding="utf-8") if found and found.origin else ""
     if "\ndef node(" not in source:

@@ -27,11 +27,12 @@ from trepid.config import (
 )
 from trepid.plugins import Group, added
 from trepid.spelling import did_you_mean
+from trepid.topics import VEHICLE_STATE
 from trepid.types import NonNegative
 
 FILE = CONFIG_DIR / "processes.yaml"
 RECORDER = "recorder"
-"""Name of the process that runs only in a recorded drive."""
+"""Name of the process that runs only in drives that are recorded or can be: with ``--record`` or driver input."""
 LAUNCHER = "launcher"
 """Name under which the launcher itself reports."""
 PROGRAMS = ("module", "command", "entry_point")
@@ -140,6 +141,11 @@ class ProcessSpec:
     def simulates(self) -> bool:
         """True when the process is a part of the simulator and needs a scenario."""
         return self.module.startswith(SIMULATOR) or "sim/truth" in self.publishes
+
+    @property
+    def is_vehicle(self) -> bool:
+        """True for the process next to the actuator, which holds the limiter."""
+        return VEHICLE_STATE.key in self.publishes
 
     @property
     def estimators(self) -> tuple[str, ...]:

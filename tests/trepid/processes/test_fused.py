@@ -114,7 +114,12 @@ def test_entries_that_name_the_same_process_become_one() -> None:
 @pytest.mark.parametrize(
     ("wrong", "problem"),
     [
-        (spec("vehicle", "sim_harness.live.vehicle_node"), r"has no function node\(me\)"),
+        (spec("camera", "sim_harness.live.camera_node"), r"has no function node\(me\)"),
+        (
+            spec("vehicle", "vehicle.actuators.node", publishes=("vehicle/state",), place="p.yaml:3:3"),
+            r"^p\.yaml:3:3: process vehicle: together: frame: it holds the limiter, which stops the car when"
+            " another node hangs or ends",
+        ),
         (spec("frame", "controller.node"), "needs a name of its own"),
     ],
 )
