@@ -184,6 +184,12 @@ class Tap:
     def __init__(self, prefix: str) -> None:
         self._prefix = prefix
         self.rings: list[Ring] = []
+        self.subscribers: list[Any] = []
+
+    def close(self) -> None:
+        """End the subscription; what was not drained is lost."""
+        for subscriber in self.subscribers:
+            subscriber.undeclare()
 
     def drain(self) -> list[tuple[str, bytes, float]]:
         """Key, CDR bytes and time of publication [s] of all messages since the last call, in order of time."""
@@ -267,7 +273,7 @@ class Bus:
         tap = Tap(self._prefix)
         for key in keys:
             tap.rings.append(Ring(KEPT, self._clock))
-            self._declare(key, tap.rings[-1])
+            tap.subscribers.append(self._declared(key, tap.rings[-1]))
         return tap
 
     def newest(self, key_expression: str) -> Newest:
@@ -280,7 +286,7 @@ class Bus:
         return Newest(kept)
 
     def _subscribe(self, topic: Topic[M], latest: L, kept: Mailbox | Ring) -> L:
-        self._declare(topic.key, kept)
+        self._subscribers.append(self._declared(topic.key, kept))
         self._subscriptions.append(latest)
         self._listeners.setdefault(topic.key, []).append(latest)
         return latest
@@ -292,11 +298,12 @@ class Bus:
             counts[subscription.topic.key] += subscription.malformed
         return dict(+counts)
 
-    def _declare(self, key: str, kept: Mailbox | Ring) -> None:
+    def _declared(self, key: str, kept: Mailbox | Ring) -> Any:
+        """A subscriber of ``key`` that fills ``kept`` as long as it is referenced."""
         subscriber: Any = self._session.declare_subscriber(f"{self._prefix}/{key}", kept.handler)
-        self._subscribers.append(subscriber)
         if isinstance(kept, Ring):
             kept.read_from(subscriber)
+        return subscriber
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until a message that wakes arrives; False after ``timeout_s`` without one."""

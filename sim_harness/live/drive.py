@@ -83,8 +83,11 @@ def drive(
         what=what,
     )
     context = context_of(scenario, estimators, seed)
+    context |= {"attach": [context["rules"]]}
     if record is not None:
-        context |= {"record": str(record.resolve()), "attach": [context["rules"]]}
+        context["record"] = str(record.resolve())
+    else:
+        context["record_folder"] = str(settings.record_folder.expanduser().resolve())
     with (
         caught_signals() as signals,
         open_bus(settings.vehicle_name, clock, listen=endpoint, further=secured) as bus,

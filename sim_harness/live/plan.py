@@ -12,6 +12,7 @@ from trepid.processes.settings import RECORDER, ProcessSpec, Restart
 from trepid.topics import (
     CAMERA_COMPRESSED,
     CAMERA_IMAGE,
+    DRIVER_INPUT,
     IMAGE_STATISTICS,
     LEAD_VEHICLE,
     SIM_TRUTH,
@@ -46,8 +47,10 @@ def planned(
 
     A scenario gives the estimators, and where it gives the vehicle ahead itself, no process detects it. An
     estimator without an entry of its own runs as ``perception.node``. The first ``perception.node`` also judges the
-    image, unless a process publishes ``perception/image_statistics``.
+    image, unless a process publishes ``perception/image_statistics``. The recorder runs when the drive is recorded,
+    and where a process publishes ``driver/input``, because its record button starts recordings.
     """
+    recorded = recorded or any(DRIVER_INPUT.key in spec.publishes for spec in specs)
     specs = tuple(spec for spec in specs if recorded or spec.name != RECORDER)
     if scenario is not None:
         specs = _of_scenario(specs, scenario)

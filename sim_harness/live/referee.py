@@ -1,6 +1,7 @@
 """The launcher's monitor of one drive: its beginning, the losses of processes, its end, and its evaluation."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from sim_harness.live.drive_log import DriveLog
@@ -33,6 +34,7 @@ class DriveSettings(Settings):
     standstill_mps: Positive
     stop_timeout_s: Positive
     status_period_s: Positive
+    record_folder: Path
 
 
 class Assigned(NamedTuple):

@@ -1,10 +1,15 @@
-"""Recorder process: every topic of the drive into one MCAP file.
+"""Recorder process: every topic of the drive into MCAP files.
+
+With the option ``record`` it records the whole drive into one file. Without it, the record button of the driver
+input starts a recording, and its next press ends it.
 
 A recording never touches the drive. A disk that is full or refuses to be written is reported once, as the health of
 this process; the process then runs on without writing.
 """
 
 import itertools
+from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 
 from trepid.bus import Stream
@@ -13,33 +18,80 @@ from trepid.messages import Diagnostic, Health
 from trepid.processes.process import Process, process
 from trepid.processes.settings import LAUNCHER
 from trepid.recording.writer import BEGAN, BusRecorder
-from trepid.topics import DIAGNOSTICS
+from trepid.topics import DIAGNOSTICS, DRIVER_INPUT
 
 PERIOD_S = 0.05  # between two writes; much shorter than the ring of the tap lasts
+NAME = "drive-%Y-%m-%d-%H-%M-%S.mcap"  # of a recording by the button, with the local time of its start
+Wanted = Callable[[], bool]
+"""True as long as the recording is to go on."""
 
 
 def run(me: Process) -> None:
-    """Record until the process is to stop. Options: ``record``, the file; ``attach``, files to keep in it."""
-    path = free_path(Path(me.options["record"]))
+    """Record until the process is to stop.
+
+    Options: ``record``, the file; without it ``record_folder``, the folder of the recordings by the button, made at
+    the first one; ``attach``, files to keep in each recording.
+    """
     heard = me.bus.stream(DIAGNOSTICS)
+    if "record" in me.options:
+        record(me, free_path(Path(me.options["record"])), heard, me.running, opened=me.ready)
+    else:
+        record_by_button(me, heard)
+
+
+def record_by_button(me: Process, heard: Stream[Diagnostic]) -> None:
+    """Record while the driver input says so, each time into a file of its own."""
+    driver = me.bus.latest(DRIVER_INPUT, wakes=False)
+
+    def wanted() -> bool:
+        newest = driver.refresh()
+        return me.running() and newest is not None and newest.record
+
+    folder = Path(me.options["record_folder"])
+    said = f"not recording; the record button starts a recording in {folder}"
+    me.ready()
+    while me.running():
+        if wanted():
+            path = free_path(folder / datetime.fromtimestamp(me.now_s()).strftime(NAME))
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                idle(me, f"{folder}: cannot be made: {error.strerror}", wanted)
+                continue
+            record(me, path, heard, wanted, said=f"recording {path}")
+            said = f"not recording; the last recording is {path}"
+        me.stepped(Health.OK, said)
+        me.bus.wait(timeout_s=PERIOD_S)
+
+
+def record(
+    me: Process,
+    path: Path,
+    heard: Stream[Diagnostic],
+    wanted: Wanted,
+    *,
+    said: str = "",
+    opened: Callable[[], object] = lambda: None,
+) -> None:
+    """Record to ``path`` while ``wanted``, with ``said`` in the heartbeat; report why the disk refuses it."""
     try:
         recorder = BusRecorder(path, me.bus, [Path(file) for file in me.options.get("attach", [])])
     except InputError as error:
-        me.ready()
-        idle(me, str(error))
+        opened()
+        idle(me, str(error), wanted)
         return
     try:
         with recorder:
-            me.ready()
-            write(me, recorder, heard)
+            opened()
+            write(me, recorder, heard, wanted, said)
     except InputError as error:
-        idle(me, f"the recording ends here: {error}")
+        idle(me, f"the recording ends here: {error}", wanted)
 
 
-def write(me: Process, recorder: BusRecorder, heard: Stream[Diagnostic]) -> None:
-    """Write the messages of the bus until the process is to stop. Raises InputError when the disk refuses them."""
+def write(me: Process, recorder: BusRecorder, heard: Stream[Diagnostic], wanted: Wanted, said: str) -> None:
+    """Write the messages of the bus while ``wanted``. Raises InputError when the disk refuses them."""
     begun = False
-    while me.running():
+    while wanted():
         me.bus.wait(timeout_s=PERIOD_S)
         recorder.write()
         for beat, _ in heard.drain():
@@ -47,12 +99,12 @@ def write(me: Process, recorder: BusRecorder, heard: Stream[Diagnostic]) -> None
             if not begun and beat.process == LAUNCHER and began_ns is not None:
                 recorder.began_ns(int(began_ns))
                 begun = True
-        me.stepped()
+        me.stepped(Health.OK, said)
 
 
-def idle(me: Process, problem: str) -> None:
-    """Report ``problem`` and wait for the end of the drive."""
-    while me.running():
+def idle(me: Process, problem: str, wanted: Wanted) -> None:
+    """Report ``problem`` as long as a recording is ``wanted``."""
+    while wanted():
         me.alive(Health.ERROR, problem)
         me.bus.wait(timeout_s=0.2)
 

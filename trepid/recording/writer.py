@@ -138,6 +138,7 @@ class BusRecorder(Recording):
             if not self._refused:
                 self.write()
         finally:
+            self._tap.close()
             super().__exit__()
 
     def write(self) -> None:

@@ -3,11 +3,13 @@
 import resource
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from process_rig import until
+from vehicle_driver_rig import INPUT
 
 from trepid.bus import free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
@@ -18,7 +20,7 @@ from trepid.processes.settings import LAUNCHER, Loss, ProcessSpec
 from trepid.recording.node import free_path
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import BEGAN, Recording, check_free
-from trepid.topics import DIAGNOSTICS, VEHICLE_STATE
+from trepid.topics import DIAGNOSTICS, DRIVER_INPUT, VEHICLE_STATE
 
 
 class Recorded:
@@ -28,6 +30,8 @@ class Recorded:
         self.child = fleet.children["recorder"]
         self._heard, self._clock = bus.latest(DIAGNOSTICS), clock
         self._send, self._report = bus.publisher(VEHICLE_STATE), bus.publisher(DIAGNOSTICS)
+        self._press = bus.publisher(DRIVER_INPUT)
+        self.button: bool | None = None  # None: no driver
 
     def sends_until(self, condition: Callable[[Diagnostic], bool]) -> bool:
         """Publish states until the newest heartbeat fulfils the condition."""
@@ -41,6 +45,8 @@ class Recorded:
                 driver_override=False,
             )
             self._send(state)
+            if self.button is not None:
+                self._press(replace(INPUT, t_s=self._clock(), record=self.button))
             began = ((BEGAN, "123000000000"),)
             self._report(
                 Diagnostic(t_s=self._clock(), process=LAUNCHER, health=Health.OK, message="", values=began)
@@ -58,8 +64,8 @@ def recorder() -> Iterator[Callable[[Path], Any]]:
     clock = epoch_clock(offset_ns)
     with open_bus("car", clock, listen=endpoint) as bus:
 
-        def fleet(path: Path) -> Fleet:
-            spec = ProcessSpec("recorder", "trepid.recording.node", {"record": str(path)}, loss=Loss.NOTHING)
+        def fleet(path: Path, option: str = "record") -> Fleet:
+            spec = ProcessSpec("recorder", "trepid.recording.node", {option: str(path)}, loss=Loss.NOTHING)
             return Fleet((spec,), vehicle_name="car", endpoint=endpoint, clock_offset_ns=offset_ns)
 
         fleet.of = lambda running: Recorded(running, bus, clock)  # type: ignore[attr-defined]
@@ -92,6 +98,41 @@ def test_the_recorder_notes_the_start_of_the_drive_that_the_launcher_reports(
     found = read_recording(path, VEHICLE_STATE.key)
     assert found.began_s == 123.0
     assert found.of(VEHICLE_STATE)
+
+
+def test_the_record_button_starts_and_ends_a_recording_each_time_in_a_file_of_its_own(
+    recorder: Any, tmp_path: Path
+) -> None:
+    folder = tmp_path / "deep" / "recordings"
+    with recorder(folder, "record_folder") as running:
+        recorded = recorder.of(running)
+        assert recorded.sends_until(lambda beat: f"starts a recording in {folder}" in beat.message)
+        assert not folder.exists()
+        for count in (1, 2):
+            recorded.button = True
+            assert recorded.sends_until(lambda beat: beat.message.startswith("recording "))
+            assert recorded.sends_until(lambda beat: beat.message.startswith("recording "))
+            recorded.button = False
+            assert recorded.sends_until(lambda beat: "not recording; the last recording is" in beat.message)
+            files = sorted(folder.glob("drive-20*.mcap"))
+            assert len(files) == count
+            found = read_recording(files[-1], VEHICLE_STATE.key)
+            assert found.complete
+            assert found.of(VEHICLE_STATE)
+
+
+def test_a_folder_that_cannot_be_made_is_reported_until_the_button_is_pressed_again(
+    recorder: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    with recorder(tmp_path / "file" / "recordings", "record_folder") as running:
+        recorded = recorder.of(running)
+        recorded.button = True
+        assert recorded.sends_until(
+            lambda beat: beat.health is Health.ERROR and "recordings: cannot be made" in beat.message
+        )
+        recorded.button = False
+        assert recorded.sends_until(lambda beat: beat.health is Health.OK)
 
 
 def test_nothing_that_exists_is_overwritten(tmp_path: Path) -> None:
