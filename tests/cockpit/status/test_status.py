@@ -2,8 +2,10 @@
 
 import json
 import os
+import shutil
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +16,12 @@ from cockpit.status.attach import PROCESS, states
 from trepid.bus import free_endpoint, open_bus
 from trepid.cli import app
 from trepid.clock import epoch_clock, epoch_offset_ns
-from trepid.config import InputError
+from trepid.config import CAR, InputError, use_car
 from trepid.messages import Diagnostic, Health
-from trepid.processes.register import Running, registered, ticks
-from trepid.processes.settings import LAUNCHER
+from trepid.processes.register import Running, registered, running, ticks
+from trepid.security import LAUNCHER, OBSERVER, drive_endpoint, session_settings
 from trepid.topics import DIAGNOSTICS
+from vehicle.keys.certificates import create
 
 WELL = dict(
     name="cv", pid=7, alive=True, rate_hz=25.0, age_s=0.4, cpu_percent=9.0, restarts=0, message="",
@@ -36,22 +39,24 @@ def register(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
 
 
-@pytest.fixture
-def launcher(register: None) -> Iterator[list[Diagnostic]]:
-    """A launcher that publishes the reports in the list again and again."""
-    offset_ns, endpoint = epoch_offset_ns(), free_endpoint()
+@contextmanager
+def reporting(car: Path | None = None) -> Iterator[list[Diagnostic]]:
+    """A launcher that publishes the reports in the list again and again, with the security settings of ``car``."""
+    use_car(car)
+    offset_ns, endpoint = epoch_offset_ns(), drive_endpoint(free_endpoint())
+    secured = session_settings(LAUNCHER, publishes={}, listen=endpoint)
     drive = Running(
         pid=os.getpid(),
         started_ticks=ticks(os.getpid()) or 0,
         vehicle_name="car",
         endpoint=endpoint,
         clock_offset_ns=offset_ns,
-        car=None,
+        car=str(car) if car else None,
         what="circuit",
     )
     reports: list[Diagnostic] = []
     done = threading.Event()
-    with open_bus("car", epoch_clock(offset_ns), listen=endpoint) as bus, registered(drive):
+    with open_bus("car", epoch_clock(offset_ns), listen=endpoint, further=secured) as bus, registered(drive):
         send = bus.publisher(DIAGNOSTICS)
 
         def publish() -> None:
@@ -61,9 +66,28 @@ def launcher(register: None) -> Iterator[list[Diagnostic]]:
 
         thread = threading.Thread(target=publish)
         thread.start()
+        try:
+            yield reports
+        finally:
+            done.set()
+            thread.join()
+
+
+@pytest.fixture
+def launcher(register: None) -> Iterator[list[Diagnostic]]:
+    with reporting() as reports:
         yield reports
-        done.set()
-        thread.join()
+
+
+@pytest.fixture
+def secured(register: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A car with keys of its launcher and of observers."""
+    monkeypatch.setenv(CAR, "")
+    folder = tmp_path / "mycar"
+    folder.mkdir()
+    (folder / "security.yaml").write_text("keys: keys\n")
+    create(folder / "keys", [LAUNCHER, OBSERVER, "cv"])
+    return folder
 
 
 @pytest.mark.parametrize(
@@ -112,3 +136,42 @@ def test_a_launcher_that_does_not_report_is_named(
     monkeypatch.setattr("cockpit.status.attach.PATIENCE_S", 0.3)
     with pytest.raises(InputError, match="sent no report for"):
         CliRunner().invoke(app, ["status"], standalone_mode=False, catch_exceptions=False)
+
+
+def test_a_drive_with_keys_is_shown_to_an_observer(secured: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with reporting(secured) as reports:
+        assert running()[0].endpoint.startswith("tls/")
+        reports.append(report(WELL))
+        monkeypatch.setenv(CAR, "")  # status finds the keys by the register
+        done = CliRunner().invoke(app, ["status", "--json"], standalone_mode=False)
+    assert done.return_value == 0
+    assert json.loads(done.stdout)["name"] == "cv"
+
+
+@pytest.mark.parametrize("mode", [None, 0o644])
+def test_without_a_private_key_of_the_observer_one_line_gives_the_remedy(
+    secured: Path, mode: int | None
+) -> None:
+    key = secured / "keys" / "observer.key"
+    if mode is None:
+        key.unlink()
+    else:
+        key.chmod(mode)
+    remedy = (
+        "`trepid keys create .* --process observer` makes it" if mode is None else f"run `chmod 600 {key}`"
+    )
+    with reporting(secured), pytest.raises(InputError, match=remedy):
+        CliRunner().invoke(app, ["status"], standalone_mode=False, catch_exceptions=False)
+
+
+def test_a_certificate_of_another_authority_hears_nothing(
+    secured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cockpit.status.attach.PATIENCE_S", 1.0)
+    create(tmp_path / "foreign", [OBSERVER])
+    with reporting(secured) as reports:
+        reports.append(report(WELL))
+        for suffix in ("key", "crt"):
+            shutil.copy(tmp_path / "foreign" / f"observer.{suffix}", secured / "keys")
+        with pytest.raises(InputError):
+            CliRunner().invoke(app, ["status"], standalone_mode=False, catch_exceptions=False)
