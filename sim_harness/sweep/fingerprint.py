@@ -45,10 +45,15 @@ def hash_of_files(parts: tuple[str, ...], car: Path | None) -> str:
         digest.update(f"\0{path.relative_to(ROOT).as_posix()}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     if car is not None:
-        for path in sorted(path for path in car.rglob("*") if path.suffix in SUFFIXES and path.is_file()):
+        for path in files_of_car(car):
             digest.update(f"\0car/{path.relative_to(car).as_posix()}\0".encode())
             digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:_DIGITS]
+
+
+def files_of_car(car: Path) -> list[Path]:
+    """The files in the folder of a car on which results depend, sorted."""
+    return sorted(path for path in car.rglob("*") if path.suffix in SUFFIXES and path.is_file())
 
 
 def _top(part: str) -> Path:

@@ -1,7 +1,5 @@
 """The grades of each disturbance in physical units: ``config/disturbances.yaml``."""
 
-from functools import lru_cache
-
 import numpy as np
 
 from trepid.config import CONFIG_DIR, Settings, load
@@ -119,7 +117,6 @@ class DisturbanceTable(Settings):
     occlusion: Occlusion
 
 
-@lru_cache(maxsize=1)  # frozen settings, read once a process
 def load_table() -> DisturbanceTable:
     """The table of ``config/disturbances.yaml``. Raises InputError."""
     return load(CONFIG_DIR / "disturbances.yaml", DisturbanceTable)

@@ -11,10 +11,10 @@ import pytest
 
 from sim_harness.scenarios.sampling import Case
 from sim_harness.scenarios.scenario import Scenario
-from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.fingerprint import hash_of_files
 from sim_harness.sweep.plan import by_seeds, plan
 from sim_harness.sweep.sweep import in_this_process
-from trepid.config import ROOT, InputError
+from trepid.config import CAR, ROOT, InputError
 
 distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
 from sim_harness.sweep import cluster  # noqa: E402
@@ -32,7 +32,7 @@ class Dask:
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
-        fingerprint.cache_clear()  # the workers read the code as it is now
+        hash_of_files.cache_clear()  # the workers read the code as it is now
         scheduler = self.started("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
         self.scheduler = scheduler
         self.address = awaited_line(scheduler, r"Scheduler at:\s+(tcp://\S+)")
@@ -93,6 +93,30 @@ def test_an_exception_fails_only_its_case(dask):
     assert statuses["failed"][0].startswith("crashed: ValueError")
 
 
+def test_workers_drive_the_car_in_use(dask, monkeypatch, tmp_path):
+    planned = plan(by_seeds([SECONDS], range(2)))
+    default = hashes(in_this_process(planned))
+    (tmp_path / "vehicle.yaml").write_text("understeer_gradient_rad_per_mps2: 0.002\n")
+    monkeypatch.setenv(CAR, str(tmp_path))
+    ours = hashes(in_this_process(planned))
+    assert ours != default
+    assert hashes(cluster.on_cluster(planned, dask.address)) == ours
+    monkeypatch.delenv(CAR)
+    assert hashes(cluster.on_cluster(planned, dask.address)) == default
+
+
+def test_a_worker_that_joins_later_gets_the_car_too(dask, monkeypatch, tmp_path):
+    (tmp_path / "vehicle.yaml").write_text("understeer_gradient_rad_per_mps2: 0.002\n")
+    monkeypatch.setenv(CAR, str(tmp_path))
+    planned = plan(by_seeds([SECONDS], range(CASES)))
+    outcomes = cluster.on_cluster(planned, dask.address)
+    first = next(outcomes)
+    dask.worker()
+    for worker in dask.workers:
+        os.kill(worker.pid, signal.SIGKILL)
+    assert hashes([first, *outcomes]) == hashes(in_this_process(planned))
+
+
 def test_wrong_input_ends_the_sweep(dask):
     nowhere = SECONDS.model_copy(update={"road": "no_such_road"})
     with pytest.raises(InputError, match="no_such_road"):
@@ -110,7 +134,8 @@ def test_a_lost_cluster_is_reported(dask):
 
 
 def test_workers_with_other_code_are_refused(dask, monkeypatch):
-    monkeypatch.setattr(cluster, "fingerprint", lambda: "0" * 16)
+    check = cluster._check_code
+    monkeypatch.setattr(cluster, "_check_code", lambda found, _, address: check(found, "0" * 16, address))
     with pytest.raises(InputError, match="a worker has other code"):
         next(cluster.on_cluster(plan(by_seeds([SECONDS], [0])), dask.address))
 
