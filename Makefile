@@ -9,6 +9,20 @@ LIMITER_TESTS := tests/controller/limiter/test_edges.py tests/controller/limiter
 # By file name: importing all test files would take longer than these tests.
 PROCESS_TESTS := $(shell grep -rl mark.processes tests --include=test_*.py)
 
+# The wheel of casadi holds most libraries two or three times, which are symbolic links elsewhere.
+define LINK_COPIES
+import filecmp, sysconfig
+from pathlib import Path
+kept = {}
+for path in sorted(Path(sysconfig.get_path("platlib"), "casadi").glob("lib*.so*")):
+    first = kept.setdefault(path.stat().st_size, path)
+    if first is not path and filecmp.cmp(first, path, shallow=False):
+        link = path.with_suffix(".link")
+        link.hardlink_to(first)
+        link.replace(path)
+endef
+export LINK_COPIES
+
 .PHONY: help setup drive test live suite wheel proof mutation lint train acados clean
 
 help:
@@ -30,6 +44,7 @@ $(READY): pyproject.toml constraints.txt
 	@echo "== setting up $(VENV) (once; pip packages only)"
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(PIP) -e .
+	@$(BIN)/python -c "$$LINK_COPIES"
 	@touch $(READY)
 	@echo "== $(VENV) is ready to drive"
 
