@@ -4,6 +4,7 @@ import errno
 from collections.abc import Iterable, Iterator
 
 import can
+from can.typechecking import CanFilter
 
 from trepid.config import InputError
 from vehicle.actuators.can.frames import Receiver, Sender
@@ -11,6 +12,9 @@ from vehicle.actuators.can.settings import CanSettings
 
 BUS_OFF = 0x40  # class of error frames: linux/can/error.h, CAN_ERR_BUSOFF
 SEND_TIMEOUT_S = 0.002
+KERNEL_FILTERED = "socketcan"
+"""The interface whose kernel drops unwanted frames. python-can itself drops them on other interfaces, and ``recv``
+without waiting then returns None at the first one, so that the frames behind it would grow old unread."""
 MOST_FRAMES = 1000  # read at once; a bus of 1 Mbit/s carries 90 in 10 ms
 
 
@@ -28,12 +32,13 @@ class CanWire:
                 "`ip link` lists the interfaces of SocketCAN, actuator.yaml names the one to use"
             ) from error
         masks = {False: 0x7FF, True: 0x1FFFFFFF}
-        self._bus.set_filters(
-            [
-                {"can_id": each.address, "can_mask": masks[each.extended], "extended": each.extended}
-                for each in wanted
-            ]
-        )
+        filters: list[CanFilter] = [
+            {"can_id": each.address, "can_mask": masks[each.extended], "extended": each.extended}
+            for each in wanted
+        ]
+        self._wanted = {(each["can_id"], each["extended"]) for each in filters}
+        if settings.interface == KERNEL_FILTERED:
+            self._bus.set_filters(filters)
 
     def frames(self) -> Iterator[tuple[int, bool, bytes]]:
         """Address, whether it is extended, and data of every frame that waits. Raises OSError."""
@@ -46,8 +51,9 @@ class CanWire:
                 return
             if message.is_error_frame and message.arbitration_id & BUS_OFF:
                 raise OSError(errno.ENETDOWN, "CAN bus off")
-            if not (message.is_error_frame or message.is_remote_frame):
-                yield message.arbitration_id, message.is_extended_id, bytes(message.data)
+            address = message.arbitration_id, message.is_extended_id
+            if address in self._wanted and not (message.is_error_frame or message.is_remote_frame):
+                yield *address, bytes(message.data)
 
     def send(self, sender: Sender, data: bytes) -> None:
         """Send ``data`` as a frame of ``sender``. Raises OSError."""

@@ -191,3 +191,11 @@ def test_the_same_over_a_virtual_interface_of_the_kernel(senders):
     assert until(lambda: actuator.read(now_s=1.0), patience_s=5)
     actuator.close()
     end.shutdown()
+
+
+def test_frames_of_other_addresses_do_not_hold_back_those_of_the_car(one, senders):
+    for speed_mps in (1.0, 2.0, 3.0):
+        one.put(0x7FF, b"others")
+        one.report(can_rig.state(0.0, speed_mps), senders)
+        one.put(0x7FE, b"others")
+    assert one.actuator.read(now_s=10.0).speed_mps == pytest.approx(3.0, abs=0.01)
