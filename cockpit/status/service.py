@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from trepid.config import CONFIG_DIR, ROOT, InputError, read, use_car
+from trepid.processes.process import STOP_S
 from trepid.processes.settings import load_processes
 
 WATCHDOG_S = 5  # the launcher notifies twice in this time
@@ -26,8 +27,9 @@ Environment=PYTHONUNBUFFERED=1 PYTHONPATH={root}
 {account}# READY=1 comes when every process has reported; WATCHDOG=1 while the launcher works.
 TimeoutStartSec={start_s:.0f}
 WatchdogSec={watchdog_s}
-# The first SIGTERM stops the car, then the launcher ends its processes; what is left is killed.
-KillMode=mixed
+# SIGTERM goes to the launcher, which stops the car and ends its processes. When the launcher itself is killed, its
+# processes stop the car and end themselves; every other mode would kill them in a moving car.
+KillMode=process
 TimeoutStopSec={stop_s:.0f}
 Restart=no
 # For `nice` below 0 in processes.yaml.
@@ -64,7 +66,7 @@ def write_units(car: Path, out: Path, *, user: bool = False) -> list[Path]:
         command=shlex.join([sys.executable, "-m", "trepid", "drive", "--car", str(folder), "--no-dashboard"]),
         account="" if user else f"User={getpass.getuser()}\n",
         start_s=float(limits["ready_timeout_s"]) + 30.0,
-        stop_s=float(limits["stop_timeout_s"]) + 5.0,
+        stop_s=float(limits["stop_timeout_s"]) + STOP_S + 5.0,
         watchdog_s=WATCHDOG_S,
         target="default.target" if user else "multi-user.target",
     )

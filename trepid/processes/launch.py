@@ -1,8 +1,11 @@
 """Start, watch and stop the processes of a drive.
 
-Every child has its own session (Ctrl-C reaches only the launcher) and holds the reading end of a pipe to the
-launcher. The pipe closes when the launcher ends for any reason, and the child then ends itself
-(:mod:`trepid.processes.process`); the kernel ends a command (:mod:`trepid.processes.foreign`).
+Every child has its own session (Ctrl-C reaches only the launcher) and holds the reading end of a pipe. The pipe
+closes when its writers have ended for any reason, and the child then ends itself (:mod:`trepid.processes.process`);
+the kernel ends a command with the launcher (:mod:`trepid.processes.foreign`).
+
+The vehicle process ends first, because it brings a moving car to a standstill before: the launcher is the only
+writer of its pipe. The pipe of the others has two writers, the launcher and the vehicle process.
 """
 
 import os
@@ -11,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +22,7 @@ from typing import IO, Any
 
 from trepid.config import ROOT, InputError, car_folder
 from trepid.processes.access import published_by
-from trepid.processes.process import ASSIGNMENT, BAD_INPUT, Assignment
+from trepid.processes.process import ASSIGNMENT, BAD_INPUT, STOP_S, Assignment
 from trepid.processes.settings import ProcessSpec, Restart, working_folder
 
 ABORT_GRACE_S = 0.3
@@ -95,8 +98,10 @@ class Fleet:
         self._specs = specs
         self._context = dict(context or {})
         self.children: dict[str, Child] = {}
+        self._read_end = self._write_end = -1  # of the pipe of all but the vehicle process
 
     def __enter__(self) -> "Fleet":
+        self._read_end, self._write_end = os.pipe()
         try:
             for spec in self._specs:
                 self.children[spec.name] = self._start(spec)
@@ -120,7 +125,8 @@ class Fleet:
                 cwd=working_folder()
                 if spec.command
                 else ROOT,  # `-m` then prefers the packages of this checkout
-                stdin=subprocess.PIPE,
+                stdin=subprocess.PIPE if spec.is_vehicle else self._read_end,
+                pass_fds=(self._write_end,) if spec.is_vehicle else (),
                 stdout=log,
                 stderr=log,
                 start_new_session=True,
@@ -191,14 +197,15 @@ class Fleet:
         self.children[name].popen.send_signal(signal.SIGCONT)
 
     def stop(self) -> None:
-        """End every child within 2 s: SIGTERM, then SIGKILL."""
-        for child in self.children.values():
-            if child.alive:
-                child.popen.terminate()
-                child.popen.send_signal(signal.SIGCONT)  # a paused process handles SIGTERM only after it
-        deadline_s = time.monotonic() + TERM_GRACE_S
-        for child in self.children.values():
-            _end(child, deadline_s=deadline_s)
+        """End every child: SIGTERM, then SIGKILL; first the vehicle process, then the others within 2 s.
+
+        The vehicle process of a moving car ends at standstill, or after STOP_S.
+        """
+        vehicle = [child for child in self.children.values() if child.spec.is_vehicle]
+        _end_all(vehicle, grace_s=TERM_GRACE_S + STOP_S * any(not child.spec.simulates for child in vehicle))
+        _end_all(self.children.values(), grace_s=TERM_GRACE_S)
+        for end in (self._read_end, self._write_end):
+            os.close(end)
 
 
 def _place(spec: ProcessSpec) -> str:
@@ -239,6 +246,18 @@ def _schedule(spec: ProcessSpec, pid: int) -> None:
             except PermissionError as error:
                 remedy = "give at least 0, or the right CAP_SYS_NICE (LimitNICE= of a systemd unit)"
                 raise InputError(f"{_place(spec)}: nice: {spec.nice} is refused; {remedy}") from error
+
+
+def _end_all(children: Iterable[Child], *, grace_s: float) -> None:
+    """End ``children`` that run: SIGTERM, and SIGKILL after ``grace_s``."""
+    running = [child for child in children if not child.log.closed]
+    for child in running:
+        if child.alive:
+            child.popen.terminate()
+            child.popen.send_signal(signal.SIGCONT)  # a paused process handles SIGTERM only after it
+    deadline_s = time.monotonic() + grace_s
+    for child in running:
+        _end(child, deadline_s=deadline_s)
 
 
 def _end(child: Child, *, deadline_s: float) -> None:

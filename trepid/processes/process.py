@@ -2,7 +2,8 @@
 
 `trepid.processes.launch` starts a process as ``python -m <module> '<Assignment as JSON>'`` with a pipe as standard
 input; a command finds the assignment in the environment variable TREPID_ASSIGNMENT. The process stops on SIGTERM,
-and when that pipe closes because the launcher has ended.
+and when that pipe closes: for the vehicle process when the launcher has ended, for the others when launcher and
+vehicle process have ended, so that the last stop of the car is steered.
 """
 
 import ctypes
@@ -23,7 +24,7 @@ from trepid.clock import epoch_clock
 from trepid.config import InputError, Settings
 from trepid.messages import Diagnostic, Health
 from trepid.security import session_settings
-from trepid.topics import DIAGNOSTICS
+from trepid.topics import DIAGNOSTICS, VEHICLE_STATE
 
 Values = tuple[tuple[str, str], ...]
 
@@ -33,7 +34,8 @@ MALFORMED = "malformed "  # beginning of the names of values, followed by the ke
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
 ASSIGNMENT = "TREPID_ASSIGNMENT"  # environment variable with the assignment of a command
 BAD_INPUT = 2  # exit code after an InputError; the same input would fail again
-EXIT_GRACE_S = 1.0  # from the end of the launcher to the end of a process whose main thread is stuck
+EXIT_GRACE_S = 1.0  # from the close of the pipe to the end of a process whose main thread is stuck
+STOP_S = 10.0  # longest time in which the vehicle process brings a moving car to a standstill before it ends
 
 
 class Assignment(Settings):
@@ -161,7 +163,9 @@ def process() -> Iterator[Process]:
     stop = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the launcher handles Ctrl-C and ends its processes
-    threading.Thread(target=_stop_with_launcher, args=(stop,), daemon=True).start()
+    is_vehicle = VEHICLE_STATE.key in assignment.publishes.get(assignment.name, ())
+    grace_s = EXIT_GRACE_S + (STOP_S if is_vehicle else 0.0)
+    threading.Thread(target=_stop_with_pipe, args=(stop, grace_s), daemon=True).start()
     clock = epoch_clock(assignment.clock_offset_ns)
     try:
         secured = session_settings(
@@ -174,10 +178,10 @@ def process() -> Iterator[Process]:
         sys.exit(BAD_INPUT)
 
 
-def _stop_with_launcher(stop: threading.Event) -> None:
-    """Stop when the pipe from the launcher closes; after a grace time end a stuck main thread too."""
+def _stop_with_pipe(stop: threading.Event, grace_s: float) -> None:
+    """Stop when the pipe closes; after ``grace_s`` end a stuck main thread too."""
     while os.read(sys.stdin.fileno(), 1):  # sys.stdin.buffer would hold a lock at the end of the interpreter
         pass
     stop.set()
-    time.sleep(EXIT_GRACE_S)
+    time.sleep(grace_s)
     os._exit(1)

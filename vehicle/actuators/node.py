@@ -1,9 +1,10 @@
 """Actuator process: the newest command through the limiter to the wire of the car; the car's state to the bus.
 
 The limiter and the actuator are in one process: nothing but ``write`` follows the limiter. The process writes at
-``RATE_HZ`` with and without commands. At its end, by a signal, an error or the end of the launcher, it brings the
-actuator to the safe state; where it cannot, because it was killed or is frozen, the wire falls silent, and the car
-itself has to stop.
+``RATE_HZ`` with and without commands. When it is to end while the car moves, by a signal or the end of the
+launcher, the limiter first brings the car to a standstill within ``STOP_S``; the controller still steers. At its
+end, also by an error, it brings the actuator to the safe state; where it cannot, because it was killed or is
+frozen, the wire falls silent, and the car itself has to stop.
 """
 
 import sys
@@ -11,12 +12,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple, TypeVar
 
-from controller.limiter import Limiter
+from controller.limiter import Limiter, Limits
 from controller.limiter import build as build_limiter
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Health, VehicleState
-from trepid.processes.process import Process, Ticker, process
+from trepid.processes.process import STOP_S, Process, Ticker, process
 from trepid.processes.timing import Timekeeper
 from trepid.topics import COMMAND, DRIVER_INPUT, VEHICLE_STATE
 from vehicle.actuators.actuator import Actuator, Car
@@ -40,6 +41,7 @@ class ActuatorStep:
 
     def __init__(self, limiter: Limiter) -> None:
         self._limiter = limiter
+        self._standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
 
     def step(
         self,
@@ -47,21 +49,26 @@ class ActuatorStep:
         received_s: float | None,
         state: VehicleState | None,
         *,
-        refused: bool = False,
+        stop: bool = False,
         now_s: float,
     ) -> Applied:
         """The command for the wire, and the state for the bus.
 
         ``received_s``: arrival of ``command``. ``state``: as the car reports it; None when it reports nothing.
-        ``refused``: the wire has failed since the last step, so that the car may have missed a command: the limiter
-        stops the car, latched until standstill.
+        ``stop``: the process is to end, or the wire has failed since the last step, so that the car may have missed
+        a command: the limiter stops the car, latched until standstill.
 
         An old state travels with its own time. An absent state travels as such, with all quantities None.
         """
-        if refused:
+        if stop:
             self._limiter.stopping = True
         applied = self._limiter.step(command, received_s, state, now_s=now_s)
         return Applied(applied, self._limiter.report(absent(now_s) if state is None else state))
+
+    def moves(self, state: VehicleState) -> bool:
+        """True while the car of ``state`` moves and no driver has it."""
+        speed_mps = state.speed_mps or 0.0
+        return abs(speed_mps) > self._standstill_mps and not state.driver_override
 
 
 def absent(now_s: float) -> VehicleState:
@@ -119,51 +126,73 @@ def safe_at_end(actuator: Actuator) -> Iterator[None]:
 
 
 def run(me: Process) -> None:
-    """Read, step, write and publish until the process is to stop."""
+    """Read, step, write and publish until the process is to stop, and then until the car stands."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     name, actuator = build_actuator(Car(vehicle, me.bus, me.now_s))
     with safe_at_end(actuator):
-        drive(me, actuator, name, ActuatorStep(build_limiter(vehicle)))
+        loop = Loop(me, actuator, name, ActuatorStep(build_limiter(vehicle)))
+        ticker = Ticker(RATE_HZ)
+        while me.running():
+            ticker.sleep()
+            ticker.due()
+            loop.turn()
+        until_s = me.now_s() + STOP_S
+        while loop.moving and me.now_s() < until_s:
+            ticker.sleep()
+            ticker.due()
+            loop.turn(ending=True)
 
 
-def drive(me: Process, actuator: Actuator, name: str, node: ActuatorStep) -> None:
-    """The loop of :func:`run`."""
-    newest, send_state = me.bus.latest(COMMAND), me.bus.publisher(VEHICLE_STATE)
-    driver, hand = me.bus.latest(DRIVER_INPUT), load_driver()
-    wire = Wire(actuator, name)
-    times = Timekeeper(me.bus, me.name, me.now_s)
-    me.ready(values=wire.values)
-    ticker, known = Ticker(RATE_HZ), 0
-    while me.running():
-        ticker.sleep()
-        ticker.due()
+class Loop:
+    """Bus and wire around the step."""
+
+    def __init__(self, me: Process, actuator: Actuator, name: str, node: ActuatorStep) -> None:
+        self._me, self._name, self._node = me, name, node
+        self._newest, self._send_state = me.bus.latest(COMMAND), me.bus.publisher(VEHICLE_STATE)
+        self._driver, self._hand = me.bus.latest(DRIVER_INPUT), load_driver()
+        self._wire = Wire(actuator, name)
+        self._times = Timekeeper(me.bus, me.name, me.now_s)
+        self._known = 0  # failures of the wire up to the last turn
+        self.moving = False
+        """The car moves and no driver has it, by its newest state with a speed."""
+        me.ready(values=self._wire.values)
+
+    def turn(self, *, ending: bool = False) -> None:
+        """Read, step, write and publish once. ``ending``: the limiter stops the car; new commands steer it."""
+        newest, driver, wire = self._newest, self._driver, self._wire
         fresh = newest.take()
         driver.take()
-        now_s = me.now_s()
+        now_s = self._me.now_s()
         demand = arbitrate(
             newest.message,
             newest.received_s,
             driver.message,
             driver.received_s,
-            required=hand.required,
-            timeout_s=hand.timeout_s,
+            required=self._hand.required,
+            timeout_s=self._hand.timeout_s,
             now_s=now_s,
         )
         state = wire.read(now_s)
-        failed, known = wire.failures > known, wire.failures
-        applied = node.step(demand.command, demand.received_s, state, refused=failed, now_s=now_s)
+        failed, self._known = wire.failures > self._known, wire.failures
+        applied = self._node.step(
+            demand.command, demand.received_s, state, stop=failed or ending, now_s=now_s
+        )
         wire.write(applied.command, now_s)
         if fresh is not None:
-            times.note(fresh.t_s, newest, began_s=now_s)
-        send_state(reported(applied.state, demand))
-        if failed or wire.failures > known:
-            me.stepped(Health.ERROR, f"actuator {name}: {wire.last}")
+            self._times.note(fresh.t_s, newest, began_s=now_s)
+        if applied.state.speed_mps is not None:
+            self.moving = self._node.moves(applied.state)
+        self._send_state(reported(applied.state, demand))
+        if failed or wire.failures > self._known:
+            self._me.stepped(Health.ERROR, f"actuator {self._name}: {wire.last}")
         elif state is None:
-            me.stepped(Health.WARN, f"actuator {name}: the car reports no state")
+            self._me.stepped(Health.WARN, f"actuator {self._name}: the car reports no state")
+        elif ending:
+            self._me.stepped(Health.WARN, "stops the car before it ends")
         elif demand.reason:
-            me.stepped(Health.WARN, demand.reason)
+            self._me.stepped(Health.WARN, demand.reason)
         else:
-            me.stepped()
+            self._me.stepped()
 
 
 if __name__ == "__main__":

@@ -32,7 +32,10 @@ def test_the_unit_waits_for_readiness_has_a_watchdog_and_leaves_time_to_stop(
     assert (service["Type"], service["NotifyAccess"], service["Restart"]) == ("notify", "main", "no")
     assert service["ExecStart"].endswith(f"-m trepid drive --car {car} --no-dashboard")
     assert float(service["WatchdogSec"]) > 0
-    assert (float(service["TimeoutStartSec"]), float(service["TimeoutStopSec"])) == (70, 12)
+    assert (float(service["TimeoutStartSec"]), float(service["TimeoutStopSec"])) == (70, 22)
+    assert (
+        service["KillMode"] == "process"
+    )  # the processes of a killed launcher bring the car to a standstill
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")

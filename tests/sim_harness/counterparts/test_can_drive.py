@@ -4,41 +4,24 @@ import json
 import os
 import shutil
 import signal
-import socket
 import time
 
 import can
 import can_rig
 import pytest
+from can_bus_rig import GROUP, bus_options
 from process_rig import alive, until
 from wire_drive_rig import WireDrive
 
 pytestmark = pytest.mark.processes
-GROUP = "239.74.163.2"
 VEHICLE = "  vehicle: {module: vehicle.actuators.node, publishes: [vehicle/state]}\n"
 ECU = "  ecu: {module: sim_harness.counterparts.ecu, publishes: [sim/truth], restart: never, options: %s}\n"
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        return probe.getsockname()[1]
-
-
-def no_multicast():
-    try:
-        can.Bus(interface="udp_multicast", channel=GROUP, port=free_port(), hop_limit=0).shutdown()
-    except can.CanError as error:
-        return error
-    return None
 
 
 @pytest.fixture
 def bus():
     """Options of a bus of its own."""
-    if (why := no_multicast()) is not None:
-        pytest.skip(f"no multicast on this machine: {why}")
-    return dict(port=free_port(), hop_limit=0)
+    return bus_options()
 
 
 @pytest.fixture

@@ -1,12 +1,14 @@
 """The step between bus and wire, and the guards around an actuator."""
 
+from types import SimpleNamespace
+
 import can_rig
 import pytest
 
 from controller.limiter import build as build_limiter
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
-from vehicle.actuators.node import ActuatorStep, Wire, safe_at_end
+from vehicle.actuators.node import ActuatorStep, Loop, Wire, safe_at_end
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
@@ -23,7 +25,7 @@ def driven(node, *, steps, refused_at=None, state=True, from_s=10.0):
         now_s = from_s + 0.01 * k
         car = can_rig.state(0.0, 5.0, t_s=now_s) if state else None
         order = can_rig.command(accel_mps2=0.5, t_s=now_s)
-        applied = node.step(order, now_s, car, refused=k == refused_at, now_s=now_s)
+        applied = node.step(order, now_s, car, stop=k == refused_at, now_s=now_s)
         given.append(applied.command.accel_mps2)
     return given, applied
 
@@ -112,3 +114,59 @@ def test_a_safe_state_that_the_wire_refuses_is_reported(capsys):
     with safe_at_end(Faulty()):
         pass
     assert "the safe state was not sent" in capsys.readouterr().err
+
+
+class Rolling:
+    """An actuator whose car rolls at the commanded acceleration."""
+
+    def __init__(self):
+        self.speed_mps, self.least_mps2, self.override = 5.0, 0.0, False
+
+    def read(self, *, now_s):
+        return can_rig.state(0.0, self.speed_mps, override=self.override, t_s=now_s)
+
+    def write(self, command, *, now_s):
+        self.least_mps2 = min(self.least_mps2, command.accel_mps2)
+        self.speed_mps = max(0.0, self.speed_mps + 0.01 * command.accel_mps2)
+
+    def values(self):
+        return ()
+
+
+@pytest.fixture
+def rolling(node):
+    """A loop in given time, and the time."""
+    clock = SimpleNamespace(s=10.0)
+    silent = SimpleNamespace(take=lambda: None, message=None, received_s=None)
+    bus = SimpleNamespace(latest=lambda _: silent, publisher=lambda _: lambda _: None)
+    me = SimpleNamespace(
+        bus=bus, name="vehicle", now_s=lambda: clock.s, ready=lambda **_: None, stepped=lambda *_: None
+    )
+    return Loop(me, Rolling(), "can", node), clock
+
+
+def turned(rolling, turns, **how):
+    loop, clock = rolling
+    for _ in range(turns):
+        clock.s += 0.01
+        loop.turn(**how)
+    return loop
+
+
+def test_before_its_end_the_process_brings_a_moving_car_to_a_standstill(rolling):
+    loop = turned(rolling, 1)
+    assert loop.moving
+    turned(rolling, 150, ending=True)
+    assert not loop.moving
+    assert loop._wire._actuator.least_mps2 == pytest.approx(-3.5)
+
+
+def test_a_car_that_the_driver_has_is_not_stopped_at_the_end(rolling):
+    turned(rolling, 1)
+    rolling[0]._wire._actuator.override = True
+    assert not turned(rolling, 5, ending=True).moving
+
+
+def test_a_standing_car_is_left_at_once(rolling):
+    rolling[0]._wire._actuator.speed_mps = 0.0
+    assert not turned(rolling, 1).moving
