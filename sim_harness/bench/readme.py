@@ -24,7 +24,8 @@ def _pipeline(m: Measured) -> str:
     times = m["from the published frame [ms]"]
     ways = (times["a process each"], times["one process"])
     return "; ".join(
-        f"{way['frame_to_command p50']:.1f} ms median, {way['frame_to_command p99']:.1f} ms p99" for way in ways
+        f"{way['frame_to_command p50']:.1f} ms median, {way['frame_to_command p99']:.1f} ms p99"
+        for way in ways
     )
 
 
