@@ -74,12 +74,16 @@ def fill(store: Store, code: str, tasks: list[Task]) -> None:
     with SweepProgress(len(left), float(len(left))) as progress:
         while left:
             batch = next_drive(left)
-            rows = driven(batch[0][0], [task[1:] for task in batch])
+            try:
+                rows, why = (
+                    driven(batch[0][0], [task[1:] for task in batch]),
+                    "the car did not come to its speed",
+                )
+            except InputError as error:
+                rows, why = [], str(error)
             failures = 0 if rows else failures + 1
             if failures == FAILURES:
-                raise InputError(
-                    f"{FAILURES} drives in a row did not come to their speed: is the machine idle?"
-                )
+                raise InputError(f"{FAILURES} drives in a row gave no episode; the last one: {why}")
             for row in rows:
                 task = (row["wire"], FAULTS[row["fault"]], row["number"])
                 store.add(case(task), code, row)

@@ -28,7 +28,8 @@ from sim_harness.bench.live.faults.catalogue import Act
 from trepid.clock import GID_BYTES, LAYOUT, Clock, epoch_clock, nanoseconds, stamp_of, stamper
 from trepid.config import Settings
 from trepid.messages import Command, Frame, VehicleState
-from trepid.processes.process import Assignment, process
+from trepid.processes.process import Assignment, Process, process
+from trepid.processes.turns import repeat
 from trepid.topics import CAMERA_IMAGE, VEHICLE_STATE, Topic
 from trepid.wire import from_cdr, to_cdr
 
@@ -229,6 +230,15 @@ def outlive_launcher() -> None:
     module._stop_with_launcher = stop_later
 
 
+def run(module: Any, me: Process) -> None:
+    """Run the process ``module`` until it is to stop, as it does when it is started itself."""
+    if not hasattr(module, "node"):
+        module.run(me)
+        return
+    with module.node(me) as node:
+        repeat(me, node)
+
+
 def main() -> None:
     """Run the real module with faulty publishers and a clock that can step."""
     assignment = Assignment.model_validate_json(sys.argv[1])
@@ -259,7 +269,7 @@ def main() -> None:
         running = me.running
         me.running = lambda: running() and not host.renewing()  # type: ignore[method-assign]
         while running():
-            module.run(me)
+            run(module, me)
             host.renewed()
 
 
