@@ -102,9 +102,7 @@ def processes(wire: str, control: Path) -> dict[str, Any]:
     found["camera"] = hosted("sim_harness.live.camera_node", PUBLISHED["camera"])
     if wire == CAN:
         found["vehicle"] = hosted("vehicle.actuators.node", ["vehicle/state"]) | first
-        found["ecu"] = (
-            hosted("sim_harness.counterparts.ecu", ["sim/truth"], applied="ecu", lingers=True) | first | once
-        )
+        found["ecu"] = hosted("sim_harness.counterparts.ecu", ["sim/truth"], applied="ecu") | first | once
     else:
         found["vehicle"] = (
             hosted("sim_harness.live.vehicle_node", ["vehicle/state", "sim/truth"], applied="limiter")

@@ -15,12 +15,13 @@ from typing import Any
 from sim_harness.bench.live.faults.catalogue import LAUNCHER
 from sim_harness.bench.live.faults.course import write_car
 from sim_harness.bench.live.faults.episode import STANDING_MPS, Events, Place
-from sim_harness.bench.live.faults.inside import APPLIED, FRAME_MARK, LINGER_S, MARKS, Order
+from sim_harness.bench.live.faults.inside import APPLIED, FRAME_MARK, MARKS, Order
 from sim_harness.bench.live.program import DriveProgram, kill
 from trepid.bus import Bus, Tap, open_bus
 from trepid.clock import epoch_clock
 from trepid.config import InputError
 from trepid.messages import Command, SimTruth
+from trepid.processes.process import STOP_S
 from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_IMAGE, SIM_TRUTH, VEHICLE_STATE
 from trepid.wire import from_cdr
@@ -154,15 +155,12 @@ class FaultDrive(DriveProgram):
         }
 
     def _left(self) -> Mapping[str, int]:
-        """Processes that run GONE_S after the launcher; the electronics of a car run on and stop the car."""
-        electronics = {"ecu"} if self.killed_launcher else set()
-        until_s = time.monotonic() + (LINGER_S if electronics else GONE_S)
-        left = self.pids()
-        while time.monotonic() < until_s and (left.keys() - electronics or (electronics and not self.stands)):
+        """Processes that run GONE_S after the launcher; after its kill they may stop the car before."""
+        until_s = time.monotonic() + GONE_S + (STOP_S if self.killed_launcher else 0.0)
+        while (left := self.pids()) and time.monotonic() < until_s:
             with suppress(Ended):
                 self.poll()
-            left = self.pids()
-        return {name: pid for name, pid in left.items() if name not in electronics}
+        return left
 
     @property
     def stands(self) -> bool:

@@ -18,7 +18,7 @@ from trepid.config import InputError
 CRUISE_SHARE = 0.93
 CALM_MPS2 = 0.3  # accelerations of the speed control at its speed
 BEGIN_S = 75.0  # greatest time to the first motion: all processes start
-CRUISE_S = 10.0  # greatest time to the cruise speed
+CRUISE_S = 15.0  # greatest time to the cruise speed
 STAND_S = 6.0  # greatest time to standstill after a fault that has to stop the car
 UNHARMED_S = 2.0  # duration of a fault that must not stop it
 RESUME_S, RENEW_S = (

@@ -9,10 +9,8 @@ falsified message and every frame of the camera, ``bench/applied`` holds the com
 """
 
 import importlib
-import os
 import signal
 import sys
-import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -39,7 +37,6 @@ MARKS = "bench/marks"
 FRAME_MARK = "frame"
 REPLAYED_S = 1.0
 KEPT = 128  # messages of a topic: a second at 100 Hz, and more
-LINGER_S = 6.0  # of the electronics of a car, which do not end with the launcher
 TYPES: dict[str, type[Any]] = {CAMERA_IMAGE.key: Frame, VEHICLE_STATE.key: VehicleState}
 Sent = tuple[bytes, bytes | None]
 """CDR bytes and attachment of a message."""
@@ -61,7 +58,6 @@ class Hosted(Settings):
     hosted: str  # the real module
     control: Path  # folder of the orders
     applied: Literal["", "limiter", "ecu"] = ""  # where commands act on the car in this process
-    lingers: bool = False  # outlives the launcher
 
 
 class Falsifier:
@@ -216,20 +212,6 @@ def silence_bus(host: Host) -> None:
     CanWire.send = send  # type: ignore[method-assign,assignment]
 
 
-def outlive_launcher() -> None:
-    """Let this process end LINGER_S after the launcher."""
-    module: Any = trepid.processes.process
-    original = module._stop_with_launcher
-
-    def stop_later(stop: Any) -> None:
-        while os.read(sys.stdin.fileno(), 1):
-            pass
-        time.sleep(LINGER_S)
-        original(stop)
-
-    module._stop_with_launcher = stop_later
-
-
 def run(module: Any, me: Process) -> None:
     """Run the process ``module`` until it is to stop, as it does when it is started itself."""
     if not hasattr(module, "node"):
@@ -250,8 +232,6 @@ def main() -> None:
     patched.open_session = lambda **settings: host.session(opened(**settings), assignment.vehicle_name)
     patched = trepid.processes.process
     patched.epoch_clock = lambda _: host.now_s
-    if options.lingers:
-        outlive_launcher()
     signal.signal(signal.SIGUSR1, host.read)
     with process() as me:
         if options.applied == "limiter":
