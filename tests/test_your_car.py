@@ -17,7 +17,6 @@ from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.recording.reader import read_recording
 from trepid.topics import COMMAND, VEHICLE_STATE
 
-pytestmark = pytest.mark.processes
 PAGE = (ROOT / "docs" / "your-car.md").read_text(encoding="utf-8")
 BLOCKS = [block.strip().splitlines() for block in re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)]
 COMMANDS = [command for block in BLOCKS[:2] for command in block]
@@ -70,18 +69,49 @@ def test_ten_commands_are_enough() -> None:
     assert COMMANDS[0].startswith("git clone") and COMMANDS[SETS_UP].startswith("trepid init")
 
 
-def test_an_own_video_drives_a_can_counterpart(work: Path) -> None:
+@pytest.fixture
+def multicast() -> None:
+    """Skips where this machine has no multicast."""
     try:
         can.Bus(interface="udp_multicast", channel="239.74.163.2", port=43113, hop_limit=0).shutdown()
     except can.CanError as error:
         pytest.skip(f"no multicast on this machine: {error}")
+
+
+def recorded_a_drive(folder: Path) -> None:
+    """The ten commands have annotated the video, and recorded a drive in which the ECU reports speeds over CAN."""
+    assert (folder / "lanes.mp4").stat().st_size > 10_000
+    recorded = read_recording(folder / "drive.mcap", COMMAND.key, VEHICLE_STATE.key)
+    speeds = [message.speed_mps or 0.0 for _, message in recorded.of(VEHICLE_STATE)]
+    assert max(speeds) > 1.0
+    commands = [message for _, message in recorded.of(COMMAND) if message.t_s is not None]
+    assert len(commands) > 100
+
+
+@pytest.mark.processes
+def test_an_own_video_drives_a_can_counterpart(work: Path, multicast: None) -> None:
     for command in COMMANDS[SETS_UP:]:
         done = run(command, work)
         good = (0, 1) if command.startswith(MAY_FAIL) else (0,)
         assert done.returncode in good, f"{command}: {done.stdout}{done.stderr}"
-    assert (work / "lanes.mp4").stat().st_size > 10_000
-    recorded = read_recording(work / "drive.mcap", COMMAND.key, VEHICLE_STATE.key)
-    speeds = [message.speed_mps or 0.0 for _, message in recorded.of(VEHICLE_STATE)]
-    assert max(speeds) > 1.0  # as the ECU reports it over CAN
-    commands = [message for _, message in recorded.of(COMMAND) if message.t_s is not None]
-    assert len(commands) > 100
+    recorded_a_drive(work)
+
+
+@pytest.mark.proof
+def test_all_ten_commands_in_one_shell_from_a_fresh_clone(tmp_path: Path, multicast: None) -> None:
+    film_of_a_straight_road(tmp_path / "VIDEO.mp4")
+    lines = [f"{line} || test $? = 1" if line.startswith(MAY_FAIL) else line for line in COMMANDS]
+    script = "\n".join(["set -ex", *lines])
+    script = script.replace("REPOSITORY", str(ROOT)).replace("VIDEO.mp4", str(tmp_path / "VIDEO.mp4"))
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("TREPID")}
+    done = subprocess.run(
+        ["/bin/sh", "-c", script],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=1800,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    recorded_a_drive(tmp_path / "trepid")

@@ -29,6 +29,7 @@ BENCHMARKS = {
     "soak": Benchmark(
         "live.soak", "half an hour live: memory, files, threads, lost messages of the recorder"
     ),
+    "newcomer": Benchmark("newcomer", "clone, make drive: time until the car drives, disk space"),
     "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),
     "seeds": Benchmark("seeds", "scores with known seeds and with fresh ones"),

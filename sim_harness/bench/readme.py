@@ -29,6 +29,13 @@ def _pipeline(m: Measured) -> str:
     )
 
 
+def _newcomer(m: Measured) -> str:
+    return (
+        f"{m['time [s]']['driving']:.0f} s, of which {m['time [s]']['environment ready']:.0f} s to install;"
+        f" {m['disk [MB]']['clone and environment']:.0f} MB on disk"
+    )
+
+
 def _suite(m: Measured) -> str:
     every = m["scenarios"]["all"]
     return (
