@@ -98,7 +98,7 @@ def calibrate(
         measured = measured.model_copy(update=_fields(found, ("pitch_down_rad", "yaw_rad", "height_m")))
         notes["extrinsics"], report["extrinsics"] = _mounting_note(found), _fields(found, MOUNTING_REPORT)
     if width is not None:
-        measured = at_width(measured, width)
+        measured = measured.resized(width, round(measured.height_px * width / measured.width_px))
     text = camera_yaml(measured, notes)
     if out is not None:
         _write(out, text)
@@ -132,18 +132,6 @@ def _mount(rotate_deg: int, mirror: str) -> Mount:
 def _upright(step: Step, mount: Mount) -> Step:
     following = None if step.following is None else mount.upright(step.following)
     return replace(step, image=mount.upright(step.image), following=following)
-
-
-def at_width(camera: Camera, width_px: int) -> Camera:
-    """The camera with its image scaled to ``width_px``, exact for images that OpenCV resizes.
-
-    OpenCV counts pixels at their centres and keeps the corner of the image: c' = (c + ½)·s − ½, f' = f·s.
-    """
-    height_px = round(camera.height_px * width_px / camera.width_px)
-    scaled = camera.resized(width_px, height_px)
-    sx, sy = width_px / camera.width_px, height_px / camera.height_px
-    cx_px, cy_px = (camera.cx_px + 0.5) * sx - 0.5, (camera.cy_px + 0.5) * sy - 0.5
-    return scaled.model_copy(update={"cx_px": cx_px, "cy_px": cy_px})
 
 
 def _pictures(paths: list[Path], mount: Mount) -> dict[str, Image]:

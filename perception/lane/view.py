@@ -44,7 +44,7 @@ def make_view(settings: LaneCvSettings, camera: Camera) -> View | None:
     """The view of ``camera``, at most ``working_width_px`` wide; None when the image shows no road."""
     width_px = min(camera.width_px, settings.working_width_px)
     height_px = max(1, round(camera.height_px * width_px / camera.width_px))
-    working = _shrunk(camera, width_px, height_px)
+    working = camera.resized(width_px, height_px)
     grid = lateral_grid(
         working, reach_m=settings.reach_m, band_m=settings.band_m, max_band_px=settings.max_band_px
     )
@@ -74,14 +74,6 @@ def as_bgr(image: NDArray[np.uint8]) -> Image:
     if image.shape[2] == 4:
         return cv2.cvtColor(image, cv2.COLOR_BGRA2BGR).astype(np.uint8, copy=False)
     return image
-
-
-def _shrunk(camera: Camera, width_px: int, height_px: int) -> Camera:
-    """The camera of the area-averaged image, whose pixel u covers the columns around s·(u + ½) − ½."""
-    smaller = camera.resized(width_px, height_px)
-    shift_x = (width_px / camera.width_px - 1) / 2
-    shift_y = (height_px / camera.height_px - 1) / 2
-    return smaller.model_copy(update=dict(cx_px=smaller.cx_px + shift_x, cy_px=smaller.cy_px + shift_y))
 
 
 def _undistortion(working: Camera) -> tuple[cv2.typing.MatLike, cv2.typing.MatLike] | None:

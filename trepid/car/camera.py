@@ -76,9 +76,16 @@ class Camera(Settings):
         return np.column_stack([self.x_m + reach * ray[0], self.y_m + reach * ray[1]])
 
     def resized(self, width_px: int, height_px: int) -> "Camera":
-        """The same camera with its image resized."""
+        """The same camera with its image resized as ``cv2.resize`` does it.
+
+        Whole numbers are the centres of pixels, and the corner of the image, at (−½, −½), stays where it is:
+        u' + ½ = s·(u + ½), so f' = s·f and c' = s·(c + ½) − ½.
+        """
         sx, sy = width_px / self.width_px, height_px / self.height_px
         lens = dict(
-            fx_px=self.fx_px * sx, fy_px=self.fy_px * sy, cx_px=self.cx_px * sx, cy_px=self.cy_px * sy
+            fx_px=self.fx_px * sx,
+            fy_px=self.fy_px * sy,
+            cx_px=(self.cx_px + 0.5) * sx - 0.5,
+            cy_px=(self.cy_px + 0.5) * sy - 0.5,
         )
         return self.model_copy(update=dict(width_px=width_px, height_px=height_px, **lens))

@@ -74,7 +74,13 @@ class RoadEdgeFinder:
     def __init__(self, settings: EdgeSettings, camera: Camera) -> None:
         self._settings = settings
         width_px = min(camera.width_px, settings.working_width_px)
-        self._camera = camera.resized(width_px, max(1, round(camera.height_px * width_px / camera.width_px)))
+        height_px = max(1, round(camera.height_px * width_px / camera.width_px))
+        # The settings hold for c' = s·c, which is (1 - s)/2 of a pixel beside the centre of the resized image.
+        centre = dict(
+            cx_px=camera.cx_px * (width_px / camera.width_px),
+            cy_px=camera.cy_px * (height_px / camera.height_px),
+        )
+        self._camera = camera.resized(width_px, height_px).model_copy(update=centre)
         self.grid = lateral_grid(
             self._camera, reach_m=settings.reach_m, band_m=settings.band_m, max_band_px=4
         )

@@ -33,7 +33,8 @@ def ground_picture(camera: Camera) -> np.ndarray:
 def test_the_default_camera_is_only_cropped_and_resized():
     picture = ground_picture(CAMERA)
     seen = CanonicalView(CAMERA, CANONICAL).image(picture).astype(float)
-    u, v = np.meshgrid(np.arange(SUPERSAMPLE * 200) * 320 / 400, 82 + np.arange(SUPERSAMPLE * 66) * 120 / 132)
+    columns, rows = np.arange(SUPERSAMPLE * 200), np.arange(SUPERSAMPLE * 66)
+    u, v = np.meshgrid((columns + 0.5) * 320 / 400 - 0.5, 82 + (rows + 0.5) * 120 / 132 - 0.5)
     plain = cv2.remap(picture, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR).astype(float)
     plain = plain.reshape(66, 2, 200, 2, 3).mean(axis=(1, 3))
     assert seen.shape == (66, 200, 3)
@@ -48,7 +49,7 @@ def test_the_default_camera_is_only_cropped_and_resized():
         dict(fx_px=230.0, fy_px=225.0, cx_px=150.0, cy_px=125.0),
         dict(height_m=2.1),
         dict(x_m=2.0, y_m=0.4),
-        dict(width_px=1280, height_px=960, fx_px=760.0, fy_px=760.0, cx_px=640.0, cy_px=480.0),
+        dict(width_px=1280, height_px=960, fx_px=760.0, fy_px=760.0, cx_px=641.5, cy_px=481.5),
     ],
 )
 def test_every_camera_gives_the_same_canonical_image_of_the_same_scene(change):
@@ -91,6 +92,6 @@ def test_a_camera_at_twice_the_height_doubles_lengths_and_halves_curvature():
 
 
 def test_cropping_keeps_the_horizon_where_it_is_in_the_scene():
-    assert 82 + CANONICAL.horizon_row_px * 120 / 66 == pytest.approx(CAMERA.horizon_row_px)
+    assert 81.5 + (CANONICAL.horizon_row_px + 0.5) * 120 / 66 == pytest.approx(CAMERA.horizon_row_px)
     assert CANONICAL.fx_px / CAMERA.fx_px == pytest.approx(200 / 320)
     assert math.isclose(CANONICAL.pitch_down_rad, CAMERA.pitch_down_rad)

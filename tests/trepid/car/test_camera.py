@@ -2,6 +2,7 @@
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -60,6 +61,18 @@ def test_yaw_to_the_left_moves_the_road_to_the_right_by_f_tan_yaw() -> None:
     assert u == pytest.approx(camera.cx_px + camera.fx_px * math.tan(0.1), abs=1e-3)
 
 
-def test_resizing_scales_pixels_and_leaves_the_road_alone() -> None:
-    small, point = CAMERA.resized(160, 60), [[9, 1.0]]
-    assert np.allclose(small.pixel_from_road(point), CAMERA.pixel_from_road(point) * [0.5, 0.25])
+@pytest.mark.parametrize("size", [(160, 60), (80, 240), (640, 480), (960, 240)])
+@pytest.mark.parametrize("interpolation", [cv2.INTER_AREA, cv2.INTER_LINEAR])
+def test_a_resized_camera_is_that_of_the_image_that_opencv_resizes(size, interpolation) -> None:
+    point, width = [[9, 1.0]], 12.0
+    ((u, v),) = CAMERA.pixel_from_road(point)
+    row, column = np.indices((CAMERA.height_px, CAMERA.width_px), sparse=True)
+    spot = np.exp(-((column - u) ** 2 + (row - v) ** 2) / (2 * width**2))
+    small = cv2.resize(spot, size, interpolation=interpolation)
+    row, column = np.indices(small.shape, sparse=True)
+    seen = [(small * column).sum() / small.sum(), (small * row).sum() / small.sum()]
+    assert CAMERA.resized(*size).pixel_from_road(point)[0] == pytest.approx(seen, abs=0.02)
+
+
+def test_a_camera_that_is_not_resized_is_the_same() -> None:
+    assert CAMERA.resized(CAMERA.width_px, CAMERA.height_px) == CAMERA

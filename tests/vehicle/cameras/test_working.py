@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.camera.cli import at_width
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame
@@ -37,9 +36,8 @@ def test_an_image_of_the_working_size_is_not_changed() -> None:
 @given(scale=st.sampled_from([2, 3, 4, 5]), ahead_m=st.floats(5, 30), bearing=st.floats(-0.4, 0.4))
 def test_the_intrinsics_scale_with_the_image(scale: int, ahead_m: float, bearing: float) -> None:
     large = CAMERA.resized(CAMERA.width_px * scale, CAMERA.height_px * scale)
-    small = at_width(large, CAMERA.width_px)  # as `trepid camera calibrate --width` writes it
     road_m = [[CAMERA.x_m + ahead_m, bearing * ahead_m]]
-    (u, v), (wanted_u, wanted_v) = large.pixel_from_road(road_m)[0], small.pixel_from_road(road_m)[0]
+    (u, v), (wanted_u, wanted_v) = large.pixel_from_road(road_m)[0], CAMERA.pixel_from_road(road_m)[0]
     row, column = np.indices((large.height_px, large.width_px), sparse=True)
     blob = 255 * np.exp(-((column - u) ** 2 + (row - v) ** 2) / (2 * (4 * scale) ** 2))
     image = np.repeat(np.round(blob).astype(np.uint8)[:, :, None], 3, axis=2)
