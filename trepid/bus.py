@@ -69,23 +69,41 @@ class Bell:
 
 
 class Mailbox:
-    """The newest arrivals, kept by a short callback on a thread of Zenoh that also wakes the process."""
+    """The newest arrival, kept by a short callback on a thread of Zenoh that also wakes the process.
+
+    The nodes of one process that read the same key share a callback (:meth:`beside`). With a callback for each, the
+    process would wake at the first and hold the interpreter, for which the others would wait.
+    """
 
     def __init__(self, bell: Bell, clock: Clock) -> None:
         self._bell = bell
         self._clock = clock
         self._queue: deque[Arrival] = deque(maxlen=1)
-        self.handler: Any = zenoh.handlers.Callback(self.put, indirect=False)
-        """indirect=False: Zenoh's own thread calls put; the default spawns a thread that outlives main."""
+        self._queues = [self._queue]  # of all mailboxes of the callback
+        self.handler: Any = zenoh.handlers.Callback(self._deliver, indirect=False)
+        """indirect=False: Zenoh's own thread makes the call; the default spawns a thread that outlives main."""
 
-    def put(self, sample: Any) -> None:
-        """Keep a sample as it is: bytes are copied and decoded by the reader."""
-        self._queue.append(Arrival(sample, self._clock()))
+    def beside(self) -> "Mailbox":
+        """Another mailbox for the samples of this one; it needs no subscriber."""
+        another = Mailbox(self._bell, self._clock)
+        self._queues.append(another._queue)
+        return another
+
+    def put(self, message: Any) -> None:
+        """Keep a message of this process."""
+        self._queue.append(Arrival(message, self._clock()))
         self._bell.ring()
 
     def pop(self) -> Arrival | None:
-        """The oldest arrival that is kept, or None."""
+        """The arrival that is kept, or None."""
         return self._queue.popleft() if self._queue else None
+
+    def _deliver(self, sample: Any) -> None:
+        """Keep a sample as it is: bytes are copied and decoded by the reader."""
+        arrival = Arrival(sample, self._clock())
+        for queue in self._queues:
+            queue.append(arrival)
+        self._bell.ring()
 
 
 class Ring:
@@ -227,6 +245,7 @@ class Bus:
         self._prefix = f"trepid/{vehicle_name}"
         self._bell = Bell()
         self._subscribers: list[Any] = []
+        self._mailboxes: dict[str, Mailbox] = {}  # the first of each key
         self._subscriptions: list[Latest[Any]] = []
         self._listeners: dict[str, list[Latest[Any]]] = {}  # subscriptions of this process by topic key
 
@@ -257,13 +276,11 @@ class Bus:
 
     def latest(self, topic: Topic[M], *, wakes: bool = True) -> Latest[M]:
         """Subscription that keeps the newest message of ``topic``; its arrival ends :meth:`wait`, if it wakes."""
-        kept = Mailbox(self._bell, self._clock) if wakes else Ring(1, self._clock)
-        return self._subscribe(topic, Latest(topic, kept), kept)
+        return self._subscribe(Latest(topic, self._mailbox(topic.key) if wakes else self._ring(topic.key, 1)))
 
     def stream(self, topic: Topic[M]) -> Stream[M]:
         """Subscription that keeps every message of ``topic`` until it is drained; it wakes nothing."""
-        kept = Ring(KEPT, self._clock)
-        return self._subscribe(topic, Stream(topic, kept), kept)
+        return self._subscribe(Stream(topic, self._ring(topic.key, KEPT)))
 
     def tap(self, *keys: str) -> Tap:
         """Subscription that keeps the bytes of all messages on ``keys``, which may hold ``**``, until drained.
@@ -285,11 +302,24 @@ class Bus:
         self._subscribers.append(self._session.declare_subscriber(key_expression, kept.handler))
         return Newest(kept)
 
-    def _subscribe(self, topic: Topic[M], latest: L, kept: Mailbox | Ring) -> L:
-        self._subscribers.append(self._declared(topic.key, kept))
+    def _subscribe(self, latest: L) -> L:
         self._subscriptions.append(latest)
-        self._listeners.setdefault(topic.key, []).append(latest)
+        self._listeners.setdefault(latest.topic.key, []).append(latest)
         return latest
+
+    def _mailbox(self, key: str) -> Mailbox:
+        """A mailbox for the samples on a key."""
+        if key in self._mailboxes:
+            return self._mailboxes[key].beside()
+        mailbox = self._mailboxes[key] = Mailbox(self._bell, self._clock)
+        self._subscribers.append(self._declared(key, mailbox))
+        return mailbox
+
+    def _ring(self, key: str, kept: int) -> Ring:
+        """A ring for the newest ``kept`` samples on a key."""
+        ring = Ring(kept, self._clock)
+        self._subscribers.append(self._declared(key, ring))
+        return ring
 
     def malformed(self) -> dict[str, int]:
         """Number of malformed messages read so far by topic key; only topics that had one."""

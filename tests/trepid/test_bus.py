@@ -170,6 +170,15 @@ def test_nodes_of_one_process_hand_messages_over_as_they_are(buses: tuple[Bus, B
     assert one.wait(0)
 
 
+def test_nodes_of_one_process_receive_a_message_of_another_at_the_same_time(buses: tuple[Bus, Bus]) -> None:
+    one, other = buses
+    first, second = other.latest(VEHICLE_STATE), other.latest(VEHICLE_STATE)
+    assert received_after_sending(one, first, timeout_s=5)
+    assert second.take() == first.message
+    assert second.received_s == first.received_s
+    assert second.stamp == first.stamp
+
+
 def test_a_tap_dates_messages_by_their_publication(buses: tuple[Bus, Bus]) -> None:
     one, other = buses
     tap, latest = other.tap("vehicle/**"), other.latest(VEHICLE_STATE)
