@@ -20,11 +20,12 @@ from sim_harness.scenarios.boundary import TOLERANCE, Limit, limits
 from sim_harness.scenarios.sampling import Case, Method, fresh_seed
 from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios, load_scenario, scenario_schema
 from sim_harness.sweep.fingerprint import fingerprint
-from sim_harness.sweep.plan import Plan, by_sampling, by_seeds, plan, select
+from sim_harness.sweep.plan import Plan, Selection, by_sampling, by_seeds, plan, select
 from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.show import Report, show
 from sim_harness.sweep.sweep import Workforce, saving, workforce
 from trepid.commands.car_option import Car
+from trepid.commands.changes_option import Changes
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
@@ -37,10 +38,6 @@ app.add_typer(
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
 Tags = Annotated[
     list[Tag] | None, typer.Option("--tag", help="Only scenarios with this tag; may be repeated.")
-]
-Changes = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Another value for a field of the scenarios."),
 ]
 RANDOM = "random"
 LISTED = ("name", "tags", "description", "duration_s")
@@ -114,7 +111,7 @@ def run_verb(
         typer.Option(metavar="DIR|F.jsonl|F.parquet", help="Store every result here as it is finished."),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Run only the cases that --out does not hold.")
+        bool, typer.Option("--resume", help="Run only cases that --out does not hold.")
     ] = False,
     report: Annotated[
         Path | None, typer.Option(metavar="F.html", help="Write a page about all runs.")
@@ -134,31 +131,39 @@ def run_verb(
     The same scenario and seed give the same trace, bit for bit, on any process or machine of the same type. Rows of
     --json have the order of scenarios and seeds; other lines appear as runs finish.
     """
-    wrong = {
-        "--cases needs --sample": cases is not None and sample is None,
-        "--sample draws the seeds itself: --seeds cannot be given too": sample is not None and seeds > 1,
-        "--resume needs --out": resume and out is None,
-        "--resume needs fixed seeds: --seed random cannot be given too": resume and seed == RANDOM,
-        "--cluster has its own processes: --jobs cannot be given too": cluster is not None and jobs > 1,
-    }
-    for sentence, is_true in wrong.items():
-        if is_true:
-            raise InputError(sentence)
-    first = first_seed(seed)
+    refuse("--resume needs --out", resume and out is None)
+    refuse("--resume needs fixed seeds: --seed random cannot be given too", resume and seed == RANDOM)
+    refuse("--cluster has its own processes: --jobs cannot be given too", cluster is not None and jobs > 1)
     selection = select(sources or [], tags or [], parse_overrides(settings or []))
+    planned = planned_cases(selection, seed, seeds, sample, cases)
+    check_outputs(planned, report, trace, picture, record)
+    work: Workforce = partial(saving, trace=trace, picture=picture, record=record, detailed=bool(report))
+    if not (trace or picture or record):
+        work = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=bool(report))
+    page = Report(path=report, page=Page("trepid sim run"), command=selection.command) if report else None
+    with PlanStore(out, planned, code=fingerprint(), resume=resume) if out else nullcontext() as store:
+        return show(planned, work, store=store, report=page, as_json=as_json)
+
+
+def refuse(wrong: str, is_so: bool) -> None:
+    """Raise InputError with the sentence ``wrong`` if it is so."""
+    if is_so:
+        raise InputError(wrong)
+
+
+def planned_cases(
+    selection: Selection, seed: str, seeds: int, sample: Method | None, cases: int | None
+) -> Plan:
+    """The scenarios with each of ``seeds`` seeds, or with ``sample`` cases of them; checked."""
+    refuse("--cases needs --sample", cases is not None and sample is None)
+    refuse("--sample draws the seeds itself: --seeds cannot be given too", sample is not None and seeds > 1)
+    first = first_seed(seed)
     if sample is None:
         planned = plan(by_seeds(selection.scenarios, range(first, first + seeds)))
     else:
         planned = plan(by_sampling(selection.scenarios, sample, cases, seed=first))
-    check_outputs(planned, report, trace, picture, record)
     check_configuration(case.scenario for case in planned.values())
-    detailed = report is not None
-    work: Workforce = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=detailed)
-    if trace or picture or record:
-        work = partial(saving, trace=trace, picture=picture, record=record, detailed=detailed)
-    page = Report(path=report, page=Page("trepid sim run"), command=selection.command) if report else None
-    with PlanStore(out, planned, code=fingerprint(), resume=resume) if out else nullcontext() as store:
-        return show(planned, work, store=store, report=page, as_json=as_json)
+    return planned
 
 
 def first_seed(text: str) -> int:

@@ -77,26 +77,10 @@ def calibrate(
     """Measure a camera: lens and focal length from a chessboard, pitch, yaw and height from driving straight."""
     if not boards and straight is None:
         raise InputError("expected images of a chessboard, or --straight with a clip of driving straight")
-    if out is not None and out.exists() and not force:
-        raise InputError(f"{out}: exists; --force overwrites it")
-    for name, value, minimum in (("--lane-width", lane_width, 0.1), ("--speed", speed, MIN_SPEED_MPS)):
-        if value is not None and not (math.isfinite(value) and value >= minimum):
-            raise InputError(f"{name}: must be a number of at least {minimum:g}, got {value}")
-    if width is not None and not MIN_WIDTH_PX <= width <= MAX_WIDTH_PX:
-        raise InputError(f"--width: must be {MIN_WIDTH_PX} to {MAX_WIDTH_PX}, got {width}")
+    _check_options(out if not force else None, lane_width, speed, width)
     mount = _mount(rotate, mirror)
-    measured = load(camera, Camera)
-    notes: dict[str, str] = {}
-    report: dict[str, Any] = {}
-    if boards:
-        lens = intrinsics(_pictures(boards, mount), _corners(corners))
-        measured = _with_lens(measured, lens)
-        notes["intrinsics"], report["intrinsics"] = _lens_note(lens), _fields(lens, LENS_REPORT)
-    if straight is not None:
-        steps = [_upright(step, mount) for step in steps_of(straight, speed_mps=speed)]
-        found = mounting(steps, _same_lens(measured, steps[0].image, straight), lane_width_m=lane_width)
-        measured = measured.model_copy(update=_fields(found, ("pitch_down_rad", "yaw_rad", "height_m")))
-        notes["extrinsics"], report["extrinsics"] = _mounting_note(found), _fields(found, MOUNTING_REPORT)
+    start = load(camera, Camera)
+    measured, notes, report = _measured(start, boards, corners, straight, mount, speed, lane_width)
     if width is not None:
         measured = measured.resized(width, round(measured.height_px * width / measured.width_px))
     text = camera_yaml(measured, notes)
@@ -104,10 +88,46 @@ def calibrate(
         _write(out, text)
     if as_json:
         print(json.dumps({"camera": measured.model_dump(mode="json"), **report}))
-    elif out is None:
-        print(text, end="")
     else:
-        print("\n".join([f"{out} written", *notes.values()]))
+        print(text if out is None else "\n".join([f"{out} written", *notes.values(), ""]), end="")
+
+
+def _check_options(
+    fresh: Path | None, lane_width_m: float | None, speed_mps: float | None, width_px: int | None
+) -> None:
+    """Raise InputError for a number outside its range, or where the file ``fresh`` exists already."""
+    if fresh is not None and fresh.exists():
+        raise InputError(f"{fresh}: exists; --force overwrites it")
+    for name, value, minimum in (("--lane-width", lane_width_m, 0.1), ("--speed", speed_mps, MIN_SPEED_MPS)):
+        if value is not None and not (math.isfinite(value) and value >= minimum):
+            raise InputError(f"{name}: must be a number of at least {minimum:g}, got {value}")
+    if width_px is not None and not MIN_WIDTH_PX <= width_px <= MAX_WIDTH_PX:
+        raise InputError(f"--width: must be {MIN_WIDTH_PX} to {MAX_WIDTH_PX}, got {width_px}")
+
+
+def _measured(
+    camera: Camera,
+    boards: list[Path] | None,
+    corners: str,
+    straight: Path | None,
+    mount: Mount,
+    speed_mps: float | None,
+    lane_width_m: float | None,
+) -> tuple[Camera, dict[str, str], dict[str, Any]]:
+    """``camera`` with the lens of ``boards`` and the mounting of ``straight``; notes on both; their reports."""
+    measured = camera
+    notes: dict[str, str] = {}
+    report: dict[str, Any] = {}
+    if boards:
+        lens = intrinsics(_pictures(boards, mount), _corners(corners))
+        measured = _with_lens(measured, lens)
+        notes["intrinsics"], report["intrinsics"] = _lens_note(lens), _fields(lens, LENS_REPORT)
+    if straight is not None:
+        steps = [_upright(step, mount) for step in steps_of(straight, speed_mps=speed_mps)]
+        found = mounting(steps, _same_lens(measured, steps[0].image, straight), lane_width_m=lane_width_m)
+        measured = measured.model_copy(update=_fields(found, ("pitch_down_rad", "yaw_rad", "height_m")))
+        notes["extrinsics"], report["extrinsics"] = _mounting_note(found), _fields(found, MOUNTING_REPORT)
+    return measured, notes, report
 
 
 def _fields(measured: Intrinsics | Mounting, names: tuple[str, ...]) -> dict[str, Any]:

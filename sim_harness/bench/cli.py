@@ -3,7 +3,7 @@
 import inspect
 import json
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -67,35 +67,48 @@ def bench(
 ) -> int:
     """Measure time and accuracy of the parts, relative to a peer in the same run."""
     if list_only:
-        for name, benchmark in BENCHMARKS.items():
-            print(f"{name:22} {benchmark.summary}")
+        print("\n".join(f"{name:22} {benchmark.summary}" for name, benchmark in BENCHMARKS.items()))
         return 0
-    for name in names or []:
-        if name not in BENCHMARKS and name not in GROUPS:
-            raise InputError(f"no benchmark {name!r}; there are {', '.join((*BENCHMARKS, *GROUPS))}")
+    wanted = benchmarks(names or BY_DEFAULT)
     if save_in is not None and not save_in.is_dir():
         raise InputError(f"{save_in}: there is no such folder")
     seed = secrets.randbits(32) if seed is None else seed
     options: dict[str, Any] = dict(estimators=_listed(estimators), parts=_listed(parts), data=data, out=out)
     options |= dict(quick=quick, repeats=repeats, jobs=jobs, keep_frames=keep_frames)
     options |= dict(count=count, duration=duration, wires=_listed(wires), faults=_listed(faults))
-    wanted = [member for name in names or BY_DEFAULT for member in named(name)]
     taken = taken_options(wanted, {name: value for name, value in options.items() if value}, seed)
     check_configuration(list_scenarios())
-    report: dict[str, Any] = machine() | {"seed": seed}
-    for name in wanted:
-        typer.echo(f"bench {name} ...", err=True)
-        measured = function(name)(**taken[name])
-        report[name] = measured if as_json else brief(measured)
-        if save_in is not None:
-            save(Result.of(name, measured, options=taken[name]), save_in)
-    if as_json:
-        print(json.dumps(report))
-        return 0
-    console = Console()
-    for table in tables(report):
-        console.print(table, "")
+    of_run = machine() | {"seed": seed}
+    measured = {name: run(name, taken[name], save_in) for name in wanted}
+    show(of_run, measured, as_json=as_json)
     return 0
+
+
+def benchmarks(names: Sequence[str]) -> list[str]:
+    """The benchmarks of the names and of the groups among them. Raises InputError for an unknown name."""
+    for name in names:
+        if name not in BENCHMARKS and name not in GROUPS:
+            raise InputError(f"no benchmark {name!r}; there are {', '.join((*BENCHMARKS, *GROUPS))}")
+    return [member for name in names for member in named(name)]
+
+
+def run(name: str, options: dict[str, Any], folder: Path | None) -> Any:
+    """The result of a benchmark, stored in ``folder`` if one is given."""
+    typer.echo(f"bench {name} ...", err=True)
+    measured = function(name)(**options)
+    if folder is not None:
+        save(Result.of(name, measured, options=options), folder)
+    return measured
+
+
+def show(of_run: dict[str, Any], measured: dict[str, Any], *, as_json: bool) -> None:
+    """Print the machine and the results as JSON, or in short as tables."""
+    if as_json:
+        print(json.dumps(of_run | measured))
+        return
+    console = Console()
+    for table in tables(of_run | {name: brief(found) for name, found in measured.items()}):
+        console.print(table, "")
 
 
 def taken_options(wanted: list[str], given: Mapping[str, Any], seed: int) -> dict[str, dict[str, Any]]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trepid.commands.car_option import Car
+from trepid.commands.changes_option import Changes
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
 from trepid.messages import Health
 
@@ -43,10 +44,7 @@ def drive(
     ] = None,
     duration: Annotated[float | None, typer.Option(min=1.0, help="Stop after this long [s].")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of textures and noise.")] = 0,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Another value for a field of the scenario."),
-    ] = None,
+    changes: Changes = None,
     dashboard: Annotated[bool, typer.Option(help="Live status in the terminal.")] = True,
     record: Annotated[Path | None, typer.Option(help="Record every topic to this MCAP file.")] = None,
     car: Car = None,

@@ -5,6 +5,7 @@ import json
 import sys
 import time
 from dataclasses import asdict
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,8 +18,9 @@ from sim_harness.scenarios.sampling import Method, fresh_seed
 from sim_harness.sweep.plan import Plan, by_sampling, plan, select
 from sim_harness.sweep.show import INTERRUPTED
 from sim_harness.tuning.numbers import NumberedText
-from sim_harness.tuning.settings import Span, TuneSettings, parse_vary
+from sim_harness.tuning.settings import Costs, Span, TuneSettings, parse_vary
 from trepid.commands.car_option import Car
+from trepid.commands.changes_option import Changes
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
 
 if TYPE_CHECKING:
@@ -37,10 +39,7 @@ def tune(
         list[str] | None, typer.Option(metavar="S", help="Evaluate on this scenario too; may be repeated.")
     ] = None,
     cases: Annotated[int | None, typer.Option(min=1, help="Number of random cases of each scenario.")] = None,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Another value for a field of the scenarios."),
-    ] = None,
+    changes: Changes = None,
     vary: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=LOW..HIGH", help="Tune this number of the file; may be repeated."),
@@ -71,42 +70,33 @@ def tune(
         raise InputError("trepid fear tune needs Optuna: pip install 'trepid[tune]'")
     given = load(settings, TuneSettings)
     target = out or file.with_name(f"{file.stem}_tuned.yaml")
-    if target.exists():
-        raise InputError(f"{target}: exists already; name another file with --out")
-    if not target.parent.is_dir():
-        raise InputError(f"{target}: there is no folder {target.parent}")
-    overrides = parse_overrides(changes or [])
-    count = cases or given.cases
+    check_target(target)
     names = scenarios or list(given.scenarios)
     held_out = unseen if unseen is not None else [] if scenarios else list(given.unseen)
     fresh = fresh_seed() if unseen_seed is None else unseen_seed
     parameters = parse_vary(vary) if vary else dict(given.parameters)
     check_start(file, parameters)
-    seen = drawn(names, overrides, count, seed)
-    judged = drawn([*names, *held_out], overrides, count, fresh)
+    draw = partial(drawn, parse_overrides(changes or []), cases or given.cases)
+    seen, judged = draw(names, seed), draw([*names, *held_out], fresh)
     if set(seen) & set(judged):
         raise InputError(
             f"--unseen-seed {fresh} gives cases of the tuning; choose another seed, or scenarios with ranges"
         )
-    from sim_harness.tuning.score import references
-    from sim_harness.tuning.study import Task
-
+    trial_storage = storage or str(target.with_suffix(".journal"))
     try:
-        say(f"{len(seen)} reference drives without fear")
-        task = Task(
-            rules=file.resolve(),
-            parameters=parameters,
-            planned=seen,
-            references=references(file, seen, workers),
-            costs=given.costs,
-            storage=storage or str(target.with_suffix(".journal")),
-            trials=trials,
-            seed=seed,
-        )
+        task = _task(file, parameters, seen, given.costs, trial_storage, trials, seed, workers)
         return _tuned(task, target, judged, fresh, workers, as_json=as_json)
     except KeyboardInterrupt:
         say("interrupted: finished trials are stored; the same command continues")
         return INTERRUPTED
+
+
+def check_target(target: Path) -> None:
+    """Raise InputError unless ``target`` can become a new file."""
+    if target.exists():
+        raise InputError(f"{target}: exists already; name another file with --out")
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: there is no folder {target.parent}")
 
 
 def check_start(file: Path, parameters: dict[str, Span]) -> None:
@@ -125,10 +115,37 @@ def check_start(file: Path, parameters: dict[str, Span]) -> None:
     text.changed({name: text.value(name) for name in parameters})
 
 
-def drawn(names: list[str], overrides: dict[str, str], count: int, seed: int) -> Plan:
+def drawn(overrides: dict[str, str], count: int, names: list[str], seed: int) -> Plan:
     """``count`` cases of each scenario. Raises InputError."""
     selection = select(names, [], overrides)
     return plan(by_sampling(selection.scenarios, Method.RANDOM, count, seed=seed))
+
+
+def _task(
+    rules: Path,
+    parameters: dict[str, Span],
+    seen: Plan,
+    costs: Costs,
+    storage: str,
+    trials: int,
+    seed: int,
+    workers: int,
+) -> "Task":
+    """The task of the search, after the drives without fear to which it compares."""
+    from sim_harness.tuning.score import references
+    from sim_harness.tuning.study import Task
+
+    say(f"{len(seen)} reference drives without fear")
+    return Task(
+        rules=rules.resolve(),
+        parameters=parameters,
+        planned=seen,
+        references=references(rules, seen, workers),
+        costs=costs,
+        storage=storage,
+        trials=trials,
+        seed=seed,
+    )
 
 
 def _tuned(task: "Task", target: Path, judged: Plan, fresh: int, workers: int, *, as_json: bool) -> int:
