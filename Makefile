@@ -23,6 +23,9 @@ for path in sorted(Path(sysconfig.get_path("platlib"), "casadi").glob("lib*.so*"
 endef
 export LINK_COPIES
 
+# Keep byte code, also where the environment says otherwise: the tests start Python hundreds of times.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help setup drive test live suite wheel proof mutation lint train acados clean
 
 help:
@@ -63,7 +66,7 @@ test: $(TESTED)
 ifdef ARGS
 	@$(BIN)/python -m pytest $(ARGS)
 else
-	@$(BIN)/python -m pytest -n 2 -m "not processes and not proof and not suite and not wheel"
+	@$(BIN)/python -m pytest -n 2 --dist worksteal -m "not processes and not proof and not suite and not wheel"
 	@$(BIN)/python -m pytest -m "processes and smoke" $(PROCESS_TESTS)
 endif
 

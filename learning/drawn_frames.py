@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from typing import TypeVar
 
 import numpy as np
@@ -62,13 +63,15 @@ def road_samples(seed: int, camera: Camera, *, frames: int) -> Iterator[LaneSamp
     road = Road(disturbed(road.settings, disturbances))
     ground = Ground(road, seed=seed)
     cameras = [_jittered(camera, rng) for _ in range(CAMERAS_PER_ROAD)]
-    plain, mirrored = (
-        [Renderer(road, c, seed=seed, ground=ground, disturbances=disturbances) for c in eyes]
-        for eyes in (cameras, [_mirrored(c) for c in cameras])
-    )
+
+    @cache
+    def renderer_of(number: int, mirror: bool) -> Renderer:
+        eye = _mirrored(cameras[number]) if mirror else cameras[number]
+        return Renderer(road, eye, seed=seed, ground=ground, disturbances=disturbances)
+
     for index, station_m in enumerate(np.sort(rng.uniform(0, road.length_m, frames)).tolist()):
         mirror = bool(rng.random() < 0.5)
-        renderer = (mirrored if mirror else plain)[int(rng.integers(CAMERAS_PER_ROAD))]
+        renderer = renderer_of(int(rng.integers(CAMERAS_PER_ROAD)), mirror)
         yield _sample(renderer, station_m, rng, index=index, mirror=mirror)
 
 

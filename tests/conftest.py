@@ -1,8 +1,17 @@
 """Settings of all tests."""
 
+import gc
+import os
 import signal
 
-from hypothesis import settings
+for library in (
+    "OMP",
+    "OPENBLAS",
+    "MKL",
+):  # tests run in parallel; threads of one would only wait for the other's
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+from hypothesis import settings  # noqa: E402  after the limits, which libraries read when they are imported
 
 settings.register_profile("untimed", deadline=None)  # timing decides no test, on however loaded a machine
 settings.load_profile("untimed")
@@ -12,3 +21,9 @@ def pytest_configure() -> None:
     """Handle SIGINT also in the background of a script, whose children inherit that it is ignored."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector the thousands of tests and modules, which stay to the end."""
+    gc.collect()
+    gc.freeze()

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from cockpit.figure_style import FIVE
@@ -21,6 +22,7 @@ from trepid.config import CONFIG_DIR, ROOT, InputError
 
 FILE = CONFIG_DIR / "fear.yaml"
 RULES = FearRules.load(FILE)
+SURFACE = ["--surface", "lane_confidence", "speed"]
 
 
 def show(*arguments: str) -> str:
@@ -54,8 +56,13 @@ def test_the_five_levels_are_distinguishable_with_colour_blindness() -> None:
     assert min(abs(a - b) for a, b in itertools.pairwise(grey)) > 20
 
 
-def test_the_sets_are_drawn_with_their_colours_names_and_units() -> None:
-    figure = sets_figure(RULES)
+@pytest.fixture(scope="module")
+def sets() -> Figure:
+    return sets_figure(RULES)
+
+
+def test_the_sets_are_drawn_with_their_colours_names_and_units(sets: Figure) -> None:
+    figure = sets
     cells = {axes.get_title(loc="left"): axes for axes in figure.axes}
     assert cells.keys() == {*RULES.names, "action"}
     for name, spec in RULES.inputs.items():
@@ -65,8 +72,8 @@ def test_the_sets_are_drawn_with_their_colours_names_and_units() -> None:
         assert spec.unit == "1" or f"[{spec.unit}]" in cells[name].get_xlabel()
 
 
-def test_no_text_of_the_figure_covers_another_one() -> None:
-    figure = sets_figure(RULES)
+def test_no_text_of_the_figure_covers_another_one(sets: Figure) -> None:
+    figure = sets
     figure.canvas.draw()
     texts = [text for axes in figure.axes for text in (axes._left_title, axes.xaxis.label, *axes.texts)]
     boxes = [text.get_window_extent() for text in [*texts, *figure.texts] if text.get_text()]
@@ -89,7 +96,7 @@ def test_matplotlib_is_loaded_when_a_picture_is_drawn_and_not_before() -> None:
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
 
 
-@pytest.mark.parametrize("arguments", [[], ["--surface", "lane_confidence", "speed", "time_gap=1"]])
+@pytest.mark.parametrize("arguments", [[], [*SURFACE, "time_gap=1"]])
 def test_the_verb_writes_a_picture(tmp_path: Path, arguments: list[str]) -> None:
     path = tmp_path / "p.png"
     assert show("--picture", str(path), *arguments) == ""
@@ -111,8 +118,8 @@ def test_the_terminal_shows_the_surface_with_axes_and_units() -> None:
     [
         (["--surface", "lane_confidnce", "speed"], "did you mean 'lane_confidence'"),
         (["--surface", "speed", "speed"], "two different inputs are needed"),
-        (["--picture", "nowhere/p.png"], r"nowhere/p\.png: cannot be written"),
-        (["--picture", "p.nonsense"], "unknown format of a picture; known: "),
+        (["--picture", "nowhere/p.png", *SURFACE], r"nowhere/p\.png: cannot be written"),
+        (["--picture", "p.nonsense", *SURFACE], "unknown format of a picture; known: "),
     ],
 )
 def test_a_figure_that_cannot_be_drawn_is_refused_with_its_reason(arguments: list[str], message: str) -> None:

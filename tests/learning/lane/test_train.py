@@ -1,11 +1,13 @@
 """The frames for the training of the network, and about `trepid train` without torch."""
 
 import importlib.util
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import learning.rendered
 from learning.drawn_frames import road_samples
 from learning.lane.frames import Shot, circuit_frames, random_frames
 from learning.lane.scores import Labelled
@@ -25,10 +27,19 @@ def silent(text: str) -> None:
     """Progress output that is discarded."""
 
 
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Render without a pool, whose processes would import everything anew; what it is given must be picklable."""
+    monkeypatch.setattr(
+        learning.rendered, "imap", lambda work, tasks, jobs: map(pickle.loads(pickle.dumps(work)), tasks)
+    )
+
+
 def frames(folder: Path, count: int, *, split: str = "train", reuse: bool = False) -> Labelled:
     return random_frames(SHOT, split, count, seed=1, folder=folder, reuse=reuse, report=silent)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_frames_depend_on_the_split_and_more_frames_go_on_where_fewer_ended(tmp_path):
     few = frames(tmp_path / "here", 2)
     files = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
@@ -57,7 +68,7 @@ def test_the_labels_are_those_of_the_rendered_frame():
 
 
 def test_the_frames_of_the_circuit_cover_it_section_by_section():
-    sections = circuit_frames(SHOT, "circuit", seed=1, step_m=30.0)
+    sections = circuit_frames(SHOT, "circuit", seed=1, step_m=45.0)
     assert set(sections) == {section.name for section in load_road("circuit").sections}
     lanes = np.concatenate([data.lanes for data in sections.values()])
     assert lanes[:, 0].std() == pytest.approx(0.3, rel=0.4)

@@ -11,6 +11,12 @@ SHORT = Scenario(
 )  # fmt: skip
 
 
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Without a pool, whose processes would import everything anew."""
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+
+
 def row(status, error_m):
     return {"status": status, "max_lateral_error_m": error_m}
 
@@ -29,12 +35,14 @@ def test_no_runs_have_no_score():
         score([])
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_the_same_seeds_score_the_same(tmp_path):
     same = compared([SHORT], (3, 4), (3, 4), out=tmp_path / "seeds.jsonl")
     assert (same["pass_rate_difference_points"], same["mean_error_difference_percent"]) == (0.0, 0.0)
     assert (same["known_runs"], same["fresh_runs"]) == (2, 2)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_stored_run_is_not_repeated_and_counts_for_its_seed(tmp_path):
     out = tmp_path / "seeds.jsonl"
     first = compared([SHORT], (3,), (4,), out=out)
@@ -45,5 +53,6 @@ def test_a_stored_run_is_not_repeated_and_counts_for_its_seed(tmp_path):
 
 
 def test_ordinary_driving_is_scored():
-    assert all(SCORED & set(scenario.tags) for scenario in scored_scenarios())
-    assert {"straight", "unmarked_bend", "s_curve"} <= {scenario.name for scenario in scored_scenarios()}
+    scored = scored_scenarios()
+    assert all(SCORED & set(scenario.tags) for scenario in scored)
+    assert {"straight", "unmarked_bend", "s_curve"} <= {scenario.name for scenario in scored}

@@ -194,7 +194,8 @@ def test_the_car_returns_from_an_offset_to_the_recorded_path(left_m):
 
 
 def test_the_same_run_twice_is_the_same_to_the_last_bit():
-    drive = rendered_drive("straight", 20.0, 70)
+    whole = rendered_drive("straight", 20.0, 150)
+    drive = Drive(whole.name, whole.frames[:70], whole.t_s[:70], whole.speed_mps[:70], CAMERA)
     a, b = (resimulate(drive, VEHICLE, start=Shift(yaw_rad=0.02)) for _ in range(2))
     assert (a.offset_m == b.offset_m).all()
     assert a.row() == b.row()

@@ -22,6 +22,7 @@ from trepid.topics import DECISION
 
 LYING = load_scenario("lying_cv", {"sight": "truth", "duration_s": "12"})
 """From 5 s on the cv reports the car 0.7 m too far left."""
+SEEN = load_scenario("straight", {"duration_s": "1"})
 CORNER = load_scenario("sharp_corner_r12", {"sight": "truth"})
 
 
@@ -29,8 +30,17 @@ CORNER = load_scenario("sharp_corner_r12", {"sight": "truth"})
 def lying(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("lying") / "drive.mcap"
     with recording(path, LYING) as witness:
-        result = run(LYING, seed=3, witness=witness)
-    assert result.trace.sha256 == run(LYING, seed=3).trace.sha256, "who is watched drives no differently"
+        run(LYING, seed=3, witness=witness)
+    return path
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of a second with rendered pictures."""
+    path = tmp_path_factory.mktemp("seen") / "drive.mcap"
+    with recording(path, SEEN) as witness:
+        result = run(SEEN, witness=witness)
+    assert result.trace.sha256 == run(SEEN).trace.sha256, "a recorded drive is the one without a recording"
     return path
 
 
@@ -185,25 +195,17 @@ def test_other_rules_are_distinguished_from_those_of_the_drive(lying: Path, tmp_
     assert "the drive used other rules" in story_text(answer)
 
 
-def test_the_camera_is_recorded_ten_times_a_second(tmp_path: Path) -> None:
-    seen = load_scenario("straight", {"duration_s": "1"})
-    path = tmp_path / "seen.mcap"
-    with recording(path, seen) as witness:
-        run(seen, witness=witness)
-    read = read_recording(path, "camera/*", DECISION.key, "perception/*")
+def test_the_camera_is_recorded_ten_times_a_second(seen: Path) -> None:
+    read = read_recording(seen, "camera/*", DECISION.key, "perception/*")
     assert 8 <= len(read.messages["camera/image/compressed"]) <= 11
-    drive = recall(path)
+    drive = recall(seen)
     frame = drive.frame_at(len(drive.decisions) - 1)
     assert frame is not None
     assert set(drive.estimates_of(frame)) == {"cv", "cnn"}
 
 
-def test_the_moment_is_drawn_from_the_recorded_picture(tmp_path: Path) -> None:
-    seen = load_scenario("straight", {"duration_s": "1"})
-    path = tmp_path / "seen.mcap"
-    with recording(path, seen) as witness:
-        run(seen, witness=witness)
-    drive = recall(path)
+def test_the_moment_is_drawn_from_the_recorded_picture(seen: Path) -> None:
+    drive = recall(seen)
     told_of = {
         **dict(moment_s=0.8, mode="CAUTION", fear=0.5, level="medium", cause="dark"),
         **dict(rules=[], slow_down=dict(cap_before_mps=8.0, cap_lowest_mps=4.0)),

@@ -298,7 +298,7 @@ def starts(scenario):
         max_size=3,
     ),
 )
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_scenario_with_changed_values_is_refused_in_one_line_or_starts(tmp_path, text, changes):
     data = YAML(typ="safe").load(text)
     for change in changes:

@@ -119,7 +119,7 @@ def test_ctrl_c_ends_all_processes_and_keeps_finished_results(files, start):
 
 
 def test_rows_come_in_the_order_of_the_plan_with_any_number_of_processes(files, capsys):
-    (files / "longer.yaml").write_text(SECOND.replace("1.0", "30"))
+    (files / "longer.yaml").write_text(SECOND.replace("1.0", "8"))
     outputs = []
     for jobs in (1, 2):
         sim("run", files / "longer.yaml", files / "second.yaml", "--seeds", 2, "--jobs", jobs, "--json")

@@ -8,6 +8,7 @@ from sim_harness.bench.control import learning
 from trepid.car.vehicle import GRADIENT
 
 
+@pytest.mark.proof  # a lap
 def test_one_lap_identifies_understeer_within_5_percent_and_the_offset_within_half_a_milliradian():
     plant = next(iter(learning.random_cars(SHUTTLE, 11)))
     _, learner = learning.lap(SHUTTLE, SETTINGS, plant, 11)

@@ -166,7 +166,7 @@ def test_a_metre_off_it_comes_back_through_the_limiter(speed_mps):
     assert max(one.offset_m for one in samples) <= 0.05
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(
     st.sampled_from([8.0, 20.0, 30.0]),
     st.floats(-0.0087, 0.0087),

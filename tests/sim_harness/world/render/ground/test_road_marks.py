@@ -1,5 +1,7 @@
 """Arrows, letters, zebra crossings and stop lines have the place and direction of their settings."""
 
+from functools import cache
+
 import cv2
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ LANES = bare(left_lanes=(NeighbourLane(width_m=3.0),), right_lanes=(NeighbourLan
 HALF_M = WIDTH_M / 2
 
 
+@cache
 def painted(**mark) -> tuple[np.ndarray, np.ndarray]:
     """Stations and offsets of all painted pixels of one mark at 10 m."""
     seen = plan(straight(LANES, marks=({"at_m": 10.0} | mark,)), to_m=18, right_m=-5, left_m=5)
