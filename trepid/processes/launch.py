@@ -231,6 +231,15 @@ def _environment(spec: ProcessSpec, assignment: str) -> dict[str, str]:
     return environment | ({ASSIGNMENT: assignment} if spec.command else {})
 
 
+def set_niceness(pid: int, nice: int) -> None:
+    """Set the niceness of a process with a session of its own. Raises PermissionError, ProcessLookupError."""
+    os.setpriority(os.PRIO_PROCESS, pid, nice)
+    # Linux weighs sessions against each other by the niceness of their group, if it groups at all.
+    group = Path(f"/proc/{pid}/autogroup")
+    if group.exists():
+        group.write_text(str(nice))
+
+
 def _schedule(spec: ProcessSpec, pid: int) -> None:
     """Set cores and niceness of a process that has just started; its threads inherit them. Raises InputError."""
     with suppress(ProcessLookupError):  # it has already ended, which is reported as such
@@ -238,11 +247,7 @@ def _schedule(spec: ProcessSpec, pid: int) -> None:
             os.sched_setaffinity(pid, spec.cores)
         if spec.nice:
             try:
-                os.setpriority(os.PRIO_PROCESS, pid, spec.nice)
-                # Linux weighs sessions against each other by the niceness of their group, if it groups at all.
-                group = Path(f"/proc/{pid}/autogroup")
-                if group.exists():
-                    group.write_text(str(spec.nice))
+                set_niceness(pid, spec.nice)
             except PermissionError as error:
                 remedy = "give at least 0, or the right CAP_SYS_NICE (LimitNICE= of a systemd unit)"
                 raise InputError(f"{_place(spec)}: nice: {spec.nice} is refused; {remedy}") from error

@@ -8,8 +8,10 @@ from contextlib import suppress
 from pathlib import Path
 
 from sim_harness.bench.live.faults.catalogue import CAN, CLOCK_STEP_S, LAUNCHER, SIM, STARVED, Act, Fault
+from sim_harness.bench.live.faults.course import FIRST
 from sim_harness.bench.live.faults.drive import FaultDrive
 from sim_harness.bench.live.faults.inside import Order
+from trepid.processes.launch import set_niceness
 
 Release = Callable[[], None]
 BUSY = 24
@@ -62,6 +64,8 @@ def starve(drive: FaultDrive) -> Release:
     core = {max(cores)}
     # Sessions of their own: Linux shares the processor between sessions.
     busy = [subprocess.Popen(["sh", "-c", SPIN], start_new_session=True) for _ in range(BUSY)]
+    for popen in busy:
+        set_niceness(popen.pid, FIRST)
     _move([popen.pid for popen in busy], core)
     _move(pids, core)
 

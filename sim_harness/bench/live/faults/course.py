@@ -11,7 +11,8 @@ from sim_harness.bench.live.faults.inside import MODULE
 from trepid.config import CONFIG_DIR
 
 SPEED_MPS = 3.0
-FIRST = -10  # niceness
+FIRST = -10 if os.geteuid() == 0 else 0
+"""Niceness of the processes, where the system permits it: other programs of the machine are not the fault."""
 GROUP = "239.74.163.2"
 PERCEPTION: dict[str, tuple[str, dict[str, Any]]] = {
     "cv": ("perception.node", {"estimator": "cv", "statistics": True}),
@@ -70,7 +71,8 @@ def write_car(folder: Path, wire: str) -> Path:
     (car / "scenarios" / "faults.yaml").write_text(SCENARIO)
     (car / "drive.yaml").write_text("scenario: faults\nsilence_s: 12.0\nready_timeout_s: 60.0\n")
     (car / "supervisor.yaml").write_text("modes: {reengage_after_s: 0.5}\n")
-    (car / "processes.yaml").write_text(json.dumps({"processes": processes(wire, control)}))
+    started = {"defaults": {"nice": FIRST}, "processes": processes(wire, control)}
+    (car / "processes.yaml").write_text(json.dumps(started))
     if wire == CAN:
         settings = {
             "interface": "udp_multicast",
@@ -83,12 +85,7 @@ def write_car(folder: Path, wire: str) -> Path:
 
 
 def processes(wire: str, control: Path) -> dict[str, Any]:
-    """The processes of the drive; each runs its real module within :mod:`sim_harness.bench.live.faults.inside`.
-
-    The electronics of the car, and the process next to them, go first where the system permits it: they miss no
-    period because of other programs on the machine.
-    """
-    first: dict[str, Any] = {"nice": FIRST} if os.geteuid() == 0 else {}
+    """The processes of the drive; each runs its real module within :mod:`sim_harness.bench.live.faults.inside`."""
     once = {"restart": "never"}  # a simulated car does not begin anew
 
     def hosted(module: str, publishes: list[str], **options: Any) -> dict[str, Any]:
@@ -101,13 +98,11 @@ def processes(wire: str, control: Path) -> dict[str, Any]:
     }
     found["camera"] = hosted("sim_harness.live.camera_node", PUBLISHED["camera"])
     if wire == CAN:
-        found["vehicle"] = hosted("vehicle.actuators.node", ["vehicle/state"]) | first
-        found["ecu"] = hosted("sim_harness.counterparts.ecu", ["sim/truth"], applied="ecu") | first | once
+        found["vehicle"] = hosted("vehicle.actuators.node", ["vehicle/state"])
+        found["ecu"] = hosted("sim_harness.counterparts.ecu", ["sim/truth"], applied="ecu") | once
     else:
         found["vehicle"] = (
-            hosted("sim_harness.live.vehicle_node", ["vehicle/state", "sim/truth"], applied="limiter")
-            | first
-            | once
+            hosted("sim_harness.live.vehicle_node", ["vehicle/state", "sim/truth"], applied="limiter") | once
         )
     return found
 

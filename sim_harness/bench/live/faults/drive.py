@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_harness.bench.live.faults.catalogue import LAUNCHER
-from sim_harness.bench.live.faults.course import write_car
+from sim_harness.bench.live.faults.course import FIRST, write_car
 from sim_harness.bench.live.faults.episode import STANDING_MPS, Events, Place
 from sim_harness.bench.live.faults.inside import APPLIED, FRAME_MARK, MARKS, Order
 from sim_harness.bench.live.program import DriveProgram, kill
@@ -21,6 +21,7 @@ from trepid.bus import Bus, Tap, open_bus
 from trepid.clock import epoch_clock
 from trepid.config import InputError
 from trepid.messages import Command, SimTruth
+from trepid.processes.launch import set_niceness
 from trepid.processes.process import STOP_S
 from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_IMAGE, SIM_TRUTH, VEHICLE_STATE
@@ -60,6 +61,7 @@ class FaultDrive(DriveProgram):
         self._disk.mkdir(parents=True)
         words = ["--car", str(write_car(folder, wire)), "--record", str(self._disk / "drive.mcap")]
         super().__init__(folder, words, wrapped=lambda command: command_in_namespace(self._disk, command))
+        set_niceness(self.popen.pid, FIRST)
         self.events = Events()
         self._disk_fd: int | None = None
         self._renewals = 0
