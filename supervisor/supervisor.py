@@ -119,7 +119,7 @@ class Supervisor:
         """
         for name, hint in unknown_features(rules.names):
             raise InputError(f"the fear rules name an unknown input {name!r}; {hint}")
-        for _, fault in wrong_ranges({name: spec.range for name, spec in rules.file.inputs.items()}):
+        for _, fault in wrong_ranges(rules.file.inputs):
             raise InputError(f"the fear rules: {fault}")
         for path, problem in self._settings.problems(rules):
             if self._source is not None:
@@ -264,7 +264,7 @@ def build(
     loaded, verified = load(settings, SupervisorSettings), load_verified(rules)
     for name, hint in unknown_features(verified.names):
         raise InputError(located(("inputs", name), f"unknown input; {hint}", read(rules), rules))
-    for name, fault in wrong_ranges({name: spec.range for name, spec in verified.file.inputs.items()}):
+    for name, fault in wrong_ranges(verified.file.inputs):
         raise InputError(located(("inputs", name, "range"), fault, read(rules), rules))
     _warn_of_near_misses(settings, read_text(settings), verified)
     car = load(vehicle, Vehicle)

@@ -9,9 +9,13 @@ IEEE PAMI 14(2), 1992). It moves by
 
 with the speed v, the yaw rate r and the drift β (course minus heading of the rear axle, 0 without tyre slip;
 De Luca, Oriolo, Samson, Feedback control of a nonholonomic car-like robot, 1998, section 2.2). Three forms, each of
-second order in the time step, solve it from the known quantities: :meth:`Lane.seen_from` for a displacement of the
-vehicle, :func:`advanced` for a way along the lane and a turn (state estimation), :func:`lane_after` for speed, yaw
-rate and drift (prediction through bends with tyre slip).
+second order in the time step, solve it for different inputs:
+
+- :meth:`Lane.seen_from`: a displacement of the vehicle or of a camera, to the side too; linear in ψ,
+- :func:`advanced`: a way along the lane and a turn, for numbers and arrays; with sin ψ, without 1 - κ·e,
+- :func:`lane_after`: speed, yaw rate and drift over many short steps; with sin ψ, 1 - κ·e and the end of the lane.
+
+They differ in terms of third order, so that exchanging one for another changes results beyond rounding.
 
 Messages (`SteeringEstimate`, `Decision`) carry the curvature at their look-ahead ℓ instead of at the axle. The only
 conversions are :meth:`Lane.from_ahead` and :meth:`Lane.curvature_at`.

@@ -48,16 +48,18 @@ def moment_figure(drive: Recall, story: Story) -> "Figure":
 
 
 def _draw_lane(axes: Any, estimate: SteeringEstimate, name: str, colour: str) -> None:
-    """The boundaries of an estimate, on white so that they stand out on any road."""
+    """The boundaries of an estimate, on white so that they stand out on any road.
+
+    Without boundaries, as of a network, the legend has no line for it.
+    """
     reason = f", {estimate.reason}" if estimate.reason else ""
-    axes.plot(
-        [], [], color=colour, linewidth=3, label=f"{name}: confidence {estimate.confidence:.2f}{reason}"
-    )
-    for boundary in (estimate.left_boundary_px, estimate.right_boundary_px):
-        if len(boundary) > 1:
-            x, y = np.array(boundary, float).T
-            axes.plot(x, y, color="white", linewidth=4.5)
-            axes.plot(x, y, color=colour, linewidth=2.5)
+    boundaries = [b for b in (estimate.left_boundary_px, estimate.right_boundary_px) if len(b) > 1]
+    label = f"{name}: confidence {estimate.confidence:.2f}{reason}"
+    axes.plot([], [], color=colour if boundaries else "none", linewidth=3, label=label)
+    for boundary in boundaries:
+        x, y = np.array(boundary, float).T
+        axes.plot(x, y, color="white", linewidth=4.5)
+        axes.plot(x, y, color=colour, linewidth=2.5)
 
 
 def _draw_panel(axes: Any, story: Story) -> None:

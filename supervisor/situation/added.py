@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 from supervisor.inputs.validated import ValidatedEstimate
 from supervisor.path.follow import Lead
+from supervisor.rules.rule_file import Input
 from trepid.clothoid import Motion
 from trepid.config import InputError
 from trepid.messages import ImageStatistics
@@ -69,13 +70,10 @@ def added_names() -> frozenset[str]:
     return frozenset(added(Group.FEAR_INPUTS))
 
 
-def wrong_ranges(ranges: Mapping[str, tuple[float, float]]) -> Iterator[tuple[str, str]]:
-    """Each input of another package whose range in a rule file leaves out values, with the fault.
-
-    ``ranges`` holds the range of every input of the rule file.
-    """
-    for name, found in _functions(tuple(ranges)):
-        low, high = ranges[name]
+def wrong_ranges(inputs: Mapping[str, Input]) -> Iterator[tuple[str, str]]:
+    """Each of ``inputs`` that another package adds and whose range leaves out values, with the fault."""
+    for name, found in _functions(tuple(inputs)):
+        low, high = inputs[name].range
         if not (low <= found.low and found.high <= high):
             yield name, f"{name} has values from {found.low:g} to {found.high:g}; the range must contain them"
 

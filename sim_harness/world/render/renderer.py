@@ -67,12 +67,11 @@ class Renderer:
         Raises ValueError for a distortion that is not one-to-one, InputError for a bad table of disturbances.
         """
         self.road, self.camera, self.seed = road, camera, seed
-        self._enlargement = 1 / road.settings.scale  # of the world that is drawn
+        self._enlargement = 1 / road.settings.scale  # of the drawn road and camera
         road, camera = road.in_reference_world, scaled_settings(camera, self._enlargement)
         disturbances = [scaled_settings(d, self._enlargement) for d in disturbances]
         if ground is None and disturbances:
             road = Road(disturbed(road.settings, disturbances))
-            self.road = road if self._enlargement == 1.0 else self.road
         self._world = road
         self._lens = Distortion(camera) if any(camera.distortion) else None
         self._eye = self._lens.pinhole if self._lens else camera

@@ -1,6 +1,7 @@
 """Commands through limiter, RC actuator, board and simulated car, in one process and in given time."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 from rc_rig import STEERING_CHANNEL, THROTTLE_CHANNEL, BoardOnPty, Time, board, car, chip_on, command, pca
@@ -33,14 +34,7 @@ class Loop:
         self.clock.now_s += 0.01
         now_s = self.clock.now_s
         state = self.actuator.read(now_s=now_s)
-        order = None if demand is None else command(*demand)
-        if order is not None:
-            order = type(order)(
-                t_s=now_s,
-                road_wheel_angle_rad=order.road_wheel_angle_rad,
-                speed_mps=order.speed_mps,
-                accel_mps2=order.accel_mps2,
-            )
+        order = None if demand is None else replace(command(*demand), t_s=now_s)
         applied = self.node.step(order, now_s if order else None, state, now_s=now_s)
         self.actuator.write(applied.command, now_s=now_s)
         acting = followed(
