@@ -135,6 +135,15 @@ def text(canvas: Image, words: str, at: tuple[int, int], size: float, colour: Co
     cv2.putText(canvas, words, at, cv2.FONT_HERSHEY_SIMPLEX, size, colour, thickness, cv2.LINE_AA)
 
 
+def label(canvas: Image, words: str, at: tuple[int, int], size: float) -> None:
+    """Draw ``words`` in white on a dark box with the lower left corner ``at``, within the canvas."""
+    (width, height), below = cv2.getTextSize(words, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+    x = max(0, min(at[0], canvas.shape[1] - width - 4))
+    y = max(height + 4, min(at[1], canvas.shape[0] - below))
+    cv2.rectangle(canvas, (x, y - height - 4), (x + width + 4, y + below - 1), PANEL, -1)
+    cv2.putText(canvas, words, (x + 2, y - 2), cv2.FONT_HERSHEY_SIMPLEX, size, WHITE, 1, cv2.LINE_AA)
+
+
 class AnnotationWriter:
     """Writer of annotated frames: an image file, a video, or a folder (an image per still, a video per clip)."""
 

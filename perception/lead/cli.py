@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import cv2
 
-from perception.images.annotate import HIGH, PANEL, WHITE, enlarged, text
+from perception.images.annotate import HIGH, PANEL, enlarged, label
 from perception.images.frames import CameraFor, FrameResult, Step, print_json, print_table, results, written
 from perception.lead.detection import Detection
 from perception.lead.finder import LeadSettings, lead_finder, lead_settings
@@ -69,11 +69,10 @@ def drawn(one: FrameResult[Leads]) -> Image:
         colour = HIGH if leads else OTHER
         cv2.rectangle(canvas, (left, top), (right, bottom), PANEL, 2 + max(1, round(unit)), cv2.LINE_AA)
         cv2.rectangle(canvas, (left, top), (right, bottom), colour, max(1, round(unit)), cv2.LINE_AA)
-        label = f"{detection.ahead_m:.0f} m  {detection.confidence:.2f}"
-        row = max(top - round(4 * unit), round(12 * unit)) if leads else bottom + round(16 * unit)
-        labels.append((label, (left, row)))
-    for label, place in labels:
-        text(canvas, label, place, 0.5 * unit, WHITE)
+        words = f"{detection.ahead_m:.0f} m  {detection.confidence:.2f}"
+        labels.append((words, (left, top - round(6 * unit) if leads else bottom + round(18 * unit))))
+    for words, place in labels:
+        label(canvas, words, place, 0.45 * unit)
     return canvas
 
 

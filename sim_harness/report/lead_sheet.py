@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import typer
 
-from perception.images.annotate import WHITE, text
+from perception.images.annotate import label
 from perception.images.frames import FrameResult
 from perception.lead.cli import Leads, drawn
 from perception.lead.finder import lead_finder, lead_settings
@@ -63,7 +63,7 @@ def lead_sheet(road: Road, *, seed: int) -> Image:
         places = zip(GAPS_M, SHAPES, strict=True)
         row = np.hstack([_tile(renderer, vehicle, gap_m, BODIES[shape]) for gap_m, shape in places])
         name = "clear" if kind is None else kind[0].replace("_", " ")
-        text(row, name, (8, TILE_PX[1] - 10), 0.5, WHITE)
+        label(row, name, (4, TILE_PX[1] - 6), 0.5)
         rows.append(row)
     return np.asarray(np.vstack(rows), np.uint8)
 

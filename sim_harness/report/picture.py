@@ -4,9 +4,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from perception.estimators import build
@@ -18,12 +18,14 @@ from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, SteeringEstimate, VehicleState
-from trepid.types import Image
+from trepid.types import Array, Image
 
 SIZE_IN, DPI = (16.0, 11.2), 100
 VIEWS = 8
 WARM_UP_S, FRAME_EVERY = 1.5, 4  # of the estimator before a view: time, and samples between its frames
 STRETCH = 10  # samples of the path with one colour
+LABEL_SHARE = 0.03  # of the road's length: labels of nearer places stand below each other
+FEAR_COLOURS = LinearSegmentedColormap.from_list("fear", ["#009e73", "#f0c000", "#c62828"])
 MAX_ERROR_M, MAX_CURVATURE_1PM = 0.5, 0.08
 
 
@@ -102,8 +104,22 @@ def _map(axes: Axes, road: Road, trace: Trace) -> None:
     fears = [float(np.max(trace["decision.fear"][start : start + STRETCH])) for start in starts]
     axes.add_collection(LineCollection(stretches, colors=[_colour(fear) for fear in fears], linewidths=2.5))
     axes.plot(*path[0], "o", color="black")
+    middle = path.mean(axis=0)
+    places: list[Array] = []  # of the labels so far
     for section, sample in _moments(trace, count=len(trace.words["section"])):
-        axes.annotate(section, path[sample], xytext=(6, 0), textcoords="offset points", fontsize=8)
+        place = path[sample]
+        below = sum(np.hypot(*(place - other)) < LABEL_SHARE * road.length_m for other in places)
+        places.append(place)
+        outwards = 1 if place[0] >= middle[0] else -1
+        axes.annotate(
+            section,
+            place,
+            xytext=(9 * outwards, -11 * below),
+            textcoords="offset points",
+            fontsize=8,
+            ha="left" if outwards > 0 else "right",
+            va="center",
+        )
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()
     axes.set_title(f"{road.length_m:.0f} m, path coloured by fear", fontsize=10)
@@ -130,4 +146,4 @@ def _time_series(panels: Iterable[Axes], trace: Trace) -> None:
 
 def _colour(fear: float) -> tuple[float, ...]:
     """Colour from green at fear 0 through yellow to red at 1; grey where unknown."""
-    return colormaps["RdYlGn_r"](min(max(fear, 0.0), 1.0)) if np.isfinite(fear) else (0.6, 0.6, 0.6)
+    return FEAR_COLOURS(min(max(fear, 0.0), 1.0)) if np.isfinite(fear) else (0.6, 0.6, 0.6)
