@@ -9,10 +9,10 @@ from trepid.messages import Command, DriverInput, VehicleState
 class Demand(NamedTuple):
     """The command for the limiter."""
 
-    command: Command | None  # None: nobody may drive; the limiter brakes to standstill
+    command: Command | None  # None: driving is not permitted; the limiter brakes to standstill
     received_s: float | None  # arrival of ``command``
     override: bool  # the command is that of the driver
-    reason: str  # why nobody may drive; "" otherwise
+    reason: str  # why driving is not permitted; "" otherwise
 
 
 def arbitrate(
@@ -29,18 +29,20 @@ def arbitrate(
 
     ``driver`` is None before the first input. Without an input the controller drives, unless ``required``. After
     the first input it is required: a device that vanishes, an input older than ``timeout_s`` and a released dead
-    man's switch mean that nobody may drive. With ``override`` the demand of the driver becomes the command.
+    man's switch end the permission to drive. With ``override`` the demand of the driver becomes the command.
     """
     if driver is None or driver_received_s is None:
-        return _nobody("no input of the driver") if required else Demand(command, received_s, False, "")
+        return (
+            _not_permitted("no input of the driver") if required else Demand(command, received_s, False, "")
+        )
     present = abs(now_s - driver_received_s) <= timeout_s
     if not (present and driver.connected and driver.allowed):
-        return _nobody(_why_not(driver, present=present))
+        return _not_permitted(_why_not(driver, present=present))
     if not driver.override:
         return Demand(command, received_s, False, "")
     angle_rad, accel_mps2, speed_mps = driver.road_wheel_angle_rad, driver.accel_mps2, driver.speed_mps
     if angle_rad is None or accel_mps2 is None or speed_mps is None:
-        return _nobody("the driver overrides without a demand")
+        return _not_permitted("the driver overrides without a demand")
     by_hand = Command(
         t_s=driver.t_s, road_wheel_angle_rad=angle_rad, speed_mps=speed_mps, accel_mps2=accel_mps2
     )
@@ -60,5 +62,5 @@ def reported(state: VehicleState, demand: Demand) -> VehicleState:
     return replace(state, driver_override=True) if demand.override else state
 
 
-def _nobody(reason: str) -> Demand:
+def _not_permitted(reason: str) -> Demand:
     return Demand(None, None, False, reason)
