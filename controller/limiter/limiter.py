@@ -20,7 +20,8 @@ Acceleration. Bounded by the drive and brake limits. No drive and at least the c
 behind the command is old, when commands are too rare, when the demanded or driven bend is too tight for the
 speed, when the state of the vehicle is missing, and before the first command. When commands or states are
 missing for longer than their timeouts, or a command is not finite: a stop, latched until standstill. Without a
-command the last curvature is held; later commands steer the stop but do not end it.
+command the last curvature is held; later commands steer the stop but do not end it. Where the acceleration is less
+than demanded, the target speed is at most that of ``SOON_S`` later: a car that follows the target speed brakes too.
 
 The driver. While the driver has the car, the output is the measured angle, and drive and brakes fade to zero; after
 the hand-back, at the measured angle, rate and jerk rise to their limits.
@@ -47,6 +48,7 @@ from trepid.messages import Command, VehicleState
 
 SLOWEST_MPS = 0.1  # lower bound of v, which keeps a/v² finite
 LEAST = 1e-9  # lower bound of other divisors
+SOON_S = 1.0  # response time of a speed controller
 
 
 def build(vehicle: Vehicle | None = None, limits_file: Path | None = None) -> "Limiter":
@@ -97,6 +99,11 @@ class Limiter:
         """Whether the steering demand is beyond the limits for longer."""
         return self._saturation.saturated
 
+    @property
+    def wheel_seen(self) -> bool:
+        """Whether a wheel angle was measured; before it the output is straight on, wherever the wheels stand."""
+        return self._wheel is not UNSEEN
+
     def report(self, state: VehicleState) -> VehicleState:
         """``state`` with driver override and saturation as of the last step."""
         return replace(state, driver_override=self.handed_over, saturated=self.saturated)
@@ -121,7 +128,7 @@ class Limiter:
             accel_mps2 = self._demand(usable, -self._limits.comfort_decel_mps2)
         else:
             accel_mps2 = self._steer(usable, seen, dt_s, calm=not seldom)
-        goal_mps = 0.0 if usable is None or self.stopping else usable.speed_mps
+        goal_mps = 0.0 if usable is None or self.stopping else _goal(usable, seen, accel_mps2)
         return self._given(frame_s, goal_mps, accel_mps2, dt_s)
 
     def _elapsed(self, now_s: float) -> float:
@@ -272,3 +279,11 @@ class Limiter:
             speed_mps=goal_mps,
             accel_mps2=accel_mps2,
         )
+
+
+def _goal(command: Command, seen: Seen | None, accel_mps2: float) -> float:
+    """Target speed [m/s] of ``command`` within ``accel_mps2``, what the limits leave of its acceleration."""
+    if accel_mps2 >= command.accel_mps2:
+        return command.speed_mps
+    soon_mps = 0.0 if seen is None else seen.speed_mps + accel_mps2 * SOON_S
+    return max(0.0, min(command.speed_mps, soon_mps))

@@ -1,10 +1,10 @@
 """Actuator process: the newest command through the limiter to the wire of the car; the car's state to the bus.
 
-The limiter and the actuator are in one process: nothing but ``write`` follows the limiter. The process writes at
-``RATE_HZ`` with and without commands. When it is to end while the car moves, by a signal or the end of the
-launcher, the limiter first brings the car to a standstill within ``STOP_S``; the controller still steers. At its
-end, also by an error, it brings the actuator to the safe state; where it cannot, because it was killed or is
-frozen, the wire falls silent, and the car itself has to stop.
+The limiter and the actuator are in one process: nothing but ``write`` follows the limiter. From the first reported
+wheel angle on the process writes at ``RATE_HZ``, with and without commands. When it is to end while the car moves,
+by a signal or the end of the launcher, the limiter first brings the car to a standstill within ``STOP_S``; the
+controller still steers. At its end, also by an error, it brings the actuator to the safe state; where it cannot,
+because it was killed or is frozen, the wire falls silent, and the car itself has to stop.
 """
 
 import sys
@@ -32,7 +32,7 @@ T = TypeVar("T")
 class Applied(NamedTuple):
     """Result of one step."""
 
-    command: Command  # for the wire
+    command: Command | None  # for the wire; None: where the wheels stand is not known yet
     state: VehicleState  # for the bus
 
 
@@ -58,12 +58,15 @@ class ActuatorStep:
         ``stop``: the process is to end, or the wire has failed since the last step, so that the car may have missed
         a command: the limiter stops the car, latched until standstill.
 
-        An old state travels with its own time. An absent state travels as such, with all quantities None.
+        There is no command for the wire before the first wheel angle: a process that starts while the car turns
+        would straighten the wheels. An old state travels with its own time. An absent state travels as such, with
+        all quantities None.
         """
         if stop:
             self._limiter.stopping = True
-        applied = self._limiter.step(command, received_s, state, now_s=now_s)
-        return Applied(applied, self._limiter.report(absent(now_s) if state is None else state))
+        limited = self._limiter.step(command, received_s, state, now_s=now_s)
+        reported = self._limiter.report(absent(now_s) if state is None else state)
+        return Applied(limited if self._limiter.wheel_seen else None, reported)
 
     def moves(self, state: VehicleState) -> bool:
         """True while the car of ``state`` moves and no driver has it."""
@@ -177,7 +180,8 @@ class Loop:
         applied = self._node.step(
             demand.command, demand.received_s, state, stop=failed or ending, now_s=now_s
         )
-        wire.write(applied.command, now_s)
+        if applied.command is not None:
+            wire.write(applied.command, now_s)
         if fresh is not None:
             self._times.note(fresh.t_s, newest, began_s=now_s)
         if applied.state.speed_mps is not None:

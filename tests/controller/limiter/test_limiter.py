@@ -210,6 +210,36 @@ def test_when_commands_cease_the_limiter_stops_the_car_on_the_last_curvature():
     assert (out.accel_mps2, out.speed_mps) == (-LIMITS.stop_decel_mps2, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("speed_mps", "goal_mps", "frame_age_s", "accel_mps2", "out"),
+    [
+        (5.0, 9.0, 0.0, 1.0, (1.0, 9.0)),  # within the limits: as demanded
+        (5.0, 9.0, 1.0, 1.0, (-1.0, 4.0)),  # old frame: comfort brake
+        (5.0, 3.0, 1.0, 1.0, (-1.0, 3.0)),
+        (0.5, 9.0, 1.0, 1.0, (-1.0, 0.0)),
+        (5.0, 9.0, 0.0, 3.0, (1.5, 6.5)),
+        (None, 9.0, 0.0, 1.0, (-1.0, 0.0)),
+    ],
+)
+def test_where_the_acceleration_is_limited_so_is_the_target_speed(
+    speed_mps, goal_mps, frame_age_s, accel_mps2, out
+):
+    """For cars that follow the speed of a command and not its acceleration."""
+    order = command(10.0 - frame_age_s, speed_mps=goal_mps, accel_mps2=accel_mps2)
+    given = limiter().step(order, 10.0, state(10.0, speed_mps=speed_mps), now_s=10.0)
+    assert (given.accel_mps2, given.speed_mps) == out
+
+
+def test_a_wheel_is_seen_from_the_first_plausible_state_on():
+    one = limiter()
+    assert not one.wheel_seen
+    one.step(command(), 0.0, None, now_s=0.0)
+    assert not one.wheel_seen
+    one.step(command(), 0.0, state(0.01), now_s=0.01)
+    one.step(command(), 0.0, None, now_s=0.02)
+    assert one.wheel_seen
+
+
 def test_the_stop_is_steered_but_not_ended_by_new_commands():
     one = limiter()
     _, now_s = turning(one)

@@ -36,7 +36,8 @@ class Loop:
         state = self.actuator.read(now_s=now_s)
         order = None if demand is None else replace(command(*demand), t_s=now_s)
         applied = self.node.step(order, now_s if order else None, state, now_s=now_s)
-        self.actuator.write(applied.command, now_s=now_s)
+        if applied.command is not None:
+            self.actuator.write(applied.command, now_s=now_s)
         acting = followed(
             self.settings, self._pulses(now_s), self.speed_mps, VEHICLE.max_accel_mps2, now_s=now_s
         )

@@ -37,7 +37,8 @@ class Loop:
             read = self.bus.actuator.read(now_s=now_s)
             order = can_rig.command(0.0, 1.0, t_s=now_s)
             applied = self.node.step(order, now_s, read, now_s=now_s)
-            self.bus.actuator.write(applied.command, now_s=now_s)
+            if applied.command is not None:
+                self.bus.actuator.write(applied.command, now_s=now_s)
             self.state = applied.state
         for frame in self.bus.sent():
             self.ecu.take(frame.arbitration_id, frame.is_extended_id, bytes(frame.data), now_s=now_s)

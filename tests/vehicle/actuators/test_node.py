@@ -30,6 +30,16 @@ def driven(node, *, steps, refused_at=None, state=True, from_s=10.0):
     return given, applied
 
 
+def test_nothing_reaches_the_wire_before_the_first_wheel_angle(node):
+    """A process that is started again in a bend would straighten the wheels."""
+    order = can_rig.command(0.3, t_s=10.0)
+    for state in (None, can_rig.state(0.3, 5.0, t_s=9.0)):  # none, and one that is too old
+        assert node.step(order, 10.0, state, now_s=10.0).command is None
+    applied = node.step(order, 10.0, can_rig.state(0.3, 5.0, t_s=10.01), now_s=10.01)
+    assert applied.command.road_wheel_angle_rad == pytest.approx(0.3, abs=0.01)
+    assert node.step(order, 10.0, None, now_s=10.02).command is not None
+
+
 def test_a_fresh_command_passes_through_the_limiter_to_the_wire(node):
     accel_mps2, applied = driven(node, steps=50)
     assert accel_mps2[-1] == pytest.approx(0.5)
