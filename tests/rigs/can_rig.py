@@ -56,7 +56,7 @@ def reported(state):
 
 def commanded(command):
     """The quantities of ``command`` for the senders of commands."""
-    return of_command(command, steering_ratio=RATIO)
+    return of_command(command, engaged=command.t_s is not None, steering_ratio=RATIO)
 
 
 class OneBus:

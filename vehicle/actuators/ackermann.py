@@ -16,7 +16,6 @@ from trepid.types import Positive
 from vehicle.actuators.actuator import Car
 
 RATE_HZ = 100
-SAFE = Command(t_s=None, road_wheel_angle_rad=0.0, speed_mps=0.0, accel_mps2=0.0)
 
 
 class AckermannSettings(Settings):
@@ -53,7 +52,7 @@ class AckermannActuator:
         kind: Any = Odometry if settings.state == "odometry" else VehicleState
         self._report = car.bus.latest(Topic(settings.state_topic, kind, RATE_HZ))
         self._send = car.bus.publisher(Topic(settings.command_topic, Command, RATE_HZ))
-        self._last = SAFE
+        self._last: Command | None = None
 
     def read(self, *, now_s: float) -> VehicleState | None:
         """The newest report; None when it arrived too long ago, or is malformed.
@@ -68,7 +67,7 @@ class AckermannActuator:
             return None
         state = report if isinstance(report, VehicleState) else _state(report)
         if self._settings.wheel_angle == "commanded":
-            return replace(state, road_wheel_angle_rad=self._last.road_wheel_angle_rad)
+            return replace(state, road_wheel_angle_rad=self._last.road_wheel_angle_rad if self._last else 0.0)
         return state
 
     def write(self, command: Command, *, now_s: float) -> None:
@@ -81,8 +80,9 @@ class AckermannActuator:
         return ()
 
     def close(self) -> None:
-        """Publish a command to stand with the last wheel angle; its stamp is zero."""
-        self._send(replace(SAFE, road_wheel_angle_rad=self._last.road_wheel_angle_rad))
+        """Publish a command to stand with the last wheel angle and no stamp; nothing before the first command."""
+        if self._last is not None:
+            self._send(replace(self._last, t_s=None, speed_mps=0.0, accel_mps2=0.0))
 
 
 def _state(odometry: Odometry) -> VehicleState:

@@ -77,6 +77,14 @@ def test_before_the_first_report_there_is_no_state(buses):
     assert actuator_on(buses[0]).read(now_s=CLOCK()) is None
 
 
+def test_the_end_before_the_first_command_is_silent(buses):
+    sent = []
+    actuator = actuator_on(buses[0])
+    actuator._send = sent.append
+    actuator.close()
+    assert sent == []
+
+
 def test_the_end_is_a_command_to_stand_that_is_based_on_no_frame(buses):
     sent = []
     actuator = actuator_on(buses[0])

@@ -1,13 +1,14 @@
 """The CAN actuator: commands as the messages of a map of signals, and the reports of the car as its state."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 from trepid.config import resource
 from trepid.messages import Command, VehicleState
 from vehicle.actuators.actuator import Car
 from vehicle.actuators.can.frames import Receiver, Sender
-from vehicle.actuators.can.quantities import HELD, of_command, safe, to_state
+from vehicle.actuators.can.quantities import largest, of_command, to_state
 from vehicle.actuators.can.settings import CanMap, CanSettings, ReportMessage
 from vehicle.actuators.can.signal_map import load_map
 from vehicle.actuators.can.wire import CanWire
@@ -36,11 +37,12 @@ class CanActuator:
         self._senders = signals.senders()
         self._next_s = [0.0] * len(self._senders)
         self._read_s: float | None = None
-        self._last = HELD
+        self._last: Command | None = None
+        self._engaged = False
         self._wire = CanWire(settings, receivers)
 
     def read(self, *, now_s: float) -> VehicleState | None:
-        """State of the newest reports; None while a message with speed, angle or override is silent.
+        """State of the newest reports; None while a message with speed, angle or driver is silent.
 
         Frames that waited through a pause of this process are dropped: their age is not known. Raises OSError.
         """
@@ -52,17 +54,22 @@ class CanActuator:
         return self._reports.state(now_s=now_s)
 
     def write(self, command: Command, *, now_s: float) -> None:
-        """Send the messages that are due. Raises OSError after all of them were tried."""
+        """Send the messages that are due. Raises OSError after all of them were tried.
+
+        From the first command that is based on a frame on, the car is engaged until :meth:`close`: a later command
+        without a frame is a stop of the limiter, and a car that is not engaged does not brake.
+        """
         self._last = command
+        self._engaged = self._engaged or command.t_s is not None
         due = [k for k, next_s in enumerate(self._next_s) if now_s >= next_s - EARLY * STEP_S]
         for k in due:
             period_s = self._map.commands[k].period_s
             late = now_s - self._next_s[k] > period_s
             self._next_s[k] = (now_s if late else self._next_s[k]) + period_s
-        self._send(command, [self._senders[k] for k in due])
+        quantities = of_command(command, engaged=self._engaged, steering_ratio=self._ratio)
+        self._send(quantities, [self._senders[k] for k in due])
 
-    def _send(self, command: Command, senders: Sequence[Sender]) -> None:
-        quantities = of_command(command, steering_ratio=self._ratio)
+    def _send(self, quantities: Mapping[str, float], senders: Sequence[Sender]) -> None:
         failure: OSError | None = None
         for sender in senders:
             try:
@@ -77,10 +84,16 @@ class CanActuator:
         return self._reports.values()
 
     def close(self) -> None:
-        """Send the safe state: not engaged, ``safe_accel_mps2``, the last angle. Raises OSError."""
+        """Send the safe state: not engaged, ``safe_accel_mps2``, the last angle; nothing before the first command.
+
+        Raises OSError.
+        """
         try:
-            for _ in range(LAST_FRAMES):
-                self._send(safe(self._last, accel_mps2=self._map.safe_accel_mps2), self._senders)
+            if self._last is not None:
+                end = replace(self._last, speed_mps=0.0, accel_mps2=self._map.safe_accel_mps2)
+                quantities = of_command(end, engaged=False, steering_ratio=self._ratio)
+                for _ in range(LAST_FRAMES):
+                    self._send(quantities, self._senders)
         finally:
             self._wire.close()
 
@@ -89,7 +102,13 @@ class Reports:
     """The newest quantities of each report of the car, with the time of their arrival."""
 
     ESSENTIAL: ClassVar = frozenset(
-        {"speed_mps", "road_wheel_angle_rad", "steering_wheel_angle_rad", "driver_override"}
+        {
+            "speed_mps",
+            "road_wheel_angle_rad",
+            "steering_wheel_angle_rad",
+            "driver_override",
+            "driver_torque_nm",
+        }
     )
 
     def __init__(
@@ -114,19 +133,19 @@ class Reports:
     def state(self, *, now_s: float) -> VehicleState | None:
         """The state, dated with its oldest part.
 
-        A message that is silent beyond its timeout has no quantities; without one of speed, wheel angle or driver
-        override there is no state: an override that is not known is not "no override".
+        A message that is silent beyond its timeout has no quantities; without one of speed, wheel angle, torque or
+        override of the driver there is no state: an override that is not known is not "no override".
         """
-        quantities: dict[str, float] = {}
+        quantities: list[tuple[str, float]] = []
         oldest_s = now_s
         for newest, timeout_s, needed in zip(self._newest, self._timeouts_s, self._needed, strict=True):
             if newest is None or now_s - newest[1] > timeout_s:
                 if needed:
                     return None
                 continue
-            quantities |= newest[0]
+            quantities += newest[0].items()
             oldest_s = min(oldest_s, newest[1])
-        return to_state(quantities, steering_ratio=self._ratio, t_s=oldest_s)
+        return to_state(largest(quantities), steering_ratio=self._ratio, t_s=oldest_s)
 
     def values(self) -> tuple[tuple[str, str], ...]:
         """Number of refused frames by message and reason."""

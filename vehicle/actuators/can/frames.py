@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vehicle.actuators.can.checksums import checksum
+from vehicle.actuators.can.quantities import largest
 from vehicle.actuators.can.settings import Conversion, Mapped
 
 MOST_LOST = 2  # consecutive messages that may be lost without a wrong counter
@@ -147,8 +148,6 @@ class Receiver:
             if self._distrusted:
                 self.refused["counter"] += 1
                 return None
-        found: dict[str, float] = {}
-        for each in self._conversions:
-            value = to_quantity(each, float(values[each.signal]))
-            found[each.quantity] = max(value, found.get(each.quantity, value), key=abs)
-        return found
+        return largest(
+            (each.quantity, to_quantity(each, float(values[each.signal]))) for each in self._conversions
+        )

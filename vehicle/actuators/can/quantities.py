@@ -1,15 +1,12 @@
 """Commands and states as quantities of the map of signals, and back."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
 
 from trepid.messages import Command, VehicleState
 from vehicle.actuators.can.settings import ROAD_WHEEL, STEERING_WHEEL
 
-HELD = Command(t_s=None, road_wheel_angle_rad=0.0, speed_mps=0.0, accel_mps2=0.0)
 
-
-def of_command(command: Command, *, steering_ratio: float) -> dict[str, float]:
+def of_command(command: Command, *, engaged: bool, steering_ratio: float) -> dict[str, float]:
     """Every quantity of ``command`` that a map may name [SI]."""
     angle_rad, accel_mps2 = command.road_wheel_angle_rad, command.accel_mps2
     return {
@@ -19,7 +16,7 @@ def of_command(command: Command, *, steering_ratio: float) -> dict[str, float]:
         "accel_mps2": accel_mps2,
         "drive_mps2": max(accel_mps2, 0.0),
         "brake_mps2": max(-accel_mps2, 0.0),
-        "engaged": float(command.t_s is not None),
+        "engaged": float(engaged),
     }
 
 
@@ -61,9 +58,12 @@ def to_state(quantities: Mapping[str, float], *, steering_ratio: float, t_s: flo
     )
 
 
-def safe(last: Command, *, accel_mps2: float) -> Command:
-    """The command of the safe state: the last angle, not engaged."""
-    return replace(last, t_s=None, speed_mps=0.0, accel_mps2=accel_mps2)
+def largest(reported: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Each quantity with its value of the largest magnitude: one of several signals of an override is enough."""
+    found: dict[str, float] = {}
+    for name, value in reported:
+        found[name] = max(value, found.get(name, value), key=abs)
+    return found
 
 
 def _angle_rad(quantities: Mapping[str, float], steering_ratio: float) -> float | None:

@@ -59,6 +59,21 @@ def test_a_command_without_a_frame_is_not_engaged(one):
     assert [values["STEER_REQUEST"] for values in steering] == [0, 1]
 
 
+def test_a_later_command_without_a_frame_brakes_an_engaged_car(one):
+    """So the limiter stops a car whose driver has released the dead man's switch."""
+    one.actuator.write(can_rig.command(t_s=0.9), now_s=1.0)
+    one.actuator.write(can_rig.command(0.1, -3.5, t_s=None), now_s=1.02)
+    acceleration = [decoded(message) for message in one.sent() if message.arbitration_id == ACCELERATION]
+    assert (acceleration[-1]["ENGAGED"], acceleration[-1]["ACCEL_CMD"]) == (1, -3.5)
+
+
+def test_the_end_of_an_actuator_that_has_sent_nothing_sends_nothing(one):
+    """`trepid doctor` opens and closes it, perhaps beside a running drive."""
+    one.actuator.read(now_s=1.0)
+    one.actuator.close()
+    assert one.sent() == []
+
+
 def test_the_end_sends_the_safe_state_at_the_last_angle_three_times(one):
     one.actuator.write(can_rig.command(0.2, 1.0), now_s=1.0)
     one.sent()
@@ -128,6 +143,36 @@ def test_frames_that_waited_through_a_pause_are_dropped(one, senders):
     assert one.actuator.read(now_s=3.0) is None
     one.report(can_rig.state(speed_mps=4.0), senders)
     assert one.actuator.read(now_s=3.01).speed_mps == pytest.approx(4.0, abs=0.01)
+
+
+@pytest.fixture
+def with_more_of_the_driver(tmp_path, request):
+    """A map whose message of the yaw rate carries a quantity of the driver instead."""
+    old = "quantity: yaw_rate_radps, scale: 57.29578"
+    rig = can_rig.OneBus(can_rig.copied(tmp_path, **{old: f"quantity: {request.param}"}))
+    yield rig
+    rig.close()
+
+
+@pytest.mark.parametrize("with_more_of_the_driver", ["driver_override, offset: -125"], indirect=True)
+@pytest.mark.parametrize("first", [True, False])
+def test_an_override_in_one_of_several_messages_is_an_override(with_more_of_the_driver, senders, first):
+    rig = with_more_of_the_driver
+    rig.report(can_rig.state(override=first), senders[:2])
+    second = can_rig.SHUTTLE.messages["KINEMATICS"]
+    rig.put(second.frame_id, second.encode({"YAW_RATE": 0 if first else 1}, scaling=False))
+    assert rig.actuator.read(now_s=1.0).driver_override
+
+
+@pytest.mark.parametrize("with_more_of_the_driver", ["driver_torque_nm"], indirect=True)
+def test_silence_of_the_torque_of_the_driver_is_no_state(with_more_of_the_driver, senders):
+    rig = with_more_of_the_driver
+    rig.report(can_rig.state(), senders)
+    assert rig.actuator.read(now_s=1.0) is not None
+    rig.report(can_rig.state(), senders[:2])
+    assert rig.actuator.read(now_s=1.09) is not None
+    rig.report(can_rig.state(), senders[:2])
+    assert rig.actuator.read(now_s=1.18) is None
 
 
 def test_the_driver_is_read_back(one, senders):

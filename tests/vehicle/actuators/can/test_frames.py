@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from opendbc.can.packer import CANPacker
 from opendbc.can.parser import CANParser
 
-from vehicle.actuators.can.quantities import of_command, of_state, to_command, to_state
+from vehicle.actuators.can.quantities import of_state, to_command, to_state
 
 MAP = can_rig.SHUTTLE
 STEERING, ACCELERATION = MAP.settings.commands
@@ -37,7 +37,7 @@ def oracle(tmp_path_factory):
 
 
 def quantities(angle_rad=0.0, accel_mps2=0.0, t_s=1.0):
-    return of_command(can_rig.command(angle_rad, accel_mps2, t_s=t_s), steering_ratio=can_rig.RATIO)
+    return can_rig.commanded(can_rig.command(angle_rad, accel_mps2, t_s=t_s))
 
 
 @given(angles_rad=st.lists(ANGLE_RAD, min_size=1, max_size=5))
