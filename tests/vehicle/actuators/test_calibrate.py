@@ -95,21 +95,30 @@ def test_without_a_car_the_verb_names_the_option(monkeypatch, capsys) -> None:
     assert "--car DIR" in capsys.readouterr().err
 
 
+def drive_on(actuator: PcaActuator, clock: Time) -> None:
+    """For longer than the actuator takes to look at the file."""
+    for _ in range(60):
+        clock.now_s += 0.01
+        actuator.write(command(0.0, 0.0), now_s=clock.now_s)
+
+
 def test_a_running_drive_takes_a_new_calibration_over(mine, tmp_path) -> None:
     clock = Time()
     with chip_on(tmp_path / "i2c") as chip:
         actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
         write(mine, "pca9685", {"steering.centre_us": 1450.0})
-        for _ in range(60):
-            clock.now_s += 0.01
-            actuator.write(command(0.0, 0.0), now_s=clock.now_s)
+        drive_on(actuator, clock)
         assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(1450.0, abs=5.0)
+        before = (mine / "actuator.yaml").read_text()
         (mine / "actuator.yaml").write_text("actuator: [")
-        for _ in range(60):
-            clock.now_s += 0.01
-            actuator.write(command(0.0, 0.0), now_s=clock.now_s)
+        drive_on(actuator, clock)
         assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(1450.0, abs=5.0)
         assert "actuator.yaml" in dict(actuator.values())["calibration"]
+        (mine / "actuator.yaml").write_text(before)
+        write(mine, "pca9685", {"throttle.neutral_us": 1490.0})  # the guard would set the old one
+        drive_on(actuator, clock)
+        assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=4.1)
+        assert "neutral_us" in dict(actuator.values())["calibration"]
         actuator.close()
 
 

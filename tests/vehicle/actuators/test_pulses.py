@@ -59,6 +59,8 @@ def test_a_reversed_throttle_drives_below_neutral() -> None:
         (Throttle, THROTTLE | {"speeds": [[1.0, 1720.0]]}, "speeds"),
         (Throttle, THROTTLE | {"speeds": [[0.0, 1520.0]]}, "speeds"),
         (Throttle, THROTTLE | {"speeds": []}, "speeds"),
+        (Throttle, THROTTLE | {"brake_us": 1600.0}, "brake_us"),  # full drive instead of the brake
+        (Throttle, THROTTLE | {"speeds": [[1.0, 1450.0]], "brake_us": 1420.0}, "brake_us"),
     ],
 )
 def test_a_calibration_that_contradicts_itself_is_refused(model, values, field) -> None:

@@ -24,6 +24,7 @@ from rc_rig import (
 
 from trepid.config import ROOT, InputError
 from vehicle.actuators.rc.actuator import BRAKE_FROM_MPS2, PcaActuator, SerialActuator
+from vehicle.actuators.rc.guard import Guard
 from vehicle.actuators.rc.motion import LEAD_MPS, Motion
 
 COUNT_US = 1e6 / 60 / 4096
@@ -60,7 +61,7 @@ def test_a_command_becomes_two_pulses_of_the_calibration(tmp_path) -> None:
         assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(1570.0, abs=COUNT_US)
         actuator.close()
         assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
-        assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(STEERING["centre_us"], abs=COUNT_US)
+        assert chip.pulse_us(STEERING_CHANNEL) == pytest.approx(STEERING["left_us"], abs=COUNT_US)  # held
 
 
 def test_the_state_says_only_what_is_known(tmp_path) -> None:
@@ -99,8 +100,7 @@ def test_a_chip_that_lost_its_power_is_reported_once_and_set_up_again(tmp_path) 
         chip.power_on()
         assert chip.pulse_us(THROTTLE_CHANNEL) is None
         with pytest.raises(OSError, match="look at its power"):
-            drive(actuator, clock, -1.0, 1.0)
-        drive(actuator, clock, -1.0, 1.0)
+            drive(actuator, clock, 1.0, 1.0)
         assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
         actuator.close()
 
@@ -141,6 +141,38 @@ def test_a_guard_that_ended_is_a_failure_of_the_wire(tmp_path) -> None:
             actuator.close()
 
 
+class Refusing:
+    """A device that acknowledges nothing."""
+
+    def write(self, data: bytes) -> None:
+        raise OSError("refused")
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_chip_that_refuses_the_last_pulse_of_the_actuator_gets_it_from_the_guard(tmp_path) -> None:
+    clock = Time()
+    with chip_on(tmp_path / "i2c") as chip:
+        actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
+        drive(actuator, clock, 1.0, 1.0)
+        actuator._board._chip._device = Refusing()
+        with pytest.raises(OSError, match="refused"):
+            actuator.close()
+        assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
+
+
+def test_a_frozen_guard_is_a_failure_of_the_wire(tmp_path) -> None:
+    with chip_on(tmp_path / "i2c"):
+        guard = Guard(pca(tmp_path / "i2c"))
+        os.kill(guard.pid, signal.SIGSTOP)
+        with pytest.raises(OSError, match="frozen"):
+            for _ in range(1 << 21):  # more than a pipe holds
+                guard.alive()
+        os.kill(guard.pid, signal.SIGCONT)
+        guard.close()
+
+
 @pytest.fixture
 def there(tmp_path) -> BoardOnPty:
     return BoardOnPty(tmp_path / "tty", "ascii")
@@ -162,6 +194,26 @@ def test_without_a_measured_speed_a_board_with_a_sensor_is_not_driven(there, tmp
     drive(actuator, clock, 2.0, 1.0)
     assert until(lambda: there.turn(clock.now_s) or there.board.pulses_us, patience_s=5)
     assert there.board.pulses_us[THROTTLE_CHANNEL] == THROTTLE["neutral_us"]
+
+
+def test_a_hard_brake_and_a_silent_sensor_leave_the_throttle_neutral(there, tmp_path) -> None:
+    clock = Time()
+    actuator = SerialActuator(board(tmp_path / "tty"), car(clock))
+
+    def at_2_mps() -> bool:
+        there.port.write(b"V2000\n")
+        return actuator.read(now_s=clock.now_s).speed_mps == 2.0
+
+    def neutral_after(accel_mps2: float, seconds: float) -> bool:
+        assert until(at_2_mps, patience_s=5)
+        drive(actuator, clock, accel_mps2, seconds)
+        there.turn(clock.now_s)
+        return there.board.pulses_us[THROTTLE_CHANNEL] == THROTTLE["neutral_us"]
+
+    assert not neutral_after(1.0, 0.05)
+    assert not neutral_after(-1.0, 0.05)
+    assert neutral_after(-BRAKE_FROM_MPS2, 0.05)
+    assert neutral_after(1.0, 0.3)  # the speed is older than timeout_s
 
 
 @pytest.mark.parametrize("protocol", ["ascii", "maestro"])

@@ -11,16 +11,16 @@ import math
 import os
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import ClassVar, Protocol
 
-from trepid.config import InputError, car_folder
+from trepid.config import InputError, texts
 from trepid.messages import Command, VehicleState
 from vehicle.actuators.actuator import Car
 from vehicle.actuators.rc.guard import Guard
 from vehicle.actuators.rc.i2c import open_i2c
 from vehicle.actuators.rc.motion import Motion
 from vehicle.actuators.rc.pca9685 import Pca9685
+from vehicle.actuators.rc.pulses import Steering, Throttle
 from vehicle.actuators.rc.serial_board import SerialBoard
 from vehicle.actuators.rc.settings import PcaSettings, RcSettings, SerialSettings, SpeedSource
 from vehicle.actuators.table import FILE, configured
@@ -59,52 +59,48 @@ class Calibration:
         self.steering, self.throttle = settings.steering, settings.throttle
         self.refused = ""
         """The fault of the newest file; "" without one."""
-        self._changed_ns = _changed_ns()
+        self._written = texts(FILE)
 
     def refresh(self) -> None:
         """Take the pulses of a changed file over."""
-        changed_ns = _changed_ns()
-        if changed_ns == self._changed_ns:
-            return
-        self._changed_ns = changed_ns
         try:
+            written = texts(FILE)
+            if written == self._written:
+                return
+            self._written = written
             name, settings = configured()
         except InputError as error:
             self.refused = str(error)
             return
         if name != self._name or not isinstance(settings, RcSettings):
             self.refused = f"actuator.yaml names {name!r} now"
-        elif (settings.steering.channel, settings.throttle.channel) != (
-            self.steering.channel,
-            self.throttle.channel,
-        ):
-            self.refused = "other channels count from the next start on"
+        elif _fixed(settings.steering, settings.throttle) != _fixed(self.steering, self.throttle):
+            self.refused = "other channels or another neutral_us count from the next start on"
         else:
             self.steering, self.throttle, self.refused = settings.steering, settings.throttle, ""
 
 
-def _changed_ns() -> tuple[int, ...]:
-    car = car_folder()
-    paths: list[Path] = [FILE, *([car / FILE.name] if car is not None else [])]
-    return tuple(path.stat().st_mtime_ns for path in paths if path.exists())
+def _fixed(steering: Steering, throttle: Throttle) -> tuple[int, int, float]:
+    """What must not change while driving: the guard and the speed controller have learned it at their start."""
+    return steering.channel, throttle.channel, throttle.neutral_us
 
 
 class RcActuator:
     """A board, its calibration, and the speed that the car has or should have."""
 
-    def __init__(self, name: str, settings: RcSettings, board: Board, car: Car) -> None:
-        """Set both channels to neutral, as speed controllers want at their start. Raises OSError."""
+    def __init__(self, name: str, settings: RcSettings, car: Car) -> None:
+        """Open the board. Raises InputError when it does not answer or speed or yaw rate have no source."""
+        _require_sources(name, settings)
+        self._board = open_board(settings)
         self._source = settings.speed
         self._calibration = Calibration(name, settings)
         self._motion = Motion(settings.speed_lag_s)
-        self._board = board
         self._vehicle = car.vehicle
         self._models_yaw = settings.yaw_rate == "modelled"
         self._angle_rad = self._turned_rad = 0.0
         self._then_s = car.now_s()
         self._writes = 0
         self._measured: tuple[float, float] | None = None
-        board.write(self._neutral_us(), now_s=car.now_s())
 
     def read(self, *, now_s: float) -> VehicleState:
         """Speed as measured or as modelled, the angle of the last pulse; an unknown speed is None."""
@@ -129,14 +125,14 @@ class RcActuator:
             self._calibration.refresh()
         steering, throttle = self._calibration.steering, self._calibration.throttle
         measured_mps = None if self._measured is None else self._measured[0]
-        if self._source is SpeedSource.SENSOR and measured_mps is None:
-            accel_mps2 = min(command.accel_mps2, -BRAKE_FROM_MPS2)  # no drive without a speed
-        else:
-            accel_mps2 = command.accel_mps2
-        goal_mps = self._motion.step(accel_mps2, throttle.most_mps, measured_mps, now_s=now_s)
-        throttle_us = throttle.pulse_us(goal_mps)
-        hard = command.accel_mps2 <= -BRAKE_FROM_MPS2 and (measured_mps or 0.0) > BRAKE_ABOVE_MPS
-        if throttle.brake_us is not None and hard:
+        brakes = command.accel_mps2 <= -BRAKE_FROM_MPS2
+        # A demand near the measured speed drives the car: a hard brake, and a sensor that is silent, leave neutral.
+        neutral = self._source is SpeedSource.SENSOR and (brakes or measured_mps is None)
+        most_mps = 0.0 if neutral else throttle.most_mps
+        throttle_us = throttle.pulse_us(
+            self._motion.step(command.accel_mps2, most_mps, measured_mps, now_s=now_s)
+        )
+        if throttle.brake_us is not None and brakes and (measured_mps or 0.0) > BRAKE_ABOVE_MPS:
             throttle_us = throttle.brake_us
         self._angle_rad = steering.reached_rad(command.road_wheel_angle_rad)
         self._board.write(
@@ -149,9 +145,10 @@ class RcActuator:
         return (("speed_source", str(self._source)), *refused, *self._board.values())
 
     def close(self) -> None:
-        """Throttle neutral, wheels straight; release the board."""
+        """Throttle neutral, the wheels as they stand; release the board."""
+        throttle = self._calibration.throttle
         try:
-            self._board.write(self._neutral_us(), now_s=0.0)
+            self._board.write({throttle.channel: throttle.neutral_us}, now_s=0.0)
         finally:
             self._board.close()
 
@@ -167,41 +164,31 @@ class RcActuator:
         length_m = car.wheelbase_m + car.understeer_gradient_rad_per_mps2 * speed_mps**2
         return speed_mps * math.tan(self._turned_rad) / length_m
 
-    def _neutral_us(self) -> Mapping[int, float]:
-        steering, throttle = self._calibration.steering, self._calibration.throttle
-        return {steering.channel: steering.centre_us, throttle.channel: throttle.neutral_us}
-
 
 class PcaBoard:
     """A PCA9685, which goes on with its last pulses when nothing comes: a guard watches this process."""
 
-    def __init__(self, settings: PcaSettings, *, guarded: bool = True) -> None:
+    def __init__(self, settings: PcaSettings) -> None:
         device = open_i2c(settings.bus, settings.address, alone=True)
         self._chip = Pca9685(device, frequency_hz=settings.frequency_hz, oscillator_hz=settings.oscillator_hz)
         self._writes = self._resets = 0
-        self._guard: Guard | None = None
+        self._rest_us = settings.rest_us
         try:
-            self._chip.set_up(
-                {
-                    settings.steering.channel: settings.steering.centre_us,
-                    settings.throttle.channel: settings.throttle.neutral_us,
-                }
-            )
-            self._guard = Guard(settings) if guarded else None
+            self._chip.set_up(self._rest_us)
+            self._guard = Guard(settings)
         except OSError:
             self._chip.close()
             raise
 
     def write(self, pulses_us: Mapping[int, float], *, now_s: float) -> None:
-        """Set the pulses. Raises OSError, once, when the chip had lost its power; it is then set up again."""
+        """Set the pulses. Raises OSError, once, when the chip had lost its power; it is then at rest again."""
         self._writes += 1
         if self._writes % CHECK_EVERY == 0 and not self._chip.is_set_up():
             self._resets += 1
-            self._chip.set_up(pulses_us)
+            self._chip.set_up(self._rest_us)
             raise OSError(errno.EIO, "the PCA9685 had lost its settings: look at its power")
         self._chip.write(pulses_us)
-        if self._guard is not None:
-            self._guard.alive()
+        self._guard.alive()
 
     def speed_mps(self, *, now_s: float) -> None:
         """None: the chip measures nothing."""
@@ -213,18 +200,20 @@ class PcaBoard:
 
     def close(self) -> None:
         """End the guard, release the bus."""
-        if self._guard is not None:
-            self._guard.close()
+        self._guard.close()
         self._chip.close()
 
 
-def open_board(settings: RcSettings, *, guarded: bool = True) -> Board:
-    """The board of ``settings``, which may appear within ``wait_s``. Raises InputError with the remedy."""
+def open_board(settings: RcSettings) -> Board:
+    """The board of ``settings``, which may appear within ``wait_s``, at rest, as speed controllers expect.
+
+    Raises InputError with the remedy.
+    """
     deadline_s = time.monotonic() + settings.wait_s
     while True:
         try:
             if isinstance(settings, PcaSettings):
-                return PcaBoard(settings, guarded=guarded)
+                return PcaBoard(settings)
             assert isinstance(settings, SerialSettings)
             return SerialBoard(settings)
         except ImportError as error:
@@ -253,9 +242,7 @@ class PcaActuator(RcActuator):
     Settings: ClassVar[type[PcaSettings]] = PcaSettings
 
     def __init__(self, settings: PcaSettings, car: Car) -> None:
-        """Raises InputError when the chip does not answer or the speed has no source."""
-        _require_speed("pca9685", settings)
-        super().__init__("pca9685", settings, open_board(settings), car)
+        super().__init__("pca9685", settings, car)
 
 
 class SerialActuator(RcActuator):
@@ -264,12 +251,10 @@ class SerialActuator(RcActuator):
     Settings: ClassVar[type[SerialSettings]] = SerialSettings
 
     def __init__(self, settings: SerialSettings, car: Car) -> None:
-        """Raises InputError when the port cannot be opened or the speed has no source."""
-        _require_speed("serial", settings)
-        super().__init__("serial", settings, open_board(settings), car)
+        super().__init__("serial", settings, car)
 
 
-def _require_speed(name: str, settings: RcSettings) -> None:
+def _require_sources(name: str, settings: RcSettings) -> None:
     if settings.speed is SpeedSource.NONE:
         raise InputError(
             f"actuator.yaml: {name}.speed: none: the limiter drives no car of unknown speed; choose `modelled` "

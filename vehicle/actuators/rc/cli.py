@@ -116,15 +116,8 @@ def _opened(settings: RcSettings) -> Iterator[Board]:
         yield board
     finally:
         with suppress(OSError):  # a board that is gone: the fault was reported, or is about to be
-            board.write(_rest_us(settings), now_s=time.monotonic())
+            board.write(settings.rest_us, now_s=time.monotonic())
         board.close()
-
-
-def _rest_us(settings: RcSettings) -> dict[int, float]:
-    return {
-        settings.steering.channel: settings.steering.centre_us,
-        settings.throttle.channel: settings.throttle.neutral_us,
-    }
 
 
 def _show(settings: RcSettings, pulses_us: list[float]) -> None:
@@ -135,9 +128,7 @@ def _show(settings: RcSettings, pulses_us: list[float]) -> None:
             for goal_us in [*pulses_us, settings.steering.centre_us]:
                 while at_us != goal_us:
                     at_us += max(-STEP_US, min(STEP_US, goal_us - at_us))
-                    board.write(
-                        _rest_us(settings) | {settings.steering.channel: at_us}, now_s=time.monotonic()
-                    )
+                    board.write(settings.rest_us | {settings.steering.channel: at_us}, now_s=time.monotonic())
                     time.sleep(PERIOD_S)
     except OSError as error:
         raise InputError(f"the board refused a pulse, nothing was written: {error}") from error
@@ -160,6 +151,7 @@ def _by_keys(folder: Path, name: str, settings: RcSettings) -> dict[str, Any]:
                         return {}
                     if pressed.asks_speed:
                         pulse_us = session.throttle_us
+                        board.write(settings.rest_us, now_s=now_s)  # typing takes time: no drive meanwhile
                         pressed = session.speed(_asked_speed(), pulse_us=pulse_us)
                     if pressed.writes:
                         return session.changes

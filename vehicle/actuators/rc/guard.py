@@ -1,8 +1,8 @@
 """Guard of a board without a watchdog: a process that sets the throttle to neutral when its parent falls silent.
 
-The parent writes a byte with every command. No byte for ``silence_s`` (the parent is frozen or starved) or a closed
-pipe (it has ended) sets neutral; the guard ends with the pipe, or after ``LAST`` at an orderly end. It cannot help
-when the whole computer stops.
+The parent writes a byte with every command. No byte for ``guard_s`` (the parent is frozen or starved) or a closed
+pipe (it has ended, or has closed the board) sets neutral; the guard ends with the pipe. It cannot help when the
+whole computer stops.
 """
 
 import errno
@@ -11,6 +11,7 @@ import os
 import select
 import subprocess
 import sys
+import time
 from contextlib import suppress
 
 from trepid.config import ROOT
@@ -18,8 +19,9 @@ from vehicle.actuators.rc.i2c import open_i2c
 from vehicle.actuators.rc.pca9685 import Pca9685
 from vehicle.actuators.rc.settings import PcaSettings
 
-ALIVE, LAST = b".", b"q"
+ALIVE = b"."
 REPEAT_S = 0.05  # neutral is set again this often: a parent that wakes up may write in between
+LAST_TRIES = 15  # to set neutral after the end of the parent, when the bus refuses it
 START_S = 10.0
 
 
@@ -52,18 +54,14 @@ class Guard:
         return self._process.pid
 
     def alive(self) -> None:
-        """Say that the parent works. Raises OSError when the guard has ended."""
+        """Say that the parent works. Raises OSError when the guard has ended, or has not read for minutes."""
         try:
             os.write(self._pipe, ALIVE)
-        except BlockingIOError:
-            pass  # the guard is starved; it has plenty to read
         except OSError as error:
-            raise OSError(errno.ECHILD, "the guard of the PCA9685 has ended") from error
+            raise OSError(errno.ECHILD, "the guard of the PCA9685 has ended or is frozen") from error
 
     def close(self) -> None:
-        """End the guard without a further pulse."""
-        with suppress(OSError):
-            os.write(self._pipe, LAST)
+        """End the guard, which sets the throttle to neutral."""
         for stream in (self._process.stdin, self._process.stdout):
             if stream is not None:
                 with suppress(OSError):
@@ -76,23 +74,28 @@ class Guard:
 
 
 def watch(settings: PcaSettings, pipe: int) -> None:
-    """Watch ``pipe`` until it closes or brings ``LAST``."""
+    """Watch ``pipe`` until it closes."""
     device = open_i2c(settings.bus, settings.address)
     chip = Pca9685(device, frequency_hz=settings.frequency_hz, oscillator_hz=settings.oscillator_hz)
     neutral_us = {settings.throttle.channel: settings.throttle.neutral_us}
     print("watching", flush=True)
-    wait_s, open_ = settings.guard_s, True
-    while open_:
+    wait_s = settings.guard_s
+    while True:
         ready, _, _ = select.select([pipe], [], [], wait_s)
-        data = os.read(pipe, 4096) if ready else b""
-        if LAST in data:
-            return
-        if data:
+        if not ready:
+            wait_s = REPEAT_S
+            with suppress(OSError):  # tried again
+                chip.write(neutral_us)
+        elif os.read(pipe, 4096):
             wait_s = settings.guard_s
-            continue
-        open_, wait_s = not ready, REPEAT_S
-        with suppress(OSError):  # tried again, unless the parent has ended
+        else:
+            break
+    for _ in range(LAST_TRIES):
+        try:
             chip.write(neutral_us)
+            return
+        except OSError:
+            time.sleep(REPEAT_S)
 
 
 if __name__ == "__main__":

@@ -91,6 +91,10 @@ class Throttle(Pulses):
                     ("speeds", index), "speeds must rise, and their pulses must move away from neutral_us"
                 )
             before = speed_mps, pulse_us
+        if self.brake_us is not None and sign * (self.brake_us - self.neutral_us) >= 0.0:
+            raise wrong_at(
+                ("brake_us",), "drives the car: must lie on the other side of neutral_us than speeds"
+            )
         if self.speeds[-1][0] <= 0.0:
             raise wrong_at(("speeds",), "needs at least one speed above 0")
         return self

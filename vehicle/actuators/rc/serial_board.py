@@ -8,6 +8,7 @@ in quarters of a microsecond. 0xA1 asks for the errors since the last question. 
 """
 
 import errno
+import termios
 from collections.abc import Mapping
 from typing import Any
 
@@ -43,6 +44,7 @@ class SerialBoard:
         self._errors = 0
         self._garbled = 0
         self._open()
+        self.write(settings.rest_us, now_s=0.0)
 
     def write(self, pulses_us: Mapping[int, float], *, now_s: float) -> None:
         """Set the pulse [µs] of each channel."""
@@ -98,13 +100,16 @@ class SerialBoard:
     def _open(self) -> None:
         import serial
 
-        self._port = serial.Serial(
-            self._settings.port,
-            self._settings.baud,
-            timeout=0,
-            write_timeout=WRITE_TIMEOUT_S,
-            exclusive=True,
-        )
+        try:
+            self._port = serial.Serial(
+                self._settings.port,
+                self._settings.baud,
+                timeout=0,
+                write_timeout=WRITE_TIMEOUT_S,
+                exclusive=True,
+            )
+        except termios.error as error:  # unplugged again while it was opened
+            raise OSError(*error.args) from error
         self._received = b""
         self._speed_mps = None
 

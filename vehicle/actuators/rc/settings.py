@@ -41,6 +41,14 @@ class RcSettings(Settings):
             )
         return self
 
+    @property
+    def rest_us(self) -> dict[int, float]:
+        """The pulse [µs] of each channel for straight wheels without drive."""
+        return {
+            self.steering.channel: self.steering.centre_us,
+            self.throttle.channel: self.throttle.neutral_us,
+        }
+
     def _measures(self) -> bool:
         return False
 
