@@ -28,14 +28,15 @@ def arbitrate(
     """The command for the limiter from that of the controller and the newest input of the driver.
 
     ``driver`` is None before the first input. Without an input the controller drives, unless ``required``. After
-    the first input it is required: a device that vanishes, an input older than ``timeout_s`` and a released dead
-    man's switch end the permission to drive. With ``override`` the demand of the driver becomes the command.
+    the first input it is required: a device that vanishes, a released dead man's switch and an input that was read
+    or received more than ``timeout_s`` ago end the permission to drive. With ``override`` the demand of the driver
+    becomes the command.
     """
     if driver is None or driver_received_s is None:
         return (
             _not_permitted("no input of the driver") if required else Demand(command, received_s, False, "")
         )
-    present = abs(now_s - driver_received_s) <= timeout_s
+    present = abs(now_s - driver_received_s) <= timeout_s and abs(now_s - driver.t_s) <= timeout_s
     if not (present and driver.connected and driver.allowed):
         return _not_permitted(_why_not(driver, present=present))
     if not driver.override:

@@ -14,6 +14,7 @@ JS_BUTTON, JS_AXIS, JS_INIT = 0x01, 0x02, 0x80
 JS_FULL = 32767.0  # value of an axis at its end
 INPUT_EVENT = struct.Struct("@llHHi")  # time [s, µs], type, code, value
 EV_SYN, EV_KEY = 0, 1
+RELEASED, PRESSED = 0, 1  # 2 repeats a press that may be older than the device: it shows no new one
 SYN_DROPPED = 3  # the kernel has lost events
 
 
@@ -102,9 +103,9 @@ class KeyboardInput:
         for _, _, kind, code, value in events:
             if kind == EV_SYN and code == SYN_DROPPED:
                 self._held.clear()
-            elif kind == EV_KEY and value == 0:
+            elif kind == EV_KEY and value == RELEASED:
                 self._held.discard(code)
-            elif kind == EV_KEY:
+            elif kind == EV_KEY and value == PRESSED:
                 self._held.add(code)
         step = self._settings.per_s * max(0.0, now_s - (now_s if self._read_s is None else self._read_s))
         self._read_s = now_s

@@ -1,5 +1,6 @@
 """Arbitration between driver, controller and a stop."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -33,6 +34,8 @@ def test_a_held_dead_mans_switch_lets_the_controller_drive() -> None:
         (INPUT, TIMEOUT_S + 0.01, False, "old"),
         (BY_HAND, TIMEOUT_S + 0.01, False, "old"),
         (INPUT, -TIMEOUT_S - 0.01, False, "old"),
+        (replace(INPUT, t_s=NOW_S - TIMEOUT_S - 0.01), 0.0, False, "old"),  # read long ago, delivered late
+        (replace(INPUT, t_s=math.nan), 0.0, False, "old"),
         (replace(INPUT, connected=False), 0.0, False, "gone"),
         (replace(INPUT, allowed=False), 0.0, False, "released"),
         (replace(BY_HAND, allowed=False), 0.0, False, "released"),

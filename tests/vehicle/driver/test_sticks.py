@@ -123,3 +123,8 @@ def test_a_path_without_a_device_is_refused_with_the_remedy(tmp_path, make) -> N
     make(path)
     with pytest.raises(InputError, match=r"js7: .*input device.*driver\.yaml"):
         open_input(settings(path))
+
+
+def test_the_repetitions_of_a_key_that_was_held_before_the_start_are_no_press(keys) -> None:
+    keys.send(key(KEYS.dead_man_key, 2))
+    assert not keys.read().dead_man
