@@ -170,8 +170,8 @@ def access_control(publishes: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     for role, topics in {LAUNCHER: LAUNCHER_TOPICS, **publishes}.items():
         keys = [f"trepid/*/{key}" for key in (*topics, *HEARTBEATS)]
         rules.append(_rule(f"publish-{role}", ["put"], "ingress", keys))
-        subjects.append({"id": role, "cert_common_names": [role]})
-        policies.append({"rules": ["subscribe", f"publish-{role}"], "subjects": [role]})
+        subjects.append({"id": f"process-{role}", "cert_common_names": [role]})
+        policies.append({"rules": ["subscribe", f"publish-{role}"], "subjects": [f"process-{role}"]})
     subjects.append({"id": OBSERVER, "cert_common_names": [OBSERVER]})
     policies.append({"rules": ["subscribe"], "subjects": [OBSERVER]})
     return {

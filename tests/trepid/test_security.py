@@ -98,6 +98,12 @@ def test_every_process_may_publish_its_topics_and_heartbeats_and_no_others() -> 
     assert messages_allowed(control, "stranger") == []
 
 
+def test_no_name_of_a_process_lets_others_publish_its_topics() -> None:
+    """The rules of Zenoh name their parts, among them one for everyone."""
+    names = [subject["id"] for subject in access_control({"all": ("controller/command",)})["subjects"]]
+    assert len(set(names)) == len(names)
+
+
 def test_what_no_rule_allows_is_denied() -> None:
     control = access_control({})
     assert control["enabled"]

@@ -276,6 +276,9 @@ def _end(child: Child, *, deadline_s: float) -> None:
 
 
 def _close(child: Child) -> None:
+    """Close the pipe and the log, once: later the number of an ended group may be that of another program."""
+    if child.log.closed:
+        return
     if child.spec.command:
         with suppress(ProcessLookupError):
             os.killpg(child.popen.pid, signal.SIGKILL)

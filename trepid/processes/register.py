@@ -34,7 +34,7 @@ def folder() -> Path:
     path = Path(runtime) / "trepid" if runtime else Path(tempfile.gettempdir()) / f"trepid-{os.getuid()}"
     try:
         path.mkdir(mode=0o700, exist_ok=True)
-        owner = path.stat().st_uid
+        owner = path.lstat().st_uid  # a link of another user may lead to a folder of this one
     except OSError as error:
         raise InputError(f"{path}: cannot be created: {error.strerror}; set XDG_RUNTIME_DIR") from error
     if owner != os.getuid():

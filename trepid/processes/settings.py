@@ -26,6 +26,7 @@ from trepid.config import (
     wrong_at,
 )
 from trepid.plugins import Group, added
+from trepid.security import AUTHORITY, OBSERVER
 from trepid.spelling import did_you_mean
 from trepid.topics import VEHICLE_STATE
 from trepid.types import NonNegative
@@ -210,8 +211,10 @@ def _specs(file: ProcessesFile, data: CommentedMap) -> Iterator[ProcessSpec]:
         if not given:
             hint = did_you_mean(name, [*(other for other in file.processes if other != name)], "")
             _refuse(where, f"has no program: give module, command or entry_point; {hint}".rstrip("; "), data)
-        if name == LAUNCHER:
-            _refuse(where, "is the name of the launcher itself; use another one", data)
+        if name in (LAUNCHER, OBSERVER, AUTHORITY):
+            _refuse(
+                where, f"is reserved: the certificate {name}.crt is another one's; use another name", data
+            )
         problem = missing_program(entry)
         if problem:
             _refuse((*where, given[0]), problem, data)

@@ -88,6 +88,18 @@ def test_a_process_with_bad_input_ends_with_one_line_and_is_not_started_again(
     assert str(ended) == "process supervisor: no.yaml: cannot be read: No such file or directory"
 
 
+def test_the_group_of_a_command_is_ended_once(
+    drive: tuple[Bus, Callable[..., Fleet]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the end of the drive its number may be that of another program."""
+    _, fleet = drive
+    killed: list[int] = []
+    with fleet(ProcessSpec("horn", command=("true",), max_restarts=0)) as running:
+        assert until(lambda: running.collect_exits() != [], patience_s=20)
+        monkeypatch.setattr(os, "killpg", lambda group, _: killed.append(group))
+    assert killed == []
+
+
 def test_even_a_frozen_process_is_stopped(drive: tuple[Bus, Callable[..., Fleet]]) -> None:
     bus, fleet = drive
     beats = beats_of(bus)

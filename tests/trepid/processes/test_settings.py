@@ -104,7 +104,7 @@ def test_a_command_need_not_report_and_may(car: Callable[[str], dict[str, Proces
         ),
         (
             "processes: {launcher: {command: [echo]}}",
-            ":1:13: processes.launcher: is the name of the launcher itself; use another one",
+            ":1:13: processes.launcher: is reserved: the certificate launcher.crt is another one's",
         ),
     ],
 )
