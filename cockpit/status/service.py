@@ -23,7 +23,7 @@ Type=notify
 NotifyAccess=main
 ExecStart={command}
 WorkingDirectory={folder}
-Environment=PYTHONUNBUFFERED=1 PYTHONPATH={root}
+Environment="PYTHONUNBUFFERED=1" "PYTHONPATH={root}"
 {account}# READY=1 comes when every process has reported; WATCHDOG=1 while the launcher works.
 TimeoutStartSec={start_s:.0f}
 WatchdogSec={watchdog_s}
@@ -34,7 +34,7 @@ TimeoutStopSec={stop_s:.0f}
 Restart=no
 # For `nice` below 0 in processes.yaml.
 LimitNICE=-20
-# What a drive writes: its recordings. Its memory is never swapped out by others' needs.
+# When memory is short, other programs are ended first.
 OOMScoreAdjust=-500
 
 [Install]
@@ -61,9 +61,11 @@ def write_units(car: Path, out: Path, *, user: bool = False) -> list[Path]:
         car=car,
         install=install,
         name=folder.name,
-        root=ROOT,
-        folder=_quoted(folder),
-        command=shlex.join([sys.executable, "-m", "trepid", "drive", "--car", str(folder), "--no-dashboard"]),
+        root=_quoted(str(ROOT)),
+        folder=_quoted(str(folder)),
+        command=_quoted(
+            shlex.join([sys.executable, "-m", "trepid", "drive", "--car", str(folder), "--no-dashboard"])
+        ),
         account="" if user else f"User={getpass.getuser()}\n",
         start_s=float(limits["ready_timeout_s"]) + 30.0,
         stop_s=float(limits["stop_timeout_s"]) + STOP_S + 5.0,
@@ -79,6 +81,6 @@ def write_units(car: Path, out: Path, *, user: bool = False) -> list[Path]:
     return [path]
 
 
-def _quoted(path: Path) -> str:
-    """A path in a unit: percent signs begin specifiers there."""
-    return str(path).replace("%", "%%")
+def _quoted(text: str) -> str:
+    """Text in a unit: percent signs begin specifiers there."""
+    return text.replace("%", "%%")

@@ -186,7 +186,7 @@ class Device:
             return " ".join(str(error).split())
         finally:
             if capture is not None:
-                capture.release()
+                self._inside(reader, capture.release)
         return ""
 
     def _inside(self, reader: _Reader, call: Callable[[], T]) -> T:

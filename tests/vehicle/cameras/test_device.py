@@ -1,5 +1,6 @@
 """Live devices that hang, disappear and return."""
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -106,6 +107,18 @@ def test_a_read_that_hangs_is_reported_and_the_device_opened_again(
     camera.give(5)
     assert number_of(next_frame(device).image) == 5
     assert device.trouble == "" and ("hung", "1") in device.values()
+
+
+def test_a_release_that_hangs_does_not_keep_the_camera_from_coming_back(
+    camera: FakeCamera, device: Device
+) -> None:
+    entered, free = threading.Event(), threading.Event()
+    camera.handles[0].release = lambda: (entered.set(), free.wait(60))  # type: ignore[method-assign]
+    camera.unplug()
+    assert entered.wait(PATIENCE_S)
+    camera.plug_in()
+    assert until(lambda: device.read(timeout_s=0.02) or len(camera.handles) == 2, patience_s=PATIENCE_S)
+    free.set()
 
 
 def test_a_call_that_returns_after_it_was_given_up_yields_no_frame(
