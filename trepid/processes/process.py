@@ -24,7 +24,7 @@ from trepid.clock import epoch_clock
 from trepid.config import InputError, Settings
 from trepid.messages import Diagnostic, Health
 from trepid.security import session_settings
-from trepid.topics import DIAGNOSTICS, VEHICLE_STATE
+from trepid.topics import DIAGNOSTICS, VEHICLE_STATE, Topic
 
 Values = tuple[tuple[str, str], ...]
 
@@ -59,6 +59,7 @@ class Process:
         self.options = assignment.options
         self.bus = bus
         self.now_s = epoch_clock(assignment.clock_offset_ns)
+        self._published = frozenset(key for keys in assignment.publishes.values() for key in keys)
         self._stop = stop
         self._send = bus.publisher(DIAGNOSTICS)
         self._further: Callable[[], Values] = tuple
@@ -68,6 +69,10 @@ class Process:
         self._warned = False  # the last heartbeat reported malformed messages
         self._beat_s = time.monotonic()
         self._beat_cpu_s = time.process_time()
+
+    def has_publisher(self, topic: Topic[Any]) -> bool:
+        """Whether a process of this drive publishes ``topic``, by its entry in ``processes.yaml``."""
+        return topic.key in self._published
 
     def running(self) -> bool:
         """False after a request to end."""

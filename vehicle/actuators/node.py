@@ -117,7 +117,7 @@ class Wire:
 def safe_at_end(actuator: Actuator) -> Iterator[None]:
     """Bring ``actuator`` to its safe state at the end of the body, whatever ends it.
 
-    When the wire refuses that, a line on standard error says so: the car then notices the silence.
+    When the wire refuses that, a line on standard error says so; the car then has to stop by itself.
     """
     try:
         yield
@@ -152,7 +152,9 @@ class Loop:
     def __init__(self, me: Process, actuator: Actuator, name: str, node: ActuatorStep) -> None:
         self._me, self._name, self._node = me, name, node
         self._newest, self._send_state = me.bus.latest(COMMAND), me.bus.publisher(VEHICLE_STATE)
-        self._driver, self._hand = me.bus.latest(DRIVER_INPUT), load_driver()
+        self._driver, settings = me.bus.latest(DRIVER_INPUT), load_driver()
+        self._driver_required = settings.required or me.has_publisher(DRIVER_INPUT)
+        self._driver_timeout_s = settings.timeout_s
         self._wire = Wire(actuator, name)
         self._times = Timekeeper(me.bus, me.name, me.now_s)
         self._known = 0  # failures of the wire up to the last turn
@@ -171,8 +173,8 @@ class Loop:
             newest.received_s,
             driver.message,
             driver.received_s,
-            required=self._hand.required,
-            timeout_s=self._hand.timeout_s,
+            required=self._driver_required,
+            timeout_s=self._driver_timeout_s,
             now_s=now_s,
         )
         state = wire.read(now_s)

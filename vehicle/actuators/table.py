@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any, cast
 
 from pydantic import ConfigDict, create_model
+from ruamel.yaml.comments import CommentedMap
 
 from trepid import plugins
 from trepid.config import CONFIG_DIR, InputError, Settings, parse, place, read
@@ -26,9 +27,6 @@ SIMULATOR = "sim_harness.live.vehicle_node"
 FILE = CONFIG_DIR / "actuator.yaml"
 
 
-REMEDY = {"can": "pip install 'trepid[can]'", "serial": "pip install 'trepid[rc]'"}
-
-
 def names() -> list[str]:
     """Names of all actuators: those of Trepid, then those of other packages."""
     return plugins.names(plugins.Group.ACTUATORS, {SIMULATED: None, **OWN})
@@ -42,7 +40,9 @@ def kind(name: str) -> ActuatorKind:
         return cast(ActuatorKind, resolve_name(OWN[name]))
     except ImportError as error:
         missing = error.name or str(error)
-        raise InputError(f"actuator {name!r} needs the package {missing}: {REMEDY.get(name, '')}") from error
+        raise InputError(
+            f"actuator {name!r} needs the package {missing}: pip install 'trepid[{name}]'"
+        ) from error
 
 
 def configured() -> tuple[str, Settings | None]:
@@ -64,9 +64,15 @@ def configured() -> tuple[str, Settings | None]:
         return name, None
     if name not in data:
         raise InputError(f"{place(data, ['actuator'], FILE)}: actuator: {name!r} has no block of settings")
+    return name, settings_in(data, name)
+
+
+def settings_in(data: CommentedMap, name: str) -> Settings:
+    """The block ``name`` of ``data``, the mapping of ``FILE``, as settings. Raises InputError."""
     block: dict[str, Any] = {name: (kind(name).Settings, ...)}
     model = create_model("ActuatorFile", __config__=ConfigDict(extra="ignore"), **block)
-    return name, getattr(parse(data, model, source=FILE), name)
+    found: Settings = getattr(parse(data, model, source=FILE), name)
+    return found
 
 
 def build(car: Car) -> tuple[str, Actuator]:

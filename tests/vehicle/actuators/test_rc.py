@@ -166,11 +166,13 @@ def test_a_frozen_guard_is_a_failure_of_the_wire(tmp_path) -> None:
     with chip_on(tmp_path / "i2c"):
         guard = Guard(pca(tmp_path / "i2c"))
         os.kill(guard.pid, signal.SIGSTOP)
-        with pytest.raises(OSError, match="frozen"):
-            for _ in range(1 << 21):  # more than a pipe holds
-                guard.alive()
-        os.kill(guard.pid, signal.SIGCONT)
-        guard.close()
+        try:
+            with pytest.raises(OSError, match="frozen"):
+                for _ in range(1 << 21):  # more than a pipe holds
+                    guard.alive()
+        finally:
+            os.kill(guard.pid, signal.SIGCONT)
+            guard.close()
 
 
 @pytest.fixture

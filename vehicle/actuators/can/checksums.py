@@ -62,12 +62,12 @@ FUNCTIONS: dict[str, Callable[[int, bytes], int]] = {
 
 
 def checksum(
-    algorithm: str, address: int, data: bytes, *, bits: int, byte: int | None, data_id: tuple[int, ...] = ()
+    algorithm: str, address: int, data: bytes, *, bits: int, byte: int, data_id: tuple[int, ...] = ()
 ) -> int:
     """Checksum of ``data``, whose checksum field of ``bits`` bits is zero.
 
     ``byte``: the place of the field, for the algorithms of ``WHOLE_BYTE``.
     """
-    if algorithm in WHOLE_BYTE and byte is not None:
+    if algorithm in WHOLE_BYTE:
         data = bytes(data_id) + data[:byte] + data[byte + 1 :]
     return FUNCTIONS[algorithm](address, data) & ((1 << bits) - 1)

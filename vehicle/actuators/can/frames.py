@@ -132,7 +132,7 @@ class Receiver:
 
         The counter must be 1 to 3 ahead of that of the last intact frame: a repeated one is refused, a lost one is
         not an error. After a wrong counter three right ones in a row must come first, so that of two senders with
-        one address neither is heard.
+        one address neither counts.
         """
         if len(data) != self._length:
             self.refused["length"] += 1

@@ -185,12 +185,12 @@ class _Check:
     def completeness(self, settings: CanMap) -> None:
         """Raise InputError when the map does not steer, does not drive, or does not report speed and angle."""
         sent = {each.quantity for mapped in settings.commands for each in mapped.signals}
-        told = {each.quantity for mapped in settings.reports for each in mapped.signals}
+        reported = {each.quantity for mapped in settings.reports for each in mapped.signals}
         for where, names, known in (
             ("commands", STEERING, sent),
             ("commands", LONGITUDINAL, sent),
-            ("reports", {"speed_mps"}, told),
-            ("reports", STEERING, told),
+            ("reports", {"speed_mps"}, reported),
+            ("reports", STEERING, reported),
         ):
             if names.isdisjoint(known):
                 raise self._wrong((where,), f"no signal has the quantity {' or '.join(sorted(names))}")

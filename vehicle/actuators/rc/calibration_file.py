@@ -4,33 +4,23 @@ import os
 from collections.abc import Mapping
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from pydantic import ConfigDict, create_model
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import YAMLError
 
-from trepid.config import CONFIG_DIR, InputError, load, parse, put, read, read_text
-from trepid.config import Settings as BaseSettings
-from vehicle.actuators.rc.settings import PcaSettings, RcSettings, SerialSettings
+from trepid.config import InputError, put, read, read_text
+from vehicle.actuators.rc.settings import RcSettings
+from vehicle.actuators.table import FILE, configured, settings_in
 
-BOARDS: Mapping[str, type[RcSettings]] = {"pca9685": PcaSettings, "serial": SerialSettings}
-FILE = CONFIG_DIR / "actuator.yaml"
+BOARDS = ("pca9685", "serial")
 HEADER = "# Overrides config/actuator.yaml field by field; written by `trepid calibrate steering`.\n"
-
-
-class _Chosen(BaseSettings):
-    """The name of the actuator; the blocks of others are of no interest."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-    actuator: str
 
 
 def chosen() -> str:
     """The board that ``actuator.yaml`` names. Raises InputError when it names no board."""
-    name = load(FILE, _Chosen).actuator
+    name, _ = configured()
     if name not in BOARDS:
         raise InputError(
             f"actuator.yaml names {name!r}; give --board pca9685 or --board serial, or choose one in the file"
@@ -43,10 +33,7 @@ def settings_of(board: str, changes: Mapping[str, Any] | None = None) -> RcSetti
     data = read(FILE)
     for name, value in (changes or {}).items():
         put(data, f"{board}.{name}", value)
-    block: dict[str, Any] = {board: (BOARDS[board], ...)}
-    model = create_model("ActuatorFile", __config__=ConfigDict(extra="ignore"), **block)
-    found: RcSettings = getattr(parse(data, model, source=FILE), board)
-    return found
+    return cast(RcSettings, settings_in(data, board))
 
 
 def write(car: Path, board: str, changes: Mapping[str, Any]) -> Path:

@@ -54,7 +54,7 @@ class Guard:
         return self._process.pid
 
     def alive(self) -> None:
-        """Say that the parent works. Raises OSError when the guard has ended, or has not read for minutes."""
+        """Report that the parent works. Raises OSError when the guard has ended, or has not read for minutes."""
         try:
             os.write(self._pipe, ALIVE)
         except OSError as error:
