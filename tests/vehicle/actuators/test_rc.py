@@ -198,24 +198,22 @@ def test_without_a_measured_speed_a_board_with_a_sensor_is_not_driven(there, tmp
     assert there.board.pulses_us[THROTTLE_CHANNEL] == THROTTLE["neutral_us"]
 
 
-def test_a_hard_brake_and_a_silent_sensor_leave_the_throttle_neutral(there, tmp_path) -> None:
-    clock = Time()
+@pytest.mark.parametrize(
+    "accel_mps2, measured_mps, neutral",
+    [(1.0, 2.0, False), (-1.0, 2.0, False), (-BRAKE_FROM_MPS2, 2.0, True), (1.0, None, True)],
+)
+def test_a_hard_brake_and_a_silent_sensor_leave_the_throttle_neutral(
+    there, tmp_path, monkeypatch, accel_mps2, measured_mps, neutral
+) -> None:
+    clock, pulses_us = Time(), []
     actuator = SerialActuator(board(tmp_path / "tty"), car(clock))
-
-    def at_2_mps() -> bool:
-        there.port.write(b"V2000\n")
-        return actuator.read(now_s=clock.now_s).speed_mps == 2.0
-
-    def neutral_after(accel_mps2: float, seconds: float) -> bool:
-        assert until(at_2_mps, patience_s=5)
-        drive(actuator, clock, accel_mps2, seconds)
-        there.turn(clock.now_s)
-        return there.board.pulses_us[THROTTLE_CHANNEL] == THROTTLE["neutral_us"]
-
-    assert not neutral_after(1.0, 0.05)
-    assert not neutral_after(-1.0, 0.05)
-    assert neutral_after(-BRAKE_FROM_MPS2, 0.05)
-    assert neutral_after(1.0, 0.3)  # the speed is older than timeout_s
+    speed = lambda now_s: None if measured_mps is None else (measured_mps, now_s)  # noqa: E731
+    monkeypatch.setattr(actuator._board, "speed_mps", lambda now_s: (2.0, now_s))
+    drive(actuator, clock, 1.0, 1.0)
+    monkeypatch.setattr(actuator._board, "speed_mps", speed)
+    monkeypatch.setattr(actuator._board, "write", lambda pulses, now_s: pulses_us.append(pulses))
+    drive(actuator, clock, accel_mps2, 0.01)
+    assert (pulses_us[-1][THROTTLE_CHANNEL] == THROTTLE["neutral_us"]) == neutral
 
 
 @pytest.mark.parametrize("protocol", ["ascii", "maestro"])
