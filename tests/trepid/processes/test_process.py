@@ -6,6 +6,7 @@ import pytest
 
 from trepid.messages import Health
 from trepid.processes.process import Assignment, Process
+from trepid.topics import COMMAND, DRIVER_INPUT
 
 
 class RecordingBus:
@@ -72,3 +73,11 @@ def test_malformed_messages_do_not_lower_an_error_to_a_warning(bus, me):
     bus.counts = {"perception/lead": 1}
     me.beat(Health.ERROR, "no rules")
     assert bus.sent[0].health is Health.ERROR
+
+
+def test_a_topic_has_a_publisher_when_an_entry_of_the_drive_names_it(bus):
+    publishes = {"driver": ("driver/input",)}
+    assignment = Assignment(name="one", vehicle_name="v", connect="", clock_offset_ns=0, publishes=publishes)
+    me = Process(assignment, bus, threading.Event())
+    assert me.has_publisher(DRIVER_INPUT)
+    assert not me.has_publisher(COMMAND)

@@ -8,6 +8,7 @@ import pytest
 from controller.limiter import build as build_limiter
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
+from trepid.topics import COMMAND, DRIVER_INPUT
 from vehicle.actuators.node import ActuatorStep, Loop, Wire, safe_at_end
 
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
@@ -143,16 +144,46 @@ class Rolling:
         return ()
 
 
+class Drive:
+    """What the loop uses of its process, in given time; it holds one command and no input of a driver."""
+
+    name = "vehicle"
+
+    def __init__(self, command=None, *, with_driver=False):
+        self.s, self.command, self._with_driver, self.reasons = 10.0, command, with_driver, []
+        self.bus = SimpleNamespace(latest=self._latest, publisher=lambda _: lambda _: None)
+
+    def _latest(self, topic):
+        message = self.command if topic is COMMAND else None
+        return SimpleNamespace(take=lambda: None, message=message, received_s=message and self.s)
+
+    def now_s(self):
+        return self.s
+
+    def has_publisher(self, topic):
+        return self._with_driver and topic is DRIVER_INPUT
+
+    def ready(self, **_):
+        pass
+
+    def stepped(self, *reasons):
+        self.reasons += reasons
+
+
 @pytest.fixture
 def rolling(node):
     """A loop in given time, and the time."""
-    clock = SimpleNamespace(s=10.0)
-    silent = SimpleNamespace(take=lambda: None, message=None, received_s=None)
-    bus = SimpleNamespace(latest=lambda _: silent, publisher=lambda _: lambda _: None)
-    me = SimpleNamespace(
-        bus=bus, name="vehicle", now_s=lambda: clock.s, ready=lambda **_: None, stepped=lambda *_: None
-    )
-    return Loop(me, Rolling(), "can", node), clock
+    drive = Drive()
+    return Loop(drive, Rolling(), "can", node), drive
+
+
+@pytest.mark.parametrize("with_driver", [False, True])
+def test_where_a_process_publishes_driver_input_the_controller_waits_for_it(node, with_driver):
+    drive = Drive(can_rig.command(accel_mps2=0.5, t_s=10.0), with_driver=with_driver)
+    actuator = Rolling()
+    turned((Loop(drive, actuator, "can", node), drive), 2)
+    assert (actuator.speed_mps > 5.0) != with_driver
+    assert ("no input of the driver" in drive.reasons) == with_driver
 
 
 def turned(rolling, turns, **how):
