@@ -6,12 +6,13 @@ name of a certificate is the role of its process, and every process drops what i
 """
 
 import ipaddress
+import re
 import stat
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from trepid.config import CONFIG_DIR, ROOT, InputError, Settings, car_folder, load
 
@@ -25,11 +26,17 @@ AUTHORITY = "ca"
 ROLE = r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$"
 
 
+def _host_and_port(text: str) -> str:
+    if not re.fullmatch(r"[^/]+:\d+", text):
+        raise ValueError(f"{text!r} is no HOST:PORT, such as 127.0.0.1:7447")
+    return text
+
+
 class Security(Settings):
     """``config/security.yaml``."""
 
     keys: Path | None
-    listen: Annotated[str, Field(pattern=r"^[^/]+:\d+$")] | None
+    listen: Annotated[str, AfterValidator(_host_and_port)] | None
     max_message_bytes: Annotated[int, Field(ge=65536)]
 
     @property

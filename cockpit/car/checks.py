@@ -120,13 +120,16 @@ def _loaded_models() -> Iterator[str]:
 
 
 def endpoint() -> Finding:
-    """The port on which the processes of a drive meet is free, and the keys of the drive are there."""
+    """The port on which the processes of a drive meet is free; keys of all processes are there and private."""
     from trepid.bus import free_endpoint
+    from trepid.processes.settings import FILE, ProcessesFile
     from trepid.security import LAUNCHER, drive_endpoint, session_settings
+    from vehicle.keys.check import check_keys
 
     try:
         found = drive_endpoint(free_endpoint())
         session_settings(LAUNCHER, listen=found)
+        check_keys(load(FILE, ProcessesFile).processes)
     except InputError as error:
         return Finding(
             "endpoint", False, str(error), "correct security.yaml, or make keys: `trepid keys create`"

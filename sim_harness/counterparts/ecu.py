@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 
 from sim_harness.counterparts.car import CarBehindWire, wire_settings
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, Settings, load, resource
+from trepid.config import CONFIG_DIR, Settings, load
 from trepid.messages import Command, Health, VehicleState
 from trepid.processes.process import Process, Ticker, process
 from trepid.types import Positive
@@ -118,7 +118,7 @@ def run(me: Process) -> None:
     options = {field: me.options[field] for field in EcuSettings.model_fields if field in me.options}
     settings = wire_settings(me, CanSettings, "can")
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    signals = load_map(resource(settings.map), vehicle)
+    signals = load_map(settings.map_file, vehicle)
     ecu = Ecu(signals, EcuSettings.model_validate(options), steering_ratio=vehicle.steering_ratio)
     car, wire = CarBehindWire(me), CanWire(settings, ecu.receivers)
     me.ready(values=lambda: tuple((name, str(count)) for name, count in ecu.refused().items()))

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from sim_harness.live.plan import check_car, context_of, estimators_of, is_simulated, planned
+from sim_harness.live.plan import check_car, check_vehicle, context_of, estimators_of, is_simulated, planned
 from sim_harness.live.referee import Assigned, DriveSettings, Referee, Show
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.faults import EstimatorBias, LostLane
@@ -27,7 +27,7 @@ from trepid.processes.launch import Fleet
 from trepid.processes.register import Running, registered, ticks
 from trepid.processes.settings import ProcessSpec, load_processes
 from trepid.recording.writer import check_free
-from trepid.security import LAUNCHER, drive_endpoint, session_settings
+from trepid.security import LAUNCHER, drive_endpoint, refuse_open_endpoints, session_settings
 from vehicle.keys.check import check_keys
 
 __all__ = ["DriveSettings", "drive", "has_simulator", "lockstep_only"]
@@ -58,6 +58,7 @@ def drive(
             raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
     own = planned(load_processes(), scenario, recorded=record is not None)
     estimators = estimators_of(own, scenario)
+    check_vehicle(own)
     if record is not None:
         check_free(record)
     if scenario is None:
@@ -121,15 +122,19 @@ def _check_losable(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> N
 
 
 def _endpoint() -> str:
-    """The Zenoh endpoint of the drive. Raises InputError when another program uses it."""
-    endpoint = drive_endpoint(free_endpoint())
+    """The Zenoh endpoint of the drive. Raises InputError when it may not, or cannot, be used."""
+    endpoint, file = drive_endpoint(free_endpoint()), CONFIG_DIR / "security.yaml"
+    if not endpoint.startswith("tls/"):
+        try:
+            refuse_open_endpoints({"listen/endpoints": [endpoint], "connect/endpoints": []})
+        except InputError as error:
+            raise InputError(located(("listen",), str(error), read(file), file)) from error
     host, _, port = endpoint.partition("/")[2].rpartition(":")
     try:
         with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as Zenoh does
             probe.bind((host.strip("[]"), int(port)))
     except OSError as error:
-        file = CONFIG_DIR / "security.yaml"
         what = f"{endpoint} cannot be used: {error.strerror}; give another HOST:PORT, or null for a free port"
         raise InputError(located(("listen",), what, read(file), file)) from error
     return endpoint

@@ -96,10 +96,19 @@ def estimators_of(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> tu
     names = tuple(name for spec in specs for name in spec.estimators)
     if not names:
         raise InputError(
-            "processes.yaml: no process publishes an estimate of the lane; add one, such as "
-            "cv: {module: perception.node, options: {estimator: cv}}"
+            "processes.yaml: no process publishes vehicle/state, so that nothing drives the car;"
+            " `vehicle: {module: vehicle.actuators.node}` does; one of your own needs `publishes: [vehicle/state]`"
         )
     return names
+
+
+def check_vehicle(specs: Iterable[ProcessSpec]) -> None:
+    """Raise InputError without a process next to the actuator, which drives the car and stops it at the end."""
+    if not any(spec.is_vehicle for spec in specs):
+        raise InputError(
+            "processes.yaml: no process publishes vehicle/state, so that nothing drives the car;"
+            " `vehicle: {module: vehicle.actuators.node}` does; one of your own needs `publishes: [vehicle/state]`"
+        )
 
 
 def check_car(specs: Iterable[ProcessSpec]) -> None:

@@ -9,6 +9,7 @@ writer of its pipe. The pipe of the others has two writers, the launcher and the
 """
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from trepid.processes.process import ASSIGNMENT, BAD_INPUT, STOP_S, Assignment
 from trepid.processes.settings import ProcessSpec, Restart, working_folder
 
 ABORT_GRACE_S = 0.3
+FRAME = re.compile(r'  File "(.+)", line (\d+)')
 TERM_GRACE_S = 1.2  # SIGTERM to SIGKILL; with the kill this keeps a stop below 2 s
 
 
@@ -45,9 +47,9 @@ class Child:
         return self.popen.poll() is None
 
     def stderr_tail(self, lines: int = 12) -> str:
-        """The last lines that the process wrote to its log, joined by `` | ``."""
+        """The last lines of the log of the process, joined by `` | ``; of a traceback its error and place."""
         self.log.seek(0)
-        written = self.log.read().decode(errors="replace").splitlines()
+        written = _without_frames(self.log.read().decode(errors="replace").splitlines())
         kept = [line.strip() for line in written if line.strip() and not line.startswith("Extension modules")]
         return " | ".join(kept[-lines:])
 
@@ -206,6 +208,24 @@ class Fleet:
         _end_all(self.children.values(), grace_s=TERM_GRACE_S)
         for end in (self._read_end, self._write_end):
             os.close(end)
+
+
+def _without_frames(lines: list[str]) -> list[str]:
+    """``lines`` with ``error (file:line)`` in place of each Python traceback."""
+    kept: list[str] = []
+    place = ""
+    for line in lines:
+        frame = FRAME.match(line)
+        if line.startswith("Traceback ("):
+            place = "unknown place"
+        elif place and frame:
+            place = f"{frame[1]}:{frame[2]}"
+        elif place and not line.startswith(" "):
+            kept.append(f"{line} ({place})" if line else "")
+            place = "" if line else place
+        elif not place:
+            kept.append(line)
+    return kept
 
 
 def _place(spec: ProcessSpec) -> str:

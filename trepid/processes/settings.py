@@ -28,7 +28,7 @@ from trepid.config import (
 from trepid.plugins import Group, added
 from trepid.security import AUTHORITY, OBSERVER
 from trepid.spelling import did_you_mean
-from trepid.topics import VEHICLE_STATE
+from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, DRIVER_INPUT, VEHICLE_STATE
 from trepid.types import NonNegative
 
 FILE = CONFIG_DIR / "processes.yaml"
@@ -38,6 +38,12 @@ LAUNCHER = "launcher"
 """Name under which the launcher itself reports."""
 PROGRAMS = ("module", "command", "entry_point")
 SIMULATOR = "sim_harness."
+PUBLISHED: Mapping[str, tuple[str, ...]] = {
+    "vehicle.actuators.node": (VEHICLE_STATE.key,),
+    "vehicle.cameras.node": (CAMERA_IMAGE.key, CAMERA_COMPRESSED.key),
+    "vehicle.driver.node": (DRIVER_INPUT.key,),
+}
+"""Topics of modules for a real car, where an entry does not give them."""
 ESTIMATE = re.compile(r"perception/([^/]+)/estimate")
 
 Nice = Annotated[int, Field(ge=-20, le=19)]
@@ -82,7 +88,9 @@ class ProcessSettings(Settings):
     command: Annotated[tuple[str, ...], Field(min_length=1)] | None = None  # any program, with arguments
     entry_point: str | None = None  # a name in the group trepid.processes of an installed package
     options: dict[str, Any] = Field(default_factory=dict)
-    publishes: tuple[str, ...] = ()  # keys of the topics; default for `options: {estimator: X}`: its estimate
+    publishes: tuple[
+        str, ...
+    ] = ()  # keys of the topics; default: PUBLISHED, or the estimate of the estimator
     heartbeat: bool | None = None  # it reports to the launcher; default: all but commands
     restart: Restart | None = None
     max_restarts: Restarts | None = None
@@ -104,7 +112,8 @@ class ProcessSettings(Settings):
     def topics(self) -> tuple[str, ...]:
         """Keys of the topics that the process publishes."""
         name = self.options.get("estimator")
-        return self.publishes or ((f"perception/{name}/estimate",) if name else ())
+        own = (f"perception/{name}/estimate",) if name else PUBLISHED.get(self.module or "", ())
+        return self.publishes or own
 
     @property
     def beats(self) -> bool:
@@ -243,7 +252,7 @@ def _specs(file: ProcessesFile, data: CommentedMap) -> Iterator[ProcessSpec]:
             publishes=entry.topics,
             heartbeat=entry.beats,
             together=entry.together or "",
-            place=place(data, where, FILE),
+            place=place(data, (*where, "together") if entry.together else where, FILE),
             **handling,
         )
 

@@ -84,4 +84,9 @@ def build(car: Car) -> tuple[str, Actuator]:
             f"{where}: actuator: {SIMULATED!r} is the car of the process {SIMULATOR}: run that module in "
             f"processes.yaml, or choose one of {', '.join(names()[1:])}"
         )
-    return name, kind(name)(settings, car)
+    try:
+        return name, kind(name)(settings, car)
+    except InputError as error:
+        if str(error).startswith(f"{name}: "):  # of the device or bus; others name their own place
+            raise InputError(f"{place(read(FILE), ['actuator'], FILE)}: {error}") from error
+        raise

@@ -13,6 +13,8 @@ from cockpit.car.finding import Finding
 from cockpit.car.init import Like, write_car
 from trepid.cli import main
 from trepid.config import CAR, ROOT, InputError
+from trepid.processes.settings import load_processes
+from vehicle.keys.certificates import create
 
 FOUR = ("vehicle.yaml", "camera.yaml", "fear.yaml", "drive.yaml")
 NOW_S = 1_790_000_000.0
@@ -74,6 +76,16 @@ def test_damaged_weights_are_found(car: Path) -> None:
     found = checks.models()
     assert not found.ok
     assert "sha256 differs" in found.message
+
+
+def test_a_private_key_of_any_process_that_others_may_read_is_found(car: Path) -> None:
+    (car / "security.yaml").write_text("keys: keys\n")
+    create(car / "keys", ["launcher", *(spec.name for spec in load_processes())])
+    assert checks.endpoint().ok
+    (car / "keys" / "controller.key").chmod(0o644)
+    found = checks.endpoint()
+    assert not found.ok
+    assert "controller.key: others may read this private key" in found.message
 
 
 def test_an_endpoint_in_use_is_found(car: Path) -> None:

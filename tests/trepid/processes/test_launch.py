@@ -4,12 +4,14 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from process_rig import alive, ends_with_its_launcher, until
 
 from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
+from trepid.config import CAR
 from trepid.messages import Diagnostic, Health
 from trepid.processes.launch import Fleet, ProcessSpec
 from trepid.topics import DECISION, DIAGNOSTICS, Topic
@@ -166,3 +168,15 @@ def test_processes_end_themselves_when_their_launcher_is_killed(paused: bool) ->
         "        time.sleep(60)\n"
     )
     assert ends_with_its_launcher(program, patience_s=5)
+
+
+def test_the_error_of_a_process_is_reported_with_its_place_and_without_its_traceback(
+    drive: tuple[Bus, Callable[..., Fleet]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(CAR, str(tmp_path))
+    (tmp_path / "horn.py").write_text("print('before')\nraise ValueError('loud')\n")
+    _, fleet = drive
+    with fleet(ProcessSpec("horn", "horn", max_restarts=0)) as running:
+        assert until(lambda: running.children["horn"].popen.poll() is not None, patience_s=20)
+        (ended,) = running.collect_exits()
+    assert ended.stderr_tail == f"before | ValueError: loud ({tmp_path / 'horn.py'}:2)"

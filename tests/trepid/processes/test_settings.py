@@ -119,3 +119,15 @@ def test_a_wrong_entry_is_one_line_with_its_place_and_the_remedy(
 def test_the_first_restart_comes_at_once_and_each_further_one_after_twice_the_time() -> None:
     spec = ProcessSpec("cv", "perception.node", backoff_s=0.5, longest_backoff_s=3.0)
     assert [spec.backoff_after_s(restarts) for restarts in range(6)] == [0.0, 0.5, 1.0, 2.0, 3.0, 3.0]
+
+
+def test_modules_for_a_real_car_publish_their_topics_without_being_told(
+    car: Callable[[str], dict[str, ProcessSpec]],
+) -> None:
+    specs = car(
+        "processes:\n  vehicle: {module: vehicle.actuators.node}\n  camera: {module: vehicle.cameras.node}\n"
+        "  driver: {module: vehicle.driver.node}\n"
+    )
+    assert specs["vehicle"].is_vehicle
+    assert specs["camera"].publishes == ("camera/image", "camera/image/compressed")
+    assert specs["driver"].publishes == ("driver/input",)

@@ -48,7 +48,10 @@ def test_a_car_overrides_single_fields_of_the_block(car):
             "actuator: can\ncan:\n  chanel: can1\n",
             "actuator.yaml:3:3: unknown field 'can.chanel'; did you mean",
         ),
-        ("actuator: can\ncan:\n  map: none.yaml\n", "none.yaml: cannot be read: No such file"),
+        (
+            "actuator: can\ncan:\n  map: none.yaml\n",
+            "actuator.yaml:1:1: can: map: no such file none.yaml; its place is",
+        ),
         ("actuator: ackermann\nackermann: {state: odometry}\n", "an odometry reports no wheel angle"),
         ("actuator: ackermann\nackermann: {command_topic: controller/command}\n", "is a topic of Trepid"),
         (

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
-from trepid.config import resource
 from trepid.messages import Command, VehicleState
 from vehicle.actuators.actuator import Car
 from vehicle.actuators.can.frames import Receiver, Sender
@@ -29,7 +28,7 @@ class CanActuator:
 
     def __init__(self, settings: CanSettings, car: Car) -> None:
         """Raises InputError for a map that does not fit its DBC, and for a bus that cannot be opened."""
-        signals = load_map(resource(settings.map), car.vehicle)
+        signals = load_map(settings.map_file, car.vehicle)
         self._map: CanMap = signals.settings
         self._ratio = car.vehicle.steering_ratio
         receivers = signals.receivers()

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from trepid.config import Settings
+from trepid.config import InputError, Settings, resource
 from trepid.types import Positive
 from vehicle.actuators.can.checksums import Algorithm
 
@@ -36,6 +36,16 @@ class CanSettings(Settings):
     channel: str
     options: dict[str, Any] = Field(default_factory=dict)
     map: Path
+
+    @property
+    def map_file(self) -> Path:
+        """The file of the map. Raises InputError when it does not exist."""
+        path = resource(self.map)
+        if not path.is_file():
+            raise InputError(
+                f"can: map: no such file {self.map}; its place is relative to the folder of the car"
+            )
+        return path
 
 
 class Conversion(Settings):
