@@ -65,6 +65,7 @@ ROWS: tuple[tuple[str, str, Callable[[Measured], str]], ...] = (
     ("drive", "one lap live, seven processes over Zenoh, 1141 m, bends to R = 15 m", _lap),
     ("drive", "published frame to command, in that lap", _latency),
     ("pipeline", "published frame to command at 30 Hz: a process each; one process", _pipeline),
+    ("newcomer", "from the clone to a car that drives; clone and environment", _newcomer),
     ("suite", "all scenarios in lock-step, each once", _suite),
     (
         "lockstep",
