@@ -32,8 +32,9 @@ WatchdogSec={watchdog_s}
 KillMode=process
 TimeoutStopSec={stop_s:.0f}
 Restart=no
-# For `nice` below 0 in processes.yaml.
+# For `nice` below 0 and the option `realtime` in processes.yaml.
 LimitNICE=-20
+LimitRTPRIO=99
 # When memory is short, other programs are ended first.
 OOMScoreAdjust=-500
 
