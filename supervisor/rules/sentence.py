@@ -23,6 +23,7 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from supervisor.rules.rule_file import FEAR, FORMER_PATH_JITTER, LEVELS, PATH_JITTER, RuleFile
 from trepid import config
+from trepid.cache.grammar import lalr
 from trepid.causes import unknown_cause
 from trepid.config import InputError
 from trepid.spelling import did_you_mean
@@ -171,8 +172,8 @@ def parse_rule(sentence: str, inputs: Iterable[str], *, outputs: tuple[str, ...]
 
 @cache
 def _grammar() -> Lark:
-    """The parser, built at the first use (LALR(1), a terminal is matched only where it is allowed)."""
-    return Lark(GRAMMAR, parser="lalr", maybe_placeholders=True)
+    """The parser, made at the first use."""
+    return lalr(GRAMMAR)
 
 
 def _check_token(token: Token, known: dict[str, tuple[str, ...]]) -> None:

@@ -13,6 +13,7 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 from sim_harness.judging.conditions.signals import COUNTERS, UNITS, find_signal
 from sim_harness.judging.trace import LABELS
 from supervisor.rules.rule_file import LEVELS
+from trepid.cache.grammar import lalr
 
 MAX_LENGTH = 1000  # characters; the claims of a longer sentence could exceed the recursion limit
 COMPARISON = "a comparison (>=, <=, >, <, ==, !=, is)"
@@ -140,8 +141,8 @@ def error_after(text: str, offset: int, expected: str) -> SentenceError:
 
 @cache
 def _parser() -> Lark:
-    """The parser, built at the first use."""
-    return Lark(GRAMMAR, parser="lalr", maybe_placeholders=True, propagate_positions=True)
+    """The parser, made at the first use."""
+    return lalr(GRAMMAR, positions=True)
 
 
 def _syntax_error(text: str, offset: int, tokens: list[Token], accepted: set[str]) -> SentenceError:

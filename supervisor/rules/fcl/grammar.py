@@ -8,6 +8,7 @@ from typing import NoReturn
 from lark import Lark, Token, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
+from trepid.cache.grammar import lalr
 from trepid.config import InputError
 from trepid.spelling import did_you_mean
 
@@ -138,6 +139,6 @@ def _expected(accepted: set[str], words: list[str]) -> str:
 
 @cache
 def _grammar() -> Lark:
-    """The parser, built at the first use (LALR(1), a terminal is matched only where it is allowed)."""
+    """The parser, made at the first use."""
     words = [f"{'' if word in _KEPT else '_'}{word}.2: /{word}\\b/i" for word in KEYWORDS]
-    return Lark("\n".join([GRAMMAR, *words]), parser="lalr", keep_all_tokens=False)
+    return lalr("\n".join([GRAMMAR, *words]))

@@ -1,0 +1,47 @@
+"""Files that save the time of a computation: below ``$XDG_CACHE_HOME/trepid``, by default ``~/.cache/trepid``.
+
+The name of a file is a hash of all that its content depends on. A missing, damaged or unwritable file costs the
+time of the computation. Writers replace a file whole; the oldest files of a folder are deleted beyond a limit.
+"""
+
+import hashlib
+import os
+from pathlib import Path
+
+MAX_FILES = 500  # of one folder
+DIGITS = 32  # of the hash in a name
+
+
+def cache_file(folder: str, key: str, suffix: str) -> Path | None:
+    """Where the result of a computation on ``key`` is kept; None without a home folder."""
+    root = os.environ.get("XDG_CACHE_HOME", "")
+    try:
+        top = Path(root) if Path(root).is_absolute() else Path.home() / ".cache"
+    except RuntimeError:
+        return None
+    return top / "trepid" / folder / f"{hashlib.sha256(key.encode()).hexdigest()[:DIGITS]}{suffix}"
+
+
+def kept(path: Path | None) -> bytes:
+    """The content of a file; empty where it cannot be read."""
+    try:
+        return b"" if path is None else path.read_bytes()
+    except OSError:
+        return b""
+
+
+def keep(path: Path, content: bytes) -> None:
+    """Write ``content``, if the folder can be written."""
+    fresh = path.with_suffix(f".{os.getpid()}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            fresh.write_bytes(content)
+            fresh.replace(path)
+        finally:
+            fresh.unlink(missing_ok=True)
+        by_age = sorted(path.parent.glob(f"*{path.suffix}"), key=lambda one: one.stat().st_mtime)
+        for old in by_age[:-MAX_FILES]:
+            old.unlink(missing_ok=True)
+    except OSError:
+        return
