@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
     from sim_harness.live.referee import Show
     from trepid.processes.launch import Fleet
 
-SIGN_OF_LIFE_S = 0.7  # without output until then, a line says what the drive does
+SIGN_OF_LIFE_S = 0.3  # without output until then, a line says what the drive does
 PLAIN_PERIOD_S = 2.0  # between lines when standard error is no terminal
 FEAR_COLOURS = {
     "very_low": "green",
