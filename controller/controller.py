@@ -4,11 +4,13 @@ Every input is checked for age, finiteness and plausibility. A missing or bad in
 
 | input | longitudinal | lateral |
 |---|---|---|
+| the next decision or vehicle state is late | comfort brake until it comes | – |
 | no usable decision | comfort stop, after ``lost_s`` emergency stop | along the path while it is young enough |
 | no usable vehicle state | the same | holds the last wheel angle |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
 | no path, but one younger than ``stop_memory_s`` | comfort stop, or the demanded emergency stop | likewise |
 | no path at all | comfort stop, or the demanded emergency stop | holds the last curvature |
+| a report that a process is lost whose loss means a stop | comfort stop | – |
 | mode STOP | the stop of the decision | along the path |
 
 The emergency stop for lost inputs latches until standstill, or until a driver takes over.
@@ -35,7 +37,8 @@ from trepid.bounds import at_least, at_most, within
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
 from trepid.config import CONFIG_DIR, InputError, Settings, load
-from trepid.messages import Command, Decision, Mode, Stop, VehicleState
+from trepid.lateness import Lateness, LatenessLimits
+from trepid.messages import Command, Decision, Losses, Mode, Stop, VehicleState
 from trepid.scale import ReferenceWorld
 from trepid.types import Positive
 
@@ -51,6 +54,7 @@ _EASED_SHARE = 0.5  # of the lateral acceleration in bends, left while the limit
 class InputLimits(Settings):
     """``inputs`` in ``config/controller.yaml``: largest age and size of accepted inputs."""
 
+    late: LatenessLimits  # of decisions and states: the car brakes until a late one comes
     stale_s: Positive  # older decisions and states are ignored
     lost_s: Positive  # without usable inputs for this long: emergency stop
     path_memory_s: Positive  # older paths are not followed while driving on
@@ -110,6 +114,7 @@ class Controller:
         budget_mps2 = _EASED_SHARE * settings.speed.lateral_accel_mps2
         self._eased = settings.speed.model_copy(update=dict(lateral_accel_mps2=budget_mps2))
         self._speed = SpeedControl(settings.speed, drive_lag_s=vehicle.accel_lag_s)
+        self._lateness = Lateness(settings.inputs.late)
         self._now_s: float | None = None
         self._healthy_s = 0.0  # time at which both inputs were last usable
         self._emergency = False  # own emergency stop, latched until standstill
@@ -120,14 +125,29 @@ class Controller:
         self._curvature_1pm: float | None = None  # the last demand
         self._angle_rad: float | None = None  # likewise
 
-    def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
-        """The command for ``now_s`` [s]; always finite, and braking where an input is not good."""
+    def step(
+        self,
+        decision: Decision | None,
+        state: VehicleState | None,
+        *,
+        now_s: float,
+        losses: Losses | None = None,
+    ) -> Command:
+        """The command for ``now_s`` [s]; always finite, and braking where an input is not good.
+
+        ``losses``: the newest report of the launcher.
+        """
         decision = self._reference.enlarged("decision", decision)
         state = self._reference.enlarged("state", state)
         dt_s = self._elapsed(now_s)
         frame_s = decision.t_s if decision is not None else None
         if frame_s is not None and not math.isfinite(frame_s):
             frame_s = None
+        stamps_s = {
+            "decision": decision.decided_s if decision else None,
+            "state": state.t_s if state else None,
+        }
+        late = self._lateness.step(stamps_s, now_s=now_s)
         decision = self._usable_decision(decision, now_s)
         state = self._usable_state(state, now_s)
         if state is not None:  # below, angles are those of the tyres
@@ -145,7 +165,8 @@ class Controller:
             self._law.release()
         drivable = self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
         lane = acting.lane if acting is not None and drivable else None
-        stop = self._stop(decision, lane, speed_mps, now_s)
+        lost = losses is not None and bool(losses.stop)
+        stop = self._stop(decision, lane, speed_mps, now_s, brake=lost or bool(late))
         cut = state is not None and state.saturated is True
         goal_mps, accel_mps2 = self._drive(decision, lane, speed_mps, stop, dt_s, driver=driver, cut=cut)
         command = Command(
@@ -235,9 +256,15 @@ class Controller:
         return self._angle_rad
 
     def _stop(
-        self, decision: Decision | None, lane: Lane | None, speed_mps: float | None, now_s: float
+        self,
+        decision: Decision | None,
+        lane: Lane | None,
+        speed_mps: float | None,
+        now_s: float,
+        *,
+        brake: bool,
     ) -> Stop:
-        """The kind of stop, or none."""
+        """The kind of stop, or none; at least the comfort stop with ``brake``."""
         if self._emergency and speed_mps is not None and speed_mps <= self._settings.speed.standstill_mps:
             self._emergency = False
         if decision is not None and speed_mps is not None:
@@ -246,7 +273,7 @@ class Controller:
             self._emergency = True
         if self._emergency or (decision is not None and decision.stop is Stop.EMERGENCY):
             return Stop.EMERGENCY
-        if decision is None or speed_mps is None or lane is None or decision.mode is Mode.STOP:
+        if brake or decision is None or speed_mps is None or lane is None or decision.mode is Mode.STOP:
             return Stop.COMFORT
         return decision.stop
 

@@ -1,4 +1,4 @@
-"""Controller process: a command at every decision and at least 50 times a second."""
+"""Controller process: a command at every decision and report of a lost process, and at least 50 times a second."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,18 +7,19 @@ from controller.controller import build
 from trepid.processes.process import Process, Ticker
 from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
-from trepid.topics import COMMAND, DECISION, VEHICLE_STATE
+from trepid.topics import COMMAND, DECISION, LOSSES, VEHICLE_STATE
 
 RATE_HZ = 50.0
 
 
 class ControllerNode:
-    """Commands on every new decision at once, and on every tick."""
+    """Commands on every new decision or loss of a process at once, and on every tick."""
 
     def __init__(self, me: Process) -> None:
         self._me = me
         self._decision = me.bus.latest(DECISION)
         self._state = me.bus.latest(VEHICLE_STATE, wakes=False)
+        self._losses = me.bus.latest(LOSSES)
         self._send = me.bus.publisher(COMMAND)
         self._controller = build()
         self._times = Timekeeper(me.bus, me.name, me.now_s)
@@ -30,12 +31,15 @@ class ControllerNode:
         return self._ticker.remaining_s()
 
     def turn(self) -> None:
-        """Command on a new decision or at a tick."""
+        """Command on a new decision, on a loss or at a tick."""
         fresh = self._decision.take() is not None
-        if not (self._ticker.due() or fresh):
+        lost = self._losses.take() is not None
+        if not (self._ticker.due() or fresh or lost):
             return
         began_s = self._me.now_s()
-        command = self._controller.step(self._decision.message, self._state.refresh(), now_s=began_s)
+        command = self._controller.step(
+            self._decision.message, self._state.refresh(), now_s=began_s, losses=self._losses.message
+        )
         self._send(command)
         if fresh:
             self._times.note(command.t_s, self._decision, began_s=began_s)

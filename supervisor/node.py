@@ -23,7 +23,8 @@ GATHER_S = 0.02  # wait this long for the other estimators of the same frame
 class SupervisorNode:
     """Decides when all estimates of a frame are in, GATHER_S after the first, or after IDLE_PERIOD_S.
 
-    Only estimates wake the process; the other inputs are read when it decides.
+    It also decides when a message becomes late, and at every report of a lost process. Only estimates and such
+    reports wake the process; the other inputs are read when it decides.
     """
 
     def __init__(self, me: Process, supervisor: Supervisor, changes: RuleWatch) -> None:
@@ -33,7 +34,7 @@ class SupervisorNode:
         self._statistics = bus.latest(IMAGE_STATISTICS, wakes=False)
         self._lead = bus.latest(LEAD_VEHICLE, wakes=False)
         self._state = bus.latest(VEHICLE_STATE, wakes=False)
-        self._losses = bus.latest(LOSSES, wakes=False)
+        self._losses = bus.latest(LOSSES)
         self._inputs: dict[str, Latest[Any]] = {
             **self._estimates,
             STATISTICS: self._statistics,
@@ -45,13 +46,13 @@ class SupervisorNode:
         self._adopted: deque[Values] = deque(maxlen=1)  # rules that the next heartbeat reports
         self._times = Timekeeper(bus, me.name, me.now_s)
         me.ready(values=lambda: self._adopted.popleft() if self._adopted else ())
-        self._decided_s = me.now_s()
+        self._decide_by_s = me.now_s() + IDLE_PERIOD_S
         self._first_s: float | None = None  # when the first estimate since the last decision came
         self._last: Latest[Any] | None = None  # the estimate that came last since then
 
     def due_s(self) -> float:
         """Time to the next decision if no further estimate comes."""
-        by_s = self._decided_s + IDLE_PERIOD_S
+        by_s = self._decide_by_s
         if self._first_s is not None:
             by_s = min(by_s, self._first_s + GATHER_S)
         return max(0.0, by_s - self._me.now_s())
@@ -63,9 +64,10 @@ class SupervisorNode:
             if latest.take() is not None:
                 self._last = latest
                 self._first_s = now_s if self._first_s is None else self._first_s
+        reported = self._losses.take() is not None
         complete = self._first_s is not None and self._of_one_frame()
         gathered = self._first_s is not None and now_s - self._first_s >= GATHER_S
-        if complete or gathered or now_s - self._decided_s >= IDLE_PERIOD_S:
+        if reported or complete or gathered or now_s >= self._decide_by_s:
             self._decide(now_s)
 
     def _decide(self, now_s: float) -> None:
@@ -76,12 +78,13 @@ class SupervisorNode:
             self._state.refresh(),
             now_s=now_s,
             malformed=[name for name, latest in self._inputs.items() if latest.broken],
-            losses=self._losses.refresh(),
+            losses=self._losses.message,
         )
         self._send(decision)
         if self._last is not None:
             self._times.note(decision.t_s, self._last, began_s=now_s)
-        self._decided_s, self._first_s, self._last = now_s, None, None
+        self._decide_by_s = min(now_s + IDLE_PERIOD_S, self._supervisor.late_at_s)
+        self._first_s, self._last = None, None
         change = self._changes.take()
         if change is not None:
             self._health = change.adopted(self._supervisor.adopt)

@@ -10,10 +10,10 @@ from typing import ClassVar
 from pydantic import Field
 
 from supervisor.inputs.validated import ValidationSettings
-from supervisor.inputs.watchdog import FAULTS, Watchdog
-from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explained
+from supervisor.inputs.watchdog import FAULTS, LEAD, STATISTICS, Watchdog, cause_of_lateness
+from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explained, is_image_late
 from supervisor.modes.doubts import Doubts, is_guess, moment
-from supervisor.modes.modes import ModeSettings, ModeState, next_state
+from supervisor.modes.modes import Effect, ModeSettings, ModeState, next_state
 from supervisor.modes.speed import SpeedFactor
 from supervisor.path.follow import FollowSettings
 from supervisor.path.fusion import FusionSettings, Path
@@ -28,6 +28,7 @@ from trepid.bounds import at_least, at_most
 from trepid.car.vehicle import Vehicle
 from trepid.causes import Cause, unknown_cause
 from trepid.config import CONFIG_DIR, InputError, Settings, default_file, load, located, read, read_text
+from trepid.lateness import Lateness
 from trepid.messages import (
     Decision,
     ImageStatistics,
@@ -103,11 +104,13 @@ class Supervisor:
         self._observer = WorldStateObserver(
             settings.validation, settings.fusion, settings.follow, vehicle, rated_as=settings.rated_as
         )
+        self._lateness = Lateness(settings.validation.late)
         self._watchdog = Watchdog(settings.validation, frames_s=settings.modes.comfort_stop_age_s)
         self._doubts = Doubts(settings.modes)
         self._mode = ModeState.initial()
         self._speed = SpeedFactor(settings.cruise_speed_mps)
         self._hand_over = HandOver(settings.follow.hand_over_s)
+        self._held_back = False  # the car brakes until a late message comes
         self._driver = False  # a driver acted at the last step
         self._has_driven = False
 
@@ -126,6 +129,11 @@ class Supervisor:
                 raise InputError(located(path, problem, read(self._source), self._source))
             raise InputError(f"{'.'.join(map(str, path))}: {problem}")
         self._rules = rules
+
+    @property
+    def late_at_s(self) -> float:
+        """When the next decision is due at the latest, because a message is late from then on; inf: never."""
+        return self._lateness.next_s
 
     def step(
         self,
@@ -162,6 +170,8 @@ class Supervisor:
             driver_override=driver,
             process_lost=losses is not None and bool(losses.stop),
         )
+        senders = {**estimates, STATISTICS: statistics, LEAD: lead}
+        late = self._lateness.step({n: m.t_s if m else None for n, m in senders.items()}, now_s=now_s)
         now = moment(
             world,
             rules,
@@ -170,12 +180,16 @@ class Supervisor:
             fear=rated.fear,
             cause=cause,
             fault=fault,
+            late=bool(late) or is_image_late(world.features, self._settings.analyser),
             driver=driver,
             driven=self._driver,
         )
         begins = self._mode.mode is Mode.STOP
         situation = self._doubts.step(now, rules.file.hysteresis, now_s=now_s)
         self._mode = next_state(self._mode, situation, final_causes=self._settings.modes.final_causes)
+        self._held_back = Effect.HOLD_BACK in situation.effects
+        if self._held_back:
+            cause = cause_of_lateness(late, estimates) if late else Cause.FROZEN_CAMERA
         self._driver = driver
         self._has_driven = self._has_driven or self._mode.mode is not Mode.STOP
         factor = self._speed.step(
@@ -192,6 +206,12 @@ class Supervisor:
         decision = self._decision(world, rated, self._mode.cause or cause, finding, factor, now_s)
         return self._reference.restored(decision)
 
+    @property
+    def _stop(self) -> Stop:
+        """The stop of the mode, else the comfort brake while the car is held back."""
+        held_back = self._held_back and self._mode.stop is Stop.NONE
+        return Stop.COMFORT if held_back else self._mode.stop
+
     def _path(self, world: WorldState, now_s: float) -> Path | None:
         """The path of the road, or the trail of the vehicle ahead where the road is lost, blended at a change.
 
@@ -207,7 +227,7 @@ class Supervisor:
 
     def _speed_cap_mps(self, world: WorldState, fear: float, factor: float) -> float:
         """The share ``factor`` of the cruise speed, at least the pace of a followed vehicle, at most a safe gap."""
-        if self._mode.stop is not Stop.NONE:
+        if self._stop is not Stop.NONE:
             return 0.0
         cruise_mps = self._settings.cruise_speed_mps * factor
         if self._mode.mode is Mode.FOLLOW and self._rules.mode(fear) is not Mode.STOP:
@@ -225,7 +245,7 @@ class Supervisor:
             t_s=max([e.t_s for e in world.estimates if math.isfinite(e.t_s)], default=None),
             decided_s=now_s,
             mode=self._mode.mode,
-            stop=self._mode.stop,
+            stop=self._stop,
             fear=rated.fear,
             level=rated.level,
             cause=str(cause),
@@ -258,7 +278,8 @@ def build(
 ) -> Supervisor:
     """A supervisor from its files; ``cruise_speed_mps`` instead of that of the settings. Raises InputError.
 
-    Without ``rules`` those of the car, else ``config/fear.yaml``.
+    Without ``rules`` those of the car, else ``config/fear.yaml``. Rules and settings hold in the reference world
+    (:mod:`trepid.scale`), and the values of the inputs in a decision are those of that world, at every scale.
     """
     rules = rules or default_file("fear.yaml")
     loaded, verified = load(settings, SupervisorSettings), load_verified(rules)

@@ -335,6 +335,10 @@ class Bus:
             kept.read_from(subscriber)
         return subscriber
 
+    def wake(self) -> None:
+        """End the wait under way, or the next one; may be called by a handler of a signal."""
+        self._bell.ring()
+
     def wait(self, timeout_s: float) -> bool:
         """Wait until a message that wakes arrives; False after ``timeout_s`` without one."""
         return self._bell.wait(timeout_s)

@@ -28,7 +28,7 @@ class Mode(StrEnum):
 
 
 class Stop(StrEnum):
-    """Deceleration of a STOP."""
+    """Deceleration that the supervisor demands: that of a STOP; in another mode until a late message comes."""
 
     NONE = "none"
     COMFORT = "comfort"  # -1 m/s²

@@ -22,6 +22,7 @@ EFFECTS = {
     Effect.EMERGENCY: "final emergency stop",
     Effect.BRAKE_HARDER: "a comfort stop becomes an emergency stop",
     Effect.CALM: "`CAUTION` ends",
+    Effect.HOLD_BACK: "comfort brake for as long as it holds; the mode stays",
     Effect.ROAD_BACK: "`FOLLOW` ends",
     Effect.START: "a stop ends",
     Effect.HAND_OVER: "the stop of the start ends",
@@ -99,7 +100,7 @@ def modes_page(settings: SupervisorSettings, rules: FearRules) -> str:
         "The last row leaves only the stop in which a supervisor starts.",
         "## Delays",
         table(("condition", "delay", "effect", "cleared"), _delays(settings.modes, rules)),
-        _limits(settings.modes, rules),
+        _limits(settings, rules),
     )
 
 
@@ -172,8 +173,12 @@ def _condition(doubt: Doubt) -> str:
     return f"fear because of `{doubt.name}`" + (" on the move" if doubt.effect is Effect.EMERGENCY else "")
 
 
-def _limits(modes: ModeSettings, rules: FearRules) -> str:
+def _limits(settings: SupervisorSettings, rules: FearRules) -> str:
+    modes, late = settings.modes, settings.validation.late
     return (
+        f"A message is late {late.periods:g} usual periods of its sender after the one before it, at the earliest "
+        f"after {late.least_s:g} s (`validation.late`); a new image is late when the image has repeated for "
+        f"{settings.analyser.reported_frozen_s:g} s (`reported_frozen_s`). "
         f"Without a frame the vehicle stops after {modes.comfort_stop_age_s:g} s (`comfort_stop_age_s`), "
         f"on the move by an emergency stop after {modes.emergency_stop_age_s:g} s (`emergency_stop_age_s`). "
         "An estimator is rather right than wrong from a confidence of "

@@ -17,11 +17,12 @@ conflict, as at a speed too high for the bend, the wheel moves towards less |κ|
 priority over jerk, and the brake is applied.
 
 Acceleration. Bounded by the drive and brake limits. No drive and at least the comfort brake when the frame
-behind the command is old, when commands are too rare, when the demanded or driven bend is too tight for the
-speed, when the state of the vehicle is missing, and before the first command. When commands or states are
-missing for longer than their timeouts, or a command is not finite: a stop, latched until standstill. Without a
-command the last curvature is held; later commands steer the stop but do not end it. Where the acceleration is less
-than demanded, the target speed is at most that of ``SOON_S`` later: a car that follows the target speed brakes too.
+behind the command is old, when the next command is late or commands are too rare, when the demanded or driven bend
+is too tight for the speed, when the state of the vehicle is missing, and before the first command. When commands or
+states are missing for longer than their timeouts, or a command is not finite: a stop, latched until standstill.
+Without a command the last curvature is held; later commands steer the stop but do not end it. Where the
+acceleration is less than demanded, the target speed is at most that of ``SOON_S`` later: a car that follows the
+target speed brakes too.
 
 The driver. While the driver has the car, the output is the measured angle, and drive and brakes fade to zero; after
 the hand-back, at the measured angle, rate and jerk rise to their limits.
@@ -124,10 +125,11 @@ class Limiter:
         waiting = command is None and fresh(self._start_s, now_s, timeout_s, self._limits)
         self._judge(seen, lost=usable is None and not waiting)
         seldom = self._arrivals.too_seldom(received_s, now_s)
+        calm = fresh(received_s, now_s, self._limits.command_late_s, self._limits) and not seldom
         if seen is None:
             accel_mps2 = self._demand(usable, -self._limits.comfort_decel_mps2)
         else:
-            accel_mps2 = self._steer(usable, seen, dt_s, calm=not seldom)
+            accel_mps2 = self._steer(usable, seen, dt_s, calm=calm)
         goal_mps = 0.0 if usable is None or self.stopping else _goal(usable, seen, accel_mps2)
         return self._given(frame_s, goal_mps, accel_mps2, dt_s)
 

@@ -48,6 +48,7 @@ class Limits(Settings):
     max_decel_mps2: Deceleration
     comfort_decel_mps2: Deceleration
     stop_decel_mps2: Deceleration
+    command_late_s: Positive
     command_timeout_s: Positive
     command_rate_hz: Positive
     state_timeout_s: Positive

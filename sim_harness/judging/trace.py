@@ -10,6 +10,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from sim_harness.judging.blocks import Blocks
 from trepid.config import InputError
 from trepid.messages import Command, Decision, SimTruth, SteeringEstimate, VehicleState
 from trepid.types import Column
@@ -47,6 +48,7 @@ DECISION_COLUMNS = (
     "speed_cap_mps",
 )
 ESTIMATE_COLUMNS = ("t_s", "lateral_offset_m", "heading_error_rad", "curvature_1pm", "confidence")
+BLOCK = 1000  # samples that are put away together
 _TRUTH, _STATE = attrgetter(*TRUTH_COLUMNS), attrgetter(*STATE_COLUMNS)
 _COMMAND, _NO_COMMAND = attrgetter(*COMMAND_COLUMNS), (None,) * len(COMMAND_COLUMNS)
 _DECISION, _NO_DECISION = attrgetter(*DECISION_COLUMNS), (None,) * len(DECISION_COLUMNS)
@@ -122,9 +124,12 @@ class Trace:
 class Recorder:
     """Collects the samples of a run with the given estimators."""
 
-    def __init__(self, estimators: tuple[str, ...] = ()) -> None:
+    def __init__(self, estimators: tuple[str, ...] = (), *, on_disk: bool = False) -> None:
+        """``on_disk``: samples are put away in a temporary file, so that a long run needs no more memory."""
         self._estimators = estimators
-        self._rows: list[tuple[float | None, ...]] = []
+        self._names = column_names(estimators)
+        self._blocks = Blocks(len(self._names), on_disk=on_disk)
+        self._rows: list[tuple[float | None, ...]] = []  # not put away yet
         self._codes: dict[str, dict[str, int]] = {label: {} for label in LABELS}
         self._decision: Decision | None = None  # the newest one, ...
         self._decided: tuple[float | None, ...] = _NO_DECISION  # ... its numbers, ...
@@ -154,13 +159,19 @@ class Recorder:
             estimate = estimates.get(name)
             row += _ESTIMATE(estimate) if estimate else _NO_ESTIMATE
         self._rows.append(tuple(row))
+        if len(self._rows) == BLOCK:
+            self._put_away()
+
+    def _put_away(self) -> None:
+        self._blocks.add(np.array(self._rows, dtype=np.float64).reshape(-1, len(self._names)))
+        self._rows.clear()
 
     def trace(self) -> Trace:
         """The trace of all samples so far."""
-        names = column_names(self._estimators)
-        table = np.array(self._rows, dtype=np.float64).reshape(-1, len(names))
+        self._put_away()
+        table = self._blocks.table()
         table[np.isnan(table)] = math.nan  # one bit pattern for every NaN
-        columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
+        columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(self._names)}
         return Trace(columns, {label: tuple(codes) for label, codes in self._codes.items()})
 
     def _code(self, label: str, word: str) -> int:

@@ -18,7 +18,7 @@ from sim_harness.live.referee import Assigned, DriveSettings, Referee, Show
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.faults import EstimatorBias, LostLane
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
-from trepid.bus import free_endpoint, open_bus
+from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CONFIG_DIR, InputError, car_folder, located, read
 from trepid.processes.access import published_by
@@ -99,6 +99,7 @@ def drive(
             clock_offset_ns=offset_ns,
             context=context,
         ) as fleet,
+        woken_by_exits(bus),
         registered(running),
     ):
         say(f"{what}: {len(specs)} processes at {endpoint}; `trepid status` shows them")
@@ -147,6 +148,16 @@ def lockstep_only(scenario: Scenario) -> Iterator[str]:
     if scenario.leads_by is LeadSensor.MODELLED:
         yield "lead_sensor: modelled"
     yield from (fault.kind for fault in scenario.faults if isinstance(fault, EstimatorBias | LostLane))
+
+
+@contextmanager
+def woken_by_exits(bus: Bus) -> Iterator[None]:
+    """The end of a process ends the wait of ``bus``, so that it is reported at once."""
+    before = signal.signal(signal.SIGCHLD, lambda *_: bus.wake())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGCHLD, before)
 
 
 @contextmanager

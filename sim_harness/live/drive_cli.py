@@ -4,7 +4,7 @@ import json
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -114,7 +114,13 @@ def of_car() -> str:
 
 def say(text: str) -> None:
     """One line about the start of the drive."""
-    print(f"trepid drive: {text}", file=sys.stderr, flush=True)
+    write_line(f"trepid drive: {text}")
+
+
+def write_line(text: str) -> None:
+    """Write ``text`` to standard error. A full disk or a reader that has gone does not end the drive."""
+    with suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -141,11 +147,11 @@ def shown(dashboard: bool) -> "Iterator[Show]":
         for beat in log.diagnostics.values():
             state = beat.health, " ".join(beat.message.split())
             if beat.health is not Health.OK and state != reported.get(beat.process):
-                print(f"process {beat.process}: {state[0]}: {state[1]}", file=sys.stderr, flush=True)
+                write_line(f"process {beat.process}: {state[0]}: {state[1]}")
             reported[beat.process] = state
         if elapsed_s - printed_s >= PLAIN_PERIOD_S or elapsed_s < printed_s:
             printed_s = elapsed_s
-            print(driving_line(log, elapsed_s=elapsed_s).plain, file=sys.stderr, flush=True)
+            write_line(driving_line(log, elapsed_s=elapsed_s).plain)
 
     yield show
 

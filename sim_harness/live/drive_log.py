@@ -1,5 +1,6 @@
 """Messages of a live drive as received by the launcher: trace, heartbeats, times of the frames."""
 
+from array import array
 from typing import Any
 
 from sim_harness.judging.trace import Recorder, Trace
@@ -51,8 +52,9 @@ class DriveLog:
 
     def restart(self) -> None:
         """Discard trace and latencies: the drive begins."""
-        self._recorder = Recorder(self._estimators)
-        self.manoeuvres: list[tuple[str, ...]] = []  # of the other vehicles, one item per sample of the trace
+        self._recorder = Recorder(self._estimators, on_disk=True)
+        self._manoeuvres: dict[tuple[str, ...], int] = {}  # of the other vehicles, and a number for each ...
+        self._under_way = array("H")  # ... of which one belongs to each sample of the trace
         self.tally = Tally()
         self._loads: dict[
             str, tuple[int, float, float]
@@ -63,7 +65,7 @@ class DriveLog:
     def receive(self, timeout_s: float) -> None:
         """Let messages gather for ``timeout_s``, then add all of them in the order of their publication.
 
-        No message wakes this process, so that it does not compete with the processes that drive.
+        No message wakes this process, so that it does not compete with those that drive; the end of one does.
         """
         self._bus.wait(timeout_s)
         arrived = [
@@ -80,7 +82,8 @@ class DriveLog:
                 self.truth = message
                 if self.state is not None:
                     self._recorder.add(message, self.state, self.command, self.decision, self.estimates)
-                    self.manoeuvres.append(message.manoeuvres)
+                    number = self._manoeuvres.setdefault(message.manoeuvres, len(self._manoeuvres))
+                    self._under_way.append(number)
             case VehicleState():
                 self.state = message
                 self.tally.add(message, self.decision)
@@ -124,3 +127,8 @@ class DriveLog:
     def trace(self) -> Trace:
         """The drive so far."""
         return self._recorder.trace()
+
+    def manoeuvres(self) -> list[tuple[str, ...]]:
+        """Manoeuvres of the other vehicles at each sample of the trace."""
+        known = list(self._manoeuvres)
+        return [known[number] for number in self._under_way]

@@ -69,4 +69,4 @@ def _processes(log: DriveLog, fleet: Fleet) -> dict[str, Any]:
 def _trace(log: DriveLog, scenario: Scenario) -> Trace:
     """The drive so far, with its events."""
     trace = log.trace()
-    return with_events(trace, scenario, scenario.build_road(), log.manoeuvres) if len(trace) else trace
+    return with_events(trace, scenario, scenario.build_road(), log.manoeuvres()) if len(trace) else trace

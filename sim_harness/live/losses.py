@@ -1,10 +1,10 @@
 """The report of lost processes by the launcher to the supervisor: those that stop the car, those that slow it."""
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 from trepid.bus import Bus
 from trepid.clock import Clock
-from trepid.messages import Losses
+from trepid.messages import Diagnostic, Losses
 from trepid.processes.launch import Fleet
 from trepid.processes.settings import LAUNCHER, Loss
 from trepid.topics import LOSSES
@@ -41,10 +41,10 @@ class LossReport:
         """Stop the car, because the drive is to end."""
         self._stop.add(LAUNCHER)
 
-    def publish(self, beats_s: Iterable[tuple[str, float]]) -> None:
-        """Publish if the report has changed or is due. ``beats_s``: processes, times of newest heartbeats."""
-        for name, beat_s in beats_s:
-            if beat_s > self._slow.get(name, beat_s):
+    def publish(self, beats: Mapping[str, Diagnostic]) -> None:
+        """Publish if the report has changed or is due. ``beats``: the newest heartbeat of the processes."""
+        for name, beat in beats.items():
+            if beat.t_s > self._slow.get(name, beat.t_s):
                 del self._slow[name]
         now = tuple(sorted(self._stop)), tuple(sorted(self._slow))
         due = any(now) and self._clock() - self._sent_s >= PERIOD_S

@@ -100,9 +100,10 @@ class Referee:
             self._receive("; ".join([*self._problems, *self._notes]) or "driving")
             self._simulate_losses()
             self._end_silent_processes()
-            for exited in self._fleet.collect_exits():
-                if self._lose(exited):
-                    return  # it contains the simulated car
+            ends = [self._lose(exited) for exited in self._fleet.collect_exits()]
+            self._losses.publish(self._log.diagnostics)
+            if any(ends):
+                return  # it contains the simulated car
         self._overview.stopping()
         self._problems += [text for text in signals if self._scenario is not None or text not in ENDINGS]
 
@@ -187,7 +188,7 @@ class Referee:
 
     def _receive(self, message: str) -> None:
         self._log.receive(timeout_s=LISTEN_S)
-        self._losses.publish((name, beat.t_s) for name, beat in self._log.diagnostics.items())
+        self._losses.publish(self._log.diagnostics)
         self._overview.publish(Health.ERROR if self._problems else Health.OK, message)
         now_s = self._clock()
         if now_s - self._shown_s >= self._settings.status_period_s:

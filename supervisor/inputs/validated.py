@@ -6,6 +6,7 @@ from typing import ClassVar, NamedTuple
 from trepid.bounds import at_least
 from trepid.clothoid import Lane, Motion
 from trepid.config import Settings
+from trepid.lateness import LatenessLimits
 from trepid.messages import EstimateKind, ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.types import Positive
 
@@ -23,6 +24,7 @@ class ValidationSettings(Settings):
     state_fresh_s: Positive  # older vehicle states are not used
     unused_frozen_s: Positive  # lanes in an image that has repeated itself for longer are not used ...
     moving_mps: Positive  # ... while the car moves at least so fast
+    late: LatenessLimits  # of the messages for every frame: the car brakes until a late one comes
     lost_s: Positive  # a process that has sent messages and none for this long is lost
     min_confidence: Positive  # estimates below are not used
     max_offset_m: Positive  # a message with a number beyond these is broken

@@ -1,7 +1,7 @@
 """Detection of lost senders. A sender without any message so far is not lost: the supervisor does not start yet."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from supervisor.inputs.validated import ValidationSettings
@@ -71,3 +71,13 @@ class Watchdog:
         elif driver_override:
             cause = Cause.DRIVER_OVERRIDE
         return Fault(cause, bool(lost) or process_lost)
+
+
+def cause_of_lateness(late: Collection[str], estimators: Collection[str]) -> Cause:
+    """The common cause of late messages: no frames where every estimator is late, else the first that is; NONE."""
+    missing = [name for name in estimators if name in late]
+    if missing:
+        return Cause.STALE_DATA if len(missing) == len(estimators) else Cause.LOST_ESTIMATOR
+    if STATISTICS in late:
+        return Cause.IMAGE_STATISTICS_LOST
+    return Cause.LEAD_LOST if LEAD in late else Cause.NONE

@@ -87,7 +87,7 @@ def _behind(x: Features, s: AnalyserSettings) -> bool:
     return _lost("estimator_age")(x, s) or _number(x["estimator_age"]) - _number(x["frame_age"]) > s.behind_s
 
 
-def _frozen(x: Features, s: AnalyserSettings) -> bool:
+def is_image_late(x: Features, s: AnalyserSettings) -> bool:
     """No new image comes while the car moves."""
     return is_frozen(
         x["frozen"], x["speed"], after_s=s.reported_frozen_s, from_mps=s.moving_mps, if_unknown=False
@@ -135,7 +135,7 @@ SUSPECTS = (
     Suspect(
         Cause.OVER_EXPOSED, "camera", _above("over_exposed", "over_exposed"), "much of the image is white"
     ),
-    Suspect(Cause.FROZEN_CAMERA, "camera", _frozen, "the car moves and no new image comes"),
+    Suspect(Cause.FROZEN_CAMERA, "camera", is_image_late, "the car moves and no new image comes"),
     Suspect(
         Cause.BLURRED,
         "camera",

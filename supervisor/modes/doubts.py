@@ -26,6 +26,7 @@ class Moment(NamedTuple):
     trail: bool  # of a vehicle ahead, at least to stop on
     lead: bool  # a vehicle ahead can be followed
     near: bool  # the vehicle ahead is too near for a comfort stop
+    late: bool  # a message or a new image is late
     standstill: bool
     moving: bool  # by the last valid state
     frameless: bool  # no frame for the time of an emergency stop
@@ -55,10 +56,11 @@ def moment(
     fear: float,
     cause: str,
     fault: Fault,
+    late: bool,
     driver: bool,
     driven: bool,
 ) -> Moment:
-    """The conditions of the doubts, from the world, fear and its cause, and the mode so far."""
+    """The conditions of the doubts, from the world, fear and its cause, late inputs, and the mode so far."""
     wanted = rules.mode(fear)
     motion, last = world.motion, world.last_motion
     # Do not start while a cause that would stop the car is active, or the cause of the present stop.
@@ -74,6 +76,7 @@ def moment(
         trail=world.trail.path is not None,
         lead=world.trail.usable,
         near=world.near,
+        late=late,
         standstill=motion is not None and abs(motion.speed_mps) < modes.standstill_mps,
         moving=last is not None and abs(last.speed_mps) >= modes.standstill_mps,
         frameless=frameless,
@@ -158,6 +161,13 @@ DOUBTS = (
         "by a frame",
     ),
     Doubt(
+        "a message or a new image is late on the move",
+        lambda m: m.moving and m.late,
+        _now,
+        Effect.HOLD_BACK,
+        "by the message, by a new image",
+    ),
+    Doubt(
         "a vehicle too near for a comfort stop",
         lambda m: m.near and not m.driver,
         lambda s, _: s.near_s,
@@ -188,7 +198,7 @@ DOUBTS = (
     ),
 )
 """The rows that every supervisor has; :func:`doubts_of` adds those of the causes in the settings."""
-DRIVERS = frozenset({Effect.EMERGENCY, Effect.HAND_OVER})
+DRIVERS = frozenset({Effect.EMERGENCY, Effect.HAND_OVER, Effect.HOLD_BACK})
 """Effects that do not come while a driver acts."""
 
 

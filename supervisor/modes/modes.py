@@ -53,6 +53,7 @@ class Effect(Enum):
     STOP = auto()  # a comfort stop, also while a vehicle is followed
     STOP_ON_ROAD = auto()  # a comfort stop in KEEP and CAUTION
     EMERGENCY = auto()  # a final emergency stop
+    HOLD_BACK = auto()  # the comfort brake without a change of the mode, for as long as the doubt lasts
     BRAKE_HARDER = auto()  # a comfort stop becomes an emergency stop
     CALM = auto()  # CAUTION ends
     ROAD_BACK = auto()  # FOLLOW ends

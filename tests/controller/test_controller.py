@@ -12,7 +12,7 @@ from message_rig import SHUTTLE, command, decision, state, vehicle
 from controller.controller import Controller, build
 from controller.model.bicycle import angle_from_curvature
 from trepid.config import CONFIG_DIR, InputError
-from trepid.messages import Command, Decision, Mode, Stop, VehicleState
+from trepid.messages import Command, Decision, Losses, Mode, Stop, VehicleState
 
 NUMBERS = (
     *((Decision, f.name) for f in fields(Decision) if "float" in str(f.type) and "tuple" not in str(f.type)),
@@ -253,6 +253,38 @@ def test_a_short_gap_in_the_decisions_does_not_stop_the_car():
         t = now_s + 0.02 * n
         again = one.step(decision(t), state(t), now_s=t)
     assert again.accel_mps2 > -0.1
+
+
+@pytest.mark.parametrize("late", ["decision", "state"])
+def test_a_late_decision_or_state_brakes_until_it_comes_while_the_car_is_steered(late):
+    one, now_s, _ = rolling(curvature_1pm=0.02)
+    now_s -= 0.02
+    limit_s = max(INPUTS.late.periods * 0.02, INPUTS.late.least_s)
+    accels, angles = [], []
+    for n in range(1, 15):
+        t = now_s + 0.01 * n
+        newest = {"decision": t, "state": t} | {late: now_s}
+        out = one.step(
+            decision(newest["decision"], curvature_1pm=0.02), state(newest["state"], speed_mps=4.0), now_s=t
+        )
+        accels.append(out.accel_mps2)
+        angles.append(out.road_wheel_angle_rad)
+    in_time = math.floor(limit_s / 0.01 - 0.5)
+    assert min(accels[:in_time]) > 0.5
+    assert max(accels[in_time + 1 :]) <= 0.0
+    assert accels[-1] < accels[in_time + 1]
+    assert min(angles) > 0.0
+    assert one.step(decision(t + 0.02), state(t + 0.02, speed_mps=4.0), now_s=t + 0.02).speed_mps == 5.0
+
+
+def test_a_lost_process_stops_the_car_whatever_the_decision_says():
+    one, now_s, _ = rolling()
+    for losses, goes in ((Losses(t_s=now_s, stop=(), slow=("horn",)), True), (None, True)):
+        out = one.step(decision(now_s), state(now_s, speed_mps=4.0), now_s=now_s, losses=losses)
+        assert (out.speed_mps > 0.0) is goes
+    lost = Losses(t_s=now_s, stop=("supervisor",), slow=())
+    out = one.step(decision(now_s), state(now_s, speed_mps=4.0), now_s=now_s + 0.02, losses=lost)
+    assert out.speed_mps == 0.0 and out.accel_mps2 <= 0.0
 
 
 def test_without_a_path_the_car_follows_the_remembered_one_then_holds_the_curvature_and_brakes():

@@ -15,6 +15,7 @@ DT_S = 1.0 / 128.0  # a tick whose multiples are exact
 # Edges that a test can stand on exactly.
 EXACT = SHIPPED.model_copy(
     update=dict(
+        command_late_s=0.0625,
         command_timeout_s=0.25,
         command_rate_hz=16.0,  # 8 commands in half a second
         state_timeout_s=0.125,

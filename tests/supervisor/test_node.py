@@ -1,5 +1,6 @@
 """The supervisor process passes to the step the inputs whose newest message could not be decoded."""
 
+import math
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
@@ -63,6 +64,54 @@ def one_decision(
     )
     SupervisorNode(me, build(), SimpleNamespace(take=lambda: change)).turn()  # type: ignore[arg-type]
     return sent[0], [further[0](), further[0]()]
+
+
+class Idle:
+    """A node whose supervisor decides nothing, on a clock of its own."""
+
+    def __init__(self, *, late_at_s: float = math.inf) -> None:
+        self.now_s, self.decided = 0.0, 0
+        self.inputs: dict[str, Any] = {}
+
+        def latest(topic: Any, wakes: bool = True) -> Any:
+            return self.inputs.setdefault(topic.key, SimpleNamespace(message=None, broken=False))
+
+        def step(*_: object, **__: object) -> Any:
+            self.decided += 1
+            return SimpleNamespace(t_s=None)
+
+        me: Any = SimpleNamespace(
+            name="supervisor",
+            bus=SimpleNamespace(latest=latest, publisher=lambda topic: lambda message: None),
+            options={"estimators": ["cv"]},
+            now_s=lambda: self.now_s,
+            ready=lambda *, values: None,
+            stepped=lambda health, message: None,
+        )
+        supervisor: Any = SimpleNamespace(step=step, late_at_s=late_at_s)
+        self.node = SupervisorNode(me, supervisor, SimpleNamespace(take=lambda: None))  # type: ignore[arg-type]
+        for one in self.inputs.values():
+            one.take = one.refresh = lambda: None
+
+    def turn_at(self, now_s: float) -> int:
+        """Number of decisions after a turn at that time."""
+        self.now_s = now_s
+        self.node.turn()
+        return self.decided
+
+
+def test_it_decides_when_a_message_becomes_late_and_not_only_when_it_is_idle() -> None:
+    idle = Idle(late_at_s=0.06)
+    assert [idle.turn_at(t_s) for t_s in (0.0, 0.051)] == [0, 1]
+    assert idle.node.due_s() == pytest.approx(0.009)
+    assert [idle.turn_at(t_s) for t_s in (0.059, 0.061)] == [1, 2]
+
+
+def test_it_decides_at_once_on_a_report_of_a_lost_process() -> None:
+    idle = Idle()
+    assert idle.turn_at(0.01) == 0
+    idle.inputs[LOSSES.key].take = lambda: Losses(t_s=0.01, stop=("camera",), slow=())
+    assert idle.turn_at(0.011) == 1
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,7 @@ NO_LANE = replace(
     reason="no line",
 )
 LEAD = LeadVehicle(t_s=0.0, distance_m=20.0, lateral_m=0.2, speed_mps=5.0, confidence=0.9)
+NOBODY = LeadVehicle(t_s=0.0, distance_m=None, lateral_m=None, speed_mps=None, confidence=0.0)
 
 
 def test_on_a_clean_road_fear_is_0_and_the_car_drives_at_full_speed() -> None:
@@ -98,21 +99,69 @@ def test_an_estimator_without_a_lane_slows_the_car_without_stopping_it(blind: st
     assert blind not in decision.sources
 
 
-def test_frames_that_stop_coming_first_slow_then_stop_then_brake_hard() -> None:
+SILENT = dict.fromkeys(("cv", "cnn", "statistics"))
+
+
+def test_frames_that_stop_coming_first_brake_then_stop_then_brake_hard() -> None:
     drive = Drive.under_way()
-    silent = dict.fromkeys(("cv", "cnn", "statistics"))
-    results = [drive.frame(**silent) for _ in range(20)]
-    first = {
-        stop: next(n for n, d in enumerate(results, 1) if d.stop is stop) * FRAME_S + LATENCY_S
-        for stop in (Stop.COMFORT, Stop.EMERGENCY)
-    }
-    assert first[Stop.COMFORT] == pytest.approx(SETTINGS.modes.comfort_stop_age_s, abs=FRAME_S)
-    assert first[Stop.EMERGENCY] == pytest.approx(SETTINGS.modes.emergency_stop_age_s, abs=FRAME_S)
+    results = [drive.frame(**SILENT) for _ in range(20)]
+
+    def first_s(stop: Stop, *modes: Mode) -> float:
+        """Age of the newest frame at the first decision with ``stop`` in one of ``modes``."""
+        return LATENCY_S + FRAME_S * next(
+            n for n, d in enumerate(results, 1) if d.stop is stop and d.mode in modes
+        )
+
+    late_s = LATENCY_S + SETTINGS.validation.late.periods * FRAME_S
+    assert first_s(Stop.COMFORT, Mode.KEEP, Mode.CAUTION) == pytest.approx(late_s, abs=FRAME_S)
+    assert first_s(Stop.COMFORT, Mode.STOP) == pytest.approx(SETTINGS.modes.comfort_stop_age_s, abs=FRAME_S)
+    assert first_s(Stop.EMERGENCY, Mode.STOP) == pytest.approx(
+        SETTINGS.modes.emergency_stop_age_s, abs=FRAME_S
+    )
     fears = [d.fear for d in results]
     assert fears == sorted(fears)
     assert results[-1].cause == "stale_data"
     drive.speed_mps = 0.0
     assert drive.last(10.0).stop is Stop.EMERGENCY  # final
+
+
+@pytest.mark.parametrize(
+    ("late", "cause"),
+    [
+        (("cv", "cnn", "statistics"), "stale_data"),
+        (("cv", "statistics"), "lost_estimator"),
+        (("cnn",), "lost_estimator"),
+        (("statistics",), "image_statistics_lost"),
+        (("lead",), "lead_lost"),
+    ],
+)
+def test_a_late_message_brakes_until_it_comes_without_a_change_of_the_mode(
+    late: tuple[str, ...], cause: str
+) -> None:
+    drive = Drive.under_way()
+    drive.last(1.0, lead=NOBODY)
+    *_, before, braking = (drive.frame(**({"lead": NOBODY} | dict.fromkeys(late))) for _ in range(3))
+    assert (before.mode, before.stop) == (Mode.KEEP, Stop.NONE)  # one frame may be missing
+    assert (braking.mode, braking.stop, braking.cause) == (Mode.KEEP, Stop.COMFORT, cause)
+    assert braking.speed_cap_mps == 0
+    back = drive.frame(lead=NOBODY)
+    assert (back.mode, back.stop) == (Mode.KEEP, Stop.NONE)
+
+
+def test_a_repeated_image_brakes_until_a_new_one_comes() -> None:
+    drive = Drive.under_way()
+    frozen = replace(STATISTICS, frozen_s=2 * FRAME_S)
+    braking = drive.frame(statistics=frozen)
+    assert (braking.mode, braking.stop, braking.cause) == (Mode.KEEP, Stop.COMFORT, "frozen_camera")
+    assert drive.frame().stop is Stop.NONE
+    once = replace(STATISTICS, frozen_s=FRAME_S)
+    assert drive.frame(statistics=once).stop is Stop.NONE  # a camera may double a frame
+
+
+def test_late_messages_do_not_brake_a_standing_car() -> None:
+    drive = Drive()
+    assert drive.last(SETTINGS.modes.reengage_after_s + 0.2).mode is not Mode.STOP  # type: ignore[operator]
+    assert drive.last(0.2, **SILENT).stop is Stop.NONE
 
 
 def test_a_short_gap_in_the_frames_stops_the_car_but_does_not_end_the_run() -> None:

@@ -99,6 +99,7 @@ class Heartbeats:
         part = SimpleNamespace(
             name=spec.name,
             options={**self._me.options, **spec.options},  # those of the drive, and its own
+            restarts=self._me.restarts,
             bus=self._me.bus,
             now_s=self._me.now_s,
             running=self._me.running,

@@ -13,7 +13,6 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -23,6 +22,7 @@ from typing import IO, Any
 
 from trepid.config import ROOT, InputError, car_folder
 from trepid.processes.access import published_by
+from trepid.processes.log import new_log, shorten
 from trepid.processes.process import ASSIGNMENT, BAD_INPUT, STOP_S, Assignment
 from trepid.processes.settings import ProcessSpec, Restart, working_folder
 
@@ -115,12 +115,14 @@ class Fleet:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def _start(self, spec: ProcessSpec) -> Child:
+    def _start(self, spec: ProcessSpec, restarts: int = 0) -> Child:
         """Start the process. Raises InputError when the system refuses it."""
         options = {**self._context, **spec.options}
-        assignment = Assignment.model_validate({"name": spec.name, "options": options, **self._session})
+        assignment = Assignment.model_validate(
+            {"name": spec.name, "options": options, "restarts": restarts, **self._session}
+        )
         text = assignment.model_dump_json()
-        log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the child
+        log = new_log()
         try:
             popen = subprocess.Popen(
                 _arguments(spec, text),
@@ -137,7 +139,7 @@ class Fleet:
         except OSError as error:
             log.close()
             raise InputError(f"{_place(spec)}: cannot be started: {error.strerror}") from error
-        child = Child(spec, popen, log)
+        child = Child(spec, popen, log, restarts)
         try:
             _schedule(spec, popen.pid)
         except InputError:
@@ -148,14 +150,16 @@ class Fleet:
     def collect_exits(self) -> list[UnexpectedExit]:
         """The children that ended since the last call; starts those again whose restart is due.
 
-        A process is started again as its entry says, and never after it has refused its input.
+        A process is started again as its entry says, at a later call, so that the caller can report its end before;
+        and never after it has refused its input.
         """
         exits = []
         for name, child in self.children.items():
             if child.restart_at_s is not None and time.monotonic() >= child.restart_at_s:
-                self.children[name] = self._start(child.spec)
-                self.children[name].restarts = child.restarts + 1
+                self._start_again(child)
                 continue
+            if not child.log.closed:
+                shorten(child.log)
             returncode = child.popen.poll()
             if returncode is None or child.log.closed:
                 continue
@@ -164,10 +168,17 @@ class Fleet:
             _close(child)
             if self._restarts(child, ended):
                 child.restart_at_s = time.monotonic() + child.spec.backoff_after_s(child.restarts)
-                if child.restart_at_s <= time.monotonic():
-                    self.children[name] = self._start(child.spec)
-                    self.children[name].restarts = child.restarts + 1
         return exits
+
+    def _start_again(self, child: Child) -> None:
+        """Start ``child`` again; what the system refuses is tried once more after the next back-off."""
+        restarts, child.restart_at_s = child.restarts + 1, None
+        try:
+            self.children[child.spec.name] = self._start(child.spec, restarts)
+        except (InputError, OSError):
+            child.restarts = restarts
+            if restarts < child.spec.max_restarts:
+                child.restart_at_s = time.monotonic() + child.spec.backoff_after_s(restarts)
 
     def _restarts(self, child: Child, ended: UnexpectedExit) -> bool:
         return (

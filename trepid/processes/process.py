@@ -49,6 +49,7 @@ class Assignment(Settings):
         default_factory=dict
     )  # topics of every process of the drive
     options: dict[str, Any] = Field(default_factory=dict)
+    restarts: int = 0  # of this process in the drive, with this one
 
 
 class Process:
@@ -57,6 +58,7 @@ class Process:
     def __init__(self, assignment: Assignment, bus: Bus, stop: threading.Event) -> None:
         self.name = assignment.name
         self.options = assignment.options
+        self.restarts = assignment.restarts
         self.bus = bus
         self.now_s = epoch_clock(assignment.clock_offset_ns)
         self._published = frozenset(key for keys in assignment.publishes.values() for key in keys)

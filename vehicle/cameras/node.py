@@ -7,16 +7,17 @@ import time
 import cv2
 
 from trepid.car.camera import Camera
-from trepid.config import CONFIG_DIR, load
+from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import CompressedFrame, Frame, Health
 from trepid.processes.process import Process, process
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
 from vehicle.cameras.source import CameraSource, Drive, Values
 from vehicle.cameras.statistics import FrameStatistics
-from vehicle.cameras.table import build
+from vehicle.cameras.table import build, configured
 from vehicle.cameras.working import Unfit, Working, WorkingSettings
 
 JPEG_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
+RETRY_S = 0.5  # between two attempts to open a camera that is absent after a restart
 EARLY = 0.2  # share of a period by which a frame may come before it is due
 
 
@@ -90,11 +91,33 @@ def compressed(frame: Frame) -> CompressedFrame:
 def run(me: Process) -> None:
     """Read, correct and publish until the process is to stop."""
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
-    name, source, settings = build(Drive(me.bus, me.now_s))
+    opened = opened_source(me)
+    if opened is None:
+        return
+    name, source, settings = opened
     try:
         drive(me, name, source, CameraStep(settings, camera))
     finally:
         source.close()
+
+
+def opened_source(me: Process) -> tuple[str, CameraSource, WorkingSettings] | None:
+    """The configured source. Raises InputError when it cannot be opened.
+
+    A process that was started again during a drive waits for its camera instead, as for one that is unplugged; None
+    when the drive ends before the camera is there.
+    """
+    configured()  # a fault in the settings is refused in each case
+    while True:
+        try:
+            return build(Drive(me.bus, me.now_s))
+        except InputError as error:
+            if not me.restarts:
+                raise
+            me.alive(Health.WARN, f"no frame: {error}")
+        me.bus.wait(timeout_s=RETRY_S)
+        if not me.running():
+            return None
 
 
 def drive(me: Process, name: str, source: CameraSource, node: CameraStep) -> None:

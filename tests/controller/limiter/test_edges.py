@@ -216,13 +216,22 @@ def test_without_a_state_the_driver_does_not_have_the_car():
 
 def test_commands_at_too_low_a_rate_brake_the_car():
     """Required: eight commands in 0.5 s. A command arrives every 0.125 s, within the timeout."""
-    one, accels = limiter(), []
+    one, accels = limiter(AT_ONCE.model_copy(update=dict(command_late_s=0.25))), []
     for n in range(16 * 8):
         received_s = math.floor(n / 8) * 0.125
         requested = command(received_s, accel_mps2=1.0)
         accels.append(one.step(requested, received_s, state(n / 64), now_s=n / 64).accel_mps2)
     assert accels[0] == 1.0
     assert accels[-1] == -1.0
+    assert one.stopping is False
+
+
+@pytest.mark.parametrize("age_s,accel", [(0.0625, 1.0), (0.0626, -1.0)])
+def test_a_late_command_brakes_until_the_next_one_comes(age_s, accel):
+    one = limiter()
+    stepped(one, 0.0, accel=1.0)
+    assert one.step(command(accel_mps2=1.0), 0.0, state(age_s), now_s=age_s).accel_mps2 == accel
+    assert stepped(one, 0.125, accel=1.0, speed=5.0).accel_mps2 == 1.0
     assert one.stopping is False
 
 

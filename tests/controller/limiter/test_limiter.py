@@ -203,7 +203,8 @@ def test_when_commands_cease_the_limiter_stops_the_car_on_the_last_curvature():
         out = one.step(last, now_s - DT_S, state(t, speed_mps=speed), now_s=t)
         accels.append(out.accel_mps2)
         speed = max(0.0, speed + DT_S * out.accel_mps2)
-    assert accels[int((LIMITS.command_timeout_s - 0.03) / DT_S)] == 0.5
+    assert accels[int((LIMITS.command_late_s - 0.03) / DT_S)] == 0.5
+    assert accels[int((LIMITS.command_timeout_s - 0.03) / DT_S)] == -LIMITS.comfort_decel_mps2
     assert accels[int((LIMITS.command_timeout_s + 0.01) / DT_S)] == -LIMITS.stop_decel_mps2
     assert speed == 0.0
     assert curvature(out.road_wheel_angle_rad, 0.0) == pytest.approx(curvature(angle, 10.0), rel=0.01)

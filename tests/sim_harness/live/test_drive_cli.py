@@ -1,8 +1,10 @@
 """The display of a live drive without a terminal."""
 
+from contextlib import suppress
+from pathlib import Path
 from types import SimpleNamespace
 
-from sim_harness.live.drive_cli import shown
+from sim_harness.live.drive_cli import say, shown
 from trepid.messages import Diagnostic, Health
 
 KEPT = "old rules kept: fear.yaml:3:5: no such input"
@@ -27,3 +29,12 @@ def test_without_a_terminal_each_new_warning_of_a_process_is_one_line(capsys):
             printed = capsys.readouterr().err.splitlines()
             lines.append([line for line in printed if line.startswith("process")])
     assert lines == [[], [REPORTED], [], [], [REPORTED]]
+
+
+def test_a_full_disk_behind_standard_error_does_not_end_the_drive(monkeypatch):
+    full = Path("/dev/full").open("w", buffering=1)  # noqa: SIM115 - cannot be closed without an error
+    monkeypatch.setattr("sys.stderr", full)
+    say("a line")
+    monkeypatch.undo()
+    with suppress(OSError):  # the line is still in its buffer
+        full.close()

@@ -53,6 +53,7 @@ def fused(**options: dict[str, Any]) -> Any:
         options={"nodes": [dict(name=name, module=module, options=own) for name, own in options.items()]},
         bus=SimpleNamespace(wait=wait),
         now_s=lambda: 0.0,
+        restarts=0,
         running=lambda: next(rounds),
         ready=ready,
         stepped=lambda *state: seen.states.append(state),

@@ -1,8 +1,10 @@
 """The times of a frame: noted by each process, joined by frame."""
 
+from random import Random
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from trepid.clock import UNSTAMPED
@@ -56,6 +58,44 @@ def test_frames_before_the_drive_do_not_count() -> None:
     latency_ms = times(CV, SUPERVISOR, from_s=1.5).latency_ms()
     assert latency_ms["frame_to_cv"] == pytest.approx({"p50": 4.0, "p99": 4.0, "max": 4.0})
     assert latency_ms["frame_to_decision"] is None
+
+
+def test_the_figures_of_a_long_drive_are_those_of_all_its_frames_in_a_constant_memory() -> None:
+    found = FrameTimes(("cv", "cnn"))
+    sent: dict[str, list[float]] = {"cv": [], "cnn": [], "supervisor": []}
+    dice = Random(1)
+    sizes = []
+    for second in range(600):
+        frames = [second + n / 30 for n in range(30)]
+        for process, after_s in (("cv", 0.004), ("cnn", 0.006), ("supervisor", 0.012)):
+            took_s = [round(dice.expovariate(300), 5) for _ in frames]
+            sent[process] += [after_s + t for t in took_s]
+            rows = [
+                (f, f + 0.002, f + 0.003, f + 0.003, f + 0.002 + after_s + t)
+                for f, t in zip(frames, took_s, strict=True)
+            ]
+            found.add(report(process, *rows))
+        if second in (60, 599):
+            sizes.append(sum(map(len, found._times.values())))
+    assert sizes[0] == sizes[1] < 3 * 30 * 7
+    for name, process in (("frame_to_cv", "cv"), ("frame_to_decision", "supervisor")):
+        p50, p99 = 1e3 * np.percentile(sent[process], [50, 99])
+        assert found.latency_ms()[name] == pytest.approx(
+            {"p50": p50, "p99": p99, "max": 1e3 * max(sent[process])}, abs=0.011
+        )
+    spread_ms = [1e3 * abs(a - b) for a, b in zip(sent["cv"], sent["cnn"], strict=True)]
+    p50, p99 = np.percentile(spread_ms, [50, 99])
+    assert found.spread_ms() == pytest.approx({"p50": p50, "p99": p99, "max": max(spread_ms)}, abs=0.011)
+    assert found.stages_ms()["cv"]["transport"] == {"p50": 1.0, "p99": 1.0, "max": 1.0}
+
+
+def test_a_frame_that_is_reported_after_it_was_counted_does_not_count_twice() -> None:
+    found = times(CV, CNN)
+    found.add(report("cv", (100.0, 100.004, 100.005, 100.006, 100.050)))
+    found.add(CV)
+    assert found.latency_ms()["frame_to_cv"] == pytest.approx(
+        {"p50": 4.0, "p99": 45.16, "max": 46.0}, abs=0.1
+    )
 
 
 def test_a_message_without_a_stamp_has_no_transport_time_but_a_step() -> None:

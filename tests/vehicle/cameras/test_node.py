@@ -77,11 +77,18 @@ def hub() -> Iterator[tuple[Bus, str]]:
         yield bus, endpoint
 
 
-def started(endpoint: str, car: Path, text: str) -> subprocess.Popen[str]:
+def started(endpoint: str, car: Path, text: str, *, restarts: int = 0) -> subprocess.Popen[str]:
     """The camera process of a car."""
     car.mkdir(exist_ok=True)
     (car / "camera_source.yaml").write_text(text)
-    task = dict(name="camera", vehicle_name="car", connect=endpoint, clock_offset_ns=OFFSET_NS, options={})
+    task = dict(
+        name="camera",
+        vehicle_name="car",
+        connect=endpoint,
+        clock_offset_ns=OFFSET_NS,
+        options={},
+        restarts=restarts,
+    )
     words = [sys.executable, "-m", "vehicle.cameras.node", json.dumps(task)]
     environment = {"TREPID_CAR": str(car), "PATH": "", "PYTHONPATH": str(ROOT)}
     pipes = dict(stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -136,3 +143,33 @@ def test_a_wrong_source_ends_the_process_with_one_line_and_code_2(
     _, error = child.communicate(timeout=PATIENCE_S)
     assert child.returncode == 2
     assert problem in error and len(error.strip().splitlines()) == 1
+
+
+def test_a_camera_that_is_absent_when_its_process_starts_again_is_waited_for(
+    hub: tuple[Bus, str], tmp_path: Path
+) -> None:
+    bus, endpoint = hub
+    frames, beats = bus.latest(CAMERA_IMAGE), bus.latest(DIAGNOSTICS)
+    text = f"source: folder\nfolder:\n  path: {tmp_path / 'frames'}\n  loop: true\n"
+    child = started(endpoint, tmp_path / "car", text, restarts=1)
+    try:
+        absent = "no frame: "
+
+        def says_so() -> bool:
+            beat = beats.take()
+            return beat is not None and beat.health is Health.WARN and beat.message.startswith(absent)
+
+        assert until(says_so, patience_s=PATIENCE_S)
+        folder_of(tmp_path / "frames", 3)
+        assert until(lambda: frames.refresh() is not None, patience_s=PATIENCE_S)
+    finally:
+        child.terminate()
+        child.communicate(timeout=PATIENCE_S)
+    assert child.returncode == 0
+
+
+def test_wrong_settings_are_refused_after_a_restart_too(hub: tuple[Bus, str], tmp_path: Path) -> None:
+    child = started(hub[1], tmp_path / "car", "source: camera\n", restarts=1)
+    _, error = child.communicate(timeout=PATIENCE_S)
+    assert child.returncode == 2
+    assert "unknown camera source" in error
