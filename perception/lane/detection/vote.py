@@ -11,6 +11,7 @@ from trepid.config import Settings
 from trepid.types import Array, NonNegative, Positive
 
 MIN_SIGMA = np.array([0.15, 0.03, 0.01, 0.0, 0.15, 0.0])  # of the state; leaves room for a search
+BLOCK = 16384  # distances computed at once
 
 
 class VoteSettings(Settings):
@@ -66,21 +67,54 @@ def _steps(half_range: float, count: int) -> Array:
 def _histograms(
     x_m: Array, y_m: Array, weight: Array, heading: Array, curvature: Array, half_m: float, bin_m: float
 ) -> Array:
-    """Weight per bin of signed distance to the circle (ψ, κ) through the origin; shape (bins, ψ·κ)."""
+    """Weight per bin of signed distance to the circle (ψ, κ) through the origin; shape (bins, ψ·κ).
+
+    The headings are processed in blocks, because numpy allocates and clears pages for each larger array.
+    """
     bins = int(np.ceil(2 * half_m / bin_m))
-    across = y_m * np.cos(heading)[:, None] + x_m * np.sin(heading)[:, None]
-    kappa = curvature[None, :, None]
-    square = x_m * x_m + y_m * y_m
-    root = np.sqrt(np.maximum(1 - 2 * kappa * across[:, None, :] + kappa**2 * square, 0.04))
-    distance = (2 * across[:, None, :] - kappa * square) / (1 + root)
-    place = ((distance + half_m) * (1 / bin_m)).astype(np.int64)
-    np.minimum(np.maximum(place, -1, out=place), bins, out=place)
-    shapes = len(heading) * len(curvature)
-    index = (place.reshape(shapes, -1) + 1) * shapes + np.arange(shapes)[:, None]
-    counted = np.bincount(index.ravel(), weights=np.tile(weight, shapes), minlength=shapes * (bins + 2))
-    counted = counted.reshape(bins + 2, shapes)
+    block = max(1, BLOCK // max(1, len(curvature) * len(x_m)))
+    counted = np.concatenate(
+        [
+            _counted(x_m, y_m, weight, heading[first : first + block], curvature, half_m, bin_m, bins)
+            for first in range(0, len(heading), block)
+        ],
+        axis=1,
+    )
     counted[0] = counted[-1] = 0
     return np.asarray(counted[1:-1] + 0.5 * (counted[:-2] + counted[2:]), np.float64)
+
+
+def _counted(
+    x_m: Array,
+    y_m: Array,
+    weight: Array,
+    heading: Array,
+    curvature: Array,
+    half_m: float,
+    bin_m: float,
+    bins: int,
+) -> Array:
+    """Weight per bin and shape, with a bin at each end for the places beyond; shape (bins + 2, ψ·κ)."""
+    across = y_m * np.cos(heading)[:, None] + x_m * np.sin(heading)[:, None]
+    kappa = curvature[:, None]
+    square = x_m * x_m + y_m * y_m
+    root = 2 * kappa * across[:, None, :]
+    np.subtract(1, root, out=root)
+    root += kappa**2 * square
+    np.sqrt(np.maximum(root, 0.04, out=root), out=root)
+    root += 1
+    place = 2 * across[:, None, :] - kappa * square
+    place /= root
+    place += half_m
+    place *= 1 / bin_m
+    np.minimum(np.maximum(place, -1, out=place), bins, out=place)
+    shapes = len(heading) * len(curvature)
+    index = place.astype(np.int64).reshape(shapes, -1)
+    index += 1
+    index *= shapes
+    index += np.arange(shapes)[:, None]
+    counted = np.bincount(index.ravel(), weights=np.tile(weight, shapes), minlength=shapes * (bins + 2))
+    return np.asarray(counted.reshape(bins + 2, shapes), np.float64)
 
 
 def _best_pair(
@@ -96,19 +130,20 @@ def _best_pair(
     bins = len(counts)
     low = max(1, math.floor((guess[WIDTH] - 2 * sigma[WIDTH]) / bin_m))
     high = min(bins - 1, max(low, math.ceil((guess[WIDTH] + 2 * sigma[WIDTH]) / bin_m)))
-    place_m = (np.arange(bins) + 0.5) * bin_m - half_m
-    best, found = -math.inf, (0, 0.0, 0.0)
-    for width in range(low, high + 1):
-        width_m = width * bin_m
-        aside = np.abs(place_m[width:] - width_m / 2 + guess[E]) / sigma[E]
-        unlikely = aside**2 + 4 * np.maximum(aside - 0.4 * width_m / sigma[E], 0) ** 2
-        unlikely += ((width_m - guess[WIDTH]) / sigma[WIDTH]) ** 2
-        unlikely[aside >= 3] = math.inf
-        on_left, on_right = counts[width:], counts[:-width]
-        score = on_left + on_right + np.minimum(on_left, on_right) - shape_cost
-        score -= (prior_weight * unlikely)[:, None]
-        at = int(score.argmax())
-        if score.flat[at] > best:
-            left, shape = divmod(at, len(shape_cost))
-            best, found = float(score.flat[at]), (shape, float(place_m[width + left]), width_m)
-    return best, *found
+    width, right = np.arange(low, high + 1)[:, None], np.arange(bins - low)
+    left = np.minimum(width + right, bins - 1)
+    place_m, width_m = (np.arange(bins) + 0.5) * bin_m - half_m, width * bin_m
+    aside = np.abs(place_m[left] - width_m / 2 + guess[E]) / sigma[E]
+    unlikely = aside**2 + 4 * np.maximum(aside - 0.4 * width_m / sigma[E], 0) ** 2
+    unlikely += ((width_m - guess[WIDTH]) / sigma[WIDTH]) ** 2
+    unlikely[(aside >= 3) | (width + right >= bins)] = math.inf
+    on_left, on_right = counts[left], counts[right]
+    score = np.minimum(on_left, on_right)
+    score += on_left
+    score += on_right
+    score -= shape_cost
+    score -= (prior_weight * unlikely)[:, :, None]
+    pair, shape = divmod(int(score.argmax()), len(shape_cost))
+    at_width, at_right = divmod(pair, len(right))
+    best = float(score[at_width, at_right, shape])
+    return best, shape, float(place_m[left[at_width, at_right]]), float(width_m[at_width, 0])
