@@ -24,6 +24,8 @@ class LaneChoice:
 
     def __init__(self, settings: LaneCvSettings, rating: Rating) -> None:
         self._settings, self._rating = settings, rating
+        self._lines_missing = 0  # frames in a row since the last lines near the remembered lane
+        self._layout_misses = 0  # looks for edges in a row without a match
         self._weak_frames = 0  # in a row without a good candidate near the remembered lane
         self._rival_looks = 0  # detections of a better lane elsewhere, in a row
 
@@ -37,6 +39,7 @@ class LaneChoice:
     def _without_memory(self, search: FrameSearch, memory: LaneMemory) -> Candidate | None:
         """Two good lines, else the better of lines and edges."""
         settings = self._settings
+        self._lines_missing = self._layout_misses = 0
         lines = self._rating.candidate(search.lines_anywhere())
         if lines.score >= settings.enough_score and lines.fit.boundaries_seen == 2:
             return lines
@@ -53,32 +56,46 @@ class LaneChoice:
         return best if best.sure or best.score >= settings.min_score else None
 
     def _with_memory(self, search: FrameSearch, memory: LaneMemory) -> Candidate | None:
-        """A good candidate near the remembered lane, else the best one unless a rival elsewhere is better."""
-        settings = self._settings
+        """A good candidate near the remembered lane, else the best one unless a rival elsewhere is better.
+
+        While lines are missing and the edges are good, lines are looked for every ``lines_every`` frames.
+        """
+        settings, edges = self._settings, None
+        if self._lines_missing % settings.track.lines_every:
+            edges = self._follow_edges(search, memory)
+            if edges.score >= settings.good_score:
+                self._lines_missing += 1
+                return self._kept(edges, memory)
         lines = self._follow_lines(search, memory)
+        self._lines_missing = 0 if lines.score >= settings.min_score else self._lines_missing + 1
         if lines.score >= settings.good_score:
-            return self._kept(lines)
+            return self._kept(lines, memory)
         if memory.source == LINES and lines.score >= settings.min_score:
             return self._unless_rival(lines, search, memory)
-        edges = self._follow_edges(search, memory)
+        edges = edges or self._follow_edges(search, memory)
         if edges.score >= settings.good_score:
-            return self._kept(edges)
+            return self._kept(edges, memory)
         return self._unless_rival(self._lines_or_edges(lines, edges, memory), search, memory)
 
     def _follow_lines(self, search: FrameSearch, memory: LaneMemory) -> Candidate:
-        """The lines of the predicted lane, or the best lines near it if those are not good."""
-        predicted = memory.between_lines
-        if memory.source == LINES:
+        """The lines of the predicted lane, or the best lines near it if those are not good.
+
+        A frame has only one of the two looks while lines are missing (in turn), and in both frames of a search
+        for a rival.
+        """
+        predicted, missing = memory.between_lines, self._lines_missing
+        if memory.source == LINES and memory.rival is None and (missing == 0 or missing % 2):
             lines = self._rating.candidate(search.lines_at(predicted))
-            if lines.score >= self._settings.good_score:
+            if missing or self._is_rival_due or lines.score >= self._settings.good_score:
                 return lines
         return self._rating.candidate(search.lines_near(predicted))
 
     def _follow_edges(self, search: FrameSearch, memory: LaneMemory) -> Candidate:
         """The edges of the predicted road, or of the road around a lane between lines; score 0 without a match.
 
-        As long as lines define the place of the lane, the road may have a second lane on its left or right.
-        The layout of the last match is tested first, and the lane keeps its place and width.
+        As long as lines define the place of the lane, the road may have a second lane on its left or right, and
+        the lane keeps its place and width. Each frame tests one layout: the last that matched, and after a miss
+        every other frame one of the other two in turn.
         """
         assert memory.lane is not None
         road, track = memory.between_edges, self._settings.track
@@ -86,15 +103,21 @@ class LaneChoice:
             edges = self._rating.candidate(search.edges_at(road))
             return edges if _continues(edges.fit, memory.lane, track) else replace(edges, score=0.0)
         keeps_place = memory.lines_define_place
-        sides = sorted(SIDES, key=lambda side: side != memory.neighbour) if keeps_place else (0,)
-        for side in sides:
-            fit = search.edges_at(with_neighbour(road, memory.lane, side))
-            if _encloses(fit, memory.lane, side, track):
-                memory.neighbour = side
-                if keeps_place:
-                    fit = replace(fit, state=along_road(memory.lane, fit.state))
-                return self._rating.candidate(fit)
-        return replace(self._rating.candidate(fit), score=0.0)
+        side = self._layout(memory) if keeps_place else 0
+        fit = search.edges_at(with_neighbour(road, memory.lane, side))
+        if not _encloses(fit, memory.lane, side, track):
+            self._layout_misses += 1
+            return replace(self._rating.candidate(fit), score=0.0)
+        memory.neighbour, self._layout_misses = side, 0
+        if keeps_place:
+            fit = replace(fit, state=along_road(memory.lane, fit.state))
+        return self._rating.candidate(fit)
+
+    def _layout(self, memory: LaneMemory) -> int:
+        """The side of the second lane to test: that of the last match, or after a miss one of the others."""
+        turn, is_other = divmod(self._layout_misses, 2)
+        others = [side for side in SIDES if side != memory.neighbour]
+        return others[turn % len(others)] if is_other else memory.neighbour
 
     def _lines_or_edges(self, lines: Candidate, edges: Candidate, memory: LaneMemory) -> Candidate:
         """The candidate with the higher score, with two exceptions in favour of lines.
@@ -115,22 +138,32 @@ class LaneChoice:
         """The ``weak`` candidate near the remembered lane, or clearly better lines elsewhere.
 
         A rival that does not continue the remembered lane must be found ``confirm_looks`` times in a row. The
-        search over all lanes is slow, so it runs at the first weak frame and then every ``rival_every``
-        frames.
+        search over all lanes is slow, so it begins at the second weak frame in a row and then every ``rival_every``
+        frames, and takes two frames: a vote over all shapes, then a fit to the best one.
         """
-        track = self._settings.track
-        if self._weak_frames % track.rival_every == 0:
-            rival = None if weak.sure else self._rating.candidate(search.lines_anywhere())
-            if rival is not None and rival.score > weak.score + track.rival_margin:
-                assert memory.lane is not None
+        track, lane = self._settings.track, memory.lane
+        assert lane is not None
+        shape, memory.rival = memory.rival, None
+        if shape is not None and not weak.sure:
+            rival = self._rating.candidate(search.lines_like(shape))
+            if rival.score > weak.score + track.rival_margin:
                 self._rival_looks += 1
-                if _continues(rival.fit, memory.lane, track) or self._rival_looks >= track.confirm_looks:
+                if _continues(rival.fit, lane, track) or self._rival_looks >= track.confirm_looks:
                     memory.looks = 0
-                    return self._kept(rival)
+                    return self._kept(rival, memory)
             else:
+                self._rival_looks = 0
+        elif self._is_rival_due and not weak.sure:
+            memory.rival = search.shape_anywhere()
+            if memory.rival is None:
                 self._rival_looks = 0
         self._weak_frames += 1
         return weak if weak.sure or weak.score >= self._settings.min_score else None
+
+    @property
+    def _is_rival_due(self) -> bool:
+        """Whether a search for a rival begins if this frame is weak."""
+        return self._weak_frames % self._settings.track.rival_every == 1
 
     def _is_pause_of_lines(self, best: Candidate, memory: LaneMemory) -> bool:
         """Whether ``best`` are edges right after lines, less probable than the lane remembered by the lines."""
@@ -138,8 +171,9 @@ class LaneChoice:
             return False
         return self._probability(best, memory) < memory.faded_probability
 
-    def _kept(self, candidate: Candidate) -> Candidate:
+    def _kept(self, candidate: Candidate, memory: LaneMemory) -> Candidate:
         self._rival_looks = self._weak_frames = 0
+        memory.rival = None
         return candidate
 
     def _has_two_lanes(self, edges: LaneFit) -> bool:

@@ -29,12 +29,24 @@ class FrameSearch:
 
     def lines_anywhere(self) -> LaneFit:
         """The best lane between lines over all shapes of the prior."""
+        return self.lines_like(self.shape_anywhere())
+
+    def shape_anywhere(self) -> LaneState | None:
+        """The first half of :meth:`lines_anywhere`: the shape with the most votes; None without enough of them."""
         vote, prior = self._settings.vote, self._settings.prior
-        return self._voted(prior.lane, (vote.cold, vote.refine), straightened(prior.lane, prior))
+        return self._voted(prior.lane, (vote.cold, vote.refine))
+
+    def lines_like(self, shape: LaneState | None) -> LaneFit:
+        """The second half of :meth:`lines_anywhere`: the lane between the lines near ``shape``."""
+        prior = self._settings.prior
+        if shape is None:
+            return _nothing(prior.lane)
+        return self._between_lines(prior.lane, shape.mean, straightened(prior.lane, prior))
 
     def lines_near(self, predicted: LaneState) -> LaneFit:
         """The best lane between lines among shapes around ``predicted``."""
-        return self._voted(predicted, (self._settings.vote.tracked,))
+        shape = self._voted(predicted, (self._settings.vote.tracked,))
+        return _nothing(predicted) if shape is None else self._between_lines(predicted, shape.mean)
 
     def lines_at(self, predicted: LaneState) -> LaneFit:
         """The lane between the lines of ``predicted``, without a search; shorter pieces of line count as seen."""
@@ -65,10 +77,8 @@ class FrameSearch:
     def _road_sums(self) -> Floats:
         return self._view.edges.sums(self._road_image)
 
-    def _voted(
-        self, prior: LaneState, stages: tuple[VoteSettings, ...], straight: LaneState | None = None
-    ) -> LaneFit:
-        """The lane with the most votes in the last of ``stages``, each around the one before, then fitted."""
+    def _voted(self, prior: LaneState, stages: tuple[VoteSettings, ...]) -> LaneState | None:
+        """``prior`` at the shape with the most votes in the last of ``stages``, each around the one before."""
         vote, grid = self._settings.vote, self._view.grid
         x_m, y_m = levelled(self._points, prior.mean[PITCH], grid.camera)
         flat = self._points._replace(x_m=x_m, y_m=y_m)
@@ -77,9 +87,7 @@ class FrameSearch:
             start, support = vote_lane(
                 flat, start, prior, stage, bands=len(grid.ahead_m), prior_weight=vote.prior_weight
             )
-        if support < vote.min_support:
-            return LaneFit(state=prior, left=NO_SUPPORT, right=NO_SUPPORT, residual=0.0)
-        return self._between_lines(prior, start, straight)
+        return replace(prior, mean=start) if support >= vote.min_support else None
 
     def _between_lines(
         self, prior: LaneState, start: Array, straight: LaneState | None = None, *, foreseen: bool = False
@@ -110,3 +118,7 @@ class FrameSearch:
         fitted = fitter.fitted(points, side, prior, start, straight)
         road = fitter.with_evidence(fitted, points, side, count=len(points.x_m))
         return replace(road, by_edges=True, apart=finder.apart(sums, road.state.mean))
+
+
+def _nothing(prior: LaneState) -> LaneFit:
+    return LaneFit(state=prior, left=NO_SUPPORT, right=NO_SUPPORT, residual=0.0)

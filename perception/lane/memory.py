@@ -25,15 +25,16 @@ class LaneMemory:
         self.probability = 0.0  # of the last detection
         self.source = LINES  # the boundaries that define the place and width of the lane
         self.by_edges = False  # whether the last detection was of edges
+        self.rival: LaneState | None = None  # a shape elsewhere with the most votes, not yet fitted
         self.neighbour = 0  # side of a second lane of the road: 1 left, -1 right, 0 none
         self._t_s = 0.0  # time of `lane`
         self._straight = False  # whether the road was straight at the last detection
         self._unmarked_m = 0.0  # driven since the last detection of lines
 
     def predict(self, t_s: float, motion: Motion) -> None:
-        """Move the lane to ``t_s``; forget it when time runs backwards or after too long without detection.
+        """Move the lane and its rival to ``t_s``; forget both when time runs backwards or without detections.
 
-        A lane is remembered for ``max_coast_s``, and for less if its probability was below
+        A lane without detection is remembered for ``max_coast_s``, and for less if its probability was below
         ``good_probability``.
         """
         if self.lane is None:
@@ -41,10 +42,12 @@ class LaneMemory:
         dt_s, track = t_s - self._t_s, self._settings.track
         share = min(1.0, self.probability / self._settings.good_probability)
         if dt_s < 0 or t_s - self.seen_t_s > max(share * track.max_coast_s, MIN_UNSEEN_S):
-            self.lane, self.looks, self.neighbour = None, 0, 0
+            self.lane, self.rival, self.looks, self.neighbour = None, None, 0, 0
             return
         self._unmarked_m += travelled_m(motion, dt_s, track)
         self.lane = predict(self.lane, dt_s, motion, track=track, prior=self._settings.prior)
+        if self.rival is not None:
+            self.rival = predict(self.rival, dt_s, motion, track=track, prior=self._settings.prior)
         self._t_s = t_s
 
     def update(self, found: Candidate, t_s: float) -> LaneState:

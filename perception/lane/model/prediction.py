@@ -35,7 +35,8 @@ class TrackSettings(Settings):
     edge_gate_width_m: Positive
     hold_m: Positive
     confirm_looks: Annotated[int, Field(ge=1)]
-    rival_every: Annotated[int, Field(ge=1)]
+    lines_every: Annotated[int, Field(ge=1)]
+    rival_every: Annotated[int, Field(ge=2)]
     rival_margin: Share
 
 

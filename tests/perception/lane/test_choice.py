@@ -32,15 +32,24 @@ ONE_LANE, TWO_LANES = fit(4.2, 0.35, apart=8.0), fit(6.2, 0.35, apart=8.0)
 
 @dataclass
 class Given:
-    """Candidates in place of a search; records the searches over all lanes."""
+    """Candidates in place of a search; records the searches."""
 
     lines: LaneFit = NO_LANE
     edges: LaneFit = NO_LANE
     near: LaneFit = NO_LANE
+    around: LaneFit | None = None  # edges of any predicted road; None: a miss
     searched: list[str] = field(default_factory=list)
 
     def lines_anywhere(self) -> LaneFit:
         self.searched.append("lines")
+        return self.lines
+
+    def shape_anywhere(self) -> LaneState:
+        self.searched.append("shape")
+        return self.lines.state
+
+    def lines_like(self, shape: LaneState) -> LaneFit:
+        self.searched.append("like")
         return self.lines
 
     def edges_anywhere(self) -> LaneFit:
@@ -48,12 +57,16 @@ class Given:
         return self.edges
 
     def lines_at(self, predicted: LaneState) -> LaneFit:
+        self.searched.append("at")
         return self.near
 
-    lines_near = lines_at
+    def lines_near(self, predicted: LaneState) -> LaneFit:
+        self.searched.append("near")
+        return self.near
 
     def edges_at(self, predicted: LaneState) -> LaneFit:
-        return NO_LANE
+        self.searched.append("around")
+        return self.around or NO_LANE
 
 
 def chosen(given: Given, memory: LaneMemory | None = None, choice: LaneChoice | None = None):
@@ -87,12 +100,67 @@ def test_without_any_candidate_nothing_is_chosen():
     assert chosen(Given()) is None
 
 
-@pytest.mark.parametrize(("offset_m", "frames"), [(0.1, 1), (1.0, 1 + 2 * SETTINGS.track.rival_every)])
-def test_a_better_lane_elsewhere_replaces_a_weak_one_at_once_only_if_it_continues_it(offset_m, frames):
+@pytest.mark.parametrize(("offset_m", "frames"), [(0.1, 3), (1.0, 3 + 2 * SETTINGS.track.rival_every)])
+def test_a_better_lane_elsewhere_replaces_a_weak_one_at_its_first_fit_only_if_it_continues_it(
+    offset_m, frames
+):
     memory, choice = memory_of(GOOD), LaneChoice(SETTINGS, RATING)
     given = Given(lines=fit(3.4, 0.35, offset_m=offset_m), near=WEAK)
     fits = [chosen(given, memory, choice).fit for _ in range(frames)]
     assert [one is WEAK for one in fits] == [True] * (frames - 1) + [False]
+
+
+def searches_of(given: Given, memory: LaneMemory, frames: int) -> list[list[str]]:
+    """The searches of each frame."""
+    choice, found = LaneChoice(SETTINGS, RATING), []
+    for _ in range(frames):
+        given.searched = []
+        chosen(given, memory, choice)
+        found.append(given.searched)
+    return found
+
+
+def test_a_search_for_a_rival_takes_two_frames_of_one_look_near_the_remembered_lane_each():
+    cycle = searches_of(Given(near=WEAK), memory_of(GOOD), 1 + SETTINGS.track.rival_every)
+    both = ["at", "near"]
+    assert cycle == [both, ["at", "shape"], ["near", "like"], both, both]
+
+
+def test_a_single_weak_frame_begins_no_search_for_a_rival():
+    given, memory, choice = Given(lines=GOOD), memory_of(GOOD), LaneChoice(SETTINGS, RATING)
+    for near in (WEAK, GOOD) * 4:
+        given.near = near
+        chosen(given, memory, choice)
+    assert "shape" not in given.searched
+
+
+@pytest.mark.parametrize("around", [None, fit(3.4, 0.1, apart=8.0)])
+@pytest.mark.parametrize("near", [NO_LANE, fit(3.4, 0.04), WEAK])
+@pytest.mark.parametrize("remembered", [GOOD, ONE_LANE])
+def test_a_frame_without_a_good_lane_has_at_most_three_searches(remembered, near, around):
+    frames = searches_of(Given(near=near, around=around), memory_of(remembered), 40)
+    assert max(map(len, frames)) <= 3
+
+
+@pytest.mark.parametrize("remembered", [GOOD, ONE_LANE])
+def test_between_good_edges_missing_lines_are_looked_for_every_few_frames(remembered):
+    edges = fit(3.7, 0.35, apart=8.0) if remembered is GOOD else ONE_LANE
+    looks = [
+        any(one in frame for one in ("at", "near"))
+        for frame in searches_of(Given(around=edges), memory_of(remembered), 13)
+    ]
+    assert [number for number, look in enumerate(looks) if look] == list(
+        range(0, 13, SETTINGS.track.lines_every)
+    )
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_road_with_a_second_lane_on_either_side_is_found_by_one_layout_a_frame(side):
+    lane = fit(3.4, 0.35)
+    road = fit(3.4 + 3.7, 0.35, offset_m=-side * 1.75, apart=8.0)
+    memory, given = memory_of(lane), Given(around=road)
+    frames = [frame.count("around") for frame in searches_of(given, memory, 5)]
+    assert frames == [1] * 5 and memory.neighbour == side
 
 
 def test_edges_right_after_lines_do_not_replace_a_more_probable_remembered_lane():

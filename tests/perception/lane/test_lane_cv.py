@@ -166,6 +166,17 @@ def test_in_a_pause_of_the_lines_the_edges_of_the_road_give_heading_and_bend(oth
     assert seen.confidence > SETTINGS.good_probability
 
 
+@pytest.mark.parametrize("frames", [20, 21, 22])
+def test_lines_after_an_unmarked_section_are_found_at_the_next_look_for_them(frames):
+    finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+    marked = []
+    for number in range(frames + SETTINGS.track.lines_every):
+        line = WHITE if number >= frames else None
+        image = road((0.1, 0.0, 0.0, 0.0), left=line, right=line, verge_m=0.2, seed=number)
+        marked.append(finder.step(Frame(t_s=0.04 * number, image=image), None, now_s=0.0).marked)
+    assert not any(marked[:frames]) and marked[-1]
+
+
 @pytest.mark.parametrize(("offset_m", "remembered_s"), [(0.2, SETTINGS.track.max_coast_s), (2.4, 0.25)])
 def test_a_lane_of_low_probability_is_dropped_sooner(offset_m, remembered_s):
     finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
