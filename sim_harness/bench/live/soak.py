@@ -36,6 +36,7 @@ from trepid.topics import (
 DURATION_S = 1800.0
 SAMPLES = 180  # over the drive
 BEGIN_S = 60.0  # greatest time to the first messages
+SETTLE_S = 2.0
 LAST_S = 3.0  # before the end: the last messages that are counted, when the recorder still writes
 TOPICS: tuple[Topic[Any], ...] = (
     *map(estimate_topic, ("cv", "cnn")),
@@ -75,7 +76,7 @@ def bench_soak(duration: float = DURATION_S) -> Row:
         "malformed messages": sum(process["malformed"] for process in row["processes"].values()),
         "processes left": len(left),
         "recording [MB]": round(size_mb, 1),
-        "messages lost by the recorder": sum(topic["lost"] for topic in recorder.values()),
+        "messages lost by the recorder": sum(topic["lost"] or 0 for topic in recorder.values()),
         "processes": {name: usage(found) for name, found in samples.items()},
         "recorder": recorder,
     }
@@ -114,6 +115,9 @@ def _first(program: DriveProgram, bus: Bus, heard: Iterable[Latest[Any]]) -> dic
         for latest in heard:
             latest.take()
         if all(latest.message for latest in heard):
+            bus.wait(SETTLE_S)  # Zenoh connects this session to all processes
+            for latest in heard:
+                latest.take()
             return {latest.topic.key: latest.stamp for latest in heard}
     raise InputError(f"the drive did not begin: {program.errors()}")
 
@@ -152,10 +156,16 @@ def usage(samples: list[Usage]) -> Row:
 
 
 def recorded(recording: Path, first: Mapping[str, Stamp], last: Mapping[str, Stamp]) -> dict[str, Row]:
-    """By topic: messages from ``first`` to ``last`` by their numbers, and how many of them the file lacks."""
+    """By topic: messages from ``first`` to ``last`` by their numbers, and how many of them the file lacks.
+
+    None for a topic whose publisher was started anew.
+    """
     times = times_of(recording)
-    found = {}
+    found: dict[str, Row] = {}
     for key, stamp in sorted(last.items()):
+        if stamp.publisher != first[key].publisher:  # started anew, with numbers from 1
+            found[key] = {"messages": None, "lost": None}
+            continue
         from_s, to_s = first[key].published_s, stamp.published_s
         sent = stamp.sequence - first[key].sequence + 1
         held = sum(from_s <= at_s <= to_s for at_s in times.get(key, ()))

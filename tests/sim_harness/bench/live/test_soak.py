@@ -49,6 +49,12 @@ def test_messages_outside_the_window_do_not_count(recording: Path) -> None:
     assert found == {key: {"messages": 9, "lost": 0}}
 
 
+def test_numbers_of_a_publisher_that_was_started_anew_count_nothing(recording: Path) -> None:
+    key = VEHICLE_STATE.key
+    found = recorded(recording, {key: numbered(22)}, {key: numbered(30)._replace(publisher=b"another")})
+    assert found == {key: {"messages": None, "lost": None}}
+
+
 def test_growth_is_that_of_the_last_quarter_over_the_second() -> None:
     start = [Usage(10.0 * n, n, 1) for n in range(10)]  # still loading
     steady = [Usage(100.0, 20, 5)] * 10
