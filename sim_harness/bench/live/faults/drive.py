@@ -20,11 +20,12 @@ from sim_harness.bench.live.program import DriveProgram, kill
 from trepid.bus import Bus, Tap, open_bus
 from trepid.clock import epoch_clock
 from trepid.config import InputError
-from trepid.messages import Command, SimTruth
+from trepid.messages import Command, Diagnostic, SimTruth
 from trepid.processes.launch import set_niceness
 from trepid.processes.process import STOP_S
 from trepid.recording.reader import read_recording
-from trepid.topics import CAMERA_IMAGE, SIM_TRUTH, VEHICLE_STATE
+from trepid.recording.writer import BEGAN
+from trepid.topics import CAMERA_IMAGE, DIAGNOSTICS, SIM_TRUTH, VEHICLE_STATE
 from trepid.wire import from_cdr
 
 DISK_MB = 64
@@ -32,12 +33,8 @@ END_S = 20.0  # from the request, or from the last fault, to the end of the driv
 GONE_S = 2.5  # from the end of the launcher to the end of all processes
 POLL_S = 0.02
 HEARD = (
-    "controller/command",
-    "supervisor/decision",
-    "perception/**",
-    "vehicle/state",
-    "sim/truth",
-    "bench/**",
+    *("controller/command", "supervisor/decision", "perception/**", "vehicle/state", "sim/truth"),
+    *("diagnostics", "bench/**"),
 )
 IN_NAMESPACE = 'mount -t tmpfs -o size={size}m trepid "$0" && exec "$@"'
 
@@ -66,6 +63,8 @@ class FaultDrive(DriveProgram):
         self._disk_fd: int | None = None
         self._renewals = 0
         self.killed_launcher = False
+        self.began = False
+        """The launcher has heard every process; before, the end of one is a failed start."""
 
     def listen(self, bus: Bus) -> None:
         """Take the events of the drive from ``bus`` on, and hold its disk."""
@@ -92,6 +91,9 @@ class FaultDrive(DriveProgram):
                 events.marks_s[text].append(t_s)
                 if text == FRAME_MARK:
                     events.published_s[CAMERA_IMAGE.key].append(t_s)
+            elif key == DIAGNOSTICS.key:
+                beat = from_cdr(data, Diagnostic)
+                self.began = self.began or (beat.process == LAUNCHER and BEGAN in dict(beat.values))
             else:
                 events.published_s[key].append(t_s)
         if self.popen.poll() is not None:

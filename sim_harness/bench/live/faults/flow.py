@@ -55,9 +55,9 @@ def driven(wire: str, faults: Iterable[tuple[Fault, int]]) -> list[Row]:
 
 
 def begin(drive: FaultDrive) -> None:
-    """Wait for the first motion. Raises InputError when the drive refuses to begin."""
+    """Wait until the drive has begun and the car moves. Raises InputError when the drive refuses to begin."""
     try:
-        until(drive, lambda: moves(drive), BEGIN_S)
+        until(drive, lambda: drive.began and moves(drive), BEGIN_S)
     except Ended as error:
         raise InputError(f"the drive did not begin: {drive.errors()}") from error
 
