@@ -25,7 +25,11 @@ from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
-SAMPLES = list(itertools.chain(*(road_samples(seed, CAMERA, frames=60) for seed in range(2))))
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return list(itertools.chain(*(road_samples(seed, CAMERA, frames=60) for seed in range(2))))
 
 
 def test_the_same_seed_gives_the_same_samples_wherever_it_runs():
@@ -36,8 +40,8 @@ def test_the_same_seed_gives_the_same_samples_wherever_it_runs():
         assert a.lane == b.lane
 
 
-def test_frames_have_the_size_of_the_camera_and_labels_stay_in_their_ranges():
-    for sample in SAMPLES:
+def test_frames_have_the_size_of_the_camera_and_labels_stay_in_their_ranges(samples):
+    for sample in samples:
         assert sample.image.shape == (CAMERA.height_px, CAMERA.width_px, 3)
         assert sample.image.dtype == np.uint8 and sample.image.flags.c_contiguous
         assert abs(sample.lane.offset_m) <= 1.2 and abs(sample.lane.heading_rad) <= 0.3
@@ -45,8 +49,8 @@ def test_frames_have_the_size_of_the_camera_and_labels_stay_in_their_ranges():
         assert 2.8 <= sample.lane_width_m <= 5.0
 
 
-def test_left_and_right_are_equally_common():
-    signs = np.sign([sample.lane.offset_m for sample in SAMPLES])
+def test_left_and_right_are_equally_common(samples):
+    signs = np.sign([sample.lane.offset_m for sample in samples])
     assert abs(signs.mean()) < 0.35
 
 
@@ -80,10 +84,10 @@ def test_a_mirrored_frame_shows_the_mirror_image_of_the_road():
     assert (ours & theirs).sum() > 0.8 * max(ours.sum(), theirs.sum()) > 100
 
 
-def test_the_labels_place_the_lane_lines_in_the_picture():
+def test_the_labels_place_the_lane_lines_in_the_picture(samples):
     """Along the labelled right edge of the lane the picture has an edge or a line: more change than next to it."""
     at, beside = [], []
-    for sample in SAMPLES:
+    for sample in samples:
         if not sample.visible or sample.image.std() < 25:
             continue
         x = np.linspace(4.0, 8.0, 12)
