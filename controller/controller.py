@@ -31,18 +31,19 @@ from controller.laws.law import Acting
 from controller.learner.steering_learner import LearningSettings, SteeringLearner
 from controller.model.bicycle import angle_from_curvature, critical_speed, curvature_from_angle
 from controller.prediction import Predictor
-from controller.speed.control import SpeedControl
+from controller.speed.control import STRONGEST_MPS2, SpeedControl
 from controller.speed.limits import SpeedSettings, target
 from trepid.bounds import at_least, at_most, within
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
-from trepid.config import CONFIG_DIR, InputError, Settings, load
+from trepid.config import CONFIG_DIR, InputError, Settings, load, located, read
 from trepid.lateness import Lateness, LatenessLimits
 from trepid.messages import Command, Decision, Losses, Mode, Stop, VehicleState
 from trepid.scale import ReferenceWorld
 from trepid.types import Positive
 
 _MAX_DRIVE_LAG = 0.25  # of k·τ_a: damping 1 of the speed loop
+_ROUNDING = 1e-9
 _MAX_OVERSTEER = 0.95  # of the critical speed, up to which the bicycle model is trusted
 _NUMBERS = attrgetter(  # of a decision; the inputs of the rules may be unknown
     *("t_s", "fear", "path_t_s", "lateral_offset_m", "heading_error_rad", "curvature_1pm"),
@@ -89,6 +90,11 @@ def build(vehicle: Vehicle | None = None, settings_file: Path | None = None) -> 
             f" {vehicle.accel_lag_s} s: the speed would overshoot; at most"
             f" {_MAX_DRIVE_LAG / vehicle.accel_lag_s:.2f}"
         )
+    for name in ("comfort", "emergency"):
+        decel_mps2 = getattr(settings.speed, name).decel_mps2 * vehicle.scale
+        if decel_mps2 > STRONGEST_MPS2 * (1.0 + _ROUNDING):
+            what = f"{decel_mps2:g} m/s² is above {STRONGEST_MPS2:g}, the limit of UN R157 for such a stop"
+            raise InputError(located(("speed", name, "decel_mps2"), what, read(path), path))
     return Controller(vehicle, settings)
 
 
@@ -99,6 +105,7 @@ class Controller:
     """
 
     def __init__(self, vehicle: Vehicle, settings: ControllerSettings) -> None:
+        enlargement = 1 / vehicle.scale  # of that world: gravity grows with it
         self._reference, vehicle = ReferenceWorld(vehicle.scale), vehicle.in_reference_world
         self.learner = SteeringLearner(vehicle, settings.learning)
         self._settings = settings
@@ -113,7 +120,7 @@ class Controller:
         self._law = build_law(settings.lateral, vehicle)
         budget_mps2 = _EASED_SHARE * settings.speed.lateral_accel_mps2
         self._eased = settings.speed.model_copy(update=dict(lateral_accel_mps2=budget_mps2))
-        self._speed = SpeedControl(settings.speed, drive_lag_s=vehicle.accel_lag_s)
+        self._speed = SpeedControl(settings.speed, drive_lag_s=vehicle.accel_lag_s, enlargement=enlargement)
         self._lateness = Lateness(settings.inputs.late)
         self._now_s: float | None = None
         self._healthy_s = 0.0  # time at which both inputs were last usable

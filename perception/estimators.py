@@ -47,13 +47,15 @@ class Entry:
     source: str
     kind: EstimateKind = EstimateKind.LANE
     stages: tuple[str, ...] = ()  # of a pipeline
-    # raises InputError for a camera and vehicle (of the car's own world) outside its range
-    check: Callable[[Camera, Vehicle], None] | None = None
+    # why it is not made for a camera and vehicle of their own world; "" where it is. Raises InputError
+    misfit: Callable[[Camera, Vehicle], str] | None = None
 
     def build(self, camera: Camera, vehicle: Vehicle) -> Estimator:
         """The estimator for ``camera`` on ``vehicle``, in the scale of its lanes. Raises InputError."""
-        if self.check is not None:
-            self.check(camera, vehicle)
+        if self.misfit is not None and (why := self.misfit(camera, vehicle)):
+            raise InputError(
+                f"{why}: name other estimators (`estimators: [cv, ...]`), or train it on such lanes"
+            )
         if vehicle.scale == 1.0:
             return self.construct(camera, vehicle)
         eye = scaled_settings(camera, 1 / vehicle.scale)
@@ -76,10 +78,10 @@ def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
     return SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
 
 
-def _check_steer_net(camera: Camera, vehicle: Vehicle) -> None:
-    from perception.net.steer_net import SteerNetSettings, check_use
+def _steer_net_misfit(camera: Camera, vehicle: Vehicle) -> str:
+    from perception.net.steer_net import SteerNetSettings, misfit
 
-    check_use(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
+    return misfit(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
 
 
 ESTIMATORS = {
@@ -92,7 +94,7 @@ ESTIMATORS = {
         "PilotNet-sized network from pixels to lane state with its own uncertainty",
         _steer_net,
         source="R [87] and later; config/steer_net.yaml",
-        check=_check_steer_net,
+        misfit=_steer_net_misfit,
     ),
 }
 """The estimators of the default drive; :func:`estimators` adds the pipelines."""
@@ -150,6 +152,16 @@ def entry_of(name: str) -> Entry:
 def no_estimator(name: str, known: Iterable[str]) -> str:
     """The error text for ``name``, which is not in ``known``, with the nearest names."""
     return f"no estimator {name!r}; {did_you_mean_or_list(name, known, 'trepid estimate --estimator list')}"
+
+
+def misfits() -> dict[str, str]:
+    """Name and reason of each of ``ESTIMATORS`` that is not made for the configured camera and vehicle.
+
+    Raises InputError.
+    """
+    camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    whys = {name: entry.misfit(camera, vehicle) for name, entry in ESTIMATORS.items() if entry.misfit}
+    return {name: why for name, why in whys.items() if why}
 
 
 def build(

@@ -98,11 +98,17 @@ class Supervisor:
         source: pathlib.Path | None = None,
     ) -> None:
         """``source`` is the file of ``settings``, for errors. Raises InputError as :meth:`adopt`."""
+        enlargement = 1 / vehicle.scale
         self._reference, vehicle = ReferenceWorld(vehicle.scale), vehicle.in_reference_world
         self._settings, self._source = settings, source
         self.adopt(rules)
         self._observer = WorldStateObserver(
-            settings.validation, settings.fusion, settings.follow, vehicle, rated_as=settings.rated_as
+            settings.validation,
+            settings.fusion,
+            settings.follow,
+            vehicle,
+            rated_as=settings.rated_as,
+            enlargement=enlargement,
         )
         self._lateness = Lateness(settings.validation.late)
         self._watchdog = Watchdog(settings.validation, frames_s=settings.modes.comfort_stop_age_s)

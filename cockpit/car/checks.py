@@ -101,22 +101,26 @@ SETTINGS: tuple[Callable[[], None], ...] = (
 def models() -> Finding:
     """The networks of the drive exist, agree with their records (SHA-256) and start."""
     try:
-        names = list(_loaded_models())
+        loaded = list(_loaded_models())
     except InputError as error:
         return Finding(
             "models", False, str(error), "install Trepid again, or train: `trepid train`, `trepid train-lead`"
         )
-    return Finding("models", True, f"{', '.join(names)}: hashes agree")
+    return Finding("models", True, "; ".join(loaded))
 
 
 def _loaded_models() -> Iterator[str]:
     import perception.estimators
     import perception.lead.finder
 
-    perception.estimators.build("cnn")
-    yield "steer_net"
+    unused = perception.estimators.misfits()
+    if not unused:
+        perception.estimators.build("cnn")
+        yield "steer_net: hash agrees"
+    for name, why in unused.items():
+        yield f"the estimator {name} does not run: {why}"
     perception.lead.finder.build()
-    yield "lead"
+    yield "lead: hash agrees"
 
 
 def endpoint() -> Finding:

@@ -38,8 +38,10 @@ STRONGEST_MPS2 = 4.0  # UN R157 5.3
 class SpeedControl:
     """Call ``track`` or ``stop`` in every step. Starts with the brake applied."""
 
-    def __init__(self, settings: SpeedSettings, *, drive_lag_s: float) -> None:
+    def __init__(self, settings: SpeedSettings, *, drive_lag_s: float, enlargement: float = 1.0) -> None:
+        """``enlargement``: of the world of ``settings`` relative to that of the car; gravity grows with it."""
         self._settings = settings
+        self._strongest_mps2, self._step_mps = STRONGEST_MPS2 * enlargement, STEP_MPS * enlargement
         self._lag_s = drive_lag_s
         self._load = LoadObserver(drive_lag_s, limit_mps2=settings.max_load_mps2)
         self._goal_mps: float | None = None  # the last target of tracking, ...
@@ -51,7 +53,7 @@ class SpeedControl:
         """Acceleration demand [m/s²] towards ``goal``; stops and holds the brake where the target is standstill."""
         settings = self._settings
         rate_mps2 = self._rate(goal, dt_s)
-        if speed_mps - goal.speed_mps > STEP_MPS:  # too fast: a rising target must not reduce the brake
+        if speed_mps - goal.speed_mps > self._step_mps:  # too fast: a rising target must not reduce the brake
             rate_mps2 = at_most(rate_mps2, 0.0)
         wanted = settings.gain_1ps * (goal.speed_mps - speed_mps) + rate_mps2
         wanted = at_least(at_most(wanted, settings.max_accel_mps2), -settings.max_decel_mps2)
@@ -96,7 +98,7 @@ class SpeedControl:
         """v_t' [m/s²]."""
         if self._goal_mps is None:
             self._smooth_mps = goal.speed_mps
-        elif abs(goal.speed_mps - self._goal_mps) > STEP_MPS:
+        elif abs(goal.speed_mps - self._goal_mps) > self._step_mps:
             self._smooth_mps += goal.speed_mps - self._goal_mps
         self._goal_mps = goal.speed_mps
         rate_mps2 = (goal.speed_mps - self._smooth_mps) / (RATE_S + dt_s)
@@ -116,5 +118,5 @@ class SpeedControl:
         self.accel_mps2 += at_least(at_most(wanted_mps2 - self.accel_mps2, rise_mps2), -fall_mps2)
 
     def _give(self, demand_mps2: float) -> float:
-        self._given_mps2 = within(demand_mps2, STRONGEST_MPS2)
+        self._given_mps2 = within(demand_mps2, self._strongest_mps2)
         return self._given_mps2

@@ -31,13 +31,12 @@ from trepid.types import Positive
 _LOOKS = 8  # points along the visible lane in addition to the axle; as many beyond it
 _STRAIGHT_1PM = 1e-9
 _STEADY_1PM2 = 1e-9
-_BENDS_MPS2 = 1.0  # Δ: half of the lateral acceleration in bends
 
 
 class StopProfile(Settings):
     """One way to stop."""
 
-    decel_mps2: Annotated[float, Field(gt=0, le=4.0)]  # UN R157 5.3: a minimal-risk manoeuvre stays below 4
+    decel_mps2: Positive  # at most STRONGEST_MPS2 in the world of the car: controller.build
     jerk_mps3: Positive
     final_decel_mps2: Positive  # at the end of the stop
 
@@ -69,6 +68,7 @@ class SpeedSettings(Settings):
 
     lateral_accel_mps2: Positive  # a_y in bends
     lateral_jerk_mps3: Positive  # j_y where bends begin and end
+    lateral_change_mps2: Positive  # Δ
     curve_decel_mps2: Positive  # b
     gain_1ps: Positive  # k
     max_accel_mps2: Positive
@@ -106,7 +106,7 @@ def target(
     comfort, hard = settings.curve_decel_mps2, settings.max_decel_mps2
     sight_m, rate_1pm2 = lane.lookahead_m, lane.curvature_rate_1pm2
     tightens = (lane.curvature_1pm + rate_1pm2 * sight_m) * rate_1pm2 > 0.0
-    least, decel_mps2 = at_most(cap_mps * cap_mps, _smooth(lane, settings.lateral_jerk_mps3)), 0.0
+    least, decel_mps2 = at_most(cap_mps * cap_mps, _smooth(lane, settings)), 0.0
     for n in range(2 * _LOOKS + 1 if tightens else _LOOKS + 1):
         ahead_m, brake_mps2 = sight_m * n / _LOOKS, comfort if n <= _LOOKS else hard
         react_m = speed_mps * (drive_lag_s + brake_mps2 / (2.0 * settings.brake_jerk_mps3))
@@ -121,8 +121,10 @@ def target(
     return Target(allowed_mps, -decel_mps2 * min(1.0, speed_mps / allowed_mps))
 
 
-def _smooth(lane: Lane, jerk_mps3: float) -> float:
-    """v² [m²/s²] up to which the lane begins or ends its bend within ``jerk_mps3``."""
+def _smooth(lane: Lane, settings: SpeedSettings) -> float:
+    """v² [m²/s²] up to which the lane begins or ends its bend within ``lateral_jerk_mps3``."""
     rate_1pm2 = at_least(abs(lane.curvature_rate_1pm2), _STEADY_1PM2)
     change_1pm = at_least(rate_1pm2 * lane.lookahead_m, _STRAIGHT_1PM)
-    return at_least((jerk_mps3 / rate_1pm2) ** (2.0 / 3.0), _BENDS_MPS2 / change_1pm)
+    return at_least(
+        (settings.lateral_jerk_mps3 / rate_1pm2) ** (2.0 / 3.0), settings.lateral_change_mps2 / change_1pm
+    )

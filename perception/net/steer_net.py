@@ -62,25 +62,23 @@ class Record(WeightsRecord):
     scores: dict[str, dict[str, float]]  # name of the test set -> metric -> value
 
 
-def check_use(settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> None:
-    """Raise InputError where the lanes of ``vehicle``, or their image in ``camera``, are outside those of training.
+def misfit(settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> str:
+    """How the lanes of ``vehicle``, or their image in ``camera``, differ from those of training; "" if not.
 
     From a camera at the height h a lane of width w has the image of a lane of width w·h_c/h from the canonical
     height h_c.
     """
     weights = resource(Path(settings.weights))
     if not weights.is_file():
-        return  # the constructor reports it
+        return ""  # the constructor reports it
     record = load_record(weights, Record)
     low_m, high_m = record.lane_width_m
     seen_m = vehicle.lane_width_m * record.camera.height_m / camera.height_m
     if low_m <= vehicle.lane_width_m <= high_m and low_m <= seen_m <= high_m:
-        return
-    raise InputError(
-        f"estimator cnn: {weights.name} was trained on lanes of {low_m:g} to {high_m:g} m seen from"
-        f" {record.camera.height_m:g} m; lanes of {vehicle.lane_width_m:g} m seen from {camera.height_m:g} m look"
-        f" like {seen_m:.1f} m there: name other estimators in the scenario (`estimators: [cv, ...]`), or train it"
-        " on such lanes"
+        return ""
+    return (
+        f"{weights.name} was trained on lanes of {low_m:g} to {high_m:g} m seen from {record.camera.height_m:g} m;"
+        f" lanes of {vehicle.lane_width_m:g} m seen from {camera.height_m:g} m look like {seen_m:.1f} m there"
     )
 
 

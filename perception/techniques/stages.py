@@ -25,7 +25,7 @@ in any order before the features; ``track`` may be left out; several trackers ar
 from collections.abc import Callable
 from typing import Any
 
-from perception.techniques.boundaries import curves, lines, orientation, outliers, ransac
+from perception.techniques.boundaries import arcs, curves, lines, orientation, outliers, ransac
 from perception.techniques.image import colour, edges, light, region, shadow, stripes, surface, warp
 from perception.techniques.steering import abdelrahman, centre_line, lane, sujatha, umamaheswari
 from perception.techniques.tracking import kalman, sampled
@@ -89,6 +89,7 @@ KINDS: dict[str, dict[str, Callable[..., Any]]] = {
         "near_line_far_parabola": curves.near_line_far_parabola,
         "histogram_cubic": curves.histogram_cubic,
         "hyperbola": curves.hyperbola,
+        "arcs": arcs.arcs,
         "pchip": curves.pchip,
         "dominant_edges": orientation.dominant_edges,
     },
@@ -99,7 +100,7 @@ KINDS: dict[str, dict[str, Callable[..., Any]]] = {
         "particles": sampled.Particles,
         "bayes": sampled.Bayes,
     },
-    "state": {"exact_pair": lane.exact_pair, "ground_curve": lane.ground_curve},
+    "state": {"exact_pair": lane.exact_pair, "ground_curve": lane.ground_curve, "arc_lane": arcs.arc_lane},
     "steer": {"pursuit": lane.pursuit},
     "rule": {
         "dev": centre_line.dev,

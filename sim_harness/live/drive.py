@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from perception.estimators import misfits
 from sim_harness.live.plan import check_car, check_vehicle, context_of, estimators_of, is_simulated, planned
 from sim_harness.live.referee import Assigned, DriveSettings, Referee, Show
 from sim_harness.lockstep.closed_loop import check_configuration
@@ -102,6 +103,8 @@ def drive(
         woken_by_exits(bus),
         registered(running),
     ):
+        for name, why in misfits().items():
+            say(f"the estimator {name} does not run: {why}")
         say(f"{what}: {len(specs)} processes at {endpoint}; `trepid status` shows them")
         assigned = Assigned(scenario, estimators, duration_s, what, endpoint)
         referee = Referee(bus, clock, fleet, assigned, settings, show)

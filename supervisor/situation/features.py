@@ -121,11 +121,13 @@ def features(
     trust: Mapping[str, float],
     single_source_s: float,
     half_width_m: float,
+    enlargement: float = 1.0,
 ) -> Features:
     """Every input by name: ``early`` and the features that depend on the fusion.
 
     ``trust`` is the factor of the confidence of each estimator, 1 for estimators without one; ``half_width_m`` is
-    half the width of the vehicle.
+    half the width of the vehicle. ``enlargement`` is that of the reference world relative to the world of the car.
+    Tyres and gravity do not scale (:mod:`trepid.scale`): the lateral demand is rated in the world of the car.
     """
     speed_mps = early["speed"]
     trusted = [(s, s.confidence * trust.get(s.estimator, 1.0)) for s in estimates if s.confidence is not None]
@@ -135,7 +137,7 @@ def features(
     found["sight"] = max([0.0 if s.from_memory else c for s, c in trusted]) if trusted else None
     found["disagreement"], found["separation"] = _contradiction(estimates, fused, speed_mps)
     found["single_source"] = single_source_s
-    found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps)
+    found["lateral_demand"], found["lateral_error"] = _path(fused, speed_mps, enlargement)
     # An unknown width of a measured lane counts as the narrowest lane: no room at all.
     unknown = True in [s.measures_width and s.width_m is None for s in estimates]
     found["crossing"] = _crossing_s(fused, motion, 0.0 if unknown else early["lane_width"], half_width_m)
@@ -169,12 +171,12 @@ def _unmarked(estimates: list[ValidatedEstimate]) -> float:
     return 1.0 if surest is not None and not surest.marked else 0.0
 
 
-def _path(fused: Fused, speed_mps: float | None) -> tuple[float | None, float]:
-    """Lateral acceleration on the path [m/s²] and distance of the car from it [m]."""
+def _path(fused: Fused, speed_mps: float | None, enlargement: float) -> tuple[float | None, float]:
+    """Lateral acceleration on the path [m/s²] of the car's own world, and distance of the car from it [m]."""
     if fused.path is None:
         return BEYOND, BEYOND
     lane = fused.path.lane
-    demand = None if speed_mps is None else abs(lane.curvature_1pm) * speed_mps**2
+    demand = None if speed_mps is None else abs(lane.curvature_1pm) * speed_mps**2 / enlargement
     return demand, abs(lane.offset_m) if fused.path.measured else 0.0
 
 

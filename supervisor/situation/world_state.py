@@ -68,8 +68,11 @@ class WorldStateObserver:
         vehicle: Vehicle,
         *,
         rated_as: Mapping[str, str] = RATED_AS,
+        enlargement: float = 1.0,
     ) -> None:
+        """``enlargement``: of the world of all these relative to that of the car (:mod:`trepid.scale`)."""
         self._validation, self._rated_as = validation, rated_as
+        self._enlargement = enlargement
         self._half_width_m, self._wheelbase_m = vehicle.track_m / 2, vehicle.wheelbase_m
         self._fusion, self.follower = Fusion(fusion), Follower(follow, vehicle)
         self._consistency, self._weak_edges = Consistency(), WeakEdges()
@@ -129,6 +132,7 @@ class WorldStateObserver:
             trust=trust,
             single_source_s=self._single.step(alone, now_s=now_s),
             half_width_m=self._half_width_m,
+            enlargement=self._enlargement,
         )
         road = fused.path if fused.sources else None
         return WorldState(

@@ -51,13 +51,14 @@ def patch_colour(
     light_limit: Positive = 1.5,
     light_weight: Share = 0.6,
     smoothing: Positive = 20.0,
+    length_m: Positive = PATCH_M,
 ) -> Features:
     """Probability of road by the colour of the patch ahead against that of the sides of the picture (B16).
 
     1/(1 + exp(−Λ)) of the log-likelihood ratio Λ of smoothed CIELAB histograms
     (:mod:`perception.lane.detection.surface`). Source: R 1.3. Limit: verges of the colour of the road.
     """
-    inside = patch(view)
+    inside = patch(view, length_m=length_m)
     outside = np.isfinite(view.pixel_m)[:, None] & ~patch(view, half_width_m=REST_HALF_M, length_m=60.0)
     if image.ndim == 2 or not inside.any() or np.count_nonzero(outside) < REST_PX:
         return Features(np.zeros(image.shape[:2], np.float32), Kind.REGION)

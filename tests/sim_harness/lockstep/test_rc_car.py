@@ -1,7 +1,9 @@
 """A car of another scale: the same drive in a smaller world, and refusals where a part does not fit it."""
 
 import os
+import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 import controller.controller
 import perception.estimators
 import supervisor.supervisor
+from controller.controller import ControllerSettings
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.world.render.renderer import Renderer
@@ -36,12 +39,47 @@ def test_the_rc_car_drives_the_first_bend_of_its_track_without_departure() -> No
     result = run(scenario.shortened(14.0), seed=0)
     assert result.metrics.departures == 0
     assert result.metrics.distance_m > 3.0
+    assert result.metrics.max_lateral_error_m < 0.08
+    assert 1.5 < result.metrics.max_lateral_accel_mps2 < 3.0  # of its own world: gravity does not scale
+
+
+@pytest.mark.usefixtures("rc_car")
+def test_the_rc_car_reaches_three_metres_a_second_in_the_hall() -> None:
+    result = run(load_scenario("hall").shortened(12.0), seed=0)
+    assert result.metrics.departures == 0
+    assert float(np.max(result.trace["speed_mps"])) > 2.9
     assert result.metrics.max_lateral_error_m < 0.05
-    assert result.metrics.max_lateral_accel_mps2 < 3.0
+
+
+@pytest.mark.usefixtures("rc_car")
+def test_the_rc_car_stops_within_metres_of_its_own_world() -> None:
+    """1 m/s² of comfort from 3 m/s is a stop of 3 s; a similar road car at 20 m/s would take 20 s."""
+    assert load(CONFIG_DIR / "controller.yaml", ControllerSettings).speed.comfort.decel_mps2 == pytest.approx(
+        6.6
+    )
+    command = controller.controller.build()
+    start = VehicleState(
+        t_s=0.0, speed_mps=3.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+    )
+    for number in range(50):
+        given = command.step(None, replace(start, t_s=0.02 * number), now_s=0.02 * number)
+    assert given.accel_mps2 == pytest.approx(-1.0, abs=0.05)
+
+
+@pytest.mark.usefixtures("rc_car")
+def test_a_stop_harder_than_four_metres_per_second_squared_is_refused_at_its_place(tmp_path) -> None:
+    folder = tmp_path / "car"
+    shutil.copytree(CONFIG_DIR / "cars" / "rc-car", folder)
+    file = folder / "controller.yaml"
+    file.write_text(file.read_text().replace("emergency: {decel_mps2: 3.0", "emergency: {decel_mps2: 5.0"))
+    use_car(folder)
+    with pytest.raises(InputError, match=r"controller\.yaml:\d+:\d+: .*5 m/s² is above 4"):
+        controller.controller.build()
 
 
 @pytest.mark.usefixtures("rc_car")
 def test_the_network_of_public_roads_is_refused_on_narrow_lanes() -> None:
+    assert list(perception.estimators.misfits()) == ["cnn"]
     with pytest.raises(InputError, match=r"trained on lanes of 2\.39 to 5\.87 m"):
         perception.estimators.build("cnn")
 
@@ -94,6 +132,10 @@ def test_a_model_road_is_drawn_as_the_road_that_is_larger_by_its_scale() -> None
         2.5, 0.075, 0.0, t_s=0.0, station_m=2.5
     )
     assert np.mean(np.abs(here.astype(int) - there.astype(int))) < 1.0
+
+
+def test_every_estimator_fits_the_default_car() -> None:
+    assert perception.estimators.misfits() == {}
 
 
 def test_the_default_car_has_the_plain_supervisor_and_controller() -> None:

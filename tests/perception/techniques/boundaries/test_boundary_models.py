@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from boundary_rig import VIEW, WIDTH_M, Course, arc, errors_px, features
 
+from perception.techniques.boundaries.arcs import arc_lane, arcs
 from perception.techniques.boundaries.curves import (
     histogram_cubic,
     hyperbola,
@@ -173,3 +174,36 @@ def test_too_few_points_give_no_curve():
     points = Points(np.array([1.0, 2.0, 3.0]), np.zeros(3))
     rng = np.random.default_rng(0)
     assert consensus(points, polynomial(1), rng, size=2, inlier_m=0.1, tries=5) is None
+
+
+def circle(radius_m: float, offset_m: float) -> Course:
+    """The lane centre on an exact circle."""
+    return lambda x: (
+        -offset_m
+        + radius_m
+        - math.copysign(1, radius_m) * np.sqrt(radius_m**2 - np.minimum(x**2, 0.95 * radius_m**2))
+    )
+
+
+@pytest.mark.parametrize("radius_m", [10.0, -10.0, 14.0, 1e4])
+def test_arcs_follow_bends_that_are_too_tight_for_a_parabola(radius_m):
+    course = circle(radius_m, 0.2)
+    evidence = Evidence(features(course, far_m=8.0), VIEW, None)
+    lane = arc_lane(arcs(evidence, width_m=WIDTH_M), VIEW, width_m=WIDTH_M).lane
+    assert lane.curvature_at(5.0) == pytest.approx(1 / radius_m, abs=0.015)
+    assert lane.y_m(6.0) == pytest.approx(float(course(np.array([6.0]))[0]), abs=0.25)
+
+
+def test_arcs_remember_a_boundary_that_has_left_the_picture():
+    """The inner line of a bend is beside the picture; its width stays known, with a lower score."""
+    course = circle(12.0, 0.0)
+    both_seen = arcs(Evidence(features(course, far_m=8.0), VIEW, None), width_m=WIDTH_M)
+    outer = features(course, far_m=8.0, shown=(False, True))
+    after = arcs(Evidence(outer, VIEW, both_seen), width_m=WIDTH_M)
+    assert after.left.support < both_seen.left.support and "left" in after.reason
+    assert arc_lane(after, VIEW).width_m == pytest.approx(WIDTH_M, rel=0.1)
+
+
+def test_arcs_find_nothing_in_an_empty_picture():
+    nothing = arcs(Evidence(Features(np.zeros((240, 320), np.uint8), Kind.LINE), VIEW, None))
+    assert nothing.seen == 0 and nothing.reason and arc_lane(nothing, VIEW) is None
