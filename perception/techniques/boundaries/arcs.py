@@ -38,9 +38,7 @@ PRIOR_SIGMA = np.array(
 )  # of (e, ψ, κ, κ', W): a kept lane, from straight to R = 10 m
 BEHIND_M = 3.0  # the remembered boundaries reach so far behind the axle
 KEPT = 0.9  # share of the last width in that expected now
-UNSEEN = (
-    0.36  # support of a boundary that is not visible: the score is then that of ONE_SIDE, its square root
-)
+UNSEEN = 0.36  # support of a boundary that is not visible; its root is ONE_SIDE of the score
 MEMORY = 2.0  # weight of a remembered point; the visible points of STEP_M weigh up to 8
 MOST_OFFSET, MOST_HEADING_RAD, MOST_BEND_1PM = 0.6, 0.8, 0.2  # the offset in lane widths
 MOST_WIDENING = 0.35
@@ -73,13 +71,12 @@ def arcs(
     x_m, y_m = np.r_[points.x_m[few], old.x_m], np.r_[points.y_m[few], old.y_m]
     weight = np.r_[evenly(points)[few], np.full(len(old), MEMORY)]
     usual_m = width_m if last is None else KEPT * float(last[WIDTH]) + (1 - KEPT) * width_m
-
     lane = _refined(x_m, y_m, weight, lanes, usual_m, inlier_m)
-    sides = [_boundary(points, lane, side, before, inlier_m) for side in (1, -1)]
-    missing = [name for name, side in zip(("left", "right"), sides, strict=True) if not side.support > UNSEEN]
+    left, right = (_boundary(points, lane, side, before, inlier_m) for side in (1, -1))
+    missing = [name for name, side in (("left", left), ("right", right)) if side.support <= UNSEEN]
     if len(missing) == 2:
         return both(None, None)
-    return Boundaries(*sides, f"no {missing[0]} line" if missing else "")
+    return Boundaries(left, right, f"no {missing[0]} line" if missing else "")
 
 
 def arc_lane(boundaries: Boundaries, view: View, *, width_m: Positive = 3.4) -> MeasuredLane | None:
