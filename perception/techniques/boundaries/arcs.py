@@ -33,16 +33,14 @@ from trepid.types import Array, Mask, Positive
 
 STEPS = 6
 SPREAD_M = 0.1  # σ of a point
-PRIOR_SIGMA = np.array(
-    [0.4, 0.06, 0.1, 0.02, 0.3]
-)  # of (e, ψ, κ, κ', W): a kept lane, from straight to R = 10 m
+PRIOR_SIGMA = np.array([0.4, 0.06, 1.0, 0.2, 0.3])  # of (e, ψ, κ, κ', W); κ and κ' times bend_1pm
 BEHIND_M = 3.0  # the remembered boundaries reach so far behind the axle
 KEPT = 0.9  # share of the last width in that expected now
 UNSEEN = 0.36  # support of a boundary that is not visible; its root is ONE_SIDE of the score
 MEMORY = 2.0  # weight of a remembered point; the visible points of STEP_M weigh up to 8
 MOST_OFFSET, MOST_HEADING_RAD, MOST_BEND_1PM = 0.6, 0.8, 0.2  # the offset in lane widths
 MOST_WIDENING = 0.35
-DRAWN_M = 0.3  # scale of the fit through boundaries that are drawn
+DRAWN_M, DRAWN = 0.3, 100.0  # scale and weight of the points of boundaries that are drawn, not measured
 NUDGE = np.array([1e-4, 1e-5, 1e-6, 1e-7])  # of e, ψ, κ, κ': differences instead of derivatives
 
 
@@ -50,12 +48,14 @@ def arcs(
     evidence: Evidence,
     *,
     width_m: Positive = 3.4,
-    reach_m: Positive = 12.0,
+    reach_m: Positive = 25.0,
     inlier_m: Positive = 0.15,
+    bend_1pm: Positive = 0.02,
     tries: Tries = 120,
 ) -> Boundaries:
     """The boundaries of the clothoid lane with most points within ``inlier_m``, up to ``reach_m`` ahead.
 
+    ``bend_1pm``: σ of the curvature of its roads.
     The lane of the last frame is one more candidate. Source: derived. Limit: S-bends within the reach.
     """
     points = road_points(evidence)
@@ -71,7 +71,7 @@ def arcs(
     x_m, y_m = np.r_[points.x_m[few], old.x_m], np.r_[points.y_m[few], old.y_m]
     weight = np.r_[evenly(points)[few], np.full(len(old), MEMORY)]
     usual_m = width_m if last is None else KEPT * float(last[WIDTH]) + (1 - KEPT) * width_m
-    lane = _refined(x_m, y_m, weight, lanes, usual_m, inlier_m)
+    lane = _refined(x_m, y_m, weight, lanes, usual_m, inlier_m, bend_1pm)
     left, right = (_boundary(points, lane, side, before, inlier_m) for side in (1, -1))
     missing = [name for name, side in (("left", left), ("right", right)) if side.support <= UNSEEN]
     if len(missing) == 2:
@@ -102,7 +102,9 @@ def _through(boundaries: Boundaries, width_m: float) -> Array | None:
             starts.append(_lanes(side.x_m[three, None], side.y_m[three, None], sign * width_m / 2, width_m))
     x_m = np.concatenate([side.x_m for side, _ in boundaries.found])
     y_m = np.concatenate([side.y_m for side, _ in boundaries.found])
-    lane = _refined(x_m, y_m, np.ones_like(x_m), np.concatenate(starts), width_m, DRAWN_M)
+    lane = _refined(
+        x_m, y_m, np.full(len(x_m), DRAWN), np.concatenate(starts), width_m, DRAWN_M, MOST_BEND_1PM
+    )
     return lane if _is_plausible(lane[None], width_m)[0] else None
 
 
@@ -143,7 +145,9 @@ def _lanes(x_m: Array, y_m: Array, aside_m: float, width_m: float) -> Array:
     return np.stack([aside_m - place_m * np.cos(start), -start, bend, 0 * bend, 0 * bend + width_m], axis=1)
 
 
-def _refined(x_m: Array, y_m: Array, weight: Array, lanes: Array, width_m: float, scale_m: float) -> Array:
+def _refined(
+    x_m: Array, y_m: Array, weight: Array, lanes: Array, width_m: float, scale_m: float, bend_1pm: float
+) -> Array:
     """The best of ``lanes`` (n, 5) for the points, and of Gauss-Newton steps from there."""
 
     def votes(lane: Array) -> float:
@@ -152,7 +156,7 @@ def _refined(x_m: Array, y_m: Array, weight: Array, lanes: Array, width_m: float
 
     best = lane = max(lanes, key=votes)
     for _ in range(STEPS):
-        lane = _stepped(x_m, y_m, lane, weight * _alike(_off(x_m, y_m, lane), scale_m), width_m)
+        lane = _stepped(x_m, y_m, lane, weight * _alike(_off(x_m, y_m, lane), scale_m), width_m, bend_1pm)
         best = max(best, lane, key=votes)
     return best
 
@@ -166,7 +170,7 @@ def _alike(off_m: Array, scale_m: float) -> Array:
     return np.asarray(1 / (1 + (off_m / scale_m) ** 2) ** 2)
 
 
-def _stepped(x_m: Array, y_m: Array, lane: Array, weight: Array, width_m: float) -> Array:
+def _stepped(x_m: Array, y_m: Array, lane: Array, weight: Array, width_m: float, bend_1pm: float) -> Array:
     """The lane after a Gauss-Newton step towards the usual lane, ``width_m`` wide."""
     off = _off(x_m, y_m, lane)
     slope = np.zeros((len(x_m) + 5, 5))
@@ -177,7 +181,7 @@ def _stepped(x_m: Array, y_m: Array, lane: Array, weight: Array, width_m: float)
     slope[:-5, WIDTH] = -0.5
     slope[-5:] = np.eye(5)
     residual = np.r_[off, lane - [0.0, 0.0, 0.0, 0.0, width_m]]
-    root = np.r_[np.sqrt(weight) / SPREAD_M, 1 / PRIOR_SIGMA]
+    root = np.r_[np.sqrt(weight) / SPREAD_M, 1 / (PRIOR_SIGMA * [1.0, 1.0, bend_1pm, bend_1pm, 1.0])]
     return np.asarray(lane - np.linalg.lstsq(slope * root[:, None], residual * root, rcond=None)[0], float)
 
 

@@ -189,7 +189,7 @@ def circle(radius_m: float, offset_m: float) -> Course:
 def test_arcs_follow_bends_that_are_too_tight_for_a_parabola(radius_m):
     course = circle(radius_m, 0.2)
     evidence = Evidence(features(course, far_m=8.0), VIEW, None)
-    lane = arc_lane(arcs(evidence, width_m=WIDTH_M), VIEW, width_m=WIDTH_M).lane
+    lane = arc_lane(arcs(evidence, width_m=WIDTH_M, bend_1pm=0.1), VIEW, width_m=WIDTH_M).lane
     assert lane.curvature_at(5.0) == pytest.approx(1 / radius_m, abs=0.015)
     assert lane.y_m(6.0) == pytest.approx(float(course(np.array([6.0]))[0]), abs=0.25)
 
@@ -197,9 +197,9 @@ def test_arcs_follow_bends_that_are_too_tight_for_a_parabola(radius_m):
 def test_arcs_remember_a_boundary_that_has_left_the_picture():
     """The inner line of a bend is beside the picture; its width stays known, with a lower score."""
     course = circle(12.0, 0.0)
-    both_seen = arcs(Evidence(features(course, far_m=8.0), VIEW, None), width_m=WIDTH_M)
+    both_seen = arcs(Evidence(features(course, far_m=8.0), VIEW, None), width_m=WIDTH_M, bend_1pm=0.1)
     outer = features(course, far_m=8.0, shown=(False, True))
-    after = arcs(Evidence(outer, VIEW, both_seen), width_m=WIDTH_M)
+    after = arcs(Evidence(outer, VIEW, both_seen), width_m=WIDTH_M, bend_1pm=0.1)
     assert after.left.support < both_seen.left.support and "left" in after.reason
     assert arc_lane(after, VIEW).width_m == pytest.approx(WIDTH_M, rel=0.1)
 
