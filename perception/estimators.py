@@ -39,6 +39,18 @@ class ScaledEstimator:
 
 
 @dataclass(frozen=True, slots=True)
+class Unfit:
+    """In place of an estimator that is not made for the camera or the vehicle: no estimate of any frame."""
+
+    name: str
+    why: str
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """Nothing, and the reason."""
+        return SteeringEstimate.nothing(frame.t_s, estimator=self.name, lookahead_m=0.0, reason=self.why)
+
+
+@dataclass(frozen=True, slots=True)
 class Entry:
     """The description, constructor and source of an estimator."""
 
@@ -47,15 +59,16 @@ class Entry:
     source: str
     kind: EstimateKind = EstimateKind.LANE
     stages: tuple[str, ...] = ()  # of a pipeline
-    # why it is not made for a camera and vehicle of their own world; "" where it is. Raises InputError
-    misfit: Callable[[Camera, Vehicle], str] | None = None
+    # takes its place where it is not made for a camera and vehicle of their own world. Raises InputError
+    misfit: Callable[[Camera, Vehicle], Unfit | None] | None = None
 
     def build(self, camera: Camera, vehicle: Vehicle) -> Estimator:
-        """The estimator for ``camera`` on ``vehicle``, in the scale of its lanes. Raises InputError."""
-        if self.misfit is not None and (why := self.misfit(camera, vehicle)):
-            raise InputError(
-                f"{why}: name other estimators (`estimators: [cv, ...]`), or train it on such lanes"
-            )
+        """The estimator for ``camera`` on ``vehicle``, in the scale of its lanes.
+
+        One that is not made for them estimates nothing and gives the reason. Raises InputError.
+        """
+        if self.misfit is not None and (unfit := self.misfit(camera, vehicle)):
+            return unfit
         if vehicle.scale == 1.0:
             return self.construct(camera, vehicle)
         eye = scaled_settings(camera, 1 / vehicle.scale)
@@ -78,10 +91,11 @@ def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
     return SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
 
 
-def _steer_net_misfit(camera: Camera, vehicle: Vehicle) -> str:
-    from perception.net.steer_net import SteerNetSettings, misfit
+def _steer_net_misfit(camera: Camera, vehicle: Vehicle) -> Unfit | None:
+    from perception.net.steer_net import NAME, SteerNetSettings, misfit
 
-    return misfit(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
+    why = misfit(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
+    return Unfit(NAME, why) if why else None
 
 
 ESTIMATORS = {
@@ -160,12 +174,20 @@ def misfits() -> dict[str, str]:
     Raises InputError.
     """
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    whys = {name: entry.misfit(camera, vehicle) for name, entry in ESTIMATORS.items() if entry.misfit}
-    return {name: why for name, why in whys.items() if why}
+    unfit = [entry.misfit(camera, vehicle) for entry in ESTIMATORS.values() if entry.misfit]
+    return {one.name: one.why for one in unfit if one}
 
 
 def build(
     name: str, *, camera: Path = CONFIG_DIR / "camera.yaml", vehicle: Path = CONFIG_DIR / "vehicle.yaml"
 ) -> Estimator:
-    """The estimator called ``name`` for the camera and vehicle files. Raises InputError."""
-    return entry_of(name).build(load(camera, Camera), load(vehicle, Vehicle))
+    """The estimator called ``name`` for a drive with the camera and vehicle of the files.
+
+    Raises InputError, also where the estimator is not made for them.
+    """
+    estimator = entry_of(name).build(load(camera, Camera), load(vehicle, Vehicle))
+    if isinstance(estimator, Unfit):
+        raise InputError(
+            f"{estimator.why}: name other estimators (`estimators: [cv, ...]`), or train it on such lanes"
+        )
+    return estimator

@@ -119,3 +119,14 @@ def test_a_detector_file_is_for_the_lead_estimator_only(folder):
 def test_a_missing_detector_file_is_named(folder, tmp_path):
     with pytest.raises(InputError, match=r"none\.tflite"):
         estimate([folder], estimator="lead", detector=tmp_path / "none.tflite")
+
+
+def test_a_camera_that_the_network_is_not_made_for_gives_no_estimate_and_the_reason(folder, tmp_path, capsys):
+    low = tmp_path / "low.yaml"
+    low.write_text(Path("config/camera.yaml").read_text().replace("height_m: 1.45", "height_m: 0.7"))
+    estimate([folder], estimator="cnn", camera=low, as_json=True)
+    rows = lines(capsys)
+    assert [(row["estimator"], row["confidence"], row["lateral_offset_m"]) for row in rows] == 2 * [
+        ("cnn", 0, None)
+    ]
+    assert all("was trained on lanes of" in row["reason"] for row in rows)
