@@ -5,7 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 from pydantic import ConfigDict
@@ -32,7 +32,7 @@ class Renamed(Settings):
 
     model_config = ConfigDict(frozen=True, extra="ignore")
     former_names: ClassVar = {"sightings": ("validation",)}
-    validation: dict[str, float]
+    validation: dict[str, Any]
 
 
 @pytest.fixture

@@ -32,6 +32,7 @@ class Recorded:
         self._send, self._report = bus.publisher(VEHICLE_STATE), bus.publisher(DIAGNOSTICS)
         self._press = bus.publisher(DRIVER_INPUT)
         self.button: bool | None = None  # None: no driver
+        self._next_report_s = 0.0
 
     def sends_until(self, condition: Callable[[Diagnostic], bool]) -> bool:
         """Publish states until the newest heartbeat fulfils the condition."""
@@ -47,10 +48,14 @@ class Recorded:
             self._send(state)
             if self.button is not None:
                 self._press(replace(INPUT, t_s=self._clock(), record=self.button))
-            began = ((BEGAN, "123000000000"),)
-            self._report(
-                Diagnostic(t_s=self._clock(), process=LAUNCHER, health=Health.OK, message="", values=began)
-            )
+            if self._clock() >= self._next_report_s:  # seldom: a report hides the heartbeat just before it
+                self._next_report_s = self._clock() + 0.3
+                began = ((BEGAN, "123000000000"),)
+                self._report(
+                    Diagnostic(
+                        t_s=self._clock(), process=LAUNCHER, health=Health.OK, message="", values=began
+                    )
+                )
             time.sleep(0.002)
             beat = self._heard.take()
             return beat is not None and beat.process == "recorder" and condition(beat)
