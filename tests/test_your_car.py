@@ -21,11 +21,8 @@ PAGE = (ROOT / "docs" / "your-car.md").read_text(encoding="utf-8")
 BLOCKS = [block.strip().splitlines() for block in re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)]
 COMMANDS = [command for block in BLOCKS[:2] for command in block]
 SETS_UP = 4  # clone, make, activate, pip
-FRAMES, RATE_HZ, SPEED_MPS = (
-    150,
-    25.0,
-    6.0,
-)  # a film that starts again counts as a frozen camera, which brakes the car
+# A film that starts again counts as a frozen camera, which brakes the car.
+FRAMES, RATE_HZ, SPEED_MPS = 150, 25.0, 6.0
 MAY_FAIL = "trepid doctor"  # on a loaded machine, and because the ECU is silent outside a drive
 
 
