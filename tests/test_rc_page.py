@@ -1,19 +1,13 @@
 """The commands of docs/rc.md, from `init` to a drive of the RC car through a simulated board; both boards."""
 
 import json
-import os
-import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-
-from trepid.config import ROOT
+from page_rig import checkout_like, console_blocks, run
 
 pytestmark = pytest.mark.processes
-PAGE = (ROOT / "docs" / "rc.md").read_text(encoding="utf-8")
-BLOCKS = [block.strip().splitlines() for block in re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)]
+BLOCKS = console_blocks("rc.md")
 SETS_UP = 3  # clone, make, activate
 INIT, LOCKSTEP = BLOCKS[0][SETS_UP:]
 STALLED_MS = 250.0  # six frames
@@ -22,24 +16,7 @@ STALLED_MS = 250.0  # six frames
 @pytest.fixture
 def work(tmp_path: Path) -> Path:
     """A folder like the checkout, with `trepid` on the path."""
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    shim = tmp_path / "bin" / "trepid"
-    shim.parent.mkdir()
-    shim.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" -m trepid "$@"\n')
-    shim.chmod(0o755)
-    return tmp_path
-
-
-def run(command: str, work: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        ["/bin/sh", "-c", command],
-        cwd=work,
-        env={**os.environ, "PATH": f"{work / 'bin'}:{os.environ['PATH']}"},
-        capture_output=True,
-        text=True,
-        timeout=150,
-        check=False,
-    )
+    return checkout_like(tmp_path)
 
 
 def test_the_page_begins_with_a_car_of_this_template() -> None:

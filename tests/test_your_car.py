@@ -1,14 +1,13 @@
 """The commands of docs/your-car.md, in their order: from `init` through an own video to a CAN counterpart."""
 
 import os
-import re
 import subprocess
-import sys
 from pathlib import Path
 
 import can
 import cv2
 import pytest
+from page_rig import checkout_like, console_blocks, run
 
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
@@ -17,29 +16,29 @@ from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.recording.reader import read_recording
 from trepid.topics import COMMAND, VEHICLE_STATE
 
-PAGE = (ROOT / "docs" / "your-car.md").read_text(encoding="utf-8")
-BLOCKS = [block.strip().splitlines() for block in re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)]
-COMMANDS = [command for block in BLOCKS[:2] for command in block]
+COMMANDS = [command for block in console_blocks("your-car.md")[:2] for command in block]
 SETS_UP = 4  # clone, make, activate, pip
-# A film that starts again counts as a frozen camera, which brakes the car.
-FRAMES, RATE_HZ, SPEED_MPS = 150, 25.0, 6.0
-MAY_FAIL = "trepid doctor"  # on a loaded machine, and because the ECU is silent outside a drive
+FRAMES, RATE_HZ, SPEED_MPS = (
+    500,
+    25.0,
+    6.0,
+)  # as long as the drive: a film at its end counts as a frozen camera
+DRIVE = "trepid drive"
+MAY_FAIL = (
+    "trepid doctor",  # on a loaded machine, and because the ECU is silent outside a drive
+    DRIVE,  # with a departure: a film does not respond to the steering
+)
 
 
 @pytest.fixture
 def work(tmp_path: Path) -> Path:
     """A folder like the checkout, with a video and `trepid` on the path."""
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    shim = tmp_path / "bin" / "trepid"
-    shim.parent.mkdir()
-    shim.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" -m trepid "$@"\n')
-    shim.chmod(0o755)
     film_of_a_straight_road(tmp_path / "VIDEO.mp4")
-    return tmp_path
+    return checkout_like(tmp_path)
 
 
 def film_of_a_straight_road(path: Path) -> None:
-    """The view from the middle of the lane, some seconds at 6 m/s."""
+    """The view from the middle of the lane at 6 m/s."""
     road, camera = load_road("straight"), load(CONFIG_DIR / "camera.yaml", Camera)
     renderer = Renderer(road, camera, seed=0)
     film = cv2.VideoWriter(
@@ -50,19 +49,6 @@ def film_of_a_straight_road(path: Path) -> None:
         pose = (*road.position(station_m, 0.0), road.heading_at(station_m))
         film.write(renderer.render(*pose, t_s=frame / RATE_HZ, station_m=station_m))
     film.release()
-
-
-def run(command: str, work: Path) -> subprocess.CompletedProcess[str]:
-    path = f"{work / 'bin'}:{os.environ['PATH']}"
-    return subprocess.run(
-        ["/bin/sh", "-c", command],
-        cwd=work,
-        env={**os.environ, "PATH": path},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
 
 
 def test_ten_commands_are_enough() -> None:
@@ -95,6 +81,7 @@ def test_an_own_video_drives_a_can_counterpart(work: Path, multicast: None) -> N
         done = run(command, work)
         good = (0, 1) if command.startswith(MAY_FAIL) else (0,)
         assert done.returncode in good, f"{command}: {done.stdout}{done.stderr}"
+    assert done.returncode == 0 or "departures" in done.stdout, f"{done.stdout}{done.stderr}"
     recorded_a_drive(work)
 
 

@@ -179,7 +179,7 @@ def test_a_driver_hands_over_a_live_car_at_speed() -> None:
     assert "STOP" not in row["modes"] or row["modes"]["STOP"] < 0.2
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGHUP, pytest.param(signal.SIGKILL, marks=SMOKE)])
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
 def test_no_process_outlives_the_launcher(ending: signal.Signals) -> None:
     drive = driving(0.0, *SHORT_ROAD)
     pids = drive.pids()
