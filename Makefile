@@ -72,11 +72,11 @@ endif
 
 live: $(TESTED)
 	@echo "== pytest -m processes"
-	@$(BIN)/python -m pytest -m "processes and not smoke" $(or $(FILES),$(PROCESS_TESTS)) $(ARGS)
+	@$(BIN)/python -m pytest -m "processes and not smoke and not proof" $(or $(FILES),$(PROCESS_TESTS)) $(ARGS)
 
 suite: $(TESTED)
 	@echo "== pytest -m suite"
-	@$(BIN)/python -m pytest -n 2 -m suite tests/sim_harness/scenarios $(ARGS)
+	@$(BIN)/python -m pytest -n 2 -m suite tests/sim_harness $(ARGS)
 
 wheel: $(TESTED)
 	@echo "== pytest -m wheel"

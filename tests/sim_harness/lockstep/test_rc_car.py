@@ -33,6 +33,7 @@ def rc_car() -> Iterator[None]:
         os.environ[CAR] = before
 
 
+@pytest.mark.suite
 @pytest.mark.usefixtures("rc_car")
 def test_the_rc_car_drives_the_first_bend_of_its_track_without_departure() -> None:
     scenario = load_scenario("circuit")
@@ -43,6 +44,7 @@ def test_the_rc_car_drives_the_first_bend_of_its_track_without_departure() -> No
     assert 1.5 < result.metrics.max_lateral_accel_mps2 < 3.0  # of its own world: gravity does not scale
 
 
+@pytest.mark.suite
 @pytest.mark.usefixtures("rc_car")
 def test_the_rc_car_reaches_three_metres_a_second_in_the_hall() -> None:
     result = run(load_scenario("hall").shortened(12.0), seed=0)

@@ -241,6 +241,7 @@ COMMAND = [
 ]
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("kind", ["sqlite", pytest.param("journal", marks=pytest.mark.proof)])
 def test_two_workers_tune_on_one_storage_and_resume_after_an_interruption(tmp_path: Path, kind: str) -> None:
     rules, new = tmp_path / "fear.yaml", tmp_path / "new.yaml"

@@ -82,7 +82,8 @@ def test_a_full_disk_ends_the_recording_and_not_the_process(recorder: Any, tmp_p
     with recorder(path) as running:
         recorded = recorder.of(running)
         assert recorded.sends_until(lambda beat: beat.message == "")
-        resource.prlimit(recorded.child.popen.pid, resource.RLIMIT_FSIZE, (16384, 16384))
+        limit = path.stat().st_size + 2048
+        resource.prlimit(recorded.child.popen.pid, resource.RLIMIT_FSIZE, (limit, limit))
         assert recorded.sends_until(lambda beat: "the recording ends here" in beat.message)
         assert recorded.sends_until(
             lambda beat: beat.health is Health.ERROR and "File too large" in beat.message
