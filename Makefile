@@ -66,7 +66,7 @@ test: $(TESTED)
 ifdef ARGS
 	@$(BIN)/python -m pytest $(ARGS)
 else
-	@$(BIN)/python -m pytest -n 2 --dist worksteal -m "not processes and not proof and not suite and not wheel"
+	@$(BIN)/python -m pytest -n 3 --dist worksteal -m "not processes and not proof and not suite and not wheel"
 	@$(BIN)/python -m pytest -m "processes and smoke" $(PROCESS_TESTS)
 endif
 
