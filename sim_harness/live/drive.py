@@ -54,20 +54,9 @@ def drive(
     Raises InputError for a scenario that only the lock-step loop can simulate, for invalid configuration, for an
     endpoint in use, and for a process that does not start.
     """
-    if scenario is not None:
-        for what in lockstep_only(scenario):
-            raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
-    own = planned(load_processes(), scenario, recorded=record is not None)
-    estimators = estimators_of(own, scenario)
-    check_vehicle(own)
+    specs, estimators = _plan(scenario, recorded=record is not None)
     if record is not None:
         check_free(record)
-    if scenario is None:
-        check_car(own)
-    else:
-        check_configuration([scenario])
-    specs = gathered(own)
-    _check_losable(specs, scenario)
     offset_ns = epoch_offset_ns()
     clock = epoch_clock(offset_ns)
     endpoint = _endpoint()
@@ -111,6 +100,23 @@ def drive(
         if referee.wait_until_ready(signals):
             referee.watch(signals)
         return referee.row(seed)
+
+
+def _plan(scenario: Scenario | None, *, recorded: bool) -> tuple[tuple[ProcessSpec, ...], tuple[str, ...]]:
+    """The processes of the drive and its estimators. Raises InputError where they do not fit scenario or car."""
+    if scenario is not None:
+        for what in lockstep_only(scenario):
+            raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
+    own = planned(load_processes(), scenario, recorded=recorded)
+    estimators = estimators_of(own, scenario)
+    check_vehicle(own)
+    if scenario is None:
+        check_car(own)
+    else:
+        check_configuration([scenario])
+    specs = gathered(own)
+    _check_losable(specs, scenario)
+    return specs, estimators
 
 
 def _check_losable(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> None:
