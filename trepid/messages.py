@@ -17,6 +17,10 @@ from trepid.types import Image
 PixelPath = tuple[tuple[float, float], ...]
 """Image polyline as (x, y) pixels of the input image, from the bottom up."""
 
+SIGMA_AHEAD_M = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0)
+"""Distances ahead of the rear axle [m] at which an estimate states how well it knows the lane centre. They hold in
+the reference world (:mod:`trepid.scale`); of a car at scale s they are s times as long."""
+
 
 class Mode(StrEnum):
     """The driving mode that the supervisor demands."""
@@ -102,6 +106,8 @@ class SteeringEstimate:
     right_boundary_px: PixelPath = ()
     marked: bool | None = None  # the boundaries are painted lines; False: edges of the road; None: not known
     kind: EstimateKind = EstimateKind.LANE  # the same for every message of an estimator
+    # standard deviation of the lateral position of the lane centre at SIGMA_AHEAD_M; (): not known
+    ahead_sigma_m: tuple[float, ...] = ()
 
     @classmethod
     def nothing(

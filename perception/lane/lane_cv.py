@@ -101,6 +101,7 @@ class LaneCv:
             left_boundary_px=left,
             right_boundary_px=right,
             marked=not self._memory.by_edges,
+            ahead_sigma_m=lane.ahead_sigma_m,
         )
 
     def _nothing(self, t_s: float, reason: str) -> SteeringEstimate:

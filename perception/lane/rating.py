@@ -9,10 +9,8 @@ settings named ``…_probability`` limits of the probability.
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from perception.lane.model.evidence import LaneFit
-from perception.lane.model.geometry import WIDTH, E, LaneState
+from perception.lane.model.geometry import WIDTH, E, LaneState, ahead_gradient
 from perception.lane.settings import LaneCvSettings
 
 ASKEW_RAD, BENT_1PM = 0.15, 0.05  # units of heading error and curvature
@@ -128,5 +126,5 @@ class Rating:
 
 def _aim_sigma_m(state: LaneState, lookahead_m: float) -> float:
     """Standard deviation [m] of the lane centre at the look-ahead, from the covariance of the state."""
-    gradient = np.array([-1.0, -lookahead_m, lookahead_m**2 / 2, lookahead_m**3 / 6, 0.0, 0.0])
+    gradient = ahead_gradient(lookahead_m)
     return math.sqrt(max(0.0, float(gradient @ state.covariance @ gradient)))

@@ -21,7 +21,7 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle, road_wheel_angle
 from trepid.clothoid import Lane
 from trepid.config import InputError, Settings, resource
-from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.messages import SIGMA_AHEAD_M, Frame, SteeringEstimate, VehicleState
 from trepid.types import Image, Share
 
 NAME = "cnn"
@@ -82,6 +82,17 @@ def misfit(settings: SteerNetSettings, camera: Camera, vehicle: Vehicle) -> str:
     )
 
 
+def ahead_sigma_m(command_sigma_1pm: float, lookahead_m: float) -> tuple[float, ...]:
+    """Standard deviation [m] of the lane centre at SIGMA_AHEAD_M, from σ_κ of κ_cmd = 2·y/ℓ² at ``lookahead_m``.
+
+    At the look-ahead ℓ₀ the arc gives σ_y = σ_κ·ℓ₀²/2. The shares of offset (constant in ℓ), heading (∝ ℓ) and
+    curvature (∝ ℓ²) in the error are not known, so each distance gets the greatest of the three:
+    σ_y(ℓ) = σ_y(ℓ₀)·max(1, (ℓ/ℓ₀)²).
+    """
+    aim_sigma_m = command_sigma_1pm * lookahead_m**2 / 2
+    return tuple(aim_sigma_m * max(1.0, (ahead_m / lookahead_m) ** 2) for ahead_m in SIGMA_AHEAD_M)
+
+
 class Network:
     """The ONNX graph: images of the canonical camera to lane, standard deviation and visibility."""
 
@@ -130,14 +141,16 @@ class SteerNet:
                 frame, "the network detects a road, but the confidence of its lane is too low"
             )
         lane = lane_of_row(lanes[0], self._record.lane_lookahead_m)
-        return self._seen(frame, self._view.lane(lane), confidence)
+        return self._seen(frame, self._view.lane(lane), confidence, sigma / self._view.scale)
 
     def _probability(self, command_sigma_1pm: float) -> float:
         """Calibrated probability for δ = atan(L·κ_cmd), with σ_δ ≈ L·σ_κ (its largest value, straight ahead)."""
         sigma_rad = self._vehicle.wheelbase_m * command_sigma_1pm / self._view.scale
         return self._record.calibration.probability(sigma_rad)
 
-    def _seen(self, frame: Frame, lane: Lane, confidence: float) -> SteeringEstimate:
+    def _seen(
+        self, frame: Frame, lane: Lane, confidence: float, command_sigma_1pm: float
+    ) -> SteeringEstimate:
         ahead_m = self._settings.lookahead_m
         return replace(
             self._nothing(frame, ""),
@@ -149,6 +162,7 @@ class SteerNet:
                 lane.pursuit_curvature(ahead_m), wheelbase_m=self._vehicle.wheelbase_m
             ),
             confidence=confidence,
+            ahead_sigma_m=ahead_sigma_m(command_sigma_1pm, ahead_m),
         )
 
     def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:

@@ -21,6 +21,7 @@ ESTIMATE = estimate(
     road_wheel_angle_rad=0.2,
     lane_width_m=None,
     left_boundary_px=((1.0, 2.0),),
+    ahead_sigma_m=(0.1, 0.2),
 )
 
 
@@ -60,6 +61,7 @@ def test_lengths_and_curvatures_of_a_message_change_and_angles_pixels_and_absenc
     assert (small.heading_error_rad, small.road_wheel_angle_rad) == (0.1, 0.2)
     assert small.lane_width_m is None
     assert small.left_boundary_px == ((1.0, 2.0),)
+    assert small.ahead_sigma_m == (0.05, 0.1)
 
 
 def test_speed_and_acceleration_of_a_command_change_and_its_wheel_angle_stays() -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from trepid.car.camera import Camera
 from trepid.clothoid import Lane
+from trepid.messages import SIGMA_AHEAD_M
 from trepid.types import Array
 
 E, PSI, KAPPA, KAPPA_RATE, WIDTH, PITCH = range(6)
@@ -35,6 +36,20 @@ class LaneState:
     def clothoid(self) -> Lane:
         """The lane centre."""
         return Lane(*self.mean[[E, PSI, KAPPA, KAPPA_RATE]].tolist())
+
+    @property
+    def ahead_sigma_m(self) -> tuple[float, ...]:
+        """Standard deviation σ = √(gᵀ·P·g) [m] of the lateral position of the lane centre at SIGMA_AHEAD_M."""
+        variance_m2 = np.sum((SIGMA_GRADIENTS @ self.covariance) * SIGMA_GRADIENTS, axis=1)
+        return tuple(np.sqrt(np.maximum(variance_m2, 0.0)).tolist())
+
+
+def ahead_gradient(ahead_m: float) -> Array:
+    """∂y/∂x = (-1, -ℓ, ℓ²/2, ℓ³/6, 0, 0), shape (6,), of the lane centre y = -e - ψ·ℓ + κ·ℓ²/2 + κ'·ℓ³/6."""
+    return np.array([-1.0, -ahead_m, ahead_m**2 / 2, ahead_m**3 / 6, 0.0, 0.0])
+
+
+SIGMA_GRADIENTS = np.array([ahead_gradient(ahead_m) for ahead_m in SIGMA_AHEAD_M])
 
 
 class RoadPoints(NamedTuple):

@@ -10,8 +10,9 @@ from net_rig import CAMERA, SETTINGS, VEHICLE, measurements, step
 
 from perception.lane.settings import LaneCvSettings
 from perception.net.session import load_record
-from perception.net.steer_net import Record, SteerNet
+from perception.net.steer_net import Record, SteerNet, ahead_sigma_m
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
+from trepid.messages import SIGMA_AHEAD_M
 
 WEIGHTS = ROOT / SETTINGS.weights
 
@@ -88,6 +89,14 @@ def test_the_record_contains_training_and_scores_of_the_shipped_weights():
     assert record.command.startswith("trepid train") and record.date and record.versions["torch"]
     assert record.recipe["seed"] is not None and record.scores["test_roads"]["road_wheel_angle_deg"] > 0
     assert record.parameters <= 300_000 and WEIGHTS.stat().st_size <= 2_000_000
+
+
+def test_the_deviation_of_the_lane_is_that_of_the_arc_at_the_look_ahead_and_never_smaller_elsewhere():
+    sigma_m = ahead_sigma_m(0.01, 10.0)
+    by_distance = dict(zip(SIGMA_AHEAD_M, sigma_m, strict=True))
+    assert by_distance[10.0] == pytest.approx(0.01 * 10.0**2 / 2)
+    assert by_distance[0.0] == by_distance[10.0]
+    assert by_distance[20.0] == pytest.approx(4 * by_distance[10.0])
 
 
 def test_both_estimators_aim_at_the_same_point_ahead():

@@ -143,20 +143,27 @@ def test_fields_that_an_older_version_lacks_are_absent(tmp_path: Path) -> None:
     assert lead.lateral_m is None and lead.speed_mps is None
 
 
-def test_an_estimate_recorded_without_a_kind_is_one_of_the_lane(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("line", "lacking"), [("string kind\n", "kind"), ("float64[] ahead_sigma_m\n", "ahead_sigma_m")]
+)
+def test_an_estimate_recorded_without_a_field_has_its_default(
+    tmp_path: Path, line: str, lacking: str
+) -> None:
+    """Without a kind it is one of the lane; without deviations it states nothing about them."""
     name, now = ros_name(m.SteeringEstimate), definition(m.SteeringEstimate)
-    text = now.replace("string kind\n", "")
+    text = now.replace(line, "")
     assert text != now
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(text, name))
     estimate = m.SteeringEstimate.nothing(7.0, estimator="cv", lookahead_m=8.0, reason="")
     newer = STORE.deserialize_cdr(to_cdr(estimate), name)
-    fields = [field for field in newer.__dataclass_fields__ if field != "kind" and not field.startswith("__")]
+    fields = [field for field in newer.__dataclass_fields__ if field != lacking and not field.startswith("__")]
     kept = {field: getattr(newer, field) for field in fields}
     data = bytes(store.serialize_cdr(store.types[name](**kept), name))
     path = foreign(tmp_path / "old.mcap", estimate_topic("cv").key, name, text, data)
     ((_, read),) = read_recording(path, "perception/*").of(estimate_topic("cv"))
-    assert read == estimate and read.kind is m.EstimateKind.LANE
+    assert read == estimate
+    assert (read.kind, read.ahead_sigma_m) == (m.EstimateKind.LANE, ())
 
 
 @pytest.mark.parametrize(
