@@ -112,6 +112,7 @@ def models() -> Finding:
 def _loaded_models() -> Iterator[str]:
     import perception.estimators
     import perception.lead.finder
+    from trepid.processes.settings import load_processes
 
     unused = perception.estimators.misfits()
     if not unused:
@@ -119,8 +120,11 @@ def _loaded_models() -> Iterator[str]:
         yield "steer_net: hash agrees"
     for name, why in unused.items():
         yield f"the estimator {name} does not run: {why}"
-    perception.lead.finder.build()
-    yield "lead: hash agrees"
+    if any(spec.module == "perception.lead.node" for spec in load_processes()):
+        perception.lead.finder.build()
+        yield "lead: hash agrees"
+    else:
+        yield "no process detects vehicles ahead"
 
 
 def endpoint() -> Finding:

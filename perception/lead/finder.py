@@ -8,6 +8,7 @@ import numpy as np
 
 from perception.lead.boxes import BoxDetector, BoxSettings
 from perception.lead.detection import Detection, Detector, StripDetector
+from perception.lead.published import PUBLISHED, fetched
 from perception.lead.tracker import Track, Tracker, TrackSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -37,7 +38,7 @@ class ChoiceSettings(Settings):
 class LeadSettings(Settings):
     """``config/lead.yaml``."""
 
-    detector: Path | None
+    detector: Path | None  # None: the embedded one; a file, or a name of PUBLISHED
     weights: Path
     boxes: BoxSettings
     track: TrackSettings
@@ -211,6 +212,8 @@ def make_detector(settings: LeadSettings, camera: Camera) -> Detector:
     """The detector that ``settings`` name. Raises InputError."""
     if settings.detector is None:
         return StripDetector(resource(settings.weights), camera)
+    if published := PUBLISHED.get(str(settings.detector)):
+        return BoxDetector(fetched(str(settings.detector)), published.layout, camera)
     return BoxDetector(resource(settings.detector), settings.boxes, camera)
 
 

@@ -14,7 +14,15 @@ from pathlib import Path
 from typing import Any
 
 from perception.estimators import misfits
-from sim_harness.live.plan import check_car, check_vehicle, context_of, estimators_of, is_simulated, planned
+from sim_harness.live.plan import (
+    check_car,
+    check_lead,
+    check_vehicle,
+    context_of,
+    estimators_of,
+    is_simulated,
+    planned,
+)
 from sim_harness.live.referee import Assigned, DriveSettings, Referee, Show
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.faults import EstimatorBias, LostLane
@@ -110,6 +118,7 @@ def _plan(scenario: Scenario | None, *, recorded: bool) -> tuple[tuple[ProcessSp
     own = planned(load_processes(), scenario, recorded=recorded)
     estimators = estimators_of(own, scenario)
     check_vehicle(own)
+    check_lead(own)
     if scenario is None:
         check_car(own)
     else:

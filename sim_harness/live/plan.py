@@ -7,7 +7,7 @@ from typing import Any
 
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.camera import Camera
-from trepid.config import CONFIG_DIR, InputError, default_file, load
+from trepid.config import CONFIG_DIR, InputError, default_file, load, located, read
 from trepid.processes.settings import RECORDER, ProcessSpec, Restart
 from trepid.topics import (
     CAMERA_COMPRESSED,
@@ -20,7 +20,7 @@ from trepid.topics import (
     estimate_topic,
 )
 
-ESTIMATOR = "perception.node"
+ESTIMATOR, LEAD = "perception.node", "perception.lead.node"
 SIMULATED = (
     ProcessSpec(
         "vehicle",
@@ -96,8 +96,8 @@ def estimators_of(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> tu
     names = tuple(name for spec in specs for name in spec.estimators)
     if not names:
         raise InputError(
-            "processes.yaml: no process publishes vehicle/state, so that nothing drives the car;"
-            " `vehicle: {module: vehicle.actuators.node}` does; one of your own needs `publishes: [vehicle/state]`"
+            "processes.yaml: no process publishes an estimate of the lane; add one, such as"
+            " `cv: {module: perception.node, options: {estimator: cv}}`"
         )
     return names
 
@@ -109,6 +109,22 @@ def check_vehicle(specs: Iterable[ProcessSpec]) -> None:
             "processes.yaml: no process publishes vehicle/state, so that nothing drives the car;"
             " `vehicle: {module: vehicle.actuators.node}` does; one of your own needs `publishes: [vehicle/state]`"
         )
+
+
+def check_lead(specs: Iterable[ProcessSpec]) -> None:
+    """Raise InputError where the embedded lead detector, trained on drawn vehicles, would get real images."""
+    specs = tuple(specs)
+    real = any(CAMERA_IMAGE.key in spec.publishes and not spec.simulates for spec in specs)
+    if real and any(spec.module == LEAD for spec in specs):
+        from perception.lead.finder import lead_settings
+
+        if lead_settings().detector is None:
+            file = CONFIG_DIR / "lead.yaml"
+            what = (
+                "the embedded detector is trained on drawn vehicles, and the camera is real: name a detector that"
+                " `trepid detector list` prints, or leave the process out by `lead: null` in processes.yaml"
+            )
+            raise InputError(located(("detector",), what, read(file), file))
 
 
 def check_car(specs: Iterable[ProcessSpec]) -> None:
@@ -129,7 +145,7 @@ def check_car(specs: Iterable[ProcessSpec]) -> None:
     for spec in specs:
         if spec.module == ESTIMATOR and "estimator" in spec.options:
             perception.estimators.build(spec.options["estimator"])
-        elif spec.module == "perception.lead.node":
+        elif spec.module == LEAD:
             perception.lead.finder.build()
 
 

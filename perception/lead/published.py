@@ -1,0 +1,99 @@
+"""Detectors of real vehicles that come in a package of a public registry, by name.
+
+``detector: NAME`` in ``config/lead.yaml`` uses one; ``trepid detector fetch NAME`` gets it once. Network and
+licence are those of its publisher. Its bytes are compared with a SHA-256, so that no other file is ever run.
+"""
+
+import hashlib
+import io
+import os
+import tarfile
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import NamedTuple
+
+from perception.lead.boxes import BoxSettings
+from trepid.config import InputError
+
+TIMEOUT_S = 60.0
+
+
+class Published(NamedTuple):
+    """A detector within a package."""
+
+    package: str  # and its version
+    url: str  # below the address of the registry
+    licence: str
+    member: str  # the file of the package ...
+    start: int  # ... and the place of the detector in it [bytes]
+    size: int
+    sha256: str
+    layout: BoxSettings  # how its output is read
+
+
+REGISTRY = "https://registry.npmjs.org"
+REGISTRY_VARIABLE = "npm_config_registry"  # as for npm
+PUBLISHED = {
+    "objectron": Published(
+        package="@mediapipe/objectron 0.4.1675468480 (npm)",
+        url="@mediapipe/objectron/-/objectron-0.4.1675468480.tgz",
+        licence="Apache-2.0",
+        member="package/objectron_solution_packed_assets.data",
+        start=184,
+        size=9_987_728,
+        sha256="d0a5255bf8c4f5a0bc4240741a76c41d5e939f7655078f945f50ab53a9375da6",
+        layout=BoxSettings(layout="ssd", classes=(18, 23), min_score=0.3, tile_share=0.5),
+    ),
+}
+"""``objectron``: SSD-MobileNetV2 300x300, 24 classes of Open Images v4, of which Vehicle and Car count."""
+
+
+def file_of(name: str) -> Path:
+    """Where the detector ``name`` is kept: below ``$XDG_DATA_HOME``, by default ``~/.local/share``."""
+    root = Path(os.environ.get("XDG_DATA_HOME", ""))
+    top = root if root.is_absolute() else Path.home() / ".local" / "share"
+    return top / "trepid" / "detectors" / f"{name}.tflite"
+
+
+def fetched(name: str) -> Path:
+    """The file of the detector ``name``. Raises InputError where it was not fetched, or is another file."""
+    path = file_of(name)
+    if not path.is_file():
+        raise InputError(f"detector {name}: not on this machine; `trepid detector fetch {name}` gets it")
+    if hashlib.sha256(path.read_bytes()).hexdigest() != PUBLISHED[name].sha256:
+        raise InputError(f"{path}: not the detector {name}; `trepid detector fetch {name}` gets it again")
+    return path
+
+
+def fetch(name: str) -> Path:
+    """Get the detector ``name`` from its registry; its file. Raises InputError, and then leaves nothing behind."""
+    published, path = PUBLISHED[name], file_of(name)
+    address = f"{os.environ.get(REGISTRY_VARIABLE, REGISTRY).rstrip('/')}/{published.url}"
+    try:
+        with urllib.request.urlopen(address, timeout=TIMEOUT_S) as answer:
+            packed = answer.read()
+    except (urllib.error.URLError, OSError, ValueError) as error:
+        raise InputError(f"{address}: cannot be read: {getattr(error, 'reason', error)}") from error
+    content = _unpacked(packed, published, address)
+    if hashlib.sha256(content).hexdigest() != published.sha256:
+        raise InputError(f"{address}: the SHA-256 of its detector is not that of {name}")
+    fresh = path.with_suffix(f".{os.getpid()}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        fresh.write_bytes(content)
+        fresh.replace(path)
+    except OSError as error:
+        fresh.unlink(missing_ok=True)
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    return path
+
+
+def _unpacked(packed: bytes, published: Published, address: str) -> bytes:
+    try:
+        with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+            member = archive.extractfile(published.member)
+            content = b"" if member is None else member.read()
+    except (tarfile.TarError, KeyError, EOFError, OSError) as error:
+        raise InputError(f"{address}: no package with {published.member}") from error
+    return content[published.start : published.start + published.size]

@@ -1,0 +1,42 @@
+"""The processes of a drive: what a car needs before it starts."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cockpit.car.init import Like, write_car
+from sim_harness.live.plan import check_lead, check_vehicle, estimators_of, planned
+from sim_harness.scenarios.scenario import load_scenario
+from trepid.config import CAR, InputError
+from trepid.processes.settings import load_processes
+
+
+@pytest.fixture
+def shuttle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    write_car(tmp_path / "mycar", Like.SHUTTLE)
+    monkeypatch.setenv(CAR, str(tmp_path / "mycar"))
+    return tmp_path / "mycar"
+
+
+def test_a_car_without_an_estimator_is_told_of_the_estimate_that_is_missing(shuttle: Path) -> None:
+    specs = tuple(spec for spec in load_processes() if not spec.estimators)
+    with pytest.raises(InputError, match="no process publishes an estimate"):
+        estimators_of(specs, None)
+
+
+def test_a_car_without_a_process_at_the_actuator_is_refused(shuttle: Path) -> None:
+    specs = tuple(spec for spec in load_processes() if not spec.is_vehicle)
+    with pytest.raises(InputError, match="no process publishes vehicle/state"):
+        check_vehicle(specs)
+
+
+def test_the_detector_of_drawn_vehicles_is_refused_with_a_real_camera_only(shuttle: Path) -> None:
+    specs = load_processes()
+    check_lead(specs)  # the template leaves the process out
+    lead = replace(specs[0], name="lead", module="perception.lead.node", publishes=("perception/lead",))
+    with pytest.raises(InputError, match=r"lead\.yaml:\d+:\d+: detector: .*trepid detector list"):
+        check_lead((*specs, lead))
+    check_lead(planned((*specs, lead), load_scenario("straight")))
+    (shuttle / "lead.yaml").write_text("detector: objectron\n")
+    check_lead((*specs, lead))
