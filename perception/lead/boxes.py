@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from perception.lead.detection import Detection
+from perception.lead.detection import Detection, Platt
 from perception.net.session import open_session
 from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
@@ -27,6 +27,7 @@ Model = Callable[[Floats], list[Floats]]
 NMS_OVERLAP = 0.5
 WIDTH_M = (1.0, 4.0)  # of vehicles: a motorcycle to a truck at an angle
 FARTHEST_M = 120.0
+BONNET_SHARE = 0.95  # of the image
 
 
 class BoxSettings(Settings):
@@ -36,6 +37,9 @@ class BoxSettings(Settings):
     classes: Annotated[tuple[int, ...], Field(min_length=1)]
     min_score: OpenShare
     tile_share: Annotated[float, Field(gt=0, le=1)]  # 1: no second detection around the horizon
+    calibration: Platt = Platt(
+        bias=0.0, slope=1.0
+    )  # of the scores to probabilities; these values change nothing
 
 
 class BoxDetector:
@@ -61,7 +65,8 @@ class BoxDetector:
             shift = np.array([left, top] * 2, np.float32)
             found += zip(corners * scale + shift, scores.tolist(), strict=True)
         kept = [found[i] for i in _suppressed(found, self._settings.min_score)]
-        seen = [on_road(self._camera, corners, score) for corners, score in kept]
+        probability = self._settings.calibration
+        seen = [on_road(self._camera, corners, probability(score)) for corners, score in kept]
         return sorted(filter(None, seen), key=lambda detection: -detection.confidence)
 
     def _tiles(self) -> list[tuple[int, int, int, int]]:
@@ -90,9 +95,14 @@ class BoxDetector:
         return corners[sure], scores[sure]
 
 
-def on_road(camera: Camera, corners: Sequence[float] | Floats, score: float) -> Detection | None:
-    """The vehicle of a box [px]; None where it would not stand on the road or not have the width of a vehicle."""
+def on_road(camera: Camera, corners: Sequence[float] | Floats, confidence: float) -> Detection | None:
+    """The vehicle of a box [px]; None where it would not stand on the road or not have the width of a vehicle.
+
+    A box as wide as the image that ends at its lower edge is the bonnet of the ego vehicle.
+    """
     left, _, right, bottom = (float(c) for c in corners)
+    if right - left >= BONNET_SHARE * camera.width_px and bottom >= BONNET_SHARE * camera.height_px:
+        return None
     feet = camera.road_from_pixel([(left, bottom), (right, bottom)])
     ahead_m, left_m = feet.mean(axis=0).tolist()
     if not camera.x_m < ahead_m <= FARTHEST_M:
@@ -100,7 +110,7 @@ def on_road(camera: Camera, corners: Sequence[float] | Floats, score: float) -> 
     width_m = float(np.hypot(*(feet[0] - feet[1])))
     if not WIDTH_M[0] <= width_m <= WIDTH_M[1]:
         return None
-    return Detection(ahead_m, left_m, width_m, min(max(score, 1e-3), 1 - 1e-3))
+    return Detection(ahead_m, left_m, width_m, min(max(confidence, 1e-3), 1 - 1e-3))
 
 
 def ssd_boxes(outputs: list[Floats], classes: Sequence[int], size: tuple[int, int]) -> Boxes:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from perception.lead.boxes import BoxSettings
+from perception.lead.detection import Platt
 from trepid.config import InputError
 
 TIMEOUT_S = 60.0
@@ -43,10 +44,20 @@ PUBLISHED = {
         start=184,
         size=9_987_728,
         sha256="d0a5255bf8c4f5a0bc4240741a76c41d5e939f7655078f945f50ab53a9375da6",
-        layout=BoxSettings(layout="ssd", classes=(18, 23), min_score=0.3, tile_share=0.5),
+        layout=BoxSettings(
+            layout="ssd",
+            classes=(18, 23),
+            min_score=0.2,
+            tile_share=1.0,
+            calibration=Platt(bias=3.4, slope=4.0),
+        ),
     ),
 }
-"""``objectron``: SSD-MobileNetV2 300x300, 24 classes of Open Images v4, of which Vehicle and Car count."""
+"""``objectron``: SSD-MobileNetV2 300x300, 24 classes of Open Images v4, of which Vehicle and Car count.
+
+Its scores end at 0.6. The calibration makes 0.3 an even chance, 0.4 a probability of 0.84 and 0.5 of 0.97: by eye
+on highway frames, with the margin that streets need.
+"""
 
 
 def file_of(name: str) -> Path:

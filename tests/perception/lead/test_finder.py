@@ -99,6 +99,14 @@ def test_a_box_off_the_road_or_without_the_width_of_a_vehicle_is_dropped(box: tu
     assert on_road(CAMERA, box, 0.9) is None
 
 
+def test_the_own_bonnet_is_no_vehicle() -> None:
+    width, height = CAMERA.width_px, CAMERA.height_px
+    wide = (0.01 * width, 0.5 * height, 0.99 * width)
+    assert on_road(CAMERA, (*wide, height), 0.9) is None
+    truck = (0.2 * width, 0.3 * height, 0.8 * width, 0.9 * height)
+    assert on_road(CAMERA, truck, 0.9) is not None
+
+
 def test_an_ssd_box_without_offsets_is_its_anchor() -> None:
     anchors = ssd_anchors(300)
     logits = np.full((1, len(anchors), 3), -9.0, np.float32)

@@ -104,3 +104,9 @@ def test_a_changed_file_is_refused(registry: type[Registry]) -> None:
     path.write_bytes(MODEL + b"x")
     with pytest.raises(InputError, match="not the detector"):
         fetched(NAME)
+
+
+def test_the_scores_of_the_published_detector_become_probabilities() -> None:
+    probability = PUBLISHED[NAME].layout.calibration
+    assert probability(0.3) == pytest.approx(0.5, abs=0.02)
+    assert probability(0.2) < 0.15 and probability(0.5) > 0.95

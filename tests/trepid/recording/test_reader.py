@@ -157,7 +157,9 @@ def test_an_estimate_recorded_without_a_field_has_its_default(
     store.register(get_types_from_msg(text, name))
     estimate = m.SteeringEstimate.nothing(7.0, estimator="cv", lookahead_m=8.0, reason="")
     newer = STORE.deserialize_cdr(to_cdr(estimate), name)
-    fields = [field for field in newer.__dataclass_fields__ if field != lacking and not field.startswith("__")]
+    fields = [
+        field for field in newer.__dataclass_fields__ if field != lacking and not field.startswith("__")
+    ]
     kept = {field: getattr(newer, field) for field in fields}
     data = bytes(store.serialize_cdr(store.types[name](**kept), name))
     path = foreign(tmp_path / "old.mcap", estimate_topic("cv").key, name, text, data)
