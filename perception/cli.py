@@ -84,7 +84,7 @@ def estimate(
             print(ASSUMED, file=sys.stderr)
         estimate_leads(inputs, camera_for, detector=detector, annotate=annotate, as_json=as_json)
         return
-    found = results(inputs, camera_for, partial(_step, estimator, vehicle))
+    found = results(inputs, camera_for, partial(_step, estimator, vehicle, camera is None))
     if camera is None:
         found = _with_note(found, ASSUMED)
     if annotate is not None:
@@ -112,9 +112,9 @@ def _list_estimators(as_json: bool) -> None:
         print(f"{'':{width}}   {row['source']}" + (f": {' > '.join(row['stages'])}" if row["stages"] else ""))
 
 
-def _step(name: str, vehicle: Vehicle, camera: Camera) -> Step[SteeringEstimate]:
+def _step(name: str, vehicle: Vehicle, assumed: bool, camera: Camera) -> Step[SteeringEstimate]:
     """A fresh estimator, stepped without odometry."""
-    estimator = entry_of(name).build(camera, vehicle)
+    estimator = entry_of(name).build(camera, vehicle, assumed=assumed)
     return lambda frame: estimator.step(frame, None, now_s=frame.t_s)
 
 

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from perception.lane.lane_cv import LaneCv
 from perception.lane.settings import LaneCvSettings
+from perception.lane.unknown_camera import LaneOfUnknownCamera
 from trepid import plugins
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -61,18 +62,22 @@ class Entry:
     stages: tuple[str, ...] = ()  # of a pipeline
     # takes its place where it is not made for a camera and vehicle of their own world. Raises InputError
     misfit: Callable[[Camera, Vehicle], Unfit | None] | None = None
+    # for a self-calibrated camera; None: `construct` takes it as if it were known
+    construct_assumed: Callable[[Camera, Vehicle], Estimator] | None = None
 
-    def build(self, camera: Camera, vehicle: Vehicle) -> Estimator:
+    def build(self, camera: Camera, vehicle: Vehicle, *, assumed: bool = False) -> Estimator:
         """The estimator for ``camera`` on ``vehicle``, in the scale of its lanes.
 
+        ``assumed``: the camera is self-calibrated, so its height is a guess.
         One that is not made for them estimates nothing and gives the reason. Raises InputError.
         """
         if self.misfit is not None and (unfit := self.misfit(camera, vehicle)):
             return unfit
+        construct = self.construct_assumed if assumed and self.construct_assumed else self.construct
         if vehicle.scale == 1.0:
-            return self.construct(camera, vehicle)
+            return construct(camera, vehicle)
         eye = scaled_settings(camera, 1 / vehicle.scale)
-        return ScaledEstimator(self.construct(eye, vehicle.in_reference_world), vehicle.scale)
+        return ScaledEstimator(construct(eye, vehicle.in_reference_world), vehicle.scale)
 
 
 def lane_cv_settings() -> LaneCvSettings:
@@ -82,6 +87,10 @@ def lane_cv_settings() -> LaneCvSettings:
 
 def _lane_cv(camera: Camera, vehicle: Vehicle) -> Estimator:
     return LaneCv(lane_cv_settings(), camera, vehicle)
+
+
+def _lane_cv_assumed(camera: Camera, vehicle: Vehicle) -> Estimator:
+    return LaneOfUnknownCamera(lane_cv_settings(), camera, vehicle)
 
 
 def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
@@ -103,6 +112,7 @@ ESTIMATORS = {
         "lane lines or road edges, robust clothoid fit, Kalman tracking",
         _lane_cv,
         source="Trepid; config/perception.yaml",
+        construct_assumed=_lane_cv_assumed,
     ),
     "cnn": Entry(
         "PilotNet-sized network from pixels to lane state with its own uncertainty",

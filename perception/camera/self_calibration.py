@@ -25,6 +25,7 @@ class SelfCalibrationSettings(Settings):
 
     focal_per_width: Positive
     height_m: Positive
+    height_sigma: Positive
     ahead_of_rear_axle_m: float
     horizon_share: Share
     horizon_sigma: Positive

@@ -10,6 +10,8 @@ For each frame:
 5. **Report** the lane, with the probability that it is right as confidence (:mod:`.rating`).
 """
 
+from copy import copy
+
 from perception.lane.camera_check import CameraCheck
 from perception.lane.choice import LaneChoice
 from perception.lane.frame_search import FrameSearch
@@ -38,6 +40,13 @@ class LaneCv:
         self._choice = LaneChoice(settings, self._rating)
         self._camera_check = CameraCheck(settings.camera_check)
         self.features: Features | None = None  # of the last confidence; None without a lane
+
+    def twin(self) -> "LaneCv":
+        """The same estimator with a state of its own."""
+        twin = copy(self)
+        twin._memory, twin._choice = copy(self._memory), copy(self._choice)
+        twin._camera_check = copy(self._camera_check)
+        return twin
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane in ``frame``; ``state`` gives the motion since the last frame."""

@@ -14,7 +14,7 @@ from perception.lane.model.fit import FitSettings
 from perception.lane.model.prediction import TrackSettings
 from perception.lane.model.prior import PriorSettings
 from trepid.config import Settings
-from trepid.types import Positive, Share
+from trepid.types import NonNegative, Positive, Share
 
 
 class VoteStages(Settings):
@@ -50,6 +50,17 @@ class SteeringSettings(Settings):
     lookahead_m: Positive
 
 
+class UnknownCameraSettings(Settings):
+    """Section ``unknown_camera``: lanes without a camera file (:mod:`.unknown_camera`)."""
+
+    open_mind: Positive
+    uneven_free: float
+    uneven_weight: NonNegative
+    change_margin: Share
+    steady_every: Annotated[int, Field(ge=1)]
+    width_looks: Annotated[int, Field(ge=1)]
+
+
 class LaneCvSettings(Settings):
     """``config/perception.yaml``. Limits of the score and of the probability are separate fields."""
 
@@ -81,5 +92,6 @@ class LaneCvSettings(Settings):
     confidence: ConfidenceSettings
     steering: SteeringSettings
     self_calibration: SelfCalibrationSettings
+    unknown_camera: UnknownCameraSettings
     camera_check: CameraCheckSettings
     edges: EdgeSettings

@@ -1,0 +1,48 @@
+"""How far lanes found under different assumptions are the same lane in the image."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from perception.lane.detection.evenness import columns
+from trepid.messages import SteeringEstimate
+from trepid.types import Array, Image
+
+ROWS = 32  # of the lower half of the image
+NOISE_GREY, SHIFT_PX = 2, 1.0
+
+
+def lane_columns(estimate: SteeringEstimate, height_px: int, width_px: int) -> Array:
+    """Columns of both boundaries inside the image at rows of its lower half, shape (2, ROWS); 0 where not known."""
+    rows = np.linspace(height_px / 2, height_px - 1, ROWS)
+    paths = estimate.left_boundary_px, estimate.right_boundary_px
+    found = np.clip(np.stack([columns(path, rows) for path in paths]), 0, width_px)
+    return np.where(np.isnan(found).any(axis=0), 0.0, found)
+
+
+def overlap(one: Array, other: Array) -> float:
+    """Intersection over union of the areas of two lanes, given as :func:`lane_columns`; 0 without a lane."""
+    shared = np.maximum(np.minimum(one[1], other[1]) - np.maximum(one[0], other[0]), 0.0).sum()
+    union = (one[1] - one[0]).sum() + (other[1] - other[0]).sum() - shared
+    return float(shared / union) if union > 0 else 0.0
+
+
+def marginal(probability: Array, weight: Array, lanes: Sequence[Array]) -> Array:
+    """P_j = Σ_i w_i·p_i·o_ij / Σ_i w_i with the overlap o_ij of the lanes i and j; shape (n,)."""
+    shared = np.array([[overlap(one, other) for other in lanes] for one in lanes])
+    return np.asarray(shared @ (weight * probability) / weight.sum())
+
+
+def with_noise(image: Image) -> Image:
+    """``image`` with a fixed noise of up to ±``NOISE_GREY`` grey levels."""
+    shape = image.shape[:2] if image.ndim == 2 else (*image.shape[:2], 1)
+    noise = np.random.default_rng(1).integers(-NOISE_GREY, NOISE_GREY + 1, shape)
+    return np.clip(image.astype(np.int16) + noise, 0, 255).astype(np.uint8)
+
+
+def shifted(image: Image) -> Image:
+    """``image`` moved right and down by ``SHIFT_PX``."""
+    move = np.array([[1.0, 0.0, SHIFT_PX], [0.0, 1.0, SHIFT_PX]])
+    size = image.shape[1], image.shape[0]
+    return cv2.warpAffine(image, move, size, borderMode=cv2.BORDER_REPLICATE).astype(np.uint8, copy=False)

@@ -1,0 +1,185 @@
+"""The estimator `cv` for a camera without a file: one search per likely height of the camera.
+
+The height decides how wide a lane of 3 to 4 m is in the image, and so which pair of lines or edges can be the
+lane. Without a camera file, lanes are searched at several heights (:mod:`perception.camera.uncertainty`), and the
+probability that lane j is the right one is marginal over them:
+
+    P_j = Σ_i w_i·p_i·o_ij / Σ_i w_i
+
+with the probability p_i that the lane at height i is right, given that height, and the overlap o_ij of the lanes i
+and j in the image. The lane with the highest P is reported. The weight w_i of a height is p_i + ``open_mind`` for a
+lane between lines, which are as far apart as lanes are wide. The width of a road between edges says nothing about
+the height: its weight is 1 + ``open_mind``. p_i includes the surface: a lane whose far half is not the surface
+right ahead is improbable (:mod:`perception.lane.detection.evenness`). The confidence is P times the steadiness, the
+overlap with the lane in a slightly changed image.
+
+In a clip the widths between two lines narrow the belief in the height, once; the search goes on around it.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perception.camera.uncertainty import HeightBelief
+from perception.lane.agreement import lane_columns, marginal, overlap, shifted, with_noise
+from perception.lane.detection.evenness import unevenness
+from perception.lane.lane_cv import LaneCv
+from perception.lane.settings import LaneCvSettings
+from perception.lane.view import as_bgr, unusable
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.clothoid import Lane
+from trepid.messages import SIGMA_AHEAD_M, Frame, SteeringEstimate, VehicleState
+from trepid.types import Array, Image
+
+SURE = 0.5  # probability of a lane whose width counts
+OTHER_LANE = "at other likely heights of the camera it is another lane"
+CHANGES = (with_noise, shifted)
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """The lane found at one height."""
+
+    estimate: SteeringEstimate
+    probability: float  # given that height
+    explains: float  # 0..1: how well that height explains the frame
+    columns_px: Array  # of its boundaries, as `lane_columns` gives them
+
+
+class LaneOfUnknownCamera:
+    """Estimator "cv" without a camera file. Its state: a remembered lane per height, the belief in the height."""
+
+    def __init__(self, settings: LaneCvSettings, camera: Camera, vehicle: Vehicle) -> None:
+        """``camera``: a self-calibrated one, whose height is the median of the belief."""
+        self._settings, self._camera, self._vehicle = settings, camera, vehicle
+        self._limits = settings.unknown_camera
+        self.belief = HeightBelief(camera.height_m, settings.self_calibration.height_sigma)
+        self._widths: list[float] | None = []  # between two lines [heights of the camera]; None: judged
+        self._begin()
+
+    def _begin(self) -> None:
+        """Search at the heights of the belief, without a remembered lane."""
+        self._heights_m = self.belief.hypotheses_m
+        self._finders = [
+            LaneCv(self._settings, self._camera.model_copy(update={"height_m": height_m}), self._vehicle)
+            for height_m in self._heights_m
+        ]
+        self._sightings: list[Sighting] = []
+        self._chosen, self._frames, self._steadiness = 0, 0, 1.0
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The lane with the highest probability. The first frame is searched at all heights, others at two."""
+        if unusable(frame.image):
+            return self._finders[self._chosen].step(frame, state, now_s=now_s)
+        look = self._next if self._sightings else self._first
+        probability = look(frame, state, now_s)
+        self._frames += 1
+        lane = self._sightings[self._chosen]
+        estimate = lane.estimate
+        if not estimate.reason and probability < lane.probability / 2:
+            estimate = replace(estimate, reason=OTHER_LANE)
+        estimate = replace(
+            estimate, confidence=self._steadiness * probability, ahead_sigma_m=self._ahead_sigma_m()
+        )
+        self._judge_height(lane)
+        return estimate
+
+    def _first(self, frame: Frame, state: VehicleState | None, now_s: float) -> float:
+        """Searches at all heights, and twice more in changed images at the best one; the probability there."""
+        fresh = [finder.twin() for finder in self._finders]
+        self._sightings = [self._sighting(finder, frame, state, now_s) for finder in self._finders]
+        probability = self._probabilities()
+        self._chosen = int(probability.argmax())
+        looks = [self._overlap_in(change(frame.image), fresh, frame, state, now_s) for change in CHANGES]
+        self._steadiness = float(np.mean(looks))
+        return float(probability[self._chosen])
+
+    def _next(self, frame: Frame, state: VehicleState | None, now_s: float) -> float:
+        """Searches at the chosen height and in turn at another one, which is chosen if it is clearly better."""
+        turn, looks = self._frames % len(self._finders), divmod(self._frames, self._limits.steady_every)
+        before = [finder.twin() for finder in self._finders] if looks[1] == 0 else []
+        for number in {self._chosen, turn}:
+            self._sightings[number] = self._sighting(self._finders[number], frame, state, now_s)
+        probability = self._probabilities()
+        if probability[turn] > probability[self._chosen] + self._limits.change_margin:
+            self._chosen = turn
+        if before:
+            image = CHANGES[looks[0] % len(CHANGES)](frame.image)
+            seen = self._overlap_in(image, before, frame, state, now_s)
+            self._steadiness += (seen - self._steadiness) / 2
+        return float(probability[self._chosen])
+
+    def _sighting(self, finder: LaneCv, frame: Frame, state: VehicleState | None, now_s: float) -> Sighting:
+        estimate, limits = finder.step(frame, state, now_s=now_s), self._limits
+        columns_px = lane_columns(estimate, frame.image.shape[0], frame.image.shape[1])
+        uneven = unevenness(as_bgr(frame.image), estimate.left_boundary_px, estimate.right_boundary_px)
+        if uneven is None:
+            return Sighting(estimate, 0.0, 0.0, columns_px)
+        even = math.exp(-limits.uneven_weight * max(0.0, uneven - limits.uneven_free))
+        probability = estimate.confidence * even
+        explains = probability if estimate.marked else 1.0  # a road may have one lane or two
+        return Sighting(estimate, probability, explains, columns_px)
+
+    def _probabilities(self) -> Array:
+        """P of every lane; shape (heights,)."""
+        return marginal(
+            np.array([one.probability for one in self._sightings]),
+            np.array([one.explains + self._limits.open_mind for one in self._sightings]),
+            [one.columns_px for one in self._sightings],
+        )
+
+    def _overlap_in(
+        self, image: Image, finders: list[LaneCv], frame: Frame, state: VehicleState | None, now_s: float
+    ) -> float:
+        """Overlap of the chosen lane with the one that its finder of ``finders`` finds in ``image`` instead."""
+        seen = finders[self._chosen].step(replace(frame, image=image), state, now_s=now_s)
+        columns_px = lane_columns(seen, frame.image.shape[0], frame.image.shape[1])
+        return overlap(self._sightings[self._chosen].columns_px, columns_px)
+
+    def _ahead_sigma_m(self) -> tuple[float, ...]:
+        """σ of the lateral place of the reported lane: its own, and the scatter of the lanes at other heights."""
+        own = self._sightings[self._chosen].estimate
+        if (place_m := _places_m(own)) is None:
+            return ()
+        variance, total = np.zeros(len(SIGMA_AHEAD_M)), 0.0
+        for one in self._sightings:
+            weight = one.explains + self._limits.open_mind
+            if (other_m := _places_m(one.estimate)) is not None:
+                variance, total = variance + weight * np.square(other_m - place_m), total + weight
+        return tuple(np.sqrt(np.square(own.ahead_sigma_m) + variance / total).tolist())
+
+    def _judge_height(self, lane: Sighting) -> None:
+        """Narrows the belief once the lane between two lines has been seen often enough."""
+        estimate, prior = lane.estimate, self._settings.prior
+        sure = lane.probability > SURE and estimate.marked and estimate.lanes_detected == 2
+        if self._widths is None or not sure or estimate.lane_width_m is None:
+            return
+        self._widths.append(estimate.lane_width_m / self._heights_m[self._chosen])
+        if len(self._widths) < self._limits.width_looks:
+            return
+        belief = self.belief.given_width(
+            float(np.median(self._widths)), width_m=prior.width_m, width_sigma_m=prior.width_sigma_m
+        )
+        narrower = belief != self.belief
+        self._widths = None if narrower else []
+        if narrower:
+            self.belief = belief
+            self._begin()
+
+
+def _places_m(estimate: SteeringEstimate) -> Array | None:
+    """Lateral places [m] of the lane centre at SIGMA_AHEAD_M; None without a lane."""
+    offset_m, heading_rad = estimate.lateral_offset_m, estimate.heading_error_rad
+    ahead_1pm, rate_1pm2 = estimate.curvature_1pm, estimate.curvature_rate_1pm2
+    if offset_m is None or heading_rad is None or ahead_1pm is None or rate_1pm2 is None:
+        return None
+    lane = Lane.from_ahead(
+        offset_m=offset_m,
+        heading_rad=heading_rad,
+        ahead_1pm=ahead_1pm,
+        curvature_rate_1pm2=rate_1pm2,
+        lookahead_m=estimate.lookahead_m,
+    )
+    return np.array([lane.y_m(ahead_m) for ahead_m in SIGMA_AHEAD_M])

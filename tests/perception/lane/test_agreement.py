@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+
+from perception.lane.agreement import lane_columns, marginal, overlap, shifted, with_noise
+from trepid.messages import SteeringEstimate
+
+
+def lane(left_px, right_px):
+    rows = np.full(32, 1.0)
+    return np.stack([left_px * rows, right_px * rows])
+
+
+def test_overlap_is_the_shared_share_of_both_areas():
+    assert overlap(lane(0, 100), lane(0, 100)) == 1.0
+    assert overlap(lane(0, 100), lane(50, 150)) == pytest.approx(1 / 3)
+    assert overlap(lane(0, 100), lane(200, 300)) == 0.0
+
+
+def test_no_lane_overlaps_with_nothing_not_even_with_another_missing_lane():
+    assert overlap(lane(0, 0), lane(0, 100)) == 0.0
+    assert overlap(lane(0, 0), lane(0, 0)) == 0.0
+
+
+def test_a_probability_that_all_lanes_share_stays():
+    lanes = [lane(10, 90)] * 3
+    assert marginal(np.full(3, 0.8), np.array([1.0, 2.0, 0.1]), lanes) == pytest.approx([0.8] * 3)
+
+
+def test_a_lane_that_the_others_contradict_loses_their_weight():
+    lanes = [lane(10, 90), lane(10, 90), lane(200, 300)]
+    found = marginal(np.full(3, 0.9), np.ones(3), lanes)
+    assert found == pytest.approx([0.6, 0.6, 0.3])
+
+
+def test_a_height_without_a_lane_lowers_the_probability_by_its_weight():
+    found = marginal(np.array([0.9, 0.0]), np.array([1.0, 0.1]), [lane(10, 90), lane(0, 0)])
+    assert found == pytest.approx([0.9 * 1.0 / 1.1, 0.0])
+
+
+def test_columns_are_those_of_the_boundaries_inside_the_image():
+    estimate = SteeringEstimate(
+        t_s=0.0,
+        estimator="cv",
+        lookahead_m=8.0,
+        confidence=1.0,
+        reason="",
+        left_boundary_px=((-50.0, 100.0), (50.0, 50.0)),
+        right_boundary_px=((150.0, 100.0), (100.0, 50.0)),
+    )
+    found = lane_columns(estimate, 100, 200)
+    assert found[:, 0] == pytest.approx([50.0, 100.0])
+    assert found[0, -1] == 0.0 and found[1, -1] == pytest.approx(149.0)
+
+
+@pytest.mark.parametrize("shape", [(40, 60, 3), (40, 60)])
+def test_the_changed_images_differ_by_two_grey_levels_and_by_one_pixel(shape):
+    image = np.random.default_rng(2).integers(0, 256, shape, np.uint8)
+    noisy, moved = with_noise(image), shifted(image)
+    assert noisy.shape == moved.shape == image.shape
+    difference = np.abs(noisy.astype(int) - image)
+    assert difference.max() == 2 and difference.mean() > 0.5
+    assert (moved[1:, 1:] == image[:-1, :-1]).all()

@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, look, road
+
+from perception.camera.self_calibration import self_calibrated
+from perception.estimators import entry_of
+from perception.lane.lane_cv import LaneCv
+from perception.lane.unknown_camera import OTHER_LANE, LaneOfUnknownCamera
+from trepid.messages import Frame, VehicleState
+
+DASHCAM = CAMERA.model_copy(
+    update=dict(fx_px=288.0, fy_px=288.0, height_m=1.3, pitch_down_rad=0.0, cx_px=159.5, cy_px=119.5, x_m=1.7)
+)
+STRAIGHT = (0.1, 0.0, 0.0, 0.0)
+
+
+def assumed(image):
+    return self_calibrated([image], SETTINGS.self_calibration)
+
+
+def unknown(image):
+    return LaneOfUnknownCamera(SETTINGS, assumed(image), VEHICLE)
+
+
+def seen_by(finder, image, t_s=0.0, state=None):
+    return finder.step(Frame(t_s=t_s, image=image), state, now_s=t_s)
+
+
+def test_a_marked_lane_that_is_the_same_at_all_heights_is_sure():
+    image = road(STRAIGHT, camera=DASHCAM)
+    seen = seen_by(unknown(image), image)
+    assert seen.lanes_detected == 2 and seen.confidence > 0.6
+    assert seen.lane_width_m == pytest.approx(3.4, rel=0.15)
+
+
+@pytest.mark.parametrize("width_m", [2.2, 5.6])
+def test_a_width_that_only_an_unlikely_height_explains_is_less_sure_than_with_a_camera_file(width_m):
+    height_m = 1.3 * 3.4 / width_m  # at which the lane would be 3.4 m wide
+    image = road(STRAIGHT, camera=DASHCAM, width_m=width_m)
+    known = look(image, DASHCAM.model_copy(update={"height_m": height_m}))
+    seen = seen_by(unknown(image), image)
+    assert known.confidence > 0.6
+    assert seen.confidence < known.confidence - 0.1
+
+
+def test_an_unmarked_street_of_two_lanes_is_not_surely_one_lane():
+    image = road(STRAIGHT, camera=DASHCAM, width_m=6.8, left=None, right=None, verge_m=0.0)
+    low = look(image, DASHCAM.model_copy(update={"height_m": 0.8}))
+    seen = seen_by(unknown(image), image)
+    assert low.confidence > seen.confidence and seen.confidence < 0.5
+
+
+def test_a_lane_that_noise_moves_is_less_sure():
+    image = road(STRAIGHT, camera=DASHCAM)
+    steady, finder = seen_by(unknown(image), image), unknown(image)
+    finder._overlap_in = lambda *_: 0.5  # the lane in the changed image
+    seen = seen_by(finder, image)
+    assert seen.confidence == pytest.approx(0.5 * steady.confidence, rel=0.1)
+
+
+def test_the_place_of_the_lane_is_less_certain_than_with_a_camera_file():
+    image = road((0.5, 0.05, 0.0, 0.0), camera=DASHCAM)
+    seen, known = seen_by(unknown(image), image), look(image, assumed(image))
+    pairs = list(zip(seen.ahead_sigma_m, known.ahead_sigma_m, strict=True))
+    assert all(own > other for own, other in pairs[:4])
+
+
+@pytest.mark.parametrize("height_m", [1.1, 1.3, 1.55])
+def test_the_height_is_known_to_five_per_cent_after_seconds_between_two_lines(height_m):
+    camera = DASHCAM.model_copy(update={"height_m": height_m})
+    images = [road(STRAIGHT, camera=camera, seed=number) for number in range(40)]
+    finder = LaneOfUnknownCamera(SETTINGS, self_calibrated(images[:9], SETTINGS.self_calibration), VEHICLE)
+    for number, image in enumerate(images):
+        seen = seen_by(finder, image, t_s=0.04 * number)
+    assert finder.belief.median_m == pytest.approx(height_m, rel=0.05)
+    assert finder.belief.sigma < SETTINGS.self_calibration.height_sigma / 2
+    assert seen.confidence > 0.6 and seen.lane_width_m == pytest.approx(3.4, rel=0.1)
+
+
+def test_a_lane_is_followed_through_a_clip_and_lost_in_the_dark():
+    finder, state = (
+        None,
+        VehicleState(
+            t_s=0.0, speed_mps=8.0, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+        ),
+    )
+    for number in range(12):
+        image = road(STRAIGHT, camera=DASHCAM, seed=number)
+        finder = finder or unknown(image)
+        seen = seen_by(finder, image, t_s=0.04 * number, state=state)
+    assert seen.lateral_offset_m == pytest.approx(0.1, abs=0.1) and seen.reason == ""
+    dark = np.zeros_like(image)
+    for number in range(12, 110):
+        seen = seen_by(finder, dark, t_s=0.04 * number, state=state)
+    assert seen.confidence == 0.0 and seen.lateral_offset_m is None and seen.ahead_sigma_m == ()
+
+
+def test_an_image_that_cannot_be_used_gives_no_lane():
+    finder = unknown(road(STRAIGHT, camera=DASHCAM))
+    seen = finder.step(Frame(t_s=0.0, image=np.zeros((8, 8, 3), np.uint8)), None, now_s=0.0)
+    assert seen.confidence == 0.0 and "too small" in seen.reason
+
+
+def test_the_reason_names_another_lane_at_other_heights():
+    image = road(STRAIGHT, camera=DASHCAM)
+    finder = unknown(image)
+    finder._probabilities = lambda: np.full(4, 0.3)  # the lanes at the four heights contradict each other
+    assert seen_by(finder, image).reason == OTHER_LANE
+
+
+def test_only_an_assumed_camera_is_unknown_and_only_to_cv():
+    assert isinstance(entry_of("cv").build(CAMERA, VEHICLE), LaneCv)
+    assert isinstance(entry_of("cv").build(CAMERA, VEHICLE, assumed=True), LaneOfUnknownCamera)
+    assert type(entry_of("cnn").build(CAMERA, VEHICLE, assumed=True)) is type(
+        entry_of("cnn").build(CAMERA, VEHICLE)
+    )
+
+
+def test_a_twin_finds_the_same_lane_and_keeps_a_state_of_its_own():
+    finder, image = LaneCv(SETTINGS, CAMERA, VEHICLE), road(STRAIGHT)
+    seen_by(finder, image)
+    twin = finder.twin()
+    other = seen_by(twin, road((0.3, 0.02, 0.0, 0.0)), t_s=0.04)
+    assert seen_by(finder, image, t_s=0.04).lateral_offset_m == pytest.approx(0.1, abs=0.05)
+    assert other.lateral_offset_m > 0.15
