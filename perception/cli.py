@@ -15,13 +15,15 @@ import typer
 from perception.camera.self_calibration import self_calibrated
 from perception.estimators import ESTIMATORS, entry_of, estimators, lane_cv_settings, no_estimator
 from perception.images.annotate import annotated, as_path, number
-from perception.images.frames import FrameResult, Step, print_json, print_table, results, written
+from perception.images.frames import FrameResult, Step, Unread, print_json, print_table, results, written
+from perception.images.outline import outlined
 from perception.images.sources import Source, Still
 from perception.lead.cli import estimate_leads
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, car_folder, load
+from trepid.images.files import NOMINAL_FPS
 from trepid.messages import SteeringEstimate
 from trepid.scale import scaled_settings
 from trepid.types import Image
@@ -46,7 +48,8 @@ COLUMNS = [
 
 def estimate(
     inputs: Annotated[
-        list[Path] | None, typer.Argument(metavar="INPUT…", help="Images, folders of images, videos.")
+        list[Path] | None,
+        typer.Argument(metavar="INPUT…", help="Images, folders of images, videos, recordings (.mcap)."),
     ] = None,
     estimator: Annotated[str, typer.Option(help="Name of the estimator; 'list' prints all.")] = "cv",
     camera: Annotated[
@@ -54,8 +57,38 @@ def estimate(
         typer.Option(help="Camera file; default: that of --car, else a typical camera is assumed."),
     ] = None,
     detector: Annotated[
-        Path | None, typer.Option(help="With --estimator lead: an .onnx or .tflite box detector.")
+        Path | None, typer.Option(help="With --estimator lead or --fear: an .onnx or .tflite box detector.")
     ] = None,
+    fear: Annotated[
+        bool,
+        typer.Option("--fear", help="Rate every frame with cv, cnn, lead detector and supervisor together."),
+    ] = False,
+    speed: Annotated[
+        float | None, typer.Option(min=0.0, max=60.0, help="--fear: constant speed of the car [m/s].")
+    ] = None,
+    speeds: Annotated[
+        Path | None,
+        typer.Option(metavar="LOG.csv", help="--fear: t_s, speed_mps and, if known, yaw_rate_radps by row."),
+    ] = None,
+    drive: Annotated[
+        bool,
+        typer.Option(
+            "--drive",
+            help="The images of a folder are one drive in natural order, whose frames are tracked; without it"
+            " each image stands alone.",
+        ),
+    ] = False,
+    fps: Annotated[
+        float | None, typer.Option(min=0.1, max=1000.0, help="--drive: frames per second; default: 25.")
+    ] = None,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict",
+            help="End with exit code 2 at an unreadable image of a folder; without it such images are named and"
+            " left out, with exit code 1 at the end.",
+        ),
+    ] = False,
     car: Car = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object per frame on standard output.")
@@ -63,15 +96,14 @@ def estimate(
     annotate: Annotated[
         Path | None, typer.Option(help="Write annotated frames: an image, an .mp4 file or a folder.")
     ] = None,
-) -> None:
-    """Estimate the lane, or find the vehicle ahead, in images, folders of images and videos."""
+) -> int:
+    """Estimate the lane, or find the vehicle ahead, in images, folders of images, videos and recordings."""
     if estimator == "list":
         _list_estimators(as_json)
-        return
+        return 0
     if estimator not in (*ESTIMATORS, LEAD) and estimator not in estimators():
         raise InputError(no_estimator(estimator, (*estimators(), LEAD)))
-    if detector is not None and estimator != LEAD:
-        raise InputError(f"--detector is an option of --estimator {LEAD}")
+    _check_options(estimator, fear=fear, detector=detector, speeds=(speed, speeds), drive=drive, fps=fps)
     if not inputs:
         raise InputError("name at least one image, folder or video")
     cv2.setNumThreads(1)
@@ -79,20 +111,56 @@ def estimate(
     camera = camera or _camera_of_the_car()
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     camera_for = partial(_camera_for, known=load(camera, Camera) if camera else None, scale=vehicle.scale)
-    if estimator == LEAD:
-        if camera is None:
-            print(ASSUMED, file=sys.stderr)
-        estimate_leads(inputs, camera_for, detector=detector, annotate=annotate, as_json=as_json)
-        return
-    found = results(inputs, camera_for, partial(_step, estimator, vehicle, camera is None))
-    if camera is None:
-        found = _with_note(found, ASSUMED)
-    if annotate is not None:
-        found = written(found, annotate, lambda one: annotated(one.image, one.result))
-    if as_json:
-        print_json(map(as_row, found))
+    unread, drive_fps = Unread(strict=strict), (fps or NOMINAL_FPS) if drive else None
+    if camera is None and (fear or estimator == LEAD):
+        print(ASSUMED, file=sys.stderr)
+    if fear:
+        from sim_harness.footage.fear_cli import estimate_with_fear
+
+        given = (camera is None, speed, speeds, detector)
+        estimate_with_fear(
+            inputs, camera_for, unread, *given, drive_fps=drive_fps, annotate=annotate, as_json=as_json
+        )
+    elif estimator == LEAD:
+        estimate_leads(
+            inputs,
+            camera_for,
+            unread,
+            drive_fps=drive_fps,
+            detector=detector,
+            annotate=annotate,
+            as_json=as_json,
+        )
     else:
-        print_table(COLUMNS, {"file", "reason"}, map(_cells, found))
+        step = partial(_step, estimator, vehicle, camera is None)
+        found = results(inputs, camera_for, step, unread, drive_fps=drive_fps)
+        if camera is None:
+            found = _with_note(found, ASSUMED)
+        if annotate is not None:
+            found = written(found, annotate, lambda one: annotated(one.image, one.result))
+        if as_json:
+            print_json(map(as_row, found))
+        else:
+            print_table(COLUMNS, {"file", "reason"}, map(_cells, found))
+    return 1 if unread.count else 0
+
+
+def _check_options(
+    estimator: str,
+    *,
+    fear: bool,
+    detector: Path | None,
+    speeds: tuple[float | None, Path | None],
+    drive: bool,
+    fps: float | None,
+) -> None:
+    """Raise InputError for an option without the one that it belongs to."""
+    if detector is not None and estimator != LEAD and not fear:
+        raise InputError(f"--detector is an option of --estimator {LEAD} and of --fear")
+    if not fear and speeds != (None, None):
+        raise InputError("--speed and --speeds are options of --fear")
+    if fps is not None and not drive:
+        raise InputError("--fps is an option of --drive")
 
 
 def _list_estimators(as_json: bool) -> None:
@@ -112,10 +180,12 @@ def _list_estimators(as_json: bool) -> None:
         print(f"{'':{width}}   {row['source']}" + (f": {' > '.join(row['stages'])}" if row["stages"] else ""))
 
 
-def _step(name: str, vehicle: Vehicle, assumed: bool, camera: Camera) -> Step[SteeringEstimate]:
-    """A fresh estimator, stepped without odometry."""
+def _step(
+    name: str, vehicle: Vehicle, assumed: bool, source: Source, camera: Camera
+) -> Step[SteeringEstimate]:
+    """A fresh estimator, stepped without odometry; a lane without boundaries gets those of an assumed width."""
     estimator = entry_of(name).build(camera, vehicle, assumed=assumed)
-    return lambda frame: estimator.step(frame, None, now_s=frame.t_s)
+    return lambda frame: outlined(estimator.step(frame, None, now_s=frame.t_s), camera, vehicle)
 
 
 def _camera_of_the_car() -> Path | None:
@@ -147,10 +217,12 @@ def _with_note(
 
 def as_row(one: FrameResult[SteeringEstimate]) -> dict[str, Any]:
     """The JSON object of one frame."""
-    result = one.result
+    return {"file": str(one.path), "frame": one.number, **estimate_fields(one.result, one.latency_ms)}
+
+
+def estimate_fields(result: SteeringEstimate, latency_ms: float | None) -> dict[str, Any]:
+    """The fields of an estimate in JSON; None where it has none."""
     return {
-        "file": str(one.path),
-        "frame": one.number,
         "estimator": result.estimator,
         "lateral_offset_m": result.lateral_offset_m,
         "heading_error_rad": result.heading_error_rad,
@@ -159,7 +231,7 @@ def as_row(one: FrameResult[SteeringEstimate]) -> dict[str, Any]:
         "confidence": result.confidence,
         "lanes_detected": result.lanes_detected,
         "lane_width_m": result.lane_width_m,
-        "latency_ms": one.latency_ms,
+        "latency_ms": latency_ms,
         "reason": result.reason,
         "left_boundary_px": as_path(result.left_boundary_px) or None,
         "right_boundary_px": as_path(result.right_boundary_px) or None,

@@ -54,7 +54,7 @@ VERBS = {
     "estimate": Verb(
         "perception.cli",
         "estimate",
-        "Estimate the lane, or find the vehicle ahead, in images, folders of images and videos.",
+        "Estimate the lane, or find the vehicle ahead, in images, folders of images, videos and recordings.",
     ),
     "camera": Verb("perception.camera.cli", help="Calibrate a camera: its lens and how it is mounted."),
     "detector": Verb("perception.lead.detector_cli", help="Detectors of vehicles on real roads."),

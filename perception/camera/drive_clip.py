@@ -1,5 +1,6 @@
 """Pairs of frames spread over a clip of driving, with the distance between them, for calibration."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import cv2
 import numpy as np
 
 from perception.camera.height import Step
-from perception.images.sources import Clip, Still, sources
+from perception.images.sources import Clip, Source, Still, sources
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
 from trepid.messages import CompressedFrame
@@ -45,7 +46,7 @@ def _spread(count: int) -> list[int]:
     return sorted(set(np.linspace(0, max(count - 2, 0), min(MAX_STEPS, count)).astype(int).tolist()))
 
 
-def _frames(found: list[Clip | Still], wanted: set[int], count: int) -> dict[int, Image]:
+def _frames(found: Sequence[Source], wanted: set[int], count: int) -> dict[int, Image]:
     """The frames with the indices ``wanted``."""
     first = found[0]
     if isinstance(first, Clip):

@@ -13,15 +13,17 @@ from rich.console import Console
 from rich.table import Table
 
 from perception.images.annotate import AnnotationWriter
-from perception.images.sources import Clip, Source, Still, sources
+from perception.images.sources import FILM_SUFFIXES, Source, sources
 from trepid.car.camera import Camera
-from trepid.images.files import NOMINAL_FPS, VIDEO_SUFFIXES
+from trepid.config import InputError
+from trepid.images.files import NOMINAL_FPS
 from trepid.messages import Frame
 from trepid.types import Image
 
 R = TypeVar("R")
 Step = Callable[[Frame], R]
 CameraFor = Callable[[Source, Image], Camera]
+Build = Callable[[Source, Camera], Step[R]]
 PIPE_WIDTH = 200  # columns of a table that is not printed in a terminal
 
 
@@ -30,40 +32,60 @@ class FrameResult(Generic[R]):
     """The result of one frame."""
 
     path: Path
-    number: int  # of the frame in its file
+    number: int  # of the frame in its file or drive
+    t_s: float  # of the capture; from 0 on but in a recording
     image: Image
     camera: Camera
     result: R
     latency_ms: float
 
 
+class Unread:
+    """The images of folders that could not be read: each is named on standard error and left out."""
+
+    def __init__(self, *, strict: bool) -> None:
+        """``strict``: the first one ends the run with its error."""
+        self._strict = strict
+        self.count = 0
+
+    def __call__(self, error: InputError) -> None:
+        """Report ``error``. Raises it when strict."""
+        if self._strict:
+            raise error
+        print(f"{error}; left out", file=sys.stderr)
+        self.count += 1
+
+
 def results(
-    inputs: Iterable[Path], camera_for: CameraFor, build: Callable[[Camera], Step[R]]
+    inputs: Iterable[Path],
+    camera_for: CameraFor,
+    build: Build[R],
+    unread: Unread,
+    *,
+    drive_fps: float | None = None,
 ) -> Iterator[FrameResult[R]]:
     """The result of every frame of every input.
 
-    A still gets a step of its own, a clip one step for all of its frames. Raises InputError at the first input that
-    cannot be read.
+    A still gets a step of its own; a clip, a recording, and with ``drive_fps`` a folder get one for all frames.
+    ``unread`` gets unreadable images of folders. Raises InputError at the first other input that cannot be read.
     """
     for path in inputs:
-        for source in sources(path):
-            yield from _of_source(source, camera_for, build)
+        for source in sources(path, drive_fps=drive_fps):
+            yield from _of_source(source, camera_for, build, unread)
 
 
 def _of_source(
-    source: Source, camera_for: CameraFor, build: Callable[[Camera], Step[R]]
+    source: Source, camera_for: CameraFor, build: Build[R], unread: Unread
 ) -> Iterator[FrameResult[R]]:
-    images = [source.read()] if isinstance(source, Still) else source.read()
     step: Step[R] | None = None
-    for number, image in enumerate(images):
+    for path, number, t_s, image in source.shots(unread):
         if step is None:
             camera = camera_for(source, image)
-            step = build(camera)
-        t_s = number / source.fps if isinstance(source, Clip) else 0.0
+            step = build(source, camera)
         started_s = time.perf_counter()
         result = step(Frame(t_s=t_s, image=image))
         latency_ms = 1e3 * (time.perf_counter() - started_s)
-        yield FrameResult(source.path, number, image, camera, result, latency_ms)
+        yield FrameResult(path, number, t_s, image, camera, result, latency_ms)
 
 
 def written(
@@ -72,7 +94,7 @@ def written(
     """``found``, each frame also written to ``out`` as ``draw`` gives it."""
     with closing(AnnotationWriter(out, fps=NOMINAL_FPS)) as writer:
         for one in found:
-            writer.write(draw(one), one.path, is_clip=one.path.suffix.lower() in VIDEO_SUFFIXES)
+            writer.write(draw(one), one.path, is_clip=one.path.suffix.lower() in FILM_SUFFIXES)
             yield one
 
 

@@ -1,17 +1,42 @@
-"""Image sources: images, folders of images, videos, read as frames in order."""
+"""Image sources: images, folders of images, videos, recordings, read as frames in order."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from trepid.config import InputError
 from trepid.images.files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
+from trepid.messages import CompressedFrame, Frame
+from trepid.recording.reader import read_recording
+from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
 from trepid.types import Image
 
 INDEXED_SUFFIXES = frozenset({".mp4", ".m4v", ".mov", ".avi"})
+RECORDING_SUFFIX = ".mcap"
+FILM_SUFFIXES = VIDEO_SUFFIXES | {RECORDING_SUFFIX}
+"""Files that hold many frames."""
+
+
+class Shot(NamedTuple):
+    """One image of a source."""
+
+    path: Path
+    number: int  # in the source
+    t_s: float
+    image: Image
+
+
+Refused = Callable[[InputError], None]
+"""Takes the error of an image that cannot be read, and either raises it or returns: the image is left out."""
+
+
+def _raised(error: InputError) -> None:
+    raise error
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,10 +44,77 @@ class Still:
     """One image, independent of others."""
 
     path: Path
+    in_folder: bool = False
 
     def read(self) -> Image:
         """The decoded image. Raises InputError."""
         return read_image(self.path)
+
+    def shots(self, refused: Refused = _raised) -> Iterator[Shot]:
+        """The image at time 0. ``refused`` gets the error of an unreadable image of a folder."""
+        image = _image(self.path, refused if self.in_folder else _raised)
+        if image is not None:
+            yield Shot(self.path, 0, 0.0, image)
+
+
+@dataclass(frozen=True, slots=True)
+class Stills:
+    """The images of a folder as one drive, whose frames are tracked."""
+
+    path: Path
+    files: Sequence[Path]
+    fps: float
+
+    def shots(self, refused: Refused = _raised) -> Iterator[Shot]:
+        """The images in order; ``refused`` gets the errors of unreadable ones, whose places in time stay empty."""
+        for number, path in enumerate(self.files):
+            image = _image(path, refused)
+            if image is not None:
+                yield Shot(path, number, number / self.fps, image)
+
+    def sample(self, count: int) -> list[Image]:
+        """Up to ``count`` images spread over the drive, for calibration; unreadable ones are left out."""
+        places = np.linspace(0, len(self.files) - 1, count).astype(int).tolist()
+        images = [_image(self.files[place], lambda _: None) for place in dict.fromkeys(places)]
+        return [image for image in images if image is not None]
+
+
+@dataclass(frozen=True)
+class Footage:
+    """The camera images of a recording of Trepid, whose frames are tracked."""
+
+    path: Path
+
+    def shots(self, refused: Refused = _raised) -> Iterator[Shot]:
+        """The images by their capture times. Raises InputError for a recording without images."""
+        frames = self._frames
+        for number, frame in enumerate(frames):
+            yield Shot(self.path, number, frame.t_s, self._decoded(frame))
+
+    def sample(self, count: int) -> list[Image]:
+        """Up to ``count`` images spread over the recording, for calibration."""
+        frames = self._frames
+        places = np.linspace(0, len(frames) - 1, count).astype(int).tolist()
+        return [self._decoded(frames[place]) for place in dict.fromkeys(places)]
+
+    @cached_property
+    def _frames(self) -> Sequence[Frame | CompressedFrame]:
+        """The messages with images: those of full size, else the compressed ones."""
+        recorded = read_recording(self.path, CAMERA_IMAGE.key, CAMERA_COMPRESSED.key)
+        found: list[Frame | CompressedFrame] = [frame for _, frame in recorded.of(CAMERA_IMAGE)]
+        found = found or [frame for _, frame in recorded.of(CAMERA_COMPRESSED)]
+        if not found:
+            keys = f"{CAMERA_IMAGE.key} and {CAMERA_COMPRESSED.key}"
+            raise InputError(f"{self.path}: holds no image of a camera: nothing on {keys}")
+        return found
+
+    def _decoded(self, frame: Frame | CompressedFrame) -> Image:
+        if isinstance(frame, Frame):
+            return frame.image
+        image = cv2.imdecode(np.frombuffer(frame.jpeg, np.uint8), cv2.IMREAD_COLOR)
+        if image is None:
+            raise InputError(f"{self.path}: the image of {frame.t_s:.3f} s cannot be decoded")
+        return image.astype(np.uint8, copy=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +139,11 @@ class Clip:
             raise InputError(
                 f"{self.path}: video is truncated: {decoded} of {self.frames} frames can be read"
             )
+
+    def shots(self, refused: Refused = _raised) -> Iterator[Shot]:
+        """Its frames with their times. Raises InputError as :meth:`read`."""
+        for number, image in enumerate(self.read()):
+            yield Shot(self.path, number, number / self.fps, image)
 
     @property
     def _unsure_frames(self) -> int:
@@ -73,13 +170,19 @@ class Clip:
         return images
 
 
-Source = Still | Clip
+Source = Still | Stills | Clip | Footage
 
 
-def sources(path: Path) -> list[Source]:
-    """The sources in ``path``: an image, a video, or the images of a folder in natural order. Raises InputError."""
+def sources(path: Path, *, drive_fps: float | None = None) -> list[Source]:
+    """The sources in ``path``: an image, a video, a recording, or the images of a folder in natural order.
+
+    With ``drive_fps`` the images of a folder are one source, a drive at this frame rate. Raises InputError.
+    """
     if path.is_dir():
-        return [Still(image) for image in images_in(path)]
+        images = images_in(path)
+        if drive_fps is not None:
+            return [Stills(path, images, drive_fps)]
+        return [Still(image, in_folder=True) for image in images]
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     suffix = path.suffix.lower()
@@ -87,7 +190,9 @@ def sources(path: Path) -> list[Source]:
         return [_clip(path)]
     if suffix in IMAGE_SUFFIXES:
         return [Still(path)]
-    known = " ".join(sorted(IMAGE_SUFFIXES | VIDEO_SUFFIXES))
+    if suffix == RECORDING_SUFFIX:
+        return [Footage(path)]
+    known = " ".join(sorted(IMAGE_SUFFIXES | FILM_SUFFIXES))
     raise InputError(f"{path}: unknown kind of file; known: {known}")
 
 
@@ -101,3 +206,12 @@ def _clip(path: Path) -> Clip:
     if frames <= 0:
         raise InputError(f"{path}: cannot be read as a video; it may be truncated")
     return Clip(path=path, frames=frames, fps=fps if 0 < fps < 1000 else NOMINAL_FPS)
+
+
+def _image(path: Path, refused: Refused) -> Image | None:
+    """The image in ``path``; None where ``refused`` takes its error."""
+    try:
+        return read_image(path)
+    except InputError as error:
+        refused(error)
+        return None

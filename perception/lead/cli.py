@@ -7,7 +7,17 @@ from typing import Any, NamedTuple
 import cv2
 
 from perception.images.annotate import HIGH, PANEL, enlarged, label
-from perception.images.frames import CameraFor, FrameResult, Step, print_json, print_table, results, written
+from perception.images.frames import (
+    CameraFor,
+    FrameResult,
+    Step,
+    Unread,
+    print_json,
+    print_table,
+    results,
+    written,
+)
+from perception.images.sources import Source
 from perception.lead.detection import Detection
 from perception.lead.finder import LeadSettings, lead_finder, lead_settings
 from trepid.car.camera import Camera
@@ -31,13 +41,21 @@ class Leads(NamedTuple):
 
 
 def estimate_leads(
-    inputs: list[Path], camera_for: CameraFor, *, detector: Path | None, annotate: Path | None, as_json: bool
+    inputs: list[Path],
+    camera_for: CameraFor,
+    unread: Unread,
+    *,
+    drive_fps: float | None,
+    detector: Path | None,
+    annotate: Path | None,
+    as_json: bool,
 ) -> None:
     """Find vehicles in every frame of every input. Raises InputError at the first input that cannot be read."""
     settings = lead_settings()
     if detector is not None:
         settings = settings.model_copy(update={"detector": detector.absolute()})
-    found = results(inputs, camera_for, partial(_step, settings, load(CONFIG_DIR / "vehicle.yaml", Vehicle)))
+    step = partial(_step, settings, load(CONFIG_DIR / "vehicle.yaml", Vehicle))
+    found = results(inputs, camera_for, step, unread, drive_fps=drive_fps)
     if annotate is not None:
         found = written(found, annotate, drawn)
     if as_json:
@@ -46,7 +64,7 @@ def estimate_leads(
         print_table(COLUMNS, {"file"}, map(_cells, found))
 
 
-def _step(settings: LeadSettings, vehicle: Vehicle, camera: Camera) -> Step[Leads]:
+def _step(settings: LeadSettings, vehicle: Vehicle, source: Source, camera: Camera) -> Step[Leads]:
     """A fresh finder; without odometry it measures no speeds."""
     finder = lead_finder(settings, camera, vehicle)
     return lambda frame: Leads(finder.step(frame, None, [], now_s=frame.t_s), finder.detections)

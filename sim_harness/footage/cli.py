@@ -13,7 +13,7 @@ import typer
 
 from perception.camera.self_calibration import self_calibrated
 from perception.estimators import entry_of, lane_cv_settings
-from perception.images.sources import Clip, sources
+from perception.images.sources import Still, sources
 from sim_harness.footage.clip import Drive, load_drive
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.footage.resimulation import Resimulation, resimulate
@@ -21,6 +21,7 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.images.files import NOMINAL_FPS
 
 CALIBRATION_FRAMES = 9
 STARTS = ((0.5, 0.0), (-0.5, 0.0), (0.0, 2.0), (0.0, -2.0))  # m to the left, degrees to the left
@@ -105,13 +106,8 @@ def assumed_camera(clip: Path) -> Camera:
         "no --camera given: distances depend on an assumed camera with the horizon of the clip",
         file=sys.stderr,
     )
-    found = sources(clip)
-    if isinstance(found[0], Clip):
-        images = found[0].sample(CALIBRATION_FRAMES)
-    else:
-        places = np.linspace(0, len(found) - 1, CALIBRATION_FRAMES).astype(int)
-        stills = [found[place] for place in dict.fromkeys(places.tolist())]
-        images = [still.read() for still in stills if not isinstance(still, Clip)]
+    source = sources(clip, drive_fps=NOMINAL_FPS)[0]
+    images = [source.read()] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES)
     return self_calibrated(images, lane_cv_settings().self_calibration)
 
 

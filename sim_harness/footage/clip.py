@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from perception.images.sources import Clip, Still, sources
+from perception.images.sources import sources
 from sim_harness.footage.visual_yaw import yaw_changes_rad
 from trepid.car.camera import Camera
 from trepid.config import InputError
@@ -69,16 +69,15 @@ def load_drive(
     skip: int = 0,
     most: int | None = None,
 ) -> Drive:
-    """The frames of a video or a folder (25 frames/s) from number ``skip`` on, at most ``most``. Raises InputError.
+    """The frames of a video, a recording or a folder (25 frames/s) from number ``skip`` on.
 
-    The speed is ``speed_mps``, or that of ``log`` (see read_log) times ``scale``, for a ``camera`` of another scale
-    of length; with both, the logged distance is driven at ``speed_mps``.
+    At most ``most`` are read. The speed is ``speed_mps``, or that of ``log`` (see read_log) times ``scale``, for a
+    ``camera`` of another scale of length; with both, the logged distance is driven at ``speed_mps``.
+    Raises InputError.
     """
-    found, end = sources(path), None if most is None else skip + most
-    first = found[0]
-    fps = first.fps if isinstance(first, Clip) else NOMINAL_FPS
-    every = first.read() if isinstance(first, Clip) else (s.read() for s in found if isinstance(s, Still))
-    images = list(islice(every, skip, end))
+    end = None if most is None else skip + most
+    shots = list(islice(sources(path, drive_fps=NOMINAL_FPS)[0].shots(), skip, end))
+    images = [shot.image for shot in shots]
     if len(images) < LEAST_FRAMES:
         raise InputError(
             f"{path}: {len(images)} frames from number {skip} on: at least {LEAST_FRAMES} expected"
@@ -87,7 +86,8 @@ def load_drive(
     if len(sizes) > 1:
         raise InputError(f"{path}: frames of different sizes: {', '.join(map(str, sorted(sizes)))}")
     camera = camera.resized(images[0].shape[1], images[0].shape[0])
-    t_s, speeds = np.arange(len(images)) / fps, np.full(len(images), speed_mps or math.nan)
+    t_s = np.array([shot.t_s for shot in shots]) - shots[0].t_s
+    speeds = np.full(len(images), speed_mps or math.nan)
     if log is not None:
         t_s, speeds = (column[skip : skip + len(images)] for column in read_log(log))
         if len(t_s) < len(images):
@@ -96,7 +96,7 @@ def load_drive(
         if speed_mps is not None:
             stations_m = cumulative_trapezoid(np.maximum(speeds, CRAWL_MPS), t_s, initial=0.0)
             t_s, speeds = stations_m / speed_mps, np.full(len(images), speed_mps)
-    frames = [_undistorted(image, camera) for image in images]
+    frames = [undistorted(image, camera) for image in images]
     return Drive(path.name, frames, t_s, speeds, camera.model_copy(update={"distortion": ()}))
 
 
@@ -148,7 +148,8 @@ def _udacity(path: Path, line: int, row: list[str]) -> tuple[float, float]:
     return t_s, speed * MPS_PER_MPH
 
 
-def _undistorted(image: Image, camera: Camera) -> Image:
+def undistorted(image: Image, camera: Camera) -> Image:
+    """``image`` of ``camera`` without the distortion of its lens."""
     if not any(camera.distortion):
         return image
     distortion = np.array(camera.distortion, float)

@@ -86,7 +86,7 @@ def _tile(renderer: Renderer, vehicle: Vehicle, gap_m: float, body: Body) -> Ima
     settings = lead_settings()
     finder = lead_finder(settings, camera, vehicle)
     lead = finder.step(Frame(t_s=0.0, image=image), None, [], now_s=0.0)
-    found = FrameResult(Path("sheet"), 0, image, camera, Leads(lead, finder.detections), 0.0)
+    found = FrameResult(Path("sheet"), 0, 0.0, image, camera, Leads(lead, finder.detections), 0.0)
     canvas = drawn(found)
     (left, right), (top, bottom) = SHARE
     height, width = canvas.shape[:2]

@@ -9,7 +9,9 @@ from drawn_road_rig import CAMERA, look
 from perception.cli import as_row, estimate
 from perception.images.frames import FrameResult
 from perception.images.sources import Clip, sources
-from trepid.config import InputError
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, InputError, load
 
 FIELDS = [
     "file",
@@ -97,7 +99,7 @@ def test_annotated_frames_go_to_a_picture_a_video_or_a_folder(folder, clip, tmp_
 
 
 def test_a_row_of_json_is_finite_and_rounded(picture):
-    row = as_row(FrameResult(Path("x.png"), 0, picture, CAMERA, look(picture), 1.0))
+    row = as_row(FrameResult(Path("x.png"), 0, 0.0, picture, CAMERA, look(picture), 1.0))
     json.dumps(row, allow_nan=False)
     assert all(round(x, 1) == x for x, _ in row["left_boundary_px"])
 
@@ -130,3 +132,42 @@ def test_a_camera_that_the_network_is_not_made_for_gives_no_estimate_and_the_rea
         ("cnn", 0, None)
     ]
     assert all("was trained on lanes of" in row["reason"] for row in rows)
+
+
+def test_unreadable_images_of_a_folder_are_named_and_left_out(folder, capsys):
+    (folder / "aa.png").write_bytes((folder / "b.png").read_bytes()[:-200])
+    (folder / "ab.jpg").write_text("no image")
+    assert estimate([folder], camera=CONFIG_DIR / "camera.yaml", as_json=True) == 1
+    printed = capsys.readouterr()
+    assert [Path(json.loads(line)["file"]).name for line in printed.out.splitlines()] == ["a.jpg", "b.png"]
+    assert [line.split(":")[0].rpartition("/")[2] for line in printed.err.splitlines()] == [
+        "aa.png",
+        "ab.jpg",
+    ]
+
+
+def test_strict_ends_at_the_first_unreadable_image(folder):
+    (folder / "aa.png").write_text("no image")
+    with pytest.raises(InputError, match=r"aa\.png"):
+        estimate([folder], strict=True, as_json=True)
+
+
+def test_an_unreadable_image_that_was_named_itself_is_refused(folder):
+    (folder / "aa.png").write_text("no image")
+    with pytest.raises(InputError, match=r"aa\.png"):
+        estimate([folder / "aa.png"], as_json=True)
+
+
+def test_the_images_of_a_drive_are_tracked_and_keep_their_places_in_time(folder, capsys):
+    (folder / "aa.png").write_text("no image")
+    assert estimate([folder], camera=CONFIG_DIR / "camera.yaml", drive=True, as_json=True) == 1
+    assert [(Path(row["file"]).name, row["frame"]) for row in lines(capsys)] == [("a.jpg", 0), ("b.png", 2)]
+
+
+def test_the_network_gets_boundaries_half_an_assumed_lane_width_from_its_lane_centre(folder, capsys):
+    estimate([folder], estimator="cnn", camera=CONFIG_DIR / "camera.yaml", as_json=True)
+    camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    for row in lines(capsys):
+        assert row["lane_width_m"] is None
+        left, right = (camera.road_from_pixel(row[f"{side}_boundary_px"])[0] for side in ("left", "right"))
+        assert left[1] - right[1] == pytest.approx(vehicle.lane_width_m, abs=0.15)

@@ -1,0 +1,198 @@
+"""``trepid estimate --fear``: what estimators and supervisor make of every frame of footage."""
+
+import csv
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from perception.cli import estimate_fields
+from perception.images.annotate import number
+from perception.images.frames import (
+    CameraFor,
+    FrameResult,
+    Step,
+    Unread,
+    print_json,
+    print_table,
+    results,
+    written,
+)
+from perception.images.sources import RECORDING_SUFFIX, Footage, Source
+from perception.lead.finder import LeadFinder, lead_finder, lead_settings
+from sim_harness.footage.clip import read_log
+from sim_harness.footage.fear_picture import drawn
+from sim_harness.footage.onlooker import Given, Onlooked, Onlooker, Recorded, StateOf
+from supervisor.supervisor import SupervisorSettings
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.recording.reader import read_recording
+from trepid.topics import VEHICLE_STATE
+
+COLUMNS = ("file", "frame", "t s", "fear", "level", "cause", "mode", "path", "cv", "cnn", "lead m")
+NO_DETECTOR = (
+    "vehicles ahead are left out: the embedded detector is trained on drawn vehicles; `trepid detector list` prints"
+    " others for --detector or config/lead.yaml"
+)
+YAW = "yaw_rate_radps"
+
+
+@dataclass(frozen=True)
+class GivenMotion:
+    """Speed and, where known, yaw rate over the time since the first frame."""
+
+    speed_mps_at: Callable[[float], float]
+    yaw_radps_at: Callable[[float], float] | None
+    top_mps: float
+
+
+def given_motion(speed_mps: float | None, log: Path | None) -> GivenMotion | None:
+    """The motion of --speed or --speeds; None without either. Raises InputError."""
+    if log is None:
+        return None if speed_mps is None else GivenMotion(lambda _: speed_mps, None, speed_mps)
+    if speed_mps is not None:
+        raise InputError("give --speed or --speeds, not both")
+    t_s, speeds_mps = read_log(log)
+    since_s = t_s - t_s[0]
+    yaws = _yaw_rates(log, len(t_s))
+    return GivenMotion(
+        lambda at_s: float(np.interp(at_s, since_s, speeds_mps)),
+        None if yaws is None else lambda at_s: float(np.interp(at_s, since_s, yaws)),
+        float(speeds_mps.max()),
+    )
+
+
+def _yaw_rates(log: Path, count: int) -> list[float] | None:
+    """The column yaw_rate_radps of ``log``, NaN where a cell is empty; None without it. Raises InputError."""
+    rows = list(csv.reader(log.read_text(encoding="utf-8").splitlines()))
+    if YAW not in rows[0]:
+        return None
+    column, found = rows[0].index(YAW), []
+    for line, row in enumerate(rows[1 : count + 1], start=2):
+        cell = row[column].strip() if column < len(row) else ""
+        try:
+            found.append(float(cell) if cell else math.nan)
+        except ValueError as error:
+            raise InputError(f"{log}:{line}:1: expected a yaw rate [rad/s], got {cell!r}") from error
+    return found
+
+
+def estimate_with_fear(
+    inputs: list[Path],
+    camera_for: CameraFor,
+    unread: Unread,
+    assumed: bool,
+    speed_mps: float | None,
+    log: Path | None,
+    detector: Path | None,
+    *,
+    drive_fps: float | None,
+    annotate: Path | None,
+    as_json: bool,
+) -> None:
+    """Print the fear of every frame of every input. Raises InputError at the first input that cannot be read.
+
+    ``assumed``: the cameras are self-calibrated. Without a speed that of ``config/supervisor.yaml`` is assumed and
+    reported; a recording brings its own states.
+    """
+    motion = given_motion(speed_mps, log)
+    if detector is None and lead_settings().detector is None and not all(map(_is_recording, inputs)):
+        print(NO_DETECTOR, file=sys.stderr)
+    found = results(
+        inputs, camera_for, partial(_step, motion, detector, assumed), unread, drive_fps=drive_fps
+    )
+    if annotate is not None:
+        found = written(found, annotate, drawn)
+    if as_json:
+        print_json(map(as_row, found))
+    else:
+        print_table(COLUMNS, {"file", "level", "cause", "mode", "path"}, map(_cells, found))
+
+
+def _is_recording(path: Path) -> bool:
+    return path.suffix.lower() == RECORDING_SUFFIX
+
+
+def _step(
+    given: GivenMotion | None, detector: Path | None, assumed: bool, source: Source, camera: Camera
+) -> Step[Onlooked]:
+    """A fresh onlooker for ``source``."""
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    state_of, cruise_mps = _states(given, source, camera, vehicle)
+    finder = _finder(detector, source, camera, vehicle)
+    onlooker = Onlooker(
+        camera, vehicle, state_of, cruise_speed_mps=cruise_mps, finder=finder, assumed=assumed
+    )
+    return onlooker.step
+
+
+def _states(
+    given: GivenMotion | None, source: Source, camera: Camera, vehicle: Vehicle
+) -> tuple[StateOf, float | None]:
+    """States of the vehicle, and the cruise speed [m/s] (None: that of the settings)."""
+    if given is None and isinstance(source, Footage):
+        states = [state for _, state in read_recording(source.path, VEHICLE_STATE.key).of(VEHICLE_STATE)]
+        if not states:
+            raise InputError(f"{source.path}: holds no {VEHICLE_STATE.key}; give --speed or --speeds")
+        return Recorded(states), None
+    if given is None:
+        cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps * vehicle.scale
+        print(f"{source.path}: no --speed given: {cruise_mps:g} m/s assumed", file=sys.stderr)
+        return Given(camera, vehicle, lambda _: cruise_mps), None
+    states_at = Given(camera, vehicle, given.speed_mps_at, given.yaw_radps_at)
+    return states_at, given.top_mps if given.top_mps > 0 else None
+
+
+def _finder(detector: Path | None, source: Source, camera: Camera, vehicle: Vehicle) -> LeadFinder | None:
+    """The finder with the detector that is named; the embedded one for recordings only."""
+    settings = lead_settings()
+    if detector is not None:
+        settings = settings.model_copy(update={"detector": detector.absolute()})
+    if settings.detector is None and not isinstance(source, Footage):
+        return None
+    return lead_finder(settings, camera, vehicle)
+
+
+def as_row(one: FrameResult[Onlooked]) -> dict[str, Any]:
+    """The JSON object of one frame."""
+    seen, decision = one.result, one.result.decision
+    return {
+        "file": str(one.path),
+        "frame": one.number,
+        "t_s": round(one.t_s, 6),
+        "fear": decision.fear,
+        "level": decision.level,
+        "cause": decision.cause,
+        "mode": str(decision.mode),
+        "path_source": decision.path_source,
+        "sources": list(decision.sources),
+        "trust": list(decision.trust),
+        "disagreement_mps2": decision.disagreement_mps2,
+        "lead_distance_m": seen.lead.distance_m if seen.lead else None,
+        "latency_ms": one.latency_ms,
+        "estimates": {
+            name: estimate_fields(found, found.latency_ms) for name, found in seen.estimates.items()
+        },
+    }
+
+
+def _cells(one: FrameResult[Onlooked]) -> list[str]:
+    seen, decision = one.result, one.result.decision
+    return [
+        one.path.name,
+        str(one.number),
+        f"{one.t_s:.2f}",
+        f"{decision.fear:.2f}",
+        decision.level,
+        decision.cause,
+        str(decision.mode),
+        decision.path_source,
+        *(f"{found.confidence:.2f}" for found in seen.estimates.values()),
+        number(seen.lead.distance_m if seen.lead else None, "{:.0f}"),
+    ]
