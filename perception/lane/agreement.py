@@ -10,6 +10,10 @@ from trepid.messages import SteeringEstimate
 from trepid.types import Array, Image
 
 ROWS = 32  # of the lower half of the image
+OTHER_LANE, SAME_LANE = (
+    0.4,
+    0.85,
+)  # intersection over union of half a lane beside; of a lane with ragged edges
 NOISE_GREY, SHIFT_PX = 2, 1.0
 
 
@@ -28,10 +32,15 @@ def overlap(one: Array, other: Array) -> float:
     return float(shared / union) if union > 0 else 0.0
 
 
+def agreement(one: Array, other: Array) -> float:
+    """1 for the same lane, 0 for another one, by their overlap: linear from ``OTHER_LANE`` to ``SAME_LANE``."""
+    return min(max((overlap(one, other) - OTHER_LANE) / (SAME_LANE - OTHER_LANE), 0.0), 1.0)
+
+
 def marginal(probability: Array, weight: Array, lanes: Sequence[Array]) -> Array:
-    """P_j = Σ_i w_i·p_i·o_ij / Σ_i w_i with the overlap o_ij of the lanes i and j; shape (n,)."""
-    shared = np.array([[overlap(one, other) for other in lanes] for one in lanes])
-    return np.asarray(shared @ (weight * probability) / weight.sum())
+    """P_j = Σ_i w_i·p_i·a_ij / Σ_i w_i with the agreement a_ij of the lanes i and j; shape (n,)."""
+    agreed = np.array([[agreement(one, other) for other in lanes] for one in lanes])
+    return np.asarray(agreed @ (weight * probability) / weight.sum())
 
 
 def with_noise(image: Image) -> Image:

@@ -54,6 +54,7 @@ class UnknownCameraSettings(Settings):
     """Section ``unknown_camera``: lanes without a camera file (:mod:`.unknown_camera`)."""
 
     open_mind: Positive
+    edge_weight: Share
     uneven_free: float
     uneven_weight: NonNegative
     change_margin: Share

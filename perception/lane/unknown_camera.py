@@ -4,14 +4,15 @@ The height decides how wide a lane of 3 to 4 m is in the image, and so which pai
 lane. Without a camera file, lanes are searched at several heights (:mod:`perception.camera.uncertainty`), and the
 probability that lane j is the right one is marginal over them:
 
-    P_j = Σ_i w_i·p_i·o_ij / Σ_i w_i
+    P_j = Σ_i w_i·p_i·a_ij / Σ_i w_i
 
-with the probability p_i that the lane at height i is right, given that height, and the overlap o_ij of the lanes i
-and j in the image. The lane with the highest P is reported. The weight w_i of a height is p_i + ``open_mind`` for a
-lane between lines, which are as far apart as lanes are wide. The width of a road between edges says nothing about
-the height: its weight is 1 + ``open_mind``. p_i includes the surface: a lane whose far half is not the surface
-right ahead is improbable (:mod:`perception.lane.detection.evenness`). The confidence is P times the steadiness, the
-overlap with the lane in a slightly changed image.
+with the probability p_i that the lane at height i is right, given that height, and the agreement a_ij of the lanes
+i and j in the image. The lane with the highest P is reported. The weight w_i of a height is p_i + ``open_mind`` for
+a lane between lines, which are as far apart as lanes are wide. The width of a road between edges says little about
+the height, because it may have one lane or two: its weight is ``edge_weight`` + ``open_mind``. p_i includes the
+surface: a lane whose far half is not the surface right ahead is improbable
+(:mod:`perception.lane.detection.evenness`). The confidence is P times the steadiness, the agreement with the lane
+in a slightly changed image.
 
 In a clip the widths between two lines narrow the belief in the height, once; the search goes on around it.
 """
@@ -22,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perception.camera.uncertainty import HeightBelief
-from perception.lane.agreement import lane_columns, marginal, overlap, shifted, with_noise
+from perception.lane.agreement import agreement, lane_columns, marginal, shifted, with_noise
 from perception.lane.detection.evenness import unevenness
 from perception.lane.lane_cv import LaneCv
 from perception.lane.settings import LaneCvSettings
@@ -92,7 +93,7 @@ class LaneOfUnknownCamera:
         self._sightings = [self._sighting(finder, frame, state, now_s) for finder in self._finders]
         probability = self._probabilities()
         self._chosen = int(probability.argmax())
-        looks = [self._overlap_in(change(frame.image), fresh, frame, state, now_s) for change in CHANGES]
+        looks = [self._agreement_in(change(frame.image), fresh, frame, state, now_s) for change in CHANGES]
         self._steadiness = float(np.mean(looks))
         return float(probability[self._chosen])
 
@@ -107,7 +108,7 @@ class LaneOfUnknownCamera:
             self._chosen = turn
         if before:
             image = CHANGES[looks[0] % len(CHANGES)](frame.image)
-            seen = self._overlap_in(image, before, frame, state, now_s)
+            seen = self._agreement_in(image, before, frame, state, now_s)
             self._steadiness += (seen - self._steadiness) / 2
         return float(probability[self._chosen])
 
@@ -119,7 +120,7 @@ class LaneOfUnknownCamera:
             return Sighting(estimate, 0.0, 0.0, columns_px)
         even = math.exp(-limits.uneven_weight * max(0.0, uneven - limits.uneven_free))
         probability = estimate.confidence * even
-        explains = probability if estimate.marked else 1.0  # a road may have one lane or two
+        explains = probability if estimate.marked else limits.edge_weight
         return Sighting(estimate, probability, explains, columns_px)
 
     def _probabilities(self) -> Array:
@@ -130,13 +131,13 @@ class LaneOfUnknownCamera:
             [one.columns_px for one in self._sightings],
         )
 
-    def _overlap_in(
+    def _agreement_in(
         self, image: Image, finders: list[LaneCv], frame: Frame, state: VehicleState | None, now_s: float
     ) -> float:
-        """Overlap of the chosen lane with the one that its finder of ``finders`` finds in ``image`` instead."""
+        """Agreement of the chosen lane with the one that its finder of ``finders`` finds in ``image`` instead."""
         seen = finders[self._chosen].step(replace(frame, image=image), state, now_s=now_s)
         columns_px = lane_columns(seen, frame.image.shape[0], frame.image.shape[1])
-        return overlap(self._sightings[self._chosen].columns_px, columns_px)
+        return agreement(self._sightings[self._chosen].columns_px, columns_px)
 
     def _ahead_sigma_m(self) -> tuple[float, ...]:
         """σ of the lateral place of the reported lane: its own, and the scatter of the lanes at other heights."""

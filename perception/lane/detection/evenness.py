@@ -14,6 +14,7 @@ TEXTURE_PX, TEXTURE_FLOOR_GREY = 5, 1.0  # window of the texture; the noise of a
 COLOUR_FLOOR = np.array([4.0, 1.5, 1.5])  # standard deviation of L, a and b on a plain surface
 LIGHT_SHARE = 0.5  # of the deviation in L that counts, because light differs along a road
 MAX_DEVIATION = 3.0  # standard deviations
+PATCH_EVERY = 4  # pixel of the patch
 
 
 def columns(path: PixelPath, rows_px: Array) -> Array:
@@ -60,9 +61,9 @@ def _rougher(image: Image, patch: NDArray[np.bool_], far: NDArray[np.bool_]) -> 
 
 
 def _share_of_other_colour(image: Image, patch: NDArray[np.bool_], far: NDArray[np.bool_]) -> float:
-    colour = cv2.cvtColor(image, cv2.COLOR_BGR2Lab).astype(np.float32)
-    own = colour[patch]
+    colour = cv2.cvtColor(image, cv2.COLOR_BGR2Lab)
+    own = colour[patch][::PATCH_EVERY].astype(np.float64)
     middle = np.median(own, axis=0)
     sigma = 1.48 * np.median(np.abs(own - middle), axis=0) + COLOUR_FLOOR
-    deviation = (colour[far] - middle) / sigma * (LIGHT_SHARE, 1.0, 1.0)
-    return float(np.mean(np.square(deviation).sum(axis=1) > MAX_DEVIATION**2))
+    deviation = (colour[far] - middle) * ((LIGHT_SHARE, 1.0, 1.0) / sigma)
+    return float(np.mean((deviation * deviation) @ np.ones(3) > MAX_DEVIATION**2))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from perception.lane.agreement import lane_columns, marginal, overlap, shifted, with_noise
+from perception.lane.agreement import agreement, lane_columns, marginal, overlap, shifted, with_noise
 from trepid.messages import SteeringEstimate
 
 
@@ -19,6 +19,12 @@ def test_overlap_is_the_shared_share_of_both_areas():
 def test_no_lane_overlaps_with_nothing_not_even_with_another_missing_lane():
     assert overlap(lane(0, 0), lane(0, 100)) == 0.0
     assert overlap(lane(0, 0), lane(0, 0)) == 0.0
+
+
+def test_lanes_with_ragged_edges_are_the_same_and_a_lane_beside_is_another_one():
+    assert agreement(lane(0, 100), lane(5, 98)) == 1.0
+    assert agreement(lane(0, 100), lane(50, 150)) == 0.0
+    assert 0 < agreement(lane(0, 100), lane(20, 110)) < 1
 
 
 def test_a_probability_that_all_lanes_share_stays():

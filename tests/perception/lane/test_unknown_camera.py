@@ -53,7 +53,7 @@ def test_an_unmarked_street_of_two_lanes_is_not_surely_one_lane():
 def test_a_lane_that_noise_moves_is_less_sure():
     image = road(STRAIGHT, camera=DASHCAM)
     steady, finder = seen_by(unknown(image), image), unknown(image)
-    finder._overlap_in = lambda *_: 0.5  # the lane in the changed image
+    finder._agreement_in = lambda *_: 0.5  # the lane in the changed image
     seen = seen_by(finder, image)
     assert seen.confidence == pytest.approx(0.5 * steady.confidence, rel=0.1)
 
