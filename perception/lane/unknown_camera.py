@@ -34,6 +34,7 @@ from trepid.clothoid import Lane
 from trepid.messages import SIGMA_AHEAD_M, Frame, SteeringEstimate, VehicleState
 from trepid.types import Array, Image
 
+EQUAL = 0.02  # difference of P
 SURE = 0.5  # probability of a lane whose width counts
 OTHER_LANE = "at other likely heights of the camera it is another lane"
 CHANGES = (with_noise, shifted)
@@ -92,10 +93,17 @@ class LaneOfUnknownCamera:
         fresh = [finder.twin() for finder in self._finders]
         self._sightings = [self._sighting(finder, frame, state, now_s) for finder in self._finders]
         probability = self._probabilities()
-        self._chosen = int(probability.argmax())
+        self._chosen = self._most_likely(probability)
         looks = [self._agreement_in(change(frame.image), fresh, frame, state, now_s) for change in CHANGES]
         self._steadiness = float(np.mean(looks))
         return float(probability[self._chosen])
+
+    def _most_likely(self, probability: Array) -> int:
+        """The lane of the highest P; of equal ones that of the height next to the mean over all lanes."""
+        log_m = np.log(self._heights_m)
+        mean = np.average(log_m, weights=[one.explains + self._limits.open_mind for one in self._sightings])
+        equal = probability > probability.max() - EQUAL
+        return int(np.where(equal, np.abs(log_m - mean), np.inf).argmin())
 
     def _next(self, frame: Frame, state: VehicleState | None, now_s: float) -> float:
         """Searches at the chosen height and in turn at another one, which is chosen if it is clearly better."""
