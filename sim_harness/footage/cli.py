@@ -16,7 +16,7 @@ from perception.estimators import entry_of, lane_cv_settings
 from perception.images.sources import Still, sources
 from sim_harness.footage.clip import Drive, load_drive
 from sim_harness.footage.reprojection import Reprojection, Shift
-from sim_harness.footage.resimulation import Resimulation, resimulate
+from sim_harness.footage.resimulation import SUPERVISED, Resimulation, resimulate
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
@@ -55,7 +55,9 @@ def resimulate_verb(
             min=-MOST_HEADING_DEG, max=MOST_HEADING_DEG, help="Start with this heading, + = left [deg]."
         ),
     ] = None,
-    estimator: Annotated[str, typer.Option(help="Estimator that steers.")] = "cv",
+    estimator: Annotated[
+        list[str] | None, typer.Option(help="Estimator of the supervised car; repeatable. Default: cv, cnn.")
+    ] = None,
     skip: Annotated[int, typer.Option(min=0, help="Number of first frames to skip.")] = 0,
     frames: Annotated[int | None, typer.Option(min=1, help="Largest number of frames.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Write shifted views of one frame (.png).")] = None,
@@ -70,7 +72,9 @@ def resimulate_verb(
         raise InputError(
             "the speed of the recording is missing: give --speed or --log, or both for another speed"
         )
-    entry_of(estimator)  # raises for an unknown name before the footage is read
+    estimators = tuple(dict.fromkeys(estimator or SUPERVISED))
+    for name in estimators:
+        entry_of(name)  # raises for an unknown name before the footage is read
     cv2.setNumThreads(1)
     known = load(camera, Camera) if camera else assumed_camera(clip)
     drive = load_drive(clip, known, speed_mps=speed, log=log, scale=scale, skip=skip, most=frames)
@@ -78,19 +82,21 @@ def resimulate_verb(
         _draw(drive, picture)
     starts = STARTS if offset is None and heading is None else ((offset or 0.0, heading or 0.0),)
     interventions = 0
-    for row in _runs(drive, starts, estimator):
+    for row in _runs(drive, starts, estimators):
         interventions += row["interventions"]
         print(json.dumps(row) if as_json else _one_line(row), flush=True)
     return 1 if interventions else 0
 
 
-def _runs(drive: Drive, starts: tuple[tuple[float, float], ...], estimator: str) -> Iterator[dict[str, Any]]:
+def _runs(
+    drive: Drive, starts: tuple[tuple[float, float], ...], estimators: tuple[str, ...]
+) -> Iterator[dict[str, Any]]:
     """The run without a shift, then those of ``starts``, compared with it."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     unshifted: Resimulation | None = None
     for left_m, heading_deg in ((0.0, 0.0), *starts):
         start = Shift(left_m=left_m, yaw_rad=math.radians(heading_deg))
-        run = resimulate(drive, vehicle, start=start, estimator=estimator)
+        run = resimulate(drive, vehicle, start=start, estimators=estimators)
         unshifted = unshifted or run
         returned_s = run.return_s(unshifted)
         yield {

@@ -12,6 +12,7 @@ over.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,6 +40,7 @@ CAMERA_TICKS = 4  # 25 frames/s
 SAME_STATION_M = 1e-6
 LATENCY_S = 0.02  # capture to estimate; as in lock-step
 RUN_UP_S = 2.2  # a driver must have driven for 2 s before the supervisor takes over (supervisor.yaml)
+SUPERVISED = ("cv", "cnn")  # estimators of the default drive
 INTERVENTION_M = 1.0  # Bojarski et al., section 7
 INTERVENTION_S = 6.0  # duration of an intervention, likewise
 LEAST_S = 0.5  # after the hand-over
@@ -52,7 +54,7 @@ class Resimulation:
     t_s: Array
     offset_m: Array  # of the car from the recorded path, + = left
     heading_rad: Array
-    seen_m: Array  # lateral offset of the estimator; NaN without a lane
+    seen_m: Array  # lateral offset of the surest estimator; NaN without a lane
     unseen: Array  # share of the pixels outside the recorded image
     fear: Array
     interventions: int
@@ -100,7 +102,12 @@ class Resimulation:
 
 
 def resimulate(
-    drive: Drive, vehicle: Vehicle, *, start: Shift, estimator: str = "cv", run_up_s: float = RUN_UP_S
+    drive: Drive,
+    vehicle: Vehicle,
+    *,
+    start: Shift,
+    estimators: Sequence[str] = SUPERVISED,
+    run_up_s: float = RUN_UP_S,
 ) -> Resimulation:
     """Drive along the recorded path from ``start`` on. Deterministic. Raises InputError for a short recording."""
     if drive.t_s[-1] < run_up_s + LEAST_S:
@@ -108,24 +115,26 @@ def resimulate(
             f"{drive.name}: {len(drive.frames)} frames last {drive.t_s[-1]:.1f} s: at least"
             f" {run_up_s + LEAST_S:.1f} s expected, with a run-up of {run_up_s:.1f} s"
         )
-    return _Loop(drive, vehicle, start, estimator, run_up_s).run()
+    return _Loop(drive, vehicle, start, estimators, run_up_s).run()
 
 
 class _Loop:
     """One run: plant and recorded frames around a :class:`Stack`."""
 
-    def __init__(self, drive: Drive, vehicle: Vehicle, start: Shift, estimator: str, run_up_s: float) -> None:
+    def __init__(
+        self, drive: Drive, vehicle: Vehicle, start: Shift, estimators: Sequence[str], run_up_s: float
+    ) -> None:
         self._drive, self._start = drive, start
         self._stations_m = drive.station_m
         self._yaw_rates_radps = drive.yaw_rates_radps()
         self._yaws_rad = cumulative_trapezoid(self._yaw_rates_radps, drive.t_s, initial=0.0)
         self._reprojection = Reprojection(drive.camera)
-        self._name, self._estimator = estimator, entry_of(estimator).build(drive.camera, vehicle)
+        self._estimators = {name: entry_of(name).build(drive.camera, vehicle) for name in estimators}
         self._statistician = ImageStatistician()
         self._stack = Stack(
             supervisor.supervisor.build(cruise_speed_mps=float(drive.speed_mps.max())),
             controller.controller.build(vehicle),
-            [estimator],
+            estimators,
             idle_period_s=None,
         )
         self._limiter = controller.limiter.build(vehicle)
@@ -146,11 +155,14 @@ class _Loop:
             if tick % CAMERA_TICKS == 0:
                 image, unseen = self._view(now_s)
                 frame = Frame(t_s=now_s, image=image)
-                estimate = self._estimator.step(frame, state, now_s=now_s)
+                estimates = {
+                    name: one.step(frame, state, now_s=now_s) for name, one in self._estimators.items()
+                }
                 statistics = self._statistician.step(frame, now_s=now_s)
-                stack.send(Perception(now_s + LATENCY_S, {self._name: estimate}, statistics, None))
+                stack.send(Perception(now_s + LATENCY_S, estimates, statistics, None))
                 if not driven:
-                    self._note(now_s, estimate, unseen)
+                    surest = max(estimates.values(), key=lambda estimate: estimate.confidence)
+                    self._note(now_s, surest, unseen)
             stack.step(state, command_due=tick % CONTROL_TICKS == 0, now_s=now_s)
             applied = self._limiter.step(stack.command, stack.commanded_s, state, now_s=now_s)
             self._advance(applied, now_s, driven=driven)
