@@ -1,13 +1,21 @@
 """Validation of messages: the age of every message and the range of every number are checked here only."""
 
 import math
+from itertools import pairwise
 from typing import ClassVar, NamedTuple
 
 from trepid.bounds import at_least
 from trepid.clothoid import Lane, Motion
 from trepid.config import Settings
 from trepid.lateness import LatenessLimits
-from trepid.messages import EstimateKind, ImageStatistics, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.messages import (
+    SIGMA_AHEAD_M,
+    EstimateKind,
+    ImageStatistics,
+    LeadVehicle,
+    SteeringEstimate,
+    VehicleState,
+)
 from trepid.types import Positive
 
 MAX_ANGLE_RAD = math.pi / 2
@@ -33,6 +41,7 @@ class ValidationSettings(Settings):
     max_curvature_rate_1pm2: Positive
     max_speed_mps: Positive
     max_lead_distance_m: Positive
+    max_sigma_m: Positive
     max_yaw_rate_radps: Positive
     min_lane_width_m: Positive
     max_lane_width_m: Positive
@@ -67,6 +76,14 @@ class ValidatedEstimate(NamedTuple):
     marked: bool | None = None  # measured by painted lines; False: by the edges of the road
     from_memory: bool = False  # the estimator looks for boundaries and found none in this frame
     kind: EstimateKind = EstimateKind.LANE  # ANGLE: ``lane`` is the arc of the road-wheel angle from the axle
+    ahead_sigma_m: tuple[float, ...] = ()  # of the lateral position at SIGMA_AHEAD_M; (): not stated
+
+    def sigma_m(self, ahead_m: float) -> float:
+        """Standard deviation of the lateral position of the lane at ``ahead_m``; 0 where it is not stated.
+
+        Linear between the distances of SIGMA_AHEAD_M, and beyond them that of the last one.
+        """
+        return at_distance(self.ahead_sigma_m, ahead_m) if self.ahead_sigma_m else 0.0
 
 
 def validate(
@@ -91,6 +108,7 @@ def validate(
     angle = estimate.kind is EstimateKind.ANGLE
     lane = _arc_of(estimate, settings, wheelbase_m) if angle else _lane_of(estimate, settings)
     broken = malformed or not 0 <= estimate.confidence <= 1 or (estimate.confidence > 0 and lane is None)
+    broken = broken or not _are_deviations(estimate.ahead_sigma_m, settings.max_sigma_m)
     width_m, widest_m = estimate.lane_width_m, settings.max_unmarked_width_m
     # Only the edges of a road of more than one lane are measured; so may be an impossible width.
     two_lanes = estimate.marked is False and width_m is not None and not 0 < width_m <= widest_m
@@ -111,6 +129,7 @@ def validate(
         marked=estimate.marked if usable and not angle else None,
         from_memory=from_memory,
         kind=estimate.kind,
+        ahead_sigma_m=estimate.ahead_sigma_m if usable else (),
     )
 
 
@@ -186,6 +205,21 @@ def _lane_of(estimate: SteeringEstimate, settings: ValidationSettings) -> Lane |
         lookahead_m=estimate.lookahead_m,
     )
     return None if within(lane.curvature_1pm, settings.max_curvature_1pm) is None else lane
+
+
+def _are_deviations(sigma_m: tuple[float, ...], limit_m: float) -> bool:
+    """Whether ``sigma_m`` holds nothing, or a possible deviation for every distance of SIGMA_AHEAD_M."""
+    if not sigma_m:
+        return True
+    return len(sigma_m) == len(SIGMA_AHEAD_M) and False not in [0 <= sigma <= limit_m for sigma in sigma_m]
+
+
+def at_distance(sigma_m: tuple[float, ...], ahead_m: float) -> float:
+    """``sigma_m``, given at SIGMA_AHEAD_M, at ``ahead_m``: linear in between, constant beyond the ends."""
+    for (near_m, low), (far_m, high) in pairwise(zip(SIGMA_AHEAD_M, sigma_m, strict=True)):
+        if ahead_m <= far_m:
+            return low + (high - low) * at_least(ahead_m - near_m, 0.0) / (far_m - near_m)
+    return sigma_m[-1]
 
 
 def _arc_of(estimate: SteeringEstimate, settings: ValidationSettings, wheelbase_m: float) -> Lane | None:

@@ -41,6 +41,7 @@ class FusionSettings(Settings):
     lookahead_s: Positive
     gate_offset_m: Positive  # roads this far apart at the axle ...
     gate_lookahead_m: Positive  # ... or at ℓ are two roads
+    same_road_sigmas: Positive  # differences up to so many of their standard deviations are those of one road
     rejoin_share: PositiveShare  # of these gates, within which a rejected view is fused again
     memory_s: PositiveShare  # how long the path is remembered without estimates
     forgetting_per_s: Positive  # growth of the variance of the memory, in squared tolerances
@@ -68,7 +69,8 @@ class Fused(NamedTuple):
     sources: tuple[str, ...]  # the fused estimators
     trust: tuple[float, ...]  # their shares; sums to 1; empty when nothing was fused
     disagreement_mps2: float | None  # greatest |Δκ_cmd|·v² of two estimates; None with fewer than two
-    weighted_disagreement_mps2: float  # times the share of the less confident one; 0 with fewer than two
+    # the part beyond what both state to know, times the share of the less confident one; 0 with fewer than two
+    weighted_disagreement_mps2: float
     weighted_separation_m: float  # likewise of two lateral offsets, the least over ``lasting_s``
 
 
@@ -84,6 +86,7 @@ class View(NamedTuple):
     measured: bool = (
         True  # False: the arc of a steering angle, of which only the position at the look-ahead is known
     )
+    ahead_sigma_m: float = 0.0  # standard deviation of ``ahead_m``; 0: not stated
 
 
 class Memory(NamedTuple):
@@ -141,11 +144,12 @@ class Fusion:
         remembered = self._remembered(coasted, t_s, lookahead_m)
         group = self._agreeing(views, remembered, t_s)
         self._left_out = frozenset([view.name for view in views if view not in group])
-        raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m)
+        sigmas = self._settings.same_road_sigmas
+        raw_1pm, weighted_1pm, separation_m = _disagreement(views, lookahead_m, sigmas)
         if raw_1pm is not None:
             separation_m = self._lasting_m(Apart(t_s, separation_m))
         if remembered and not group:  # all rejected: the memory counts as another estimator
-            _, held_1pm, held_m = _disagreement([*views, remembered], lookahead_m)
+            _, held_1pm, held_m = _disagreement([*views, remembered], lookahead_m, sigmas)
             weighted_1pm, separation_m = at_least(held_1pm, weighted_1pm), at_least(held_m, separation_m)
         total = sum([view.weight for view in group])
         if group:
@@ -192,6 +196,7 @@ class Fusion:
             lookahead_m=sighting.lookahead_m,
             ahead_m=lane.y_m(lookahead_m),
             measured=sighting.kind is EstimateKind.LANE,
+            ahead_sigma_m=sighting.sigma_m(lookahead_m),
         )
 
     def _coast(self, motion: Motion, t_s: float) -> Path | None:
@@ -311,16 +316,29 @@ def _here_m(a: View, b: View) -> float:
     return abs(a.lane.offset_m - b.lane.offset_m) if a.measured and b.measured else 0.0
 
 
-def _disagreement(views: list[View], lookahead_m: float) -> tuple[float | None, float, float]:
-    """Greatest |Δκ_cmd| [1/m] of two views, plain and weighted, and greatest weighted |Δe| [m].
+def _disagreement(
+    views: list[View], lookahead_m: float, same_road_sigmas: float
+) -> tuple[float | None, float, float]:
+    """Greatest |Δκ_cmd| [1/m] of two views, plain and significant, and greatest weighted |Δe| [m].
 
-    The weight is the lower confidence over the higher one: a view of low confidence is probably an outlier.
+    Significant is the part of the difference Δy at the look-ahead ℓ for which the deviations σ that the views state
+    do not account, as a curvature: 2·max(0, |Δy| - z·√(σ_a² + σ_b²))/ℓ² with z = ``same_road_sigmas``. Two views of
+    one road differ by N(0, σ_a² + σ_b²) (the test of association of two tracks; Bar-Shalom and Li,
+    Multitarget-Multisensor Tracking (1995)); the excess over z deviations estimates a difference that is usually 0
+    (soft threshold; Donoho, De-noising by soft-thresholding, IEEE Trans. IT 41 (1995)). A view that states no
+    deviation has σ = 0. An estimator outside its world is no view: its confidence is below
+    ``validation.min_confidence``.
+
+    Significant part and |Δe| are weighted with the lower confidence over the higher one: a view of low confidence
+    is probably an outlier.
     """
-    plain, weighted, separation_m = None, 0.0, 0.0
+    plain, significant, separation_m = None, 0.0, 0.0
     for a, b in itertools.combinations(views, 2):
-        apart = abs(pursuit_curvature(a.ahead_m, lookahead_m) - pursuit_curvature(b.ahead_m, lookahead_m))
+        apart_1pm = abs(pursuit_curvature(a.ahead_m, lookahead_m) - pursuit_curvature(b.ahead_m, lookahead_m))
+        sigma_m = math.hypot(a.ahead_sigma_m, b.ahead_sigma_m)
+        known_1pm = at_least(apart_1pm - pursuit_curvature(same_road_sigmas * sigma_m, lookahead_m), 0.0)
         share = at_most(b.confidence, a.confidence) / at_least(b.confidence, a.confidence)
-        plain = at_least(apart, plain or 0.0)
-        weighted = at_least(apart * share, weighted)
+        plain = at_least(apart_1pm, plain or 0.0)
+        significant = at_least(known_1pm * share, significant)
         separation_m = at_least(_here_m(a, b) * share, separation_m)
-    return plain, weighted, separation_m
+    return plain, significant, separation_m

@@ -18,7 +18,7 @@ from supervisor.path.follow import Follower, Following, FollowSettings, Lead, ju
 from supervisor.path.fusion import Fused, Fusion, FusionSettings
 from supervisor.rules.inference import FearRules
 from supervisor.situation.added import Moment, measured
-from supervisor.situation.features import Features, early_features, features
+from supervisor.situation.features import BEYOND, Features, early_features, features
 from supervisor.situation.ratings import RATED_AS, absent_values, rating_names
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Motion
@@ -130,7 +130,8 @@ class WorldStateObserver:
             fused,
             motion,
             trust=trust,
-            single_source_s=self._single.step(alone, now_s=now_s),
+            # Nothing has ever checked the only estimator of a car.
+            single_source_s=self._single.step(alone, now_s=now_s) if len(seen) > 1 else BEYOND,
             half_width_m=self._half_width_m,
             enlargement=self._enlargement,
         )

@@ -91,9 +91,11 @@ def test_a_lost_estimator_stops_the_car_on_the_path_of_the_other_for_good(lost: 
     assert drive.last(10.0).mode is Mode.STOP  # it is back, but a lost process ends the run
 
 
-@pytest.mark.parametrize("blind", ["cv", "cnn"])
-def test_an_estimator_without_a_lane_slows_the_car_without_stopping_it(blind: str) -> None:
-    decision = Drive.under_way().last(5.0, **{blind: NO_LANE})
+@pytest.mark.parametrize(("blind", "confidence"), [("cv", 0.9), ("cnn", 0.7)])
+def test_an_estimator_without_a_lane_slows_the_car_without_stopping_it(blind: str, confidence: float) -> None:
+    other = {"cv", "cnn"} - {blind}
+    seen = {blind: NO_LANE, other.pop(): replace(ESTIMATE, confidence=confidence)}
+    decision = Drive.under_way().last(5.0, **seen)
     assert (decision.mode, decision.cause) == (Mode.CAUTION, "low_confidence")
     assert 0.5 < decision.speed_factor < 1
     assert blind not in decision.sources

@@ -42,6 +42,7 @@ def situations() -> dict[str, Messages]:
         lane_width_m=3.4,
         reason="",
         marked=True,
+        ahead_sigma_m=(0.05, 0.05, 0.1, 0.2, 0.4, 0.8),
     )
     calm: Messages = {
         "cv": estimate,
@@ -71,6 +72,11 @@ def situations() -> dict[str, Messages]:
         "narrow": calm | {"cv": replace(calm["cv"], lane_width_m=2.3)},
         "close behind": calm | {"lead": replace(calm["lead"], distance_m=5.0)},
         "fast": calm | {"state": replace(calm["state"], speed_mps=20.0)},
+        "vague": calm
+        | {
+            "cnn": replace(calm["cnn"], curvature_1pm=0.006, ahead_sigma_m=(0.3, 0.3, 0.5, 2.0, 4.0, 8.0)),
+            "state": replace(calm["state"], speed_mps=25.0),
+        },
     }
 
 
@@ -103,10 +109,16 @@ class Afraid:
 
 
 def numbers(message: Any) -> list[str]:
-    """Names of the float fields of ``message``, optional ones included."""
-    hints = typing.get_type_hints(type(message))
-    named = [f.name for f in fields(message) if hints[f.name] in (float, float | None)]
+    """Names of the fields of ``message`` with one float or several, optional ones included."""
+    hints, floats = typing.get_type_hints(type(message)), (float, float | None, tuple[float, ...])
+    named = [f.name for f in fields(message) if hints[f.name] in floats]
     return [name for name in named if not (isinstance(message, SteeringEstimate) and name in NOT_FEARED)]
+
+
+def spoilt(message: Any, name: str, value: float) -> Any:
+    """``message`` with ``value`` in the field ``name``; of several floats, in place of the last."""
+    now = getattr(message, name)
+    return replace(message, **{name: (*now[:-1], value) if isinstance(now, tuple) else value})
 
 
 def one_by_one(whole: Messages) -> Iterator[Messages]:
@@ -115,7 +127,7 @@ def one_by_one(whole: Messages) -> Iterator[Messages]:
         for name in numbers(message):
             if getattr(message, name) is not None:
                 for value in BROKEN:
-                    yield whole | {sender: replace(message, **{name: value})}
+                    yield whole | {sender: spoilt(message, name, value)}
 
 
 def at_random(whole: Messages, rng: random.Random) -> Messages:
@@ -124,7 +136,7 @@ def at_random(whole: Messages, rng: random.Random) -> Messages:
     for _ in range(rng.randint(1, 5)):
         sender = rng.choice(list(broken))
         name = rng.choice([n for n in numbers(broken[sender]) if getattr(broken[sender], n) is not None])
-        broken[sender] = replace(broken[sender], **{name: rng.choice(BROKEN)})
+        broken[sender] = spoilt(broken[sender], name, rng.choice(BROKEN))
     return broken
 
 

@@ -104,7 +104,7 @@ def test_where_no_rule_is_active_fear_is_1() -> None:
 
 
 def test_strength_is_min_for_and_max_for_or_and_times_the_weight() -> None:
-    values = {**CALM, "disagreement": 1.0, "lateral_error": 0.4}  # low: 0.75 and 2/3
+    values = {**CALM, "disagreement": 0.6, "lateral_error": 0.4}  # low: 0.75 and 2/3
     both, either, weighted = (
         rules_of(f"if {text}").evaluate(values)
         for text in (
@@ -123,7 +123,7 @@ def test_fear_is_the_choquet_integral_of_the_levels() -> None:
     result = rules_of(
         "if disagreement is low then fear is medium",
         "if disagreement is medium then fear is very_high",
-    ).evaluate({**CALM, "disagreement": 1.4})  # low: 1, medium: 0.6
+    ).evaluate({**CALM, "disagreement": 1.0})  # low: 1, medium: 0.6
     assert result.fear == pytest.approx(0.5 * 1.0 + 0.5 * 0.6)
 
 

@@ -29,7 +29,7 @@ def test_several_broken_numbers_do_not_lower_fear() -> None:
 
 def test_the_situations_have_fear_that_could_be_lowered() -> None:
     fears = [AFRAID.fear(intact, intact) for intact in WHOLE.values()]
-    assert min(fears) < 0.1 and sum(fear > 0.1 for fear in fears) >= len(fears) - 2
+    assert min(fears) < 0.1 and sum(fear > 0.1 for fear in fears) >= len(fears) - 3
 
 
 def test_the_numbers_of_a_message_are_its_floats() -> None:

@@ -1,0 +1,86 @@
+"""A difference of two views counts as far as the deviations that they state do not account for it."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from supervisor.inputs.validated import ValidatedEstimate, at_distance
+from supervisor.path.fusion import Fused, Fusion
+from supervisor.supervisor import SupervisorSettings
+from trepid.clothoid import Lane, Motion
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import SIGMA_AHEAD_M
+
+SETTINGS = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).fusion
+VAGUE_M = (0.3, 0.3, 0.5, 2.0, 4.0, 8.0)  # of a network that knows little of the curvature
+SURE_M = (0.02, 0.02, 0.03, 0.05, 0.1, 0.2)
+speeds = st.floats(1.0, 35.0)
+deviations = st.lists(st.floats(0.0, 20.0), min_size=6, max_size=6).map(tuple)
+
+
+def fused(bend_1pm: float, speed_mps: float, *, of_cv: tuple[float, ...], of_cnn: tuple[float, ...]) -> Fused:
+    """A straight lane of cv, and one of cnn that bends."""
+    views = [
+        ValidatedEstimate(
+            estimator=name,
+            age_s=0.0,
+            t_s=0.0,
+            broken=False,
+            confidence=0.95,
+            lane=Lane(0.0, 0.0, curvature_1pm, 0.0),
+            lookahead_m=8.0,
+            width_error_m=0.0,
+            measures_width=True,
+            ahead_sigma_m=sigma_m,
+        )
+        for name, curvature_1pm, sigma_m in (("cv", 0.0, of_cv), ("cnn", bend_1pm, of_cnn))
+    ]
+    return Fusion(SETTINGS).step(views, Motion(speed_mps, 0.0), now_s=0.0)
+
+
+def test_at_speed_the_noise_of_a_vague_curvature_is_no_second_road() -> None:
+    found = fused(0.003, 25.0, of_cv=SURE_M, of_cnn=VAGUE_M)
+    assert found.disagreement_mps2 == pytest.approx(0.003 * 25.0**2)
+    assert found.weighted_disagreement_mps2 == 0.0
+
+
+@pytest.mark.parametrize("speed_mps", [8.0, 15.0, 25.0, 33.0])
+def test_a_bend_of_small_deviation_on_a_straight_road_is_a_second_road_at_every_speed(
+    speed_mps: float,
+) -> None:
+    found = fused(3.0 / speed_mps**2, speed_mps, of_cv=SURE_M, of_cnn=SURE_M)
+    assert found.weighted_disagreement_mps2 > 2.0
+
+
+@given(st.floats(-0.05, 0.05), speeds, deviations, deviations)
+def test_a_larger_deviation_never_raises_and_a_larger_difference_never_lowers_the_disagreement(
+    bend_1pm: float, speed_mps: float, of_cv: tuple[float, ...], of_cnn: tuple[float, ...]
+) -> None:
+    def disagreement(bend_1pm: float, factor: float) -> float:
+        vaguer = tuple(factor * sigma for sigma in of_cnn)
+        found = fused(bend_1pm, speed_mps, of_cv=of_cv, of_cnn=vaguer)
+        return found.weighted_disagreement_mps2
+
+    now = disagreement(bend_1pm, 1.0)
+    assert disagreement(bend_1pm, 1.5) <= now + 1e-12
+    assert disagreement(1.5 * bend_1pm, 1.0) >= now - 1e-12
+
+
+@given(st.floats(-0.05, 0.05), speeds, deviations)
+def test_without_a_stated_deviation_the_difference_counts_in_full(
+    bend_1pm: float, speed_mps: float, sigma_m: tuple[float, ...]
+) -> None:
+    silent = fused(bend_1pm, speed_mps, of_cv=(), of_cnn=())
+    stated = fused(bend_1pm, speed_mps, of_cv=(), of_cnn=sigma_m)
+    assert silent.weighted_disagreement_mps2 == pytest.approx(silent.disagreement_mps2)
+    assert stated.weighted_disagreement_mps2 <= silent.weighted_disagreement_mps2
+
+
+@given(deviations, st.floats(0.0, 60.0))
+def test_the_deviation_lies_between_those_of_the_neighbouring_distances(
+    sigma_m: tuple[float, ...], ahead_m: float
+) -> None:
+    near = max((x for x in SIGMA_AHEAD_M if x <= ahead_m), default=0.0)
+    far = min((x for x in SIGMA_AHEAD_M if x >= ahead_m), default=SIGMA_AHEAD_M[-1])
+    ends = [sigma_m[SIGMA_AHEAD_M.index(x)] for x in (near, far)]
+    assert min(ends) - 1e-9 <= at_distance(sigma_m, ahead_m) <= max(ends) + 1e-9
