@@ -65,6 +65,10 @@ class FrameSearch:
         """The road between the edges of ``predicted``, without a search."""
         return self._between_edges(self._road_sums, predicted, predicted.mean)
 
+    def line_within(self, lane: LaneState) -> float:
+        """Support of the strongest line inside ``lane``, which then is two lanes; 0 without one."""
+        return self._line_fitter.line_within(self._points, lane.mean)
+
     @cached_property
     def _points(self) -> RoadPoints:
         return self._view.markings.points(self._image)

@@ -39,6 +39,7 @@ class LaneCv:
         self._memory = LaneMemory(settings, self._rating)
         self._choice = LaneChoice(settings, self._rating)
         self._camera_check = CameraCheck(settings.camera_check)
+        self._shown: tuple[FrameSearch, LaneState] | None = None  # the last frame and its lane
         self.features: Features | None = None  # of the last confidence; None without a lane
 
     def twin(self) -> "LaneCv":
@@ -47,6 +48,11 @@ class LaneCv:
         twin._memory, twin._choice = copy(self._memory), copy(self._choice)
         twin._camera_check = copy(self._camera_check)
         return twin
+
+    @property
+    def line_within(self) -> float:
+        """Support of the strongest line inside the last lane detected; 0 without one."""
+        return self._shown[0].line_within(self._shown[1]) if self._shown else 0.0
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane in ``frame``; ``state`` gives the motion since the last frame."""
@@ -65,6 +71,7 @@ class LaneCv:
             self._camera_check.step(found.fit, motion, dt_s=frame.t_s - memory.seen_t_s)
             lane = memory.update(found, frame.t_s)
             memory.probability = self._probability(lane)
+            self._shown = search, lane
             seen, reason = found.fit.boundaries_seen, self._camera_check.reason
         elif memory.lane is not None:
             lane = memory.coast()

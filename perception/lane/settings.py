@@ -57,6 +57,7 @@ class UnknownCameraSettings(Settings):
     edge_weight: Share
     uneven_free: float
     uneven_weight: NonNegative
+    divided_excess: Positive
     change_margin: Share
     steady_every: Annotated[int, Field(ge=1)]
     width_looks: Annotated[int, Field(ge=1)]

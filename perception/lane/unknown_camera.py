@@ -11,8 +11,8 @@ i and j in the image. The lane with the highest P is reported. The weight w_i of
 a lane between lines, which are as far apart as lanes are wide. The width of a road between edges says little about
 the height, because it may have one lane or two: its weight is ``edge_weight`` + ``open_mind``. p_i includes the
 surface: a lane whose far half is not the surface right ahead is improbable
-(:mod:`perception.lane.detection.evenness`). The confidence is P times the steadiness, the agreement with the lane
-in a slightly changed image.
+(:mod:`perception.lane.detection.evenness`), as is one with a line inside, which may be two lanes. The
+confidence is P times the steadiness, the agreement with the lane in a slightly changed image.
 
 In a clip the widths between two lines narrow the belief in the height, once; the search goes on around it.
 """
@@ -127,7 +127,8 @@ class LaneOfUnknownCamera:
         if uneven is None:
             return Sighting(estimate, 0.0, 0.0, columns_px)
         even = math.exp(-limits.uneven_weight * max(0.0, uneven - limits.uneven_free))
-        probability = estimate.confidence * even
+        undivided = max(0.0, 1.0 - finder.line_within / limits.divided_excess)
+        probability = estimate.confidence * even * undivided
         explains = probability if estimate.marked else limits.edge_weight
         return Sighting(estimate, probability, explains, columns_px)
 

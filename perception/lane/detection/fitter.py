@@ -12,6 +12,7 @@ from perception.lane.model.fit import FitSettings, Fitted, fit_lane, log_evidenc
 from perception.lane.model.geometry import (
     PITCH,
     WIDTH,
+    E,
     LaneState,
     RoadPoints,
     lane_coordinates,
@@ -22,6 +23,8 @@ from trepid.types import Array
 
 STRAIGHT = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])  # times a state: the state without its bend
 EVIDENCE_REACH_M = 30.0  # rows beyond are too few to count as evidence
+WITHIN_M = 0.7  # from a boundary; nearer lines belong to it, as the second line of a kerb
+TWO_DASHES_M = 6.0  # of 3 m each, or one and a gap
 MIN_DOUBLE = 0.2  # share of the points of a double line that lie between two stripes
 
 
@@ -80,6 +83,30 @@ class LaneFitter:
         scaled = (residual / near.sigma_m)[accepted]
         rms = math.sqrt(float(scaled @ scaled) / len(scaled)) if len(scaled) else 0.0
         return LaneFit(state=state, left=left, right=right, residual=rms)
+
+    def line_within(self, points: RoadPoints, mean: Array) -> float:
+        """Support of the strongest line inside the lane ``mean``, as ``BoundarySupport.excess``; 0 without one.
+
+        Two dashes of a dashed line or more count, because an arrow or a crack is shorter.
+        """
+        x_m, y_m = levelled(points, mean[PITCH], self.grid.camera)
+        _, distance, _ = lane_coordinates(x_m, y_m, mean)
+        inner_m, gate_m = mean[WIDTH] / 2 - WITHIN_M, self.fit.gate_m
+        best = 0.0
+        for place_m in np.arange(-inner_m, inner_m, gate_m):
+            line = mean.copy()
+            line[E], line[WIDTH] = mean[E] - place_m, 0.0
+            support = boundary_support(
+                points,
+                np.abs(distance - place_m) < gate_m,
+                self._visible(line)[0],
+                density_per_m=len(x_m) / self.grid.area_m2,
+                gate_m=gate_m,
+                settings=self.evidence,
+            )
+            if support.extent_m > TWO_DASHES_M:
+                best = max(best, support.excess)
+        return best
 
     def _visible(self, mean: Array) -> NDArray[np.bool_]:
         """Whether the left and the right boundary are inside the image and in reach, per band, shape (2, bands).

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, look, road
+from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, WHITE, look, ribbon, road
 
 from perception.camera.self_calibration import self_calibrated
 from perception.estimators import entry_of
@@ -48,6 +48,27 @@ def test_an_unmarked_street_of_two_lanes_is_not_surely_one_lane():
     low = look(image, DASHCAM.model_copy(update={"height_m": 0.8}))
     seen = seen_by(unknown(image), image)
     assert low.confidence > seen.confidence and seen.confidence < 0.5
+
+
+def test_a_lane_with_a_dashed_line_inside_is_less_sure():
+    plain = road(STRAIGHT, camera=DASHCAM, width_m=4.0)
+    divided = plain.copy()
+    ribbon(divided, DASHCAM, STRAIGHT, 0.06, 0.12, WHITE, lambda station_m: station_m % 6 < 3)
+    sure, doubtful = seen_by(unknown(plain), plain), seen_by(unknown(divided), divided)
+    assert doubtful.confidence < 0.8 * sure.confidence
+
+
+def test_a_line_inside_the_lane_is_found_and_an_arrow_is_not_one():
+    plain = road(STRAIGHT)
+    divided, arrow = plain.copy(), plain.copy()
+    ribbon(divided, CAMERA, STRAIGHT, 0.5, 0.12, WHITE, lambda station_m: station_m % 6 < 3)
+    ribbon(arrow, CAMERA, STRAIGHT, 0.1, 0.12, WHITE, lambda station_m: 8 < station_m < 12)
+    found = []
+    for image in (plain, divided, arrow):
+        finder = LaneCv(SETTINGS, CAMERA, VEHICLE)
+        seen_by(finder, image)
+        found.append(finder.line_within)
+    assert found[0] == found[2] == 0.0 and found[1] > 0.2
 
 
 def test_a_lane_that_noise_moves_is_less_sure():
