@@ -82,21 +82,21 @@ def resimulate_verb(
         _draw(drive, picture)
     starts = STARTS if offset is None and heading is None else ((offset or 0.0, heading or 0.0),)
     interventions = 0
-    for row in _runs(drive, starts, estimators):
+    for row in _runs(drive, starts, estimators, assumed=camera is None):
         interventions += row["interventions"]
         print(json.dumps(row) if as_json else _one_line(row), flush=True)
     return 1 if interventions else 0
 
 
 def _runs(
-    drive: Drive, starts: tuple[tuple[float, float], ...], estimators: tuple[str, ...]
+    drive: Drive, starts: tuple[tuple[float, float], ...], estimators: tuple[str, ...], *, assumed: bool
 ) -> Iterator[dict[str, Any]]:
     """The run without a shift, then those of ``starts``, compared with it."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     unshifted: Resimulation | None = None
     for left_m, heading_deg in ((0.0, 0.0), *starts):
         start = Shift(left_m=left_m, yaw_rad=math.radians(heading_deg))
-        run = resimulate(drive, vehicle, start=start, estimators=estimators)
+        run = resimulate(drive, vehicle, start=start, estimators=estimators, assumed=assumed)
         unshifted = unshifted or run
         returned_s = run.return_s(unshifted)
         yield {

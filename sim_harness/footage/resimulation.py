@@ -12,7 +12,7 @@ over.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ import controller.controller
 import controller.limiter
 import supervisor.supervisor
 from perception.camera.image_statistics import ImageStatistician
-from perception.estimators import entry_of
+from perception.estimators import Estimator, entry_of
 from sim_harness.footage.clip import Drive
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.lockstep.stack import Perception, Stack
@@ -107,29 +107,39 @@ def resimulate(
     *,
     start: Shift,
     estimators: Sequence[str] = SUPERVISED,
+    assumed: bool = False,
     run_up_s: float = RUN_UP_S,
 ) -> Resimulation:
-    """Drive along the recorded path from ``start`` on. Deterministic. Raises InputError for a short recording."""
+    """Drive along the recorded path from ``start`` on. Deterministic. Raises InputError for a short recording.
+
+    ``assumed``: the camera is self-calibrated, so its height is a guess.
+    """
     if drive.t_s[-1] < run_up_s + LEAST_S:
         raise InputError(
             f"{drive.name}: {len(drive.frames)} frames last {drive.t_s[-1]:.1f} s: at least"
             f" {run_up_s + LEAST_S:.1f} s expected, with a run-up of {run_up_s:.1f} s"
         )
-    return _Loop(drive, vehicle, start, estimators, run_up_s).run()
+    built = {name: entry_of(name).build(drive.camera, vehicle, assumed=assumed) for name in estimators}
+    return _Loop(drive, vehicle, start, built, run_up_s).run()
 
 
 class _Loop:
     """One run: plant and recorded frames around a :class:`Stack`."""
 
     def __init__(
-        self, drive: Drive, vehicle: Vehicle, start: Shift, estimators: Sequence[str], run_up_s: float
+        self,
+        drive: Drive,
+        vehicle: Vehicle,
+        start: Shift,
+        estimators: Mapping[str, Estimator],
+        run_up_s: float,
     ) -> None:
         self._drive, self._start = drive, start
         self._stations_m = drive.station_m
         self._yaw_rates_radps = drive.yaw_rates_radps()
         self._yaws_rad = cumulative_trapezoid(self._yaw_rates_radps, drive.t_s, initial=0.0)
         self._reprojection = Reprojection(drive.camera)
-        self._estimators = {name: entry_of(name).build(drive.camera, vehicle) for name in estimators}
+        self._estimators = estimators
         self._statistician = ImageStatistician()
         self._stack = Stack(
             supervisor.supervisor.build(cruise_speed_mps=float(drive.speed_mps.max())),

@@ -193,6 +193,15 @@ def test_the_car_returns_from_an_offset_to_the_recorded_path(left_m):
     assert run.autonomy_percent == 100.0
 
 
+def test_two_estimators_confirm_each_other_and_a_single_one_is_never_calm():
+    whole = rendered_drive("straight", 20.0, 150)
+    drive = Drive(whole.name, whole.frames[:90], whole.t_s[:90], whole.speed_mps[:90], CAMERA)
+    supervised = resimulate(drive, VEHICLE, start=Shift())
+    alone = resimulate(drive, VEHICLE, start=Shift(), estimators=["cv"])
+    assert supervised.fear.max() < 0.1
+    assert alone.fear.min() == pytest.approx(0.5)
+
+
 def test_the_same_run_twice_is_the_same_to_the_last_bit():
     whole = rendered_drive("straight", 20.0, 150)
     drive = Drive(whole.name, whole.frames[:70], whole.t_s[:70], whole.speed_mps[:70], CAMERA)
@@ -275,4 +284,16 @@ def test_on_a_real_highway_the_car_leaves_an_offset_to_the_recorded_path():
     drive = load_drive(clip, assumed_camera(clip), speed_mps=25.0, most=105)
     run = resimulate(drive, VEHICLE, start=Shift(left_m=0.5))
     assert abs(run.offset_m[-1]) < 0.2
+    assert run.interventions == 0
+
+
+@pytest.mark.parametrize("speed_mps", [8.0, 15.0, 25.0, 33.0])
+def test_on_a_real_highway_the_supervised_car_takes_over_at_once_and_fear_stays_low(speed_mps):
+    clip = DATA / "highway_udacity_p1" / "solidWhiteRight.mp4"
+    if not clip.is_file():
+        pytest.skip("the clip solidWhiteRight.mp4 is not on this machine (TREPID_DATA)")
+    drive = load_drive(clip, assumed_camera(clip), speed_mps=speed_mps)
+    run = resimulate(drive, VEHICLE, start=Shift(), assumed=True)
+    assert run.fear.mean() <= 0.1
+    assert run.engaged_share > 0.98
     assert run.interventions == 0
