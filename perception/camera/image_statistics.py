@@ -1,5 +1,6 @@
 """Quality of a frame from its pixels alone: exposure, contrast, sharpness, dirt, a frozen camera."""
 
+import math
 import zlib
 from collections import deque
 
@@ -18,19 +19,23 @@ SPOT_MAP_PX = (80, 60)  # a quarter of the working size, where texture and noise
 SPOT_PX = 13  # of that map: the largest spot, a sixth of the image
 SPOT_DEPTH = 0.1  # share by which a spot is darker than its surroundings; asphalt varies by half of it
 SPOT_DEPTH_GREY = 5.0  # added to that; more than the noise of an image at night
-SPOT_FRAMES = 2  # consecutive frames with the spot in the same place
+SPOT_MEMORY_S = 0.2  # of the running mean of the dark spots: what stands still by chance is gone after it
+STANDING_SHARE = 0.7  # of that mean, from which on a spot stands still: after 0.24 s
+SPATTERED = 0.45  # share of spotted tiles in two consecutive frames that counts at once
 TILES = (6, 8)  # rows (a multiple of 3) and columns of tiles in which spots are counted
 MIN_SPOTTED = 0.03  # share of the area of a tile with dirt: three pixels of the map in its hundred
 MIN_STANDING = 0.5  # share of the dark spots that stand still: 0.65 to 0.9 with mud, 0.4 by chance with noise
 
 
 class ImageStatistician:
-    """Statistics of every frame. Keeps checksums of past images and maps of their dark spots."""
+    """Statistics of every frame. Keeps checksums of past images, and where dark spots stand still."""
 
     def __init__(self) -> None:
         self._checksums: deque[int] = deque(maxlen=REMEMBERED_IMAGES)
         self._new_s = 0.0  # time of the last image that was new
-        self._spots: deque[Image] = deque(maxlen=SPOT_FRAMES)
+        self._spots: Image | None = None  # dark spots of the last frame, and its time ...
+        self._spots_s = 0.0
+        self._standing: NDArray[np.float32] | None = None  # ... and their running mean, 0..255
 
     def step(self, frame: Frame, *, now_s: float) -> ImageStatistics:
         """Statistics of ``frame``; ``frozen_s`` grows with ``now_s`` even if the capture time does not."""
@@ -44,7 +49,7 @@ class ImageStatistician:
             under_exposed=np.count_nonzero(grey <= UNDER_EXPOSED_GREY) / grey.size,
             sharpness=_sharpness(grey),
             frozen_s=self._frozen_s(grey, max(frame.t_s, now_s)),
-            spots=self._spotted(grey),
+            spots=self._spotted(grey, frame.t_s),
         )
 
     def _frozen_s(self, grey: Image, t_s: float) -> float:
@@ -60,26 +65,38 @@ class ImageStatistician:
         self._checksums.append(checksum)
         return max(0.0, t_s - self._new_s)
 
-    def _spotted(self, grey: Image) -> float:
-        """Share of tiles with a dark spot that stood still for ``SPOT_FRAMES`` frames; 0 before that.
+    def _spotted(self, grey: Image, t_s: float) -> float:
+        """Share of tiles with a dark spot that stands still; 0 in the first frame.
 
-        The minimum over the upper, middle and lower third of the image: dirt is in all of them, clouds, trees
-        and objects on the road are not. A third where most spots moved counts as clean.
+        A spot stands still when the running mean over SPOT_MEMORY_S contains it; dirt that covers SPATTERED of the
+        tiles counts from its second frame on. Patterns of the ground, joints and shadows stand still by chance for
+        two frames, seldom longer.
         """
-        self._spots.append(_dark_spots(grey))
-        if len(self._spots) < SPOT_FRAMES:
+        spots, before = _dark_spots(grey), self._spots
+        dt_s, self._spots, self._spots_s = max(t_s - self._spots_s, 0.0), spots, t_s
+        if before is None or self._standing is None:
+            self._standing = np.zeros(spots.shape, np.float32)
             return 0.0
-        standing = self._spots[0]
-        for spots in list(self._spots)[1:]:
-            standing = cv2.min(standing, spots).astype(np.uint8, copy=False)
-        rows, columns = TILES
-        share = cv2.resize(standing, (columns, rows), interpolation=cv2.INTER_AREA)
-        spotted = (share >= 255 * MIN_SPOTTED).reshape(3, -1).mean(axis=1)
-        stood, seen = _areas(standing), _areas(self._spots[-1])
-        return float(np.where(stood > MIN_STANDING * seen, spotted, 0.0).min())
+        cv2.accumulateWeighted(spots, self._standing, 1.0 - math.exp(-dt_s / SPOT_MEMORY_S))
+        at_once = _spotted_share(cv2.min(before, spots), spots)
+        lasting = np.multiply(self._standing > 255 * STANDING_SHARE, 255, dtype=np.uint8)
+        return at_once if at_once >= SPATTERED else _spotted_share(lasting, spots)
 
 
-def _areas(spots: Image) -> NDArray[np.int64]:
+def _spotted_share(standing: cv2.typing.MatLike, spots: Image) -> float:
+    """Share of tiles with a spot in ``standing``, of the dark ``spots`` of this frame.
+
+    The minimum over the upper, middle and lower third of the image: dirt is in all of them, clouds, trees and
+    objects on the road are not. A third where most spots moved counts as clean.
+    """
+    rows, columns = TILES
+    share = cv2.resize(standing, (columns, rows), interpolation=cv2.INTER_AREA)
+    spotted = (share >= 255 * MIN_SPOTTED).reshape(3, -1).mean(axis=1)
+    stood, seen = _areas(standing), _areas(spots)
+    return float(np.where(stood > MIN_STANDING * seen, spotted, 0.0).min())
+
+
+def _areas(spots: cv2.typing.MatLike) -> NDArray[np.int64]:
     """Number of pixels set in the upper, middle and lower third."""
     return np.array([cv2.countNonZero(third) for third in np.split(spots, 3)])
 

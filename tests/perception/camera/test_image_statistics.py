@@ -89,6 +89,23 @@ def test_spots_all_over_a_moving_image_are_dirt_from_the_second_frame_on():
     assert drive_past() == [0.0] * 4
 
 
+def test_few_spots_are_dirt_once_they_have_stood_still_for_a_quarter_of_a_second():
+    few = blots(slice(None)) & (np.arange(320) < 80)
+    seen = drive_past(spots=few, frames=14)
+    assert seen[:5] == [0.0] * 5 and min(seen[9:]) > 0.2
+
+
+def test_few_spots_that_stand_still_for_two_frames_are_no_dirt():
+    few = blots(slice(None)) & (np.arange(320) < 80)
+    statistician = ImageStatistician()
+    for number in range(30):
+        image = 100 + scene(number) // 8
+        moved = np.roll(few, 20 * (number // 2), axis=(0, 1))  # as a pattern of the ground, frame by frame
+        image[moved] = image[moved] // 4
+        t_s = 0.04 * number
+        assert statistician.step(Frame(t_s=t_s, image=image), now_s=t_s).spots == 0.0
+
+
 def test_spots_in_one_part_of_the_image_are_no_dirt():
     assert max(drive_past(spots=blots(slice(0, 120)))) == 0.0
     stripes = np.zeros((240, 320), bool)
