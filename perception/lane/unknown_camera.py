@@ -11,8 +11,9 @@ i and j in the image. The lane with the highest P is reported. The weight w_i of
 a lane between lines, which are as far apart as lanes are wide. The width of a road between edges says little about
 the height, because it may have one lane or two: its weight is ``edge_weight`` + ``open_mind``. p_i includes the
 surface: a lane whose far half is not the surface right ahead is improbable
-(:mod:`perception.lane.detection.evenness`), as is one with a line inside, which may be two lanes. The
-confidence is P times the steadiness, the agreement with the lane in a slightly changed image.
+(:mod:`perception.lane.detection.evenness`), as is one with a line inside, or between edges as far apart as those of
+two lanes (:func:`perception.lane.model.lane_in_road.one_lane_probability`). The confidence is P times the
+steadiness, the agreement with the lane in a slightly changed image.
 
 In a clip the widths between two lines narrow the belief in the height, once; the search goes on around it.
 """
@@ -26,6 +27,7 @@ from perception.camera.uncertainty import HeightBelief
 from perception.lane.agreement import agreement, lane_columns, marginal, shifted, with_noise
 from perception.lane.detection.evenness import unevenness
 from perception.lane.lane_cv import LaneCv
+from perception.lane.model.lane_in_road import one_lane_probability
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import as_bgr, unusable
 from trepid.car.camera import Camera
@@ -129,8 +131,17 @@ class LaneOfUnknownCamera:
         even = math.exp(-limits.uneven_weight * max(0.0, uneven - limits.uneven_free))
         undivided = max(0.0, 1.0 - finder.line_within / limits.divided_excess)
         probability = estimate.confidence * even * undivided
-        explains = probability if estimate.marked else limits.edge_weight
-        return Sighting(estimate, probability, explains, columns_px)
+        if estimate.marked:
+            return Sighting(estimate, probability, probability, columns_px)
+        probability *= self._one_lane(estimate)
+        return Sighting(estimate, probability, limits.edge_weight, columns_px)
+
+    def _one_lane(self, estimate: SteeringEstimate) -> float:
+        """Probability that the road between the edges of ``estimate`` is one lane."""
+        width_m, offset_m = estimate.lane_width_m, estimate.lateral_offset_m
+        if width_m is None or offset_m is None:
+            return 0.0
+        return one_lane_probability(width_m, offset_m, self._settings.prior, self._settings.evidence)
 
     def _probabilities(self) -> Array:
         """P of every lane; shape (heights,)."""

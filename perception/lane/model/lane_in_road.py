@@ -5,9 +5,11 @@ lane.
 """
 
 import math
+from functools import partial
 
 import numpy as np
 
+from perception.lane.model.evidence import EvidenceSettings
 from perception.lane.model.geometry import WIDTH, E, LaneState
 from perception.lane.model.prior import PriorSettings
 from trepid.types import Array
@@ -53,6 +55,31 @@ def half_with_vehicle(road: LaneState, prior: PriorSettings) -> LaneState | None
         return None
     covariance = with_own_sigma(road.covariance, WIDTH, prior.width_sigma_m)
     return LaneState(mean=mean, covariance=with_own_sigma(covariance, E, prior.offset_sigma_m))
+
+
+def one_lane_probability(
+    width_m: float, offset_m: float, prior: PriorSettings, evidence: EvidenceSettings
+) -> float:
+    """Probability that a road between edges, ``width_m`` wide with the vehicle at ``offset_m``, is one lane.
+
+    Bayes with equal priors for one lane and two. One lane is ``evidence.road_width_m`` wide, with the vehicle in
+    its middle; two lanes are ``prior.road_width_m`` wide, with the vehicle in the middle of one of them, a quarter
+    of the width aside.
+    """
+    place, wide, narrow = (
+        partial(_density, sigma=sigma)
+        for sigma in (prior.offset_sigma_m, prior.road_width_sigma_m, evidence.road_width_sigma_m)
+    )
+    one = narrow(width_m - evidence.road_width_m) * place(offset_m)
+    aside_m = width_m / 4
+    beside = (place(offset_m - aside_m) + place(offset_m + aside_m)) / 2
+    two = wide(width_m - prior.road_width_m) * beside
+    return one / (one + two) if one > 0 else 0.0
+
+
+def _density(deviation: float, sigma: float) -> float:
+    """N(deviation; 0, σ²) up to the factor 1/√(2π)."""
+    return math.exp(-0.5 * (deviation / sigma) ** 2) / sigma
 
 
 def along_road(lane: LaneState, road: LaneState) -> LaneState:

@@ -11,12 +11,13 @@ from perception.lane.model.lane_in_road import (
     along_road,
     half_with_vehicle,
     lane_within,
+    one_lane_probability,
     road_around,
     with_max_sigma,
     with_neighbour,
 )
 
-PRIOR = lane_cv_settings().prior
+PRIOR, EVIDENCE = lane_cv_settings().prior, lane_cv_settings().evidence
 
 
 def state(offset_m: float, width_m: float) -> LaneState:
@@ -83,3 +84,23 @@ def test_a_limited_deviation_keeps_the_covariance_positive_definite(seed, index,
     assert limited[index, index] == pytest.approx(min(covariance[index, index], sigma**2))
     others = np.delete(np.arange(6), index)
     assert (limited[np.ix_(others, others)] == covariance[np.ix_(others, others)]).all()
+
+
+@pytest.mark.parametrize(
+    ("width_m", "offset_m", "low", "high"),
+    [
+        (3.8, 0.0, 0.8, 1.0),
+        (7.0, 0.9, 0.0, 0.2),
+        (4.4, 0.0, 0.7, 1.0),
+        (4.4, 1.1, 0.3, 0.75),
+        (7.0, 1.7, 0.0, 0.01),
+    ],
+)
+def test_a_wide_road_or_a_vehicle_beside_its_middle_means_two_lanes(width_m, offset_m, low, high):
+    found = one_lane_probability(width_m, offset_m, PRIOR, EVIDENCE)
+    assert low <= found <= high
+    assert found == pytest.approx(one_lane_probability(width_m, -offset_m, PRIOR, EVIDENCE))
+
+
+def test_a_road_of_an_impossible_width_is_no_lane():
+    assert one_lane_probability(80.0, 0.0, PRIOR, EVIDENCE) == 0.0
