@@ -36,6 +36,9 @@ BENCHMARKS = {
     "perception": Benchmark(
         "perception.bench", "every estimator on rendered clips and on labelled real images"
     ),
+    "real": Benchmark(
+        "real.bench", "both estimators and the supervisor on every real drive, beside trivial baselines"
+    ),
     "control-lateral": Benchmark(
         "control.lateral",
         "tracking error of the lateral laws and two baselines",

@@ -39,7 +39,7 @@ def bench(
     estimators: Annotated[
         str, typer.Option(help="perception: names, separated by commas; default: all.")
     ] = "",
-    quick: Annotated[bool, typer.Option(help="perception: a seventh of the clips.")] = False,
+    quick: Annotated[bool, typer.Option(help="perception, real: a part of the clips and frames.")] = False,
     repeats: Annotated[
         int | None, typer.Option(min=1, help="perception: number of passes over the clips; default: 1.")
     ] = None,
@@ -55,9 +55,12 @@ def bench(
     ] = "",
     data: Annotated[
         Path | None,
-        typer.Option(help="perception: the real sets; default: TREPID_DATA, else ../shared/data."),
+        typer.Option(help="perception, real: the real sets; default: TREPID_DATA, else ../shared/data."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="perception: folder for tables and figures.")] = None,
+    sets: Annotated[str, typer.Option(help="real: folders of sets, separated by commas; default: all.")] = "",
+    out: Annotated[
+        Path | None, typer.Option(help="perception: folder for tables and figures; real: for pictures.")
+    ] = None,
     count: Annotated[int | None, typer.Option(min=1, help="faults: episodes of each; default: 100.")] = None,
     duration: Annotated[
         float | None, typer.Option(min=20.0, help="soak: length of the drive [s]; default: 1800.")
@@ -73,7 +76,9 @@ def bench(
     if save_in is not None and not save_in.is_dir():
         raise InputError(f"{save_in}: there is no such folder")
     seed = secrets.randbits(32) if seed is None else seed
-    options: dict[str, Any] = dict(estimators=_listed(estimators), parts=_listed(parts), data=data, out=out)
+    options: dict[str, Any] = dict(
+        estimators=_listed(estimators), parts=_listed(parts), data=data, out=out, sets=_listed(sets)
+    )
     options |= dict(quick=quick, repeats=repeats, jobs=jobs, keep_frames=keep_frames)
     options |= dict(count=count, duration=duration, wires=_listed(wires), faults=_listed(faults))
     taken = taken_options(wanted, {name: value for name, value in options.items() if value}, seed)

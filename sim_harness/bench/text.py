@@ -28,7 +28,15 @@ def grids(measured: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Row]]
         yield "", top
     for name, table in measured.items():
         if nested(table):
-            yield name, table
+            yield name, _joined(table)
+
+
+def _joined(table: Mapping[str, Any]) -> Mapping[str, Row]:
+    """``table`` with rows that are tables themselves replaced by the rows of those."""
+    rows: dict[str, Row] = {}
+    for name, row in table.items():
+        rows |= {f"{name}, {inner}": values for inner, values in row.items()} if nested(row) else {name: row}
+    return rows
 
 
 def nested(found: object) -> bool:

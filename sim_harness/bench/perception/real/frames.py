@@ -36,6 +36,8 @@ class Picture:
     label: Path | None = None
     steering_rad: float | None = None  # of the driver, + = left
     speed_mps: float | None = None
+    file: str = ""  # within the folder of its set; the frame of a video as NAME#NUMBER
+    assumed: bool = False  # the camera is self-calibrated
 
 
 Seen = tuple[Picture, dict[str, SteeringEstimate]]
@@ -47,7 +49,9 @@ def estimates(pictures: Iterator[Picture], names: Sequence[str]) -> Iterator[See
     for picture in pictures:
         if picture.drive != drive:
             drive = picture.drive
-            runners = {name: entry_of(name).build(picture.camera, vehicle) for name in names}
+            runners = {
+                name: entry_of(name).build(picture.camera, vehicle, assumed=picture.assumed) for name in names
+            }
         frame, state = Frame(t_s=picture.t_s, image=picture.image), None
         if picture.speed_mps is not None:
             state = VehicleState(
@@ -70,7 +74,8 @@ def still(path: Path, *, label: Path | None = None, camera: Camera | None = None
     """An image; without ``camera`` a typical one with the horizon of the image, as in `trepid estimate`."""
     image = read_image(path)
     known = camera or self_calibrated([image], lane_cv_settings().self_calibration)
-    return Picture(str(path), 0.0, image, known.resized(image.shape[1], image.shape[0]), label=label)
+    camera, assumed = known.resized(image.shape[1], image.shape[0]), camera is None
+    return Picture(str(path), 0.0, image, camera, label=label, file=path.name, assumed=assumed)
 
 
 def video(path: Path, *, every: int = 1) -> Iterator[Picture]:
@@ -81,7 +86,8 @@ def video(path: Path, *, every: int = 1) -> Iterator[Picture]:
     camera = self_calibrated(clip.sample(CALIBRATION_FRAMES), lane_cv_settings().self_calibration)
     for number, image in enumerate(clip.read()):
         if number < clip.frames // every:
-            yield Picture(str(path), number / clip.fps, image, camera)
+            file = f"{path.name}#{number}"
+            yield Picture(str(path), number / clip.fps, image, camera, file=file, assumed=True)
 
 
 def udacity_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
@@ -98,6 +104,7 @@ def udacity_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
             camera,
             steering_rad=-float(row[3]) * FULL_LOCK_RAD,
             speed_mps=HALF_WORLD * MPS_PER_MPH * float(row[6]),
+            file=Path(row[0]).name,
         )
 
 
@@ -118,6 +125,28 @@ def donkey_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
             read_image(images / row["cam/image_array"]),
             camera,
             steering_rad=-float(row["user/angle"]) * FULL_LOCK_RAD,
+            file=row["cam/image_array"],
+            assumed=True,
+        )
+
+
+def cart_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
+    """Stretches of a cart's drive whose driving_log.csv names image, timestamp_ms and user_angle."""
+    with (folder / "driving_log.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    chosen = [rows[int(n)] for n in np.linspace(0, len(rows) - 1, CALIBRATION_FRAMES)]
+    sample = [read_image(folder / row["image"]) for row in chosen]
+    camera = self_calibrated(sample, lane_cv_settings().self_calibration)
+    for drive, number in _stretched(len(rows), every):
+        row = rows[number]
+        yield Picture(
+            f"cart {drive}",
+            float(row["timestamp_ms"]) / 1000,
+            read_image(folder / row["image"]),
+            camera,
+            steering_rad=-float(row["user_angle"]) * FULL_LOCK_RAD,
+            file=Path(row["image"]).name,
+            assumed=True,
         )
 
 

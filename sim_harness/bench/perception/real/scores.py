@@ -27,10 +27,10 @@ def tusimple(pairs: Pairs) -> Row:
     right = labelled = answered = lines = false = missed = 0
     for picture, estimate in pairs:
         paths = estimate.left_boundary_px, estimate.right_boundary_px
-        for truth, path in zip(_ego_lines(picture), paths, strict=True):
+        for truth, path in zip(ego_lines(picture), paths, strict=True):
             if truth is None:
                 continue
-            mine = _columns(path, TUSIMPLE_ROWS.astype(float))
+            mine = columns(path, TUSIMPLE_ROWS.astype(float))
             seen = ~np.isnan(truth)
             good = int((np.abs(mine - truth)[seen & ~np.isnan(mine)] <= WITHIN_PX).sum())
             is_right = good >= LINE_RIGHT * seen.sum()
@@ -47,9 +47,9 @@ def tusimple(pairs: Pairs) -> Row:
     }
 
 
-def _ego_lines(picture: Picture) -> tuple[Array | None, Array | None]:
+def ego_lines(picture: Picture) -> tuple[Array | None, Array | None]:
     """Columns of the labelled lines nearest to the middle of the picture, left and right, at TUSIMPLE_ROWS."""
-    label = _label(picture)[..., 0]
+    label = label_of(picture)[..., 0]
     lines = []
     for value in np.unique(label)[1:]:
         places = [np.flatnonzero(label[row] == value) for row in TUSIMPLE_ROWS]
@@ -66,7 +66,7 @@ def _ego_lines(picture: Picture) -> tuple[Array | None, Array | None]:
 
 def road_overlap(pairs: Pairs) -> Row:
     """CamVid: IoU of the area between the boundaries with the road, and errors of its borders."""
-    labels = [_label(picture)[..., 0] for picture, _ in pairs]
+    labels = [label_of(picture)[..., 0] for picture, _ in pairs]
     row = _overlap(pairs, [(label == ROAD_CLASS, label != VOID_CLASS) for label in labels])
     offs_px = [
         off_px
@@ -78,7 +78,7 @@ def road_overlap(pairs: Pairs) -> Row:
 
 def lane_overlap(pairs: Pairs) -> Row:
     """KITTI: IoU of the area between the boundaries with the labelled ego lane."""
-    lanes = [(_label(picture) == np.array(MAGENTA)).all(axis=2) for picture, _ in pairs]
+    lanes = [(label_of(picture) == np.array(MAGENTA)).all(axis=2) for picture, _ in pairs]
     return _overlap(pairs, [(lane, np.ones_like(lane)) for lane in lanes])
 
 
@@ -96,10 +96,10 @@ def _overlap(pairs: Pairs, truths: Sequence[tuple[Mask, Mask]]) -> Row:
 def _iou(estimate: SteeringEstimate, truth: Mask, known: Mask) -> tuple[float, bool]:
     """Intersection over union where the label is known, and whether there is an estimate."""
     rows = np.arange(truth.shape[0], dtype=float)
-    left, right = (_columns(path, rows) for path in (estimate.left_boundary_px, estimate.right_boundary_px))
-    columns = np.arange(truth.shape[1])
+    left, right = (columns(path, rows) for path in (estimate.left_boundary_px, estimate.right_boundary_px))
+    at = np.arange(truth.shape[1])
     with np.errstate(invalid="ignore"):  # NaN: not between
-        mine = (columns >= np.floor(left)[:, None]) & (columns <= right[:, None])
+        mine = (at >= np.floor(left)[:, None]) & (at <= right[:, None])
     union = ((mine | truth) & known).sum()
     return float((mine & truth & known).sum() / max(union, 1)), bool(mine.any())
 
@@ -110,7 +110,7 @@ def _border_errors_px(estimate: SteeringEstimate, road: Mask) -> list[float]:
     first, last = road.argmax(axis=1)[rows], road.shape[1] - 1 - road[:, ::-1].argmax(axis=1)[rows]
     found = []
     for path, truth in ((estimate.left_boundary_px, first), (estimate.right_boundary_px, last)):
-        mine = _columns(path, rows.astype(float))
+        mine = columns(path, rows.astype(float))
         inside = (truth > 0) & (truth < road.shape[1] - 1) & ~np.isnan(mine)
         found += np.abs(mine - truth)[inside].tolist()
     return found
@@ -152,7 +152,7 @@ def _numbers(values: Sequence[float | None]) -> Array:
     return np.array([np.nan if value is None else value for value in values], float)
 
 
-def _label(picture: Picture) -> NDArray[np.uint8]:
+def label_of(picture: Picture) -> NDArray[np.uint8]:
     """The label as an image, shape (height, width, 3). Raises InputError."""
     label = cv2.imread(str(picture.label), cv2.IMREAD_COLOR)
     if label is None:
@@ -160,7 +160,7 @@ def _label(picture: Picture) -> NDArray[np.uint8]:
     return np.asarray(label, np.uint8)
 
 
-def _columns(path: PixelPath, rows: Array) -> Array:
+def columns(path: PixelPath, rows: Array) -> Array:
     """Columns of a boundary at image rows, by linear interpolation; NaN outside the seen part."""
     if not path:
         return np.full(len(rows), np.nan)

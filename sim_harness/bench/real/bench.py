@@ -1,0 +1,125 @@
+"""`trepid bench real`: every sequence of the real sets, both estimators, supervisor and trivial baselines."""
+
+import shutil
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sim_harness.bench.perception.real.bench import QUICK, data_folder
+from sim_harness.bench.real.baselines import fitted
+from sim_harness.bench.real.judgement import judgements
+from sim_harness.bench.real.look import NAMES, Row, looked
+from sim_harness.bench.real.scores import figures, wrong
+from sim_harness.bench.real.sets import SETS, Labels
+from sim_harness.bench.real.sheets import evenly, reliability, sheet, worst
+from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint
+from sim_harness.sweep.store import Store
+from trepid.cache.files import cache_file
+from trepid.config import ROOT, InputError
+
+FOLDER = Path("out/bench_real")
+CODE = (
+    "sim_harness/bench/real/look.py",
+    "sim_harness/bench/real/sets.py",
+    "sim_harness/bench/perception/real",
+    "sim_harness/footage/onlooker.py",
+    "perception/images/outline.py",
+    "perception/camera",
+    "supervisor",
+    "config",
+)
+"""What the rows of a frame depend on, beside the estimators."""
+Rows = dict[tuple[str, str], list[Row]]
+
+
+def bench_real(
+    *, quick: bool = False, data: Path | None = None, out: Path | None = None, sets: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """Set -> sequence -> estimator -> figures; "left out" in place of the sequences of an absent set.
+
+    Contact sheets, the reliability diagram and small pictures go to ``out``, by default a folder of the user's
+    cache: they hold pictures of the sets. Stored sequences are not computed again. Raises InputError.
+    """
+    for name in sets:
+        if name not in SETS:
+            raise InputError(f"no set {name!r} in bench real; there are {', '.join(SETS)}")
+    out, found, absent = _pictures_folder(out), {}, {}
+    with Store(FOLDER / "real.jsonl") as store:
+        for set_name in sets or SETS:
+            folder = data_folder(data) / set_name
+            if not folder.is_dir():
+                absent[set_name] = {"left out": f"no folder {set_name} in the data folder"}
+                continue
+            for name in SETS[set_name]:
+                found[set_name, name] = _rows(set_name, name, folder, store, out, every=QUICK if quick else 1)
+    _draw(found, out)
+    print(f"real: contact sheets and reliability diagram in {out}", file=sys.stderr)
+    return _table(found) | absent
+
+
+def _pictures_folder(out: Path | None) -> Path:
+    """``out``, or a folder of the user's cache. Raises InputError for a folder of the repository."""
+    if out is None:
+        kept = cache_file("bench-real", "pictures", "")
+        if kept is None:
+            raise InputError("no folder for caches: name one with --out")
+        out = kept
+    if out.resolve().is_relative_to(ROOT) and not out.resolve().is_relative_to(ROOT / "out"):
+        raise InputError(f"{out}: real pictures do not belong into the repository; name a folder elsewhere")
+    out.mkdir(parents=True, exist_ok=True)
+    return out
+
+
+def _rows(set_name: str, name: str, folder: Path, store: Store, out: Path, *, every: int) -> list[Row]:
+    """The rows of a sequence, stored or computed now."""
+    case = f"{set_name}, {name}"
+    code = f"{' '.join(map(estimator_fingerprint, NAMES))} {fingerprint(*CODE)} {every}"
+    tiles = _tiles(out, set_name, name)
+    stored = store.get(case, code)
+    if stored is None or not tiles.is_dir():
+        shutil.rmtree(tiles, ignore_errors=True)
+        rows = list(looked(SETS[set_name][name], folder, every, tiles, says=case))
+        store.add(case, code, {"frames": rows})
+        return rows
+    return list(stored["frames"])
+
+
+def _tiles(out: Path, set_name: str, name: str) -> Path:
+    return out / "frames" / f"{set_name}-{name}"
+
+
+def _table(found: Rows) -> dict[str, Any]:
+    judged = judgements()
+    table: dict[str, Any] = {}
+    for (set_name, name), rows in found.items():
+        labels = SETS[set_name][name].labels
+        others = [
+            row for key, other in found.items() if key[0] == set_name and key[1] != name for row in other
+        ]
+        fixed = fitted(others) if labels in (Labels.ROAD, Labels.LANE) else None
+        table.setdefault(set_name, {})[name] = {
+            one: figures(rows, one, labels, trapezoid=fixed, judged=judged.get(set_name, {})) for one in NAMES
+        }
+    return table
+
+
+def _draw(found: Rows, out: Path) -> None:
+    """Sheets of each sequence, and the reliability diagram of all labelled frames."""
+    answers: Mapping[str, list[tuple[float, bool]]] = {name: [] for name in NAMES}
+    for (set_name, name), rows in found.items():
+        tiles, labels = _tiles(out, set_name, name), SETS[set_name][name].labels
+        sheet(rows, evenly(len(rows)), tiles, out / f"{set_name}-{name}-spread.png")
+        if labels not in (Labels.ROAD, Labels.LANE):
+            continue
+        for one in NAMES:
+            bad = wrong(rows, one).tolist()
+            sheet(rows, worst(rows, one, bad), tiles, out / f"{set_name}-{name}-worst-{one}.png")
+            looks = [row["estimates"][one] for row in rows]
+            answers[one] += [
+                (look["confidence"], not off)
+                for look, off in zip(looks, bad, strict=True)
+                if look["answered"]
+            ]
+    if any(answers.values()):
+        reliability(answers, out / "reliability.png")

@@ -1,0 +1,136 @@
+"""Figures of one estimator on one sequence, from the rows of :mod:`sim_harness.bench.real.look`.
+
+As in the protocols of the sets: a lane is wrong where less than 80 % of its area is road (or ego lane), and an
+answer is confident above 0.5. Shares refer to all frames; ``iou`` counts a frame without an answer as 0,
+``iou_answered`` leaves it out. AUROC: the probability that a wrong answer has less confidence (or more fear) than a
+right one.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from learning.lane.scores import auroc
+from sim_harness.bench.real import baselines
+from sim_harness.bench.real.judgement import Judgements, verdicts
+from sim_harness.bench.real.sets import Labels
+from trepid.types import Array, Mask
+
+Row = dict[str, Any]
+Figures = dict[str, float | int | None]
+CONFIDENT, VERY_CONFIDENT = 0.5, 0.8
+INSIDE = 0.8
+EMPTY: Figures = dict.fromkeys(
+    [
+        "frames",
+        "answered",
+        "confident",
+        "wrong_and_confident",
+        "wrong_of_very_confident",
+        "iou",
+        "baseline_iou",
+        "iou_answered",
+        "baseline_iou_answered",
+        "inside_road",
+        "mae_deg",
+        "mae_straight_deg",
+        "mae_mean_deg",
+        "mae_previous_200ms_deg",
+        "correlation",
+        "auroc_confidence",
+        "auroc_fear",
+        "judged",
+        "ego_lane_right",
+        "ego_lane_right_of_confident",
+    ]
+)
+
+
+def figures(
+    rows: Sequence[Row],
+    name: str,
+    labels: Labels,
+    *,
+    trapezoid: Mask | None,
+    judged: Judgements,
+) -> Figures:
+    """All figures; None where the set has no such label. ``trapezoid``: the baseline of the road."""
+    answers = [row["estimates"][name] for row in rows]
+    answered = np.array([answer["answered"] for answer in answers])
+    confidence = np.array([answer["confidence"] for answer in answers])
+    sure = answered & (confidence > CONFIDENT)
+    found = EMPTY | {
+        "frames": len(rows),
+        "answered": _mean(answered),
+        "confident": _mean(sure),
+    }
+    if labels in (Labels.ROAD, Labels.LANE):
+        found |= _overlap(rows, answers, answered, confidence, trapezoid)
+    if labels is Labels.ANGLE:
+        found |= _angles(rows, answers)
+    return found | _judged(rows, name, sure, judged)
+
+
+def wrong(rows: Sequence[Row], name: str) -> Mask:
+    """Answers of labelled rows whose lane is wrong."""
+    answers = [row["estimates"][name] for row in rows]
+    return np.array([answer["answered"] and answer["inside"] < INSIDE for answer in answers], bool)
+
+
+def _overlap(
+    rows: Sequence[Row], answers: Sequence[Row], answered: Mask, confidence: Array, fixed: Mask | None
+) -> Figures:
+    iou, inside, fear = (
+        np.array(values, float)
+        for values in (
+            [answer["iou"] for answer in answers],
+            [answer["inside"] for answer in answers],
+            [row["fear"] for row in rows],
+        )
+    )
+    bad = answered & (inside < INSIDE)
+    very = answered & (confidence > VERY_CONFIDENT)
+    masks = [baselines.masks_of(rows, field) for field in ("label", "known")]
+    base = None if fixed is None else baselines.overlap(fixed, masks[0], masks[1])
+    mixed = bool(bad.any() and (answered & ~bad).any())
+    return {
+        "wrong_and_confident": _mean(bad & (confidence > CONFIDENT)),
+        "wrong_of_very_confident": _mean(bad[very]),
+        "iou": _mean(iou),
+        "iou_answered": _mean(iou[answered]),
+        "baseline_iou": None if base is None else _mean(base),
+        "baseline_iou_answered": None if base is None else _mean(base[answered]),
+        "inside_road": _mean(inside[answered]),
+        "auroc_confidence": auroc(-confidence[answered], bad[answered]) if mixed else None,
+        "auroc_fear": auroc(fear[answered], bad[answered]) if mixed else None,
+    }
+
+
+def _angles(rows: Sequence[Row], answers: Sequence[Row]) -> Figures:
+    """Degrees of the road wheels, over the frames with an angle."""
+    truth = np.degrees([row["steering_rad"] for row in rows])
+    mine = np.degrees(np.array([answer["angle_rad"] for answer in answers], float))
+    seen = np.isfinite(mine)
+    moving = seen.sum() > 2 and mine[seen].std() > 0 and truth[seen].std() > 0
+    found: Figures = {"mae_deg": _mean(np.abs(mine - truth)[seen])}
+    for name, angle_rad in baselines.angles(rows).items():
+        off = np.abs(np.degrees(angle_rad) - truth)[seen]
+        found[f"mae_{name}_deg"] = _mean(off[np.isfinite(off)])
+    found["correlation"] = float(np.corrcoef(mine[seen], truth[seen])[0, 1]) if moving else None
+    return found
+
+
+def _judged(rows: Sequence[Row], name: str, sure: Mask, judged: Judgements) -> Figures:
+    found = verdicts(rows, name, judged)
+    known = np.array([verdict is not None for verdict in found], bool)
+    right = np.array([bool(verdict) for verdict in found], bool)
+    return {
+        "judged": int(known.sum()),
+        "ego_lane_right": _mean(right[known]),
+        "ego_lane_right_of_confident": _mean(right[known & sure]),
+    }
+
+
+def _mean(values: Array | Mask) -> float | None:
+    return float(np.mean(values)) if len(values) else None
