@@ -139,10 +139,13 @@ def _draw(drive: Drive, path: Path) -> None:
 
 def _one_line(row: dict[str, Any]) -> str:
     returned = "never" if row["return_s"] is None else f"after {row['return_s']:.1f} s"
+    share = row["autonomy_percent"]
+    autonomy = "none" if share is None else f"{share:.1f} %"
     return (
         f"{row['clip']} from {row['start_offset_m']:+.2f} m {math.degrees(row['start_heading_rad']):+.1f}°:"
         f" {row['duration_s']:.1f} s, back {returned}, end at {row['end_offset_m']:+.2f} m from the recorded path,"
-        f" {row['interventions']} interventions, autonomy {row['autonomy_percent']:.1f} %,"
+        f" engaged {row['engaged_percent']:.0f} %, {row['interventions']} interventions, autonomy {autonomy},"
+        f" fear {row['mean_fear']:.2f} (at most {row['max_fear']:.2f}),"
         f" lane found {row['lane_seen_percent']:.0f} %, unrecorded pixels {row['mean_unseen_percent']:.1f} %"
         f" (at most {row['max_unseen_percent']:.1f} %)"
     )

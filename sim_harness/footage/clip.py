@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice, pairwise
 from pathlib import Path
 
@@ -42,6 +43,7 @@ class Drive:
         """Distance driven at each frame, from 0 on."""
         return np.asarray(cumulative_trapezoid(self.speed_mps, self.t_s, initial=0.0))
 
+    @cached_property
     def yaw_rates_radps(self) -> Array:
         """Yaw rate of the recorded car at each frame, + = to the left, from the images (visual_yaw).
 

@@ -66,8 +66,10 @@ class Resimulation:
         return float(self.t_s[-1] - self.t_s[0])
 
     @property
-    def autonomy_percent(self) -> float:
-        """100·(1 - 6 s·N/T), not below 0."""
+    def autonomy_percent(self) -> float | None:
+        """100·(1 - 6 s·N/T), not below 0; None where the car was never engaged."""
+        if not self.engaged_share:
+            return None
         return max(0.0, 100.0 * (1.0 - INTERVENTION_S * self.interventions / self.duration_s))
 
     def return_s(self, unshifted: "Resimulation") -> float | None:
@@ -92,11 +94,12 @@ class Resimulation:
             "max_offset_m": round(float(np.abs(self.offset_m).max()), 3),
             "rms_offset_m": round(float(np.sqrt(np.mean(self.offset_m**2))), 3),
             "interventions": self.interventions,
-            "autonomy_percent": round(self.autonomy_percent, 1),
+            "autonomy_percent": None if self.autonomy_percent is None else round(self.autonomy_percent, 1),
             "engaged_percent": round(100.0 * self.engaged_share, 1),
             "lane_seen_percent": round(100.0 * float(np.isfinite(self.seen_m).mean()), 1),
             "mean_unseen_percent": round(100.0 * float(self.unseen.mean()), 2),
             "max_unseen_percent": round(100.0 * float(self.unseen.max()), 2),
+            "mean_fear": round(float(self.fear.mean()), 3),
             "max_fear": round(float(self.fear.max()), 2),
         }
 
@@ -136,7 +139,7 @@ class _Loop:
     ) -> None:
         self._drive, self._start = drive, start
         self._stations_m = drive.station_m
-        self._yaw_rates_radps = drive.yaw_rates_radps()
+        self._yaw_rates_radps = drive.yaw_rates_radps
         self._yaws_rad = cumulative_trapezoid(self._yaw_rates_radps, drive.t_s, initial=0.0)
         self._reprojection = Reprojection(drive.camera)
         self._estimators = estimators

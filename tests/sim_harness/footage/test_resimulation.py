@@ -11,10 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 from sim_harness.cli import app
-from sim_harness.footage.cli import assumed_camera
+from sim_harness.footage.cli import _one_line, assumed_camera
 from sim_harness.footage.clip import Drive, load_drive, read_log
 from sim_harness.footage.reprojection import Reprojection, Shift
-from sim_harness.footage.resimulation import resimulate
+from sim_harness.footage.resimulation import Resimulation, resimulate
 from sim_harness.footage.visual_yaw import yaw_changes_rad
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
@@ -200,6 +200,15 @@ def test_two_estimators_confirm_each_other_and_a_single_one_is_never_calm():
     alone = resimulate(drive, VEHICLE, start=Shift(), estimators=["cv"])
     assert supervised.fear.max() < 0.1
     assert alone.fear.min() == pytest.approx(0.5)
+
+
+def test_a_car_that_was_never_engaged_has_no_autonomy():
+    still = np.zeros(3)
+    run = Resimulation(np.arange(3.0), still, still, still, still, np.full(3, 0.5), 0, 0.0)
+    row = run.row()
+    assert (row["autonomy_percent"], row["engaged_percent"], row["mean_fear"]) == (None, 0.0, 0.5)
+    line = _one_line({"clip": "clip", "return_s": None, **row})
+    assert "engaged 0 %" in line and "autonomy none" in line and "fear 0.50 (at most 0.50)" in line
 
 
 def test_the_same_run_twice_is_the_same_to_the_last_bit():
