@@ -8,7 +8,7 @@ from rich.table import Table
 
 Row = Mapping[str, Any]
 FIGURES = 4  # significant digits shown; JSON has all
-MAX_COLUMNS = 7  # a wider table is turned in the terminal
+MAX_COLUMNS = 7  # a wider table with fewer rows than columns is turned in the terminal
 RANKING = {
     "all_detected_pct": "detected",
     "clear_detected_pct": "clear",
@@ -102,7 +102,7 @@ def tables(report: Mapping[str, Any]) -> Iterator[Table]:
         if alone:
             yield _table(name, ("", ""), alone.items())
         for title, rows in grids(measured):
-            wide = len(columns_of(rows)) > MAX_COLUMNS
+            wide = len(columns_of(rows)) > max(MAX_COLUMNS, len(rows))
             yield _grid(f"{name}: {title}" if title else name, turned(rows) if wide else rows)
 
 

@@ -35,6 +35,11 @@ def test_many_measures_stand_below_each_other():
     assert any(line.split() == ["at", "19", "m/s", "19", "19"] for line in lines)
 
 
+def test_a_table_with_more_rows_than_columns_is_never_turned():
+    rows = {f"row {n}": {f"column {m}": n for m in range(9)} for n in range(30)}
+    assert any(line.startswith(" row 29 ") for line in printed({"faults": {"sim": rows}}).splitlines())
+
+
 def test_plain_figures_are_listed_with_the_machine():
     text = printed(RESULT)
     assert "two cores" in text and "553.2" in text
