@@ -122,7 +122,10 @@ def largest_difference(network: SteerNetwork, exported: Network, images: np.ndar
     """Largest |torch − ONNX Runtime| over all outputs for ``images``: offset in m, angles in rad, and so on."""
     with torch.no_grad():
         wanted = Exported(network).eval()(torch.from_numpy(images))
-    return max(float(np.abs(w.numpy() - f).max()) for w, f in zip(wanted, exported(images), strict=True))
+    return max(
+        float(np.abs(w.numpy() - f).max())
+        for w, f in zip(wanted, exported(images)[: len(wanted)], strict=True)
+    )
 
 
 def _epoch(

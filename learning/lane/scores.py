@@ -54,11 +54,12 @@ class Prediction:
 
 def predict(network: Network, images: Image, task: Task) -> Prediction:
     """The network's outputs for all ``images``."""
-    lanes, sigmas, visible = _outputs(network, images)
+    lanes, sigmas, visible, _ = outputs(network, images)
     return Prediction(lanes, task.wheelbase_m * sigmas.astype(float), visible.astype(float))
 
 
-def _outputs(network: Network, images: Image) -> tuple[Floats, ...]:
+def outputs(network: Network, images: Image) -> tuple[Floats, ...]:
+    """All outputs of the network for ``images``."""
     parts = [network(images[i : i + PREDICT_BATCH]) for i in range(0, len(images), PREDICT_BATCH)]
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
@@ -136,7 +137,7 @@ def nonsense_seen(network: Network, data: Labelled, *, seed: int) -> dict[str, f
     blind = data.images[~data.visible]
 
     def seen(frames: Image) -> float:
-        return round(float(np.mean(_outputs(network, frames)[2] > 0.5)), 5) if len(frames) else 0.0
+        return round(float(np.mean(outputs(network, frames)[2] > 0.5)), 5) if len(frames) else 0.0
 
     counts = {"frames": float(len(images)), "blind_frames": float(len(blind))}
     return counts | {"seen": seen(images), "blind_seen": seen(blind)}

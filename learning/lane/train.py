@@ -12,6 +12,7 @@ import typer
 from learning.drawn_frames import UNMARKED_WIDTH_M, WIDTH_M
 from learning.lane.frames import Shot, circuit_frames, random_frames
 from learning.lane.scores import Labelled, Task, calibrate, nonsense_seen, predict, scores
+from learning.lane.world import add_world, limits
 from learning.rendered import FIRST_ROAD, SHIPPED, WeightsFolder, need_torch, origin, say, ship
 from perception.net.canonical import cropped
 from perception.net.steer_net import Calibration, Network, Record
@@ -79,6 +80,7 @@ def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
     )
     fresh = out / "steer_net.onnx"
     export(network, fresh)
+    others = add_world(fresh, shot, seed=recipe.seed, folder=out, reuse=resume)
     exported = Network(fresh)
     difference = largest_difference(network, exported, np.array(data["test"].images[:256]))
     if difference > MAX_EXPORT_DIFFERENCE:
@@ -97,6 +99,7 @@ def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
         lane_lookahead_m=recipe.lane_lookahead_m,
         lane_width_m=seen_widths_m(recipe.augmentation.height),
         calibration=calibration,
+        world=limits(exported, others, calibration, wheelbase_m=task.wheelbase_m),
         recipe=recipe.model_dump(),
         training=dict(
             epochs=progress.epoch,

@@ -9,7 +9,7 @@ the training set, that the error of the road-wheel angle is below ``tolerance_ra
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from trepid.messages import SIGMA_AHEAD_M, Frame, SteeringEstimate, VehicleState
 from trepid.types import Image, Share
 
 NAME = "cnn"
-Outputs = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+OUTPUTS = ("lane", "command_sigma_1pm", "visible", "unlike")
 
 
 class SteerNetSettings(Settings):
@@ -50,6 +50,28 @@ class Calibration(Settings):
         return 1 / (1 + math.exp(-max(min(logit, 50.0), -50.0)))
 
 
+class World(Settings):
+    """Distances of images from those of training: in their world up to ``near``, outside from ``far`` on."""
+
+    near: Annotated[float, Field(gt=0)]
+    far: Annotated[float, Field(gt=0)]
+
+    def share(self, distance: float) -> float:
+        """1 within the world, 0 outside, linear between."""
+        return max(0.0, min(1.0, (self.far - distance) / (self.far - self.near)))
+
+
+class Outputs(NamedTuple):
+    """Outputs of the network for n images."""
+
+    lanes: NDArray[
+        np.float32
+    ]  # (n, 4): offset [m], heading [rad], curvature at the axle and at ``lane_lookahead_m``
+    command_sigma_1pm: NDArray[np.float32]  # (n,): standard deviation of κ_cmd
+    visible: NDArray[np.float32]  # (n,): probability of a road
+    unlike: NDArray[np.float32]  # (n,): distance from the images of training, 0 to 1
+
+
 class Record(WeightsRecord):
     """``steer_net.json``: provenance, calibration and scores of the weights in the same folder."""
 
@@ -57,6 +79,7 @@ class Record(WeightsRecord):
     lane_lookahead_m: Annotated[float, Field(gt=0)]  # the fourth output is the curvature here
     lane_width_m: tuple[float, float]  # of the training roads, seen from the height of the canonical camera
     calibration: Calibration
+    world: World
     recipe: dict[str, object]
     training: dict[str, float]
     scores: dict[str, dict[str, float]]  # name of the test set -> metric -> value
@@ -103,12 +126,8 @@ class Network:
         self._session = open_session(path.read_bytes(), path)
 
     def __call__(self, images: Image) -> Outputs:
-        """Of images (n, height, width, 3): lane (n, 4), σ of κ_cmd [1/m] (n,), probability of a road (n,).
-
-        The lane is offset [m], heading [rad], curvature at the rear axle and curvature at ``lane_lookahead_m``.
-        """
-        lane, command_sigma, visible = self._session.run(None, {"image": images})
-        return lane, command_sigma, visible
+        """Of images (n, height, width, 3)."""
+        return Outputs(*self._session.run(list(OUTPUTS), {"image": images}))
 
 
 class SteerNet:
@@ -129,18 +148,21 @@ class SteerNet:
         image = frame.image
         if image.dtype != np.uint8 or image.shape != self._shape:
             return self._nothing(frame, f"image is {image.dtype} {image.shape}, not uint8 {self._shape}")
-        lanes, sigmas, visibles = self._network(self._view.image(image)[None])
-        sigma, visible = float(sigmas[0]), float(visibles[0])
-        if not (np.isfinite(lanes).all() and math.isfinite(sigma) and math.isfinite(visible)):
+        found = self._network(self._view.image(image)[None])
+        sigma, visible, unlike = (float(output[0]) for output in found[1:])
+        if not (np.isfinite(found.lanes).all() and math.isfinite(sigma + visible + unlike)):
             return self._nothing(frame, "the network's output is not finite")
         if visible < self._settings.min_visible:
             return self._nothing(frame, "the network detects no road")
-        confidence = visible * self._probability(sigma)
+        share = self._record.world.share(unlike)
+        if share == 0.0:
+            return self._nothing(frame, "the image is unlike those of the training of the network")
+        confidence = share * visible * self._probability(sigma)
         if confidence < self._settings.min_confidence:
             return self._nothing(
                 frame, "the network detects a road, but the confidence of its lane is too low"
             )
-        lane = lane_of_row(lanes[0], self._record.lane_lookahead_m)
+        lane = lane_of_row(found.lanes[0], self._record.lane_lookahead_m)
         return self._seen(frame, self._view.lane(lane), confidence, sigma / self._view.scale)
 
     def _probability(self, command_sigma_1pm: float) -> float:

@@ -8,6 +8,7 @@ torch = pytest.importorskip("torch", reason="training needs the extra: pip insta
 from learning.lane.fit import Recipe, largest_difference, train  # noqa: E402
 from learning.lane.network import SteerNetwork, command_row, export, loss  # noqa: E402
 from learning.lane.scores import Labelled  # noqa: E402
+from learning.lane.world import attach  # noqa: E402
 from perception.net.canonical import cropped  # noqa: E402
 from perception.net.steer_net import Network  # noqa: E402
 from trepid.car.camera import Camera  # noqa: E402
@@ -82,6 +83,7 @@ def test_resuming_another_recipe_is_refused(tmp_path):
 def test_the_exported_network_agrees_with_torch_for_any_batch(tmp_path):
     network, *_ = fit(tmp_path)
     export(network, tmp_path / "n.onnx")
+    attach(tmp_path / "n.onnx", stripes(12, 3).images)
     exported = Network(tmp_path / "n.onnx")
     for count in (1, 5):
         assert largest_difference(network, exported, stripes(count, 2).images) < 1e-4

@@ -10,7 +10,9 @@ from net_rig import CAMERA, SETTINGS, VEHICLE, measurements, step
 
 from perception.lane.settings import LaneCvSettings
 from perception.net.session import load_record
-from perception.net.steer_net import Record, SteerNet, ahead_sigma_m
+from perception.net.steer_net import Record, SteerNet, World, ahead_sigma_m
+from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.road_file import load_road
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
 from trepid.messages import SIGMA_AHEAD_M
 
@@ -97,6 +99,37 @@ def test_the_deviation_of_the_lane_is_that_of_the_arc_at_the_look_ahead_and_neve
     assert by_distance[10.0] == pytest.approx(0.01 * 10.0**2 / 2)
     assert by_distance[0.0] == by_distance[10.0]
     assert by_distance[20.0] == pytest.approx(4 * by_distance[10.0])
+
+
+def test_a_road_of_the_simulator_is_in_the_world_of_the_network(net: SteerNet):
+    road = load_road("circuit")
+    image = Renderer(road, CAMERA, seed=0).render(
+        *road.position(30.0, 0.0), road.heading_at(30.0), t_s=0.0, station_m=30.0
+    )
+    assert step(net, image).confidence > 0.8
+
+
+def test_outside_its_world_the_network_gives_no_estimate_and_the_reason(tmp_path: Path):
+    record = json.loads(WEIGHTS.with_suffix(".json").read_text(encoding="utf-8"))
+    record["world"] = {"near": 1e-6, "far": 2e-6}
+    weights = tmp_path / "steer_net.onnx"
+    weights.write_bytes(WEIGHTS.read_bytes())
+    weights.with_suffix(".json").write_text(json.dumps(record), encoding="utf-8")
+    strict = SteerNet(SETTINGS.model_copy(update=dict(weights=str(weights))), CAMERA, VEHICLE)
+    road = load_road("circuit")
+    image = Renderer(road, CAMERA, seed=0).render(
+        *road.position(30.0, 0.0), road.heading_at(30.0), t_s=0.0, station_m=30.0
+    )
+    estimate = step(strict, image)
+    assert set(measurements(estimate)) == {None} and estimate.confidence == 0
+    assert "unlike those of the training" in estimate.reason
+
+
+def test_the_share_of_the_world_falls_from_near_to_far_and_never_rises():
+    world = World(near=0.1, far=0.2)
+    assert [world.share(distance) for distance in (0.0, 0.1, 0.15, 0.2, 1.0)] == pytest.approx(
+        [1, 1, 0.5, 0, 0]
+    )
 
 
 def test_both_estimators_aim_at_the_same_point_ahead():

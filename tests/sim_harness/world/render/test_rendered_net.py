@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from net_rig import CAMERA, SETTINGS, VEHICLE, measurements, step
 
-from perception.net.steer_net import SteerNet
+from perception.net.steer_net import Outputs, SteerNet
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from trepid.messages import Frame
@@ -86,11 +86,12 @@ def test_confidence_falls_to_zero_as_the_road_fades(net, drive, kind):
     assert confidence[0] > confidence[1] > confidence[2] == 0
 
 
-@pytest.mark.parametrize("output", range(3))
+@pytest.mark.parametrize("output", range(4))
 def test_an_output_that_is_not_finite_is_no_estimate(net, drive, monkeypatch, output):
-    outputs = [np.zeros((1, 4), np.float32), np.full(1, 0.01, np.float32), np.ones(1, np.float32)]
+    ones = np.ones(1, np.float32)
+    outputs = [np.zeros((1, 4), np.float32), 0.01 * ones, ones, 0.01 * ones]
     outputs[output] = outputs[output] * np.float32("nan")
-    monkeypatch.setattr(net, "_network", lambda images: tuple(outputs))
+    monkeypatch.setattr(net, "_network", lambda images: Outputs(*outputs))
     estimate = net.step(drive[0][0], None, now_s=0.0)
     assert estimate.confidence == 0 and "not finite" in estimate.reason
     assert set(measurements(estimate)) == {None}
