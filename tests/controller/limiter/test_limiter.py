@@ -231,6 +231,13 @@ def test_where_the_acceleration_is_limited_so_is_the_target_speed(
     assert (given.accel_mps2, given.speed_mps) == out
 
 
+def test_the_limited_target_speed_is_that_of_the_response_time_later(monkeypatch):
+    monkeypatch.setattr("controller.limiter.limiter.SOON_S", 2.0)
+    order = command(9.0, speed_mps=9.0, accel_mps2=1.0)  # of an old frame: comfort brake
+    given = limiter().step(order, 10.0, state(10.0, speed_mps=5.0), now_s=10.0)
+    assert (given.accel_mps2, given.speed_mps) == (-1.0, 5.0 - 1.0 * 2.0)
+
+
 def test_a_wheel_is_seen_from_the_first_plausible_state_on():
     one = limiter()
     assert not one.wheel_seen
