@@ -187,7 +187,8 @@ def test_other_rules_are_distinguished_from_those_of_the_drive(lying: Path, tmp_
     text = (CONFIG_DIR / "fear.yaml").read_text(encoding="utf-8")
     other.write_text(
         text.replace(
-            "if separation is medium then fear is medium", "if separation is medium then fear is low"
+            "if separation is very_high then fear is high",
+            "if separation is very_high then fear is very_high",
         )
     )
     answer: dict[str, Any] = story(recall(lying, other), 5.5)
