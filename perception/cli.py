@@ -57,7 +57,10 @@ def estimate(
         typer.Option(help="Camera file; default: that of --car, else a typical camera is assumed."),
     ] = None,
     detector: Annotated[
-        Path | None, typer.Option(help="With --estimator lead or --fear: an .onnx or .tflite box detector.")
+        Path | None,
+        typer.Option(
+            help="With --estimator lead or --fear: a name (`trepid detector list`), an .onnx or .tflite file."
+        ),
     ] = None,
     fear: Annotated[
         bool,

@@ -51,9 +51,7 @@ def estimate_leads(
     as_json: bool,
 ) -> None:
     """Find vehicles in every frame of every input. Raises InputError at the first input that cannot be read."""
-    settings = lead_settings()
-    if detector is not None:
-        settings = settings.model_copy(update={"detector": detector.absolute()})
+    settings = lead_settings(detector)
     step = partial(_step, settings, load(CONFIG_DIR / "vehicle.yaml", Vehicle))
     found = results(inputs, camera_for, step, unread, drive_fps=drive_fps)
     if annotate is not None:

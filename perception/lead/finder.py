@@ -45,9 +45,13 @@ class LeadSettings(Settings):
     choice: ChoiceSettings
 
 
-def lead_settings() -> LeadSettings:
-    """``config/lead.yaml``. Raises InputError."""
-    return load(CONFIG_DIR / "lead.yaml", LeadSettings)
+def lead_settings(detector: Path | None = None) -> LeadSettings:
+    """``config/lead.yaml``, with ``detector``, a name or a file, instead of its own. Raises InputError."""
+    settings = load(CONFIG_DIR / "lead.yaml", LeadSettings)
+    if detector is None:
+        return settings
+    named = str(detector) in PUBLISHED
+    return settings.model_copy(update={"detector": detector if named else detector.absolute()})
 
 
 class LeadFinder:

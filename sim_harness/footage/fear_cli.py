@@ -102,7 +102,7 @@ def estimate_with_fear(
     reported; a recording brings its own states.
     """
     motion = given_motion(speed_mps, log)
-    if detector is None and lead_settings().detector is None and not all(map(_is_recording, inputs)):
+    if lead_settings(detector).detector is None and not all(map(_is_recording, inputs)):
         print(NO_DETECTOR, file=sys.stderr)
     found = results(
         inputs, camera_for, partial(_step, motion, detector, assumed), unread, drive_fps=drive_fps
@@ -151,9 +151,7 @@ def _states(
 
 def _finder(detector: Path | None, source: Source, camera: Camera, vehicle: Vehicle) -> LeadFinder | None:
     """The finder with the detector that is named; the embedded one for recordings only."""
-    settings = lead_settings()
-    if detector is not None:
-        settings = settings.model_copy(update={"detector": detector.absolute()})
+    settings = lead_settings(detector)
     if settings.detector is None and not isinstance(source, Footage):
         return None
     return lead_finder(settings, camera, vehicle)

@@ -98,6 +98,11 @@ def test_a_name_in_the_settings_that_was_not_fetched_names_the_command(registry:
         make_detector(settings, load(CONFIG_DIR / "camera.yaml", Camera))
 
 
+def test_a_detector_is_given_by_its_name_or_as_a_file() -> None:
+    assert lead_settings(Path(NAME)).detector == Path(NAME)
+    assert lead_settings(Path("own.onnx")).detector == Path.cwd() / "own.onnx"
+
+
 def test_a_changed_file_is_refused(registry: type[Registry]) -> None:
     registry.answer = package(PUBLISHED[NAME].member, b"abc" + MODEL)
     path = fetch(NAME)
