@@ -95,6 +95,7 @@ def outer_world(folder: Path, bus: dict[str, Any]) -> Iterator[OuterWorld]:
         "processes:\n"
         "  vehicle: {module: vehicle.actuators.node, publishes: [vehicle/state]}\n"
         f"  camera: {json.dumps(camera)}\n"
+        "  lead: null\n"
     )
     ecu = ProcessSpec("ecu", "sim_harness.counterparts.ecu", publishes=("sim/truth",))
     with (
