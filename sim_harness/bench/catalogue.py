@@ -33,11 +33,9 @@ BENCHMARKS = {
     "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),
     "seeds": Benchmark("seeds", "scores with known seeds and with fresh ones"),
-    "perception": Benchmark(
-        "perception.bench", "every estimator on rendered clips and on labelled real images"
-    ),
+    "perception": Benchmark("perception.bench", "every estimator on rendered clips"),
     "real": Benchmark(
-        "real.bench", "both estimators and the supervisor on every real drive, beside trivial baselines"
+        "real.bench", "estimators and the supervisor on every real drive, beside trivial baselines"
     ),
     "control-lateral": Benchmark(
         "control.lateral",

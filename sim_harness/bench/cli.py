@@ -37,7 +37,10 @@ def bench(
         ),
     ] = None,
     estimators: Annotated[
-        str, typer.Option(help="perception: names, separated by commas; default: all.")
+        str,
+        typer.Option(
+            help="perception: names, separated by commas; default: all. real: beside cv and cnn; also: all."
+        ),
     ] = "",
     quick: Annotated[bool, typer.Option(help="perception, real: a part of the clips and frames.")] = False,
     repeats: Annotated[
@@ -51,11 +54,11 @@ def bench(
         typer.Option(help="perception: keep the rendered frames (0.7 GB) for the next run with this seed."),
     ] = False,
     parts: Annotated[
-        str, typer.Option(help="perception: set, real, drive, separated by commas; default: set,real.")
+        str, typer.Option(help="perception: set, drive, separated by commas; default: set.")
     ] = "",
     data: Annotated[
         Path | None,
-        typer.Option(help="perception, real: the real sets; default: TREPID_DATA, else ../shared/data."),
+        typer.Option(help="real: the sets; default: TREPID_DATA, else ../shared/data."),
     ] = None,
     sets: Annotated[str, typer.Option(help="real: folders of sets, separated by commas; default: all.")] = "",
     out: Annotated[

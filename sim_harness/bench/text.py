@@ -52,8 +52,9 @@ def singles(measured: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def columns_of(rows: Mapping[str, Row]) -> list[str]:
-    """The columns of all rows, in the order of their first use."""
-    return list(dict.fromkeys(column for row in rows.values() for column in row))
+    """The columns with a value in some row, in the order of their first use."""
+    columns = dict.fromkeys(column for row in rows.values() for column in row)
+    return [column for column in columns if any(row.get(column) is not None for row in rows.values())]
 
 
 def turned(rows: Mapping[str, Row]) -> dict[str, Row]:

@@ -1,1 +1,1 @@
-"""Benchmarks of the estimators: rendered clips with known truth, real images, closed loop."""
+"""Benchmarks of the estimators: rendered clips with known truth, closed loop."""

@@ -1,4 +1,4 @@
-"""`trepid bench perception`: the harness set, the real sets and the closed loop, for every estimator."""
+"""`trepid bench perception`: the harness set and the closed loop, for every estimator."""
 
 from collections.abc import Sequence
 from contextlib import closing
@@ -10,7 +10,6 @@ from perception.estimators import estimators as all_estimators
 from perception.estimators import no_estimator
 from sim_harness.bench.perception.clips import VERSION, Case, harness_set, moments
 from sim_harness.bench.perception.drive import bench_drive
-from sim_harness.bench.perception.real.bench import bench_real, data_folder
 from sim_harness.bench.perception.report import draw, write
 from sim_harness.bench.perception.scores import Results, parts_of, summary
 from sim_harness.bench.perception.store import ClipStore, Pictures
@@ -32,7 +31,7 @@ PICTURES = (
 """Code and settings that the frames of the set depend on."""
 WATCHING = (*PICTURES, "sim_harness/bench/perception/watch.py", "sim_harness/lockstep/oracle.py")
 """Further code that the truth and the errors depend on."""
-PARTS = ("set", "real", "drive")
+PARTS = ("set", "drive")
 
 
 def bench_perception(
@@ -43,8 +42,7 @@ def bench_perception(
     repeats: int = 1,
     jobs: int = 1,
     keep_frames: bool = False,
-    parts: Sequence[str] = ("set", "real"),
-    data: Path | None = None,
+    parts: Sequence[str] = ("set",),
     out: Path | None = None,
 ) -> dict[str, Any]:
     """Tables of all ``parts``: scores per estimator, and details; no ``estimators`` means all of them."""
@@ -63,9 +61,6 @@ def bench_perception(
         results = watched(cases, names, seed, jobs=jobs, keep_frames=keep_frames)
         by_group = parts_of(results, names)
         found |= summary(results, by_group)
-    if "real" in parts:
-        real = bench_real(names, data_folder(data), FOLDER, quick=quick)
-        found |= {f"real: {name}": rows for name, rows in real.items()}
     if "drive" in parts:
         found["drive"] = bench_drive(names, seed, FOLDER, quick=quick, jobs=jobs)
     if out is not None:

@@ -48,7 +48,7 @@ BINS = 10
 
 
 def write(folder: Path, found: Mapping[str, Any], parts: Table) -> None:
-    """``ranking``, ``detected`` and the real sets as .md and .csv, all of it as bench.json. Raises InputError."""
+    """The tables as .md and .csv, all of it as bench.json. Raises InputError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "bench.json").write_text(

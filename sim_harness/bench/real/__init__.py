@@ -1,1 +1,1 @@
-"""Both estimators and the supervisor on the real sets, drive by drive, beside trivial baselines."""
+"""Estimators and the supervisor on the real sets, drive by drive, beside trivial baselines."""

@@ -1,8 +1,8 @@
-"""One pass over a sequence: what estimators and supervisor make of each frame, as rows and as small pictures."""
+"""One pass over a sequence: rows and small pictures of the supervised estimators, or rows of other estimators."""
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 
 from perception.estimators import ESTIMATORS
-from sim_harness.bench.perception.real.frames import Picture
-from sim_harness.bench.perception.real.scores import columns
-from sim_harness.bench.real.sets import Sequence
+from perception.images.outline import outlined
+from sim_harness.bench.real import sets
+from sim_harness.bench.real.frames import Picture, estimates
+from sim_harness.bench.real.labels import SURFACES, Labels, Truth, border_error_px, columns, line_counts
 from sim_harness.footage.fear_picture import with_lanes
 from sim_harness.footage.onlooker import Given, Onlooked, Onlooker
 from supervisor.supervisor import SupervisorSettings
@@ -29,23 +30,44 @@ TILE_WIDTH_PX = 400
 Row = dict[str, Any]
 
 
-def looked(sequence: Sequence, folder: Path, every: int, tiles: Path, *, says: str) -> Iterator[Row]:
+def looked(sequence: sets.Sequence, folder: Path, every: int, tiles: Path, *, says: str) -> Iterator[Row]:
     """A row of each frame; the frame with both lanes goes to ``tiles`` as NUMBER.jpg."""
     cv2.setNumThreads(1)
     tiles.mkdir(parents=True, exist_ok=True)
-    drive, said_s = None, time.monotonic()
-    for number, picture in enumerate(sequence.pictures(folder, every)):
+    drive = None
+    for number, picture in enumerate(_said(sequence.pictures(folder, every), says)):
         if picture.drive != drive:
             drive, onlooker = picture.drive, _onlooker(picture, sequence)
         seen = onlooker.step(Frame(t_s=picture.t_s, image=picture.image))
         cv2.imwrite(str(tiles / f"{number}.jpg"), _tile(picture.image, seen))
-        yield _row(picture, seen, sequence)
+        yield _row(picture, seen, sequence.labels)
+
+
+def answers(
+    sequence: sets.Sequence, folder: Path, every: int, names: Sequence[str], *, says: str
+) -> Iterator[dict[str, Row]]:
+    """What the estimators ``names`` answer in each frame, without a supervisor."""
+    cv2.setNumThreads(1)
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    for picture, found in estimates(_said(sequence.pictures(folder, every), says), names):
+        truth = _truth(picture, sequence.labels)
+        yield {
+            name: _answer(outlined(one, picture.camera, vehicle), picture, sequence.labels, truth)
+            for name, one in found.items()
+        }
+
+
+def _said(pictures: Iterator[Picture], case: str) -> Iterator[Picture]:
+    """``pictures``, with the progress on stderr."""
+    said_s = time.monotonic()
+    for number, picture in enumerate(pictures, start=1):
+        yield picture
         if time.monotonic() - said_s > SAY_EVERY_S:
             said_s = time.monotonic()
-            print(f"real: {says}, {number + 1} frames", file=sys.stderr, flush=True)
+            print(f"real: {case}, {number} frames", file=sys.stderr, flush=True)
 
 
-def _onlooker(picture: Picture, sequence: Sequence) -> Onlooker:
+def _onlooker(picture: Picture, sequence: sets.Sequence) -> Onlooker:
     """A fresh one. The speed is that of the picture's log, of the sequence, or the cruise speed of the settings."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps
@@ -56,32 +78,40 @@ def _onlooker(picture: Picture, sequence: Sequence) -> Onlooker:
     )
 
 
-def _row(picture: Picture, seen: Onlooked, sequence: Sequence) -> Row:
-    decision = seen.decision
+def _row(picture: Picture, seen: Onlooked, labels: Labels) -> Row:
+    decision, truth = seen.decision, _truth(picture, labels)
     row: Row = {"file": picture.file, "drive": picture.drive, "t_s": picture.t_s}
     row |= {"fear": decision.fear, "cause": decision.cause, "steering_rad": picture.steering_rad}
-    truth, known = sequence.truth(picture) if sequence.truth else (None, None)
-    if truth is not None and known is not None:
-        row |= {"label": packed(truth), "known": packed(known)}
+    if truth is not None:
+        row |= {"label": packed(truth[0]), "known": packed(truth[1])}
     row["estimates"] = {
-        name: _answer(found, picture.image, truth, known) for name, found in seen.estimates.items()
+        name: _answer(found, picture, labels, truth) for name, found in seen.estimates.items()
     }
     return row
 
 
-def _answer(found: SteeringEstimate, image: Image, truth: Mask | None, known: Mask | None) -> Row:
-    """Confidence, angle, place of the lane, and its agreement with the label."""
-    height, width = image.shape[:2]
+def _truth(picture: Picture, labels: Labels) -> Truth | None:
+    return SURFACES[labels](picture) if labels in SURFACES else None
+
+
+def _answer(found: SteeringEstimate, picture: Picture, labels: Labels, truth: Truth | None) -> Row:
+    """Confidence, angle, width and place of the lane, and its agreement with the label."""
+    height, width = picture.image.shape[:2]
     places = lane_at(found, np.array(LANE_ROWS) * height) / width
     row: Row = {"confidence": found.confidence, "angle_rad": found.road_wheel_angle_rad}
+    row["width_m"] = found.lane_width_m
     row["lane"] = [[None if np.isnan(x) else round(float(x), 4) for x in side] for side in places]
-    if truth is None or known is None:
+    if truth is None:
         return row | {"answered": bool(found.left_boundary_px and found.right_boundary_px)}
-    mine = lane_mask(found, height, width)
-    good = (mine & truth & known).sum()
+    if labels is Labels.LINES:
+        row |= line_counts(picture, found)
+    if labels is Labels.ROAD:
+        row["border_error_px"] = border_error_px(found, truth[0])
+    mine, (surface, known) = lane_mask(found, height, width), truth
+    good = (mine & surface & known).sum()
     return row | {
         "answered": bool(mine.any()),
-        "iou": float(good / max(((mine | truth) & known).sum(), 1)),
+        "iou": float(good / max(((mine | surface) & known).sum(), 1)),
         "inside": float(good / max((mine & known).sum(), 1)),
     }
 

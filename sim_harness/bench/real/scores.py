@@ -14,7 +14,7 @@ import numpy as np
 from learning.lane.scores import auroc
 from sim_harness.bench.real import baselines
 from sim_harness.bench.real.judgement import Judgements, verdicts
-from sim_harness.bench.real.sets import Labels
+from sim_harness.bench.real.labels import SURFACES, Labels
 from trepid.types import Array, Mask
 
 Row = dict[str, Any]
@@ -33,6 +33,12 @@ EMPTY: Figures = dict.fromkeys(
         "iou_answered",
         "baseline_iou_answered",
         "inside_road",
+        "border_error_px",
+        "tusimple_accuracy",
+        "tusimple_false_lines",
+        "tusimple_missed_lines",
+        "lane_width_m",
+        "lane_width_iqr_m",
         "mae_deg",
         "mae_straight_deg",
         "mae_mean_deg",
@@ -60,15 +66,18 @@ def figures(
     answered = np.array([answer["answered"] for answer in answers])
     confidence = np.array([answer["confidence"] for answer in answers])
     sure = answered & (confidence > CONFIDENT)
-    found = EMPTY | {
-        "frames": len(rows),
-        "answered": _mean(answered),
-        "confident": _mean(sure),
-    }
-    if labels in (Labels.ROAD, Labels.LANE):
+    found = EMPTY | {"frames": len(rows), "answered": _mean(answered), "confident": _mean(sure)}
+    if labels in SURFACES:
         found |= _overlap(rows, answers, answered, confidence, trapezoid)
+        found["border_error_px"] = _median(_numbers(answers, "border_error_px"))
+    if labels is Labels.LINES:
+        found |= _lines(answers)
     if labels is Labels.ANGLE:
         found |= _angles(rows, answers)
+    widths = _numbers(answers, "width_m")
+    found["lane_width_m"] = _median(widths)
+    if len(widths):
+        found["lane_width_iqr_m"] = float(np.subtract(*np.percentile(widths, (75, 25))))
     return found | _judged(rows, name, sure, judged)
 
 
@@ -107,6 +116,19 @@ def _overlap(
     }
 
 
+def _lines(answers: Sequence[Row]) -> Figures:
+    """Share of the labelled points within 20 px; false and missed lines, as shares of the labelled lines."""
+    points, right, lines, false, missed = (
+        sum(answer[name] for answer in answers)
+        for name in ("points", "right_points", "lines", "false_lines", "missed_lines")
+    )
+    return {
+        "tusimple_accuracy": right / points if points else None,
+        "tusimple_false_lines": false / lines if lines else None,
+        "tusimple_missed_lines": missed / lines if lines else None,
+    }
+
+
 def _angles(rows: Sequence[Row], answers: Sequence[Row]) -> Figures:
     """Degrees of the road wheels, over the frames with an angle."""
     truth = np.degrees([row["steering_rad"] for row in rows])
@@ -130,6 +152,16 @@ def _judged(rows: Sequence[Row], name: str, sure: Mask, judged: Judgements) -> F
         "ego_lane_right": _mean(right[known]),
         "ego_lane_right_of_confident": _mean(right[known & sure]),
     }
+
+
+def _numbers(answers: Sequence[Row], field: str) -> Array:
+    """The values of ``field`` where there are any."""
+    values = np.array([answer.get(field) for answer in answers], float)
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _median(values: Array) -> float | None:
+    return float(np.median(values)) if len(values) else None
 
 
 def _mean(values: Array | Mask) -> float | None:

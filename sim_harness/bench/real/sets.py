@@ -1,13 +1,11 @@
 """The real sets and their sequences. The project ships none of them; absent ones are left out with the reason."""
 
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 
-import numpy as np
-
-from sim_harness.bench.perception.real.frames import (
+from sim_harness.bench.real.frames import (
     Picture,
     cart_drive,
     donkey_drive,
@@ -16,32 +14,11 @@ from sim_harness.bench.perception.real.frames import (
     udacity_drive,
     video,
 )
-from sim_harness.bench.perception.real.scores import (
-    MAGENTA,
-    ROAD_CLASS,
-    TUSIMPLE_ROWS,
-    VOID_CLASS,
-    ego_lines,
-    label_of,
-)
+from sim_harness.bench.real.labels import Labels
 from trepid.car.camera import Camera
-from trepid.config import CONFIG_DIR, load
-from trepid.types import Mask
+from trepid.config import CONFIG_DIR, ROOT, load
 
 HIGHWAY_MPS = 25.0
-
-
-class Labels(StrEnum):
-    """What the labels of a set show."""
-
-    ROAD = "road"  # the whole carriageway
-    LANE = "lane"  # the ego lane
-    ANGLE = "angle"  # the driver's wheel angle
-    NONE = "none"
-
-
-Truth = tuple[Mask, Mask]
-"""Pixels of the labelled road or lane, and those where the label is known; both (height, width)."""
 
 
 @dataclass(frozen=True)
@@ -50,34 +27,12 @@ class Sequence:
 
     pictures: Callable[[Path, int], Iterator[Picture]]  # folder of the set; every n-th still or stretch
     labels: Labels
-    truth: Callable[[Picture], Truth] | None = None
     speed_mps: float | None = None  # for the supervisor; None: the cruise speed of its settings
 
 
-def _road(picture: Picture) -> Truth:
-    label = label_of(picture)[..., 0]
-    return label == ROAD_CLASS, label != VOID_CLASS
-
-
-def _magenta(picture: Picture) -> Truth:
-    lane = (label_of(picture) == np.array(MAGENTA)).all(axis=2)
-    return lane, np.ones_like(lane)
-
-
-def _between_ego_lines(picture: Picture) -> Truth:
-    """The surface between the two labelled ego lines; known in the rows where both are."""
-    height, width = label_of(picture).shape[:2]
-    lane, known = np.zeros((height, width), bool), np.zeros((height, width), bool)
-    left, right = ego_lines(picture)
-    if left is None or right is None:
-        return lane, known
-    seen = np.isfinite(left) & np.isfinite(right)
-    rows = np.arange(TUSIMPLE_ROWS[seen][0], TUSIMPLE_ROWS[seen][-1] + 1)
-    edges = [np.interp(rows, TUSIMPLE_ROWS[seen], side[seen]) for side in (left, right)]
-    at = np.arange(width)
-    lane[rows] = (at >= edges[0][:, None]) & (at <= edges[1][:, None])
-    known[rows] = True
-    return lane, known
+def data_folder(given: Path | None) -> Path:
+    """``--data``, or TREPID_DATA, or ../shared/data next to the repository."""
+    return given or Path(os.environ.get("TREPID_DATA") or ROOT.parent / "shared" / "data")
 
 
 def _camvid(name: str) -> Sequence:
@@ -86,7 +41,7 @@ def _camvid(name: str) -> Sequence:
             labels = folder / f"{split}_road"
             yield from stills(folder / split, f"{name}_*.jpg", labels, ".png", every=every)
 
-    return Sequence(pictures, Labels.ROAD, _road)
+    return Sequence(pictures, Labels.ROAD)
 
 
 def _tusimple(folder: Path, every: int) -> Iterator[Picture]:
@@ -105,14 +60,14 @@ def _stills(pattern: str, camera: str | None = None) -> Sequence:
         known = load(CONFIG_DIR / "cameras" / camera, Camera) if camera else None
         return (still(path, camera=known) for path in sorted(folder.glob(pattern)))
 
-    return Sequence(pictures, Labels.NONE, speed_mps=HIGHWAY_MPS)
+    return Sequence(pictures, Labels.NONE, HIGHWAY_MPS)
 
 
 def _clip(name: str) -> Sequence:
     def pictures(folder: Path, every: int) -> Iterator[Picture]:
         return video(folder / name, every=every)
 
-    return Sequence(pictures, Labels.NONE, speed_mps=HIGHWAY_MPS)
+    return Sequence(pictures, Labels.NONE, HIGHWAY_MPS)
 
 
 def _drive(pictures: Callable[..., Iterator[Picture]]) -> Sequence:
@@ -121,8 +76,8 @@ def _drive(pictures: Callable[..., Iterator[Picture]]) -> Sequence:
 
 SETS: dict[str, dict[str, Sequence]] = {
     "camvid_road": {name: _camvid(name) for name in ("0006R0", "0016E5", "0001TP")},
-    "tusimple_lanenet": {"highway": Sequence(_tusimple, Labels.LANE, _between_ego_lines, HIGHWAY_MPS)},
-    "kitti_road_tiny": {"um": Sequence(_kitti, Labels.LANE, _magenta)},
+    "tusimple_lanenet": {"highway": Sequence(_tusimple, Labels.LINES, HIGHWAY_MPS)},
+    "kitti_road_tiny": {"um": Sequence(_kitti, Labels.LANE)},
     "highway_udacity_p1": {
         "solidWhiteRight": _clip("solidWhiteRight.mp4"),
         "stills": _stills("test_images/*.jpg"),

@@ -49,7 +49,8 @@ def sheet(rows: Sequence[Row], indices: Sequence[int], tiles: Path, out: Path) -
 
 def _words(row: Row) -> str:
     parts = []
-    for name, answer in row["estimates"].items():
+    for name in NAMES:
+        answer = row["estimates"][name]
         inside = f" in {answer['inside']:.2f}" if "inside" in answer else ""
         parts.append(f"{name} {answer['confidence']:.2f}{inside}" if answer["answered"] else f"{name} -")
     return f"{'  '.join(parts)}  fear {row['fear']:.2f}"

@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from sim_harness.bench.text import RANKING, brief, tables
+from sim_harness.bench.text import RANKING, brief, columns_of, tables
 
 RESULT = {
     "machine": "two cores",
@@ -38,6 +38,10 @@ def test_many_measures_stand_below_each_other():
 def test_a_table_with_more_rows_than_columns_is_never_turned():
     rows = {f"row {n}": {f"column {m}": n for m in range(9)} for n in range(30)}
     assert any(line.startswith(" row 29 ") for line in printed({"faults": {"sim": rows}}).splitlines())
+
+
+def test_a_column_without_any_value_is_left_out():
+    assert columns_of({"a": {"x": None, "y": None, "z": 0}, "b": {"x": 1, "y": None}}) == ["x", "z"]
 
 
 def test_plain_figures_are_listed_with_the_machine():

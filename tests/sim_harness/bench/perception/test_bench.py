@@ -280,12 +280,16 @@ def test_the_code_of_an_estimator_is_the_set_of_its_imports() -> None:
 
 
 def test_reports_are_written_as_json_csv_and_markdown(tmp_path: Path) -> None:
-    found = {"seed": 1, "ranking": {"cv": {"auroc": 0.5}}, "real: a": {"cv": {"iou": 0.25, "n": None}}}
+    found = {
+        "seed": 1,
+        "ranking": {"cv": {"auroc": 0.5}},
+        "drive: a": {"cv": {"iou": 0.25, "n": None}, "x": {"n": 2}},
+    }
     write(tmp_path / "new", found, {"cv": {"all": {"ece": 0.1}}})
-    names = {"bench.json", "ranking.csv", "ranking.md", "real_a.csv", "real_a.md"}
+    names = {"bench.json", "ranking.csv", "ranking.md", "drive_a.csv", "drive_a.md"}
     assert {path.name for path in (tmp_path / "new").iterdir()} == names
-    assert (tmp_path / "new" / "real_a.csv").read_text().splitlines() == [",iou,n", "cv,0.25,"]
-    assert (tmp_path / "new" / "real_a.md").read_text().splitlines()[2] == "| cv | 0.25 | – |"
+    assert (tmp_path / "new" / "drive_a.csv").read_text().splitlines() == [",iou,n", "cv,0.25,", "x,,2"]
+    assert (tmp_path / "new" / "drive_a.md").read_text().splitlines()[2] == "| cv | 0.25 | – |"
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         write(tmp_path / "file", {}, {})
@@ -322,7 +326,7 @@ def test_autonomy_takes_six_seconds_for_each_intervention() -> None:
     ("options", "message"),
     [
         ({"estimators": ("cw",)}, "no estimator 'cw'; .*estimate --estimator list"),
-        ({"parts": ("sets",)}, "no part 'sets' of bench perception; there are set, real, drive"),
+        ({"parts": ("sets",)}, "no part 'sets' of bench perception; there are set, drive"),
     ],
 )
 def test_bad_options_are_refused(options: dict[str, Sequence[str]], message: str) -> None:

@@ -7,15 +7,15 @@ import cv2
 import numpy as np
 import pytest
 
-from sim_harness.bench.perception.real.frames import Picture
-from sim_harness.bench.perception.real.scores import ROAD_CLASS
 from sim_harness.bench.real import baselines
 from sim_harness.bench.real import bench as module
 from sim_harness.bench.real.bench import bench_real
+from sim_harness.bench.real.frames import Picture
 from sim_harness.bench.real.judgement import COLUMNS, LANE_ROWS, Judged, judgements, same, verdicts
+from sim_harness.bench.real.labels import ROAD_CLASS, Labels
 from sim_harness.bench.real.look import GRID_PX
 from sim_harness.bench.real.scores import figures
-from sim_harness.bench.real.sets import SETS, Labels, Sequence, _road
+from sim_harness.bench.real.sets import SETS, Sequence, data_folder
 from sim_harness.bench.real.sheets import evenly, worst
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
@@ -27,7 +27,7 @@ LANE = [[0.2, 0.3, 0.4], [0.8, 0.7, 0.6]]
 
 
 def answer(confidence: float, *, inside: float = 1.0, answered: bool = True, **more) -> dict:
-    fields = {"confidence": confidence, "angle_rad": 0.0, "lane": LANE, "answered": answered}
+    fields = {"confidence": confidence, "angle_rad": 0.0, "width_m": None, "lane": LANE, "answered": answered}
     return fields | {"iou": 0.5 * inside, "inside": inside} | more
 
 
@@ -58,6 +58,35 @@ def test_auroc_is_one_where_confidence_and_fear_tell_wrong_answers_from_right_on
     rows = [row(answer(0.9), fear=0.1), row(answer(0.8), fear=0.2), row(answer(0.3, inside=0.2), fear=0.7)]
     found = figures(rows, "cv", Labels.ROAD, trapezoid=None, judged={})
     assert (found["auroc_confidence"], found["auroc_fear"]) == (1.0, 1.0)
+
+
+def test_lines_are_shares_of_all_labelled_points_and_lines():
+    counts = {"points": 40, "right_points": 30, "lines": 2, "false_lines": 0, "missed_lines": 1}
+    rows = [row(answer(0.9, **counts)), row(answer(0.9, **(counts | {"points": 60, "false_lines": 1})))]
+    found = figures(rows, "cv", Labels.LINES, trapezoid=None, judged={})
+    assert found["tusimple_accuracy"] == 0.6
+    assert (found["tusimple_false_lines"], found["tusimple_missed_lines"]) == (0.25, 0.5)
+    assert figures(rows, "cv", Labels.ROAD, trapezoid=None, judged={})["tusimple_accuracy"] is None
+
+
+def test_width_and_border_error_are_medians_over_the_frames_that_have_one():
+    rows = [row(answer(0.9, width_m=width, border_error_px=width)) for width in (3.0, 3.5, 4.5, None)]
+    found = figures(rows, "cv", Labels.ROAD, trapezoid=None, judged={})
+    assert (found["lane_width_m"], found["lane_width_iqr_m"], found["border_error_px"]) == (3.5, 0.75, 3.5)
+    nothing = figures([row(answer(0.9))], "cv", Labels.ROAD, trapezoid=None, judged={})
+    assert nothing["lane_width_m"] is nothing["lane_width_iqr_m"] is nothing["border_error_px"] is None
+
+
+def test_angles_are_compared_over_the_frames_with_one_and_with_driving_straight():
+    driven, given = np.radians([0, 10, -10, 5]), [*np.radians([1, 11, -9]), None]
+    rows = [
+        row(answer(0.5, angle_rad=mine), drive=str(n), steering_rad=truth)
+        for n, (truth, mine) in enumerate(zip(driven, given, strict=True))
+    ]
+    found = figures(rows, "cv", Labels.ANGLE, trapezoid=None, judged={})
+    assert found["mae_deg"] == pytest.approx(1.0)
+    assert found["mae_straight_deg"] == pytest.approx(20 / 3)
+    assert found["correlation"] == pytest.approx(1.0)
 
 
 def test_a_trapezoid_is_fitted_to_the_labels_of_other_sequences():
@@ -142,7 +171,7 @@ def made_up(tmp_path, monkeypatch) -> list[int]:
         yield Picture("one", 0.0, image, CAMERA, label=tmp_path / "label.png", file="one.png")
 
     (tmp_path / "set").mkdir()
-    sequence = Sequence(pictures, Labels.ROAD, _road)
+    sequence = Sequence(pictures, Labels.ROAD)
     monkeypatch.setattr(module, "SETS", {"set": {"a": sequence, "b": sequence}, "absent": {}})
     monkeypatch.setattr(module, "FOLDER", tmp_path / "store")
     return passes
@@ -161,11 +190,48 @@ def test_every_sequence_gets_the_figures_of_both_estimators_once_for_the_same_co
     assert len(made_up) == 2
 
 
+def test_techniques_are_scored_beside_the_estimators_of_the_car_once_for_the_same_code(made_up, tmp_path):
+    both = ("canny_hough", "cv")
+    first = bench_real(data=tmp_path, out=tmp_path / "out", estimators=both)
+    assert set(first["set"]["b"]) == {"cv", "cnn", "canny_hough"}
+    assert first["set"]["b"]["canny_hough"]["frames"] == 1
+    assert first["set"]["b"]["cv"] == bench_real(data=tmp_path, out=tmp_path / "out")["set"]["b"]["cv"]
+    assert bench_real(data=tmp_path, out=tmp_path / "out", estimators=both) == first
+    assert len(made_up) == 4, "a pass with the supervisor and one with the technique, of two sequences"
+
+
 def test_real_pictures_are_not_written_into_the_repository(made_up, tmp_path):
     with pytest.raises(InputError, match="do not belong"):
         bench_real(data=tmp_path, out=ROOT / "docs" / "results")
 
 
-def test_an_unknown_set_is_refused_with_the_known_ones():
+def test_an_unknown_set_and_an_unknown_estimator_are_refused():
     with pytest.raises(InputError, match="camvid_road"):
         bench_real(sets=("kitti",))
+    with pytest.raises(InputError, match="no estimator 'cw'"):
+        bench_real(estimators=("cw",))
+
+
+def test_a_set_that_is_not_there_is_left_out_with_the_reason(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "FOLDER", tmp_path / "store")
+    found = bench_real(data=tmp_path, out=tmp_path / "out")
+    assert set(found) == set(SETS)
+    assert found["kitti_road_tiny"] == {"left out": "no folder kitti_road_tiny in the data folder"}
+
+
+def test_the_data_folder_is_the_given_one_the_environments_or_the_neighbour(monkeypatch):
+    assert data_folder(Path("here")) == Path("here")
+    monkeypatch.setenv("TREPID_DATA", "/there")
+    assert data_folder(None) == Path("/there")
+    monkeypatch.delenv("TREPID_DATA")
+    assert data_folder(None) == ROOT.parent / "shared" / "data"
+
+
+@pytest.mark.skipif(
+    not (data_folder(None) / "tusimple_lanenet").is_dir(),
+    reason="the real sets are not beside the repository",
+)
+def test_the_default_estimator_finds_ego_lines_on_the_real_highway(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "FOLDER", tmp_path / "store")
+    found = bench_real(out=tmp_path / "out", sets=("tusimple_lanenet",))
+    assert found["tusimple_lanenet"]["highway"]["cv"]["tusimple_accuracy"] > 0.85

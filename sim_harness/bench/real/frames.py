@@ -90,68 +90,76 @@ def video(path: Path, *, every: int = 1) -> Iterator[Picture]:
             yield Picture(str(path), number / clip.fps, image, camera, file=file, assumed=True)
 
 
+@dataclass(frozen=True)
+class _Logged:
+    """A frame of a drive, and what its log says."""
+
+    image: Path
+    t_s: float
+    steer_share: float  # of full lock, + = left
+    speed_mps: float | None = None
+
+
 def udacity_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
     """Stretches of the simulator drive with the steering of its log, in a world of half its size."""
     camera = load(CONFIG_DIR / "cameras" / "udacity_sim_half.yaml", Camera)
     with (folder / "driving_log.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.reader(file) if row]
-    for drive, number in _stretched(len(rows), every):
-        row = rows[number]
-        yield Picture(
-            f"udacity {drive}",
+    logged = [
+        _Logged(
+            folder / "IMG" / Path(row[0]).name,
             number / 10,  # about ten frames a second
-            read_image(folder / "IMG" / Path(row[0]).name),
-            camera,
-            steering_rad=-float(row[3]) * FULL_LOCK_RAD,
-            speed_mps=HALF_WORLD * MPS_PER_MPH * float(row[6]),
-            file=Path(row[0]).name,
+            -float(row[3]),
+            HALF_WORLD * MPS_PER_MPH * float(row[6]),
         )
+        for number, row in enumerate(rows)
+    ]
+    return _stretches("udacity", logged, every, camera)
 
 
 def donkey_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
-    """Stretches of the donkeycar drive with the joystick's angle, with an unknown camera."""
+    """Stretches of a donkeycar drive with the joystick's angle, with an unknown camera."""
     catalogs = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("catalog_?.catalog"))]
     rows = [json.loads(line) for catalog in catalogs for line in catalog.splitlines()]
     rows.sort(key=lambda row: row["_index"])
-    images = folder / "images"
-    chosen = [rows[int(n)] for n in np.linspace(0, len(rows) - 1, CALIBRATION_FRAMES)]
-    sample = [read_image(images / row["cam/image_array"]) for row in chosen]
-    camera = self_calibrated(sample, lane_cv_settings().self_calibration)
-    for drive, number in _stretched(len(rows), every):
-        row = rows[number]
-        yield Picture(
-            f"donkey {drive}",
-            row["_timestamp_ms"] / 1000,
-            read_image(images / row["cam/image_array"]),
-            camera,
-            steering_rad=-float(row["user/angle"]) * FULL_LOCK_RAD,
-            file=row["cam/image_array"],
-            assumed=True,
+    logged = [
+        _Logged(
+            folder / "images" / row["cam/image_array"], row["_timestamp_ms"] / 1000, -float(row["user/angle"])
         )
+        for row in rows
+    ]
+    return _stretches("donkey", logged, every)
 
 
 def cart_drive(folder: Path, *, every: int = 1) -> Iterator[Picture]:
     """Stretches of a cart's drive whose driving_log.csv names image, timestamp_ms and user_angle."""
     with (folder / "driving_log.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    chosen = [rows[int(n)] for n in np.linspace(0, len(rows) - 1, CALIBRATION_FRAMES)]
-    sample = [read_image(folder / row["image"]) for row in chosen]
-    camera = self_calibrated(sample, lane_cv_settings().self_calibration)
-    for drive, number in _stretched(len(rows), every):
-        row = rows[number]
-        yield Picture(
-            f"cart {drive}",
-            float(row["timestamp_ms"]) / 1000,
-            read_image(folder / row["image"]),
-            camera,
-            steering_rad=-float(row["user_angle"]) * FULL_LOCK_RAD,
-            file=Path(row["image"]).name,
-            assumed=True,
-        )
+        logged = [
+            _Logged(folder / row["image"], float(row["timestamp_ms"]) / 1000, -float(row["user_angle"]))
+            for row in csv.DictReader(file)
+        ]
+    return _stretches("cart", logged, every)
 
 
-def _stretched(count: int, every: int) -> Iterator[tuple[int, int]]:
-    """Number of the stretch and of the frame."""
-    starts = np.linspace(0, count - LENGTH, STRETCHES).astype(int).tolist()[::every]
+def _stretches(
+    name: str, rows: Sequence[_Logged], every: int, camera: Camera | None = None
+) -> Iterator[Picture]:
+    """STRETCHES of LENGTH frames, every n-th of them; without ``camera`` calibrated on frames of the drive."""
+    known = camera
+    if known is None:
+        chosen = np.linspace(0, len(rows) - 1, CALIBRATION_FRAMES).astype(int).tolist()
+        sample = [read_image(rows[number].image) for number in chosen]
+        known = self_calibrated(sample, lane_cv_settings().self_calibration)
+    starts = np.linspace(0, len(rows) - LENGTH, STRETCHES).astype(int).tolist()[::every]
     for drive, start in enumerate(starts):
-        yield from ((drive, number) for number in range(start, start + LENGTH))
+        for row in rows[start : start + LENGTH]:
+            yield Picture(
+                f"{name} {drive}",
+                row.t_s,
+                read_image(row.image),
+                known,
+                steering_rad=row.steer_share * FULL_LOCK_RAD,
+                speed_mps=row.speed_mps,
+                file=row.image.name,
+                assumed=camera is None,
+            )
