@@ -63,6 +63,7 @@ VERBS = {
     "vehicle": Verb("controller.cli", help="The bicycle model with understeer."),
     "ros": Verb("vehicle.ros.cli", help="The messages as a ROS 2 package."),
     "keys": Verb("vehicle.keys.cli", help="Certificates of the processes of a car."),
+    "dataset": Verb("learning.dataset.cli", help="Data sets of recorded drives: build, look at, convert."),
     "train": Verb(
         "learning.lane.train",
         "train",

@@ -13,7 +13,8 @@ _WHOLE_SWEEP_S = 1e6  # average the speed over the whole sweep, because cases di
 class SweepProgress(Progress):
     """Counts cases and estimates the time left from the simulated seconds left. Use as a context manager."""
 
-    def __init__(self, cases: int, simulated_s: float) -> None:
+    def __init__(self, cases: int, simulated_s: float, *, noun: str = "cases") -> None:
+        """``noun``: what is counted."""
         console = Console(stderr=True)
         super().__init__(
             TextColumn("{task.description}"),
@@ -27,15 +28,15 @@ class SweepProgress(Progress):
             speed_estimate_period=_WHOLE_SWEEP_S,
             disable=not console.is_terminal,
         )
-        self._cases, self._simulated_s = cases, simulated_s
+        self._cases, self._simulated_s, self._noun = cases, simulated_s, noun
         self._done, self._done_s = 0, 0.0
-        self._bar = self.add_task(f"0 of {cases} cases", total=simulated_s)
+        self._bar = self.add_task(f"0 of {cases} {noun}", total=simulated_s)
         self._started_s = self._line_s = time.monotonic()
 
     def step(self, simulated_s: float) -> None:
         """Count a finished case of at most ``simulated_s``."""
         self._done, self._done_s, now_s = self._done + 1, self._done_s + simulated_s, time.monotonic()
-        counted = f"{self._done} of {self._cases} cases"
+        counted = f"{self._done} of {self._cases} {self._noun}"
         self.update(self._bar, advance=simulated_s, description=counted)
         if self.disable and self._done < self._cases and now_s - self._line_s >= LINE_EVERY_S:
             self._line_s = now_s

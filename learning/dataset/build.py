@@ -1,0 +1,194 @@
+"""``trepid dataset build``: logs of drives to the index of a data set."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learning.dataset.dataset import VERSION, DatasetFile, Source, Split, as_rows, sha256_of, write
+from learning.dataset.likeness import SMALL, Look, changes, hash_of, small_grey
+from learning.dataset.pictures import Pictures
+from learning.dataset.sources.log import Faults, Log, Steering, licence_beside, sha256_of_files
+from learning.dataset.sources.table import TableOptions, read_table
+from learning.dataset.sources.tub import is_tub, read_tub
+from learning.dataset.split import divided, stretches
+from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
+from trepid.config import InputError
+
+UNREADABLE, NO_LABEL, OTHER_SIZE = "image cannot be read", "no steering", "other size of image"
+UDACITY_LOG = "driving_log.csv"
+BEYOND_LOCK = 1.001  # rounding
+Progress = Callable[[int], None]  # number of frames that were measured
+Reader = Callable[[Path, Faults, TableOptions], Log]
+
+
+@dataclass(frozen=True, slots=True)
+class BuildOptions:
+    """The options of a build."""
+
+    wheel: WheelOptions
+    split: Split
+    table: TableOptions
+    command: str = ""
+
+
+def read_log(path: Path, faults: Faults, options: TableOptions) -> Log:
+    """The log at ``path``, by the reader of its format. Raises InputError."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    if is_tub(path):
+        return read_tub(path, faults)
+    if path.is_dir() and (path / UDACITY_LOG).is_file():
+        return read_table(path / UDACITY_LOG, faults, options)
+    if path.suffix.lower() == ".csv":
+        return read_table(path, faults, options)
+    raise InputError(f"{path}: no known log of a drive; known: a donkeycar tub, a table (.csv)")
+
+
+def read_logs(paths: list[Path], faults: Faults, options: TableOptions) -> list[Log]:
+    """The logs of all sources, with a name of its own for every route."""
+    logs = [read_log(path, faults, options) for path in paths]
+    names = Counter(name for log in logs for name in set(log.route))
+    for number, log in enumerate(logs):
+        log.route = [f"{name}#{number}" if names[name] > 1 else name for name in log.route]
+    return logs
+
+
+def build(
+    out: Path, logs: list[Log], options: BuildOptions, faults: Faults, progress: Progress = lambda _: None
+) -> DatasetFile:
+    """Label, measure and divide the frames of ``logs``, and write the data set. Raises InputError."""
+    wheel = wheel_of(logs, options.wheel)
+    for log in logs:
+        _check_steering(log, faults)
+    t_s = np.concatenate([log.t_s for log in logs])
+    route = np.array([name for log in logs for name in log.route])
+    stretch = stretches(t_s, route)
+    unusable, look = _measured(logs, stretch, faults, progress)
+    split, why = divided(options.split, t_s, route, unusable, look)
+    rows = as_rows(
+        {
+            "frame": _numbered(route),
+            "source": np.repeat(np.arange(len(logs)), [len(log) for log in logs]),
+            "image": [name for log in logs for name in log.image],
+            "item": np.concatenate([log.item for log in logs]),
+            "t_s": t_s,
+            "route": route,
+            "stretch": stretch,
+            "road_wheel_rad": np.concatenate([road_wheel_rad(log, wheel) for log in logs]),
+            "speed_mps": np.concatenate([log.speed_mps for log in logs]),
+            "split": split,
+            "why": why,
+            "light": look.light,
+            "hash": look.hash,
+            "change": look.change,
+        }
+    )
+    _check_splits(options.split, split)
+    file = DatasetFile(
+        version=VERSION,
+        sources=tuple(_source(log) for log in logs),
+        wheel=wheel,
+        split=options.split,
+        command=options.command,
+        data_sha256=sha256_of(rows),
+    )
+    write(out, file, rows)
+    return file
+
+
+def _check_splits(rule: Split, split: NDArray[np.str_]) -> None:
+    """Raise InputError when a split that should have rows has none."""
+    for name, share in rule.shares.items():
+        if share > 0 and not (split == name).any():
+            raise InputError(
+                f"no row is left for {name}: the drives are too short for a gap of {rule.gap_s:g} s (--gap-s),"
+                " or too many rows are left out"
+            )
+
+
+def _check_steering(log: Log, faults: Faults) -> None:
+    """Name the rows without steering, and those beyond full lock."""
+    for number in np.flatnonzero([not reason for reason in log.why]):
+        value = log.steering[number]
+        beyond = log.unit == Steering.LOCK and abs(value) > BEYOND_LOCK
+        if math.isfinite(value) and not beyond:
+            continue
+        what = f"steering of {value:g} is beyond full lock" if beyond else "no steering"
+        faults(f"{log.path}: row {number} ({log.image[number]}): {what}")
+        log.why[number] = NO_LABEL
+        log.steering[number] = math.nan
+
+
+def _numbered(route: NDArray[np.str_]) -> NDArray[np.int64]:
+    """Number of each row within its route."""
+    frame = np.empty(len(route), np.int64)
+    for name in np.unique(route):
+        mine = np.flatnonzero(route == name)
+        frame[mine] = np.arange(len(mine))
+    return frame
+
+
+def _measured(
+    logs: list[Log], stretch: NDArray[np.int32], faults: Faults, progress: Progress
+) -> tuple[NDArray[np.str_], Look]:
+    """Read every image once: the reasons to leave out rows, and the look of all rows."""
+    total = len(stretch)
+    small = np.zeros((total, SMALL[1], SMALL[0]), np.uint8)
+    light = np.full(total, np.nan, np.float32)
+    hashes = np.zeros(total, np.uint64)
+    why: list[str] = []
+    at = 0
+    for log in logs:
+        pictures, reasons, sizes = Pictures(log.root, log.topic), list(log.why), {}
+        for number, (name, item) in enumerate(zip(log.image, log.item.tolist(), strict=True)):
+            progress(at + 1)
+            try:
+                image = pictures.read(name, item)
+            except InputError as error:
+                faults(str(error))
+                reasons[number] = reasons[number] or UNREADABLE
+                at += 1
+                continue
+            sizes[number] = image.shape[:2]
+            small[at], hashes[at] = small_grey(image), hash_of(image)
+            light[at] = small[at].mean() / 255.0
+            at += 1
+        pictures.close()
+        _leave_out_other_sizes(log, sizes, reasons, faults)
+        why += reasons
+    look = Look(light, hashes, small, changes(small, stretch, np.isfinite(light)))
+    return np.array(why), look
+
+
+def _leave_out_other_sizes(
+    log: Log, sizes: Mapping[int, tuple[int, ...]], reasons: list[str], faults: Faults
+) -> None:
+    """Leave out images of another size than most of the log have."""
+    if not sizes:
+        raise InputError(f"{log.path}: no image of this log can be read; they are sought below {log.root}")
+    usual = Counter(sizes.values()).most_common(1)[0][0]
+    for number, size in sizes.items():
+        if size != usual:
+            faults(
+                f"{log.root / log.image[number]}: {size[1]}×{size[0]} pixels, the others {usual[1]}×{usual[0]}"
+            )
+            reasons[number] = reasons[number] or OTHER_SIZE
+
+
+def _source(log: Log) -> Source:
+    return Source(
+        kind=log.kind,
+        path=log.path.resolve(),
+        root=log.root.resolve(),
+        sha256=sha256_of_files(log.files),
+        rows=len(log) + log.unread,
+        unread=log.unread,
+        topic=log.topic,
+        licence=licence_beside(log.path if log.path.is_dir() else log.path.parent),
+        notes=tuple(log.notes),
+    )

@@ -1,0 +1,174 @@
+"""``trepid dataset``: recorded drives to data sets."""
+
+import json
+import math
+import shlex
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from trepid.commands.car_option import Car
+from trepid.config import InputError, parse_overrides
+
+app = typer.Typer(no_args_is_help=True)
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON only.")]
+
+
+@app.callback()
+def dataset() -> None:
+    """Data sets of recorded drives: build, look at, convert."""
+
+
+@app.command()
+def build(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder of the data set.")],
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="SOURCE…", help="Donkeycar tubs, Udacity logs, tables (.csv).")
+    ],
+    lock_deg: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0, max=60.0, help="Road-wheel angle of full steering [deg]; default: that of --car."
+        ),
+    ] = None,
+    positive: Annotated[
+        str | None,
+        typer.Option(
+            "--sign", metavar="left|right", help="Side of positive steering; default: by the format."
+        ),
+    ] = None,
+    wheelbase_m: Annotated[
+        float | None, typer.Option(min=0.05, max=10.0, help="[m]; default: that of --car.")
+    ] = None,
+    steering_ratio: Annotated[
+        float | None,
+        typer.Option(min=1.0, max=40.0, help="Steering-wheel angle / road-wheel angle; default: of --car."),
+    ] = None,
+    split: Annotated[
+        str, typer.Option(metavar="time|route", help="Divide each route in time, or by routes.")
+    ] = "time",
+    shares: Annotated[
+        str, typer.Option(metavar="A,B,C", help="Shares of train, validation and test.")
+    ] = "0.65,0.15,0.2",
+    gap_s: Annotated[
+        float, typer.Option(min=0.0, max=600.0, help="Time left out at a border between two splits [s].")
+    ] = 2.0,
+    test_route: Annotated[
+        list[str] | None, typer.Option(help="--split route: a route for the test; default: drawn.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="--split route: of the drawing.")] = 0,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=COLUMN", help="Column of a table that holds NAME."),
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(min=0.1, max=1000.0, help="Rate of a table without times [1/s].")
+    ] = None,
+    video: Annotated[
+        Path | None, typer.Option(help="Video whose frames the rows of a table describe.")
+    ] = None,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict",
+            help="End with exit code 2 at a row or image that cannot be used; without it they are named and left"
+            " out, with exit code 1 at the end.",
+        ),
+    ] = False,
+    car: Car = None,
+    as_json: AsJson = False,
+) -> int:
+    """Build a data set from recorded drives: frames, road-wheel angles, splits. The images stay where they are."""
+    from learning.dataset import build as building
+    from learning.dataset.dataset import Dataset, Split, need_arrow
+    from learning.dataset.sources.log import Faults
+    from learning.dataset.sources.table import TableOptions
+    from learning.dataset.wheel import WheelOptions
+    from sim_harness.sweep.progress import SweepProgress
+
+    need_arrow()
+    options = building.BuildOptions(
+        wheel=WheelOptions(lock_deg, _side(positive), wheelbase_m, steering_ratio),
+        split=Split(
+            by=_choice("--split", split, ("time", "route")),  # type: ignore[arg-type]
+            seed=seed,
+            gap_s=gap_s,
+            shares=_shares(shares),  # type: ignore[arg-type]
+            test_routes=tuple(test_route or ()),
+        ),
+        table=TableOptions(parse_columns(column or []), fps, video),
+        command=shlex.join(["trepid", *sys.argv[1:]]),
+    )
+    faults = Faults(strict=strict)
+    logs = building.read_logs(sources, faults, options.table)
+    total = sum(len(log) for log in logs)
+    with SweepProgress(total, float(total), noun="frames") as progress:
+        building.build(out, logs, options, faults, lambda _: progress.step(1.0))
+    faults.close()
+    _print_summary(Dataset.open(out), faults.count, as_json=as_json)
+    return 1 if faults.count else 0
+
+
+def parse_columns(texts: list[str]) -> dict[str, str]:
+    """The NAME=COLUMN texts of ``--column``. Raises InputError."""
+    try:
+        return parse_overrides(texts)
+    except InputError as error:
+        raise InputError(
+            str(error).replace("--set", "--column").replace("KEY=VALUE", "NAME=COLUMN")
+        ) from error
+
+
+def _choice(option: str, text: str, known: tuple[str, ...]) -> str:
+    if text not in known:
+        raise InputError(f"{option} {text}: expected {' or '.join(known)}")
+    return text
+
+
+def _side(text: str | None) -> bool | None:
+    return None if text is None else _choice("--sign", text, ("left", "right")) == "left"
+
+
+def _shares(text: str) -> dict[str, float]:
+    from learning.dataset.dataset import SPLITS
+
+    try:
+        shares = [float(part) for part in text.split(",")]
+    except ValueError:
+        shares = []
+    if len(shares) != len(SPLITS) or not all(0.0 <= share <= 1.0 for share in shares):
+        raise InputError(f"--shares {text}: expected three shares such as 0.65,0.15,0.2")
+    if abs(sum(shares) - 1.0) > 1e-6:
+        raise InputError(f"--shares {text}: expected the sum 1, got {sum(shares):g}")
+    return dict(zip(SPLITS, shares, strict=True))
+
+
+def _print_summary(made, left_out: int, *, as_json: bool) -> None:  # type: ignore[no-untyped-def]
+    rows = made.rows()
+    splits, wheel = Counter(rows["split"].tolist()), made.wheel
+    if as_json:
+        summary = dict(
+            frames=len(rows),
+            splits=splits,
+            routes=len(set(rows["route"].tolist())),
+            left_out=left_out,
+            wheel=wheel.model_dump(mode="json"),
+            data_sha256=made.sha256,
+        )
+        print(json.dumps(summary))
+        return
+    print(f"{made.folder}: {len(rows)} frames of {len(set(rows['route'].tolist()))} routes")
+    print("  " + ", ".join(f"{name} {splits[name]}" for name in ("train", "validation", "test", "none")))
+    for why, count in Counter(rows["why"].tolist()).most_common():
+        if why:
+            print(f"  left out: {count} {why}")
+    lock = "" if wheel.lock_rad is None else f"{math.degrees(wheel.lock_rad):.1f}° at full lock, "
+    print(
+        f"  steering: {lock}{wheel.how}; positive to the {'left' if wheel.sign > 0 else 'right'} in the log"
+    )
+    for number, source in enumerate(made.file.sources):
+        for note in source.notes:
+            print(f"  source {number}: {note}")

@@ -1,0 +1,66 @@
+"""What is measured in every image: light, likeness to other images, change since the one before.
+
+``hash`` is the difference hash of 64 bits: the image in 9 × 8 grey values, a bit for each that is greater than its
+left neighbour (N. Krawetz, Kind of Like That, 2013). Two frames are near duplicates when their hashes differ in at
+most ALIKE_BITS and their small grey copies by at most ALIKE on average.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trepid.types import Floats, Image, Mask
+
+SMALL = 32, 24  # width and height of the small grey copy
+ALIKE_BITS = 2
+ALIKE = 2.0 / 255.0
+STILL = 0.5 / 255.0  # a change below it is noise of the encoding
+_POWERS = 2 ** np.arange(64, dtype=np.uint64)
+_BLOCK = 512  # rows that are compared at once
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Measurements of n images."""
+
+    light: Floats  # mean grey, 0 to 1; NaN: cannot be read
+    hash: NDArray[np.uint64]
+    small: Image  # (n, 24, 32) grey
+    change: Floats  # from the image before; NaN: there is none
+
+
+def small_grey(image: Image) -> Image:
+    """The image in grey and small."""
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return cv2.resize(grey, SMALL, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
+
+
+def hash_of(image: Image) -> int:
+    """The difference hash of an image."""
+    grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), (9, 8), interpolation=cv2.INTER_AREA)
+    return int((_POWERS * (grey[:, 1:] > grey[:, :-1]).ravel()).sum())
+
+
+def changes(small: Image, stretch: NDArray[np.int32], known: Mask) -> Floats:
+    """Mean difference of each small copy from the one before in its stretch, 0 to 1; NaN without one."""
+    change = np.full(len(small), np.nan, np.float32)
+    if len(small) > 1:
+        both = known[1:] & known[:-1] & (stretch[1:] == stretch[:-1])
+        difference = np.abs(small[1:].astype(np.int16) - small[:-1]).mean(axis=(1, 2)) / 255.0
+        change[1:][both] = difference[both]
+    return change
+
+
+def near_duplicates(look: Look, rows: NDArray[np.intp], others: NDArray[np.intp]) -> Mask:
+    """Which of ``rows`` look like one of ``others``."""
+    alike = np.zeros(len(rows), bool)
+    for start in range(0, len(rows), _BLOCK):
+        block = rows[start : start + _BLOCK]
+        bits = np.bitwise_count(look.hash[block][:, None] ^ look.hash[others][None, :])
+        for mine, other in np.argwhere(bits <= ALIKE_BITS):
+            if not alike[start + mine]:
+                difference = look.small[block[mine]].astype(np.int16) - look.small[others[other]]
+                alike[start + mine] = np.abs(difference).mean() / 255.0 <= ALIKE
+    return alike

@@ -1,0 +1,110 @@
+"""What a reader finds in the log of a drive, before it is labelled."""
+
+import hashlib
+import re
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trepid.config import InputError
+from trepid.types import Column
+
+LICENCE = re.compile(r"(?i)\blicen[cs]e\b[^\n]*")
+MOST_NAMED = 20  # faults that are printed one by one
+
+
+class Steering(StrEnum):
+    """The unit of recorded steering."""
+
+    LOCK = "lock"  # share of full steering, -1 to 1
+    ROAD = "road wheel"  # angle of the road wheels [rad]
+    WHEEL = "steering wheel"  # angle of the steering wheel [rad]
+
+
+@dataclass(kw_only=True)
+class Log:
+    """n frames in the order of the log. Missing numbers are NaN."""
+
+    kind: str
+    path: Path
+    root: Path  # of the images
+    files: tuple[Path, ...]  # that hold the log
+    image: list[str]  # below root
+    item: NDArray[np.int64]  # in a video or recording; -1: an image file
+    t_s: Column
+    route: list[str]
+    steering: Column
+    speed_mps: Column
+    yaw_rate_radps: Column
+    why: list[str]  # the reason to leave the frame out; empty: none
+    unit: Steering
+    left_positive: bool  # as the format has it
+    lock_rad: float | None = None  # that the format prescribes, or that is usual for it
+    lock_source: str = ""  # why so
+    unread: int = 0  # rows that cannot be read
+    topic: str | None = None
+    notes: list[str] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.image)
+
+
+class Faults:
+    """Rows and images that cannot be used: each is named on standard error and left out."""
+
+    def __init__(self, *, strict: bool) -> None:
+        """``strict``: the first one ends the run with its error."""
+        self._strict = strict
+        self.count = 0
+
+    def __call__(self, text: str) -> None:
+        """Report a fault. Raises InputError when strict."""
+        if self._strict:
+            raise InputError(text)
+        self.count += 1
+        if self.count <= MOST_NAMED:
+            print(f"trepid: {text}; left out", file=sys.stderr)
+
+    def close(self) -> None:
+        """Report the number of faults that were not named."""
+        if self.count > MOST_NAMED:
+            print(f"trepid: {self.count - MOST_NAMED} more of these, left out as well", file=sys.stderr)
+
+
+def sha256_of_files(paths: Iterable[Path]) -> str:
+    """SHA-256 of the contents of files, one after the other. Raises InputError."""
+    digest = hashlib.sha256()
+    for path in paths:
+        try:
+            with path.open("rb") as file:
+                while data := file.read(1 << 20):
+                    digest.update(data)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    return digest.hexdigest()
+
+
+def licence_beside(folder: Path) -> str | None:
+    """What a MANIFEST in ``folder`` says about the licence; None without one."""
+    for path in sorted(folder.glob("MANIFEST*")):
+        found = LICENCE.search(path.read_text(encoding="utf-8", errors="replace"))
+        if found:
+            return found.group().strip()
+    return None
+
+
+def number(value: object) -> float:
+    """``value`` as a number; NaN for None, empty text and null. Raises ValueError for something else."""
+    if value is None or value == "":
+        return float("nan")
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"expected a number, got {value!r}")
+    try:
+        return float(value)
+    except ValueError:
+        raise ValueError(f"expected a number, got {value!r}") from None

@@ -1,0 +1,248 @@
+"""Tables (CSV) with an image, a steering value and a time a row.
+
+Two forms: ``driving_log.csv`` of the Udacity behavioural-cloning simulator (center, left, right, steering,
+throttle, brake, speed in mph; with or without a header; times in the names of the images; ±1 is ±25° and positive
+to the right), and any table with a header, whose columns are found by their names in COLUMNS or named by
+``--column``.
+"""
+
+import csv
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path, PureWindowsPath
+from types import MappingProxyType
+
+import numpy as np
+
+from learning.dataset.sources.log import Faults, Log, Steering, number
+from trepid.config import InputError
+from trepid.spelling import did_you_mean
+from trepid.types import Column
+
+MPS_PER_MPH = 0.44704
+DEG = math.pi / 180.0
+UDACITY = ("center", "left", "right", "steering", "throttle", "brake", "speed")
+UDACITY_LOCK_DEG = 25.0
+UDACITY_STAMP = re.compile(r"_(\d{4}_\d\d_\d\d_\d\d_\d\d_\d\d_\d{1,3})\.\w+$")
+
+# Quantity -> its names in a table, and their factors to SI.
+COLUMNS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "image": dict.fromkeys(("image", "filename", "file", "frame_path", "path", "center", "img"), 1.0),
+        "frame": dict.fromkeys(("frame", "frame_number", "frame_index"), 1.0),
+        "time": {
+            "t_s": 1.0,
+            "time_s": 1.0,
+            "timestamp_s": 1.0,
+            "timestamp_ms": 1e-3,
+            "_timestamp_ms": 1e-3,
+            "timestamp_ns": 1e-9,
+        },
+        "road wheel": {"road_wheel_angle_rad": 1.0, "road_wheel_angle_deg": DEG},
+        "steering wheel": {
+            "steering_wheel_angle_rad": 1.0,
+            "steering_wheel_angle_deg": DEG,
+            "steering_wheel_deg": DEG,
+        },
+        "lock": dict.fromkeys(
+            ("user_angle", "user/angle", "steering", "steer", "angle", "steering_angle"), 1.0
+        ),
+        "speed": {"speed_mps": 1.0, "speed_kmh": 1 / 3.6, "speed_mph": MPS_PER_MPH},
+        "yaw rate": {"yaw_rate_radps": 1.0, "yaw_rate_dps": DEG},
+        "route": dict.fromkeys(("route", "drive", "session"), 1.0),
+    }
+)
+NAMES = tuple(name for names in COLUMNS.values() for name in names)
+
+
+@dataclass(frozen=True, slots=True)
+class TableOptions:
+    """What a table does not say itself."""
+
+    renamed: Mapping[str, str] = field(default_factory=dict)  # name of COLUMNS -> column of the table
+    fps: float | None = None  # of rows without times
+    video: Path | None = None  # that holds the frames; None: image files
+
+
+def read_table(path: Path, faults: Faults, options: TableOptions) -> Log:
+    """The rows of a table; an image is sought below the folder of the table. Raises InputError."""
+    rows = _cells(path)
+    header = [name.strip() for name in rows[0]] if rows else []
+    if _is_udacity(header) and not options.renamed:
+        has_header = tuple(name.lower() for name in header) == UDACITY
+        return _udacity(path, rows, faults, first=1 if has_header else 0)
+    return _named(path, header, rows[1:], faults, options)
+
+
+def _cells(path: Path) -> list[list[str]]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    if not any(rows):
+        raise InputError(f"{path}: is empty")
+    return rows
+
+
+def _is_udacity(header: list[str]) -> bool:
+    if tuple(name.lower() for name in header) == UDACITY:
+        return True
+    return len(header) == len(UDACITY) and UDACITY_STAMP.search(header[0]) is not None
+
+
+def _udacity(path: Path, rows: list[list[str]], faults: Faults, *, first: int) -> Log:
+    found, names, before = [], [], faults.count
+    for line, row in enumerate(rows[first:], start=first + 1):
+        try:
+            if len(row) != len(UDACITY):
+                raise ValueError(f"expected {len(UDACITY)} columns, got {len(row)}")
+            found.append((_stamp_s(row[0]), number(row[3].strip()), MPS_PER_MPH * number(row[6].strip())))
+            names.append(_below(path.parent, row[0].strip()))
+        except ValueError as error:
+            faults(f"{path}:{line}: {error}")
+    if not found:
+        raise InputError(f"{path}: no row can be read")
+    t_s, steering, speed_mps = np.array(found, dtype=np.float64).T
+    log = _log("udacity", path, names, t_s, steering, Steering.LOCK)
+    log.speed_mps, log.unread = speed_mps, faults.count - before
+    log.lock_rad, log.lock_source = math.radians(UDACITY_LOCK_DEG), "of the Udacity simulator"
+    if any(row[1].strip() for row in rows[first:] if len(row) == len(UDACITY)):
+        log.notes.append("images of the centre camera; those of left and right are not used")
+    return log
+
+
+def _stamp_s(image: str) -> float:
+    """The time in the name of an image of the Udacity simulator. Raises ValueError."""
+    stamp = UDACITY_STAMP.search(image)
+    if stamp is None:
+        raise ValueError(f"no time in the name of the image {image!r}")
+    seconds, _, milli = stamp.group(1).rpartition("_")
+    return datetime.strptime(f"{seconds}+0000", "%Y_%m_%d_%H_%M_%S%z").timestamp() + int(milli) / 1e3
+
+
+def _below(folder: Path, name: str) -> str:
+    """``name`` relative to ``folder``; a path of another machine is sought by its last two and its last part."""
+    parts = PureWindowsPath(name).parts
+    if not parts:
+        raise ValueError("no image")
+    if not PureWindowsPath(name).is_absolute() and not name.startswith("/"):
+        return "/".join(parts)
+    near = "/".join(parts[-2:])
+    return near if (folder / near).is_file() else name if Path(name).is_file() else near
+
+
+def _named(
+    path: Path, header: list[str], rows: list[list[str]], faults: Faults, options: TableOptions
+) -> Log:
+    at, names = _chosen(path, header, options)
+    angle = next(quantity for quantity in ("road wheel", "steering wheel", "lock") if quantity in at)
+    texts: dict[str, list[str]] = {"image": [], "route": []}
+    numbers: list[list[float]] = []
+    numeric = [quantity for quantity in ("frame", "time", angle, "speed", "yaw rate") if quantity in at]
+    before = faults.count
+    for line, row in enumerate(rows, start=2):
+        if not row:
+            continue
+        try:
+            if len(row) != len(header):
+                raise ValueError(f"expected {len(header)} columns, got {len(row)}")
+            values = [_scaled(row[at[quantity]], names[quantity]) for quantity in numeric]
+            image = "" if options.video else _below(path.parent, row[at["image"]].strip())
+        except ValueError as error:
+            faults(f"{path}:{line}: {error}")
+            continue
+        numbers.append(values)
+        texts["image"].append(image)
+        texts["route"].append(row[at["route"]].strip() if "route" in at else "")
+    if not numbers:
+        raise InputError(f"{path}: no row can be read")
+    columns = dict(zip(numeric, np.array(numbers, dtype=np.float64).T, strict=True))
+    t_s = columns["time"] if "time" in columns else np.arange(len(numbers)) / (options.fps or math.nan)
+    log = _log("table", path, texts["image"], t_s, columns[angle], Steering(angle))
+    if any(texts["route"]):
+        log.route = [f"{path.parent.name}/{route}" for route in texts["route"]]
+    _filmed(log, columns, options)
+    log.speed_mps = columns.get("speed", log.speed_mps)
+    log.yaw_rate_radps = columns.get("yaw rate", log.yaw_rate_radps)
+    log.unread = faults.count - before
+    log.left_positive = angle != "lock"
+    log.notes.append("columns: " + ", ".join(f"{quantity} = {header[at[quantity]]}" for quantity in at))
+    if angle == "lock":
+        _check_lock(path, header[at[angle]], columns[angle])
+        log.lock_rad, log.lock_source = math.radians(UDACITY_LOCK_DEG), "the table does not have it"
+    return log
+
+
+def _chosen(path: Path, header: list[str], options: TableOptions) -> tuple[dict[str, int], dict[str, str]]:
+    """Place of the column of each quantity, and the name whose unit it has. Raises InputError."""
+    strange = [name for name in options.renamed if name not in NAMES]
+    if strange:
+        raise InputError(f"--column {strange[0]}: no such name; {did_you_mean(strange[0], set(NAMES))}")
+    at, names = {}, {}
+    for quantity, known in COLUMNS.items():
+        name = next((name for name in known if name in options.renamed), None)
+        name = name or next((name for name in known if name in header), None)
+        if name is None:
+            continue
+        column = options.renamed.get(name, name)
+        if column not in header:
+            raise InputError(f"{path}:1: no column {column!r}; there are {', '.join(header)}")
+        at[quantity], names[quantity] = header.index(column), name
+    need = {
+        "an image": options.video is not None or "image" in at,
+        "a time (or give --fps)": "time" in at or options.fps is not None,
+        "the steering": any(quantity in at for quantity in ("road wheel", "steering wheel", "lock")),
+    }
+    for what, there in need.items():
+        if not there:
+            raise InputError(
+                f"{path}:1: no column for {what} among {', '.join(header)}; name it by --column NAME=COLUMN"
+            )
+    return at, names
+
+
+def _scaled(text: str, name: str) -> float:
+    factor = next(names[name] for names in COLUMNS.values() if name in names)
+    return factor * number(text.strip())
+
+
+def _check_lock(path: Path, name: str, values: Column) -> None:
+    """Raise InputError for a column without unit that cannot be a share of full steering."""
+    if np.nanmax(np.abs(values), initial=0.0) > 1.0 and np.mean(np.abs(values) > 1.0) > 0.01:
+        raise InputError(
+            f"{path}:1: column {name} exceeds ±1, so it is no share of full steering; name its unit, for example"
+            f" --column steering_wheel_angle_deg={name}"
+        )
+
+
+def _filmed(log: Log, columns: Mapping[str, Column], options: TableOptions) -> None:
+    """Let the rows name frames of a video: by the column of frame numbers, else in order."""
+    if options.video is None:
+        return
+    log.root = options.video.parent
+    log.image = [options.video.name] * len(log)
+    log.item = np.asarray(columns.get("frame", np.arange(len(log))), dtype=np.int64)
+
+
+def _log(kind: str, path: Path, image: list[str], t_s: Column, steering: Column, unit: Steering) -> Log:
+    unknown = np.full(len(image), math.nan)
+    return Log(
+        kind=kind,
+        path=path,
+        root=path.parent,
+        files=(path,),
+        image=image,
+        item=np.full(len(image), -1),
+        t_s=t_s,
+        route=[path.parent.name] * len(image),
+        steering=steering,
+        speed_mps=unknown,
+        yaw_rate_radps=unknown,
+        why=[""] * len(image),
+        unit=unit,
+        left_positive=False,
+    )

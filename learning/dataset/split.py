@@ -1,0 +1,125 @@
+"""Division into train, validation and test: by time with a gap, or by route.
+
+Frames next to each other look alike, so a division at random would test what was trained. By time every route is
+cut into three pieces in the order train, validation, test, with ``gap_s`` left out at each border. By route whole
+routes are the test, others the validation. A border never lies inside a frozen piece, and rows of train and
+validation that look like a row of a later split are left out.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learning.dataset.dataset import NONE, SPLITS, Split
+from learning.dataset.likeness import STILL, Look, near_duplicates
+from trepid.config import InputError
+from trepid.types import Column, Mask
+
+PAUSE_PERIODS = 5.0  # a step in time of more usual periods is a pause ...
+LEAST_PAUSE_S = 0.5  # ... if it is this long
+GAP, ALIKE_WHY = "gap between splits", "near duplicate of a frame of a later split"
+
+
+def stretches(t_s: Column, route: NDArray[np.str_]) -> NDArray[np.int32]:
+    """Number of the piece without pauses that each row belongs to; time that runs back is a pause too."""
+    if not len(t_s):
+        return np.empty(0, np.int32)
+    step_s = np.diff(t_s)
+    same = route[1:] == route[:-1]
+    usual_s = float(np.median(step_s[same & (step_s > 0)])) if (same & (step_s > 0)).any() else 0.0
+    pause = ~same | ~(step_s >= 0) | (step_s > max(LEAST_PAUSE_S, PAUSE_PERIODS * usual_s))
+    return np.concatenate([[0], np.cumsum(pause)]).astype(np.int32)
+
+
+def divided(
+    split: Split, t_s: Column, route: NDArray[np.str_], why: NDArray[np.str_], look: Look
+) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
+    """The columns ``split`` and ``why``; rows with a reason already are ``none``. Raises InputError."""
+    if abs(sum(split.shares.values()) - 1.0) > 1e-6 or set(split.shares) != set(SPLITS):
+        raise InputError(f"--shares: expected three shares with the sum 1, got {split.shares}")
+    usable = why == ""
+    names = np.full(len(t_s), SPLITS[0], dtype="<U10")
+    if split.by == "time":
+        for name in np.unique(route):
+            mine = np.flatnonzero(route == name)
+            names[mine] = _cut(mine, usable, split.shares, look)
+    else:
+        names = _by_route(split, route, usable, look)
+    reasons = why.astype("<U64")
+    _clear_gaps(names, reasons, t_s, route, split.gap_s)
+    _clear_duplicates(names, reasons, look)
+    names[reasons != ""] = NONE
+    return names, reasons
+
+
+def _cut(rows: NDArray[np.intp], usable: Mask, shares: dict, look: Look) -> NDArray[np.str_]:
+    """The split of the rows of one route, in order, by shares of its usable rows."""
+    done = np.cumsum(usable[rows]) / max(1, usable[rows].sum())
+    names = np.full(len(rows), SPLITS[0], dtype="<U10")
+    until = 0.0
+    for before, name in pairwise(SPLITS):
+        until += shares[before]
+        border = int(np.searchsorted(done, until, side="right"))
+        while 0 < border < len(rows) and look.change[rows[border]] <= STILL:
+            border += 1
+        if shares[name] > 0:
+            names[border:] = name
+    return names
+
+
+def _by_route(split: Split, route: NDArray[np.str_], usable: Mask, look: Look) -> NDArray[np.str_]:
+    """Whole routes for the test (named, or drawn until the share is reached), then for the validation.
+
+    With a single route left beside the test, the validation is cut off its end.
+    """
+    routes = sorted(set(route.tolist()))
+    strange = [name for name in split.test_routes if name not in routes]
+    if strange:
+        raise InputError(f"--test-route {strange[0]}: no such route; there are {', '.join(routes)}")
+    drawn = np.random.default_rng(split.seed).permutation(routes).tolist()
+    test = list(split.test_routes) or _taken(drawn, split.shares["test"], route, usable)
+    left = [name for name in drawn if name not in test]
+    if not left or not test:
+        raise InputError(
+            f"a split by route needs two routes at least, got {', '.join(routes)}; split by time"
+        )
+    names = np.where(np.isin(route, test), SPLITS[2], SPLITS[0]).astype("<U10")
+    if len(left) > 1:
+        names[np.isin(route, _taken(left, split.shares["validation"], route, usable))] = SPLITS[1]
+    else:
+        rest = 1.0 - split.shares["test"]
+        shares = {"train": split.shares["train"] / rest, "validation": split.shares["validation"] / rest}
+        mine = np.flatnonzero(route == left[0])
+        names[mine] = _cut(mine, usable, {**shares, "test": 0.0}, look)
+    return names
+
+
+def _taken(routes: list[str], share: float, route: NDArray[np.str_], usable: Mask) -> list[str]:
+    """The first routes that hold ``share`` of the usable rows, and never all routes."""
+    taken: list[str] = []
+    for name in routes[:-1]:
+        if np.isin(route[usable], taken).mean() >= share:
+            break
+        taken.append(name)
+    return taken
+
+
+def _clear_gaps(
+    names: NDArray[np.str_], reasons: NDArray[np.str_], t_s: Column, route: NDArray[np.str_], gap_s: float
+) -> None:
+    """Leave out the rows nearer than half a gap to a border between two splits of one route."""
+    borders = np.flatnonzero((names[1:] != names[:-1]) & (route[1:] == route[:-1])) + 1
+    for border in borders:
+        same = route == route[border]
+        near = same & (t_s > t_s[border] - gap_s / 2) & (t_s < t_s[border] + gap_s / 2) & (reasons == "")
+        reasons[near] = GAP
+
+
+def _clear_duplicates(names: NDArray[np.str_], reasons: NDArray[np.str_], look: Look) -> None:
+    """Leave out rows that look like a row of a later split."""
+    for number, name in enumerate(SPLITS[:-1]):
+        rows = np.flatnonzero((names == name) & (reasons == ""))
+        later = np.flatnonzero(np.isin(names, SPLITS[number + 1 :]) & (reasons == ""))
+        if len(rows) and len(later):
+            reasons[rows[near_duplicates(look, rows, later)]] = ALIKE_WHY

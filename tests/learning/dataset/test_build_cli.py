@@ -1,0 +1,92 @@
+"""``trepid dataset build``: what is left out, what is refused, and the line that says so."""
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from drive_rig import made_dataset, run, steering_of, write_pictures, write_table, write_tub, write_udacity
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
+    """The line on standard error of a call that ends with exit code 2."""
+    assert run("dataset", "build", *map(str, words)) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len([line for line in lines if line.startswith("trepid:")]) == 1
+    return lines[-1]
+
+
+def test_a_truncated_image_is_named_and_left_out_with_exit_code_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tub = write_tub(tmp_path / "tub")
+    image = tub / "images" / "7_cam_image_array_.jpg"
+    image.write_bytes(image.read_bytes()[:300])
+    (tub / "images" / "9_cam_image_array_.jpg").unlink()
+    made = made_dataset(tmp_path / "set", tub, code=1)
+    assert made.rows()["why"][7] == made.rows()["why"][9] == "image cannot be read"
+    err = capsys.readouterr().err
+    assert "7_cam_image_array_.jpg: image file is truncated; left out" in err
+    assert "9_cam_image_array_.jpg: cannot be read" in err
+
+
+def test_strict_refuses_the_first_image_that_cannot_be_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tub = write_tub(tmp_path / "tub")
+    (tub / "images" / "9_cam_image_array_.jpg").unlink()
+    assert "9_cam_image_array_.jpg" in refused(capsys, tmp_path / "set", tub, "--strict")
+    assert not (tmp_path / "set").exists()
+
+
+def test_an_image_of_another_size_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tub = write_tub(tmp_path / "tub")
+    cv2.imwrite(str(tub / "images" / "5_cam_image_array_.jpg"), np.full((20, 30, 3), 90, np.uint8))
+    made = made_dataset(tmp_path / "set", tub, code=1)
+    assert made.rows()["split"][5] == "none"
+    assert "30×20 pixels, the others 64×48" in capsys.readouterr().err
+
+
+def test_a_source_that_does_not_exist_or_is_unknown_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "no such file or folder" in refused(capsys, tmp_path / "set", tmp_path / "nothing")
+    (tmp_path / "empty").mkdir()
+    assert "no known log" in refused(capsys, tmp_path / "set", tmp_path / "empty")
+
+
+@pytest.mark.parametrize(
+    "options", [("--shares", "1,1"), ("--shares", "a,b,c"), ("--split", "random"), ("--sign", "up")]
+)
+def test_a_wrong_option_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, str]
+) -> None:
+    assert options[0] in refused(capsys, tmp_path / "set", write_tub(tmp_path / "tub", 20), *options)
+
+
+def test_two_drives_of_one_name_are_two_routes(tmp_path: Path) -> None:
+    made = made_dataset(
+        tmp_path / "set", write_udacity(tmp_path / "a" / "log"), write_udacity(tmp_path / "b" / "log")
+    )
+    assert Counter(made.rows()["route"].tolist()) == {"log#0": 400, "log#1": 400}
+
+
+def test_drives_in_different_units_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_pictures(tmp_path / "t", ["0.jpg", "1.jpg"], steering_of(2))
+    table = write_table(
+        tmp_path / "t", {"image": ["0.jpg", "1.jpg"], "t_s": [0, 0.1], "road_wheel_angle_rad": [0, 0.1]}
+    )
+    line = refused(capsys, tmp_path / "set", write_tub(tmp_path / "tub", 20), table)
+    assert "different units" in line
+
+
+def test_the_summary_as_json_states_splits_and_wheel(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made_dataset(tmp_path / "set", write_udacity(tmp_path / "log"), options=("--json",))
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["frames"] == 400
+    assert summary["splits"]["train"] > summary["splits"]["test"] > 0
+    assert summary["wheel"]["how"].startswith("assumed 25°")
