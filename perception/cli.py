@@ -13,7 +13,15 @@ import cv2
 import typer
 
 from perception.camera.self_calibration import self_calibrated
-from perception.estimators import ESTIMATORS, entry_of, estimators, lane_cv_settings, no_estimator
+from perception.estimators import (
+    ESTIMATORS,
+    NETWORK_SUFFIX,
+    Entry,
+    entry_of,
+    estimators,
+    lane_cv_settings,
+    no_estimator,
+)
 from perception.images.annotate import annotated, as_path, number
 from perception.images.frames import FrameResult, Step, Unread, print_json, print_table, results, written
 from perception.images.outline import outlined
@@ -51,7 +59,10 @@ def estimate(
         list[Path] | None,
         typer.Argument(metavar="INPUT…", help="Images, folders of images, videos, recordings (.mcap)."),
     ] = None,
-    estimator: Annotated[str, typer.Option(help="Name of the estimator; 'list' prints all.")] = "cv",
+    estimator: Annotated[
+        str,
+        typer.Option(help="Name of the estimator, or a driving network (.onnx); 'list' prints all names."),
+    ] = "cv",
     camera: Annotated[
         Path | None,
         typer.Option(help="Camera file; default: that of --car, else a typical camera is assumed."),
@@ -64,7 +75,9 @@ def estimate(
     ] = None,
     fear: Annotated[
         bool,
-        typer.Option("--fear", help="Rate every frame with cv, cnn, lead detector and supervisor together."),
+        typer.Option(
+            "--fear", help="Rate every frame with cv, cnn, --estimator, lead detector and supervisor."
+        ),
     ] = False,
     speed: Annotated[
         float | None, typer.Option(min=0.0, max=60.0, help="--fear: constant speed of the car [m/s].")
@@ -104,7 +117,8 @@ def estimate(
     if estimator == "list":
         _list_estimators(as_json)
         return 0
-    if estimator not in (*ESTIMATORS, LEAD) and estimator not in estimators():
+    known = estimator in (*ESTIMATORS, LEAD) or estimator.endswith(NETWORK_SUFFIX)
+    if not known and estimator not in estimators():
         raise InputError(no_estimator(estimator, (*estimators(), LEAD)))
     _check_options(estimator, fear=fear, detector=detector, speeds=(speed, speeds), drive=drive, fps=fps)
     if not inputs:
@@ -121,8 +135,9 @@ def estimate(
         from sim_harness.footage.fear_cli import estimate_with_fear
 
         given = (camera is None, speed, speeds, detector)
+        names = tuple(dict.fromkeys((*ESTIMATORS, *({estimator} - {LEAD}))))
         estimate_with_fear(
-            inputs, camera_for, unread, *given, drive_fps=drive_fps, annotate=annotate, as_json=as_json
+            inputs, camera_for, unread, *given, names, drive_fps=drive_fps, annotate=annotate, as_json=as_json
         )
     elif estimator == LEAD:
         estimate_leads(
@@ -135,7 +150,7 @@ def estimate(
             as_json=as_json,
         )
     else:
-        step = partial(_step, estimator, vehicle, camera is None)
+        step = partial(_step, entry_of(estimator), vehicle, camera is None)
         found = results(inputs, camera_for, step, unread, drive_fps=drive_fps)
         if camera is None:
             found = _with_note(found, ASSUMED)
@@ -184,10 +199,10 @@ def _list_estimators(as_json: bool) -> None:
 
 
 def _step(
-    name: str, vehicle: Vehicle, assumed: bool, source: Source, camera: Camera
+    entry: Entry, vehicle: Vehicle, assumed: bool, source: Source, camera: Camera
 ) -> Step[SteeringEstimate]:
     """A fresh estimator, stepped without odometry; a lane without boundaries gets those of an assumed width."""
-    estimator = entry_of(name).build(camera, vehicle, assumed=assumed)
+    estimator = entry.build(camera, vehicle, assumed=assumed)
     return lambda frame: outlined(estimator.step(frame, None, now_s=frame.t_s), camera, vehicle)
 
 

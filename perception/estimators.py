@@ -1,5 +1,6 @@
 """The table of estimators for `--estimator NAME` and the perception process."""
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -12,10 +13,13 @@ from perception.lane.unknown_camera import LaneOfUnknownCamera
 from trepid import plugins
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, load
+from trepid.config import CONFIG_DIR, InputError, load, resource
 from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
 from trepid.scale import ReferenceWorld, scaled_settings
 from trepid.spelling import did_you_mean_or_list
+
+NETWORK_SUFFIX = ".onnx"
+NAME = r"[A-Za-z][\w-]*"  # of a driving network, and so of topics
 
 
 class Estimator(Protocol):
@@ -162,11 +166,50 @@ def _added(name: str, camera: Camera, vehicle: Vehicle) -> Estimator:
     return plugins.part(plugins.Group.ESTIMATORS, name, {})(camera, vehicle)
 
 
+def name_of(designation: str) -> str:
+    """The name of an estimator that is given by its name or by the file of a driving network (``.onnx``).
+
+    The name of a driving network is that of its file without the suffix. Raises InputError where that is no name,
+    or the name of another estimator.
+    """
+    if not designation.endswith(NETWORK_SUFFIX):
+        return designation
+    name = Path(designation).stem
+    if not re.fullmatch(NAME, name):
+        raise InputError(
+            f"{designation}: {name!r} cannot be the name of an estimator: rename the file, to a letter and then"
+            " letters, digits, - or _"
+        )
+    _check_free(name, designation)
+    return name
+
+
+def _check_free(name: str, file: str) -> None:
+    """Raise InputError where a driving network would have the name of another estimator."""
+    if name in ESTIMATORS or name in estimators():
+        raise InputError(f"{file}: {name!r} is the name of another estimator; rename the driving network")
+
+
+def network_entry(name: str, file: Path) -> Entry:
+    """The driving network in ``file`` as the estimator called ``name``. Raises InputError."""
+    from perception.net.driver import Driver, DriverNetwork
+
+    network = DriverNetwork(file)
+    return Entry(
+        f"driving network {network.record.model}",
+        lambda _, vehicle: Driver(name, network, vehicle),
+        source=str(file),
+        kind=EstimateKind.ANGLE,
+    )
+
+
 def entry_of(name: str) -> Entry:
-    """The estimator called ``name``. Raises InputError with the nearest names.
+    """The estimator called ``name``, or the driving network in the file ``name``. Raises InputError with a remedy.
 
     ``ESTIMATORS`` do not depend on the file of the pipelines.
     """
+    if name.endswith(NETWORK_SUFFIX):
+        return network_entry(name_of(name), Path(name))
     known = ESTIMATORS if name in ESTIMATORS else estimators()
     if name not in known:
         raise InputError(no_estimator(name, known))
@@ -189,13 +232,23 @@ def misfits() -> dict[str, str]:
 
 
 def build(
-    name: str, *, camera: Path = CONFIG_DIR / "camera.yaml", vehicle: Path = CONFIG_DIR / "vehicle.yaml"
+    name: str,
+    *,
+    network: str | None = None,
+    camera: Path = CONFIG_DIR / "camera.yaml",
+    vehicle: Path = CONFIG_DIR / "vehicle.yaml",
 ) -> Estimator:
     """The estimator called ``name`` for a drive with the camera and vehicle of the files.
 
-    Raises InputError, also where the estimator is not made for them.
+    ``network`` is the file of a driving network, which then has this name; a relative path begins at the folder of
+    the car. Raises InputError, also where the estimator is not made for them.
     """
-    estimator = entry_of(name).build(load(camera, Camera), load(vehicle, Vehicle))
+    if network is None:
+        entry = entry_of(name)
+    else:
+        _check_free(name, network)
+        entry = network_entry(name, resource(Path(network)))
+    estimator = entry.build(load(camera, Camera), load(vehicle, Vehicle))
     if isinstance(estimator, Unfit):
         raise InputError(
             f"{estimator.why}: name other estimators (`estimators: [cv, ...]`), or train it on such lanes"

@@ -25,7 +25,7 @@ class EstimatorNode:
         self._state = me.bus.latest(VEHICLE_STATE, wakes=False)
         self._send_estimate = me.bus.publisher(estimate_topic(name))
         self._send_statistics = me.bus.publisher(IMAGE_STATISTICS)
-        self._estimator = build(name)
+        self._estimator = build(name, network=me.options.get("network"))
         self._statistician = ImageStatistician() if me.options["statistics"] else None
         self._times = Timekeeper(me.bus, name, me.now_s)
         me.ready()

@@ -17,6 +17,7 @@ from sim_harness.report.disturbance_sheet import disturbances_verb
 from sim_harness.report.lead_sheet import leads_verb
 from sim_harness.report.page import Page
 from sim_harness.scenarios.boundary import TOLERANCE, Limit, limits
+from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.sampling import Case, Method, fresh_seed
 from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios, load_scenario, scenario_schema
 from sim_harness.sweep.fingerprint import fingerprint
@@ -26,6 +27,7 @@ from sim_harness.sweep.show import Report, show
 from sim_harness.sweep.sweep import Workforce, saving, workforce
 from trepid.commands.car_option import Car
 from trepid.commands.changes_option import Changes
+from trepid.commands.estimator_option import Chosen
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
@@ -95,6 +97,7 @@ def run_verb(
     ] = "0",
     seeds: Annotated[int, typer.Option(min=1, help="Run this many seeds, from --seed on.")] = 1,
     settings: Changes = None,
+    chosen: Chosen = None,
     sample: Annotated[
         Method | None, typer.Option(help="Draw cases from the ranges under `vary` in the scenarios.")
     ] = None,
@@ -134,7 +137,8 @@ def run_verb(
     refuse("--resume needs --out", resume and out is None)
     refuse("--resume needs fixed seeds: --seed random cannot be given too", resume and seed == RANDOM)
     refuse("--cluster has its own processes: --jobs cannot be given too", cluster is not None and jobs > 1)
-    selection = select(sources or [], tags or [], parse_overrides(settings or []))
+    overrides = {**parse_overrides(settings or []), **changes_of(chosen)}
+    selection = select(sources or [], tags or [], overrides)
     planned = planned_cases(selection, seed, seeds, sample, cases)
     check_outputs(planned, report, trace, picture, record)
     work: Workforce = partial(saving, trace=trace, picture=picture, record=record, detailed=bool(report))

@@ -21,6 +21,9 @@ class WeightsRecord(Settings):
 
 R = TypeVar("R", bound=WeightsRecord)
 
+_ERRORS = onnxruntime.capi.onnxruntime_pybind11_state
+_NO_NETWORK = (_ERRORS.InvalidProtobuf, _ERRORS.InvalidGraph, _ERRORS.InvalidArgument, _ERRORS.Fail)
+
 
 def load_record(weights: Path, kind: type[R]) -> R:
     """The record beside ``weights``. Raises InputError when it is missing or belongs to other weights."""
@@ -37,7 +40,8 @@ def open_session(network: bytes, path: Path) -> onnxruntime.InferenceSession:
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
     options.use_deterministic_compute = True
+    options.log_severity_level = 3  # errors; warnings about the graph are no concern of the user
     try:
         return onnxruntime.InferenceSession(network, options, providers=["CPUExecutionProvider"])
-    except onnxruntime.capi.onnxruntime_pybind11_state.InvalidProtobuf as error:
+    except _NO_NETWORK as error:
         raise InputError(f"{path}: not an ONNX network") from error

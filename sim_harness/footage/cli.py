@@ -56,7 +56,10 @@ def resimulate_verb(
         ),
     ] = None,
     estimator: Annotated[
-        list[str] | None, typer.Option(help="Estimator of the supervised car; repeatable. Default: cv, cnn.")
+        list[str] | None,
+        typer.Option(
+            help="Estimator of the car, or a driving network (.onnx); repeatable. Default: cv, cnn."
+        ),
     ] = None,
     skip: Annotated[int, typer.Option(min=0, help="Number of first frames to skip.")] = 0,
     frames: Annotated[int | None, typer.Option(min=1, help="Largest number of frames.")] = None,

@@ -3,7 +3,7 @@
 import csv
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from perception.cli import estimate_fields
+from perception.estimators import name_of
 from perception.images.annotate import number
 from perception.images.frames import (
     CameraFor,
@@ -35,7 +36,16 @@ from trepid.config import CONFIG_DIR, InputError, load
 from trepid.recording.reader import read_recording
 from trepid.topics import VEHICLE_STATE
 
-COLUMNS = ("file", "frame", "t s", "fear", "level", "cause", "mode", "path", "cv", "cnn", "lead m")
+COLUMNS = (
+    "file",
+    "frame",
+    "t s",
+    "fear",
+    "level",
+    "cause",
+    "mode",
+    "path",
+)  # then estimators, and the leader
 NO_DETECTOR = (
     "vehicles ahead are left out: the embedded detector is trained on drawn vehicles; `trepid detector list` prints"
     " others for --detector or config/lead.yaml"
@@ -91,6 +101,7 @@ def estimate_with_fear(
     speed_mps: float | None,
     log: Path | None,
     detector: Path | None,
+    names: Sequence[str],
     *,
     drive_fps: float | None,
     annotate: Path | None,
@@ -98,21 +109,22 @@ def estimate_with_fear(
 ) -> None:
     """Print the fear of every frame of every input. Raises InputError at the first input that cannot be read.
 
+    ``names``: estimators, or files of driving networks.
     ``assumed``: the cameras are self-calibrated. Without a speed that of ``config/supervisor.yaml`` is assumed and
     reported; a recording brings its own states.
     """
     motion = given_motion(speed_mps, log)
     if lead_settings(detector).detector is None and not all(map(_is_recording, inputs)):
         print(NO_DETECTOR, file=sys.stderr)
-    found = results(
-        inputs, camera_for, partial(_step, motion, detector, assumed), unread, drive_fps=drive_fps
-    )
+    step = partial(_step, motion, detector, assumed, names)
+    found = results(inputs, camera_for, step, unread, drive_fps=drive_fps)
     if annotate is not None:
         found = written(found, annotate, drawn)
     if as_json:
         print_json(map(as_row, found))
     else:
-        print_table(COLUMNS, {"file", "level", "cause", "mode", "path"}, map(_cells, found))
+        columns = (*COLUMNS, *map(name_of, names), "lead m")
+        print_table(columns, {"file", "level", "cause", "mode", "path"}, map(_cells, found))
 
 
 def _is_recording(path: Path) -> bool:
@@ -120,14 +132,25 @@ def _is_recording(path: Path) -> bool:
 
 
 def _step(
-    given: GivenMotion | None, detector: Path | None, assumed: bool, source: Source, camera: Camera
+    given: GivenMotion | None,
+    detector: Path | None,
+    assumed: bool,
+    names: Sequence[str],
+    source: Source,
+    camera: Camera,
 ) -> Step[Onlooked]:
     """A fresh onlooker for ``source``."""
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     state_of, cruise_mps = _states(given, source, camera, vehicle)
     finder = _finder(detector, source, camera, vehicle)
     onlooker = Onlooker(
-        camera, vehicle, state_of, cruise_speed_mps=cruise_mps, finder=finder, assumed=assumed
+        camera,
+        vehicle,
+        state_of,
+        cruise_speed_mps=cruise_mps,
+        finder=finder,
+        assumed=assumed,
+        names=names,
     )
     return onlooker.step
 

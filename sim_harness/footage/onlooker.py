@@ -18,7 +18,7 @@ import numpy as np
 
 import supervisor.supervisor
 from perception.camera.image_statistics import ImageStatistician
-from perception.estimators import ESTIMATORS, entry_of
+from perception.estimators import ESTIMATORS, entry_of, name_of
 from perception.images.outline import outlined
 from perception.lead.finder import LeadFinder
 from sim_harness.footage.clip import undistorted
@@ -59,11 +59,15 @@ class Onlooker:
         assumed: bool = False,
         names: Sequence[str] = tuple(ESTIMATORS),
     ) -> None:
-        """``cruise_speed_mps`` None: that of ``config/supervisor.yaml``. ``assumed``: the camera is
+        """``names``: of estimators, or files of driving networks.
+
+        ``cruise_speed_mps`` None: that of ``config/supervisor.yaml``. ``assumed``: the camera is
         self-calibrated. Raises InputError.
         """
         self._camera, self._vehicle, self._state_of = camera, vehicle, state_of
-        self._estimators = {name: entry_of(name).build(camera, vehicle, assumed=assumed) for name in names}
+        self._estimators = {
+            name_of(name): entry_of(name).build(camera, vehicle, assumed=assumed) for name in names
+        }
         self._finder, self._statistician = finder, ImageStatistician()
         self._supervisor = supervisor.supervisor.build(cruise_speed_mps=cruise_speed_mps)
 

@@ -22,7 +22,7 @@ import controller.controller
 import controller.limiter
 import supervisor.supervisor
 from perception.camera.image_statistics import ImageStatistician
-from perception.estimators import Estimator, entry_of
+from perception.estimators import Estimator, entry_of, name_of
 from sim_harness.footage.clip import Drive
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.lockstep.stack import Perception, Stack
@@ -115,14 +115,15 @@ def resimulate(
 ) -> Resimulation:
     """Drive along the recorded path from ``start`` on. Deterministic. Raises InputError for a short recording.
 
-    ``assumed``: the camera is self-calibrated, so its height is a guess.
+    ``estimators``: names, or files of driving networks. ``assumed``: the camera is self-calibrated, so its height
+    is a guess.
     """
     if drive.t_s[-1] < run_up_s + LEAST_S:
         raise InputError(
             f"{drive.name}: {len(drive.frames)} frames last {drive.t_s[-1]:.1f} s: at least"
             f" {run_up_s + LEAST_S:.1f} s expected, with a run-up of {run_up_s:.1f} s"
         )
-    built = {name: entry_of(name).build(drive.camera, vehicle, assumed=assumed) for name in estimators}
+    built = {name_of(n): entry_of(n).build(drive.camera, vehicle, assumed=assumed) for n in estimators}
     return _Loop(drive, vehicle, start, built, run_up_s).run()
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from perception.estimators import misfits
 from sim_harness.live.plan import (
+    Networks,
     check_car,
     check_lead,
     check_vehicle,
@@ -56,13 +57,16 @@ def drive(
     say: Callable[[str], None] = lambda _: None,
     record: Path | None = None,
     duration_s: float | None = None,
+    chosen: Networks | None = None,
 ) -> dict[str, Any]:
     """Drive ``scenario`` live, or without one the real car in use, and return its row of ``drive --json``.
+
+    ``chosen``: estimators of the real car instead of those of its processes.
 
     Raises InputError for a scenario that only the lock-step loop can simulate, for invalid configuration, for an
     endpoint in use, and for a process that does not start.
     """
-    specs, estimators = _plan(scenario, recorded=record is not None)
+    specs, estimators = _plan(scenario, recorded=record is not None, chosen=chosen)
     if record is not None:
         check_free(record)
     offset_ns = epoch_offset_ns()
@@ -110,12 +114,14 @@ def drive(
         return referee.row(seed)
 
 
-def _plan(scenario: Scenario | None, *, recorded: bool) -> tuple[tuple[ProcessSpec, ...], tuple[str, ...]]:
+def _plan(
+    scenario: Scenario | None, *, recorded: bool, chosen: Networks | None
+) -> tuple[tuple[ProcessSpec, ...], tuple[str, ...]]:
     """The processes of the drive and its estimators. Raises InputError where they do not fit scenario or car."""
     if scenario is not None:
         for what in lockstep_only(scenario):
             raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
-    own = planned(load_processes(), scenario, recorded=recorded)
+    own = planned(load_processes(), scenario, recorded=recorded, chosen=chosen)
     estimators = estimators_of(own, scenario)
     check_vehicle(own)
     check_lead(own)

@@ -12,6 +12,7 @@ import typer
 
 from trepid.commands.car_option import Car
 from trepid.commands.changes_option import Changes
+from trepid.commands.estimator_option import Chosen
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
 from trepid.messages import Health
 
@@ -45,6 +46,7 @@ def drive(
     duration: Annotated[float | None, typer.Option(min=1.0, help="Stop after this long [s].")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of textures and noise.")] = 0,
     changes: Changes = None,
+    chosen: Chosen = None,
     dashboard: Annotated[bool, typer.Option(help="Live status in the terminal.")] = True,
     record: Annotated[Path | None, typer.Option(help="Record every topic to this MCAP file.")] = None,
     car: Car = None,
@@ -58,7 +60,7 @@ def drive(
     life = threading.Timer(SIGN_OF_LIFE_S, say, [f"reading the configuration {of_car()}".rstrip()])
     life.start()
     try:
-        row = _drive(scenario, duration, seed, changes, dashboard, record, life)
+        row = _drive(scenario, duration, seed, changes, chosen, dashboard, record, life)
     finally:
         life.cancel()
     if as_json:
@@ -75,6 +77,7 @@ def _drive(
     duration: float | None,
     seed: int,
     changes: list[str] | None,
+    chosen: list[str] | None,
     dashboard: bool,
     record: Path | None,
     life: threading.Timer,
@@ -83,6 +86,7 @@ def _drive(
     from sim_harness.live.drive import drive as drive_scenario
     from sim_harness.live.drive import has_simulator
     from sim_harness.live.referee import DriveSettings
+    from sim_harness.scenarios.chosen_estimators import changes_of, networks_of
 
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
     if scenario is None and has_simulator():
@@ -91,7 +95,7 @@ def _drive(
     if scenario is not None:
         from sim_harness.scenarios.scenario import load_scenario
 
-        what = load_scenario(scenario, parse_overrides(changes or []))
+        what = load_scenario(scenario, {**parse_overrides(changes or []), **changes_of(chosen)})
         what.check()
         what = what if duration is None else what.shortened(duration)
     elif changes:
@@ -103,7 +107,14 @@ def _drive(
 
     with shown(dashboard) as show:
         return drive_scenario(
-            what, settings, seed=seed, show=show, say=started, record=record, duration_s=duration
+            what,
+            settings,
+            seed=seed,
+            show=show,
+            say=started,
+            record=record,
+            duration_s=duration,
+            chosen=networks_of(chosen) if chosen and what is None else None,
         )
 
 

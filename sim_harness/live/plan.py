@@ -1,6 +1,6 @@
 """The processes of one drive: those of the car, and in a simulated drive those that its scenario asks for."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ from trepid.topics import (
     estimate_topic,
 )
 
+Networks = Mapping[str, str | None]
+"""Name of an estimator -> file of its driving network; None: the estimator of that name."""
 ESTIMATOR, LEAD = "perception.node", "perception.lead.node"
 SIMULATED = (
     ProcessSpec(
@@ -41,9 +43,13 @@ def is_simulated(specs: Iterable[ProcessSpec]) -> bool:
 
 
 def planned(
-    specs: tuple[ProcessSpec, ...], scenario: Scenario | None, *, recorded: bool = False
+    specs: tuple[ProcessSpec, ...],
+    scenario: Scenario | None,
+    *,
+    recorded: bool = False,
+    chosen: Networks | None = None,
 ) -> tuple[ProcessSpec, ...]:
-    """The processes that run in a drive of ``scenario``; None: of a real car.
+    """The processes that run in a drive of ``scenario``; None: of a real car, with the ``chosen`` estimators.
 
     A scenario gives the estimators, and where it gives the vehicle ahead itself, no process detects it. An
     estimator without an entry of its own runs as ``perception.node``. The first ``perception.node`` also judges the
@@ -54,6 +60,9 @@ def planned(
     specs = tuple(spec for spec in specs if recorded or spec.name != RECORDER)
     if scenario is not None:
         specs = _of_scenario(specs, scenario)
+        chosen = {name: scenario.networks.get(name) for name in scenario.estimators}
+    if chosen is not None:
+        specs = _estimating(specs, chosen)
     return _with_statistics(specs)
 
 
@@ -63,17 +72,24 @@ def _of_scenario(specs: tuple[ProcessSpec, ...], scenario: Scenario) -> tuple[Pr
         specs = (*SIMULATED, *(spec for spec in specs if spec.name not in names))
     if scenario.leads_by is not LeadSensor.CAMERA:
         specs = tuple(spec for spec in specs if spec.publishes != (LEAD_VEHICLE.key,))
+    return specs
+
+
+def _estimating(specs: tuple[ProcessSpec, ...], chosen: Networks) -> tuple[ProcessSpec, ...]:
+    """``specs`` with the processes of the ``chosen`` estimators, and of no other ones."""
     specs = tuple(
-        spec
-        for spec in specs
-        if not spec.estimators or not set(spec.estimators).isdisjoint(scenario.estimators)
+        spec for spec in specs if not spec.estimators or not set(spec.estimators).isdisjoint(chosen)
     )
-    missing = [name for name in scenario.estimators if not any(name in spec.estimators for spec in specs)]
-    specs += tuple(
-        ProcessSpec(name, ESTIMATOR, {"estimator": name}, publishes=(estimate_topic(name).key,))
+    missing = [name for name in chosen if not any(name in spec.estimators for spec in specs)]
+    return specs + tuple(
+        ProcessSpec(
+            name,
+            ESTIMATOR,
+            {"estimator": name, **({"network": str(Path(file).resolve())} if (file := chosen[name]) else {})},
+            publishes=(estimate_topic(name).key,),
+        )
         for name in missing
     )
-    return specs
 
 
 def _with_statistics(specs: tuple[ProcessSpec, ...]) -> tuple[ProcessSpec, ...]:
@@ -144,7 +160,7 @@ def check_car(specs: Iterable[ProcessSpec]) -> None:
     supervisor.supervisor.build(rules=default_file("fear.yaml"))
     for spec in specs:
         if spec.module == ESTIMATOR and "estimator" in spec.options:
-            perception.estimators.build(spec.options["estimator"])
+            perception.estimators.build(spec.options["estimator"], network=spec.options.get("network"))
         elif spec.module == LEAD:
             perception.lead.finder.build()
 

@@ -146,7 +146,7 @@ def build_parts(scenario: Scenario, *, seed: int) -> Parts:
     return Parts(
         vehicle=SimulatedVehicle(scenario, road, vehicle, limiter, load_simulator(), seed=seed),
         camera=SimulatedCamera(scenario, renderer),
-        estimators={name: perception.estimators.build(name) for name in scenario.estimators if renderer},
+        estimators={name: _estimator(scenario, name) for name in scenario.estimators if renderer},
         statistician=ImageStatistician(),
         supervisor=supervisor.supervisor.build(
             rules=scenario.rules_file, cruise_speed_mps=scenario.speed_mps
@@ -155,6 +155,10 @@ def build_parts(scenario: Scenario, *, seed: int) -> Parts:
         oracles={name: Oracle(name, road, vehicle) for name in scenario.estimators if not renderer},
         lead=_lead_sensor(scenario, seed=seed),
     )
+
+
+def _estimator(scenario: Scenario, name: str) -> Estimator:
+    return perception.estimators.build(name, network=scenario.networks.get(name))
 
 
 def _lead_sensor(scenario: Scenario, *, seed: int) -> LeadFinder | LeadModel | None:
@@ -181,8 +185,9 @@ def check_configuration(scenarios: Iterable[Scenario]) -> None:
     for rules in dict.fromkeys(scenario.rules_file for scenario in scenarios):
         supervisor.supervisor.build(rules=rules)
     with_images = [scenario for scenario in scenarios if scenario.sight is Sight.CAMERA]
-    for name in dict.fromkeys(name for scenario in with_images for name in scenario.estimators):
-        perception.estimators.build(name)
+    named = {(n, s.networks.get(n)): (s, n) for s in with_images for n in s.estimators}
+    for scenario, name in named.values():
+        _estimator(scenario, name)
     sensors = {scenario.leads_by for scenario in scenarios}
     if LeadSensor.CAMERA in sensors:
         perception.lead.finder.build()

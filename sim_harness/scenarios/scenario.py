@@ -149,6 +149,9 @@ class Scenario(Settings):
     distance_m: Positive | None = None  # length of the route; default: one round, or to the end of the road
     camera: CameraTiming = CameraTiming()
     estimators: Annotated[tuple[str, ...], Field(min_length=1)] = ("cv", "cnn")
+    networks: dict[str, str] = Field(
+        default_factory=dict
+    )  # name of an estimator -> file of its driving network
     sight: Sight = Sight.CAMERA
     lead_sensor: LeadSensor | None = None  # default: camera with sight: camera, else truth
     rules: str | None = None  # a rule file in the folder of the scenario; default: config/fear.yaml
@@ -229,11 +232,9 @@ class Scenario(Settings):
 
         Raises InputError for an invalid road or vehicle file.
         """
-        for number, name in enumerate(self.estimators):
-            if name not in ESTIMATORS and name not in estimators():
-                return ("estimators", number), no_estimator(name, estimators())
-            if name in self.estimators[:number]:
-                return ("estimators", number), f"{name!r} is named twice"
+        problem = self._problem_with_estimators()
+        if problem:
+            return problem
         if not self.road.endswith(ROAD_SUFFIXES) and not self._road_file().is_file():
             roads = ", ".join(default_names("roads"))
             return ("road",), f"no road {self.road!r}; there are {roads}, or give a .yaml or .xodr file"
@@ -245,6 +246,17 @@ class Scenario(Settings):
         if not 0.0 <= self.start.station_m < length_m:
             return ("start", "station_m"), f"the road runs from 0 to {length_m:.1f} m"
         return self._problem_with_parts(settings)
+
+    def _problem_with_estimators(self) -> Problem | None:
+        for name in self.networks:
+            if name not in self.estimators:
+                return ("networks", name), f"no estimator of the scenario is called {name!r}"
+        for number, name in enumerate(self.estimators):
+            if name not in self.networks and name not in ESTIMATORS and name not in estimators():
+                return ("estimators", number), no_estimator(name, estimators())
+            if name in self.estimators[:number]:
+                return ("estimators", number), f"{name!r} is named twice"
+        return None
 
     def _problem_with_parts(self, road: RoadSettings) -> Problem | None:
         if not self.rules_file.is_file():
@@ -338,11 +350,14 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
             raise InputError(f"no scenario {source!r}; {hint}, or give a .yaml or .py file")
     data = read(path)
     scenario = parse(data, Scenario, source=path, overrides=overrides)
-    update = {"name": scenario.name or path.stem}
+    update: dict[str, object] = {"name": scenario.name or path.stem}
     for field, file in (("road", scenario.road), ("rules", scenario.rules)):
         if file is not None and (field == "rules" or file.endswith(ROAD_SUFFIXES)):
             given = overrides is not None and field in overrides
             update[field] = str((Path() if given else path.parent) / file)
+    given = any(field.partition(".")[0] == "networks" for field in overrides or ())
+    folder = Path() if given else path.parent
+    update["networks"] = {name: str(folder / file) for name, file in scenario.networks.items()}
     scenario = scenario.model_copy(update=update)
     problem = scenario.problem() if check else None
     if problem:

@@ -82,11 +82,13 @@ def plan(cases: Iterable[Case]) -> Plan:
 
 
 def case_key(case: Case) -> str:
-    """Hash of the scenario, its road and rule files, and the seed; without code and configuration."""
+    """Hash of the scenario, its road, rule and network files, and the seed; without code and configuration."""
     digest = hashlib.sha256(case.scenario.model_dump_json(exclude=_NOT_IN_KEY).encode())
     digest.update(f"\0{case.seed}\0".encode())
     if case.scenario.road.endswith(".yaml"):
         digest.update(Path(case.scenario.road).read_bytes())
     if case.scenario.rules is not None:
         digest.update(Path(case.scenario.rules).read_bytes())
+    for name in sorted(case.scenario.networks):
+        digest.update(Path(case.scenario.networks[name]).read_bytes())
     return digest.hexdigest()[:KEY_DIGITS]

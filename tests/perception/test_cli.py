@@ -5,6 +5,7 @@ import cv2
 import numpy as np
 import pytest
 from drawn_road_rig import CAMERA, look
+from driving_network_rig import write_network
 
 from perception.cli import as_row, estimate
 from perception.images.frames import FrameResult
@@ -171,3 +172,13 @@ def test_the_network_gets_boundaries_half_an_assumed_lane_width_from_its_lane_ce
         assert row["lane_width_m"] is None
         left, right = (camera.road_from_pixel(row[f"{side}_boundary_px"])[0] for side in ("left", "right"))
         assert left[1] - right[1] == pytest.approx(vehicle.lane_width_m, abs=0.15)
+
+
+def test_a_driving_network_gives_angles_alone_and_with_the_supervisor(folder, tmp_path, capsys):
+    network = str(write_network(tmp_path / "turn.onnx"))
+    estimate([folder], estimator=network, as_json=True)
+    rows = lines(capsys)
+    assert {row["estimator"] for row in rows} == {"turn"}
+    assert all(abs(row["road_wheel_angle_rad"]) < 1 and row["lateral_offset_m"] is None for row in rows)
+    estimate([folder], estimator=network, fear=True, speed=5.0, as_json=True)
+    assert [list(row["estimates"]) for row in lines(capsys)] == [["cv", "cnn", "turn"]] * 2

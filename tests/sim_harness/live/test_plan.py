@@ -4,9 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from driving_network_rig import write_network
 
 from cockpit.car.init import Like, write_car
-from sim_harness.live.plan import check_lead, check_vehicle, estimators_of, planned
+from sim_harness.live.plan import check_car, check_lead, check_vehicle, estimators_of, planned
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import CAR, InputError
 from trepid.processes.settings import load_processes
@@ -40,3 +41,26 @@ def test_the_detector_of_drawn_vehicles_is_refused_with_a_real_camera_only(shutt
     check_lead(planned((*specs, lead), load_scenario("straight")))
     (shuttle / "lead.yaml").write_text("detector: objectron\n")
     check_lead((*specs, lead))
+
+
+def test_a_driving_network_is_one_line_of_the_processes_of_a_car(shuttle: Path) -> None:
+    write_network(shuttle / "turn.onnx")
+    file = shuttle / "processes.yaml"
+    line = "  mine: {module: perception.node, options: {estimator: mine, network: turn.onnx}}\n"
+    file.write_text(file.read_text().replace("processes:\n", f"processes:\n{line}", 1))
+    specs = planned(load_processes(), None)
+    assert "mine" in estimators_of(specs, None)
+    check_car(specs)
+    (shuttle / "turn.onnx").write_bytes(b"")
+    with pytest.raises(InputError, match=r"mycar/turn\.onnx: not an ONNX network"):
+        check_car(specs)
+
+
+def test_chosen_estimators_replace_those_of_the_car_and_run_as_perception_processes(tmp_path: Path) -> None:
+    network = str(tmp_path / "turn.onnx")
+    specs = planned(load_processes(), None, chosen={"cv": None, "turn": network})
+    assert estimators_of(specs, None) == ("cv", "turn")
+    (turn,) = [spec for spec in specs if spec.name == "turn"]
+    assert turn.options == {"statistics": False, "estimator": "turn", "network": network}
+    alone = planned(load_processes(), None, chosen={"turn": network})
+    assert [spec.options["statistics"] for spec in alone if spec.estimators] == [True]

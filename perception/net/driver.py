@@ -1,0 +1,228 @@
+"""Driving networks: from the whole image to the road-wheel angle, each a self-contained ONNX file.
+
+A file has the input `image` (uint8, N x H x W x 3, BGR: the whole frame, scaled to H x W by averaging) and the
+outputs `road_wheel_rad`, `sigma_rad` (scale of the error) and `unlike` (distance of the features from those of
+training, relative to the 99 % quantile there; above 1 the image is outside the network's world), each of shape N. A
+recurrent network also has the input `state` and the output `next_state`. The metadata `trepid` holds a
+:class:`DriverRecord`.
+
+The interval of 90 % is angle ± q·σ with the conformal factor q (Angelopoulos and Bates, A Gentle Introduction to
+Conformal Prediction (2021), section 2.3.2), so that q·σ/1.645 is the standard deviation of a normal error.
+"""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from statistics import NormalDist
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, ValidationError
+
+from perception.net.session import open_session
+from perception.net.steer_net import ahead_sigma_m
+from trepid.car.vehicle import Vehicle
+from trepid.config import InputError, complaint
+from trepid.messages import EstimateKind, Frame, SteeringEstimate, VehicleState
+from trepid.types import Image
+
+KEY = "trepid"  # of the metadata of the file
+KIND = "steering"
+TOLERANCE_RAD = math.radians(2.0)  # confidence is the probability of an error below it
+LOOKAHEAD_M = 8.0  # where the arc of the angle is compared with lanes, as in config/perception.yaml
+MIN_CONFIDENCE = 0.15  # of an estimate, as in config/steer_net.yaml
+LONGEST_GAP_S = 0.5  # between frames; after a longer one a recurrent network starts anew
+_OUTPUTS = ("road_wheel_rad", "sigma_rad", "unlike")
+_NORMAL = NormalDist()
+_Z_90 = _NORMAL.inv_cdf(0.95)  # 1.645: 90 % of normal errors lie within so many deviations
+
+_ERRORS = onnxruntime.capi.onnxruntime_pybind11_state
+_FAILURES: tuple[type[Exception], ...] = (
+    ValueError,
+    _ERRORS.Fail,
+    _ERRORS.InvalidArgument,
+    _ERRORS.RuntimeException,
+)
+Numbers = NDArray[np.float32]
+
+
+class DriverRecord(BaseModel):
+    """The metadata of a driving network that the run time uses; further fields are ignored."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+    kind: str
+    model: str  # family, such as pilotnet
+    parameters: PositiveInt
+    height: PositiveInt
+    width: PositiveInt
+    interval_90: PositiveFloat  # q: 90 % of errors are within q·σ
+
+    def sigma_rad(self, scale_rad: float) -> float:
+        """Standard deviation [rad] of a normal error with the 90 % interval ± q·``scale_rad``."""
+        return self.interval_90 * scale_rad / _Z_90
+
+    def confidence(self, scale_rad: float) -> float:
+        """P(|error| < TOLERANCE_RAD) = 2·Φ(TOLERANCE_RAD/σ) - 1 for the network's output ``scale_rad``."""
+        return 2.0 * _NORMAL.cdf(TOLERANCE_RAD / self.sigma_rad(scale_rad)) - 1.0
+
+
+class Steering(NamedTuple):
+    """The outputs of a driving network for one frame."""
+
+    road_wheel_rad: float
+    scale_rad: float  # of the error
+    unlike: float
+    state: Numbers | None  # for the next frame; None: the network has no memory
+
+    @property
+    def finite(self) -> bool:
+        """Every number is finite, and the scale positive."""
+        numbers = (self.road_wheel_rad, self.scale_rad, self.unlike)
+        return all(map(math.isfinite, numbers)) and self.scale_rad > 0.0
+
+
+class DriverNetwork:
+    """The graph of a driving network and its record. It has no memory of frames."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError, with the fault, for a file that is missing, damaged or no driving network."""
+        self.path = path
+        if not path.is_file():
+            raise InputError(f"{path}: no such file; `trepid train` writes driving networks")
+        self._session = open_session(path.read_bytes(), path)
+        self.record = _record(self._session, path)
+        self.initial_state = self._checked_graph()
+        self._names = [*_OUTPUTS, *([] if self.initial_state is None else ["next_state"])]
+        grey = np.full((self.record.height, self.record.width, 3), 128, np.uint8)
+        try:
+            steering = self(grey, self.initial_state)
+        except _FAILURES as error:
+            raise self._refused(f"fails on a grey image: {_line(error)}") from error
+        if not steering.finite:
+            raise self._refused("its outputs for a grey image are not finite, or sigma_rad is not positive")
+
+    def __call__(self, image: Image, state: Numbers | None) -> Steering:
+        """The outputs for an image of any size, (h, w, 3) uint8 BGR, after the frames behind ``state``."""
+        size = (self.record.width, self.record.height)
+        if image.shape[:2] != size[::-1]:
+            image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        inputs: dict[str, Any] = {"image": image[None]}
+        if state is not None:
+            inputs["state"] = state
+        angle, scale, unlike, *memory = self._session.run(self._names, inputs)
+        return Steering(angle.item(), scale.item(), unlike.item(), memory[0] if memory else None)
+
+    def _checked_graph(self) -> Numbers | None:
+        """The state before the first frame, zeros of shape (1, …); None without memory. Raises InputError."""
+        inputs = {put.name: put for put in self._session.get_inputs()}
+        outputs = {put.name for put in self._session.get_outputs()}
+        for name in _OUTPUTS:
+            if name not in outputs:
+                raise self._refused(f"has no output {name!r}")
+        size, image = (self.record.height, self.record.width, 3), inputs.pop("image", None)
+        if image is None:
+            raise self._refused("has no input 'image'")
+        if image.type != "tensor(uint8)" or tuple(image.shape[1:]) != size:
+            raise self._refused(
+                f"its input 'image' is {image.type} {image.shape}, expected tensor(uint8) [N, {size}]"
+            )
+        state = inputs.pop("state", None)
+        if inputs:
+            raise self._refused(
+                f"has an unknown input {min(inputs)!r}; a driving network has image and state"
+            )
+        if (state is None) != ("next_state" not in outputs):
+            raise self._refused("has one of the input 'state' and the output 'next_state', expected both")
+        if state is None:
+            return None
+        if state.type != "tensor(float)" or not all(isinstance(size, int) for size in state.shape[1:]):
+            raise self._refused(
+                f"its input 'state' is {state.type} {state.shape}, expected tensor(float) [N, …]"
+            )
+        return np.zeros((1, *state.shape[1:]), np.float32)
+
+    def _refused(self, fault: str) -> InputError:
+        return InputError(f"{self.path}: no driving network: {fault}")
+
+
+class Driver:
+    """A driving network as an estimator of kind ANGLE: it measures no lane. Recurrent networks keep a state."""
+
+    def __init__(self, name: str, network: DriverNetwork, vehicle: Vehicle) -> None:
+        self._name, self._network, self._vehicle = name, network, vehicle
+        self._memory, self._last_s = network.initial_state, math.nan
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The road-wheel angle for ``frame``, or the reason for its absence.
+
+        The memory of a recurrent network ends with an image of another kind, an output that is not finite, and a
+        time between frames that is not positive or above LONGEST_GAP_S.
+        """
+        if not 0.0 < frame.t_s - self._last_s <= LONGEST_GAP_S:  # NaN: the first frame
+            self._restart()
+        self._last_s, image = frame.t_s, frame.image
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
+            self._restart()
+            return self._nothing(frame, f"image is {image.dtype} {image.shape}, not uint8 (height, width, 3)")
+        steering = self._network(image, self._memory)
+        if not steering.finite or not (steering.state is None or np.isfinite(steering.state).all()):
+            self._restart()
+            return self._nothing(frame, "the network's output is not finite")
+        self._memory = steering.state
+        if steering.unlike > 1.0:
+            return self._nothing(frame, "the image is unlike those of the training of the network")
+        confidence = self._network.record.confidence(steering.scale_rad)
+        if confidence < MIN_CONFIDENCE:
+            return self._nothing(frame, "the network states a low confidence of its angle")
+        if abs(steering.road_wheel_rad) >= math.pi / 2:
+            return self._nothing(frame, "the network's angle is impossible")
+        return replace(
+            self._nothing(frame, ""),
+            road_wheel_angle_rad=steering.road_wheel_rad,
+            confidence=confidence,
+            ahead_sigma_m=self._ahead_sigma_m(steering),
+        )
+
+    def _ahead_sigma_m(self, steering: Steering) -> tuple[float, ...]:
+        """Deviation of the arc, from σ_κ = σ_δ/(L·cos²δ), because κ = tan(δ)/L."""
+        slope_1pm = 1.0 / (self._vehicle.wheelbase_m * math.cos(steering.road_wheel_rad) ** 2)
+        return ahead_sigma_m(self._network.record.sigma_rad(steering.scale_rad) * slope_1pm, LOOKAHEAD_M)
+
+    def _restart(self) -> None:
+        self._memory, self._last_s = self._network.initial_state, math.nan
+
+    def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:
+        return SteeringEstimate.nothing(
+            frame.t_s,
+            estimator=self._name,
+            lookahead_m=LOOKAHEAD_M,
+            reason=reason,
+            kind=EstimateKind.ANGLE,
+        )
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:200]
+
+
+def _record(session: onnxruntime.InferenceSession, path: Path) -> DriverRecord:
+    """The record in the metadata of the file. Raises InputError."""
+    text = session.get_modelmeta().custom_metadata_map.get(KEY)
+    if text is None:
+        raise InputError(f"{path}: no driving network: has no metadata {KEY!r}; `trepid train` writes it")
+    try:
+        data = json.loads(text)
+        record = DriverRecord.model_validate(data)
+    except ValidationError as error:
+        what = complaint(error, data, DriverRecord)
+        raise InputError(f"{path}: no driving network: metadata {KEY!r}: {what}") from error
+    except ValueError as error:
+        raise InputError(f"{path}: no driving network: metadata {KEY!r} is not JSON") from error
+    if record.kind != KIND:
+        raise InputError(f"{path}: no driving network: its kind is {record.kind!r}, expected {KIND!r}")
+    return record
