@@ -156,7 +156,7 @@ def executed(command: Documented) -> list[str] | None:
     verb, _, rest = resolved(words)
     if command.inline or verb not in EXECUTED or SYNOPSIS.search(" ".join(rest)):
         return None
-    files = [word for word in rest if re.fullmatch(r"[\w./-]+\.(yaml|mcap|jpg|png|mp4)", word)]
+    files = [word for word in rest if re.fullmatch(r"[\w./-]+\.(yaml|mcap|jpg|png|mp4|onnx)", word)]
     outputs = {
         rest[i + 1] for i, word in enumerate(rest[:-1]) if word in ("--out", "--picture", "--annotate")
     }

@@ -248,9 +248,11 @@ class Scenario(Settings):
         return self._problem_with_parts(settings)
 
     def _problem_with_estimators(self) -> Problem | None:
-        for name in self.networks:
+        for name, file in self.networks.items():
             if name not in self.estimators:
                 return ("networks", name), f"no estimator of the scenario is called {name!r}"
+            if not Path(file).is_file():
+                return ("networks", name), f"no file {file}"
         for number, name in enumerate(self.estimators):
             if name not in self.networks and name not in ESTIMATORS and name not in estimators():
                 return ("estimators", number), no_estimator(name, estimators())

@@ -54,8 +54,8 @@ def test_a_broken_network_is_refused_before_the_first_run(turn):
 
 def test_a_missing_network_is_refused_and_a_wrong_name_too():
     assert networks_of(["cv"]) == {"cv": None}
-    with pytest.raises(InputError, match="nowhere"):
-        check_configuration([load_scenario("straight", changes_of(["nowhere.onnx"]))])
+    with pytest.raises(InputError, match=r"networks\.nowhere: no file .*nowhere\.onnx"):
+        load_scenario("straight", changes_of(["nowhere.onnx"]))
     with pytest.raises(InputError, match="another estimator"):
         networks_of(["cnn.onnx"])
 
