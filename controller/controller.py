@@ -316,25 +316,15 @@ class Controller:
 
 def _lane_from_decision(decision: Decision, limits: InputLimits) -> Lane | None:
     """The decision's path with its curvature brought to the axle; None unless complete and plausible."""
-    offset_m, heading_rad = decision.lateral_offset_m, decision.heading_error_rad
-    ahead_1pm = decision.curvature_1pm
-    rate_1pm2 = decision.curvature_rate_1pm2 or 0.0  # None: an arc, of constant curvature
-    if offset_m is None or heading_rad is None or ahead_1pm is None:
+    lane, ahead_1pm = Lane.of_message(decision, known_m=decision.lookahead_m), decision.curvature_1pm
+    if lane is None or ahead_1pm is None:
         return None
-    lane = Lane.from_ahead(
-        offset_m=offset_m,
-        heading_rad=heading_rad,
-        ahead_1pm=ahead_1pm,
-        curvature_rate_1pm2=rate_1pm2,
-        lookahead_m=decision.lookahead_m,
-        known_m=decision.lookahead_m,
-    )
     plausible = (
-        abs(offset_m) <= limits.max_offset_m
-        and abs(heading_rad) <= limits.max_heading_rad
+        abs(lane.offset_m) <= limits.max_offset_m
+        and abs(lane.heading_rad) <= limits.max_heading_rad
         and abs(ahead_1pm) <= limits.max_curvature_1pm
         and abs(lane.curvature_1pm) <= limits.max_curvature_1pm
-        and abs(rate_1pm2) <= limits.max_curvature_rate_1pm2
+        and abs(lane.curvature_rate_1pm2) <= limits.max_curvature_rate_1pm2
         and 0.0 <= decision.lookahead_m <= limits.max_lookahead_m
     )
     return lane if plausible else None

@@ -18,7 +18,7 @@ second order in the time step, solve it for different inputs:
 They differ in terms of third order, so that exchanging one for another changes results beyond rounding.
 
 Messages (`SteeringEstimate`, `Decision`) carry the curvature at their look-ahead ℓ instead of at the axle. The only
-conversions are :meth:`Lane.from_ahead` and :meth:`Lane.curvature_at`.
+conversions are :meth:`Lane.of_message` and :meth:`Lane.curvature_at`.
 """
 
 import math
@@ -26,6 +26,7 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
 from trepid.bounds import at_least, at_most
+from trepid.messages import Decision, SteeringEstimate
 from trepid.types import Array
 
 T = TypeVar("T", float, Array)
@@ -66,19 +67,18 @@ class Lane(NamedTuple):
     lookahead_m: float = math.inf
 
     @classmethod
-    def from_ahead(
-        cls,
-        *,
-        offset_m: float,
-        heading_rad: float,
-        ahead_1pm: float,
-        curvature_rate_1pm2: float,
-        lookahead_m: float,
-        known_m: float = math.inf,
-    ) -> "Lane":
-        """The lane known up to ``known_m`` whose curvature at ``lookahead_m`` is ``ahead_1pm``: κ = κ(ℓ) - κ'·ℓ."""
-        curvature_1pm = ahead_1pm - curvature_rate_1pm2 * lookahead_m
-        return cls(offset_m, heading_rad, curvature_1pm, curvature_rate_1pm2, known_m)
+    def of_message(cls, message: SteeringEstimate | Decision, *, known_m: float = math.inf) -> "Lane | None":
+        """The lane of a message with its curvature brought to the axle, κ = κ(ℓ) - κ'·ℓ, known up to ``known_m``.
+
+        None without offset, heading or curvature; without a rate the lane is an arc, κ' = 0. The numbers are not
+        checked.
+        """
+        offset_m, heading_rad = message.lateral_offset_m, message.heading_error_rad
+        if offset_m is None or heading_rad is None or message.curvature_1pm is None:
+            return None
+        rate_1pm2 = message.curvature_rate_1pm2 or 0.0
+        curvature_1pm = message.curvature_1pm - rate_1pm2 * message.lookahead_m
+        return cls(offset_m, heading_rad, curvature_1pm, rate_1pm2, known_m)
 
     def curvature_at(self, ahead_m: float) -> float:
         """κ(x) = κ + κ'·x [1/m]; constant beyond the look-ahead."""

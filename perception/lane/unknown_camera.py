@@ -192,15 +192,5 @@ class LaneOfUnknownCamera:
 
 def _places_m(estimate: SteeringEstimate) -> Array | None:
     """Lateral places [m] of the lane centre at SIGMA_AHEAD_M; None without a lane."""
-    offset_m, heading_rad = estimate.lateral_offset_m, estimate.heading_error_rad
-    ahead_1pm, rate_1pm2 = estimate.curvature_1pm, estimate.curvature_rate_1pm2
-    if offset_m is None or heading_rad is None or ahead_1pm is None or rate_1pm2 is None:
-        return None
-    lane = Lane.from_ahead(
-        offset_m=offset_m,
-        heading_rad=heading_rad,
-        ahead_1pm=ahead_1pm,
-        curvature_rate_1pm2=rate_1pm2,
-        lookahead_m=estimate.lookahead_m,
-    )
-    return np.array([lane.y_m(ahead_m) for ahead_m in SIGMA_AHEAD_M])
+    lane = Lane.of_message(estimate)
+    return None if lane is None else np.array([lane.y_m(ahead_m) for ahead_m in SIGMA_AHEAD_M])

@@ -152,13 +152,9 @@ def usable_lane(
         if lane is not None
         and abs(t_s - lane.t_s) <= settings.max_lane_age_s
         and lane.confidence >= settings.min_lane_confidence
-        and None not in _clothoid_fields(lane)
+        and Lane.of_message(lane) is not None
     ]
     return max(fresh, key=lambda lane: lane.confidence, default=None)
-
-
-def _clothoid_fields(lane: SteeringEstimate) -> tuple[float | None, ...]:
-    return lane.lateral_offset_m, lane.heading_error_rad, lane.curvature_1pm, lane.curvature_rate_1pm2
 
 
 def _motion(state: VehicleState | None) -> tuple[float, float] | None:
@@ -187,15 +183,8 @@ class Corridor:
         self._gone_m = self._turned_rad = 0.0
         if lane is None:
             return
-        offset_m, heading_rad, ahead_1pm, rate_1pm2 = (value or 0.0 for value in _clothoid_fields(lane))
         self._width_m = lane.lane_width_m or settings.lane_width_m
-        self._lane = Lane.from_ahead(
-            offset_m=offset_m,
-            heading_rad=heading_rad,
-            ahead_1pm=ahead_1pm,
-            curvature_rate_1pm2=rate_1pm2,
-            lookahead_m=lane.lookahead_m,
-        )
+        self._lane = Lane.of_message(lane) or self._lane
         speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
         self._gone_m, self._turned_rad = speed_mps * (t_s - lane.t_s), yaw_rate_radps * (t_s - lane.t_s)
 

@@ -189,21 +189,15 @@ def within(value: float | None, limit: float) -> float | None:
 
 def _lane_of(estimate: SteeringEstimate, settings: ValidationSettings) -> Lane | None:
     """The lane at the rear axle; None unless every number is given, finite and possible."""
-    offset_m = within(estimate.lateral_offset_m, settings.max_offset_m)
-    heading_rad = within(estimate.heading_error_rad, settings.max_heading_rad)
-    curvature_1pm = within(estimate.curvature_1pm, settings.max_curvature_1pm)
-    rate_1pm2 = within(estimate.curvature_rate_1pm2, settings.max_curvature_rate_1pm2)
-    if offset_m is None or heading_rad is None or curvature_1pm is None or rate_1pm2 is None:
-        return None
-    if not 0 <= estimate.lookahead_m < math.inf:
-        return None
-    lane = Lane.from_ahead(
-        offset_m=offset_m,
-        heading_rad=heading_rad,
-        ahead_1pm=curvature_1pm,
-        curvature_rate_1pm2=rate_1pm2,
-        lookahead_m=estimate.lookahead_m,
+    numbers = (
+        within(estimate.lateral_offset_m, settings.max_offset_m),
+        within(estimate.heading_error_rad, settings.max_heading_rad),
+        within(estimate.curvature_1pm, settings.max_curvature_1pm),
+        within(estimate.curvature_rate_1pm2, settings.max_curvature_rate_1pm2),
     )
+    lane = Lane.of_message(estimate)
+    if lane is None or None in numbers or not 0 <= estimate.lookahead_m < math.inf:
+        return None
     return None if within(lane.curvature_1pm, settings.max_curvature_1pm) is None else lane
 
 

@@ -1,6 +1,7 @@
 """Estimators as witnesses against each other: by what they state to know, and in their own world only."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -48,25 +49,20 @@ def test_a_vague_network_on_a_plain_highway_keeps_nobody_from_taking_over_and_fe
 
 
 @pytest.mark.parametrize("speed_mps", SPEEDS_MPS)
-def test_a_network_that_bends_a_straight_road_and_states_a_small_deviation_is_feared_within_a_second(
-    speed_mps: float,
+@pytest.mark.parametrize(
+    "changed",
+    [
+        pytest.param(lambda v: {"cnn": replace(NETWORK, curvature_1pm=2.5 / v**2)}, id="bent network"),
+        pytest.param(lambda _: {"cv": replace(STRAIGHT, lateral_offset_m=0.8)}, id="lines 0.7 m aside"),
+    ],
+)
+def test_one_of_two_estimators_that_lies_with_a_small_deviation_is_feared_within_a_second(
+    changed: Callable[[float], dict[str, SteeringEstimate]], speed_mps: float
 ) -> None:
-    drive = Drive(speed_mps=speed_mps)
-    drive.last(3.0, cv=STRAIGHT, cnn=NETWORK, state=DRIVEN)
-    assert drive.last(1.0, cv=STRAIGHT, cnn=NETWORK).fear == 0
-    bent = replace(NETWORK, curvature_1pm=2.5 / speed_mps**2)
-    decision = drive.last(1.0, cv=STRAIGHT, cnn=bent)
-    assert decision.fear >= 0.5 and decision.cause == "disagreement"
-
-
-@pytest.mark.parametrize("speed_mps", SPEEDS_MPS)
-def test_lines_that_lie_by_0_7_m_are_feared_within_a_second_beside_a_network_in_its_world(
-    speed_mps: float,
-) -> None:
-    drive = Drive(speed_mps=speed_mps)
-    drive.last(3.0, cv=STRAIGHT, cnn=NETWORK, state=DRIVEN)
-    assert drive.last(1.0, cv=STRAIGHT, cnn=NETWORK).fear == 0
-    decision = drive.last(1.0, cv=replace(STRAIGHT, lateral_offset_m=0.8), cnn=NETWORK)
+    drive, both = Drive(speed_mps=speed_mps), {"cv": STRAIGHT, "cnn": NETWORK}
+    drive.last(3.0, **both, state=DRIVEN)
+    assert drive.last(1.0, **both).fear == 0
+    decision = drive.last(1.0, **(both | changed(speed_mps)))
     assert decision.fear >= 0.5 and decision.cause == "disagreement"
 
 

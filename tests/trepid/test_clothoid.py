@@ -1,6 +1,7 @@
 """Claims about the lane as a clothoid and its motion."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trepid.clothoid import Lane, Motion, advanced, lane_after
+from trepid.messages import SteeringEstimate
 
 unit = st.floats(-1.0, 1.0)
 small = st.floats(-0.5, 0.5)
@@ -54,14 +56,28 @@ def test_the_mirrored_lane_gives_the_opposite_position_and_command(lane, x):
 
 @given(lane=lanes, ahead_m=st.floats(0, 60))
 def test_the_curvature_of_a_message_converts_to_the_axle_and_back(lane, ahead_m):
-    back = Lane.from_ahead(
-        offset_m=lane.offset_m,
-        heading_rad=lane.heading_rad,
-        ahead_1pm=lane.curvature_at(ahead_m),
+    message = replace(
+        SteeringEstimate.nothing(0.0, estimator="x", lookahead_m=ahead_m, reason=""),
+        lateral_offset_m=lane.offset_m,
+        heading_error_rad=lane.heading_rad,
+        curvature_1pm=lane.curvature_at(ahead_m),
         curvature_rate_1pm2=lane.curvature_rate_1pm2,
-        lookahead_m=ahead_m,
     )
-    assert back == pytest.approx(lane, abs=1e-15)
+    assert Lane.of_message(message) == pytest.approx(lane, abs=1e-15)
+    arc = Lane.of_message(replace(message, curvature_rate_1pm2=None), known_m=ahead_m)
+    assert arc is not None
+    assert (arc.curvature_1pm, arc.curvature_rate_1pm2, arc.lookahead_m) == (
+        message.curvature_1pm,
+        0,
+        ahead_m,
+    )
+
+
+@pytest.mark.parametrize("field", ["lateral_offset_m", "heading_error_rad", "curvature_1pm"])
+def test_a_message_without_one_of_its_numbers_has_no_lane(field):
+    fields = {"lateral_offset_m": 0.1, "heading_error_rad": 0.0, "curvature_1pm": 0.0} | {field: None}
+    nothing = SteeringEstimate.nothing(0.0, estimator="x", lookahead_m=8.0, reason="")
+    assert Lane.of_message(replace(nothing, **fields)) is None
 
 
 @given(lane=lanes, x=st.floats(-5, 20), further=st.floats(-5, 10))

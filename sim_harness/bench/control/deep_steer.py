@@ -48,13 +48,7 @@ class AnglesOfFiveMph:
         return Command(t_s=now_s, road_wheel_angle_rad=angle_rad, speed_mps=0.0, accel_mps2=0.0)
 
     def _angle(self, seen: Decision) -> float:
-        lane = Lane.from_ahead(
-            offset_m=seen.lateral_offset_m or 0.0,
-            heading_rad=seen.heading_error_rad or 0.0,
-            ahead_1pm=seen.curvature_1pm or 0.0,
-            curvature_rate_1pm2=seen.curvature_rate_1pm2 or 0.0,
-            lookahead_m=seen.lookahead_m,
-        )
+        lane = Lane.of_message(seen) or Lane(0.0, 0.0, 0.0, 0.0)
         curvature_1pm = lane.pursuit_curvature(DRIVER_AHEAD_M)
         return angle_from_curvature(curvature_1pm, speed_mps=LEARNED_AT_MPS, vehicle=self._vehicle)
 

@@ -1,5 +1,6 @@
 """Every estimator on every frame of a clip, in turn, and the error of each."""
 
+import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -111,14 +112,8 @@ def aim(estimate: SteeringEstimate) -> complex:
 
 
 def _lane_of(estimate: SteeringEstimate) -> Lane:
-    """The lane of an estimate; NaN where a field is None."""
-    return Lane.from_ahead(
-        offset_m=_number(estimate.lateral_offset_m),
-        heading_rad=_number(estimate.heading_error_rad),
-        ahead_1pm=_number(estimate.curvature_1pm),
-        curvature_rate_1pm2=_number(estimate.curvature_rate_1pm2),
-        lookahead_m=estimate.lookahead_m,
-    )
+    """The lane of an estimate; NaN without one."""
+    return Lane.of_message(estimate) or Lane(math.nan, math.nan, math.nan, math.nan)
 
 
 class _TrueRoad:

@@ -51,13 +51,8 @@ def test_a_bias_leaves_an_estimate_without_a_lane_unchanged():
 
 def angle_of(lane: SteeringEstimate) -> float:
     """The wheel angle of pure pursuit in ``lane``."""
-    centre = Lane.from_ahead(
-        offset_m=lane.lateral_offset_m,
-        heading_rad=lane.heading_error_rad,
-        ahead_1pm=lane.curvature_1pm,
-        curvature_rate_1pm2=lane.curvature_rate_1pm2,
-        lookahead_m=lane.lookahead_m,
-    )
+    centre = Lane.of_message(lane)
+    assert centre is not None
     return road_wheel_angle(centre.pursuit_curvature(lane.lookahead_m), wheelbase_m=WHEELBASE_M)
 
 
