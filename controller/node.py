@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from controller.controller import build
+from trepid.processes.journal import Journal
 from trepid.processes.process import Process, Ticker
 from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
@@ -21,6 +22,7 @@ class ControllerNode:
         self._state = me.bus.latest(VEHICLE_STATE, wakes=False)
         self._losses = me.bus.latest(LOSSES)
         self._send = me.bus.publisher(COMMAND)
+        self._journal = Journal(me, COMMAND, reads=(self._decision, self._state, self._losses))
         self._controller = build()
         self._times = Timekeeper(me.bus, me.name, me.now_s)
         me.ready(values=self._controller.learner.values)
@@ -41,6 +43,7 @@ class ControllerNode:
             self._decision.message, self._state.refresh(), now_s=began_s, losses=self._losses.message
         )
         self._send(command)
+        self._journal.note(began_s)
         if fresh:
             self._times.note(command.t_s, self._decision, began_s=began_s)
         self._me.stepped()

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from perception.camera.image_statistics import ImageStatistician
 from perception.estimators import build
+from trepid.processes.journal import Journal
 from trepid.processes.process import Process
 from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
@@ -27,6 +28,8 @@ class EstimatorNode:
         self._send_statistics = me.bus.publisher(IMAGE_STATISTICS)
         self._estimator = build(name, network=me.options.get("network"))
         self._statistician = ImageStatistician() if me.options["statistics"] else None
+        outputs = (estimate_topic(name), *((IMAGE_STATISTICS,) if self._statistician else ()))
+        self._journal = Journal(me, *outputs, reads=(self._frames, self._state))
         self._times = Timekeeper(me.bus, name, me.now_s)
         me.ready()
 
@@ -46,7 +49,8 @@ class EstimatorNode:
         self._send_estimate(replace(estimate, latency_ms=latency_ms))
         self._times.note(frame.t_s, self._frames, began_s=began_s)
         if self._statistician is not None:
-            self._send_statistics(self._statistician.step(frame, now_s=me.now_s()))
+            self._send_statistics(self._statistician.step(frame, now_s=began_s))
+        self._journal.note(began_s)
         me.stepped()
 
 

@@ -28,6 +28,7 @@ from sim_harness.sweep.sweep import Workforce, saving, workforce
 from trepid.commands.car_option import Car
 from trepid.commands.changes_option import Changes
 from trepid.commands.estimator_option import Chosen
+from trepid.commands.record_option import RawImages
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
@@ -126,6 +127,7 @@ def run_verb(
     record: Annotated[
         Path | None, typer.Option(metavar="F.mcap", help="Record a single run in the format of a live drive.")
     ] = None,
+    raw_images: RawImages = False,
     car: Car = None,
     as_json: AsJson = False,
 ) -> int:
@@ -134,6 +136,7 @@ def run_verb(
     The same scenario and seed give the same trace, bit for bit, on any process or machine of the same type. Rows of
     --json have the order of scenarios and seeds; other lines appear as runs finish.
     """
+    refuse("--raw-images needs --record", raw_images and record is None)
     refuse("--resume needs --out", resume and out is None)
     refuse("--resume needs fixed seeds: --seed random cannot be given too", resume and seed == RANDOM)
     refuse("--cluster has its own processes: --jobs cannot be given too", cluster is not None and jobs > 1)
@@ -141,7 +144,9 @@ def run_verb(
     selection = select(sources or [], tags or [], overrides)
     planned = planned_cases(selection, seed, seeds, sample, cases)
     check_outputs(planned, report, trace, picture, record)
-    work: Workforce = partial(saving, trace=trace, picture=picture, record=record, detailed=bool(report))
+    work: Workforce = partial(
+        saving, trace=trace, picture=picture, record=record, raw_images=raw_images, detailed=bool(report)
+    )
     if not (trace or picture or record):
         work = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=bool(report))
     page = Report(path=report, page=Page("trepid sim run"), command=selection.command) if report else None

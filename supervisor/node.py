@@ -11,6 +11,7 @@ from supervisor.rules.reload import RuleWatch
 from supervisor.supervisor import Supervisor, build
 from trepid.bus import Latest
 from trepid.messages import Health
+from trepid.processes.journal import Journal
 from trepid.processes.process import Process, Values
 from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
@@ -42,6 +43,7 @@ class SupervisorNode:
             STATE: self._state,
         }
         self._send = bus.publisher(DECISION)
+        self._journal = Journal(me, DECISION, reads=(*self._inputs.values(), self._losses))
         self._health = Health.OK, ""
         self._adopted: deque[Values] = deque(maxlen=1)  # rules that the next heartbeat reports
         self._times = Timekeeper(bus, me.name, me.now_s)
@@ -81,6 +83,7 @@ class SupervisorNode:
             losses=self._losses.message,
         )
         self._send(decision)
+        self._journal.note(now_s)
         if self._last is not None:
             self._times.note(decision.t_s, self._last, began_s=now_s)
         self._decide_by_s = min(now_s + IDLE_PERIOD_S, self._supervisor.late_at_s)

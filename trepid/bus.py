@@ -22,11 +22,12 @@ import zenoh
 
 from trepid.clock import UNSTAMPED, Clock, Stamp, stamp_of, stamper
 from trepid.security import refuse_open_endpoints
-from trepid.topics import Topic
+from trepid.topics import CAMERA_IMAGE, Topic
 from trepid.wire import WireError, from_cdr, to_cdr
 
 TX_QUEUE = 16  # messages or fragments of 64 kB; the most that Zenoh allows
 KEPT = 4096  # messages that a stream or tap keeps until it is drained: seconds of all topics together
+KEPT_IMAGES = 128  # raw images that a tap keeps: seconds
 OLDEST_S = 10.0  # older stamps of publication do not date a message
 SWITCH_S = 5e-4  # the step of a process lets the callback of an arriving message in after this long
 RUNTIME = "(rx: (worker_threads: 1), app: (worker_threads: 1))"
@@ -274,6 +275,14 @@ class Bus:
 
         return send
 
+    def forwarder(self, key: str) -> Callable[[bytes], None]:
+        """A function that publishes the CDR bytes of a message on ``key``, such as that of a recording."""
+        publisher = self._session.declare_publisher(
+            f"{self._prefix}/{key}", congestion_control=zenoh.CongestionControl.DROP, express=True
+        )
+        stamp = stamper(self._clock)
+        return lambda data: publisher.put(data, attachment=stamp())
+
     def latest(self, topic: Topic[M], *, wakes: bool = True) -> Latest[M]:
         """Subscription that keeps the newest message of ``topic``; its arrival ends :meth:`wait`, if it wakes."""
         return self._subscribe(Latest(topic, self._mailbox(topic.key) if wakes else self._ring(topic.key, 1)))
@@ -289,7 +298,7 @@ class Bus:
         """
         tap = Tap(self._prefix)
         for key in keys:
-            tap.rings.append(Ring(KEPT, self._clock))
+            tap.rings.append(Ring(KEPT_IMAGES if key == CAMERA_IMAGE.key else KEPT, self._clock))
             tap.subscribers.append(self._declared(key, tap.rings[-1]))
         return tap
 

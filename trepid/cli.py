@@ -74,6 +74,11 @@ VERBS = {
         "train_lead",
         "Train the lead detector on rendered vehicles and write its weights; needs the extra 'train'.",
     ),
+    "replay": Verb(
+        "cockpit.replay.cli",
+        "replay",
+        "Play a recording onto the bus, or run nodes on its inputs again and show what differs.",
+    ),
     "status": Verb(
         "cockpit.status.cli",
         "status",

@@ -287,6 +287,24 @@ class Timing:
 
 
 @record
+class Steps:
+    """The inputs of consecutive steps of one node, from which a recording is run again bit for bit.
+
+    ``t_s`` is the time of this report.
+    """
+
+    t_s: float
+    process: str
+    first: int  # number of the first of these steps since the start of the node
+    outputs: tuple[str, ...]  # keys of the topics that each step publishes
+    inputs: tuple[str, ...]  # keys of the topics that it reads
+    began_s: tuple[float, ...]  # the time that each step was given
+    # publication of the message used, of every input, step by step; None: no message so far
+    read_s: tuple[float | None, ...]
+    broken: tuple[float, ...]  # places in read_s with a newer message that could not be decoded
+
+
+@record
 class Losses:
     """Lost processes, as reported by the launcher, by the effect of their loss (``loss`` in ``processes.yaml``)."""
 
@@ -304,6 +322,7 @@ Derived = (
     | SimTruth
     | DriverInput
     | Timing
+    | Steps
     | Losses
 )
 """Messages of Trepid's own; the others travel as standard types of ROS 2."""

@@ -32,6 +32,7 @@ SIM_TRUTH = Topic("sim/truth", messages.SimTruth, 100)  # simulated vehicle -> s
 DIAGNOSTICS = Topic("diagnostics", messages.Diagnostic, 1, urgent=False)  # every process -> launcher
 LOSSES = Topic("drive/losses", messages.Losses, 1)  # launcher -> supervisor
 TIMING = Topic("diagnostics/timing", messages.Timing, 1, urgent=False)  # processes of the frame -> launcher
+STEPS = Topic("diagnostics/steps", messages.Steps, 1, urgent=False)  # nodes with inputs -> recorder
 
 FIXED = {topic.key: topic for topic in list(globals().values()) if isinstance(topic, Topic)}
 

@@ -16,6 +16,7 @@ from supervisor.rules.reload import FROM_S, TEXT
 from trepid.config import InputError, default_file
 from trepid.messages import CompressedFrame, Decision, SteeringEstimate, VehicleState
 from trepid.recording.reader import Recorded, read_recording
+from trepid.recording.writer import CAR_FILES
 from trepid.topics import CAMERA_COMPRESSED, COMMAND, DECISION, DIAGNOSTICS, VEHICLE_STATE, estimate_topic
 from trepid.types import Column
 
@@ -141,26 +142,31 @@ def recall(path: Path, rules: Path | None = None) -> Recall:
         raise InputError(f"{path}: the recording contains no decision of a supervisor{short}")
     if rules is not None:
         return Recall(recorded, FearRules.load(rules), str(rules))
-    attached = next((name for name in recorded.files if name.endswith(".yaml")), None)
+    attached = recorded_rules(recorded)
     if attached is None:
         shipped = default_file(RULES_NAME)
         return Recall(recorded, FearRules.load(shipped), f"{shipped.name} as it is now (none was recorded)")
-    changes = tuple(_changes(recorded, path))
+    changes = tuple(rule_changes(recorded, path))
     since = f", changed {len(changes)} times during the drive" if changes else ""
-    return Recall(
-        recorded, _attached_rules(recorded.files[attached], path), f"{attached}, as recorded{since}", changes
-    )
+    name, data = attached
+    return Recall(recorded, attached_rules(data, path), f"{name}, as recorded{since}", changes)
 
 
-def _changes(recorded: Recorded, path: Path) -> Iterator[tuple[float, FearRules]]:
+def recorded_rules(recorded: Recorded) -> tuple[str, bytes] | None:
+    """Name and bytes of the rule file that the drive began with; None where none was recorded."""
+    attached = (file for file in recorded.files.items() if not file[0].startswith(CAR_FILES))
+    return next((file for file in attached if file[0].endswith(".yaml")), None)
+
+
+def rule_changes(recorded: Recorded, path: Path) -> Iterator[tuple[float, FearRules]]:
     """The times at which the supervisor adopted other rules, and these rules. Raises InputError."""
     for _, diagnostic in recorded.of(DIAGNOSTICS):
         values = dict(diagnostic.values)
         if TEXT in values and FROM_S in values:
-            yield float(values[FROM_S]), _attached_rules(values[TEXT].encode(), path)
+            yield float(values[FROM_S]), attached_rules(values[TEXT].encode(), path)
 
 
-def _attached_rules(data: bytes, path: Path) -> FearRules:
+def attached_rules(data: bytes, path: Path) -> FearRules:
     """Rules from the bytes of a file. Raises InputError."""
     with TemporaryDirectory() as folder:
         file = Path(folder) / RULES_NAME

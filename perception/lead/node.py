@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from perception.lead.finder import build
+from trepid.processes.journal import Journal
 from trepid.processes.process import Process
 from trepid.processes.timing import Timekeeper
 from trepid.processes.turns import serve
@@ -25,6 +26,7 @@ class LeadNode:
         self._state = me.bus.latest(VEHICLE_STATE, wakes=False)
         self._lanes = [me.bus.latest(estimate_topic(name)) for name in me.options["estimators"]]
         self._send = me.bus.publisher(LEAD_VEHICLE)
+        self._journal = Journal(me, LEAD_VEHICLE, reads=(self._frames, self._state, *self._lanes))
         self._finder = build()
         self._times = Timekeeper(me.bus, me.name, me.now_s)
         self._looked_s = me.now_s()
@@ -49,6 +51,7 @@ class LeadNode:
             return
         seen = [lane.message for lane in self._lanes]
         self._send(self._finder.step(frame, self._state.refresh(), seen, now_s=began_s))
+        self._journal.note(began_s)
         if came:
             self._times.note(frame.t_s, came[-1], began_s=began_s)
         me.stepped()

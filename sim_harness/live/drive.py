@@ -8,6 +8,7 @@ process, or on a signal; a drive of a real car after the duration or on a signal
 import os
 import signal
 import socket
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,12 +34,17 @@ from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CONFIG_DIR, InputError, car_folder, located, read
 from trepid.processes.access import published_by
 from trepid.processes.fused import gathered
-from trepid.processes.launch import Fleet
+from trepid.processes.launch import Child, Fleet
 from trepid.processes.register import Running, registered, ticks
-from trepid.processes.settings import ProcessSpec, load_processes
+from trepid.processes.settings import RECORDER, ProcessSpec, load_processes
 from trepid.recording.writer import check_free
 from trepid.security import LAUNCHER, drive_endpoint, refuse_open_endpoints, session_settings
+from trepid.topics import DIAGNOSTICS
 from vehicle.keys.check import check_keys
+
+RECORDER_READY_S = (
+    5.0  # longest wait for the recorder; a drive without its first steps is recorded all the same
+)
 
 __all__ = ["DriveSettings", "drive", "has_simulator", "lockstep_only"]
 
@@ -56,6 +62,7 @@ def drive(
     show: Show,
     say: Callable[[str], None] = lambda _: None,
     record: Path | None = None,
+    raw_images: bool = False,
     duration_s: float | None = None,
     chosen: Networks | None = None,
 ) -> dict[str, Any]:
@@ -86,7 +93,7 @@ def drive(
         what=what,
     )
     context = context_of(scenario, estimators, seed)
-    context |= {"attach": [context["rules"]]}
+    context |= {"raw_images": raw_images}
     if record is not None:
         context["record"] = str(record.resolve())
     else:
@@ -100,6 +107,7 @@ def drive(
             endpoint=endpoint,
             clock_offset_ns=offset_ns,
             context=context,
+            started=recorder_awaited(bus) if record is not None else lambda _: None,
         ) as fleet,
         woken_by_exits(bus),
         registered(running),
@@ -129,9 +137,27 @@ def _plan(
         check_car(own)
     else:
         check_configuration([scenario])
-    specs = gathered(own)
+    specs = tuple(sorted(gathered(own), key=lambda spec: spec.name != RECORDER))
     _check_losable(specs, scenario)
     return specs, estimators
+
+
+def recorder_awaited(bus: Bus) -> Callable[[Child], None]:
+    """A function that waits until a recorder that has just been started hears the other processes.
+
+    The recording of a drive then holds the first step of every node, which a replay begins with.
+    """
+    heard = bus.latest(DIAGNOSTICS, wakes=False)
+
+    def wait(child: Child) -> None:
+        until_s = time.monotonic() + RECORDER_READY_S
+        while child.spec.name == RECORDER and child.alive and time.monotonic() < until_s:
+            beat = heard.take()
+            if beat is not None and beat.process == RECORDER:
+                return
+            time.sleep(0.01)
+
+    return wait
 
 
 def _check_losable(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> None:

@@ -13,6 +13,7 @@ import typer
 from trepid.commands.car_option import Car
 from trepid.commands.changes_option import Changes
 from trepid.commands.estimator_option import Chosen
+from trepid.commands.record_option import RawImages
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
 from trepid.messages import Health
 
@@ -49,6 +50,7 @@ def drive(
     chosen: Chosen = None,
     dashboard: Annotated[bool, typer.Option(help="Live status in the terminal.")] = True,
     record: Annotated[Path | None, typer.Option(help="Record every topic to this MCAP file.")] = None,
+    raw_images: RawImages = False,
     car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> int:
@@ -57,10 +59,14 @@ def drive(
     The processes are those of processes.yaml. With a simulator among them, or with --scenario, the car is
     simulated. Else the drive lasts until --duration or a signal (Ctrl-C), and the car stops before its end.
     """
+    if raw_images and record is None:
+        raise InputError("--raw-images needs --record")
     life = threading.Timer(SIGN_OF_LIFE_S, say, [f"reading the configuration {of_car()}".rstrip()])
     life.start()
     try:
-        row = _drive(scenario, duration, seed, changes, chosen, dashboard, record, life)
+        row = _drive(
+            scenario, duration, seed, changes, chosen, dashboard, record, life, raw_images=raw_images
+        )
     finally:
         life.cancel()
     if as_json:
@@ -81,6 +87,8 @@ def _drive(
     dashboard: bool,
     record: Path | None,
     life: threading.Timer,
+    *,
+    raw_images: bool,
 ) -> dict[str, Any]:
     """The row of the drive. ``life`` prints a line after SIGN_OF_LIFE_S; the first line of the drive cancels it."""
     from sim_harness.live.drive import drive as drive_scenario
@@ -115,6 +123,7 @@ def _drive(
             record=record,
             duration_s=duration,
             chosen=networks_of(chosen) if chosen and what is None else None,
+            raw_images=raw_images,
         )
 
 

@@ -6,16 +6,18 @@ it as the start of the drive.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from sim_harness.lockstep.camera import compressed
 from sim_harness.lockstep.closed_loop import Instant, Witness
+from sim_harness.lockstep.vehicle import load_simulator
 from sim_harness.scenarios.scenario import Scenario
-from trepid.recording.writer import Recording
+from trepid.recording.notes import Times, drive_notes
+from trepid.recording.writer import Recording, attachments
 from trepid.topics import (
     CAMERA_COMPRESSED,
+    CAMERA_IMAGE,
     COMMAND,
     DECISION,
     IMAGE_STATISTICS,
@@ -28,22 +30,28 @@ from trepid.topics import (
 from trepid.wire import to_cdr
 
 EPOCH_S = 1000.0
-_TIMES = ("t_s", "decided_s", "path_t_s")  # of any message
 
 
 @contextmanager
-def recording(path: Path, scenario: Scenario) -> Iterator[Witness]:
+def recording(path: Path, scenario: Scenario, *, raw_images: bool = False) -> Iterator[Witness]:
     """A witness that records a run of ``scenario`` in ``path``. Raises InputError when it cannot be written."""
-    with Recording(path, [scenario.rules_file]) as file:
+    period_s = load_simulator().period_s
+    notes = drive_notes(
+        what=scenario.name,
+        estimators=scenario.estimators,
+        cruise_speed_mps=scenario.speed_mps,
+        lockstep_period_s=period_s,
+    )
+    with Recording(path, attachments(scenario.rules_file), notes) as file:
         file.began(EPOCH_S)
-        yield _Recorder(file).witness
+        yield _Recorder(file, Times(began_s=EPOCH_S, period_s=period_s), raw_images=raw_images).witness
 
 
 class _Recorder:
     """Writes each new message once."""
 
-    def __init__(self, file: Recording) -> None:
-        self._file = file
+    def __init__(self, file: Recording, times: Times, *, raw_images: bool) -> None:
+        self._file, self._times, self._raw_images = file, times, raw_images
         self._written: dict[str, object] = {}  # the newest message of each topic
         self._photographed_s = -EPOCH_S
 
@@ -52,6 +60,8 @@ class _Recorder:
         at_s = EPOCH_S + now.now_s
         self._write(SIM_TRUTH, now.truth, at_s)
         self._write(VEHICLE_STATE, now.state, at_s)
+        if self._raw_images:
+            self._write(CAMERA_IMAGE, now.frame, at_s)
         if (
             now.frame is not None
             and now.now_s - self._photographed_s >= 1.0 / CAMERA_COMPRESSED.rate_hz - 1e-9
@@ -68,10 +78,4 @@ class _Recorder:
     def _write(self, topic: Topic[Any], message: Any, at_s: float) -> None:
         if message is not None and self._written.get(topic.key) is not message:
             self._written[topic.key] = message
-            self._file.add(topic.key, to_cdr(_stamped(message)), at_s=at_s)
-
-
-def _stamped(message: Any) -> Any:
-    """``message`` with its times counted from EPOCH_S."""
-    times_s = {name: getattr(message, name, None) for name in _TIMES}
-    return replace(message, **{name: EPOCH_S + t_s for name, t_s in times_s.items() if t_s is not None})
+            self._file.add(topic.key, to_cdr(self._times.recorded(message)), at_s=at_s)

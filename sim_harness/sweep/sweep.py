@@ -70,13 +70,20 @@ def sweep(plan: Plan, work: Workforce, store: PlanStore | None = None) -> Iterat
 
 
 def saving(
-    plan: Plan, *, trace: Path | None, picture: Path | None, record: Path | None, detailed: bool
+    plan: Plan,
+    *,
+    trace: Path | None,
+    picture: Path | None,
+    record: Path | None,
+    raw_images: bool,
+    detailed: bool,
 ) -> Iterator[tuple[str, Outcome]]:
     """Run the cases in this process and save trace, picture and recording of each. Raises what a run raises."""
     from sim_harness.report.picture import draw
 
     for key, case in plan.items():
-        with recording(record, case.scenario) if record else nullcontext() as witness:
+        recorder = recording(record, case.scenario, raw_images=raw_images) if record else nullcontext()
+        with recorder as witness:
             result, outcome = perform(case, detailed=detailed, witness=witness)
         if trace is not None:
             result.trace.save(trace)

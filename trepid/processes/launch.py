@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,8 +89,12 @@ class Fleet:
         endpoint: str,
         clock_offset_ns: int,
         context: Mapping[str, Any] | None = None,
+        started: Callable[[Child], None] = lambda _: None,
     ) -> None:
-        """``context`` describes the drive to every process: options that the own ones of a process override."""
+        """``context`` describes the drive to every process: options that the own ones of a process override.
+
+        ``started`` is called after the start of each process, before that of the next.
+        """
         self._session: dict[str, Any] = dict(
             vehicle_name=vehicle_name,
             connect=endpoint,
@@ -99,6 +103,7 @@ class Fleet:
         )
         self._specs = specs
         self._context = dict(context or {})
+        self._started = started
         self.children: dict[str, Child] = {}
         self._read_end = self._write_end = -1  # of the pipe of all but the vehicle process
 
@@ -107,6 +112,7 @@ class Fleet:
         try:
             for spec in self._specs:
                 self.children[spec.name] = self._start(spec)
+                self._started(self.children[spec.name])
         except BaseException:
             self.stop()
             raise

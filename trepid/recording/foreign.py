@@ -9,7 +9,7 @@ from mcap.records import Channel, Message, Schema
 
 from trepid.clock import seconds
 from trepid.config import InputError
-from trepid.recording.reader import records
+from trepid.recording.scan import records
 
 
 def types_of(path: Path) -> dict[str, str]:
@@ -26,7 +26,7 @@ def types_of(path: Path) -> dict[str, str]:
     if summary is not None and summary.channels:
         schemas, channels = summary.schemas, list(summary.channels.values())
     else:
-        for record in records(path):
+        for record in records(path, lambda _: False):
             if isinstance(record, Schema):
                 schemas[record.id] = record
             elif isinstance(record, Channel):
@@ -41,8 +41,18 @@ def types_of(path: Path) -> dict[str, str]:
 def messages_of(path: Path, topic: str) -> Iterator[tuple[float, bytes]]:
     """Time of logging [s] and CDR bytes of the messages of ``topic`` in the order of the file, up to its end."""
     ids: set[int] = set()
-    for record in records(path):
+    for record in records(path, lambda name: name == topic):
         if isinstance(record, Channel) and record.topic == topic:
             ids.add(record.id)
         elif isinstance(record, Message) and record.channel_id in ids:
             yield seconds(record.log_time), record.data
+
+
+def in_order(path: Path) -> Iterator[tuple[int, str, bytes]]:
+    """Time of logging [ns], key of the topic and bytes of every message in CDR, in the order of the file."""
+    keys: dict[int, str] = {}
+    for record in records(path):
+        if isinstance(record, Channel) and record.message_encoding == "cdr":
+            keys[record.id] = record.topic.removeprefix("/")
+        elif isinstance(record, Message) and record.channel_id in keys:
+            yield record.log_time, keys[record.channel_id], record.data

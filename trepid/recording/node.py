@@ -17,7 +17,8 @@ from trepid.config import InputError
 from trepid.messages import Diagnostic, Health
 from trepid.processes.process import Process, process
 from trepid.processes.settings import LAUNCHER
-from trepid.recording.writer import BEGAN, BusRecorder
+from trepid.recording.notes import drive_notes
+from trepid.recording.writer import BEGAN, BusRecorder, attachments
 from trepid.topics import DIAGNOSTICS, DRIVER_INPUT
 
 PERIOD_S = 0.05  # between two writes; much shorter than the ring of the tap lasts
@@ -30,7 +31,7 @@ def run(me: Process) -> None:
     """Record until the process is to stop.
 
     Options: ``record``, the file; without it ``record_folder``, the folder of the recordings by the button, made at
-    the first one; ``attach``, files to keep in each recording.
+    the first one; ``raw_images``, to record them too.
     """
     heard = me.bus.stream(DIAGNOSTICS)
     if "record" in me.options:
@@ -75,7 +76,9 @@ def record(
 ) -> None:
     """Record to ``path`` while ``wanted``, with ``said`` in the heartbeat; report why the disk refuses it."""
     try:
-        recorder = BusRecorder(path, me.bus, [Path(file) for file in me.options.get("attach", [])])
+        recorder = BusRecorder(
+            path, me.bus, attached(me), notes(me), raw_images=bool(me.options.get("raw_images"))
+        )
     except InputError as error:
         opened()
         idle(me, str(error), wanted)
@@ -100,6 +103,21 @@ def write(me: Process, recorder: BusRecorder, heard: Stream[Diagnostic], wanted:
                 recorder.began_ns(int(began_ns))
                 begun = True
         me.stepped(Health.OK, said)
+
+
+def attached(me: Process) -> dict[str, bytes]:
+    """The files that every recording of the drive keeps. Raises InputError."""
+    return attachments(Path(me.options["rules"])) if "rules" in me.options else {}
+
+
+def notes(me: Process) -> dict[str, str]:
+    """What the nodes of the drive were built with, as far as their settings do not state it."""
+    scenario, speed_mps = me.options.get("scenario"), me.options.get("cruise_speed_mps")
+    return drive_notes(
+        what=scenario["name"] if scenario else "",
+        estimators=me.options.get("estimators", ()),
+        cruise_speed_mps=speed_mps,
+    )
 
 
 def idle(me: Process, problem: str, wanted: Wanted) -> None:

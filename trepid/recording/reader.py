@@ -5,30 +5,25 @@ an older version of Trepid is decoded by the definitions in the file; fields tha
 """
 
 import math
-import struct
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, TypeVar
 
-import zstandard
-from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, Footer, McapRecord, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, Footer, Metadata, Schema
 from mcap.records import Message as McapMessage
-from mcap.stream_reader import StreamReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from trepid.clock import seconds
 from trepid.config import InputError
+from trepid.recording.scan import records
 from trepid.recording.writer import BEGAN, DRIVE
 from trepid.topics import Topic, topic_of
 from trepid.wire import DERIVED, WireError, definition, from_cdr, ros_name
 
 M = TypeVar("M")
-_BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError, MemoryError, OverflowError)
-"""Exceptions of the MCAP library for a truncated record and for other content."""
 Decoder = Callable[[bytes], Any]
 
 
@@ -40,12 +35,23 @@ class Recorded:
     messages: dict[str, list[tuple[float, Any]]] = field(default_factory=dict)
     """Key of a topic -> arrival and message, in order of arrival."""
     files: dict[str, bytes] = field(default_factory=dict)
-    began_s: float | None = None  # start of the drive; None: not recorded
+    notes: dict[str, str] = field(default_factory=dict)  # about the drive: trepid.recording.notes
     first_s: float = math.nan  # arrival of the first message of any topic ...
     last_s: float = math.nan  # ... and of the last
     complete: bool = False  # False: cut short, or broken somewhere
     malformed: Counter[str] = field(default_factory=Counter)
     """Number of messages by topic that were malformed on the bus already; they are left out."""
+
+    @property
+    def began_s(self) -> float | None:
+        """Start of the drive; None: not recorded."""
+        stamp = self.notes.get(BEGAN, "")
+        return seconds(int(stamp)) if stamp.isdecimal() else None
+
+    def spans(self, first_s: float, last_s: float) -> None:
+        """Note that messages arrived from ``first_s`` to ``last_s``."""
+        self.first_s = first_s if math.isnan(self.first_s) else min(first_s, self.first_s)
+        self.last_s = last_s if math.isnan(self.last_s) else max(last_s, self.last_s)
 
     def of(self, topic: Topic[M]) -> list[tuple[float, M]]:
         """Every message of ``topic`` that was read, with its arrival."""
@@ -60,19 +66,25 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
     recorded = Recorded(path)
     schemas: dict[int, Schema] = {}
     wanted: dict[int, tuple[str, Decoder]] = {}
-    for record in records(path):
+
+    def asked(name: str) -> bool:
+        key = name.removeprefix("/")
+        return topic_of(key) is not None and any(fnmatchcase(key, pattern) for pattern in keys)
+
+    for record in records(path, asked):
         match record:
             case Schema():
                 schemas[record.id] = record
             case Channel():
                 key = record.topic.removeprefix("/")
                 topic = topic_of(key)
-                if topic is not None and any(fnmatchcase(key, pattern) for pattern in keys):
+                if topic is not None and asked(key):
                     wanted[record.id] = key, _decoder(topic, schemas.get(record.schema_id), path)
+            case Chunk():
+                recorded.spans(seconds(record.message_start_time), seconds(record.message_end_time))
             case McapMessage():
                 at_s = seconds(record.log_time)
-                recorded.first_s = at_s if math.isnan(recorded.first_s) else min(at_s, recorded.first_s)
-                recorded.last_s = at_s if math.isnan(recorded.last_s) else max(at_s, recorded.last_s)
+                recorded.spans(at_s, at_s)
                 if record.channel_id in wanted and from_s <= at_s <= to_s:
                     key, decode = wanted[record.channel_id]
                     try:
@@ -82,7 +94,7 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
             case Attachment():
                 recorded.files[record.name] = record.data
             case Metadata(name=name, metadata=notes) if name == DRIVE:
-                recorded.began_s = _began_s(notes)
+                recorded.notes |= notes
             case Footer():
                 recorded.complete = True
     for arrived in recorded.messages.values():
@@ -100,27 +112,6 @@ def times_of(path: Path) -> dict[str, list[float]]:
         elif isinstance(record, McapMessage):
             times.setdefault(keys[record.channel_id], []).append(seconds(record.log_time))
     return times
-
-
-def records(path: Path) -> Iterator[McapRecord]:
-    """The records of a MCAP file up to the first incomplete one. Raises InputError when it is none."""
-    found = False
-    try:
-        with path.open("rb") as file:
-            size = path.stat().st_size
-            for record in StreamReader(file, validate_crcs=True, record_size_limit=size).records:
-                found = True
-                yield record
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except _BROKEN as error:
-        if not found:
-            raise InputError(f"{path}: not a recording: no MCAP file") from error
-
-
-def _began_s(notes: Mapping[str, str]) -> float | None:
-    stamp = notes.get(BEGAN, "")
-    return seconds(int(stamp)) if stamp.isdecimal() else None
 
 
 def _decoder(topic: Topic[Any], schema: Schema | None, path: Path) -> Decoder:

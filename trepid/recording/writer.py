@@ -1,14 +1,14 @@
 """Recordings: MCAP files with the ROS 2 CDR bytes exactly as they were on the bus.
 
 They open in Foxglove, Lichtblick and `ros2 bag` without Trepid: every channel contains its definition. The camera
-is recorded as JPEG, without raw images. Settings files of the drive are attached, and a metadata record gives the
-start of the drive.
+is recorded as JPEG; raw images only where they are asked for. The rule file and the files of the car are attached,
+and a metadata record gives the start of the drive and what the nodes were built with.
 
 After a crash at most the last second is missing: see FLUSH_S and :mod:`trepid.recording.reader`.
 """
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Self
@@ -18,17 +18,20 @@ from mcap.writer import CompressionType, Writer
 from trepid import __version__
 from trepid.bus import Bus
 from trepid.clock import nanoseconds
-from trepid.config import InputError
-from trepid.topics import topic_of
+from trepid.config import InputError, car_folder
+from trepid.topics import CAMERA_IMAGE, topic_of
 from trepid.wire import definition, ros_name
 
 RECORDED = (
     "camera/image/compressed",
     *(f"{part}/**" for part in ("perception", "supervisor", "controller", "vehicle", "driver", "sim")),
+    "drive/losses",
     "diagnostics",
     "diagnostics/timing",
+    "diagnostics/steps",
 )
 DRIVE, BEGAN = "trepid.drive", "began_ns"  # name of the metadata record and its field
+CAR_FILES = "car/"  # beginning of the names of the attached files of a car
 FLUSH_S = 1.0  # chunks are closed and handed to the operating system at least this often; costs 5 % in size
 
 
@@ -46,14 +49,27 @@ def check_free(path: Path) -> None:
         raise InputError(f"{path}: cannot be written: no right to write in {path.parent}")
 
 
+def attachments(rules: Path) -> dict[str, bytes]:
+    """The files that a recording keeps, by name: rules, and settings of the car in use. Raises InputError."""
+    car = car_folder()
+    settings = sorted(car.glob("*.yaml")) if car is not None else []
+    try:
+        kept = {f"{CAR_FILES}{path.name}": path.read_bytes() for path in settings}
+        return {rules.name: rules.read_bytes(), **kept}
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be read: {error.strerror}") from error
+
+
 class Recording:
     """One MCAP file being written. Use as a context manager.
 
     Every method raises InputError when the disk refuses the file; what was written until then stays readable.
     """
 
-    def __init__(self, path: Path, files: Iterable[Path] = ()) -> None:
-        """``files`` are attached under their names. An existing file is never overwritten."""
+    def __init__(
+        self, path: Path, files: Mapping[str, bytes] | None = None, notes: Mapping[str, str] | None = None
+    ) -> None:
+        """``files`` are attached by name; ``notes`` describe the drive. An existing file is never overwritten."""
         self._path = path
         try:
             self._file = path.open("xb")
@@ -67,8 +83,10 @@ class Recording:
         self._refused = False  # the disk has refused a part
         with self._on_disk():
             self._writer.start(profile="ros2", library=f"trepid {__version__}")
-            for file in files:
-                self._writer.add_attachment(0, 0, file.name, "application/yaml", file.read_bytes())
+            for name, data in (files or {}).items():
+                self._writer.add_attachment(0, 0, name, "application/yaml", data)
+            if notes:
+                self._writer.add_metadata(DRIVE, dict(notes))
 
     def __enter__(self) -> Self:
         return self
@@ -129,9 +147,17 @@ class Recording:
 class BusRecorder(Recording):
     """A recording of all topics of a bus."""
 
-    def __init__(self, path: Path, bus: Bus, files: Iterable[Path] = ()) -> None:
-        super().__init__(path, files)
-        self._tap = bus.tap(*RECORDED)
+    def __init__(
+        self,
+        path: Path,
+        bus: Bus,
+        files: Mapping[str, bytes] | None = None,
+        notes: Mapping[str, str] | None = None,
+        *,
+        raw_images: bool = False,
+    ) -> None:
+        super().__init__(path, files, notes)
+        self._tap = bus.tap(*RECORDED, *([CAMERA_IMAGE.key] if raw_images else []))
 
     def __exit__(self, *_: object) -> None:
         try:

@@ -10,7 +10,7 @@ from supervisor.rules.inference import FearRules
 from supervisor.rules.reload import RuleChange
 from trepid.config import CONFIG_DIR
 from trepid.messages import Diagnostic, Health
-from trepid.recording.writer import Recording
+from trepid.recording.writer import Recording, attachments
 from trepid.topics import DECISION, DIAGNOSTICS
 from trepid.wire import to_cdr
 
@@ -23,7 +23,7 @@ def record_a_change(path: Path) -> None:
     changed = path.with_name("other.yaml")
     changed.write_text(OTHER, encoding="utf-8")
     drive = Drive.under_way()
-    with Recording(path, [SHIPPED]) as file:
+    with Recording(path, attachments(SHIPPED)) as file:
 
         def drive_on(frames: int) -> None:
             for _ in range(frames):

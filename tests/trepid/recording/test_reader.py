@@ -12,7 +12,7 @@ from trepid import messages as m
 from trepid.config import ROOT, InputError
 from trepid.packages import PACKAGES
 from trepid.recording.reader import read_recording
-from trepid.recording.writer import Recording
+from trepid.recording.writer import Recording, attachments
 from trepid.topics import LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 from trepid.wire import STORE, definition, ros_name, to_cdr
 
@@ -30,7 +30,7 @@ def states() -> list[m.VehicleState]:
 def written(path: Path, *, began_s: float | None = None) -> Path:
     rules = path.parent / "fear.yaml"
     rules.write_text("rules: here\n")
-    with Recording(path, [rules]) as recording:
+    with Recording(path, attachments(rules)) as recording:
         if began_s is not None:
             recording.began(began_s)
         for state in states():

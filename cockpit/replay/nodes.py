@@ -1,0 +1,195 @@
+"""The nodes of a recorded drive, built again: each as a function of its inputs at one step."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import controller.controller
+import supervisor.supervisor
+from cockpit.logbook.recall import RULES_NAME, recorded_rules, rule_changes
+from cockpit.replay.tape import Tape
+from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
+from supervisor.rules.inference import FearRules
+from trepid.config import InputError, car_folder, default_file, use_car
+from trepid.recording.notes import CRUISE, ESTIMATORS, number
+from trepid.recording.writer import CAR_FILES
+from trepid.spelling import did_you_mean
+from trepid.topics import (
+    CAMERA_IMAGE,
+    COMMAND,
+    DECISION,
+    IMAGE_STATISTICS,
+    LEAD_VEHICLE,
+    LOSSES,
+    VEHICLE_STATE,
+    Topic,
+    estimate_topic,
+)
+
+SUPERVISOR, CONTROLLER, ALL = "supervisor", "controller", "all"
+Read = Mapping[str, Any]
+"""Key of a topic -> the message that the step uses; None: none so far."""
+Step = Callable[[Read, float, Collection[str]], Any]
+"""The output for inputs, the time of the step, and the keys of inputs whose newest message is malformed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """One node of the drive."""
+
+    name: str
+    output: Topic[Any]
+    inputs: tuple[Topic[Any], ...]
+    build: Callable[[], Step]  # a new node
+    rank: int  # order of the steps at one instant of a lock-step run
+    earlier: frozenset[str] = field(default_factory=frozenset)  # inputs that are of an earlier instant there
+
+    @property
+    def sees(self) -> bool:
+        """Whether the node steps on camera images."""
+        return CAMERA_IMAGE in self.inputs
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What the supervisor is built with."""
+
+    rules: Path
+    changes: Sequence[
+        tuple[float, FearRules]
+    ]  # rules adopted during the drive, and the time after which they apply
+    cruise_speed_mps: float | None
+
+
+def nodes_of(tape: Tape, setup: Setup) -> dict[str, Node]:
+    """Every node that can be run again, by name, in the order of the data flow."""
+    names = estimators_of(tape)
+    lanes = tuple(estimate_topic(name) for name in names)
+    seeing = (CAMERA_IMAGE, VEHICLE_STATE)
+    found = [Node(name, estimate_topic(name), seeing, partial(_estimator, name), 0) for name in names]
+    found += [
+        Node(STATISTICS, IMAGE_STATISTICS, (CAMERA_IMAGE,), _statistician, 0),
+        Node(
+            LEAD,
+            LEAD_VEHICLE,
+            (*seeing, *lanes),
+            partial(_finder, names),
+            1,
+            frozenset(topic.key for topic in lanes),
+        ),
+        Node(
+            SUPERVISOR,
+            DECISION,
+            (*lanes, IMAGE_STATISTICS, LEAD_VEHICLE, VEHICLE_STATE, LOSSES),
+            partial(_supervisor, setup, names),
+            2,
+        ),
+        Node(CONTROLLER, COMMAND, (DECISION, VEHICLE_STATE, LOSSES), _controller, 3),
+    ]
+    return {node.name: node for node in found if tape.recorded.of(node.output)}
+
+
+def estimators_of(tape: Tape) -> tuple[str, ...]:
+    """Names of the estimators of the drive, in its order."""
+    noted = tape.notes.get(ESTIMATORS, "")
+    recorded = sorted(key.split("/")[1] for key in tape.recorded.messages if key.endswith("/estimate"))
+    return tuple(noted.split(",")) if noted else tuple(recorded)
+
+
+def chosen(
+    nodes: Mapping[str, Node], through: Collection[str], tape: Tape
+) -> tuple[list[Node], dict[str, str]]:
+    """The nodes to run again, and the others of ``all`` with the reason. Raises InputError for unknown names."""
+    for name in through:
+        if name not in nodes and name != ALL:
+            raise InputError(f"--through {name}: {did_you_mean(name, [*nodes, ALL])}")
+    left_out = {}
+    if ALL in through and not tape.has_raw_images:
+        why = "the recording holds no raw images: record with --raw-images"
+        left_out = {name: why for name, node in nodes.items() if node.sees and name not in through}
+    picked = [n for name, n in nodes.items() if name in through or (ALL in through and name not in left_out)]
+    return picked, left_out
+
+
+@contextmanager
+def settings_of(tape: Tape, rules: Path | None) -> Iterator[Setup]:
+    """Use the settings of the drive: those of its car, unless another car is in use already.
+
+    ``rules`` replaces the recorded rules. Raises InputError.
+    """
+    own = {name: data for name, data in tape.recorded.files.items() if name.startswith(CAR_FILES)}
+    before = car_folder()
+    with TemporaryDirectory() as folder:
+        if before is None and own:
+            car = Path(folder) / "car"
+            car.mkdir()
+            for name, data in own.items():
+                (car / Path(name).name).write_bytes(data)
+            use_car(car)
+        try:
+            cruise_mps, recorded = number(tape.notes, CRUISE), recorded_rules(tape.recorded)
+            if rules is not None or recorded is None:
+                yield Setup(rules or default_file(RULES_NAME), (), cruise_mps)
+            else:
+                file = Path(folder) / RULES_NAME
+                file.write_bytes(recorded[1])
+                yield Setup(file, tuple(rule_changes(tape.recorded, tape.path)), cruise_mps)
+        finally:
+            use_car(before)
+
+
+def _supervisor(setup: Setup, names: tuple[str, ...]) -> Step:
+    node = supervisor.supervisor.build(rules=setup.rules, cruise_speed_mps=setup.cruise_speed_mps)
+    changes = list(setup.changes)
+    called = {estimate_topic(name).key: name for name in names}
+    called |= {IMAGE_STATISTICS.key: STATISTICS, LEAD_VEHICLE.key: LEAD, VEHICLE_STATE.key: STATE}
+
+    def step(read: Read, now_s: float, broken: Collection[str]) -> Any:
+        while changes and changes[0][0] < now_s:
+            node.adopt(changes.pop(0)[1])
+        return node.step(
+            {name: read[estimate_topic(name).key] for name in names},
+            read[IMAGE_STATISTICS.key],
+            read[LEAD_VEHICLE.key],
+            read[VEHICLE_STATE.key],
+            now_s=now_s,
+            malformed=[called[key] for key in broken],
+            losses=read[LOSSES.key],
+        )
+
+    return step
+
+
+def _controller() -> Step:
+    node = controller.controller.build()
+    return lambda read, now_s, _: node.step(
+        read[DECISION.key], read[VEHICLE_STATE.key], now_s=now_s, losses=read[LOSSES.key]
+    )
+
+
+def _estimator(name: str) -> Step:
+    from perception.estimators import build
+
+    node = build(name)
+    return lambda read, now_s, _: node.step(read[CAMERA_IMAGE.key], read[VEHICLE_STATE.key], now_s=now_s)
+
+
+def _statistician() -> Step:
+    from perception.camera.image_statistics import ImageStatistician
+
+    node = ImageStatistician()
+    return lambda read, now_s, _: node.step(read[CAMERA_IMAGE.key], now_s=now_s)
+
+
+def _finder(names: tuple[str, ...]) -> Step:
+    from perception.lead.finder import build
+
+    node = build()
+    lanes = [estimate_topic(name).key for name in names]
+    return lambda read, now_s, _: node.step(
+        read[CAMERA_IMAGE.key], read[VEHICLE_STATE.key], [read[key] for key in lanes], now_s=now_s
+    )

@@ -1,0 +1,134 @@
+"""The messages of a recording as the nodes of the drive had them, and its camera images in order."""
+
+from bisect import bisect_left, bisect_right
+from collections import OrderedDict
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trepid.clock import nanoseconds
+from trepid.config import InputError
+from trepid.messages import CompressedFrame, Frame, Steps
+from trepid.recording.foreign import messages_of, types_of
+from trepid.recording.notes import PERIOD, Times, number
+from trepid.recording.reader import Recorded, read_recording
+from trepid.topics import (
+    CAMERA_COMPRESSED,
+    CAMERA_IMAGE,
+    COMMAND,
+    DECISION,
+    DIAGNOSTICS,
+    IMAGE_STATISTICS,
+    LEAD_VEHICLE,
+    LOSSES,
+    STEPS,
+    VEHICLE_STATE,
+    Topic,
+    estimate_topic,
+)
+from trepid.wire import from_cdr
+
+READ = (
+    *(topic.key for topic in (IMAGE_STATISTICS, LEAD_VEHICLE, DECISION, COMMAND, VEHICLE_STATE, LOSSES)),
+    *(DIAGNOSTICS.key, STEPS.key, estimate_topic("*").key),
+)
+HANDED_OVER_S = 5e-3  # between two nodes of one process a message is used this long before its publication
+KEPT_FRAMES = 64  # images that wait for slower nodes
+
+
+class Track:
+    """The messages of one topic in order of publication."""
+
+    def __init__(self, recorded: list[tuple[float, Any]], times: Times) -> None:
+        self.recorded_s = [at_s for at_s, _ in recorded]
+        self.recorded = [message for _, message in recorded]
+        self.published_s = [times.node_s(at_s) for at_s, _ in recorded]
+        self.messages = list(map(times.of_node, self.recorded))
+
+    def published(self, at_s: float) -> int | None:
+        """Place of the message that was published at ``at_s``; None when it was not recorded."""
+        place = bisect_left(self.published_s, at_s)
+        found = place < len(self.published_s) and self.published_s[place] - at_s < HANDED_OVER_S
+        return place if found else None
+
+    def newest(self, by_s: float, *, before: bool = False) -> int | None:
+        """Place of the last message published by ``by_s``, or ``before`` it; None without one."""
+        place = (bisect_left if before else bisect_right)(self.published_s, by_s) - 1
+        return place if place >= 0 else None
+
+
+class Tape:
+    """A recording for :mod:`cockpit.replay.rerun`."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError when ``path`` is no recording of a supervisor or controller."""
+        self.path = path
+        self.recorded: Recorded = read_recording(path, *READ)
+        if not {DECISION.key, COMMAND.key} & self.recorded.messages.keys():
+            raise InputError(f"{path}: holds no decision and no command: there is nothing to run again")
+        self.notes = self.recorded.notes
+        period_s = number(self.notes, PERIOD)
+        self.is_lockstep = period_s is not None
+        self.zero_s = self.recorded.first_s if self.recorded.began_s is None else self.recorded.began_s
+        self.times = Times(began_s=self.zero_s, period_s=period_s)
+        self._tracks: dict[str, Track] = {}
+
+    def track(self, key: str) -> Track:
+        """The messages on ``key``."""
+        if key not in self._tracks:
+            self._tracks[key] = Track(self.recorded.messages.get(key, []), self.times)
+        return self._tracks[key]
+
+    def reports(self, output: str) -> list[Steps]:
+        """The reports of the node that publishes ``output`` on its steps, in order."""
+        return [report for _, report in self.recorded.of(STEPS) if output in report.outputs]
+
+    @cached_property
+    def image_topic(self) -> Topic[Any] | None:
+        """The topic with the images of the camera: raw ones, else compressed ones; None without any."""
+        held = {key.removeprefix("/") for key in types_of(self.path)}
+        return next((topic for topic in (CAMERA_IMAGE, CAMERA_COMPRESSED) if topic.key in held), None)
+
+    @property
+    def has_raw_images(self) -> bool:
+        """Whether the recording holds the very images that the estimators got."""
+        return self.image_topic is CAMERA_IMAGE
+
+
+class Frames:
+    """The camera images of a recording one after the other; only the last KEPT_FRAMES stay in memory."""
+
+    def __init__(self, tape: Tape) -> None:
+        self._topic, self._times = tape.image_topic, tape.times
+        self._coming = self._read(tape.path)
+        self._kept: OrderedDict[int, Frame] = OrderedDict()
+        self._read_s = -np.inf
+
+    def of(self, t_s: float, *, by_s: float) -> Frame | None:
+        """The frame captured at ``t_s`` (time of the nodes), looked for up to those published at ``by_s``."""
+        wanted = nanoseconds(t_s)
+        while wanted not in self._kept and self._read_s <= by_s:
+            at_s, frame = next(self._coming, (np.inf, None))
+            self._read_s = at_s
+            if frame is not None:
+                self._kept[nanoseconds(frame.t_s)] = frame
+            if len(self._kept) > KEPT_FRAMES:
+                self._kept.popitem(last=False)
+        return self._kept.get(wanted)
+
+    def _read(self, path: Path) -> Iterator[tuple[float, Frame | None]]:
+        if self._topic is None:
+            return
+        for at_s, data in messages_of(path, f"/{self._topic.key}"):
+            yield self._times.node_s(at_s), self._frame(from_cdr(data, self._topic.type))
+
+    def _frame(self, message: Frame | CompressedFrame) -> Frame | None:
+        moved = self._times.of_node(message)
+        if isinstance(moved, Frame):
+            return moved
+        image = cv2.imdecode(np.frombuffer(moved.jpeg, np.uint8), cv2.IMREAD_COLOR)
+        return None if image is None else Frame(t_s=moved.t_s, image=image.astype(np.uint8, copy=False))

@@ -1,0 +1,133 @@
+"""The records of an MCAP file in order, up to the first incomplete or corrupted one.
+
+The reader of the package ``mcap`` parses every message and every index in Python. A recording holds hundreds of
+messages a second, of which a question needs few, so this one steps over the others by their lengths.
+"""
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import IO, Any
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Footer, Header, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import get_chunk_data_stream
+
+from trepid.config import InputError
+
+MAGIC = b"\x89MCAP0\r\n"
+HEAD = struct.Struct("<BQ")  # opcode and length of a record
+MESSAGE = struct.Struct("<HIQQ")  # channel, number, time of logging and of publication
+READ: dict[int, Any] = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.METADATA: Metadata,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.CHUNK: Chunk,
+    Opcode.FOOTER: Footer,
+}
+"""Class of the records that are read by opcode; the others are indices of these."""
+_BROKEN = (
+    McapError,
+    struct.error,
+    zstandard.ZstdError,
+    RuntimeError,
+    ValueError,
+    MemoryError,
+    OverflowError,
+    EOFError,
+)
+"""Exceptions of the libraries for a truncated record and for other content."""
+Wanted = Callable[[str], bool]
+"""Whether the messages on a topic are read."""
+
+
+def records(path: Path, wanted: Wanted = lambda _: True) -> Iterator[McapRecord]:
+    """The records of a MCAP file with the messages on ``wanted`` topics. Raises InputError when it is none.
+
+    A chunk is returned without its data before the records in it, and gives their times.
+    """
+    found = False
+    try:
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise ValueError("not MCAP")
+            for record in _records(file, wanted):
+                found = True
+                yield record
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except _BROKEN as error:
+        if not found:
+            raise InputError(f"{path}: not a recording: no MCAP file") from error
+
+
+def _records(file: IO[bytes], wanted: Wanted) -> Iterator[McapRecord]:
+    ids: set[int] = set()
+    size = file.seek(0, 2)
+    file.seek(len(MAGIC))
+    while True:
+        opcode, length = HEAD.unpack(file.read(HEAD.size))
+        if length > size - file.tell():
+            raise EOFError
+        if opcode not in READ and opcode != Opcode.MESSAGE:
+            file.seek(length, 1)
+            continue
+        content = file.read(length)
+        if opcode == Opcode.MESSAGE:
+            yield from _message(content, 0, length, ids)
+            continue
+        record = _read(opcode, content)
+        if isinstance(record, Chunk):
+            stream, total = get_chunk_data_stream(record, validate_crc=True)
+            record.data = b""
+            yield record
+            yield from _in_chunk(stream.read(total), ids, wanted)
+            continue
+        _note(record, ids, wanted)
+        yield record
+        if isinstance(record, Footer):
+            return
+
+
+def _in_chunk(data: bytes, ids: set[int], wanted: Wanted) -> Iterator[McapRecord]:
+    place = 0
+    while place < len(data):
+        opcode, length = HEAD.unpack_from(data, place)
+        place += HEAD.size
+        if opcode == Opcode.MESSAGE:
+            yield from _message(data, place, length, ids)
+        elif opcode in READ:
+            record = _read(opcode, data[place : place + length])
+            _note(record, ids, wanted)
+            yield record
+        place += length
+
+
+def _message(data: bytes, place: int, length: int, ids: set[int]) -> Iterator[Message]:
+    channel, number, log_ns, publish_ns = MESSAGE.unpack_from(data, place)
+    if channel in ids:
+        content = data[place + MESSAGE.size : place + length]
+        yield Message(
+            channel_id=channel, sequence=number, log_time=log_ns, publish_time=publish_ns, data=content
+        )
+
+
+def _read(opcode: int, content: bytes) -> Any:
+    """The record with this content. Raises ValueError for a corrupted attachment."""
+    if opcode == Opcode.ATTACHMENT:
+        (crc,) = struct.unpack("<I", content[-4:])
+        if crc and zlib.crc32(content[:-4]) != crc:
+            raise ValueError("an attachment is corrupted")
+    return READ[opcode].read(ReadDataStream(BytesIO(content)))
+
+
+def _note(record: McapRecord, ids: set[int], wanted: Wanted) -> None:
+    if isinstance(record, Channel) and wanted(record.topic):
+        ids.add(record.id)
