@@ -69,6 +69,11 @@ VERBS = {
         "train",
         "Train the CNN estimator on rendered roads and write its weights; needs the extra 'train'.",
     ),
+    "evaluate": Verb(
+        "learning.judging.cli",
+        "evaluate",
+        "Judge driving networks on recorded angles, beside predictions without an image.",
+    ),
     "train-lead": Verb(
         "learning.lead.train",
         "train_lead",

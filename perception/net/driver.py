@@ -61,6 +61,7 @@ class DriverRecord(BaseModel):
     height: PositiveInt
     width: PositiveInt
     interval_90: PositiveFloat  # q: 90 % of errors are within q·σ
+    data_sha256: str = ""  # of the data set of the training
 
     def sigma_rad(self, scale_rad: float) -> float:
         """Standard deviation [rad] of a normal error with the 90 % interval ± q·``scale_rad``."""
@@ -157,23 +158,33 @@ class Driver:
         self._name, self._network, self._vehicle = name, network, vehicle
         self._memory, self._last_s = network.initial_state, math.nan
 
-    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
-        """The road-wheel angle for ``frame``, or the reason for its absence.
+    def steer(self, image: Image, t_s: float) -> Steering | None:
+        """The outputs for an image (h, w, 3) uint8 BGR that was taken at ``t_s``; None where they are not finite.
 
-        The memory of a recurrent network ends with an image of another kind, an output that is not finite, and a
-        time between frames that is not positive or above LONGEST_GAP_S.
+        The memory of a recurrent network ends with an output that is not finite, and with a time between images
+        that is not positive or above LONGEST_GAP_S.
         """
-        if not 0.0 < frame.t_s - self._last_s <= LONGEST_GAP_S:  # NaN: the first frame
+        if not 0.0 < t_s - self._last_s <= LONGEST_GAP_S:  # NaN: the first image
             self._restart()
-        self._last_s, image = frame.t_s, frame.image
-        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
-            self._restart()
-            return self._nothing(frame, f"image is {image.dtype} {image.shape}, not uint8 (height, width, 3)")
         steering = self._network(image, self._memory)
         if not steering.finite or not (steering.state is None or np.isfinite(steering.state).all()):
             self._restart()
+            return None
+        self._memory, self._last_s = steering.state, t_s
+        return steering
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The road-wheel angle for ``frame``, or the reason for its absence.
+
+        The memory of a recurrent network ends with an image of another kind, too.
+        """
+        image = frame.image
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
+            self._restart()
+            return self._nothing(frame, f"image is {image.dtype} {image.shape}, not uint8 (height, width, 3)")
+        steering = self.steer(image, frame.t_s)
+        if steering is None:
             return self._nothing(frame, "the network's output is not finite")
-        self._memory = steering.state
         if steering.unlike > 1.0:
             return self._nothing(frame, "the image is unlike those of the training of the network")
         confidence = self._network.record.confidence(steering.scale_rad)

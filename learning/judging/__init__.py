@@ -1,0 +1,1 @@
+"""How good models of steering are: scores, baselines, uncertainty, the worst frames."""

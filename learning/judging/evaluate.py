@@ -1,0 +1,144 @@
+"""The judgement of one model on one split of a data set, as the row of ``trepid evaluate --json``."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learning.dataset.dataset import Dataset, Rows
+from learning.judging import scores
+from learning.judging.baselines import previous
+from learning.judging.bootstrap import block_frames, intervals
+from learning.judging.predictions import Model, Predictions
+from learning.judging.scores import Angles, Scores
+from learning.judging.uncertainty import calibration, coverage, risk_coverage, world
+from perception.net.driver import TOLERANCE_RAD
+from trepid.config import InputError
+
+Flags = NDArray[np.bool_]
+
+BIN_RATIO = 16.0  # steering-wheel angle / road-wheel angle of the bins, as of a passenger car
+LIGHTS = {"dark": 0.0, "dim": 0.2, "day": 0.4, "bright": 0.65}
+"""Name of a group of frames -> its least mean grey."""
+WORST, APART_S = 20, 1.0  # frames that are listed, and the least time between two of one stretch
+
+
+class Bench:
+    """The split to judge models on: its recorded angles, and the angles of the baselines.
+
+    Degrees are of the road wheel, or with ``ratio`` of a steering wheel that turns ``ratio`` times as far. Bins are
+    those of a steering wheel with ``ratio``, or without it BIN_RATIO.
+    """
+
+    def __init__(self, dataset: Dataset, split: str, *, ratio: float | None = None) -> None:
+        """Raises InputError for an unknown split and for one without labelled frames."""
+        self.dataset = dataset
+        dataset.rows(split)  # raises for an unknown name
+        every = dataset.rows()
+        labelled = every[np.isfinite(every["road_wheel_rad"])]
+        judged = labelled["split"] == split
+        if not judged.any():
+            raise InputError(f"{dataset.folder}: no labelled frame in the split {split!r}")
+        self.rows = labelled[judged]
+        self.unit_deg = math.degrees(ratio or 1.0)  # output degrees per radian of the road wheel
+        self._wheel_ratio = 1.0 if ratio else BIN_RATIO  # degrees of the steering wheel per output degree
+        self.true_deg: Angles = self.rows["road_wheel_rad"] * self.unit_deg
+        self._lights = light_names(self.rows["light"])
+        self.baselines = self._baselines(labelled, judged)
+
+    def _baselines(self, labelled: Rows, judged: Flags) -> dict[str, Scores]:
+        """MAE of the predictions without an image, each on the frames that have one; the mean is that of train."""
+        angles = labelled["road_wheel_rad"]
+        trained = angles[labelled["split"] == "train"]
+        ago = previous(angles, labelled["t_s"], labelled["stretch"])[judged]
+        found = {
+            "always_straight": np.zeros(len(ago)),
+            "mean": np.full(len(ago), trained.mean() if len(trained) else math.nan),
+            "previous_200ms": ago,
+        }
+        return {name: _known(one * self.unit_deg, self.true_deg) for name, one in found.items()}
+
+    def row(self, model: Model, found: Predictions) -> dict[str, Any]:
+        """The scores of ``model``; those of an estimator on the frames with an answer."""
+        seen, network = found.answered, model.network
+        predicted, true = found.angle_rad[seen] * self.unit_deg, self.true_deg[seen]
+        rows, ratio = self.rows[seen], self._wheel_ratio
+        row: dict[str, Any] = {"model": model.name, "file": model.text}
+        if network is not None:
+            record = network.record
+            row |= {"family": record.model, "parameters": record.parameters}
+            row |= {"size": [record.width, record.height]}
+            row |= {"same_data": record.data_sha256 == self.dataset.sha256}
+        row |= scores.errors(predicted, true)
+        row |= {
+            "answered": float(seen.mean()),
+            "intervals_95": intervals(predicted, true, block=block_frames(rows["t_s"])) if seen.any() else {},
+            "latency_ms": float(np.median(found.latency_ms)),
+            "latency_p99_ms": float(np.percentile(found.latency_ms, 99)),
+            "baselines": self.baselines,
+        }
+        if not seen.any():
+            return row
+        rate = (rows["t_s"], rows["stretch"])
+        edges = scores.bin_edges_deg(true, ratio)
+        return row | {
+            "bins": scores.by_size(predicted, true, edges, ratio),
+            "sharpness": scores.by_size(predicted, true, (0.0, scores.SHARP_DEG, math.inf), ratio),
+            "straight_bias_deg": scores.straight_bias_deg(predicted, true, ratio),
+            "rate_rms_degps": scores.rate_rms_degps(predicted, *rate),
+            "recorded_rate_rms_degps": scores.rate_rms_degps(true, *rate),
+            "routes": scores.groups(predicted, true, rows["route"]),
+            "light": scores.groups(predicted, true, self._lights[seen]),
+            "uncertainty": self._uncertainty(found, predicted - true),
+            "worst": self._worst(found),
+        }
+
+    def _uncertainty(self, found: Predictions, error_deg: Angles) -> dict[str, Any]:
+        """What the model states about its errors; without intervals only its confidence."""
+        seen = found.answered
+        stated: dict[str, Any] = calibration(error_deg / self.unit_deg, found.confidence[seen], TOLERANCE_RAD)
+        width_deg = found.interval_rad[seen] * self.unit_deg
+        if not np.isfinite(width_deg).all():
+            return stated | {"risk": risk_coverage(error_deg, -found.confidence[seen])}
+        stated |= coverage(error_deg, width_deg) | world(error_deg, found.unlike[seen])
+        return stated | {"risk": risk_coverage(error_deg, width_deg)}
+
+    def worst(self, found: Predictions, most: int = WORST) -> list[int]:
+        """Numbers of the frames with the greatest errors, at least APART_S apart."""
+        error = np.abs(found.angle_rad * self.unit_deg - self.true_deg)
+        chosen: list[int] = []
+        for number in np.argsort(-np.nan_to_num(error, nan=-1.0), kind="stable").tolist():
+            if len(chosen) == most or not np.isfinite(error[number]):
+                break
+            row = self.rows[number]
+            others = self.rows[chosen]
+            near = (others["stretch"] == row["stretch"]) & (np.abs(others["t_s"] - row["t_s"]) < APART_S)
+            if not near.any():
+                chosen.append(number)
+        return chosen
+
+    def _worst(self, found: Predictions) -> list[dict[str, Any]]:
+        return [
+            {
+                "route": str(self.rows["route"][n]),
+                "frame": int(self.rows["frame"][n]),
+                "t_s": float(self.rows["t_s"][n]),
+                "true_deg": float(self.true_deg[n]),
+                "predicted_deg": float(found.angle_rad[n] * self.unit_deg),
+            }
+            for n in self.worst(found)
+        ]
+
+
+def _known(angles: Angles, true_deg: Angles) -> Scores:
+    """Frames and MAE where ``angles`` is a number."""
+    known = np.isfinite(angles)
+    mae = float(np.abs(angles - true_deg)[known].mean()) if known.any() else None
+    return {"mae_deg": mae, "frames": int(known.sum())}
+
+
+def light_names(grey: Angles) -> NDArray[np.str_]:
+    """The group of LIGHTS of each mean grey; "unknown" for NaN."""
+    at = np.searchsorted([*LIGHTS.values()], np.nan_to_num(grey), side="right") - 1
+    return np.where(np.isfinite(grey), np.array([*LIGHTS])[at], "unknown")

@@ -1,0 +1,105 @@
+"""The angles of a model for the frames of a data set, each frame on its own as in a car, on one core."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learning.dataset.dataset import Dataset, Rows
+from learning.judging.scores import Angles
+from perception.camera.self_calibration import self_calibrated
+from perception.estimators import NETWORK_SUFFIX, Estimator, entry_of, lane_cv_settings, name_of
+from perception.net.driver import Driver, DriverNetwork
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Frame
+from trepid.types import Image
+
+CALIBRATION_FRAMES = 9
+Answer = tuple[float, float, float, float]
+"""Angle [rad], interval half width [rad], unlike, confidence; NaN where the model gives none."""
+_NONE: Answer = (np.nan, np.nan, np.nan, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Predictions:
+    """The outputs of a model for n frames; NaN where it gives none."""
+
+    angle_rad: Angles
+    interval_rad: Angles  # half width of the 90 % interval
+    unlike: Angles
+    confidence: Angles
+    latency_ms: Angles
+
+    @property
+    def answered(self) -> NDArray[np.bool_]:
+        """Whether the model gives an angle, (n,) bool."""
+        return np.isfinite(self.angle_rad)
+
+
+class Model:
+    """A driving network, or an estimator by its name, which may measure the lane."""
+
+    def __init__(self, text: str, camera: Camera | None = None) -> None:
+        """``camera``: of the data set, for estimators that need one; None: self-calibrated for each route.
+
+        Raises InputError for an unknown name and for a file that is no driving network.
+        """
+        self.text, self.name, self._camera = text, name_of(text), camera
+        self.network = DriverNetwork(Path(text)) if text.endswith(NETWORK_SUFFIX) else None
+        self._entry = None if self.network else entry_of(text)
+        self._vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+
+    def predict(self, dataset: Dataset, rows: Rows, tick: Callable[[], None] = lambda: None) -> Predictions:
+        """The predictions for ``rows``, in the order of the index; ``tick`` is called after every frame."""
+        answers = np.empty((len(rows), len(_NONE)))
+        latency_ms = np.empty(len(rows))
+        route, step = None, None
+        for number, (row, image) in enumerate(zip(rows, dataset.images(rows), strict=True)):
+            if step is None or row["route"] != route:
+                route = row["route"]
+                step = self._stepper(dataset, rows[rows["route"] == route], image)
+            began_s = time.perf_counter()
+            answers[number] = step(image, float(row["t_s"]))
+            latency_ms[number] = 1e3 * (time.perf_counter() - began_s)
+            tick()
+        angle_rad, interval_rad, unlike, confidence = answers.T
+        return Predictions(angle_rad, interval_rad, unlike, confidence, latency_ms)
+
+    def _stepper(self, dataset: Dataset, rows: Rows, first: Image) -> Callable[[Image, float], Answer]:
+        if self.network is not None:
+            return _network_step(Driver(self.name, self.network, self._vehicle), self.network)
+        assert self._entry is not None
+        camera = self._camera
+        if camera is None:
+            some = rows[np.linspace(0, len(rows) - 1, CALIBRATION_FRAMES).astype(int)]
+            camera = self_calibrated([*dataset.images(some)], lane_cv_settings().self_calibration)
+        else:
+            camera = camera.resized(first.shape[1], first.shape[0])
+        return _estimator_step(self._entry.build(camera, self._vehicle, assumed=self._camera is None))
+
+
+def _network_step(driver: Driver, network: DriverNetwork) -> Callable[[Image, float], Answer]:
+    def step(image: Image, t_s: float) -> Answer:
+        found = driver.steer(image, t_s)
+        if found is None:
+            return _NONE
+        known = network.record.confidence(found.scale_rad) if found.unlike <= 1.0 else 0.0
+        width_rad = network.record.interval_90 * found.scale_rad
+        return found.road_wheel_rad, width_rad, found.unlike, known
+
+    return step
+
+
+def _estimator_step(estimator: Estimator) -> Callable[[Image, float], Answer]:
+    def step(image: Image, t_s: float) -> Answer:
+        found = estimator.step(Frame(t_s=t_s, image=image), None, now_s=t_s)
+        if found.road_wheel_angle_rad is None:
+            return _NONE
+        return found.road_wheel_angle_rad, np.nan, np.nan, found.confidence
+
+    return step
