@@ -103,7 +103,7 @@ lint: $(TESTED)
 train:
 	@test -x .venv-train/bin/python || $(PYTHON) -m venv .venv-train
 	@.venv-train/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[train]'
-	@.venv-train/bin/python -m trepid train $(ARGS)
+	@.venv-train/bin/python -m trepid train-lane $(ARGS)
 
 # The wheel of acados contains another casadi, so it stays out of .venv.
 acados:

@@ -1,11 +1,15 @@
-"""One step of both trainings. Needs torch (extra ``[train]``)."""
+"""What the trainings share: the step of an optimiser, its learning rate, batches ahead. Needs torch (extra ``[train]``)."""
 
 import math
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 import torch
 from torch import Tensor, nn
 
 GRADIENT_NORM = 5.0
+T = TypeVar("T")
 
 
 def warm_up_cosine(done: float, *, warm_up: float) -> float:
@@ -24,3 +28,12 @@ def descend(network: nn.Module, optimiser: torch.optim.Optimizer, value: Tensor,
     torch.nn.utils.clip_grad_norm_(network.parameters(), GRADIENT_NORM)
     optimiser.step()
     return value.item()
+
+
+def ahead(batches: Iterator[T]) -> Iterator[T]:
+    """The same batches, each prepared in a thread while the former is used."""
+    with ThreadPoolExecutor(max_workers=1) as thread:
+        pending = thread.submit(next, batches, None)
+        while (batch := pending.result()) is not None:
+            pending = thread.submit(next, batches, None)
+            yield batch

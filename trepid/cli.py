@@ -65,6 +65,11 @@ VERBS = {
     "keys": Verb("vehicle.keys.cli", help="Certificates of the processes of a car."),
     "dataset": Verb("learning.dataset.cli", help="Data sets of recorded drives: build, look at, convert."),
     "train": Verb(
+        "learning.training.cli",
+        "train",
+        "Train a network to steer from the frames of a data set; needs the extra 'train'.",
+    ),
+    "train-lane": Verb(
         "learning.lane.train",
         "train",
         "Train the CNN estimator on rendered roads and write its weights; needs the extra 'train'.",

@@ -181,17 +181,17 @@ def _overlay_file(data: CommentedMap, over: Path, text: str, enlargement: float)
     above = _mapping(text, over, may_be_empty=True)
     if enlargement != 1.0:
         scale_data(above, enlargement)
-    _overlay(data, above, over)
+    overlay(data, above, over)
 
 
-def _overlay(data: CommentedMap, over: CommentedMap, source: Path) -> None:
+def overlay(data: CommentedMap, over: CommentedMap, source: Path) -> None:
     """Override the fields of ``data`` by those of ``over``, which was read from ``source``; null removes one.
 
     The places of the fields, and the file each comes from, follow along for error messages.
     """
     for key, value in over.items():
         if isinstance(value, CommentedMap) and isinstance(data.get(key), CommentedMap):
-            _overlay(data[key], value, source)
+            overlay(data[key], value, source)
         elif value is None:
             data.pop(key, None)
         else:

@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from learning.pixels import add_noise, as_pixels, erase, relight, shade
 from perception.net.canonical import lane_of_row, row_of_lane, scaled
 from trepid.car.camera import Camera
 from trepid.config import Settings
 from trepid.types import Floats, Image, NonNegative, Share
-
-UNIFORM_SIGMA = 73.9  # standard deviation of uniform bytes: √((256² − 1)/12)
 
 
 class Augmentation(Settings):
@@ -50,19 +49,26 @@ class Augmenter:
         """An augmented image and its lane, (4,). A mirrored image has the lane −lane."""
         settings = self._settings
         if rng.random() < settings.flip:
-            image, lane = _pixels(cv2.flip(image, 1)), -lane
+            image, lane = as_pixels(cv2.flip(image, 1)), -lane
         raised = float(np.exp(settings.height * rng.normal()))
         image = self._moved(image, raised, rng)
         lane = self.lane_from(lane, raised)
         if rng.random() < settings.shadows:
-            image = _shade(image, rng)
-        image = _relight(image, settings, rng)
+            image = shade(image, rng)
+        image = relight(
+            image,
+            rng,
+            gain=settings.gain,
+            gamma=settings.gamma,
+            colour=settings.colour,
+            offset_grey=settings.offset_grey,
+        )
         if rng.random() < settings.erase:
-            image = _erase(image, settings.erase_size, rng)
+            image = erase(image, settings.erase_size, rng)
         if rng.random() < settings.blur:
-            image = _pixels(cv2.GaussianBlur(image, (0, 0), 0.3 + settings.blur_px * rng.random()))
+            image = as_pixels(cv2.GaussianBlur(image, (0, 0), 0.3 + settings.blur_px * rng.random()))
         if rng.random() < settings.noise:
-            image = _add_noise(image, settings.noise_grey * rng.random(), rng)
+            image = add_noise(image, settings.noise_grey * rng.random(), rng)
         if rng.random() < settings.border:
             image = _narrow(image, settings.border_size, rng)
         return image, lane
@@ -89,41 +95,7 @@ class Augmenter:
         turn[:2] = cv2.getRotationMatrix2D((width / 2, height / 2), roll_deg, 1.0)
         turn[1, 2] += self._settings.shift_px * rng.normal()
         matrix = turn @ self.pixel_from_pixel(raised)
-        return _pixels(cv2.warpPerspective(image, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE))
-
-
-def _relight(image: Image, settings: Augmentation, rng: np.random.Generator) -> Image:
-    """Other exposure, gamma, colour balance and black level."""
-    gain = settings.gain ** rng.uniform(-1, 1) * (1 + settings.colour * rng.uniform(-1, 1, (1, 3)))
-    gamma = settings.gamma ** rng.uniform(-1, 1)
-    black = settings.offset_grey * rng.uniform(-1, 1)
-    grey = np.arange(256)[:, None] / 255
-    table = 255 * gain * grey**gamma + black
-    return _pixels(cv2.LUT(image, np.clip(table, 0, 255).astype(np.uint8).reshape(256, 1, 3)))
-
-
-def _shade(image: Image, rng: np.random.Generator) -> Image:
-    """One to three soft shadows or bright patches, each a random quadrilateral."""
-    height, width = image.shape[:2]
-    mask = np.full((height, width), 1.0, np.float32)
-    for _ in range(rng.integers(1, 4)):
-        corners = rng.uniform((-0.2 * width, -0.2 * height), (1.2 * width, 1.2 * height), (4, 2))
-        cv2.fillPoly(
-            mask, [cv2.convexHull(corners.astype(np.int32))], float(rng.choice((0.4, 0.55, 0.7, 1.4)))
-        )
-    soft = cv2.GaussianBlur(mask, (0, 0), float(rng.uniform(0.5, 3)))
-    return _pixels(cv2.multiply(image, cv2.merge([soft] * 3), dtype=cv2.CV_8U))
-
-
-def _erase(image: Image, size: float, rng: np.random.Generator) -> Image:
-    """One or two blocks of one colour: an occlusion (Zhong et al., Random Erasing, 2020)."""
-    image = image.copy()
-    height, width = image.shape[:2]
-    for _ in range(rng.integers(1, 3)):
-        h, w = (rng.uniform(0.1, 1, 2) * size * (height, width)).astype(int) + 1
-        top, left = rng.integers(0, height - h), rng.integers(0, width - w)
-        image[top : top + h, left : left + w] = rng.integers(0, 256, 3)
-    return image
+        return as_pixels(cv2.warpPerspective(image, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE))
 
 
 def _narrow(image: Image, size: float, rng: np.random.Generator) -> Image:
@@ -136,19 +108,12 @@ def _narrow(image: Image, size: float, rng: np.random.Generator) -> Image:
     return narrow
 
 
-def _add_noise(image: Image, sigma_grey: float, rng: np.random.Generator) -> Image:
-    """Uniform white noise: ten times cheaper to draw than normal noise."""
-    noise = rng.integers(0, 256, image.shape, np.uint8)
-    gain = sigma_grey / UNIFORM_SIGMA
-    return _pixels(cv2.addWeighted(image, 1, noise, gain, -127.5 * gain))
-
-
 def nonsense(road: Image, rng: np.random.Generator) -> Image:
     """An image of the size of ``road`` without a road: plain, shaded, noise, clouds, shapes, or a shuffled road."""
     kinds = (_plain, _gradient, _noise, _clouds, _shapes, _upside_down, _shuffled, _sky_only, _flat_road)
     image = kinds[rng.integers(len(kinds))](road, rng)
     if rng.random() < 0.5:
-        image = _add_noise(image, 12 * rng.random(), rng)
+        image = add_noise(image, 12 * rng.random(), rng)
     return image
 
 
@@ -217,9 +182,4 @@ def _flat_road(road: Image, rng: np.random.Generator) -> Image:
 
 
 def _stretched(image: Image, like: Image) -> Image:
-    return _pixels(cv2.resize(image, (like.shape[1], like.shape[0]), interpolation=cv2.INTER_CUBIC))
-
-
-def _pixels(image: cv2.typing.MatLike) -> Image:
-    """``image`` with its type, which OpenCV does not declare."""
-    return np.asarray(image, np.uint8)
+    return as_pixels(cv2.resize(image, (like.shape[1], like.shape[0]), interpolation=cv2.INTER_CUBIC))

@@ -5,7 +5,6 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,7 +14,7 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from learning.descent import descend, warm_up_cosine
+from learning.descent import ahead, descend, warm_up_cosine
 from learning.lane.augment import Augmentation, Augmenter, nonsense
 from learning.lane.network import Exported, SteerNetwork, loss
 from learning.lane.scores import Labelled
@@ -140,7 +139,7 @@ def _epoch(
     network.train()
     steps = math.ceil(len(data) / recipe.batch)
     losses = []
-    for step, (images, lanes, visible) in enumerate(_ahead(_batches(recipe, canonical, data, epoch))):
+    for step, (images, lanes, visible) in enumerate(ahead(_batches(recipe, canonical, data, epoch))):
         done = (epoch + step / steps) / recipe.epochs
         rate = recipe.learning_rate * warm_up_cosine(done, warm_up=recipe.warm_up)
         value = loss(network, _raw(recipe, network, images), lanes, visible, beta=recipe.beta)
@@ -178,15 +177,6 @@ def _batches(recipe: Recipe, canonical: Camera, data: Labelled, epoch: int) -> I
         images, lanes = (np.stack(column) for column in zip(*pairs, strict=True))
         visible = np.concatenate([data.visible[chosen], np.zeros(extra, bool)]).astype(np.float32)
         yield torch.from_numpy(images), torch.from_numpy(lanes), torch.from_numpy(visible)
-
-
-def _ahead(batches: Iterator[Batch]) -> Iterator[Batch]:
-    """The same batches, each prepared in a thread while the former is used."""
-    with ThreadPoolExecutor(max_workers=1) as thread:
-        pending = thread.submit(next, batches, None)
-        while (batch := pending.result()) is not None:
-            pending = thread.submit(next, batches, None)
-            yield batch
 
 
 def _save(

@@ -1,4 +1,4 @@
-"""`trepid train`: renders labelled frames, fits the lane network to them, scores it and writes it as ONNX."""
+"""`trepid train-lane`: renders labelled frames, fits the lane network to them, scores it and writes it as ONNX."""
 
 import json
 import math
@@ -42,7 +42,7 @@ def train(
     ] = False,
 ) -> None:
     """Train the CNN estimator on rendered roads and write its weights; needs the extra 'train'."""
-    need_torch("train")
+    need_torch("train-lane")
     from learning.lane.fit import Recipe
 
     given = dict(frames=frames, epochs=epochs, seed=seed)
@@ -91,7 +91,7 @@ def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
     sets = {"test_roads": data["test"], **circuit_frames(shot, CIRCUIT, seed=recipe.seed)}
     measured = {name: scores(exported, frames, task, calibration) for name, frames in sets.items()}
     measured["nonsense"] = nonsense_seen(exported, data["test"], seed=recipe.seed)
-    command = f"trepid train --frames {recipe.frames} --epochs {recipe.epochs} --seed {recipe.seed}"
+    command = f"trepid train-lane --frames {recipe.frames} --epochs {recipe.epochs} --seed {recipe.seed}"
     record = Record(
         **origin(fresh, command),
         parameters=sum(p.numel() for p in network.parameters()),

@@ -122,7 +122,7 @@ class Network:
     def __init__(self, path: Path) -> None:
         """Raises InputError when the file is missing or is not a network."""
         if not path.is_file():
-            raise InputError(f"{path}: no weights of the CNN estimator; `trepid train` makes them")
+            raise InputError(f"{path}: no weights of the CNN estimator; `trepid train-lane` makes them")
         self._session = open_session(path.read_bytes(), path)
 
     def __call__(self, images: Image) -> Outputs:

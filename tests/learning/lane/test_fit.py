@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch", reason="training needs the extra: pip insta
 from learning.lane.fit import Recipe, largest_difference, train  # noqa: E402
 from learning.lane.network import SteerNetwork, command_row, export, loss  # noqa: E402
 from learning.lane.scores import Labelled  # noqa: E402
-from learning.lane.world import attach  # noqa: E402
+from learning.unlike import attach  # noqa: E402
 from perception.net.canonical import cropped  # noqa: E402
 from perception.net.steer_net import Network  # noqa: E402
 from trepid.car.camera import Camera  # noqa: E402

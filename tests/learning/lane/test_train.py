@@ -1,4 +1,4 @@
-"""The frames for the training of the network, and about `trepid train` without torch."""
+"""The frames for the training of the network, and about `trepid train-lane` without torch."""
 
 import importlib.util
 import pickle

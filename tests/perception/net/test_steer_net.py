@@ -64,7 +64,7 @@ def test_an_image_of_another_kind_is_refused_with_a_reason(net, image):
 
 def test_missing_weights_name_the_file():
     settings = SETTINGS.model_copy(update=dict(weights="perception/weights/nowhere.onnx"))
-    with pytest.raises(InputError, match=r"nowhere\.onnx.*trepid train"):
+    with pytest.raises(InputError, match=r"nowhere\.onnx.*trepid train-lane"):
         SteerNet(settings, CAMERA, VEHICLE)
 
 
@@ -88,7 +88,7 @@ def test_a_record_of_other_weights_is_refused(tmp_path: Path):
 def test_the_record_contains_training_and_scores_of_the_shipped_weights():
     record: Record = load_record(WEIGHTS, Record)
     assert record.sha256 == hashlib.sha256(WEIGHTS.read_bytes()).hexdigest()
-    assert record.command.startswith("trepid train") and record.date and record.versions["torch"]
+    assert record.command.startswith("trepid train-lane") and record.date and record.versions["torch"]
     assert record.recipe["seed"] is not None and record.scores["test_roads"]["road_wheel_angle_deg"] > 0
     assert record.parameters <= 300_000 and WEIGHTS.stat().st_size <= 2_000_000
 

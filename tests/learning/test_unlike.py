@@ -7,7 +7,7 @@ import pytest
 
 onnx = pytest.importorskip("onnx", reason="the world needs the extra: pip install -e '.[train]'")
 
-from learning.lane.world import NEIGHBOUR, attach  # noqa: E402
+from learning.unlike import NEIGHBOUR, attach  # noqa: E402
 from perception.net.steer_net import Network  # noqa: E402
 from trepid.config import ROOT  # noqa: E402
 from trepid.types import Image  # noqa: E402

@@ -1,0 +1,141 @@
+"""A driving network: view, trunk, top, perhaps a memory, head."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from learning.models.parts.heads import Head
+from learning.models.parts.memory import Memory
+from learning.models.parts.view import View
+from trepid.config import InputError
+
+
+class Size(NamedTuple):
+    """Rows and columns of the frames that a network reads."""
+
+    height: int
+    width: int
+
+
+class SteeringNetwork(nn.Module):
+    """Frames to rows of the head; ``scale_rad`` [rad] is the unit of its angles.
+
+    ``trunk``: image features, frozen in the first stage of a transfer; ``top``: a vector (n, f) of them.
+    """
+
+    scale_rad: Tensor
+
+    def __init__(
+        self,
+        size: Size,
+        view: View,
+        trunk: nn.Module,
+        top: nn.Module,
+        head: Head,
+        memory: Memory | None = None,
+    ) -> None:
+        """Raises InputError when frames of ``size`` are too small for the layers."""
+        super().__init__()
+        self.size, self.view, self.trunk, self.top, self.head, self.memory = (
+            size,
+            view,
+            trunk,
+            top,
+            head,
+            memory,
+        )
+        self.register_buffer("scale_rad", torch.tensor(1.0))
+        shape = (1, *size, 3) if memory is None else (1, 1, *size, 3)
+        try:
+            with torch.no_grad():
+                self.eval()(torch.zeros(shape, dtype=torch.uint8))  # gives lazy layers their sizes
+        except RuntimeError as error:
+            raise InputError(
+                f"frames of {size.width}x{size.height} px are too small for the layers of this network"
+            ) from error
+        self.train()
+
+    @property
+    def parameters_count(self) -> int:
+        return sum(p.numel() for p in self.parameters())
+
+    def features(self, image: Tensor) -> Tensor:
+        """Features (n, f) of uint8 BGR frames (n, H, W, 3)."""
+        return self.top(self.trunk(self.view(image)))
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Rows (n, o) of frames (n, H, W, 3); with a memory rows (n, t, o) of sequences (n, t, H, W, 3)."""
+        if self.memory is None:
+            return self.head(self.features(image))
+        features = self.features(image.flatten(0, 1))
+        return self.head(self.memory(features.unflatten(0, image.shape[:2])))
+
+    def angle(self, raw: Tensor) -> tuple[Tensor, Tensor]:
+        """Road-wheel angle and standard deviation of its error [rad], of rows of the head."""
+        angle, sigma = self.head.angle(raw)
+        return angle * self.scale_rad, sigma * self.scale_rad
+
+
+class Exported(nn.Module):
+    """Frames (n, H, W, 3) to road-wheel angle (n,) and sigma (n,) [rad]; with a memory also state to next state."""
+
+    def __init__(self, network: SteeringNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, image: Tensor, state: Tensor | None = None) -> tuple[Tensor, ...]:
+        features = self.network.features(image)
+        if self.network.memory is None or state is None:
+            return self.network.angle(self.network.head(features))
+        output, state = self.network.memory.step(features, state)
+        return *self.network.angle(self.network.head(output)), state
+
+
+def convolutions(
+    before: int,
+    layers: tuple[tuple[int, int, int], ...],
+    *,
+    dropout: float = 0.0,
+    norm: bool = False,
+    same: bool = False,
+) -> nn.Sequential:
+    """Convolutions (channels, kernel, stride), each with a ReLU; ``same``: padded by half a kernel."""
+    built: list[nn.Module] = []
+    for channels, kernel, stride in layers:
+        built.append(nn.Conv2d(before, channels, kernel, stride, kernel // 2 if same else 0, bias=not norm))
+        if norm:
+            built.append(nn.BatchNorm2d(channels))
+        built.append(nn.ReLU())
+        if dropout:
+            built.append(nn.Dropout(dropout))
+        before = channels
+    return nn.Sequential(*built)
+
+
+def dense(*units: int, dropout: float = 0.0) -> nn.Sequential:
+    """Flattened input, then dense layers of ``units``, each with a ReLU."""
+    built: list[nn.Module] = [nn.Flatten()]
+    for count in units:
+        built += [nn.LazyLinear(count), nn.ReLU()]
+        if dropout:
+            built.append(nn.Dropout(dropout))
+    return nn.Sequential(*built)
+
+
+def glorot(network: nn.Module) -> None:
+    """Weights as Keras starts them: Glorot uniform, biases zero. Batch normalisation and memories keep theirs."""
+    for layer in network.modules():
+        if isinstance(layer, nn.Conv2d | nn.Linear):
+            nn.init.xavier_uniform_(layer.weight)
+            if layer.bias is not None:
+                nn.init.zeros_(layer.bias)
+
+
+def he(network: nn.Module) -> None:
+    """Weights after He et al. (ICCV 2015), for ReLU; biases zero."""
+    for layer in network.modules():
+        if isinstance(layer, nn.Conv2d | nn.Linear):
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+            if layer.bias is not None:
+                nn.init.zeros_(layer.bias)

@@ -1,0 +1,87 @@
+"""From the pixels of a frame to the numbers that a network reads, as a part of its graph."""
+
+from typing import Literal
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+from torch import Tensor, nn
+
+Colour = Literal["rgb", "yuv", "grey"]
+Scaling = Literal["unit", "signed", "contrast", "imagenet"]
+Histogram = Literal["none", "equalise", "match"]
+LEVELS = 256
+FLOOR_GREY = 8.0  # added to the contrast [grey levels]: a black frame stays black
+GREY = (0.114, 0.587, 0.299)  # of blue, green and red: luminance of ITU-R BT.601
+YUV = ((0.299, 0.587, 0.114), (-0.147, -0.289, 0.436), (0.615, -0.515, -0.100))  # rows Y, U, V of R, G, B
+IMAGENET_MEAN, IMAGENET_DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+
+
+class View(nn.Module):
+    """Uint8 BGR frames (n, H, W, 3) -> float32 (n, C, H − crop, W).
+
+    In this order: rows above the crop are cut off; histogram (A20: grey levels mapped by the histogram of the
+    luminance, equalised or matched to that of the training images); colour space; scaling. ``unit``: 0 to 1.
+    ``signed``: −1 to 1. ``contrast``: mean 0 and deviation 1 of each frame. ``imagenet``: the mean and deviation of
+    ImageNet, as of the public weights.
+    """
+
+    reference: Tensor
+
+    def __init__(
+        self,
+        *,
+        crop_px: int = 0,
+        colour: Colour = "rgb",
+        scaling: Scaling = "unit",
+        histogram: Histogram = "none",
+    ) -> None:
+        super().__init__()
+        self.crop_px, self.colour, self.scaling, self.histogram = crop_px, colour, scaling, histogram
+        self.register_buffer("reference", torch.arange(LEVELS, dtype=torch.float32))
+        self.register_buffer("yuv", torch.tensor(YUV))
+        self.register_buffer("mean", torch.tensor(IMAGENET_MEAN)[:, None, None])
+        self.register_buffer("deviation", torch.tensor(IMAGENET_DEVIATION)[:, None, None])
+
+    def forward(self, image: Tensor) -> Tensor:
+        pixels = image[:, self.crop_px :].permute(0, 3, 1, 2).to(torch.float32)
+        if self.histogram != "none":
+            pixels = self._matched(pixels)
+        return self._scaled(self._coloured(pixels.flip(1)))
+
+    def match(self, counts: ArrayLike) -> None:
+        """Match the histogram of each frame to the reference histogram ``counts`` (256,).
+
+        T(j) = ⌊(K−1)·H(j)⌋ of both, and v -> the smallest z with T_ref(z) ≥ T_in(v).
+        """
+        share = np.cumsum(np.asarray(counts, float))
+        levels = np.floor((LEVELS - 1) * share / share[-1] + 1e-9)
+        nearest = np.minimum(np.searchsorted(levels, np.arange(LEVELS)), LEVELS - 1)
+        self.reference.copy_(torch.from_numpy(nearest.astype(np.float32)))
+
+    def _matched(self, pixels: Tensor) -> Tensor:
+        luminance = sum(pixels[:, i] * GREY[i] for i in range(3)).round().long().flatten(1)  # type: ignore[union-attr]
+        ones = torch.ones_like(luminance, dtype=torch.float32)
+        counts = torch.zeros(luminance.shape[0], LEVELS, device=pixels.device).scatter_add(1, luminance, ones)
+        share = counts.cumsum(1) / luminance.shape[1]
+        table = self.reference[((LEVELS - 1) * share + 1e-4).floor().long()]
+        levels = pixels.long().flatten(1)
+        return torch.gather(table, 1, levels).reshape(pixels.shape)
+
+    def _coloured(self, rgb: Tensor) -> Tensor:
+        if self.colour == "grey":
+            return (rgb * rgb.new_tensor(GREY[::-1])[:, None, None]).sum(1, keepdim=True)
+        if self.colour == "yuv":
+            return nn.functional.conv2d(rgb, self.yuv[:, :, None, None])
+        return rgb
+
+    def _scaled(self, pixels: Tensor) -> Tensor:
+        if self.scaling == "unit":
+            return pixels / 255
+        if self.scaling == "signed":
+            return pixels / 127.5 - 1
+        if self.scaling == "imagenet":
+            return (pixels / 255 - self.mean) / self.deviation
+        mean = pixels.mean(dim=(1, 2, 3), keepdim=True)
+        spread = ((pixels - mean) ** 2).mean(dim=(1, 2, 3), keepdim=True).sqrt()
+        return (pixels - mean) / (spread + FLOOR_GREY)

@@ -1,0 +1,102 @@
+"""Changes of pixels that keep the label: other light, shadows, occlusion, noise; rain, snow and fog.
+
+All randomness comes from a given Generator.
+"""
+
+import cv2
+import numpy as np
+
+from trepid.types import Image
+
+UNIFORM_SIGMA = 73.9  # standard deviation of uniform bytes: √((256² − 1)/12)
+SKY = (200, 205, 210)  # BGR of fog and of falling snow
+RAIN = (190, 185, 180)
+
+
+def relight(
+    image: Image, rng: np.random.Generator, *, gain: float, gamma: float, colour: float, offset_grey: float
+) -> Image:
+    """Another exposure, gamma, colour balance and black level, each up to its bound."""
+    gains = gain ** rng.uniform(-1, 1) * (1 + colour * rng.uniform(-1, 1, (1, 3)))
+    power = gamma ** rng.uniform(-1, 1)
+    black = offset_grey * rng.uniform(-1, 1)
+    grey = np.arange(256)[:, None] / 255
+    table = 255 * gains * grey**power + black
+    return as_pixels(cv2.LUT(image, np.clip(table, 0, 255).astype(np.uint8).reshape(256, 1, 3)))
+
+
+def shade(image: Image, rng: np.random.Generator) -> Image:
+    """One to three soft shadows or bright patches, each a random quadrilateral."""
+    height, width = image.shape[:2]
+    mask = np.full((height, width), 1.0, np.float32)
+    for _ in range(rng.integers(1, 4)):
+        corners = rng.uniform((-0.2 * width, -0.2 * height), (1.2 * width, 1.2 * height), (4, 2))
+        cv2.fillPoly(
+            mask, [cv2.convexHull(corners.astype(np.int32))], float(rng.choice((0.4, 0.55, 0.7, 1.4)))
+        )
+    soft = cv2.GaussianBlur(mask, (0, 0), float(rng.uniform(0.5, 3)))
+    return as_pixels(cv2.multiply(image, cv2.merge([soft] * 3), dtype=cv2.CV_8U))
+
+
+def erase(image: Image, size: float, rng: np.random.Generator) -> Image:
+    """One or two blocks of one colour: an occlusion (Zhong et al., Random Erasing, 2020)."""
+    image = image.copy()
+    height, width = image.shape[:2]
+    for _ in range(rng.integers(1, 3)):
+        h, w = (rng.uniform(0.1, 1, 2) * size * (height, width)).astype(int) + 1
+        top, left = rng.integers(0, height - h), rng.integers(0, width - w)
+        image[top : top + h, left : left + w] = rng.integers(0, 256, 3)
+    return image
+
+
+def add_noise(image: Image, sigma_grey: float, rng: np.random.Generator) -> Image:
+    """Uniform white noise: ten times cheaper to draw than normal noise."""
+    noise = rng.integers(0, 256, image.shape, np.uint8)
+    gain = sigma_grey / UNIFORM_SIGMA
+    return as_pixels(cv2.addWeighted(image, 1, noise, gain, -127.5 * gain))
+
+
+def rain(image: Image, rng: np.random.Generator) -> Image:
+    """Slanted streaks of drops, a duller image."""
+    height, width = image.shape[:2]
+    layer = np.zeros((height, width), np.uint8)
+    slant = rng.uniform(-0.3, 0.3)
+    for x, y in rng.uniform((0, 0), (width, height), (rng.integers(10, 60), 2)):
+        length = rng.uniform(0.04, 0.12) * height
+        end = (int(x + slant * length), int(y + length))
+        cv2.line(layer, (int(x), int(y)), end, int(rng.integers(60, 160)), 1, cv2.LINE_AA)
+    return _laid(as_pixels(cv2.convertScaleAbs(image, alpha=float(rng.uniform(0.75, 1)))), layer, RAIN)
+
+
+def snow(image: Image, rng: np.random.Generator) -> Image:
+    """Flakes of several sizes before a paler image."""
+    height, width = image.shape[:2]
+    layer = np.zeros((height, width), np.uint8)
+    for x, y in rng.uniform((0, 0), (width, height), (rng.integers(15, 90), 2)):
+        radius = max(1, round(rng.exponential(0.008) * height))
+        cv2.circle(layer, (int(x), int(y)), radius, int(rng.integers(120, 255)), -1, cv2.LINE_AA)
+    pale = np.full((height, width), int(rng.uniform(0, 60)), np.uint8)
+    return _laid(image, np.maximum(layer, pale), SKY)
+
+
+def fog(image: Image, rng: np.random.Generator) -> Image:
+    """Contrast lost towards a horizon between 0.3 and 0.55 of the height: light = road·t + sky·(1 − t).
+
+    t = exp(−k/(rows below the horizon)) on a flat road (Koschmieder's law with distance ~ 1/rows).
+    """
+    height, width = image.shape[:2]
+    below = np.maximum(np.arange(height) / height - rng.uniform(0.3, 0.55), 1e-3)
+    density = np.exp(-rng.uniform(0.02, 0.15) / below)
+    layer = np.repeat((255 * (1 - density)).astype(np.uint8)[:, None], width, axis=1)
+    return _laid(image, np.minimum(layer, int(rng.uniform(100, 230))), SKY)
+
+
+def _laid(image: Image, alpha: Image, colour: tuple[int, int, int]) -> Image:
+    """``colour`` laid over ``image`` with the opacity ``alpha`` of 255."""
+    share = alpha[..., None].astype(np.float32) / 255
+    return (image * (1 - share) + np.array(colour, np.float32) * share).astype(np.uint8)
+
+
+def as_pixels(image: cv2.typing.MatLike) -> Image:
+    """``image`` with its type, which OpenCV does not declare."""
+    return np.asarray(image, np.uint8)

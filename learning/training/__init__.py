@@ -1,0 +1,1 @@
+"""Training of driving networks on recorded drives: ``trepid train``."""

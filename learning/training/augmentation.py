@@ -1,0 +1,108 @@
+"""Changes of training frames, with the label where a change moves it. All randomness comes from a given Generator.
+
+The frames of a sequence are changed alike: each gets the same random numbers.
+"""
+
+import math
+
+import cv2
+import numpy as np
+
+from learning.pixels import add_noise, as_pixels, erase, fog, rain, relight, shade, snow
+from learning.training.recipe import Augmentation
+from trepid.car.camera import Camera
+from trepid.types import Floats, Image
+
+
+class Augmenter:
+    """Augmentation by a recipe; ``camera`` and ``wheelbase_m`` are those of the car, for the viewpoint alone."""
+
+    def __init__(self, settings: Augmentation, camera: Camera, *, wheelbase_m: float) -> None:
+        self._settings = settings
+        self._camera = camera
+        self._wheelbase_m = wheelbase_m
+
+    def __call__(self, images: Image, labels_rad: Floats, rng: np.random.Generator) -> tuple[Image, Floats]:
+        """Changed frames (t, H, W, 3) and labels (t,) [rad]; a mirrored frame has the label −label."""
+        seed = int(rng.integers(2**63))
+        parts = [
+            self._one(image, label, np.random.default_rng(seed))
+            for image, label in zip(images, labels_rad, strict=True)
+        ]
+        changed, labels = zip(*parts, strict=True)
+        return np.stack(changed), np.array(labels, np.float32)
+
+    def _one(self, image: Image, label_rad: float, rng: np.random.Generator) -> tuple[Image, float]:
+        settings = self._settings
+        if rng.random() < settings.flip:
+            image, label_rad = as_pixels(cv2.flip(image, 1)), -label_rad
+        if rng.random() < settings.viewpoint:
+            left_m, turned_rad = rng.normal(0, (settings.viewpoint_m, settings.viewpoint_rad))
+            image = self.seen_from(image, left_m, turned_rad)
+            label_rad = self.returning(label_rad, left_m, turned_rad)
+        if rng.random() < settings.shift:
+            image = _shifted(image, settings.shift_share, rng)
+        for share, change in (
+            (settings.fog, fog),
+            (settings.rain, rain),
+            (settings.snow, snow),
+            (settings.shadow, shade),
+        ):
+            if rng.random() < share:
+                image = change(image, rng)
+        return self._pixels(image, rng), label_rad
+
+    def _pixels(self, image: Image, rng: np.random.Generator) -> Image:
+        settings = self._settings
+        if rng.random() < settings.brightness:
+            image = relight(
+                image,
+                rng,
+                gain=settings.gain,
+                gamma=settings.gamma,
+                colour=settings.colour,
+                offset_grey=settings.offset_grey,
+            )
+        if rng.random() < settings.erase:
+            image = erase(image, settings.erase_size, rng)
+        if rng.random() < settings.blur:
+            image = as_pixels(cv2.GaussianBlur(image, (0, 0), 0.2 + settings.blur_px * rng.random()))
+        if rng.random() < settings.noise:
+            image = add_noise(image, settings.noise_grey * rng.random(), rng)
+        return image
+
+    def seen_from(self, image: Image, left_m: float, turned_rad: float) -> Image:
+        """The flat road of ``image``, from ``left_m`` further left and with the heading ``turned_rad`` further left.
+
+        The homography of the ground between the two places of the camera; what is above the horizon turns only.
+        """
+        height, width = image.shape[:2]
+        camera = self._camera.resized(width, height)
+        c, s = math.cos(turned_rad), math.sin(turned_rad)
+        place = np.array([[c, -s, 0], [s, c, left_m], [0, 0, 1]])  # of the moved vehicle in the recorded one
+        project = camera.pixel_from_road_matrix
+        ground = project @ np.linalg.inv(place) @ np.linalg.inv(project)
+        rays = camera.intrinsics @ camera.optical_from_vehicle
+        yaw = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        far = rays @ yaw @ np.linalg.inv(rays)
+        horizon = int(np.clip(math.ceil(camera.horizon_row_px) + 1, 0, height))
+        parts = [
+            cv2.warpPerspective(image, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)[rows]
+            for matrix, rows in ((far, slice(horizon)), (ground, slice(horizon, None)))
+        ]
+        return as_pixels(np.concatenate(parts))
+
+    def returning(self, label_rad: float, left_m: float, turned_rad: float) -> float:
+        """The angle that meets the recorded arc at ``viewpoint_ahead_m`` = ℓ: κ − 2·left/ℓ² − 2·turned/ℓ."""
+        ahead_m = self._settings.viewpoint_ahead_m
+        curvature = math.tan(label_rad) / self._wheelbase_m
+        back = -2 * left_m / ahead_m**2 - 2 * turned_rad / ahead_m
+        return math.atan(self._wheelbase_m * (curvature + back))
+
+
+def _shifted(image: Image, share: float, rng: np.random.Generator) -> Image:
+    """Moved by up to ``share`` of the sides."""
+    height, width = image.shape[:2]
+    x_px, y_px = share * rng.uniform(-1, 1, 2) * (width, height)
+    matrix = np.array([[1, 0, x_px], [0, 1, y_px]])
+    return as_pixels(cv2.warpAffine(image, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE))

@@ -1,0 +1,71 @@
+"""Batches of an epoch. Order and augmentation depend on (seed, epoch, step) alone, so that any step can be redone."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from learning.training.frames import Frames
+from trepid.types import Floats, Image
+
+Augment = Callable[[Image, Floats, np.random.Generator], tuple[Image, Floats]]
+"""Frames (t, H, W, 3) of a sequence and their labels (t,) [rad] -> changed ones."""
+ORDER, CHANGE, DROPOUT = 0, 1, 2  # streams of random numbers
+
+
+class Batch(NamedTuple):
+    """Frames (n, H, W, 3), or (n, t, H, W, 3) of a recurrent network; labels [rad] and weights (n,) or (n, t)."""
+
+    images: Tensor
+    labels_rad: Tensor
+    weights: Tensor
+
+
+@dataclass(frozen=True, slots=True)
+class Batches:
+    """The batches of a training: ``places`` (m, t) of the frames of each sequence; t = 1 without a memory."""
+
+    frames: Frames
+    places: NDArray[np.int64]
+    weights: Floats  # (n,) of the frames
+    size: int
+    seed: int
+    augment: Augment
+    recurrent: bool
+
+    def __len__(self) -> int:
+        return -(-len(self.places) // self.size)
+
+    def epoch(self, epoch: int, first: int = 0) -> Iterator[Batch]:
+        """The batches of ``epoch`` from step ``first`` on."""
+        order = np.random.default_rng((self.seed, ORDER, epoch)).permutation(len(self.places))
+        for step in range(first, len(self)):
+            rng = np.random.default_rng((self.seed, CHANGE, epoch, step))
+            chosen = self.places[order[step * self.size : (step + 1) * self.size]]
+            parts = [self.augment(self.frames.images[at], self.frames.labels_rad[at], rng) for at in chosen]
+            images, labels = (np.stack(column) for column in zip(*parts, strict=True))
+            weights = self.weights[chosen]
+            if not self.recurrent:
+                images, labels, weights = images[:, 0], labels[:, 0], weights[:, 0]
+            yield Batch(torch.from_numpy(images), torch.from_numpy(labels), torch.from_numpy(weights))
+
+
+def seed_step(seed: int, epoch: int, step: int) -> None:
+    """Seed torch for one step: dropout depends on (seed, epoch, step) alone."""
+    state = np.random.SeedSequence((seed, DROPOUT, epoch, step)).generate_state(1, np.uint64)
+    torch.manual_seed(int(state[0] >> np.uint64(1)))
+
+
+def balance(labels_rad: Floats, *, bins: int, exponent: float) -> Floats:
+    """Weights (n,) of mean 1: 1/(share of the frames in the bin of the angle)^exponent."""
+    if exponent == 0:
+        return np.ones(len(labels_rad), np.float32)
+    greatest = float(np.abs(labels_rad).max()) or 1.0
+    edges = np.linspace(-greatest, greatest, bins + 1)
+    inside = np.clip(np.digitize(labels_rad, edges) - 1, 0, bins - 1)
+    weights = np.bincount(inside, minlength=bins)[inside].astype(float) ** -exponent
+    return (weights / weights.mean()).astype(np.float32)

@@ -1,0 +1,90 @@
+"""What is written beside the weights: the model card, and the learning curve as JSON Lines and as a picture."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from learning.training.loop import Progress
+from learning.training.recipe import Recipe
+
+LIMITS = """\
+- The network repeats what the drivers of these frames did on these routes in this light. It has no notion of a lane,
+  of other vehicles or of speed.
+- Angles are those of a kinematic vehicle with the wheel of the data set; another car needs its own lock and camera.
+- The interval and the border of `unlike` come from the validation frames, which also chose the best epoch; frames
+  that follow each other are alike. On other routes both can be too narrow.
+- A driver of a car runs it beside another estimator and under the supervisor, never alone."""
+
+
+def write_curve(progress: Progress, folder: Path) -> None:
+    """``curve.jsonl`` and ``curve.png`` in ``folder``: loss and validation error of every epoch."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    text = "".join(json.dumps(point) + "\n" for point in progress.curve)
+    _replace(folder / "curve.jsonl", text.encode())
+    figure = Figure(figsize=(6, 3.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    left = figure.add_subplot()
+    right = left.twinx()
+    epochs = [point["epoch"] for point in progress.curve]
+    left.plot(epochs, [point["loss"] for point in progress.curve], color="tab:gray", label="loss")
+    errors = [math.degrees(point["validation_mae_rad"]) for point in progress.curve]
+    right.plot(epochs, errors, color="tab:blue")
+    right.axvline(progress.best_epoch, color="tab:blue", linestyle=":")
+    left.set_xlabel("epoch")
+    left.set_ylabel("training loss", color="tab:gray")
+    right.set_ylabel("mean validation error [°]", color="tab:blue")
+    fresh = folder / "curve.new"
+    figure.savefig(fresh, format="png", dpi=110)
+    fresh.replace(folder / "curve.png")
+
+
+def write_card(
+    path: Path, metadata: dict[str, Any], recipe: Recipe, progress: Progress, facts: dict[str, Any]
+) -> None:
+    """The model card ``path``: what it is, data, command, scores, limits, recipe."""
+    scores = "\n".join(f"| {name} | {value:g} |" for name, value in metadata["scores"].items())
+    described = "\n".join(f"| {name} | {value} |" for name, value in facts.items())
+    licences = "\n".join(f"- {line}" for line in metadata["licence"]) or "- none stated"
+    text = f"""# {path.stem}: {metadata["model"]}
+
+A network of {metadata["parameters"]} weights from one frame of {metadata["width"]} x {metadata["height"]} px to the
+road-wheel angle [rad, + = left], written by Trepid.
+
+| fact | value |
+|---|---|
+{described}
+
+## Validation frames
+
+| score | value |
+|---|---|
+{scores}
+
+|error| ≤ {metadata["interval_90"]:.3f} σ in 90 % of them. Best epoch {progress.best_epoch} of {progress.epoch}.
+
+## Licences of the data
+
+{licences}
+
+Weights are made from these data: give them away only where the licences of the data permit it.
+
+## Limits
+
+{LIMITS}
+
+## Recipe
+
+```json
+{recipe.model_dump_json(indent=1)}
+```
+"""
+    _replace(path, text.encode())
+
+
+def _replace(path: Path, content: bytes) -> None:
+    fresh = path.with_name(f"{path.name}.new")
+    fresh.write_bytes(content)
+    fresh.replace(path)

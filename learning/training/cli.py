@@ -1,0 +1,90 @@
+"""`trepid train`: a network that steers as the drivers of a data set did."""
+
+import json
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from learning.models.catalogue import MODELS, model
+from learning.rendered import need_torch, say
+from learning.training.recipe import load_recipe
+from trepid.commands.car_option import Car
+from trepid.config import InputError, parse_overrides
+
+LIST = "list"
+
+
+def train(
+    name: Annotated[str, typer.Option("--model", metavar="NAME", help=f"The network; {LIST!r} prints all.")],
+    data: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Data set of `trepid dataset build`.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="F.onnx", help="Weights file to write.")] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="F.yaml", help="Recipe; its fields override those of config/driving_train.yaml."
+        ),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Another value for a field of the recipe; may be repeated."
+        ),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue from the checkpoint beside the weights.")
+    ] = False,
+    car: Car = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the metadata of the weights as JSON.")
+    ] = False,
+) -> None:
+    """Train a network to steer from the frames of a data set; needs the extra 'train'."""
+    if name == LIST:
+        _list(as_json)
+        return
+    model(name)
+    if data is None or out is None:
+        raise InputError("trepid train needs --data DIR, the data set, and --out F.onnx, the weights file")
+    if out.suffix != ".onnx":
+        raise InputError(f"--out {out}: the name of a weights file ends with .onnx")
+    recipe = load_recipe(name, config, overrides=parse_overrides(changes or []))
+    need_torch("train")
+    from learning.dataset.dataset import Dataset
+    from learning.training.run import run
+
+    opened = Dataset.open(data)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        found = run(opened, name, out, recipe, resume=resume, command=_command(), report=say)
+    except OSError as error:
+        raise InputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
+    if as_json:
+        print(json.dumps(found))
+    else:
+        mae, sets = found["scores"]["mae_deg"], ", ".join(found["trained_on"])
+        typer.echo(
+            f"{out}: {found['parameters']} weights, {mae:.3f}° mean error on the validation frames of {sets}"
+        )
+        typer.echo(f"{out.with_suffix('.md')}: its card")
+
+
+def _command() -> str:
+    return shlex.join(["trepid", *sys.argv[1:]])
+
+
+def _list(as_json: bool) -> None:
+    if as_json:
+        print(json.dumps([{"model": name, **one._asdict()} for name, one in MODELS.items()]))
+        return
+    table = Table("model", "frame", "weights", "head", "memory", "source")
+    for name, one in MODELS.items():
+        memory = "yes" if one.recurrent else ""
+        table.add_row(name, f"{one.width}x{one.height}", f"{one.parameters:,}", one.head, memory, one.source)
+    Console().print(table)

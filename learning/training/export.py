@@ -1,0 +1,99 @@
+"""A trained network as one ONNX file with metadata, and its comparison with torch."""
+
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from learning.models.parts.network import Exported, SteeringNetwork
+from learning.training.frames import Frames
+from learning.unlike import attach
+from perception.net.session import open_session
+from trepid.config import ROOT, InputError
+
+MAX_DIFFERENCE = 1e-4  # of angles and deviations [rad] between torch and ONNX Runtime
+COMPARED = 64
+METADATA = "trepid"
+OPSET = 17
+
+
+def export(
+    network: SteeringNetwork, path: Path, *, train: Frames, validation: Frames, metadata: dict[str, Any]
+) -> float:
+    """Write ``path``; the greatest difference between torch and ONNX Runtime [rad]. Raises InputError above the limit.
+
+    Inputs: ``image`` uint8 (n, H, W, 3) BGR; outputs ``road_wheel_rad``, ``sigma_rad``, ``unlike``, (n,) each. With a
+    memory also ``state`` (n, s), zeros at first, and ``next_state``.
+    """
+    fresh = path.with_name(f"{path.name}.new")
+    network = network.cpu().eval()
+    _write(network, fresh)
+    attach(fresh, train.images, others=validation.images)
+    difference = largest_difference(network, fresh, validation)
+    if not difference <= MAX_DIFFERENCE:
+        raise InputError(
+            f"{fresh}: differs from the trained network by {difference:.2g} rad; not kept as {path.name}"
+        )
+    _describe(fresh, metadata)
+    fresh.replace(path)
+    return difference
+
+
+def largest_difference(network: SteeringNetwork, path: Path, frames: Frames) -> float:
+    """Greatest |torch − ONNX Runtime| of angle, deviation and next state over the first frames."""
+    images = frames.images[:COMPARED].copy()
+    feeds: dict[str, Any] = {"image": images}
+    inputs = [torch.from_numpy(images)]
+    names = ["road_wheel_rad", "sigma_rad"]
+    if network.memory is not None:
+        state = (
+            np.random.default_rng(0)
+            .normal(0, 0.5, (len(images), network.memory.state_size))
+            .astype(np.float32)
+        )
+        feeds["state"] = state
+        inputs.append(torch.from_numpy(state))
+        names.append("next_state")
+    with torch.no_grad():
+        wanted = Exported(network)(*inputs)
+    found = open_session(path.read_bytes(), path).run(names, feeds)
+    return max(float(np.abs(w.numpy() - f).max()) for w, f in zip(wanted, found, strict=True))
+
+
+def origin_commit() -> str:
+    """The commit of this checkout; "" where it is none."""
+    command = ["git", "-C", str(ROOT), "rev-parse", "HEAD"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+
+
+def _write(network: SteeringNetwork, path: Path) -> None:
+    inputs = [torch.zeros(2, *network.size, 3, dtype=torch.uint8)]
+    names, outputs = ["image"], ["road_wheel_rad", "sigma_rad"]
+    if network.memory is not None:
+        inputs.append(torch.zeros(2, network.memory.state_size))
+        names, outputs = [*names, "state"], [*outputs, "next_state"]
+    torch.onnx.export(
+        Exported(network).eval(),
+        tuple(inputs),
+        str(path),
+        input_names=names,
+        output_names=outputs,
+        dynamic_axes={name: {0: "n"} for name in (*names, *outputs)},
+        opset_version=OPSET,
+        dynamo=False,
+    )
+
+
+def _describe(path: Path, metadata: dict[str, Any]) -> None:
+    """Store ``metadata`` as JSON in the properties of the file."""
+    import onnx
+
+    model = onnx.load(path)
+    onnx.helper.set_model_props(model, {METADATA: json.dumps(metadata, ensure_ascii=False)})
+    onnx.save(model, path)

@@ -1,0 +1,73 @@
+"""Frames of a data set at the size of a network, in files that are read as memory, and their labels."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trepid.config import InputError
+from trepid.types import Floats, Image
+
+if TYPE_CHECKING:
+    from learning.dataset.dataset import Dataset
+
+REPORT_EVERY = 1000
+
+
+class Frames(NamedTuple):
+    """The frames of a split, in the order of routes and time."""
+
+    images: Image  # (n, H, W, 3) BGR, on the disk
+    labels_rad: Floats  # (n,), + = left
+    stretches: NDArray[np.int32]  # (n,): frames of a stretch follow each other without a pause
+    routes: tuple[str, ...]  # their names, each once
+
+    def __len__(self) -> int:
+        return len(self.labels_rad)
+
+    def windows(self, length: int, stride: int) -> NDArray[np.int64]:
+        """Places (m, length) of the frames of all sequences: every ``stride``-th frame, within one stretch."""
+        reach = (length - 1) * stride
+        last = np.arange(reach, len(self))
+        last = last[self.stretches[last] == self.stretches[last - reach]] if len(last) else last
+        return last[:, None] - np.arange(reach, -1, -stride)[None]
+
+    def share(self, share: float) -> NDArray[np.int64]:
+        """Places of ``share`` of the frames, evenly in time."""
+        return np.unique(np.linspace(0, len(self) - 1, max(1, round(share * len(self)))).astype(np.int64))
+
+
+def read_frames(
+    data: "Dataset", split: str, *, height: int, width: int, folder: Path, report: Callable[[str], None]
+) -> Frames:
+    """The frames of a split, scaled by area to ``height`` x ``width``.
+
+    They are kept in ``folder``; those of an earlier call for the same data and size are used again. Raises
+    InputError when the split has none.
+    """
+    rows = data.rows(split)
+    rows = rows[np.isfinite(rows["road_wheel_rad"])]
+    if not len(rows):
+        raise InputError(f"{data.folder}: no labelled frame in the split {split!r}")
+    path, stored = folder / f"{split}.npy", folder / f"{split}.json"
+    key = json.dumps({"data": data.sha256, "height": height, "width": width})
+    if not (path.is_file() and stored.is_file() and stored.read_text(encoding="utf-8") == key):
+        folder.mkdir(parents=True, exist_ok=True)
+        stored.unlink(missing_ok=True)
+        images = np.lib.format.open_memmap(path, "w+", np.uint8, (len(rows), height, width, 3))
+        for number, image in enumerate(data.images(rows), start=1):
+            images[number - 1] = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+            if number % REPORT_EVERY == 0:
+                report(f"{split}: {number}/{len(rows)} frames read")
+        images.flush()
+        stored.write_text(key, encoding="utf-8")
+    return Frames(
+        np.load(path, mmap_mode="r"),
+        rows["road_wheel_rad"].astype(np.float32),
+        rows["stretch"].astype(np.int32),
+        tuple(dict.fromkeys(rows["route"].tolist())),
+    )

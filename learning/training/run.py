@@ -1,0 +1,171 @@
+"""A training from data set to weights file. Needs torch (extra ``[train]``)."""
+
+import hashlib
+import math
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import torch
+
+from learning.models.catalogue import build
+from learning.models.parts.network import SteeringNetwork, glorot, he
+from learning.models.parts.weights import load_trunk
+from learning.training.augmentation import Augmenter
+from learning.training.batches import Batches, balance
+from learning.training.calibrate import interval, scores, set_sigma
+from learning.training.card import write_card, write_curve
+from learning.training.checkpoint import Checkpoints
+from learning.training.export import export, origin_commit
+from learning.training.frames import Frames, read_frames
+from learning.training.loop import Progress, Trainer
+from learning.training.recipe import Recipe
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, InputError, load
+
+if TYPE_CHECKING:
+    from learning.dataset.dataset import Dataset
+
+VERSIONS = ("torch", "onnx", "onnxruntime", "numpy", "opencv-python-headless")
+HISTOGRAM_FRAMES = 500
+
+
+def run(
+    data: "Dataset",
+    name: str,
+    out: Path,
+    recipe: Recipe,
+    *,
+    resume: bool,
+    command: str,
+    report: Callable[[str], None],
+) -> dict[str, Any]:
+    """Train the network ``name`` and write ``out`` with its card; the metadata of the file. Raises InputError.
+
+    The folder ``out`` + ``.train`` holds frames and checkpoint until the end, and the learning curve.
+    """
+    work = out.with_name(f"{out.name}.train")
+    torch.manual_seed(recipe.seed)
+    torch.set_num_threads(recipe.threads)
+    network = build(name, height=recipe.height_px, width=recipe.width_px, head=recipe.head)
+    train, validation = (
+        read_frames(data, split, **network.size._asdict(), folder=work, report=report)
+        for split in ("train", "validation")
+    )
+    prepare(network, recipe, train, lock_rad=data.wheel.lock_rad)
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    trainer = Trainer(
+        recipe=recipe,
+        network=network.to(device),
+        batches=batches_of(recipe, network, train),
+        validation=validation,
+        checkpoints=Checkpoints(work / "checkpoint"),
+        identity=_identity(name, recipe, data.sha256),
+        report=report,
+        on_epoch=lambda progress: write_curve(progress, work),
+    )
+    progress = trainer.run(resume=resume)
+    set_sigma(network, validation)
+    metadata = _metadata(data, name, network, recipe, train, validation)
+    difference = export(network, out, train=train, validation=validation, metadata=metadata)
+    write_card(
+        out.with_suffix(".md"),
+        metadata,
+        recipe,
+        progress,
+        _facts(data, command, progress, device, difference),
+    )
+    for split in ("train", "validation"):
+        (work / f"{split}.npy").unlink()
+        (work / f"{split}.json").unlink()
+    return metadata
+
+
+def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad: float | None) -> None:
+    """Unit, first weights and reference histogram of an untrained network."""
+    greatest = lock_rad or float(np.abs(train.labels_rad).max())
+    spread = float(np.sqrt(np.mean(train.labels_rad.astype(float) ** 2)))
+    units = dict(rad=1.0, lock=greatest, spread=spread)
+    if recipe.head == "categorical":
+        units["spread"] = greatest  # its bins end at 1
+    if not units[recipe.unit] > 0:
+        raise InputError("all labels of the training frames are zero: nothing to learn")
+    network.scale_rad.fill_(units[recipe.unit])
+    if recipe.initialisation != "network":
+        dict(glorot=glorot, he=he)[recipe.initialisation](network)
+    if recipe.weights is not None:
+        load_trunk(network.trunk, recipe.weights)
+    network.view.histogram = recipe.histogram
+    if recipe.histogram == "match":
+        chosen = train.images[np.linspace(0, len(train) - 1, min(HISTOGRAM_FRAMES, len(train))).astype(int)]
+        grey = np.concatenate([cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).ravel() for image in chosen])
+        network.view.match(np.bincount(grey, minlength=256))
+
+
+def batches_of(recipe: Recipe, network: SteeringNetwork, train: Frames) -> Batches:
+    """The batches of the training frames. Raises InputError when a memory needs longer stretches."""
+    recurrent = network.memory is not None
+    places = train.windows(recipe.window if recurrent else 1, recipe.stride)
+    places = (
+        places[train.share(recipe.frames_share)]
+        if not recurrent
+        else places[:: round(1 / recipe.frames_share)]
+    )
+    if not len(places):
+        raise InputError(
+            f"no stretch of the training frames is {recipe.window} frames x {recipe.stride} long"
+        )
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    camera = load(CONFIG_DIR / "camera.yaml", Camera)
+    return Batches(
+        frames=train,
+        places=places,
+        weights=balance(train.labels_rad, bins=recipe.balance_bins, exponent=recipe.balance),
+        size=recipe.batch,
+        seed=recipe.seed,
+        augment=Augmenter(recipe.augmentation, camera, wheelbase_m=vehicle.wheelbase_m),
+        recurrent=recurrent,
+    )
+
+
+def _identity(name: str, recipe: Recipe, data_sha256: str) -> str:
+    return hashlib.sha256(f"{name} {recipe.model_dump_json()} {data_sha256}".encode()).hexdigest()
+
+
+def _metadata(
+    data: "Dataset", name: str, network: SteeringNetwork, recipe: Recipe, train: Frames, validation: Frames
+) -> dict[str, Any]:
+    return dict(
+        kind="steering",
+        model=name,
+        parameters=network.parameters_count,
+        height=network.size.height,
+        width=network.size.width,
+        data_sha256=data.sha256,
+        lock_rad=data.wheel.lock_rad,
+        interval_90=interval(network, validation),
+        commit=origin_commit(),
+        scores=scores(network, validation),
+        trained_on=list(train.routes),
+        licence=sorted({source.licence for source in data.file.sources if source.licence}),
+        head=recipe.head,
+    )
+
+
+def _facts(
+    data: "Dataset", command: str, progress: Progress, device: torch.device, difference: float
+) -> dict[str, Any]:
+    return {
+        "command": f"`{command}`",
+        "data set": f"{data.folder}, sha256 {data.sha256}",
+        "steering": f"{data.wheel.how}; lock {math.degrees(data.wheel.lock_rad or math.nan):.2f}°",
+        "split": f"by {data.file.split.by}, gap {data.file.split.gap_s:g} s",
+        "commit": origin_commit() or "unknown",
+        "trained": f"{progress.elapsed_s / 60:.1f} min on {device.type}",
+        "versions": ", ".join(f"{one} {version(one)}" for one in VERSIONS),
+        "torch against ONNX Runtime": f"at most {difference:.1e} rad",
+    }
