@@ -1,4 +1,4 @@
-"""What the trainings share: the step of an optimiser, its learning rate, batches ahead. Needs torch (extra ``[train]``)."""
+"""What the trainings share: a step of an optimiser, learning rates, batches ahead. Needs torch."""
 
 import math
 from collections.abc import Iterator

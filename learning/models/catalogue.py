@@ -26,8 +26,12 @@ class Model(NamedTuple):
 
 MODELS: dict[str, Model] = {
     "steer": Model("steer", "steer", 60, 80, "laplace", 169_626, "Trepid"),
-    "pilotnet": Model("pilotnet", "pilotnet", 100, 200, "regression", 252_219, "Bojarski et al. 2016, DAVE-2; N01"),
-    "chen-huang": Model("chen_huang", "chen_huang", 160, 320, "regression", 7_662_805, "Chen and Huang 2017; N07"),
+    "pilotnet": Model(
+        "pilotnet", "pilotnet", 100, 200, "regression", 252_219, "Bojarski et al. 2016, DAVE-2; N01"
+    ),
+    "chen-huang": Model(
+        "chen_huang", "chen_huang", 160, 320, "regression", 7_662_805, "Chen and Huang 2017; N07"
+    ),
     "rausch": Model("rausch", "rausch", 80, 160, "regression", 730_461, "Rausch et al. 2017; N08"),
     "jain": Model("jain", "jain", 8, 16, "categorical", 5_316, "Jain 2018; N10"),
     "donkey-linear": Model("donkey", "linear", 120, 160, "regression", 816_977, "donkeycar, KerasLinear"),
@@ -35,16 +39,32 @@ MODELS: dict[str, Model] = {
         "donkey", "categorical", 120, 160, "categorical", 267_291, "donkeycar, KerasCategorical"
     ),
     "cnn-lstm": Model(
-        "cnn_lstm", "cnn_lstm", 60, 80, "regression", 287_159, "Haavaldsen et al. 2019; N05, N09", recurrent=True
+        "cnn_lstm",
+        "cnn_lstm",
+        60,
+        80,
+        "regression",
+        287_159,
+        "Haavaldsen et al. 2019; N05, N09",
+        recurrent=True,
     ),
-    "inception-v3": Model("paper", "inception_v3", 240, 320, "regression", 23_884_769, "Deep Steer, fig. 8; N13"),
+    "inception-v3": Model(
+        "paper", "inception_v3", 240, 320, "regression", 23_884_769, "Deep Steer, fig. 8; N13"
+    ),
     "vgg16": Model("paper", "vgg16", 240, 320, "regression", 15_241_025, "Deep Steer; N13"),
     "vgg19": Model("paper", "vgg19", 240, 320, "regression", 20_550_721, "Deep Steer; N13"),
     "inception-rnn-as-printed": Model(
         "paper", "rnn_as_printed", 240, 320, "regression", 24_031_457, "Deep Steer, fig. 22: length 1; N16"
     ),
     "inception-rnn": Model(
-        "paper", "rnn", 240, 320, "regression", 24_031_457, "Deep Steer, fig. 22, true sequence; N16", recurrent=True
+        "paper",
+        "rnn",
+        240,
+        320,
+        "regression",
+        24_031_457,
+        "Deep Steer, fig. 22, true sequence; N16",
+        recurrent=True,
     ),
     "efficientnet-lite0": Model(
         "efficientnet", "efficientnet_lite0", 112, 144, "regression", 3_372_289, "Tan and Le 2019, Lite0"
@@ -55,7 +75,9 @@ MODELS: dict[str, Model] = {
 def model(name: str) -> Model:
     """Raises InputError for an unknown name."""
     if name not in MODELS:
-        raise InputError(f"no model {name!r}; {did_you_mean(name, MODELS)} `trepid train --model list` prints all")
+        raise InputError(
+            f"no model {name!r}; {did_you_mean(name, MODELS)} `trepid train --model list` prints all"
+        )
     return MODELS[name]
 
 

@@ -1,7 +1,7 @@
 """Chen and Huang (End-to-end Learning for Lane Keeping of Self-Driving Cars, IV 2017; N07).
 
-Its source names 3 convolutions, 4 ReLU and 3 dense layers; their sizes are those of the public baseline of comma.ai,
-whose drives it learned. Frame 160 x 320, RGB, −1 to 1, padded convolutions:
+Its source names 3 convolutions, 4 ReLU and 3 dense layers; their sizes are those of the public baseline of
+comma.ai, whose drives it learned. Frame 160 x 320, RGB, −1 to 1, padded convolutions:
 
     conv 8x8/4, 16 -> 41 x 81      3 088      dense 512     7 569 920
     conv 5x5/2, 32 -> 21 x 41     12 832      dense 50         25 650

@@ -1,7 +1,7 @@
-"""A CNN with a long short-term memory at its end (N05, N09: Haavaldsen et al. 2019, with 6 convolutions, 2 dense layers).
+"""A CNN with a long short-term memory at its end (N05, N09: Haavaldsen et al. 2019).
 
-The source gives no sizes. Frame 60 x 80, each with mean 0 and deviation 1, padded convolutions with batch
-normalisation (its 2 weights a channel are counted):
+The source names 6 convolutions and 2 dense layers, and gives no sizes. Frame 60 x 80, each with mean 0 and
+deviation 1, padded convolutions with batch normalisation (its 2 weights a channel are counted):
 
     conv 5x5/2, 24 -> 30 x 40     1 848      conv 3x3, 64 -> 4 x 5      36 992
     conv 3x3/2, 32 -> 15 x 20     6 976      dense 100                 128 100

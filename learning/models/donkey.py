@@ -12,7 +12,7 @@ Frame 120 x 160, RGB, 0 to 1; a dropout of 0.2 after every layer:
     dense 50                      5 050                   5 050
     angle                            51                     765 (15 bins)
 
-The output for the throttle is left out (51 and 1 020 weights). Trained with Adam, as donkeycar's configuration has it.
+The output for the throttle is left out (51 and 1 020 weights).
 """
 
 from learning.models.parts.heads import Head

@@ -41,7 +41,12 @@ class BlockA(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         double = self.branch3x3dbl_3(self.branch3x3dbl_2(self.branch3x3dbl_1(x)))
-        branches = [self.branch1x1(x), self.branch5x5_2(self.branch5x5_1(x)), double, self.branch_pool(_pooled(x))]
+        branches = [
+            self.branch1x1(x),
+            self.branch5x5_2(self.branch5x5_1(x)),
+            double,
+            self.branch_pool(_pooled(x)),
+        ]
         return torch.cat(branches, 1)
 
 
@@ -99,7 +104,11 @@ class BlockD(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         seven = self.branch7x7x3_3(self.branch7x7x3_2(self.branch7x7x3_1(x)))
-        branches = [self.branch3x3_2(self.branch3x3_1(x)), self.branch7x7x3_4(seven), nn.functional.max_pool2d(x, 3, 2)]
+        branches = [
+            self.branch3x3_2(self.branch3x3_1(x)),
+            self.branch7x7x3_4(seven),
+            nn.functional.max_pool2d(x, 3, 2),
+        ]
         return torch.cat(branches, 1)
 
 

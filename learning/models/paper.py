@@ -2,13 +2,13 @@
 
 Frame 240 x 320, RGB. Top: global average pool, dense 1024 with ReLU, one linear output [rad].
 
-    InceptionV3: 21 785 568 + 2 098 176 + 1 025 = 23 884 769 (23 901 985 as Keras counts, :mod:`learning.models.inception`)
+    InceptionV3: 21 785 568 + 2 098 176 + 1 025 = 23 884 769 (Keras: 23 901 985, see learning.models.inception)
     VGG16:       14 714 688 +   525 312 + 1 025 = 15 241 025
     VGG19:       20 024 384 +   525 312 + 1 025 = 20 550 721
 
-With the memory, SimpleRNN(128) between dense layer and output: 147 584 weights, and 129 of the output; 24 031 457, or
-24 048 673 as Keras counts. As printed, its sequence has the length 1: its state is zero in every frame, and the
-network has no memory. As a sequence the state passes from frame to frame.
+With the memory, SimpleRNN(128) between dense layer and output: 147 584 weights, and 129 of the output; together
+24 031 457, or 24 048 673 as Keras counts. As printed, its sequence has the length 1: its state is zero in every
+frame, and the network has no memory. As a sequence the state passes from frame to frame.
 
 The weights of the trunk are random unless the recipe names a file for ``weights``.
 """
@@ -63,7 +63,12 @@ def rnn(size: Size, head: Head) -> SteeringNetwork:
 
 
 def _built(
-    size: Size, head: Head, trunk: nn.Module, view: View, last: nn.Module | None = None, memory: SimpleRNN | None = None
+    size: Size,
+    head: Head,
+    trunk: nn.Module,
+    view: View,
+    last: nn.Module | None = None,
+    memory: SimpleRNN | None = None,
 ) -> SteeringNetwork:
     top = nn.Sequential(nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.LazyLinear(DENSE), nn.ReLU())
     if last is not None:

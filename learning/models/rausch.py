@@ -1,6 +1,7 @@
 """Rausch et al. (Learning a Deep Neural Net Policy for End-to-End Control, ACC 2017; N08).
 
-Its source names 3 convolutions, 1 dense layer and an output; the sizes here are chosen. Frame 80 x 160, RGB, 0 to 1:
+Its source names 3 convolutions, 1 dense layer and an output; the sizes here are chosen. Frame 80 x 160, RGB,
+0 to 1:
 
     conv 5x5/2, 24 -> 38 x 78     1 824      dense 100    691 300
     conv 5x5/2, 36 -> 17 x 37    21 636      output           101

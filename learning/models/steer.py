@@ -17,5 +17,7 @@ DROPOUT = 0.3
 def steer(size: Size, head: Head) -> SteeringNetwork:
     """The network."""
     trunk = convolutions(3, CONVOLUTIONS, norm=True, same=True)
-    top = nn.Sequential(nn.Flatten(), nn.Dropout(DROPOUT), nn.LazyLinear(DENSE), nn.ReLU(), nn.Dropout(DROPOUT))
+    top = nn.Sequential(
+        nn.Flatten(), nn.Dropout(DROPOUT), nn.LazyLinear(DENSE), nn.ReLU(), nn.Dropout(DROPOUT)
+    )
     return SteeringNetwork(size, View(scaling="contrast"), trunk, top, head)

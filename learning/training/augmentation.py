@@ -72,7 +72,7 @@ class Augmenter:
         return image
 
     def seen_from(self, image: Image, left_m: float, turned_rad: float) -> Image:
-        """The flat road of ``image``, from ``left_m`` further left and with the heading ``turned_rad`` further left.
+        """The flat road of ``image``, seen from ``left_m`` further left and turned by ``turned_rad`` to the left.
 
         The homography of the ground between the two places of the camera; what is above the horizon turns only.
         """

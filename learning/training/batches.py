@@ -1,5 +1,6 @@
-"""Batches of an epoch. Order and augmentation depend on (seed, epoch, step) alone, so that any step can be redone."""
+"""Batches of an epoch. Their order and changes depend on (seed, epoch, step) alone: any step can be redone."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -38,7 +39,7 @@ class Batches:
     recurrent: bool
 
     def __len__(self) -> int:
-        return -(-len(self.places) // self.size)
+        return math.ceil(len(self.places) / self.size)
 
     def epoch(self, epoch: int, first: int = 0) -> Iterator[Batch]:
         """The batches of ``epoch`` from step ``first`` on."""

@@ -25,9 +25,9 @@ def set_sigma(network: SteeringNetwork, validation: Frames) -> None:
 def interval(network: SteeringNetwork, validation: Frames, coverage: float = COVERAGE) -> float:
     """q with |error| ≤ q·σ in ``coverage`` of new frames like those of ``validation``.
 
-    Split conformal prediction: the ⌈(n + 1)·coverage⌉-th smallest |error|/σ (Lei et al., Distribution-Free Predictive
-    Inference for Regression, JASA 2018). Frames that follow each other are alike and the best epoch is chosen on the
-    same frames, so that the coverage of another drive can be less.
+    Split conformal prediction: the ⌈(n + 1)·coverage⌉-th smallest |error|/σ (Lei et al., Distribution-Free
+    Predictive Inference for Regression, JASA 2018). Frames that follow each other are alike and the best epoch is
+    chosen on the same frames, so that the coverage of another drive can be less.
     """
     angles, sigmas = predict(network, validation)
     scores = np.sort(np.abs(angles - validation.labels_rad) / sigmas)
@@ -35,7 +35,7 @@ def interval(network: SteeringNetwork, validation: Frames, coverage: float = COV
 
 
 def scores(network: SteeringNetwork, validation: Frames) -> dict[str, float]:
-    """Errors on the validation frames: mae_deg, rmse_deg, mean_error_deg, r2, and those of a constant 0 and mean."""
+    """Errors on the validation frames, and those of the constants 0 and mean label."""
     angles, _ = predict(network, validation)
     error_deg = np.degrees(angles - validation.labels_rad)
     labels_deg = np.degrees(validation.labels_rad)

@@ -9,8 +9,8 @@ from learning.training.loop import Progress
 from learning.training.recipe import Recipe
 
 LIMITS = """\
-- The network repeats what the drivers of these frames did on these routes in this light. It has no notion of a lane,
-  of other vehicles or of speed.
+- The network repeats what the drivers of these frames did on these routes in this light. Lanes, other vehicles and
+  speed are no inputs.
 - Angles are those of a kinematic vehicle with the wheel of the data set; another car needs its own lock and camera.
 - The interval and the border of `unlike` come from the validation frames, which also chose the best epoch; frames
   that follow each other are alike. On other routes both can be too narrow.

@@ -23,10 +23,10 @@ OPSET = 17
 def export(
     network: SteeringNetwork, path: Path, *, train: Frames, validation: Frames, metadata: dict[str, Any]
 ) -> float:
-    """Write ``path``; the greatest difference between torch and ONNX Runtime [rad]. Raises InputError above the limit.
+    """Write ``path``; the greatest difference between torch and ONNX Runtime [rad].
 
-    Inputs: ``image`` uint8 (n, H, W, 3) BGR; outputs ``road_wheel_rad``, ``sigma_rad``, ``unlike``, (n,) each. With a
-    memory also ``state`` (n, s), zeros at first, and ``next_state``.
+    Input: ``image`` uint8 (n, H, W, 3) BGR; outputs: ``road_wheel_rad``, ``sigma_rad``, ``unlike``, (n,) each. With
+    a memory also ``state`` (n, s), zeros at first, and ``next_state``. Raises InputError above MAX_DIFFERENCE.
     """
     fresh = path.with_name(f"{path.name}.new")
     network = network.cpu().eval()

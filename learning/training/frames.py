@@ -3,17 +3,15 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from learning.dataset.dataset import Dataset
 from trepid.config import InputError
 from trepid.types import Floats, Image
-
-if TYPE_CHECKING:
-    from learning.dataset.dataset import Dataset
 
 REPORT_EVERY = 1000
 
@@ -42,7 +40,7 @@ class Frames(NamedTuple):
 
 
 def read_frames(
-    data: "Dataset", split: str, *, height: int, width: int, folder: Path, report: Callable[[str], None]
+    data: Dataset, split: str, *, height: int, width: int, folder: Path, report: Callable[[str], None]
 ) -> Frames:
     """The frames of a split, scaled by area to ``height`` x ``width``.
 

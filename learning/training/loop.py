@@ -63,7 +63,10 @@ class Trainer:
     best: dict[str, Tensor] | None = None
 
     def run(self, *, resume: bool) -> Progress:
-        """Train; the network ends with the weights of the best epoch. Raises InputError for a loss that is not finite."""
+        """Train; the network ends with the weights of the best epoch.
+
+        Raises InputError for a loss that is not finite, and for damaged checkpoints or those of another training.
+        """
         torch.set_num_threads(self.recipe.threads)
         saved = self.checkpoints.load(self.report) if resume else None
         if saved is not None:

@@ -37,6 +37,6 @@ def averaged(network: nn.Module, decay: float) -> AveragedModel | None:
 
     def mean(old: Tensor, new: Tensor, steps: Tensor) -> Tensor:
         kept = min(decay, (1 + int(steps)) / (10 + int(steps)))
-        return old * kept + new * (1 - kept) if old.is_floating_point() else new
+        return old + (new - old) * (1 - kept) if old.is_floating_point() else new
 
     return AveragedModel(network, avg_fn=mean, use_buffers=True)

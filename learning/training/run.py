@@ -5,12 +5,13 @@ import math
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cv2
 import numpy as np
 import torch
 
+from learning.dataset.dataset import Dataset
 from learning.models.catalogue import build
 from learning.models.parts.network import SteeringNetwork, glorot, he
 from learning.models.parts.weights import load_trunk
@@ -22,20 +23,18 @@ from learning.training.checkpoint import Checkpoints
 from learning.training.export import export, origin_commit
 from learning.training.frames import Frames, read_frames
 from learning.training.loop import Progress, Trainer
+from learning.training.pretrain import pretrain
 from learning.training.recipe import Recipe
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
-
-if TYPE_CHECKING:
-    from learning.dataset.dataset import Dataset
 
 VERSIONS = ("torch", "onnx", "onnxruntime", "numpy", "opencv-python-headless")
 HISTOGRAM_FRAMES = 500
 
 
 def run(
-    data: "Dataset",
+    data: Dataset,
     name: str,
     out: Path,
     recipe: Recipe,
@@ -68,6 +67,8 @@ def run(
         report=report,
         on_epoch=lambda progress: write_curve(progress, work),
     )
+    if recipe.pretrain_epochs and not (resume and trainer.checkpoints.path.exists()):
+        pretrain(network, recipe, train, report)
     progress = trainer.run(resume=resume)
     set_sigma(network, validation)
     metadata = _metadata(data, name, network, recipe, train, validation)
@@ -137,7 +138,7 @@ def _identity(name: str, recipe: Recipe, data_sha256: str) -> str:
 
 
 def _metadata(
-    data: "Dataset", name: str, network: SteeringNetwork, recipe: Recipe, train: Frames, validation: Frames
+    data: Dataset, name: str, network: SteeringNetwork, recipe: Recipe, train: Frames, validation: Frames
 ) -> dict[str, Any]:
     return dict(
         kind="steering",
@@ -157,12 +158,13 @@ def _metadata(
 
 
 def _facts(
-    data: "Dataset", command: str, progress: Progress, device: torch.device, difference: float
+    data: Dataset, command: str, progress: Progress, device: torch.device, difference: float
 ) -> dict[str, Any]:
+    lock_rad = data.wheel.lock_rad
     return {
         "command": f"`{command}`",
         "data set": f"{data.folder}, sha256 {data.sha256}",
-        "steering": f"{data.wheel.how}; lock {math.degrees(data.wheel.lock_rad or math.nan):.2f}°",
+        "steering": data.wheel.how + (f"; lock {math.degrees(lock_rad):.2f}°" if lock_rad else ""),
         "split": f"by {data.file.split.by}, gap {data.file.split.gap_s:g} s",
         "commit": origin_commit() or "unknown",
         "trained": f"{progress.elapsed_s / 60:.1f} min on {device.type}",

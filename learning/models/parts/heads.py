@@ -1,8 +1,9 @@
-"""Outputs of a network: from features to an angle and its error scale, both in units of the network, and the loss."""
+"""From features to an angle and its error scale, in units of the network; and the loss of them."""
 
 import math
 from typing import Literal
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -11,6 +12,7 @@ HeadName = Literal["regression", "gaussian", "laplace", "categorical"]
 LOG_RANGE = (-6.0, 3.0)  # of an error scale in units of the network: keeps the loss finite
 HUBER_DELTA = 0.1  # in units of the network
 BINS = 15  # donkeycar
+CENTRES = tuple(np.linspace(-1, 1, BINS).tolist())
 
 
 class Head(nn.Module):
@@ -87,9 +89,7 @@ class Categorical(Head):
 
     centres: Tensor
 
-    def __init__(
-        self, centres: tuple[float, ...] = tuple(2 * i / (BINS - 1) - 1 for i in range(BINS))
-    ) -> None:
+    def __init__(self, centres: tuple[float, ...] = CENTRES) -> None:
         self.size = len(centres)
         super().__init__()
         self.register_buffer("centres", torch.tensor(centres))

@@ -38,9 +38,10 @@ class SimpleRNN(Memory):
 
 
 class LSTM(Memory):
-    """Long short-term memory (Hochreiter and Schmidhuber, 1997); state = output and cell: 4·units·(inputs + units + 1).
+    """Long short-term memory (Hochreiter and Schmidhuber, 1997): 4·units·(inputs + units + 1) weights.
 
-    Gates i, f, g, o from one linear layer of (features, output); the forget gate starts open (bias 1).
+    The state holds output and cell. Gates i, f, g, o come from one linear layer of (features, output); the forget
+    gate starts open (bias 1).
     """
 
     def __init__(self, inputs: int, units: int) -> None:

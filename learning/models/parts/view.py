@@ -60,7 +60,7 @@ class View(nn.Module):
         self.reference.copy_(torch.from_numpy(nearest.astype(np.float32)))
 
     def _matched(self, pixels: Tensor) -> Tensor:
-        luminance = sum(pixels[:, i] * GREY[i] for i in range(3)).round().long().flatten(1)  # type: ignore[union-attr]
+        luminance = sum(pixels[:, i] * GREY[i] for i in range(3)).round().long().flatten(1)
         ones = torch.ones_like(luminance, dtype=torch.float32)
         counts = torch.zeros(luminance.shape[0], LEVELS, device=pixels.device).scatter_add(1, luminance, ones)
         share = counts.cumsum(1) / luminance.shape[1]

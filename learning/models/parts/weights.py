@@ -26,7 +26,9 @@ def load_trunk(trunk: nn.Module, path: Path) -> None:
         if name.endswith("num_batches_tracked"):
             continue
         if name not in found:
-            raise InputError(f"{path}: no weights {name!r}; expected the layout of torchvision for this network")
+            raise InputError(
+                f"{path}: no weights {name!r}; expected the layout of torchvision for this network"
+            )
         if found[name].shape != tensor.shape:
             shapes = f"{tuple(found[name].shape)}, expected {tuple(tensor.shape)}"
             raise InputError(f"{path}: {name!r} has the shape {shapes}")

@@ -1,0 +1,121 @@
+"""Windows, weights and augmented frames of a training."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
+
+from learning.training.augmentation import Augmenter
+from learning.training.batches import Batches, balance
+from learning.training.frames import Frames
+from learning.training.recipe import Augmentation, load_recipe
+from trepid.car.camera import Camera
+from trepid.config import CONFIG_DIR, load
+
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+WHEELBASE_M = 2.0
+NOTHING = dict.fromkeys(("flip", "brightness", "shadow", "blur", "noise", "erase"), 0.0)
+
+
+def settings(**changes: float) -> Augmentation:
+    return load_recipe("steer", None).augmentation.model_copy(update=NOTHING | changes)
+
+
+def augmenter(**changes: float) -> Augmenter:
+    return Augmenter(settings(**changes), CAMERA, wheelbase_m=WHEELBASE_M)
+
+
+def frames(stretches: list[int]) -> Frames:
+    count = len(stretches)
+    images = np.random.default_rng(0).integers(60, 200, (count, 24, 32, 3)).astype(np.uint8)
+    labels = np.linspace(-0.2, 0.3, count).astype(np.float32)
+    return Frames(images, labels, np.array(stretches, np.int32), ("a",))
+
+
+def test_a_window_takes_every_nth_frame_and_crosses_no_pause():
+    windows = frames([0] * 6 + [1] * 5).windows(3, 2)
+    assert windows.tolist() == [[0, 2, 4], [1, 3, 5], [6, 8, 10]]
+
+
+def test_windows_of_one_frame_are_all_frames():
+    assert frames([0, 0, 1]).windows(1, 4).tolist() == [[0], [1], [2]]
+
+
+def test_a_share_of_the_frames_is_spread_over_the_drive():
+    assert frames([0] * 9).share(0.34).tolist() == [0, 4, 8]
+
+
+def test_an_epoch_continues_from_a_step_as_the_whole_one():
+    data = frames([0] * 10)
+    batches = Batches(
+        data, data.windows(1, 1), np.ones(10, np.float32), 4, 3, augmenter(brightness=1.0), False
+    )
+    whole = list(batches.epoch(2))
+    assert len(batches) == len(whole) == 3 and [len(b.images) for b in whole] == [4, 4, 2]
+    for a, b in zip(whole[1:], batches.epoch(2, first=1), strict=True):
+        assert all((x == y).all() for x, y in zip(a, b, strict=True))
+    assert not all((a.labels_rad == b.labels_rad).all() for a, b in zip(whole, batches.epoch(3), strict=True))
+
+
+def test_balanced_weights_make_rare_angles_count_as_much_as_frequent_ones():
+    labels = np.array([0.0] * 90 + [0.3] * 10, np.float32)
+    weights = balance(labels, bins=3, exponent=1.0)
+    assert weights[:90].sum() == pytest.approx(weights[90:].sum()) and weights.mean() == pytest.approx(1.0)
+    assert (balance(labels, bins=3, exponent=0.0) == 1).all()
+
+
+def test_a_flip_mirrors_the_frame_and_the_sign_of_the_angle():
+    data = frames([0, 0])
+    images, labels = augmenter(flip=1.0)(data.images, data.labels_rad, np.random.default_rng(0))
+    assert (images == data.images[:, :, ::-1]).all() and (labels == -data.labels_rad).all()
+
+
+@pytest.mark.parametrize(
+    "name", ["brightness", "shadow", "blur", "noise", "erase", "shift", "rain", "snow", "fog"]
+)
+def test_changes_of_light_weather_and_pixels_keep_the_angle_and_change_the_frame(name):
+    data = frames([0] * 6)
+    images, labels = augmenter(**{name: 1.0})(data.images, data.labels_rad, np.random.default_rng(1))
+    assert (labels == data.labels_rad).all()
+    assert images.dtype == np.uint8 and images.shape == data.images.shape and (images != data.images).any()
+
+
+def test_the_frames_of_a_sequence_are_changed_alike():
+    data = frames([0, 0])
+    same = np.stack([data.images[0]] * 2)
+    images, _ = augmenter(brightness=1.0, noise=1.0, rain=1.0)(
+        same, data.labels_rad, np.random.default_rng(2)
+    )
+    assert (images[0] == images[1]).all()
+
+
+def test_a_seed_gives_the_same_frames_again():
+    data, change = frames([0] * 4), augmenter(brightness=0.5, shadow=0.5, snow=0.5, viewpoint=0.5)
+    one, other = (change(data.images, data.labels_rad, np.random.default_rng(5)) for _ in range(2))
+    assert (one[0] == other[0]).all() and (one[1] == other[1]).all()
+
+
+def test_a_point_of_the_road_moves_in_the_image_as_the_camera_moves():
+    image = np.zeros((CAMERA.height_px, CAMERA.width_px, 3), np.uint8)
+    point_m, left_m, turned_rad = np.array([8.0, 0.6]), 0.4, 0.05
+    u, v = CAMERA.pixel_from_road(point_m)[0].round().astype(int)
+    image[v - 1 : v + 2, u - 1 : u + 2] = 255
+    seen = augmenter().seen_from(image, left_m, turned_rad)
+    c, s = math.cos(turned_rad), math.sin(turned_rad)
+    apart = point_m - (0.0, left_m)
+    wanted = CAMERA.pixel_from_road([c * apart[0] + s * apart[1], -s * apart[0] + c * apart[1]])[0]
+    rows, columns = np.nonzero(seen[..., 0] > 128)
+    assert (columns.mean(), rows.mean()) == pytest.approx(tuple(wanted), abs=1.0)
+
+
+def test_beside_the_recorded_path_the_angle_leads_back_to_it():
+    change, ahead_m = augmenter(), settings().viewpoint_ahead_m
+    assert (
+        change.returning(0.0, 0.3, 0.0) < 0 < change.returning(0.0, -0.3, 0.0)
+    )  # from the left to the right
+    assert change.returning(0.0, 0.0, 0.05) < 0
+    curvature = math.tan(change.returning(0.0, 0.3, 0.0)) / WHEELBASE_M
+    assert 0.3 + curvature * ahead_m**2 / 2 == pytest.approx(0.0, abs=1e-9)
+    assert change.returning(0.1, 0.0, 0.0) == pytest.approx(0.1)
