@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from learning.dataset.dataset import VERSION, DatasetFile, Source, Split, as_rows, sha256_of, write
 from learning.dataset.likeness import SMALL, Look, changes, hash_of, small_grey
 from learning.dataset.pictures import Pictures
+from learning.dataset.sources.comma import is_comma, read_comma
 from learning.dataset.sources.log import Faults, Log, Steering, licence_beside, sha256_of_files
+from learning.dataset.sources.recording import SUFFIX, read_drive
 from learning.dataset.sources.table import TableOptions, read_table
 from learning.dataset.sources.tub import is_tub, read_tub
 from learning.dataset.split import divided, stretches
@@ -42,11 +44,18 @@ def read_log(path: Path, faults: Faults, options: TableOptions) -> Log:
         raise InputError(f"{path}: no such file or folder")
     if is_tub(path):
         return read_tub(path, faults)
+    if path.suffix.lower() == SUFFIX:
+        return read_drive(path, faults)
+    if is_comma(path):
+        return read_comma(path)
     if path.is_dir() and (path / UDACITY_LOG).is_file():
         return read_table(path / UDACITY_LOG, faults, options)
     if path.suffix.lower() == ".csv":
         return read_table(path, faults, options)
-    raise InputError(f"{path}: no known log of a drive; known: a donkeycar tub, a table (.csv)")
+    raise InputError(
+        f"{path}: no known log of a drive; known: a recording (.mcap), a donkeycar tub, a segment of"
+        " comma2k19, a table (.csv)"
+    )
 
 
 def read_logs(paths: list[Path], faults: Faults, options: TableOptions) -> list[Log]:

@@ -1,0 +1,89 @@
+"""Recordings of Trepid (``trepid drive --record``): camera images and the vehicle state at their capture times."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from learning.dataset.sources.log import Faults, Log, Steering
+from trepid.config import InputError
+from trepid.recording.foreign import types_of
+from trepid.recording.reader import read_recording
+from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, VEHICLE_STATE
+from trepid.types import Column
+from vehicle.cameras.mcap_file import mcap_shots
+from vehicle.cameras.ros_images import TYPES
+
+SUFFIX = ".mcap"
+GAP_S = 0.25  # a state is not interpolated over a longer silence
+BEFORE, SILENT = "before the drive began", "no vehicle state at this time"
+
+
+def read_drive(path: Path, faults: Faults) -> Log:
+    """The frames of a recording. Raises InputError when it holds no images or no vehicle state."""
+    topic, ros_type = _images(path)
+    t_s = np.array([shot.t_s for shot in mcap_shots(path, topic, ros_type)])
+    recorded = read_recording(path, VEHICLE_STATE.key)
+    states = {state.t_s: state for _, state in reversed(recorded.of(VEHICLE_STATE))}
+    if not len(t_s) or not states:
+        what = "image of a camera" if not len(t_s) else "vehicle state: it holds no steering to learn from"
+        raise InputError(f"{path}: no {what}")
+    for key, count in recorded.malformed.items():
+        faults(f"{path}: {count} messages of {key} are malformed")
+    at_s = np.array(sorted(states))
+
+    def column(name: str) -> Column:
+        values = np.array([getattr(states[t], name) for t in at_s], dtype=np.float64)  # None: NaN
+        return between(t_s, at_s, values)
+
+    steering = column("road_wheel_angle_rad")
+    began_s = recorded.began_s if recorded.began_s is not None else -math.inf
+    log = Log(
+        kind="recording",
+        path=path,
+        root=path.parent,
+        files=(path,),
+        image=[path.name] * len(t_s),
+        item=np.arange(len(t_s)),
+        t_s=t_s,
+        route=[path.stem] * len(t_s),
+        steering=steering,
+        speed_mps=column("speed_mps"),
+        yaw_rate_radps=column("yaw_rate_radps"),
+        why=[
+            BEFORE if t < began_s else SILENT if math.isnan(angle) else ""
+            for t, angle in zip(t_s.tolist(), steering.tolist(), strict=True)
+        ],
+        unit=Steering.ROAD,
+        left_positive=True,
+        topic=topic,
+    )
+    log.notes.append(f"images of {topic}, {VEHICLE_STATE.key} at their capture times")
+    if not recorded.complete:
+        log.notes.append("cut short; read up to its last whole chunk")
+    return log
+
+
+def _images(path: Path) -> tuple[str, str]:
+    """Topic and type of the images: of full size, else compressed, else the only one. Raises InputError."""
+    topics = {topic: name for topic, name in types_of(path).items() if name in TYPES}
+    for wanted in (CAMERA_IMAGE.key, CAMERA_COMPRESSED.key):
+        if f"/{wanted}" in topics:
+            return f"/{wanted}", topics[f"/{wanted}"]
+    if len(topics) != 1:
+        held = f"several topics with images: {', '.join(topics)}" if topics else "no topic with images"
+        raise InputError(f"{path}: {held}; expected one, or {CAMERA_COMPRESSED.key}")
+    return next(iter(topics.items()))
+
+
+def between(t_s: Column, at_s: Column, values: Column) -> Column:
+    """``values``, measured at ``at_s``, at ``t_s`` by linear interpolation; NaN outside, and in silences."""
+    known = np.isfinite(values)
+    at_s, values = at_s[known], values[known]
+    if not len(at_s):
+        return np.full(len(t_s), math.nan)
+    found = np.interp(t_s, at_s, values, left=math.nan, right=math.nan)
+    after = np.clip(np.searchsorted(at_s, t_s), 1, max(1, len(at_s) - 1))
+    if len(at_s) > 1:
+        found[at_s[after] - at_s[after - 1] > GAP_S] = math.nan
+    return np.asarray(found)
