@@ -2,7 +2,8 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learning.dataset.dataset import VERSION, DatasetFile, Source, Split, as_rows, sha256_of, write
-from learning.dataset.likeness import SMALL, Look, changes, hash_of, small_grey
+from learning.dataset.likeness import SMALL, Look, changes, hash_of, shift_between, small_grey, upper_half
 from learning.dataset.pictures import Pictures
 from learning.dataset.sources.comma import is_comma, read_comma
 from learning.dataset.sources.log import Faults, Log, Steering, licence_beside, sha256_of_files
@@ -20,6 +21,7 @@ from learning.dataset.sources.tub import is_tub, read_tub
 from learning.dataset.split import divided, stretches
 from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
 from trepid.config import InputError
+from trepid.types import Floats, Image
 
 UNREADABLE, NO_LABEL, OTHER_SIZE = "image cannot be read", "no steering", "other size of image"
 UDACITY_LOG = "driving_log.csv"
@@ -95,6 +97,8 @@ def build(
             "light": look.light,
             "hash": look.hash,
             "change": look.change,
+            "shift": look.shift,
+            "yaw_rate_radps": np.concatenate([log.yaw_rate_radps for log in logs]),
         }
     )
     _check_splits(options.split, split)
@@ -148,30 +152,39 @@ def _measured(
     """Read every image once: the reasons to leave out rows, and the look of all rows."""
     total = len(stretch)
     small = np.zeros((total, SMALL[1], SMALL[0]), np.uint8)
-    light = np.full(total, np.nan, np.float32)
+    light, shift = (np.full(total, np.nan, np.float32) for _ in range(2))
     hashes = np.zeros(total, np.uint64)
     why: list[str] = []
-    at = 0
     for log in logs:
-        pictures, reasons, sizes = Pictures(log.root, log.topic), list(log.why), {}
-        for number, (name, item) in enumerate(zip(log.image, log.item.tolist(), strict=True)):
+        reasons, sizes, first = list(log.why), {}, len(why)
+        before: Floats | None = None  # the upper half of the image before
+        for number, image in enumerate(_images(log, faults)):
+            at = first + number
             progress(at + 1)
-            try:
-                image = pictures.read(name, item)
-            except InputError as error:
-                faults(str(error))
-                reasons[number] = reasons[number] or UNREADABLE
-                at += 1
+            if image is None:
+                reasons[number], before = reasons[number] or UNREADABLE, None
                 continue
             sizes[number] = image.shape[:2]
-            small[at], hashes[at] = small_grey(image), hash_of(image)
+            small[at], hashes[at], upper = small_grey(image), hash_of(image), upper_half(image)
             light[at] = small[at].mean() / 255.0
-            at += 1
-        pictures.close()
+            if before is not None and stretch[at] == stretch[at - 1]:
+                shift[at] = shift_between(before, upper)
+            before = upper
         _leave_out_other_sizes(log, sizes, reasons, faults)
         why += reasons
-    look = Look(light, hashes, small, changes(small, stretch, np.isfinite(light)))
+    look = Look(light, hashes, small, changes(small, stretch, np.isfinite(light)), shift)
     return np.array(why), look
+
+
+def _images(log: Log, faults: Faults) -> Iterator[Image | None]:
+    """The images of a log in order; None where one cannot be read, which ``faults`` gets."""
+    with closing(Pictures(log.root, log.topic)) as pictures:
+        for name, item in zip(log.image, log.item.tolist(), strict=True):
+            try:
+                yield pictures.read(name, item)
+            except InputError as error:
+                faults(str(error))
+                yield None
 
 
 def _leave_out_other_sizes(

@@ -16,6 +16,9 @@ A row of the index is a frame of a drive:
     light           float32  mean grey of the image, 0 to 1; NaN: cannot be read
     hash            uint64   difference hash of the image (:mod:`learning.dataset.likeness`)
     change          float32  mean difference of its small grey copy from the frame before, 0 to 1; NaN: none before
+    shift           float32  shift of the upper half of the view since the frame before, in widths, + = to the right
+                             (the car turns left); NaN: not known
+    yaw_rate_radps  float32  recorded yaw rate, + = to the left; NaN: not known
 
 ``data_sha256`` is the SHA-256 of the columns of DATA in this order, of all rows: little-endian numbers, and strings
 in UTF-8 with a zero byte after each. It does not depend on the version of Parquet, nor on how images are decoded.
@@ -53,8 +56,10 @@ DATA = MappingProxyType(
     }
 )
 """Column of the index -> its type."""
-MEASURED = MappingProxyType({"light": "<f4", "hash": "<u8", "change": "<f4"})
-"""Columns that are measured in the images."""
+MEASURED = MappingProxyType(
+    {"light": "<f4", "hash": "<u8", "change": "<f4", "shift": "<f4", "yaw_rate_radps": "<f4"}
+)
+"""Columns that describe the drive, and are not learned."""
 SPLITS = ("train", "validation", "test")
 NONE = "none"
 Rows = NDArray[np.void]

@@ -3,6 +3,9 @@
 ``hash`` is the difference hash of 64 bits: the image in 9 × 8 grey values, a bit for each that is greater than its
 left neighbour (N. Krawetz, Kind of Like That, 2013). Two frames are near duplicates when their hashes differ in at
 most ALIKE_BITS and their small grey copies by at most ALIKE on average.
+
+The shift of the view is that of its upper half, by phase correlation (Kuglin and Hines, 1975). Far from the car it
+is proportional to the yaw rate.
 """
 
 from dataclasses import dataclass
@@ -17,7 +20,10 @@ SMALL = 32, 24  # width and height of the small grey copy
 ALIKE_BITS = 2
 ALIKE = 2.0 / 255.0
 STILL = 0.5 / 255.0  # a change below it is noise of the encoding
+UPPER = 160, 60  # width and height of the upper half, for its shift
+LARGEST_SHIFT = 0.25  # a larger one is no shift of the same view
 _POWERS = 2 ** np.arange(64, dtype=np.uint64)
+_WINDOW = cv2.createHanningWindow(UPPER, cv2.CV_32F)
 _BLOCK = 512  # rows that are compared at once
 
 
@@ -29,6 +35,7 @@ class Look:
     hash: NDArray[np.uint64]
     small: Image  # (n, 24, 32) grey
     change: Floats  # from the image before; NaN: there is none
+    shift: Floats  # of the view to the right since the image before, in widths; NaN: there is none
 
 
 def small_grey(image: Image) -> Image:
@@ -41,6 +48,18 @@ def hash_of(image: Image) -> int:
     """The difference hash of an image."""
     grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), (9, 8), interpolation=cv2.INTER_AREA)
     return int((_POWERS * (grey[:, 1:] > grey[:, :-1]).ravel()).sum())
+
+
+def upper_half(image: Image) -> Floats:
+    """The upper half of the image in grey, for :func:`shift_between`."""
+    half = cv2.cvtColor(image[: max(1, image.shape[0] // 2)], cv2.COLOR_BGR2GRAY)
+    return cv2.resize(half, UPPER, interpolation=cv2.INTER_AREA).astype(np.float32)
+
+
+def shift_between(before: Floats, after: Floats) -> float:
+    """The shift to the right from one upper half to the next, in widths; NaN where it is none."""
+    shift = cv2.phaseCorrelate(before, after, _WINDOW)[0][0] / UPPER[0]
+    return shift if abs(shift) < LARGEST_SHIFT else float("nan")
 
 
 def changes(small: Image, stretch: NDArray[np.int32], known: Mask) -> Floats:

@@ -1,5 +1,6 @@
 """MCAP files of any ROS 2 software: their topics, and the bytes of one topic."""
 
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,7 +22,7 @@ def types_of(path: Path) -> dict[str, str]:
             summary = make_reader(file).get_summary()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (McapError, ValueError, EOFError):
+    except (McapError, ValueError, EOFError, struct.error):
         summary = None  # cut short: the summary is at the end
     if summary is not None and summary.channels:
         schemas, channels = summary.schemas, list(summary.channels.values())

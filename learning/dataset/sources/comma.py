@@ -104,9 +104,15 @@ def _images(segment: Path, count: int) -> tuple[list[str], Column]:
     if video is not None:
         return [video] * count, np.arange(count, dtype=np.float64)
     folder = segment / "frames"
-    found = natural_order(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES) if folder.is_dir() else []
+    found = (
+        natural_order(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+        if folder.is_dir()
+        else []
+    )
     if not found:
-        raise InputError(f"{segment}: no {VIDEOS[0]} and no folder frames: a segment without images cannot be learned")
+        raise InputError(
+            f"{segment}: no {VIDEOS[0]} and no folder frames: a segment without images cannot be learned"
+        )
     if len(found) != count:
         raise InputError(f"{folder}: {len(found)} images, but {count} frame times")
     return [f"frames/{path.name}" for path in found], np.full(count, -1.0)

@@ -28,6 +28,7 @@ def different(count: int) -> Look:
         hash=random.integers(0, 2**63, count).astype(np.uint64),
         small=random.integers(0, 255, (count, 24, 32)).astype(np.uint8),
         change=np.full(count, 0.1, np.float32),
+        shift=np.zeros(count, np.float32),
     )
 
 

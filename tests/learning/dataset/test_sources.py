@@ -1,0 +1,289 @@
+"""Readers of logs: what each format says, and which rows and logs are refused."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from drive_rig import picture, steering_of, write_pictures, write_table, write_tub, write_tub_1, write_udacity
+
+from learning.dataset.build import read_log
+from learning.dataset.pictures import Pictures
+from learning.dataset.sources.log import Faults, Log, Steering
+from learning.dataset.sources.table import MPS_PER_MPH, TableOptions
+from learning.dataset.wheel import WheelOptions, road_wheel_rad, wheel_of
+from trepid.config import InputError, use_car
+from trepid.messages import CompressedFrame, VehicleState
+from trepid.recording.writer import Recording
+from trepid.topics import CAMERA_COMPRESSED, VEHICLE_STATE
+from trepid.wire import to_cdr
+
+
+def read(path: Path, options: TableOptions | None = None) -> tuple[Log, Faults]:
+    faults = Faults(strict=False)
+    return read_log(path, faults, options or TableOptions()), faults
+
+
+def test_tub_2_honours_deleted_records_and_leaves_out_the_pilot(tmp_path: Path) -> None:
+    tub = write_tub(tmp_path / "tub", 30, deleted=(3, 4))
+    catalog = tub / "catalog_0.catalog"
+    lines = catalog.read_text().splitlines()
+    lines[8] = lines[8].replace('"user/mode": "user"', '"user/mode": "local_angle"')
+    catalog.write_text("\n".join(lines))
+    log, faults = read(tub)
+    assert [n for n, why in enumerate(log.why) if why == "deleted in the tub"] == [3, 4]
+    assert [n for n, why in enumerate(log.why) if why == "driven by a pilot"] == [8]
+    assert log.steering == pytest.approx(steering_of(30)) and log.unit == Steering.LOCK
+    assert np.diff(log.t_s) == pytest.approx(0.05, abs=1e-6)
+    assert faults.count == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('{"_index": 5, "cam', "catalog_0.catalog:6: not a record"),
+        ("[1, 2]", "catalog_0.catalog:6: not a record: expected names and values"),
+        ('{"_index": 5, "user/angle": 0.1}', "catalog_0.catalog:6: no cam/image_array"),
+        (
+            '{"cam/image_array": "5_cam_image_array_.jpg", "user/angle": "left"}',
+            "expected a number, got 'left'",
+        ),
+    ],
+)
+def test_a_broken_line_of_a_catalog_is_named_and_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, said: str
+) -> None:
+    tub = write_tub(tmp_path / "tub", 30)
+    catalog = tub / "catalog_0.catalog"
+    lines = catalog.read_text().splitlines()
+    catalog.write_text("\n".join([*lines[:5], text, *lines[6:]]))
+    log, faults = read(tub)
+    assert (len(log), log.unread, faults.count) == (29, 1, 1)
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ('{"version": 3}', "1 lines, expected 5"),
+        ("[]\n[]\n{}\n{}\n[]", "not the manifest of a donkeycar tub of version 2"),
+        ("[]\n[\n{}\n{}\n{}", "manifest.json:2: not JSON"),
+    ],
+)
+def test_a_tub_of_another_version_is_refused(tmp_path: Path, content: str, said: str) -> None:
+    tub = write_tub(tmp_path / "tub", 5)
+    (tub / "manifest.json").write_text(content)
+    with pytest.raises(InputError, match=said.replace("[", r"\[")):
+        read(tub)
+
+
+def test_tub_1_is_read_by_the_numbers_of_its_records(tmp_path: Path) -> None:
+    log, _ = read(write_tub_1(tmp_path / "tub"))
+    assert log.kind == "tub1"
+    assert log.image[9] == "10_cam-image_array_.jpg"
+    assert log.steering == pytest.approx(steering_of(60))
+    assert log.t_s[10] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("header", [False, True])
+def test_a_log_of_the_udacity_simulator_with_and_without_header(tmp_path: Path, header: bool) -> None:
+    log, _ = read(write_udacity(tmp_path / "log", 90, header=header))
+    assert log.kind == "udacity" and len(log) == 90
+    assert np.diff(log.t_s) == pytest.approx(0.05, abs=1e-6)
+    assert log.speed_mps == pytest.approx(15.0 * MPS_PER_MPH)
+    assert (log.lock_rad, log.left_positive) == (math.radians(25.0), False)
+
+
+def test_images_by_paths_of_another_machine_are_found_beside_the_log(tmp_path: Path) -> None:
+    folder = write_udacity(tmp_path / "log", 30)
+    text = (folder / "driving_log.csv").read_text()
+    (folder / "driving_log.csv").write_text(text.replace("IMG/", r"C:\Users\me\Desktop\IMG/"))
+    log, _ = read(folder)
+    assert Pictures(log.root).read(log.image[3], -1).shape == (48, 64, 3)
+
+
+def table(folder: Path, **columns: object) -> Path:
+    steering = steering_of(20)
+    names = [f"{n}.jpg" for n in range(20)]
+    write_pictures(folder, names, steering)
+    return write_table(folder, {"image": names, "t_s": (0.1 * np.arange(20)).tolist(), **columns})
+
+
+def test_a_table_names_the_columns_that_were_chosen(tmp_path: Path) -> None:
+    log, _ = read(table(tmp_path, user_angle=steering_of(20).tolist(), speed_kmh=[36.0] * 20))
+    assert log.notes == ["columns: image = image, time = t_s, lock = user_angle, speed = speed_kmh"]
+    assert log.speed_mps == pytest.approx(10.0)
+
+
+def test_a_column_of_a_table_can_be_named(tmp_path: Path) -> None:
+    path = table(tmp_path, hand=[90.0] * 20)
+    log, _ = read(path, TableOptions({"steering_wheel_angle_deg": "hand"}))
+    assert log.unit == Steering.WHEEL and log.left_positive
+    assert log.steering == pytest.approx(math.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("columns", "renamed", "said"),
+    [
+        ({"angle": [90.0] * 20}, {}, "exceeds ±1"),
+        ({"torque": [0.0] * 20}, {}, "no column for the steering"),
+        ({"angle": [0.0] * 20}, {"stearing": "angle"}, "did you mean 'steering'"),
+        ({"angle": [0.0] * 20}, {"speed_mps": "v"}, "no column 'v'"),
+    ],
+)
+def test_a_table_that_leaves_a_doubt_is_refused(
+    tmp_path: Path, columns: dict[str, object], renamed: dict[str, str], said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        read(table(tmp_path, **columns), TableOptions(renamed))
+
+
+def test_rows_of_a_table_that_cannot_be_read_are_named_by_their_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(tmp_path, steering=["x", *[0.1] * 19])
+    path.write_text(path.read_text() + "20.jpg\n")
+    log, faults = read(path)
+    assert (len(log), log.unread, faults.count) == (19, 2, 2)
+    err = capsys.readouterr().err
+    assert "log.csv:2: expected a number, got 'x'" in err
+    assert "log.csv:22: expected 3 columns, got 1" in err
+
+
+def test_rows_can_describe_the_frames_of_a_video(tmp_path: Path) -> None:
+    video = tmp_path / "drive.avi"
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 48))
+    for number in range(20):
+        writer.write(picture(float(steering_of(20)[number]), number))
+    writer.release()
+    path = write_table(tmp_path, {"frame": [0, 5, 10], "t_s": [0.0, 0.5, 1.0], "steering": [0.0, 0.1, 0.2]})
+    log, _ = read(path, TableOptions(video=video))
+    pictures = Pictures(log.root)
+    for number in (10, 0, 5):  # forwards and back
+        read_back = pictures.read("drive.avi", number)
+        assert np.abs(read_back.astype(int) - picture(float(steering_of(20)[number]), number)).mean() < 12
+    with pytest.raises(InputError, match="has no frame 30: 20 can be read"):
+        pictures.read("drive.avi", 30)
+
+
+def recorded(path: Path, frames: int = 40, *, angle_rad: float = 0.1, speed_mps: float = 8.0) -> Path:
+    """A recording at 10 images/s with the vehicle state at 50 Hz, whose angle rises until 1 s."""
+    with Recording(path) as file:
+        file.began(100.0)
+        for tick in range(5 * frames):
+            t_s = 100.0 + tick / 50.0
+            state = VehicleState(
+                t_s=t_s,
+                speed_mps=speed_mps,
+                road_wheel_angle_rad=angle_rad * min(1.0, t_s - 100.0),
+                yaw_rate_radps=None,
+                driver_override=False,
+            )
+            file.add(VEHICLE_STATE.key, to_cdr(state), at_s=t_s)
+            if tick % 5 == 0:
+                image = cv2.imencode(".jpg", picture(0.0, tick))[1].tobytes()
+                frame = CompressedFrame(t_s=t_s + 0.01, jpeg=image)
+                file.add(CAMERA_COMPRESSED.key, to_cdr(frame), at_s=t_s + 0.01)
+    return path
+
+
+@pytest.fixture
+def no_car() -> Iterator[None]:
+    use_car(None)
+    yield
+    use_car(None)
+
+
+def test_the_angle_of_a_recording_is_that_at_the_capture_time(tmp_path: Path) -> None:
+    log, _ = read(recorded(tmp_path / "drive.mcap"))
+    assert log.steering[5] == pytest.approx(0.1 * 0.51)
+    assert log.unit == Steering.ROAD and log.left_positive
+    assert (
+        np.abs(Pictures(log.root, log.topic).read("drive.mcap", 3).astype(int) - picture(0.0, 15)).mean() < 12
+    )
+
+
+def test_the_label_of_a_recording_is_free_of_understeer(tmp_path: Path, no_car: None) -> None:
+    log, _ = read(recorded(tmp_path / "drive.mcap"))
+    wheel = wheel_of([log], WheelOptions())
+    label = road_wheel_rad(log, wheel)[20]
+    assert wheel.k_us > 0 and wheel.wheelbase_m is not None
+    curvature_1pm = math.tan(label) / wheel.wheelbase_m
+    assert label + wheel.k_us * curvature_1pm * 8.0**2 == pytest.approx(0.1)
+    assert label < 0.1
+
+
+def test_a_recording_without_images_or_states_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with Recording(path) as file:
+        file.began(100.0)
+    with pytest.raises(InputError, match="no topic with images"):
+        read(path)
+    path = tmp_path / "other.mcap"
+    path.write_bytes(b"nothing")
+    with pytest.raises(InputError, match="not a recording"):
+        read(path)
+
+
+def segment(folder: Path, frames: int = 40) -> Path:
+    """A segment of comma2k19 at 20 Hz whose steering wheel stands at 16.88°, with images instead of the video."""
+    t_s = 0.05 * np.arange(frames)
+    for name, values in {
+        "global_pose/frame_times": t_s,
+        "processed_log/CAN/speed/t": t_s,
+        "processed_log/CAN/speed/value": np.full((frames, 1), 19.0),
+        "processed_log/CAN/steering_angle/t": t_s,
+        "processed_log/CAN/steering_angle/value": np.full(frames, 16.88),
+    }.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("wb") as file:
+            np.save(file, values)
+    write_pictures(folder / "frames", [f"{n}.jpg" for n in range(frames)], steering_of(frames))
+    return folder
+
+
+def test_segments_of_comma2k19_are_one_route(tmp_path: Path) -> None:
+    for number in (2, 10):
+        segment(tmp_path / "route" / str(number))
+    log, _ = read(tmp_path / "route")
+    assert set(log.route) == {"route"} and len(log) == 80
+    assert log.image[40] == "10/frames/0.jpg"
+    label = road_wheel_rad(log, wheel_of([log], WheelOptions(ratio=16.88)))
+    assert np.degrees(label) == pytest.approx(1.0)
+
+
+def test_a_segment_without_images_is_refused_with_one_line(tmp_path: Path) -> None:
+    segment(tmp_path / "4")
+    for image in (tmp_path / "4" / "frames").iterdir():
+        image.unlink()
+    with pytest.raises(InputError, match=r"no video\.hevc and no folder frames"):
+        read(tmp_path / "4")
+
+
+def test_the_ratio_of_the_steering_wheel_must_be_known(tmp_path: Path, no_car: None) -> None:
+    log, _ = read(segment(tmp_path / "4"))
+    with pytest.raises(InputError, match="--steering-ratio or --car"):
+        wheel_of([log], WheelOptions())
+
+
+def test_an_unknown_lock_angle_is_fitted_to_yaw_rate_and_speed(tmp_path: Path, no_car: None) -> None:
+    frames, lock_rad, wheelbase_m = 400, math.radians(18.0), 0.26
+    steering = steering_of(frames)
+    random = np.random.default_rng(1)
+    yaw = 1.5 / wheelbase_m * np.tan(-lock_rad * steering) + random.normal(0.0, 0.02, frames)
+    columns = {
+        "image": ["0.jpg"] * frames,
+        "t_s": (0.05 * np.arange(frames)).tolist(),
+        "steering": steering.tolist(),
+        "speed_mps": [1.5] * frames,
+        "yaw_rate_radps": (yaw + 0.01).tolist(),
+    }
+    log, _ = read(write_table(tmp_path, columns))
+    wheel = wheel_of([log], WheelOptions(wheelbase_m=wheelbase_m))
+    assert wheel.lock_rad == pytest.approx(lock_rad, rel=0.02)
+    assert wheel.how.startswith("fitted: to yaw rate and speed of 400 rows")
+    assert wheel_of([log], WheelOptions()).how.startswith("assumed 25°")
+    assert wheel_of([log], WheelOptions(lock_deg=30.0)).lock_rad == pytest.approx(math.radians(30.0))
