@@ -291,14 +291,15 @@ class Bus:
         """Subscription that keeps every message of ``topic`` until it is drained; it wakes nothing."""
         return self._subscribe(Stream(topic, self._ring(topic.key, KEPT)))
 
-    def tap(self, *keys: str) -> Tap:
+    def tap(self, *keys: str, kept: int = KEPT) -> Tap:
         """Subscription that keeps the bytes of all messages on ``keys``, which may hold ``**``, until drained.
 
-        Messages of this process are not among them.
+        Of each key expression the newest ``kept`` stay. Messages of this process are not among them.
         """
         tap = Tap(self._prefix)
         for key in keys:
-            tap.rings.append(Ring(KEPT_IMAGES if key == CAMERA_IMAGE.key else KEPT, self._clock))
+            most = KEPT_IMAGES if key == CAMERA_IMAGE.key else KEPT
+            tap.rings.append(Ring(min(kept, most), self._clock))
             tap.subscribers.append(self._declared(key, tap.rings[-1]))
         return tap
 

@@ -270,6 +270,14 @@ class DriverInput:
 
 
 @record
+class StopRequest:
+    """A press of the stop button of the page, or its release. ``t_s`` is the time of the press."""
+
+    t_s: float
+    stop: bool  # False: the car may drive again; heard at standstill only
+
+
+@record
 class Timing:
     """When a process handled frames: one entry per frame that triggered a step, on the clock of the drive [s].
 
@@ -321,6 +329,7 @@ Derived = (
     | Decision
     | SimTruth
     | DriverInput
+    | StopRequest
     | Timing
     | Steps
     | Losses

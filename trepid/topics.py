@@ -28,6 +28,7 @@ DECISION = Topic("supervisor/decision", messages.Decision, 25)  # -> controller
 COMMAND = Topic("controller/command", messages.Command, 50)  # -> vehicle
 VEHICLE_STATE = Topic("vehicle/state", messages.VehicleState, 100)  # -> all
 DRIVER_INPUT = Topic("driver/input", messages.DriverInput, 50)  # game pad or keyboard -> vehicle
+STOP_REQUEST = Topic("driver/stop", messages.StopRequest, 1)  # stop button of the page -> vehicle
 SIM_TRUTH = Topic("sim/truth", messages.SimTruth, 100)  # simulated vehicle -> simulated camera, referee
 DIAGNOSTICS = Topic("diagnostics", messages.Diagnostic, 1, urgent=False)  # every process -> launcher
 LOSSES = Topic("drive/losses", messages.Losses, 1)  # launcher -> supervisor

@@ -44,6 +44,8 @@ def status(
         from rich.console import Console
 
         Console().print(table(found, f"{drive.what} at {drive.endpoint}: {report.message}"))
+        if drive.page:
+            print(f"live page: {drive.page}")
     for state in culprits:
         words = f": {state.row['message']}" if state.row["message"] else ""
         typer.echo(f"culprit: process {state.row['name']} {state.problem}{words}", err=True)

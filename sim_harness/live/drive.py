@@ -35,6 +35,7 @@ from trepid.config import CONFIG_DIR, InputError, car_folder, located, read
 from trepid.processes.access import published_by
 from trepid.processes.fused import gathered
 from trepid.processes.launch import Child, Fleet
+from trepid.processes.page_door import PAGE, PageDoor
 from trepid.processes.register import Running, registered, ticks
 from trepid.processes.settings import RECORDER, ProcessSpec, load_processes
 from trepid.recording.writer import check_free
@@ -65,15 +66,17 @@ def drive(
     raw_images: bool = False,
     duration_s: float | None = None,
     chosen: Networks | None = None,
+    page: PageDoor | None = None,
 ) -> dict[str, Any]:
     """Drive ``scenario`` live, or without one the real car in use, and return its row of ``drive --json``.
 
-    ``chosen``: estimators of the real car instead of those of its processes.
+    ``chosen``: estimators of the real car instead of those of its processes. ``page``: where its live page is
+    served; None: nowhere.
 
     Raises InputError for a scenario that only the lock-step loop can simulate, for invalid configuration, for an
     endpoint in use, and for a process that does not start.
     """
-    specs, estimators = _plan(scenario, recorded=record is not None, chosen=chosen)
+    specs, estimators = _plan(scenario, recorded=record is not None, chosen=chosen, page=page is not None)
     if record is not None:
         check_free(record)
     offset_ns = epoch_offset_ns()
@@ -91,9 +94,12 @@ def drive(
         clock_offset_ns=offset_ns,
         car=str(car) if car else None,
         what=what,
+        page=page.url if page is not None else None,
     )
     context = context_of(scenario, estimators, seed)
     context |= {"raw_images": raw_images}
+    if page is not None:
+        context["page"] = {"host": page.host, "port": page.port, "what": what}
     if record is not None:
         context["record"] = str(record.resolve())
     else:
@@ -115,6 +121,8 @@ def drive(
         for name, why in misfits().items():
             say(f"the estimator {name} does not run: {why}")
         say(f"{what}: {len(specs)} processes at {endpoint}; `trepid status` shows them")
+        if any(spec.name == PAGE for spec in specs):
+            say(f"live page: {running.page}")
         assigned = Assigned(scenario, estimators, duration_s, what, endpoint)
         referee = Referee(bus, clock, fleet, assigned, settings, show)
         if referee.wait_until_ready(signals):
@@ -123,13 +131,13 @@ def drive(
 
 
 def _plan(
-    scenario: Scenario | None, *, recorded: bool, chosen: Networks | None
+    scenario: Scenario | None, *, recorded: bool, chosen: Networks | None, page: bool
 ) -> tuple[tuple[ProcessSpec, ...], tuple[str, ...]]:
     """The processes of the drive and its estimators. Raises InputError where they do not fit scenario or car."""
     if scenario is not None:
         for what in lockstep_only(scenario):
             raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
-    own = planned(load_processes(), scenario, recorded=recorded, chosen=chosen)
+    own = planned(load_processes(), scenario, recorded=recorded, chosen=chosen, page=page)
     estimators = estimators_of(own, scenario)
     check_vehicle(own)
     check_lead(own)

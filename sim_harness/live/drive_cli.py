@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -23,8 +23,9 @@ if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
     from rich.text import Text
 
     from sim_harness.live.drive_log import DriveLog
-    from sim_harness.live.referee import Show
+    from sim_harness.live.referee import DriveSettings, Show
     from trepid.processes.launch import Fleet
+    from trepid.processes.page_door import PageDoor
 
 SIGN_OF_LIFE_S = 0.3  # without output until then, a line says what the drive does
 PLAIN_PERIOD_S = 2.0  # between lines when standard error is no terminal
@@ -51,6 +52,10 @@ def drive(
     dashboard: Annotated[bool, typer.Option(help="Live status in the terminal.")] = True,
     record: Annotated[Path | None, typer.Option(help="Record every topic to this MCAP file.")] = None,
     raw_images: RawImages = False,
+    page: Annotated[
+        int | None, typer.Option(min=1, max=65535, metavar="PORT", help="Port of the live page.")
+    ] = None,
+    no_page: Annotated[bool, typer.Option("--no-page", help="Serve no live page.")] = False,
     car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> int:
@@ -64,8 +69,9 @@ def drive(
     life = threading.Timer(SIGN_OF_LIFE_S, say, [f"reading the configuration {of_car()}".rstrip()])
     life.start()
     try:
+        door = _Page(page, no_page)
         row = _drive(
-            scenario, duration, seed, changes, chosen, dashboard, record, life, raw_images=raw_images
+            scenario, duration, seed, changes, chosen, dashboard, record, life, door, raw_images=raw_images
         )
     finally:
         life.cancel()
@@ -78,6 +84,21 @@ def drive(
     return 0 if row["status"] == "passed" else 1
 
 
+class _Page(NamedTuple):
+    """What the command line says about the live page."""
+
+    port: int | None
+    left_out: bool
+
+    def door(self, settings: "DriveSettings") -> "PageDoor | None":
+        """Where the page is served; None: nowhere. Raises InputError."""
+        from trepid.processes.page_door import page_door
+
+        if self.left_out:
+            return None
+        return page_door(settings.page_host, self.port or settings.page_port, only=self.port is not None)
+
+
 def _drive(
     scenario: str | None,
     duration: float | None,
@@ -87,6 +108,7 @@ def _drive(
     dashboard: bool,
     record: Path | None,
     life: threading.Timer,
+    page: "_Page",
     *,
     raw_images: bool,
 ) -> dict[str, Any]:
@@ -113,6 +135,7 @@ def _drive(
         life.cancel()
         say(text)
 
+    door = page.door(settings)
     with shown(dashboard) as show:
         return drive_scenario(
             what,
@@ -124,6 +147,7 @@ def _drive(
             duration_s=duration,
             chosen=networks_of(chosen) if chosen and what is None else None,
             raw_images=raw_images,
+            page=door,
         )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, default_file, load, located, read
+from trepid.processes.page_door import PAGE
 from trepid.processes.settings import RECORDER, ProcessSpec, Restart
 from trepid.topics import (
     CAMERA_COMPRESSED,
@@ -48,14 +49,17 @@ def planned(
     *,
     recorded: bool = False,
     chosen: Networks | None = None,
+    page: bool = False,
 ) -> tuple[ProcessSpec, ...]:
     """The processes that run in a drive of ``scenario``; None: of a real car, with the ``chosen`` estimators.
 
     A scenario gives the estimators, and where it gives the vehicle ahead itself, no process detects it. An
     estimator without an entry of its own runs as ``perception.node``. The first ``perception.node`` also judges the
     image, unless a process publishes ``perception/image_statistics``. The recorder runs when the drive is recorded,
-    and where a process publishes ``driver/input``, because its record button starts recordings.
+    and where a process publishes ``driver/input``, because its record button starts recordings. The process PAGE
+    runs with ``page``.
     """
+    specs = tuple(spec for spec in specs if page or spec.name != PAGE)
     recorded = recorded or any(DRIVER_INPUT.key in spec.publishes for spec in specs)
     specs = tuple(spec for spec in specs if recorded or spec.name != RECORDER)
     if scenario is not None:

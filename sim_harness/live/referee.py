@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import Field
 
 from sim_harness.live.drive_log import DriveLog
 from sim_harness.live.evaluation import evaluated
@@ -35,6 +37,8 @@ class DriveSettings(Settings):
     stop_timeout_s: Positive
     status_period_s: Positive
     record_folder: Path
+    page_host: str
+    page_port: Annotated[int, Field(ge=0, le=65535)]
 
 
 class Assigned(NamedTuple):

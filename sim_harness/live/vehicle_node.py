@@ -1,13 +1,16 @@
 """Simulated-vehicle process: commands in; the plant behind the limiter; state, truth and any lead out."""
 
+from controller.limiter import Limits
 from controller.limiter import build as build_limiter
 from sim_harness.lockstep.vehicle import SimulatedVehicle, load_simulator
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
+from trepid.messages import Health
 from trepid.processes.process import Process, Ticker, process
 from trepid.processes.timing import Timekeeper
-from trepid.topics import COMMAND, LEAD_VEHICLE, SIM_TRUTH, VEHICLE_STATE
+from trepid.topics import COMMAND, LEAD_VEHICLE, SIM_TRUTH, STOP_REQUEST, VEHICLE_STATE
+from vehicle.driver.stop_button import STOPPED, StopButton
 
 
 def run(me: Process) -> None:
@@ -28,6 +31,9 @@ def run(me: Process) -> None:
         settings,
         seed=me.options["seed"],
     )
+    request = me.bus.latest(STOP_REQUEST)
+    button = StopButton(load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps)
+    state = None
     publishes_lead = scenario.leads_by is LeadSensor.TRUTH
     me.ready()
     begun = False
@@ -40,7 +46,11 @@ def run(me: Process) -> None:
         begun = begun or (fresh is not None and fresh.t_s is not None)
         if begun:
             began_s = me.now_s()
-            state, truth = simulated.step(command.message, command.received_s, now_s=began_s)
+            button.hear(request.take(), state, now_s=began_s)
+            if button.stops:
+                simulated.stop()
+            permitted = button.permitted(command.message)
+            state, truth = simulated.step(permitted, command.received_s, now_s=began_s)
             if fresh is not None:
                 times.note(fresh.t_s, command, began_s=began_s)
         else:
@@ -50,7 +60,10 @@ def run(me: Process) -> None:
         lead = simulated.sense_lead() if publishes_lead else None
         if lead is not None and lead_ticker.due():
             send_lead(lead)
-        me.stepped()
+        if button.held:
+            me.stepped(Health.WARN, STOPPED)
+        else:
+            me.stepped()
 
 
 if __name__ == "__main__":

@@ -110,6 +110,11 @@ class SimulatedVehicle:
         self._applied = self._limiter.step(command, received_s, state, now_s=now_s)
         return self._limiter.report(state), self._truth()
 
+    def stop(self) -> None:
+        """Let the limiter stop the car, latched until standstill."""
+        if self._limiter is not None:
+            self._limiter.stopping = True
+
     def wait(self, *, now_s: float) -> tuple[VehicleState, SimTruth]:
         """State and truth before the run begins, which is the first call of :meth:`step`."""
         self._origin_s = now_s - self._elapsed_s

@@ -26,6 +26,7 @@ class Running(Settings):
     clock_offset_ns: int
     car: str | None  # folder of the car
     what: str  # name of the scenario, or of the car
+    page: str | None = None  # address of the live page, with its token
 
 
 def folder() -> Path:

@@ -28,7 +28,7 @@ from trepid.config import (
 from trepid.plugins import Group, added
 from trepid.security import AUTHORITY, OBSERVER
 from trepid.spelling import did_you_mean
-from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, DRIVER_INPUT, VEHICLE_STATE
+from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, DRIVER_INPUT, STOP_REQUEST, VEHICLE_STATE
 from trepid.types import NonNegative
 
 FILE = CONFIG_DIR / "processes.yaml"
@@ -42,6 +42,7 @@ PUBLISHED: Mapping[str, tuple[str, ...]] = {
     "vehicle.actuators.node": (VEHICLE_STATE.key,),
     "vehicle.cameras.node": (CAMERA_IMAGE.key, CAMERA_COMPRESSED.key),
     "vehicle.driver.node": (DRIVER_INPUT.key,),
+    "cockpit.page.node": (STOP_REQUEST.key,),
 }
 """Topics of modules for a real car, where an entry does not give them."""
 ESTIMATE = re.compile(r"perception/([^/]+)/estimate")

@@ -19,11 +19,12 @@ from trepid.config import CONFIG_DIR, load
 from trepid.messages import Command, Health, VehicleState
 from trepid.processes.process import STOP_S, Process, Ticker, process
 from trepid.processes.timing import Timekeeper
-from trepid.topics import COMMAND, DRIVER_INPUT, VEHICLE_STATE
+from trepid.topics import COMMAND, DRIVER_INPUT, STOP_REQUEST, VEHICLE_STATE
 from vehicle.actuators.actuator import Actuator, Car
 from vehicle.actuators.table import build as build_actuator
 from vehicle.driver.arbitration import arbitrate, reported
 from vehicle.driver.settings import load_driver
+from vehicle.driver.stop_button import STOPPED, StopButton
 
 RATE_HZ = 100.0  # of UN R79
 T = TypeVar("T")
@@ -41,7 +42,8 @@ class ActuatorStep:
 
     def __init__(self, limiter: Limiter) -> None:
         self._limiter = limiter
-        self._standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
+        self.standstill_mps = load(CONFIG_DIR / "limiter.yaml", Limits).standstill_mps
+        """Below this speed the car stands [m/s]."""
 
     def step(
         self,
@@ -71,7 +73,7 @@ class ActuatorStep:
     def moves(self, state: VehicleState) -> bool:
         """True while the car of ``state`` moves and no driver has it."""
         speed_mps = state.speed_mps or 0.0
-        return abs(speed_mps) > self._standstill_mps and not state.driver_override
+        return abs(speed_mps) > self.standstill_mps and not state.driver_override
 
 
 def absent(now_s: float) -> VehicleState:
@@ -155,6 +157,8 @@ class Loop:
         self._driver, settings = me.bus.latest(DRIVER_INPUT), load_driver()
         self._driver_required = settings.required or me.has_publisher(DRIVER_INPUT)
         self._driver_timeout_s = settings.timeout_s
+        self._stop_request = me.bus.latest(STOP_REQUEST)
+        self._button = StopButton(node.standstill_mps)
         self._wire = Wire(actuator, name)
         self._times = Timekeeper(me.bus, me.name, me.now_s)
         self._known = 0  # failures of the wire up to the last turn
@@ -179,8 +183,14 @@ class Loop:
         )
         state = wire.read(now_s)
         failed, self._known = wire.failures > self._known, wire.failures
+        button = self._button
+        button.hear(self._stop_request.take(), state, now_s=now_s)
         applied = self._node.step(
-            demand.command, demand.received_s, state, stop=failed or ending, now_s=now_s
+            button.permitted(demand.command),
+            demand.received_s,
+            state,
+            stop=failed or ending or button.stops,
+            now_s=now_s,
         )
         if applied.command is not None:
             wire.write(applied.command, now_s)
@@ -195,6 +205,8 @@ class Loop:
             self._me.stepped(Health.WARN, f"actuator {self._name}: the car reports no state")
         elif ending:
             self._me.stepped(Health.WARN, "stops the car before it ends")
+        elif button.held:
+            self._me.stepped(Health.WARN, STOPPED)
         elif demand.reason:
             self._me.stepped(Health.WARN, demand.reason)
         else:

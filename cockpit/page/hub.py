@@ -1,0 +1,119 @@
+"""Viewers of the page: each gets the newest state, never a queue of old ones.
+
+A viewer acknowledges what it has drawn, and gets the next message only then. Whoever is slow, or hidden behind
+another tab, gets fewer messages and no older ones. Without an acknowledgement for AWAY_S a viewer counts as not
+looking; the pictures are not even received while nobody looks.
+"""
+
+import asyncio
+import json
+import struct
+import time
+from typing import Any
+
+from cockpit.page.feed import Feed
+from cockpit.page.stop import StopSender
+from cockpit.page.view import View
+from trepid.clock import Clock
+from trepid.messages import CompressedFrame
+
+MAX_VIEWERS = 8
+LOOKING_PERIOD_S, IDLE_PERIOD_S = 0.02, 0.2  # between two turns
+UPDATE_S = 0.1  # without a new picture the numbers are sent as often
+DECISION_S = 0.04  # a picture waits this long for the decision on its frame
+AWAY_S = 3.0
+HEADER = struct.Struct(">I")
+
+
+class Viewer:
+    """What one viewer has, and what it is to get next."""
+
+    def __init__(self) -> None:
+        self.samples = self.points = 0  # of the timelines and the path, that it has
+        self.thinned = -1
+        self.ready = True
+        self.seen_s = time.monotonic()
+        self.next: bytes | None = None
+        self.arrived = asyncio.Event()
+
+    def acknowledge(self) -> None:
+        """The viewer has drawn the last message."""
+        self.ready, self.seen_s = True, time.monotonic()
+
+    async def message(self) -> bytes:
+        """The next message for this viewer."""
+        await self.arrived.wait()
+        self.arrived.clear()
+        assert self.next is not None
+        return self.next
+
+    @property
+    def looks(self) -> bool:
+        """The viewer has acknowledged something not long ago."""
+        return time.monotonic() - self.seen_s < AWAY_S
+
+
+class Hub:
+    """Turns the messages of a feed into messages for viewers."""
+
+    def __init__(self, feed: Feed, view: View, stop: StopSender, clock: Clock) -> None:
+        self._feed, self._view, self._stop, self._clock = feed, view, stop, clock
+        self.viewers: set[Viewer] = set()
+        self._picture: tuple[CompressedFrame, float] | None = (
+            None  # one that is not sent yet, and its arrival
+        )
+        self._sent_s = 0.0
+
+    def turn(self) -> float:
+        """Read, sample and send what is due; the time until the next turn [s]."""
+        now_s, looking = self._clock(), any(viewer.looks for viewer in self.viewers)
+        self._feed.look(looking)
+        self._feed.poll()
+        self._view.sample(now_s)
+        self._stop.turn(held=self._view.held)
+        if self._feed.picture is not None:
+            self._picture, self._feed.picture = (self._feed.picture, now_s), None
+        if looking and self._due(now_s) and any(viewer.ready for viewer in self.viewers):
+            self._send(now_s)
+        return LOOKING_PERIOD_S if looking else IDLE_PERIOD_S
+
+    def _due(self, now_s: float) -> bool:
+        if self._picture is None:
+            return now_s - self._sent_s >= UPDATE_S
+        picture, arrived_s = self._picture
+        decision = self._view.decided(picture)
+        complete = decision is not None and decision.t_s == picture.t_s
+        return complete or now_s - arrived_s >= DECISION_S
+
+    def _send(self, now_s: float) -> None:
+        state, jpeg = self._view.state(now_s), b""
+        state["stopping"] = self._stop.pending
+        if self._picture is not None:
+            picture, _ = self._picture
+            jpeg, self._picture = picture.jpeg, None
+            age_ms = round(1e3 * (now_s - picture.t_s), 1)
+            state["picture"] = {"t": picture.t_s, "age_ms": age_ms, **self._view.drawn(picture)}
+        for viewer in self.viewers:
+            if viewer.ready:
+                viewer.next = _packed({**state, **self._further(viewer)}, jpeg)
+                viewer.ready = False
+                viewer.arrived.set()
+        self._sent_s = now_s
+
+    def _further(self, viewer: Viewer) -> dict[str, Any]:
+        """Samples and points that the viewer does not have."""
+        timelines, track = self._view.timelines, self._view.track
+        anew, points = track.since(viewer.thinned, viewer.points)
+        found = {
+            "series": timelines.names,
+            "samples": timelines.since(viewer.samples),
+            "track": {"anew": anew, "points": points},
+        }
+        viewer.samples, viewer.points, viewer.thinned = timelines.count, track.count, track.thinned
+        return found
+
+
+def _packed(state: dict[str, Any], jpeg: bytes) -> bytes:
+    """Length of the JSON, the JSON, the JPEG."""
+    text = json.dumps(state, separators=(",", ":"), allow_nan=False).encode()
+    return HEADER.pack(len(text)) + text + jpeg

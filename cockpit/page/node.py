@@ -1,0 +1,90 @@
+"""Page process: serves the live page of a drive. Nothing that drives waits for it."""
+
+import asyncio
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import uvicorn
+
+from cockpit.page.feed import Feed
+from cockpit.page.hub import Hub
+from cockpit.page.rules import RuleDesk
+from cockpit.page.server import PageServer
+from cockpit.page.stop import StopSender
+from cockpit.page.view import View
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, Settings, load
+from trepid.processes.page_door import PageDoor, listening, page_token
+from trepid.processes.process import Process, process
+from trepid.topics import CAMERA_COMPRESSED
+
+MAX_MESSAGE = 2**16  # of a viewer, which sends its token and acknowledgements
+
+
+class PageOptions(Settings):
+    """What the launcher gives to the process as ``page``."""
+
+    host: str
+    port: int
+    what: str
+
+
+class Quiet(uvicorn.Server):
+    """A server that leaves the signals to the process."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Capture none."""
+        yield
+
+
+def run(me: Process) -> None:
+    """Serve until the process is to stop."""
+    options = PageOptions.model_validate(me.options["page"])
+    feed = Feed(me.bus, me.options["estimators"], jpeg=me.has_publisher(CAMERA_COMPRESSED))
+    camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    view = View(feed, camera, vehicle, what=options.what)
+    stop = StopSender(me.bus, me.now_s)
+    hub = Hub(feed, view, stop, me.now_s)
+    door = PageDoor(options.host, options.port, page_token())
+    server = PageServer(door, hub, stop, RuleDesk(Path(me.options["rules"])))
+    asyncio.run(_serve(me, server, door, hub))
+
+
+async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> None:
+    server = Quiet(_config(page, door))
+    with listening(door.host, door.port) as socket:
+        serving = asyncio.create_task(server.serve([socket]))
+        me.ready(values=lambda: (("viewers", str(len(hub.viewers))),))
+        while me.running() and not serving.done():
+            pause_s = hub.turn()
+            me.stepped()
+            await asyncio.sleep(pause_s)
+        server.should_exit = True
+        await serving
+
+
+def _config(page: PageServer, door: PageDoor) -> uvicorn.Config:
+    keys = door.keys
+    return uvicorn.Config(
+        page.application(),
+        access_log=False,
+        log_level="warning",
+        lifespan="off",
+        server_header=False,
+        http="h11",
+        loop="asyncio",
+        ws="websockets-sansio",
+        ws_max_size=MAX_MESSAGE,
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=1,
+        ssl_certfile=keys[0] if keys else None,
+        ssl_keyfile=keys[1] if keys else None,
+    )
+
+
+if __name__ == "__main__":
+    with process() as me:
+        run(me)

@@ -1,0 +1,96 @@
+"""What is drawn on the camera picture: the boundaries of each estimate, the fused path, the vehicle ahead.
+
+All in pixels of the working image; the browser draws the lines, sharp at any size of the page.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.clothoid import Lane
+from trepid.messages import Decision, LeadVehicle, SteeringEstimate
+from trepid.types import Array
+
+POINTS = 24  # of the path
+SIGHT = 2.5  # the path is drawn to this multiple of its look-ahead
+PATH_M = 0.35  # width of the drawn path in the reference world
+LEAD_HEIGHT = 0.8  # of the drawn box, relative to its width
+Box = list[float]
+
+
+def overlay(
+    estimates: Iterable[SteeringEstimate],
+    decision: Decision | None,
+    lead: LeadVehicle | None,
+    camera: Camera,
+    vehicle: Vehicle,
+) -> dict[str, Any]:
+    """Lines by estimator, the outline of the path, the box of the vehicle ahead; null where there is none."""
+    return {
+        "width": camera.width_px,
+        "height": camera.height_px,
+        "lanes": {one.estimator: lane_px(one, camera, vehicle) for one in estimates},
+        "path": None if decision is None else path_px(decision, camera, vehicle),
+        "lead": None if lead is None else lead_px(lead, camera, vehicle),
+    }
+
+
+def lane_px(estimate: SteeringEstimate, camera: Camera, vehicle: Vehicle) -> dict[str, Any]:
+    """The boundaries of the lane: those that the estimator found, else those of its lane state and width."""
+    left, right = estimate.left_boundary_px, estimate.right_boundary_px
+    lane = Lane.of_message(estimate)
+    if not (left or right) and lane is not None:
+        x_m = _ahead_m(camera, estimate.lookahead_m)
+        y_m = np.array([lane.y_m(float(x)) for x in x_m])
+        half_m = (estimate.lane_width_m or vehicle.lane_width_m) / 2
+        left, right = (
+            tuple(map(tuple, line[np.isfinite(line).all(axis=1)].tolist()))
+            for line in (
+                camera.pixel_from_road(np.column_stack([x_m, y_m + side * half_m])) for side in (1, -1)
+            )
+        )
+    return {"left": _rounded(left), "right": _rounded(right), "confidence": round(estimate.confidence, 2)}
+
+
+def _ahead_m(camera: Camera, lookahead_m: float) -> Array:
+    """Distances from the nearest road in the picture to SIGHT times the look-ahead, denser near the car."""
+    nearest_m = float(camera.road_from_pixel([[camera.cx_px, camera.height_px]])[0][0])
+    first_m = max(nearest_m, 0.1) if math.isfinite(nearest_m) else 0.1
+    return np.geomspace(first_m, max(SIGHT * lookahead_m, 2 * first_m), POINTS)
+
+
+def path_px(decision: Decision, camera: Camera, vehicle: Vehicle) -> list[list[float]] | None:
+    """Outline of the fused path as a strip on the road, shape (n, 2); None without a path in view."""
+    lane = Lane.of_message(decision)
+    if lane is None:
+        return None
+    x_m = _ahead_m(camera, decision.lookahead_m)
+    y_m = np.array([lane.y_m(float(x)) for x in x_m])
+    half_m = PATH_M * vehicle.scale / 2
+    left = camera.pixel_from_road(np.column_stack([x_m, y_m + half_m]))
+    right = camera.pixel_from_road(np.column_stack([x_m, y_m - half_m]))
+    outline = np.concatenate([left, right[::-1]])
+    if not np.isfinite(outline).all():
+        return None
+    return _rounded(outline.tolist())
+
+
+def lead_px(lead: LeadVehicle, camera: Camera, vehicle: Vehicle) -> Box | None:
+    """Box (left, top, right, bottom) around the rear of the vehicle ahead, as wide as the own one; None unseen."""
+    if lead.distance_m is None or lead.lateral_m is None:
+        return None
+    x_m = vehicle.wheelbase_m + vehicle.front_overhang_m + lead.distance_m
+    half_m = vehicle.track_m / 2
+    feet = camera.pixel_from_road([[x_m, lead.lateral_m + half_m], [x_m, lead.lateral_m - half_m]])
+    if not np.isfinite(feet).all():
+        return None
+    (left, bottom), (right, _) = feet.tolist()
+    return [round(value, 1) for value in (left, bottom - LEAD_HEIGHT * (right - left), right, bottom)]
+
+
+def _rounded(points: Iterable[Iterable[float]]) -> list[list[float]]:
+    return [[round(value, 1) for value in point] for point in points]

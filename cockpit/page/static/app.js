@@ -1,0 +1,111 @@
+// The live page: one stream of state in, drawn, acknowledged. No queue: the server sends the next when this is drawn.
+import { Camera } from "./camera.js";
+import { Path } from "./path.js";
+import { Timelines } from "./timelines.js";
+import { Panels } from "./panels.js";
+import { Rules } from "./rules.js";
+import { StopButton } from "./stop.js";
+import { tabs } from "./tabs.js";
+
+const WRONG_TOKEN = 4401, WRONG_ORIGIN = 4403, TOO_MANY = 4429;
+const SILENT_MS = 1500, FIRST_RETRY_MS = 250, LAST_RETRY_MS = 2000;
+const element = id => document.getElementById(id);
+
+function token() {
+  const given = location.hash.slice(1);
+  try {
+    if (given) localStorage.setItem("token", given);
+    if (given) history.replaceState(null, "", location.pathname); // the address bar is seen by others
+    return given || localStorage.getItem("token") || "";
+  } catch {
+    return given; // storage is forbidden: the token lives as long as the page
+  }
+}
+
+const key = token();
+async function ask(path, body) {
+  const headers = { authorization: `Bearer ${key}` };
+  const options = body === undefined ? { headers } : { headers, method: "POST", body: JSON.stringify(body) };
+  const answer = await fetch(path, options);
+  const found = await answer.json();
+  if (!answer.ok) throw new Error(found.error ?? answer.statusText);
+  return found;
+}
+
+const camera = new Camera(), path = new Path(), timelines = new Timelines(), panels = new Panels();
+const rules = new Rules(ask), stop = new StopButton(ask);
+const glass = []; // from capture to picture on the glass [ms], where the clocks are one
+window.trepid = { glass, messages: 0, firstPicture: null };
+tabs(shown => shown === "rules" && rules.open());
+
+let retry = FIRST_RETRY_MS, heard = 0, refused = "";
+
+function connection(text, well) {
+  const shown = element("connection");
+  if (shown.textContent !== text) shown.textContent = text;
+  shown.dataset.well = String(well);
+}
+
+function lose(text) {
+  connection(text, false);
+  panels.nothing(text);
+}
+
+function unpack(buffer) {
+  const length = new DataView(buffer).getUint32(0);
+  const state = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  return { state, jpeg: new Uint8Array(buffer, 4 + length) };
+}
+
+async function receive(socket, buffer) {
+  heard = performance.now();
+  retry = FIRST_RETRY_MS;
+  window.trepid.messages += 1;
+  const { state, jpeg } = unpack(buffer);
+  const picture = jpeg.length ? await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" })).catch(() => null) : null;
+  requestAnimationFrame(() => {
+    connection("live", true);
+    panels.show(state);
+    stop.show(state);
+    path.add(state.track, state);
+    timelines.add(state.series, state.samples, state.now);
+    rules.show(state.decision?.inputs);
+    camera.names(state);
+    if (picture) {
+      camera.show(picture, state.picture, state);
+      picture.close();
+      glass.push(Date.now() - 1000 * state.picture.t);
+      if (glass.length > 3000) glass.shift();
+      window.trepid.firstPicture ??= performance.now();
+    }
+    if (socket.readyState === WebSocket.OPEN) socket.send("drawn");
+  });
+}
+
+function connect() {
+  const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/stream`);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => {
+    timelines.clear(); // the server sends them from the beginning
+    path.clear();
+    heard = performance.now();
+    socket.send(JSON.stringify({ token: key }));
+  };
+  socket.onmessage = event => receive(socket, event.data);
+  socket.onclose = ({ code }) => {
+    if (code === WRONG_TOKEN || code === WRONG_ORIGIN) {
+      refused = "wrong token: open the address that trepid drive, or trepid status, prints";
+      lose(refused);
+      return;
+    }
+    lose(code === TOO_MANY ? "too many viewers" : "no connection to the drive");
+    setTimeout(connect, retry);
+    retry = Math.min(2 * retry, LAST_RETRY_MS);
+  };
+}
+
+setInterval(() => {
+  const silent = performance.now() - heard;
+  if (!refused && heard && silent > SILENT_MS && !document.hidden) lose(`no news for ${(silent / 1000).toFixed(0)} s`);
+}, 500);
+connect();

@@ -1,0 +1,165 @@
+"""The state of a drive as the page shows it: one dictionary of plain values, null where something is not known."""
+
+import json
+from typing import Any
+
+from cockpit.page.feed import Feed
+from cockpit.page.history import Timelines, Track
+from cockpit.page.overlay import overlay
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.messages import CompressedFrame, Decision, SteeringEstimate
+from trepid.processes.register import PROCESS
+from vehicle.driver.stop_button import STOPPED
+
+FRESH_S = 1.0  # older messages are not shown as the present
+LATE_BEAT_S = 2.5  # an older heartbeat: the process is silent
+RULES_SHOWN = 5
+OVERLAY_S = 0.15  # estimates and decisions this much older than a picture are not drawn on it
+SERIES = ("fear", "speed", "cap", "error", "latency")
+"""Timelines before the confidences of the estimators: fear, speed and its cap [m/s], lateral error [m], the time
+from frame to actuator [ms]."""
+
+
+class View:
+    """What a page shows of the messages of a :class:`Feed`."""
+
+    def __init__(self, feed: Feed, camera: Camera, vehicle: Vehicle, *, what: str) -> None:
+        self._feed, self._camera, self._vehicle, self._what = feed, camera, vehicle, what
+        self.timelines = Timelines((*SERIES, *feed.estimates))
+        self.track = Track(0.5 * vehicle.scale)
+
+    def sample(self, now_s: float) -> None:
+        """Add to the timelines and to the driven path when it is time."""
+        if not self.timelines.due(now_s):
+            return
+        feed = self._feed
+        state, truth = feed.state.refresh(), feed.truth.refresh()
+        state = state if state is not None and now_s - state.t_s <= FRESH_S else None
+        truth = truth if truth is not None and now_s - truth.t_s <= FRESH_S else None
+        decision = _fresh_decision(feed.decision, now_s)
+        fear = decision.fear if decision else None
+        self.track.add(state, truth, fear)
+        error_m = truth.lateral_offset_m if truth else decision.lateral_offset_m if decision else None
+        latency_ms = sorted(feed.latency_ms)[len(feed.latency_ms) // 2] if feed.latency_ms else None
+        confidences = [_confidence(list(of_one), now_s) for of_one in feed.estimates.values()]
+        speed_mps = state.speed_mps if state else None
+        cap_mps = decision.speed_cap_mps if decision else None
+        self.timelines.add(now_s, [fear, speed_mps, cap_mps, error_m, latency_ms, *confidences])
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Everything but picture, timelines and path."""
+        feed = self._feed
+        decision, state = _fresh_decision(feed.decision, now_s), feed.state.refresh()
+        speed_mps = state.speed_mps if state is not None and now_s - state.t_s <= FRESH_S else None
+        report = feed.report
+        return {
+            "now": now_s,
+            "what": self._what,
+            "says": "" if report is None else report.message,
+            "held": self.held,
+            "speed": speed_mps,
+            "override": bool(state and state.driver_override),
+            "true_error": self.track.true,
+            "decision": None if decision is None else _decision(decision),
+            "estimates": {name: _estimate(list(of_one), now_s) for name, of_one in feed.estimates.items()},
+            "lead": self._lead(now_s),
+            "latency": _spread(feed.latency_ms),
+            "processes": self._processes(now_s),
+            "pose": self.track.pose,
+            "driven": round(self.track.driven_m, 1),
+        }
+
+    @property
+    def held(self) -> bool:
+        """The vehicle process reports that the stop button holds the car."""
+        return any(STOPPED in beat.message for beat in self._feed.beats.values())
+
+    def drawn(self, picture: CompressedFrame) -> dict[str, Any]:
+        """The overlay of ``picture``: by the estimates and the decision of its frame, or the last ones before."""
+        feed = self._feed
+        estimates = (_at(list(of_one), picture.t_s) for of_one in feed.estimates.values())
+        lead = feed.lead.refresh()
+        return overlay(
+            [estimate for estimate in estimates if estimate is not None],
+            self.decided(picture),
+            lead if lead is not None and abs(picture.t_s - lead.t_s) <= FRESH_S else None,
+            self._camera,
+            self._vehicle,
+        )
+
+    def decided(self, picture: CompressedFrame) -> Decision | None:
+        """The decision on the frame of ``picture``, or the last one before."""
+        decisions = [one for one in self._feed.decisions if one.t_s is not None]
+        return max(
+            (one for one in decisions if 0.0 <= picture.t_s - (one.t_s or 0.0) <= OVERLAY_S),
+            key=lambda one: one.t_s or 0.0,
+            default=None,
+        )
+
+    def _lead(self, now_s: float) -> dict[str, Any] | None:
+        lead = self._feed.lead.refresh()
+        if lead is None or lead.distance_m is None or now_s - lead.t_s > FRESH_S:
+            return None
+        return {"distance": lead.distance_m, "speed": lead.speed_mps, "confidence": lead.confidence}
+
+    def _processes(self, now_s: float) -> list[dict[str, Any]]:
+        """The rows of the launcher's report; the age grows while the launcher is silent."""
+        report = self._feed.report
+        rows = [] if report is None else [json.loads(v) for k, v in report.values if k.startswith(PROCESS)]
+        for row in rows:
+            beat = self._feed.beats.get(row["name"])
+            row["age_s"] = round(now_s - beat.t_s, 1) if beat is not None else row["age_s"]
+            silent = row["heartbeat"] and (row["age_s"] is None or row["age_s"] > LATE_BEAT_S)
+            row["well"] = row["alive"] and not silent and row["health"] in ("", "ok")
+        return rows
+
+
+def _fresh_decision(decision: Decision | None, now_s: float) -> Decision | None:
+    return decision if decision is not None and now_s - decision.decided_s <= FRESH_S else None
+
+
+def _decision(decision: Decision) -> dict[str, Any]:
+    fired = zip(decision.rules, decision.rule_strengths, strict=False)
+    return {
+        "mode": decision.mode,
+        "stop": decision.stop,
+        "fear": decision.fear,
+        "level": decision.level,
+        "cause": decision.cause,
+        "part": decision.part,
+        "rules": [[text, round(strength, 3)] for text, strength in fired][:RULES_SHOWN],
+        "inputs": dict(zip(decision.inputs, decision.input_values, strict=False)),
+        "cap": decision.speed_cap_mps,
+        "source": decision.path_source,
+        "error": decision.lateral_offset_m,
+    }
+
+
+def _estimate(newest_last: list[SteeringEstimate], now_s: float) -> dict[str, Any] | None:
+    if not newest_last or now_s - newest_last[-1].t_s > FRESH_S:
+        return None
+    newest = newest_last[-1]
+    return {
+        "confidence": newest.confidence,
+        "reason": newest.reason,
+        "latency_ms": newest.latency_ms,
+        "offset": newest.lateral_offset_m,
+    }
+
+
+def _confidence(newest_last: list[SteeringEstimate], now_s: float) -> float | None:
+    fresh = newest_last and now_s - newest_last[-1].t_s <= FRESH_S
+    return newest_last[-1].confidence if fresh else None
+
+
+def _at(estimates: list[SteeringEstimate], t_s: float) -> SteeringEstimate | None:
+    fitting = [one for one in estimates if 0.0 <= t_s - one.t_s <= OVERLAY_S]
+    return max(fitting, key=lambda one: one.t_s, default=None)
+
+
+def _spread(values: list[float]) -> dict[str, float] | None:
+    """Median and greatest of some durations."""
+    if not values:
+        return None
+    return {"p50": round(sorted(values)[len(values) // 2], 2), "max": round(max(values), 2)}

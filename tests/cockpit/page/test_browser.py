@@ -1,0 +1,323 @@
+"""The live page in a real browser: it shows what is published, survives restarts, stops, and serves everybody."""
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from live_page_rig import STATIC, LivePage, Publisher, Scene, chromium, rule_copy
+from process_rig import until
+
+from trepid.messages import Mode, Stop
+
+pytest.importorskip("selenium")
+PATIENCE_S = 15.0
+
+
+class Seen:
+    """A page process with its bus and a browser that looks at it."""
+
+    def __init__(self, page: LivePage, publisher: Publisher, browser: Any) -> None:
+        self.page, self.publisher, self.browser = page, publisher, browser
+        self.scene = publisher.scene
+
+    def text(self, name: str) -> str:
+        """Text of the element with this id."""
+        return str(
+            self.browser.execute_script("return document.getElementById(arguments[0])?.textContent", name)
+        )
+
+    def becomes(self, name: str, text: str) -> bool:
+        """True when the element shows ``text`` soon."""
+        return until(lambda: self.text(name) == text, patience_s=PATIENCE_S) or pytest.fail(
+            f"{name} shows {self.text(name)!r}, expected {text!r}"
+        )
+
+    def js(self, script: str, *arguments: object) -> Any:
+        """The result of a script."""
+        return self.browser.execute_script(script, *arguments)
+
+    def pixel(self, x: float, y: float) -> list[int]:
+        """Red, green and blue of the camera picture at a share of its width and height."""
+        script = """const canvas = document.getElementById('camera');
+                    const [x, y] = [canvas.width * arguments[0], canvas.height * arguments[1]];
+                    return [...canvas.getContext('2d').getImageData(x, y, 1, 1).data].slice(0, 3)"""
+        return list(self.js(script, x, y))
+
+    def has_sets(self) -> bool:
+        """True when the rules tab shows the sets of the inputs soon."""
+        sets = "return document.querySelectorAll('#sets figure').length"
+        return until(lambda: self.js(sets) > 5, patience_s=PATIENCE_S)
+
+    def click(self, name: str) -> None:
+        """Click on the element with this id."""
+        self.browser.find_element("id", name).click()
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("page")
+    before = os.environ.get("XDG_RUNTIME_DIR")
+    os.environ["XDG_RUNTIME_DIR"] = str(folder)
+    try:
+        with (
+            chromium(folder / "profile") as browser,
+            LivePage(rule_copy(folder)) as page,
+            page.bus() as bus,
+            Publisher(bus, page.clock, Scene()) as publisher,
+        ):
+            page.start()
+            browser.get(page.door.url)
+            yield Seen(page, publisher, browser)
+    finally:
+        os.environ.pop("XDG_RUNTIME_DIR")
+        if before is not None:
+            os.environ["XDG_RUNTIME_DIR"] = before
+
+
+@pytest.fixture(autouse=True)
+def at_ease(seen):
+    """Each test begins with the undisturbed scene on the first tab."""
+    fresh = Scene()
+    seen.scene.__dict__.update(fresh.__dict__)
+    seen.publisher.button.held = False
+    seen.js("document.getElementById('tab-drive').click()")
+    seen.becomes("mode", "KEEP")
+
+
+def test_the_page_shows_what_is_published(seen):
+    assert seen.becomes("speed", "7.1") and seen.becomes("cap", "5.0")
+    assert seen.becomes("fear", "0.12") and seen.text("level") == "low"
+    assert seen.text("source") == "cv+cnn" and seen.text("legend-cv") == "0.91"
+    assert seen.text("legend-cnn") == "0.42" and seen.text("legend-lead") == "23.4 m"
+    rules = seen.js("return [...document.querySelectorAll('#firing li')].map(li => li.textContent)")
+    assert rules == [
+        "0.75if lane confidence is low then fear is high",
+        "0.25if speed is high then fear is low",
+    ]
+    assert seen.becomes("now-error", "0.07") and seen.becomes("now-latency", "22.0")
+    assert float(seen.text("driven")) > 1.0
+    table = seen.js(
+        "return [...document.querySelectorAll('tbody tr')].map(tr => [...tr.children].map(c => c.textContent))"
+    )
+    vehicle, cnn = table
+    assert [vehicle[0], vehicle[1], vehicle[3], vehicle[4]] == ["vehicle", "100.0", "12.5", "3"]
+    assert cnn[-1] == "not running: was killed by SIGKILL"
+
+
+@pytest.mark.parametrize(
+    ("change", "word", "because"),
+    [
+        (dict(mode=Mode.CAUTION, cause="darkness", fear=0.5), "CAUTION", "because of darkness"),
+        (
+            dict(mode=Mode.STOP, stop=Stop.EMERGENCY, cause="lost_camera", part="camera"),
+            "STOP",
+            "emergency stop, because of lost camera (camera)",
+        ),
+        (dict(mode=Mode.FOLLOW, cause="no_path"), "FOLLOW", "because of no path"),
+    ],
+)
+def test_the_banner_names_mode_and_cause_and_a_change_is_spoken(seen, change, word, because):
+    seen.scene.decision = {**seen.scene.decision, **change}
+    assert seen.becomes("mode", word) and seen.becomes("because", because)
+    assert seen.text("announce") == f"Mode {word}. {because}"
+    assert seen.js("return document.title").startswith(word)
+
+
+def test_the_word_of_the_mode_is_legible_from_three_metres(seen):
+    """Letters of 1/200 of the distance are legible for everybody: 15 mm, at 96 pixels per inch 57 pixels."""
+    height = """const style = getComputedStyle(document.getElementById('mode'));
+                const context = document.createElement('canvas').getContext('2d');
+                context.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+                return context.measureText('KEEP').actualBoundingBoxAscent;"""
+    assert seen.js(height) >= 57
+
+
+def test_the_picture_is_the_published_one_with_lines_on_it(seen):
+    seen.scene.grey = 200
+    assert until(lambda: abs(seen.pixel(0.1, 0.1)[0] - 200) < 6, patience_s=PATIENCE_S)
+    red, green, blue = seen.pixel(95 / 320, 190 / 240)  # on the left line of cv and cnn
+    assert max(red, green, blue) - min(red, green, blue) > 60
+    label = "return document.getElementById('camera').ariaLabel"
+    assert until(lambda: "vehicle ahead at 23 metres" in seen.js(label), patience_s=PATIENCE_S)
+
+
+def test_a_value_that_is_absent_is_a_dash_and_silence_is_no_data(seen):
+    seen.scene.speed_mps = None
+    assert seen.becomes("speed", "–")
+    seen.scene.silent = True
+    assert seen.becomes("mode", "NO DATA") and seen.becomes("fear", "–") and seen.becomes("legend-cv", "none")
+    assert until(lambda: "no new picture" in seen.text("old"), patience_s=PATIENCE_S)
+    seen.scene.silent = False
+    assert seen.becomes("mode", "KEEP")
+
+
+def test_stop_is_one_press_and_driving_on_takes_two_at_standstill(seen):
+    seen.click("stop")
+    assert seen.becomes("stop-word", "STOPPED") and seen.becomes("because", "stopped by the stop button")
+    assert seen.publisher.button.held
+    seen.click("release")
+    time.sleep(0.3)
+    assert seen.publisher.button.held
+    seen.click("release")
+    assert until(lambda: not seen.publisher.button.held, patience_s=PATIENCE_S)
+    assert seen.becomes("stop-word", "STOP") and seen.becomes("mode", "KEEP")
+
+
+def test_everything_is_done_by_keyboard(seen):
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    def press(*keys: str) -> None:
+        ActionChains(seen.browser).send_keys(*keys).perform()
+
+    def focused() -> str:
+        return str(seen.js("return document.activeElement.id"))
+
+    seen.browser.refresh()
+    seen.becomes("mode", "KEEP")
+    press(Keys.TAB)
+    assert focused() == "stop"  # the first of all
+    press(Keys.TAB)
+    assert focused() == "tab-drive"
+    press(Keys.ARROW_RIGHT)
+    assert focused() == "tab-rules" and not seen.js("return document.getElementById('rules').hidden")
+    assert until(
+        lambda: "inputs:" in seen.js("return document.getElementById('text').value"), patience_s=PATIENCE_S
+    )
+    order = []
+    for _ in range(4):
+        press(Keys.TAB)
+        order.append(focused())
+    assert order == ["text", "check", "apply", "reread"]
+    press(Keys.ESCAPE)
+    assert seen.becomes("stop-word", "STOPPED")
+
+
+def test_rules_are_checked_at_their_line_applied_and_marked_with_the_present_values(seen):
+    seen.click("tab-rules")
+    assert seen.has_sets()
+    assert seen.becomes("value-speed", "7.1") and seen.becomes("value-lane_confidence", "missing")
+    good = seen.page.rules.read_text(encoding="utf-8")
+    at = good.splitlines().index("    risk: rising") + 1
+    edit = "const t = document.getElementById('text'); t.value = arguments[0]; t.dispatchEvent(new Event('input'))"
+    seen.js(edit, good.replace("    risk: rising", "    risk: sideways", 1))
+    seen.click("apply")
+    assert until(lambda: f":{at}:" in seen.text("verdict"), patience_s=PATIENCE_S), seen.text("verdict")
+    assert seen.page.rules.read_text(encoding="utf-8") == good
+    row = "const t = document.getElementById('text'); return t.value.slice(0, t.selectionStart).split('\\n').length"
+    assert seen.js(row) == at
+    changed = good.replace("# The fear rules.", "# Rules of a test.")
+    seen.js(edit, changed)
+    seen.click("apply")
+    assert until(lambda: "applied" in seen.text("edited"), patience_s=PATIENCE_S), seen.text("verdict")
+    assert seen.page.rules.read_text(encoding="utf-8") == changed
+    assert not list(seen.page.rules.parent.glob(".fear.yaml.*"))
+
+
+def test_the_page_survives_the_restart_of_its_server_and_of_the_drive(seen):
+    os.kill(seen.page.pid, signal.SIGKILL)
+    seen.page.stop()
+    assert seen.becomes("mode", "NO DATA")
+    assert until(lambda: "connection" in seen.text("connection"), patience_s=PATIENCE_S)
+    seen.page.start()
+    assert seen.becomes("connection", "live") and seen.becomes("mode", "KEEP")
+
+
+def test_two_viewers_see_the_same_and_a_hidden_one_costs_the_other_nothing(seen):
+    first = seen.browser.current_window_handle
+    seen.browser.switch_to.new_window("window")
+    seen.browser.get(seen.page.door.url)
+    assert seen.becomes("mode", "KEEP")
+    seen.scene.decision = {**seen.scene.decision, "mode": Mode.CAUTION, "fear": 0.55}
+    assert seen.becomes("mode", "CAUTION") and seen.becomes("fear", "0.55")
+    seen.browser.close()
+    seen.browser.switch_to.window(first)
+    assert seen.becomes("mode", "CAUTION") and seen.becomes("fear", "0.55")
+
+
+def test_a_wrong_token_shows_nothing_and_says_what_to_open(seen):
+    good = seen.page.door.url.partition("#")[2]
+    seen.browser.get("about:blank")
+    seen.browser.get(seen.page.door.url.replace(good, "wrong"))
+    try:
+        assert until(lambda: "wrong token" in seen.text("because"), patience_s=PATIENCE_S)
+        assert seen.text("fear") == "–" and seen.js("return trepid.messages") == 0
+    finally:
+        seen.browser.get("about:blank")
+        seen.browser.get(seen.page.door.url)
+    assert seen.becomes("mode", "KEEP")
+    assert "#" not in seen.browser.current_url  # others see the address bar
+    seen.browser.refresh()
+    assert seen.becomes("mode", "KEEP")
+
+
+def test_a_phone_shows_all_without_scrolling_sideways(seen):
+    size = {"width": 360, "height": 740, "deviceScaleFactor": 2, "mobile": True}
+    seen.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        for mode in Mode:
+            seen.scene.decision = {**seen.scene.decision, "mode": mode}
+            assert seen.becomes("mode", str(mode))
+            assert seen.js("return document.documentElement.scrollWidth") <= 360
+            word, button = (
+                seen.js(f"return document.getElementById('{name}').getBoundingClientRect().toJSON()")
+                for name in ("mode", "stop")
+            )
+            assert word["right"] <= 360 and button["bottom"] <= 740 and button["height"] >= 48
+    finally:
+        seen.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("tab", ["drive", "rules"])
+def test_axe_finds_no_fault_for_people_with_a_screen_reader(seen, scheme, tab):
+    axe = Path(pytest.importorskip("axe_core_python").__file__).parent / "axe.min.js"
+    media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+    seen.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+    try:
+        seen.js(f"document.getElementById('tab-{tab}').click()")
+        seen.becomes("mode", "KEEP")
+        assert tab == "drive" or seen.has_sets()
+        # By the protocol of the developer tools: the page's own policy forbids foreign scripts.
+        seen.browser.execute_cdp_cmd("Runtime.evaluate", {"expression": axe.read_text(encoding="utf-8")})
+        found = seen.browser.execute_async_script("axe.run().then(arguments[0])")
+        assert [
+            (fault["id"], node["target"], node["failureSummary"])
+            for fault in found["violations"]
+            for node in fault["nodes"]
+        ] == []
+    finally:
+        seen.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_motion_is_reduced_where_the_system_asks_for_it(seen):
+    moves = "return getComputedStyle(document.getElementById('arc')).transitionDuration"
+    assert seen.js(moves) != "0s"
+    media = {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]}
+    seen.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+    assert seen.js(moves) == "0s"
+    seen.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_no_request_leaves_the_machine_and_the_console_has_no_error(seen):
+    seen.browser.get_log("browser")  # that of the restarts and wrong tokens before
+    seen.browser.get_log("performance")
+    seen.browser.refresh()
+    assert seen.becomes("mode", "KEEP")
+    messages = [json.loads(entry["message"])["message"] for entry in seen.browser.get_log("performance")]
+    requested = [
+        m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"
+    ]
+    origin = seen.page.door.url.partition("#")[0]
+    assert requested and all(url.startswith(origin) for url in requested)
+    assert [
+        entry for entry in seen.browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")
+    ] == []
+
+
+def test_the_page_is_small():
+    assert sum(path.stat().st_size for path in STATIC.iterdir()) <= 300_000

@@ -1,0 +1,86 @@
+"""Timelines, the driven path and the overlay, without a browser."""
+
+import math
+
+import numpy as np
+import pytest
+from live_page_rig import truth
+from message_rig import SHUTTLE, decision, estimate, state
+
+from cockpit.page.history import KEPT, MAX_POINTS, SAMPLE_S, Timelines, Track
+from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px
+from trepid.car.camera import Camera
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import LeadVehicle
+
+CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
+
+
+def test_timelines_are_due_at_their_rate_and_hold_the_newest_samples():
+    lines = Timelines(("fear",))
+    due = [now for now in np.arange(0.0, 2.0, 0.02) if lines.due(float(now))]
+    assert len(due) == pytest.approx(2.0 / SAMPLE_S, abs=1)
+    for number in range(KEPT + 10):
+        lines.add(float(number), [math.nan if number % 2 else 0.5])
+    assert len(lines.since(0)) == KEPT and lines.since(lines.count) == []
+    assert lines.since(lines.count - 2) == [[KEPT + 8.0, 0.5], [KEPT + 9.0, None]]
+
+
+def test_the_path_of_a_circle_by_speed_and_yaw_rate_closes():
+    track, turns, radius_m, speed_mps = Track(), 1, 20.0, 5.0
+    period_s = 2 * math.pi * turns * radius_m / speed_mps
+    for t_s in np.linspace(0.0, period_s, 300):
+        track.add(state(float(t_s), speed_mps=speed_mps, yaw_rate_radps=speed_mps / radius_m), None, 0.1)
+    x_m, y_m, yaw_rad = track.pose
+    assert math.hypot(x_m, y_m) < 0.1 and yaw_rad == pytest.approx(2 * math.pi, abs=0.01)
+    points = np.array([point[:2] for point in track.since(-1, 0)[1]])
+    assert np.hypot(points[:, 0], points[:, 1] - radius_m) == pytest.approx(radius_m, rel=0.01)
+    assert track.driven_m == pytest.approx(2 * math.pi * radius_m, rel=0.02)
+
+
+def test_the_path_is_the_true_one_where_there_is_one_and_is_not_invented_without_measurement():
+    track = Track()
+    track.add(state(0.0), truth(0.0, 12.0, 0.0), None)
+    track.add(state(0.1), None, None)
+    assert track.pose == (12.0, 0.0, 0.0) and track.true
+    unknown = Track()
+    unknown.add(state(0.0, yaw_rate_radps=None), None, 0.1)
+    assert unknown.pose is None and unknown.count == 0
+
+
+def test_a_long_path_is_thinned_and_every_viewer_learns_it():
+    track = Track()
+    for number in range(2 * MAX_POINTS):
+        track.add(None, truth(0.1 * number, float(number), 0.0), 0.2)
+    assert track.count <= MAX_POINTS and track.thinned >= 1
+    anew, points = track.since(0, 10)
+    assert anew and points[0][0] == 0.0 and points[-1][0] == pytest.approx(2 * MAX_POINTS, abs=5)
+    assert track.since(track.thinned, track.count) == (False, [])
+
+
+def test_the_drawn_path_lies_on_the_road_where_the_decision_has_it():
+    outline = np.array(path_px(decision(lateral_offset_m=0.4), CAMERA, SHUTTLE))
+    road = CAMERA.road_from_pixel(outline)
+    left, right = road[: len(road) // 2], road[len(road) // 2 :][::-1]
+    near = left[:, 0] < 12.0
+    assert (left + right)[near, 1] / 2 == pytest.approx(-0.4, abs=0.05)
+    assert (left - right)[near, 1] == pytest.approx(PATH_M, abs=0.06)
+    assert path_px(decision(lateral_offset_m=None), CAMERA, SHUTTLE) is None
+
+
+def test_a_lane_without_boundaries_is_drawn_from_its_state():
+    drawn = lane_px(estimate(lateral_offset_m=0.0, heading_error_rad=0.0, lane_width_m=3.0), CAMERA, SHUTTLE)
+    left, right = (CAMERA.road_from_pixel(drawn[side])[0] for side in ("left", "right"))
+    assert left[1] == pytest.approx(1.5, abs=0.1) and right[1] == pytest.approx(-1.5, abs=0.1)
+    nothing = estimate(lateral_offset_m=None, confidence=0.0)
+    assert lane_px(nothing, CAMERA, SHUTTLE) == {"left": [], "right": [], "confidence": 0.0}
+
+
+def test_the_box_of_the_vehicle_ahead_stands_on_the_road_and_is_absent_with_it():
+    lead = LeadVehicle(t_s=0.0, distance_m=10.0, lateral_m=1.0, speed_mps=None, confidence=1.0)
+    left, top, right, bottom = lead_px(lead, CAMERA, SHUTTLE)
+    x_m, y_m = CAMERA.road_from_pixel([(left + right) / 2, bottom])[0]
+    assert x_m == pytest.approx(SHUTTLE.wheelbase_m + SHUTTLE.front_overhang_m + 10.0, abs=0.5)
+    assert y_m == pytest.approx(1.0, abs=0.05) and top < bottom
+    gone = LeadVehicle(t_s=0.0, distance_m=None, lateral_m=None, speed_mps=None, confidence=0.0)
+    assert overlay([], None, gone, CAMERA, SHUTTLE)["lead"] is None

@@ -1,0 +1,191 @@
+"""The requests of the page: who may make them, what they answer, and that a slow viewer gets no queue."""
+
+import hashlib
+import json
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from live_page_rig import LivePage, Publisher, Scene, rule_copy
+from process_rig import until
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from cockpit.page.hub import MAX_VIEWERS
+from cockpit.page.rules import RuleDesk
+from cockpit.page.server import MAX_BODY, TOO_MANY, WRONG_ORIGIN, WRONG_TOKEN
+from trepid.config import CONFIG_DIR, InputError, use_car
+
+
+@pytest.fixture(scope="module")
+def published(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[LivePage, Publisher]]:
+    folder = tmp_path_factory.mktemp("server")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(folder))
+        with (
+            LivePage(rule_copy(folder)) as page,
+            page.bus() as bus,
+            Publisher(bus, page.clock, Scene()) as publisher,
+        ):
+            page.start()
+            yield page, publisher
+
+
+@pytest.fixture
+def page(published: tuple[LivePage, Publisher]) -> LivePage:
+    return published[0]
+
+
+@contextmanager
+def stream(page: LivePage, token: str | None = None, **more: Any) -> Iterator[ClientConnection]:
+    with connect(f"ws://127.0.0.1:{page.door.port}/stream", proxy=None, **more) as socket:
+        with suppress(ConnectionClosed):  # refused before its greeting
+            socket.send(json.dumps({"token": page.door.token if token is None else token}))
+        yield socket
+
+
+def state_of(message: bytes | str) -> dict[str, Any]:
+    assert isinstance(message, bytes)
+    (length,) = struct.unpack_from(">I", message)
+    return dict(json.loads(message[4 : 4 + length]))
+
+
+def end_of(socket: ClientConnection) -> int:
+    with pytest.raises(ConnectionClosed) as ended:
+        socket.recv(timeout=10)
+    assert ended.value.rcvd is not None
+    return ended.value.rcvd.code
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("POST", "/stop"),
+        ("GET", "/rules"),
+        ("GET", "/rules/sets"),
+        ("POST", "/rules/check"),
+        ("POST", "/rules/apply"),
+    ],
+)
+def test_a_request_without_the_token_or_from_another_page_is_refused(
+    published: tuple[LivePage, Publisher], method: str, path: str
+) -> None:
+    page, publisher = published
+    for token in (None, "wrong"):
+        assert page.request(method, path, {"stop": True}, token=token)[0] == 401
+    assert page.request(method, path, {"stop": True}, Origin="http://elsewhere.example")[0] == 403
+    assert page.request(method, path, {"stop": True}, Host="elsewhere.example:8620")[0] == 403
+    time.sleep(0.2)
+    assert publisher.requests == 0
+
+
+@pytest.mark.parametrize("body", [b"no json", [], {}, {"stop": "yes"}, {"stop": 1}])
+def test_a_stop_that_is_none_is_refused(published: tuple[LivePage, Publisher], body: object) -> None:
+    page, publisher = published
+    assert page.request("POST", "/stop", body)[0] == 400
+    assert publisher.requests == 0
+
+
+def test_a_request_that_is_too_long_is_refused(page: LivePage) -> None:
+    assert page.request("POST", "/rules/check", {"text": "x" * MAX_BODY})[0] == 413
+
+
+def test_the_static_files_say_that_nothing_else_may_be_loaded(page: LivePage) -> None:
+    for path in ("/", "/static/app.js", "/static/page.css", "/static/missing.js"):
+        _, headers, _ = page.request("GET", path, token=None)
+        assert "default-src 'none'" in headers["content-security-policy"]
+        assert headers["x-content-type-options"] == "nosniff"
+    assert page.request("GET", "/static/../node.py", token=None)[0] == 404
+
+
+def test_a_stream_needs_the_token_and_the_own_origin(page: LivePage) -> None:
+    with stream(page, "wrong") as wrong, stream(page, origin="http://elsewhere.example") as foreign:
+        assert end_of(wrong) == WRONG_TOKEN and end_of(foreign) == WRONG_ORIGIN
+    with connect(f"ws://127.0.0.1:{page.door.port}/stream", proxy=None) as silent:
+        silent.send(b"\x00")
+        assert end_of(silent) == WRONG_TOKEN
+
+
+def test_a_viewer_that_draws_nothing_gets_one_message_and_delays_no_other(page: LivePage) -> None:
+    with stream(page) as slow, stream(page) as quick:
+        times = []
+        for _ in range(8):
+            times.append(state_of(quick.recv(timeout=5))["now"])
+            quick.send("drawn")
+        assert times == sorted(times) and times[-1] - times[0] < 4.0
+        first = state_of(slow.recv(timeout=5))
+        with pytest.raises(TimeoutError):
+            slow.recv(timeout=0.5)
+        slow.send("drawn")
+        newest = state_of(slow.recv(timeout=5))
+        assert newest["now"] > times[-1] > first["now"]  # not the one after the first, but the newest
+        samples = [sample[0] for sample in newest["samples"]]
+        assert (
+            samples == sorted(samples) and samples[0] > first["samples"][-1][0]
+        )  # and the timeline has no gap
+
+
+def test_pictures_are_received_only_while_somebody_looks(page: LivePage) -> None:
+    with stream(page) as viewer:
+        assert until(lambda: "picture" in _next(viewer), patience_s=5)
+    time.sleep(0.5)
+    with stream(page) as another:
+        assert "picture" not in _next(another)  # none was kept while nobody looked
+
+
+def _next(viewer: ClientConnection) -> dict[str, Any]:
+    state = state_of(viewer.recv(timeout=5))
+    viewer.send("drawn")
+    return state
+
+
+def test_the_number_of_viewers_has_a_limit(page: LivePage) -> None:
+    with ExitStack() as viewers:
+        for _ in range(MAX_VIEWERS):
+            viewers.enter_context(stream(page)).recv(timeout=5)
+        with stream(page) as another:
+            assert end_of(another) == TOO_MANY
+    assert until(lambda: _served(page), patience_s=5)
+
+
+def _served(page: LivePage) -> bool:
+    with stream(page) as viewer:
+        try:
+            return bool(viewer.recv(timeout=5))
+        except ConnectionClosed:
+            return False
+
+
+def test_an_edit_of_a_file_that_has_changed_meanwhile_is_refused(page: LivePage) -> None:
+    status, _, content = page.request("GET", "/rules")
+    shown = json.loads(content)
+    assert status == 200 and shown["sha256"] == hashlib.sha256(shown["text"].encode()).hexdigest()
+    body = {"text": shown["text"], "sha256": "of another text"}
+    status, _, content = page.request("POST", "/rules/apply", body)
+    assert status == 409 and "has changed since the edit began" in json.loads(content)["error"]
+    page.rules.unlink()
+    try:
+        status, _, content = page.request("GET", "/rules")
+        assert status == 422 and f"{page.rules}: cannot be read" in json.loads(content)["error"]
+    finally:
+        page.rules.write_text(shown["text"], encoding="utf-8")
+
+
+def test_rules_outside_the_folder_of_the_car_are_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    car = tmp_path / "car"
+    car.mkdir()
+    try:
+        use_car(car)
+        desk = RuleDesk(CONFIG_DIR / "fear.yaml")
+        assert desk.fixed.endswith(f"copy it to {car / 'fear.yaml'}, and drive again")
+        with pytest.raises(InputError, match="not in the folder of the car"):
+            desk.apply("", "")
+        assert RuleDesk(car / "fear.yaml").fixed == ""
+    finally:
+        use_car(None)

@@ -1,0 +1,118 @@
+"""The address of the live page of a drive, and the token without which it shows and does nothing."""
+
+import os
+import secrets
+import socket
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from trepid.config import CONFIG_DIR, InputError, located, read
+from trepid.processes.register import folder
+from trepid.security import certificate, load_security, on_loopback, private_key
+
+PAGE = "page"
+"""Name of the process that serves the page."""
+TOKEN_FILE = "page-token"
+TOKEN_BYTES = 16
+
+
+@dataclass(frozen=True, slots=True)
+class PageDoor:
+    """Where the page is served, and to whom."""
+
+    host: str
+    port: int
+    token: str
+
+    @property
+    def tls(self) -> bool:
+        """True when the page is served over TLS, by the certificate of its process: beyond this machine."""
+        return not _local(self.host)
+
+    @property
+    def keys(self) -> tuple[Path, Path] | None:
+        """Certificate and private key of the page; None without TLS. Raises InputError without keys."""
+        if not self.tls:
+            return None
+        keys = load_security().folder
+        if keys is None:
+            raise _refused(self.host)
+        return certificate(keys, PAGE), private_key(keys, PAGE)
+
+    @property
+    def url(self) -> str:
+        """The address for a browser. The token follows a #, so that no request carries it."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{'https' if self.tls else 'http'}://{host}:{self.port}/#{self.token}"
+
+
+def page_door(host: str, port: int, *, only: bool = False) -> PageDoor:
+    """The door at ``host`` and ``port``, or at a free port where that one is in use.
+
+    Raises InputError for a host beyond this machine without keys, for a host that this machine does not have, and,
+    with ``only``, for a port in use.
+    """
+    door = PageDoor(host, port, page_token())
+    if door.tls and load_security().folder is None:
+        raise _refused(host)
+    with suppress(OSError):
+        return PageDoor(host, _bound(host, port), door.token)
+    if only:
+        raise InputError(f"--page {port}: the port is in use at {host}; choose another, or leave --page out")
+    try:
+        return PageDoor(host, _bound(host, 0), door.token)
+    except OSError as error:
+        raise _wrong_host(f"{host} cannot be used: {error.strerror}; 127.0.0.1 is this machine") from error
+
+
+def page_token() -> str:
+    """The token of this user, the same for all drives until the machine restarts. Raises InputError."""
+    path = folder() / TOKEN_FILE
+    fresh = path.with_suffix(f".{os.getpid()}")
+    try:
+        if not path.exists():
+            with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+                file.write(secrets.token_urlsafe(TOKEN_BYTES))
+            with suppress(FileExistsError):  # another drive was faster
+                os.link(fresh, path)
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written or read: {error.strerror}") from error
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def listening(host: str, port: int) -> socket.socket:
+    """A socket bound to ``host`` and ``port``. Raises OSError."""
+    bound = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
+    try:
+        bound.setsockopt(
+            socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
+        )  # the connections of a former one may linger
+        bound.bind((host, port))
+    except OSError:
+        bound.close()
+        raise
+    return bound
+
+
+def _bound(host: str, port: int) -> int:
+    with listening(host, port) as probe:
+        if port:
+            probe.listen()  # SO_REUSEADDR lets two bind, and one listen
+        return int(probe.getsockname()[1])
+
+
+def _local(host: str) -> bool:
+    return on_loopback(f"tcp/{host}:0")
+
+
+def _refused(host: str) -> InputError:
+    remedy = "`trepid keys create DIR` makes them, `keys: DIR` in security.yaml of the car uses them"
+    return _wrong_host(f"{host}: the page leaves this machine without keys; {remedy}")
+
+
+def _wrong_host(what: str) -> InputError:
+    file = CONFIG_DIR / "drive.yaml"
+    return InputError(located(("page_host",), what, read(file), file))
