@@ -18,7 +18,7 @@ from trepid.clock import Clock
 from trepid.messages import CompressedFrame
 
 MAX_VIEWERS = 8
-LOOKING_PERIOD_S, IDLE_PERIOD_S = 0.02, 0.2  # between two turns
+LOOKING_PERIOD_S, IDLE_PERIOD_S = 0.02, 0.5  # between two turns
 UPDATE_S = 0.1  # without a new picture the numbers are sent as often
 DECISION_S = 0.04  # a picture waits this long for the decision on its frame
 AWAY_S = 3.0
@@ -59,6 +59,8 @@ class Hub:
     def __init__(self, feed: Feed, view: View, stop: StopSender, clock: Clock) -> None:
         self._feed, self._view, self._stop, self._clock = feed, view, stop, clock
         self.viewers: set[Viewer] = set()
+        self.wanted = asyncio.Event()
+        """A viewer has come: the next turn is due."""
         self._picture: tuple[CompressedFrame, float] | None = (
             None  # one that is not sent yet, and its arrival
         )

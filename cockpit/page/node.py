@@ -61,7 +61,9 @@ async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> Non
         while me.running() and not serving.done():
             pause_s = hub.turn()
             me.stepped()
-            await asyncio.sleep(pause_s)
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(hub.wanted.wait(), pause_s)
+            hub.wanted.clear()
         server.should_exit = True
         await serving
 

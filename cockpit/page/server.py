@@ -136,6 +136,7 @@ class PageServer:
             return
         viewer = Viewer()
         self._hub.viewers.add(viewer)
+        self._hub.wanted.set()
         sender = asyncio.create_task(_send_all(socket, viewer))
         try:
             while True:

@@ -29,6 +29,10 @@ BENCHMARKS = {
     "soak": Benchmark(
         "live.soak", "half an hour live: memory, files, threads, lost messages of the recorder"
     ),
+    "page": Benchmark(
+        "live.page",
+        "the live page: capture to screen, share of a core, frame to command with and without viewer",
+    ),
     "newcomer": Benchmark("newcomer", "clone, make drive: time until the car drives, disk space"),
     "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),

@@ -99,7 +99,7 @@ def test_the_page_shows_what_is_published(seen):
         "0.25if speed is high then fear is low",
     ]
     assert seen.becomes("now-error", "0.07") and seen.becomes("now-latency", "22.0")
-    assert float(seen.text("driven")) > 1.0
+    assert until(lambda: float(seen.text("driven")) > 1.0, patience_s=PATIENCE_S)
     table = seen.js(
         "return [...document.querySelectorAll('tbody tr')].map(tr => [...tr.children].map(c => c.textContent))"
     )
