@@ -9,7 +9,7 @@ from typing import Protocol
 
 from perception.lane.lane_cv import LaneCv
 from perception.lane.settings import LaneCvSettings
-from perception.lane.unknown_camera import LaneOfUnknownCamera
+from perception.lane.which_lane import WhichLane
 from trepid import plugins
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -94,7 +94,7 @@ def _lane_cv(camera: Camera, vehicle: Vehicle) -> Estimator:
 
 
 def _lane_cv_assumed(camera: Camera, vehicle: Vehicle) -> Estimator:
-    return LaneOfUnknownCamera(lane_cv_settings(), camera, vehicle)
+    return WhichLane(lane_cv_settings(), camera, vehicle)
 
 
 def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:

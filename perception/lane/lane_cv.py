@@ -14,19 +14,17 @@ from copy import copy
 
 from perception.lane.camera_check import CameraCheck
 from perception.lane.choice import LaneChoice
+from perception.lane.estimate import NAME, lane_estimate
 from perception.lane.frame_search import FrameSearch
 from perception.lane.memory import LaneMemory
-from perception.lane.model.geometry import WIDTH, LaneState
-from perception.lane.model.paths import boundary_paths, known_reach_m
+from perception.lane.model.geometry import LaneState
 from perception.lane.model.prediction import Motion
 from perception.lane.rating import Features, Rating
 from perception.lane.settings import LaneCvSettings
 from perception.lane.view import View, make_view, unusable
 from trepid.car.camera import Camera
-from trepid.car.vehicle import Vehicle, road_wheel_angle
+from trepid.car.vehicle import Vehicle
 from trepid.messages import Frame, SteeringEstimate, VehicleState
-
-NAME = "cv"
 
 
 class LaneCv:
@@ -78,7 +76,17 @@ class LaneCv:
             seen, reason = 0, f"lane not seen for {frame.t_s - memory.seen_t_s:.2f} s"
         else:
             return self._nothing(frame.t_s, "no lane line or road edge found")
-        return self._estimate(lane, view.camera, t_s=frame.t_s, lanes_detected=seen, reason=reason)
+        return lane_estimate(
+            lane,
+            view.camera,
+            self._settings,
+            self._vehicle,
+            t_s=frame.t_s,
+            confidence=memory.fade * self._probability(lane),
+            lanes_detected=seen,
+            reason=reason,
+            marked=not memory.by_edges,
+        )
 
     def _view_of(self, width_px: int, height_px: int) -> View | None:
         if (self._camera.width_px, self._camera.height_px) != (width_px, height_px):
@@ -90,35 +98,6 @@ class LaneCv:
         """The probability that the remembered lane, reported as ``lane``, is right."""
         self.features = self._rating.features(self._memory.factors, lane, looks=self._memory.looks)
         return self._rating.probability(self.features)
-
-    def _estimate(
-        self, lane: LaneState, camera: Camera, *, t_s: float, lanes_detected: int, reason: str
-    ) -> SteeringEstimate:
-        """The estimate for ``lane`` at ``t_s``, with its boundaries in the image of ``camera``."""
-        settings, clothoid = self._settings, lane.clothoid
-        lookahead_m = settings.steering.lookahead_m
-        reach_m = known_reach_m(lane, settings.drawn_reach_m, settings.evidence.drawn_sigma_m)
-        left, right = boundary_paths(lane, camera, reach_m=reach_m)
-        return SteeringEstimate(
-            t_s=t_s,
-            estimator=NAME,
-            lateral_offset_m=clothoid.offset_m,
-            heading_error_rad=clothoid.heading_rad,
-            curvature_1pm=clothoid.curvature_at(lookahead_m),
-            curvature_rate_1pm2=clothoid.curvature_rate_1pm2,
-            lookahead_m=lookahead_m,
-            road_wheel_angle_rad=road_wheel_angle(
-                clothoid.pursuit_curvature(lookahead_m), wheelbase_m=self._vehicle.wheelbase_m
-            ),
-            confidence=self._memory.fade * self._probability(lane),
-            lanes_detected=lanes_detected,
-            lane_width_m=float(lane.mean[WIDTH]),
-            reason=reason,
-            left_boundary_px=left,
-            right_boundary_px=right,
-            marked=not self._memory.by_edges,
-            ahead_sigma_m=lane.ahead_sigma_m,
-        )
 
     def _nothing(self, t_s: float, reason: str) -> SteeringEstimate:
         self.features = None

@@ -13,6 +13,7 @@ from perception.lane.model.evidence import EvidenceSettings
 from perception.lane.model.fit import FitSettings
 from perception.lane.model.prediction import TrackSettings
 from perception.lane.model.prior import PriorSettings
+from perception.lane.street.settings import StreetSettings
 from trepid.config import Settings
 from trepid.types import NonNegative, Positive, Share
 
@@ -95,5 +96,6 @@ class LaneCvSettings(Settings):
     steering: SteeringSettings
     self_calibration: SelfCalibrationSettings
     unknown_camera: UnknownCameraSettings
+    street: StreetSettings
     camera_check: CameraCheckSettings
     edges: EdgeSettings

@@ -1,6 +1,7 @@
 """Dimensions, steering and limits of a vehicle: ``config/vehicle.yaml``."""
 
 import math
+from enum import StrEnum
 from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
@@ -37,6 +38,14 @@ def understeer_gradient(
     """
     rear_kg = mass_kg * cg_to_front_m / wheelbase_m
     return (mass_kg - rear_kg) / front_stiffness_nprad - rear_kg / rear_stiffness_nprad
+
+
+class Traffic(StrEnum):
+    """The side of the road on which vehicles drive."""
+
+    LEFT = "left"
+    RIGHT = "right"
+    UNKNOWN = "unknown"
 
 
 class Chassis(Settings):
@@ -88,6 +97,7 @@ class Vehicle(Settings):
     max_decel_mps2: Positive  # of the brakes
     accel_lag_s: NonNegative  # first-order time constant of drive and brakes
     lane_width_m: Annotated[float, Field(ge=0.2, le=6)] = REFERENCE_LANE_M  # usual, of the lanes it drives in
+    traffic: Traffic = Traffic.UNKNOWN  # learned while driving where it is not given
 
     @property
     def scale(self) -> float:

@@ -6,6 +6,7 @@ from perception.camera.self_calibration import self_calibrated
 from perception.estimators import entry_of
 from perception.lane.lane_cv import LaneCv
 from perception.lane.unknown_camera import OTHER_LANE, LaneOfUnknownCamera
+from perception.lane.which_lane import WhichLane
 from trepid.messages import Frame, VehicleState
 
 DASHCAM = CAMERA.model_copy(
@@ -131,7 +132,7 @@ def test_the_reason_names_another_lane_at_other_heights():
 
 def test_only_an_assumed_camera_is_unknown_and_only_to_cv():
     assert isinstance(entry_of("cv").build(CAMERA, VEHICLE), LaneCv)
-    assert isinstance(entry_of("cv").build(CAMERA, VEHICLE, assumed=True), LaneOfUnknownCamera)
+    assert isinstance(entry_of("cv").build(CAMERA, VEHICLE, assumed=True), WhichLane)
     assert type(entry_of("cnn").build(CAMERA, VEHICLE, assumed=True)) is type(
         entry_of("cnn").build(CAMERA, VEHICLE)
     )

@@ -1,0 +1,206 @@
+"""Which two boundaries of a street enclose the lane of the car.
+
+Boundaries are the peaks of a profile (:mod:`.profile`): lines, and steps of the surface such as kerbs. Every pair
+with the car between them is a hypothesis. Its weight is the product of the densities of its width and of the place
+of the car, the probability that both boundaries are real, and factors below 1 for a line or another surface inside.
+The height of the camera is marginal: a lane of W camera heights is W·h wide.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from perception.lane.street.profile import Profile
+from perception.lane.street.settings import PairSettings
+from trepid.types import Array
+
+
+class BoundaryKind(StrEnum):
+    LINE = "line"
+    STEP = "step"
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """A line or a step along the course."""
+
+    left_m: float
+    kind: BoundaryKind
+    strength: float  # share of the rows with paint; mean step
+    probability: float  # that it bounds a lane
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two boundaries with the car between them."""
+
+    left: Boundary
+    right: Boundary
+    probability: float  # among all pairs and none of them
+    height: float  # mean factor of the height of the camera, given this pair
+
+    @property
+    def width_m(self) -> float:
+        """Distance of the boundaries, at the height of the belief."""
+        return self.left.left_m - self.right.left_m
+
+    @property
+    def offset_m(self) -> float:
+        """Place of the car left of the middle."""
+        return -(self.left.left_m + self.right.left_m) / 2
+
+
+def boundaries(profile: Profile, settings: PairSettings) -> list[Boundary]:
+    """Lines and steps of ``profile``, from left to right. A step beside a line belongs to the line."""
+    reach = max(1, round(settings.apart_m / abs(float(profile.left_m[1] - profile.left_m[0]))))
+    line = np.where(profile.seen, profile.line, 0.0)
+    step = np.where(profile.seen, np.abs(profile.step), 0.0)
+    lines = [
+        Boundary(
+            float(profile.left_m[at]),
+            BoundaryKind.LINE,
+            float(line[at]),
+            1 - math.exp(-float(line[at]) / settings.full_line),
+        )
+        for at in _peaks(line, settings.min_line, reach)
+    ]
+    steps = [
+        Boundary(
+            float(profile.left_m[at]),
+            BoundaryKind.STEP,
+            float(step[at]),
+            settings.step_trust * (1 - math.exp(-float(step[at]) / settings.full_step)),
+        )
+        for at in _peaks(step, settings.min_step, reach)
+    ]
+    steps = [one for one in steps if all(abs(one.left_m - line.left_m) > settings.apart_m for line in lines)]
+    return sorted(lines + steps, key=lambda one: -one.left_m)
+
+
+def _peaks(values: Array, least: float, reach: int) -> list[int]:
+    """Places of local maxima of at least ``least``, none higher within ``reach``."""
+    return [
+        at
+        for at in np.flatnonzero(values >= least).tolist()
+        if values[at] == values[max(0, at - reach) : at + reach + 1].max()
+    ]
+
+
+def pairs(
+    profile: Profile,
+    found: Sequence[Boundary],
+    settings: PairSettings,
+    *,
+    height_sigma: float,
+    on_left: float = 0.5,
+    before: Sequence[Pair] = (),
+) -> list[Pair]:
+    """All pairs with the car between them, the most probable first.
+
+    ``height_sigma``: standard deviation of the logarithm of the height of the camera; ``on_left``: probability of
+    left-hand traffic. With the pairs ``before`` of the last frame, moved to this one, it is a step of a filter: the
+    evidence of a frame counts with the exponent ``evidence_of_frame``, because frames share their errors, and the
+    weight of a pair is multiplied by the probability that it was the lane before.
+    """
+    height = np.exp(np.linspace(-2, 2, 9) * height_sigma)
+    belief = np.exp(-0.5 * np.linspace(-2, 2, 9) ** 2)
+    belief /= belief.sum()
+    weighted: list[tuple[Boundary, Boundary, float, float]] = []
+    for left in found:
+        for right in found:
+            if left.left_m < -settings.margin_m or right.left_m > settings.margin_m:
+                continue
+            if left.left_m - right.left_m < 2 * settings.margin_m:
+                continue
+            weight = belief * _weight(profile, left, right, settings, height, on_left)
+            total = float(weight.sum())
+            if total > 0:
+                weighted.append((left, right, total, float(weight @ height) / total))
+    none = settings.none
+    if before:
+        none = none**settings.evidence_of_frame * (
+            1 - sum(one.probability for one in before) + settings.forget
+        )
+        weighted = [
+            (left, right, total**settings.evidence_of_frame * _was(left, right, before, settings), mean)
+            for left, right, total, mean in weighted
+        ]
+    everything = none + sum(one[2] for one in weighted)
+    chosen = [Pair(left, right, total / everything, mean) for left, right, total, mean in weighted]
+    return sorted(chosen, key=lambda one: -one.probability)
+
+
+def _weight(
+    profile: Profile, left: Boundary, right: Boundary, settings: PairSettings, height: Array, on_left: float
+) -> Array:
+    """Weight of a pair at each height."""
+    width_m = (left.left_m - right.left_m) * height
+    offset_m = -(left.left_m + right.left_m) / 2 * height
+    lines = (left.kind == BoundaryKind.LINE) + (right.kind == BoundaryKind.LINE)
+    if lines == 0:
+        middle_m, sigma_m = settings.road_width_m, settings.road_width_sigma_m
+    else:
+        middle_m = settings.width_m
+        sigma_m = settings.width_sigma_m if lines == 2 else settings.kerb_width_sigma_m
+    weight = np.exp(-0.5 * ((width_m - middle_m) / sigma_m) ** 2) / sigma_m
+    weight *= np.exp(-0.5 * (offset_m / settings.offset_sigma_m) ** 2)
+    return (
+        weight
+        * left.probability
+        * right.probability
+        * _plain(profile, left, right, settings)
+        * _side(left, right, settings, on_left)
+    )
+
+
+def _plain(profile: Profile, left: Boundary, right: Boundary, settings: PairSettings) -> float:
+    """Factor for what lies between two boundaries: no line, step or other surface belongs into a lane."""
+    margin = settings.apart_m
+    within = profile.seen & (profile.left_m < left.left_m - margin) & (profile.left_m > right.left_m + margin)
+    if not within.any():
+        return 1.0
+    line, step = profile.line[within].max(), np.abs(profile.step[within]).max()
+    other = float(profile.other[within].mean())
+    return math.exp(
+        -settings.line_within * float(line)
+        - settings.step_within * float(step)
+        - settings.other_within * other
+    )
+
+
+def _was(left: Boundary, right: Boundary, before: Sequence[Pair], settings: PairSettings) -> float:
+    """Probability that these boundaries were the lane of the frame before, and at least ``forget``."""
+    return settings.forget + sum(
+        one.probability
+        * math.exp(
+            -0.5
+            * ((left.left_m - one.left.left_m) ** 2 + (right.left_m - one.right.left_m) ** 2)
+            / settings.same_place_m**2
+        )
+        for one in before
+    )
+
+
+def _side(left: Boundary, right: Boundary, settings: PairSettings, on_left: float) -> float:
+    """Factor for the kinds of the boundaries: a kerb beside a line is on the side of the traffic."""
+    if left.kind == right.kind:
+        return 1.0 if left.kind == BoundaryKind.LINE else settings.kerbs_only
+    own = on_left if left.kind == BoundaryKind.STEP else 1 - on_left
+    return own + (1 - own) * settings.wrong_side
+
+
+def kerb_side(pair: Pair, profile: Profile, settings: PairSettings) -> int:
+    """The side of the traffic that ``pair`` shows: 1 left, −1 right, 0 neither.
+
+    A kerb on one side, and a line with road for another lane beyond it on the other.
+    """
+    if pair.left.kind == pair.right.kind:
+        return 0
+    side = 1 if pair.left.kind == BoundaryKind.STEP else -1
+    line = pair.right if side > 0 else pair.left
+    aside_m = side * (line.left_m - profile.left_m)
+    beyond = profile.seen & (aside_m > settings.apart_m) & (aside_m < pair.width_m)
+    return side if beyond.any() and float(profile.other[beyond].mean()) < settings.other_road else 0

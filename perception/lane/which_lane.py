@@ -1,0 +1,208 @@
+"""The estimator `cv` without a camera file: which lane is that of the car.
+
+Two finders look at each frame: the search between likely heights of the camera (:mod:`.unknown_camera`), which is
+precise where both boundaries of a lane are of one kind, and the pairs of boundaries of a street
+(:mod:`.street_finder`), of any kinds. The more probable lane is reported (:mod:`.street.rating`); each counts for
+the other where they agree, and against it where they do not.
+
+The pairs are hypotheses kept over time: those of a frame, moved with the vehicle, weigh the pairs of the next one.
+The side of the traffic is that of the car file, or learned from kerbs beside lines.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from perception.lane.agreement import agreement, lane_columns
+from perception.lane.detection.evenness import unevenness
+from perception.lane.estimate import lane_estimate
+from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneState
+from perception.lane.model.prediction import Motion
+from perception.lane.settings import LaneCvSettings
+from perception.lane.street.pairs import Boundary, BoundaryKind, Pair, kerb_side
+from perception.lane.street.profile import Course
+from perception.lane.street.rating import either, probability_of, searched_features, street_features
+from perception.lane.street_finder import StreetLane, street_lane
+from perception.lane.unknown_camera import LaneOfUnknownCamera
+from perception.lane.view import as_bgr, unusable
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Traffic, Vehicle
+from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.types import Image
+
+KEPT = 5  # pairs that are kept
+FORGET_S = 1.0  # after a longer pause nothing is kept
+ROAD_ROWS = 0.7  # the road right ahead is below this share of the height of the image
+UNEVEN = 2.0  # of a lane of which too little is visible
+MIN_AGREEMENT = 0.9  # from which both finders have the same lane
+OTHER_LANE = "at other likely heights of the camera, or beside it, it is another lane"
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """The lane of one finder, and the features of its probability."""
+
+    estimate: SteeringEstimate
+    features: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is remembered of a frame."""
+
+    t_s: float
+    course: Course
+    pairs: tuple[Pair, ...]
+
+
+class WhichLane:
+    """Estimator "cv" without a camera file. Its state: the search, the kept pairs, the side of the traffic."""
+
+    def __init__(self, settings: LaneCvSettings, camera: Camera, vehicle: Vehicle) -> None:
+        """``camera``: a self-calibrated one, whose height is the median of the belief."""
+        self._settings, self._camera, self._vehicle = settings, camera, vehicle
+        self._searched = LaneOfUnknownCamera(settings, camera, vehicle)
+        self._kept: Kept | None = None
+        self._traffic_log_odds = 0.0  # of left-hand traffic, learned
+        self.looks: tuple[
+            Look, ...
+        ] = ()  # of the last frame: of the search, then of the pair if there is one
+
+    @property
+    def on_left(self) -> float:
+        """Probability of left-hand traffic."""
+        known = {Traffic.LEFT: 1.0, Traffic.RIGHT: 0.0}
+        return known.get(self._vehicle.traffic, 1 / (1 + math.exp(-self._traffic_log_odds)))
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The more probable lane of both finders, with its probability as confidence."""
+        if unusable(frame.image):
+            return self._searched.step(frame, state, now_s=now_s)
+        street = self._settings.street
+        frame = replace(frame, image=lit(frame.image, day_grey=street.day_grey, max_gain=street.max_gain))
+        searched = self._searched.step(frame, state, now_s=now_s)
+        return self._rated(searched, self._street(frame, Motion.of(state)), frame)
+
+    def _street(self, frame: Frame, motion: Motion) -> StreetLane | None:
+        """The most probable pair of the street; updates what is kept."""
+        kept, belief = self._kept, self._searched.belief
+        if kept is not None and not 0 < frame.t_s - kept.t_s < FORGET_S:
+            kept = None
+        camera = self._camera.resized(frame.image.shape[1], frame.image.shape[0])
+        lane = street_lane(
+            frame.image,
+            camera.model_copy(update={"height_m": belief.median_m}),
+            self._settings,
+            height_sigma=belief.sigma,
+            on_left=self.on_left,
+            near=kept.course if kept else None,
+            before=moved(kept, motion, frame.t_s) if kept else (),
+        )
+        self._kept = None
+        if lane is not None:
+            self._kept = Kept(frame.t_s, lane.profile.course, (lane.pair, *lane.rest)[:KEPT])
+            self._learn_traffic(lane)
+        return lane
+
+    def _learn_traffic(self, lane: StreetLane) -> None:
+        settings = self._settings.street.pairs
+        side = kerb_side(lane.pair, lane.profile, settings) * lane.pair.probability
+        limit = settings.max_traffic_log_odds
+        log_odds = self._traffic_log_odds + settings.traffic_log_odds * side
+        self._traffic_log_odds = min(max(log_odds, -limit), limit)
+
+    def _rated(self, searched: SteeringEstimate, lane: StreetLane | None, frame: Frame) -> SteeringEstimate:
+        """The more probable one of both lanes."""
+        weights, (height, width) = self._settings.street, frame.image.shape[:2]
+        if lane is None:
+            self.looks = (Look(searched, _of_search(searched, 0.0, 0.0)),)
+            rated = probability_of(self.looks[0].features, weights.searched)
+            return _doubted(searched, min(rated, searched.confidence))
+        paired = self._estimate(lane, frame.t_s)
+        same = agreement(lane_columns(searched, height, width), lane_columns(paired, height, width))
+        uneven = unevenness(frame.image, paired.left_boundary_px, paired.right_boundary_px)
+        of_search = _of_search(searched, lane.pair.probability, same)
+        of_pair = street_features(
+            lane.pair.probability,
+            steps=sum(one.kind == BoundaryKind.STEP for one in (lane.pair.left, lane.pair.right)),
+            uneven=UNEVEN if uneven is None else uneven,
+            offset_m=lane.pair.offset_m,
+            agreement=same,
+            searched=searched.confidence,
+        )
+        self.looks = Look(searched, of_search), Look(paired, of_pair)
+        most = either(searched.confidence, lane.pair.probability, agreement=same)
+        by_search = min(probability_of(of_search, weights.searched), most)
+        by_pair = probability_of(of_pair, weights.pair)
+        if same >= MIN_AGREEMENT and searched.lanes_detected == 2:
+            return replace(searched, confidence=max(by_search, by_pair))
+        return _doubted(searched, by_search) if by_search >= by_pair else _doubted(paired, by_pair)
+
+    def _estimate(self, lane: StreetLane, t_s: float) -> SteeringEstimate:
+        """The estimate for ``lane``; metres are those of the mean height given the pair."""
+        seen, pair = lane.fit.boundaries_seen, lane.pair
+        marked = pair.left.kind == pair.right.kind == BoundaryKind.LINE
+        estimate = lane_estimate(
+            lane.fit.state, lane.camera, self._settings, self._vehicle,
+            t_s=t_s, confidence=0.0, lanes_detected=seen, reason="", marked=marked,
+        )  # fmt: skip
+        metres = lane_estimate(
+            scaled(lane.fit.state, pair.height), lane.camera, self._settings, self._vehicle,
+            t_s=t_s, confidence=0.0, lanes_detected=seen, reason="", marked=marked,
+        )  # fmt: skip
+        return replace(
+            metres,
+            left_boundary_px=estimate.left_boundary_px,
+            right_boundary_px=estimate.right_boundary_px,
+        )
+
+
+def lit(image: Image, *, day_grey: float, max_gain: float) -> Image:
+    """``image`` as BGR, brightened until the road right ahead has the median ``day_grey``; a light one unchanged.
+
+    A street at dusk keeps its contrasts, but they are below those that paint has by day.
+    """
+    image = as_bgr(image)
+    height, width = image.shape[:2]
+    ahead = image[int(ROAD_ROWS * height) :: 4, width // 3 : 2 * width // 3 : 4, 1]
+    gain = min(day_grey / max(float(np.median(ahead)), 1.0), max_gain)
+    if gain <= 1:
+        return image
+    return cv2.convertScaleAbs(image, alpha=gain).astype(np.uint8, copy=False)
+
+
+def _of_search(searched: SteeringEstimate, street: float, agreement: float) -> tuple[float, ...]:
+    """Features of the lane of the search."""
+    return searched_features(
+        searched.confidence,
+        marked=bool(searched.marked),
+        offset_m=searched.lateral_offset_m or 0.0,
+        agreement=agreement,
+        street=street,
+    )
+
+
+def _doubted(estimate: SteeringEstimate, confidence: float) -> SteeringEstimate:
+    """``estimate`` with its confidence, and with a reason where that is low."""
+    reason = estimate.reason or (OTHER_LANE if confidence < 1 / 2 else "")
+    return replace(estimate, confidence=confidence, reason=reason)
+
+
+def scaled(lane: LaneState, factor: float) -> LaneState:
+    """``lane`` of a camera ``factor`` times as high: lengths times ``factor``, curvatures over it."""
+    scale = np.ones(len(lane.mean))
+    scale[[E, WIDTH]] = factor
+    scale[KAPPA], scale[KAPPA_RATE] = 1 / factor, 1 / factor**2
+    return LaneState(mean=lane.mean * scale, covariance=lane.covariance * np.outer(scale, scale))
+
+
+def moved(kept: Kept, motion: Motion, t_s: float) -> tuple[Pair, ...]:
+    """The kept pairs at ``t_s``: a vehicle with the heading ψ moves v·sin ψ to the left."""
+    aside_m = (motion.speed_mps or 0.0) * (t_s - kept.t_s) * math.sin(kept.course.heading_rad)
+
+    def at(boundary: Boundary) -> Boundary:
+        return replace(boundary, left_m=boundary.left_m - aside_m)
+
+    return tuple(replace(one, left=at(one.left), right=at(one.right)) for one in kept.pairs)

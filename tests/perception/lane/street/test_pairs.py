@@ -1,0 +1,71 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.estimators import lane_cv_settings
+from perception.lane.street.pairs import BoundaryKind, boundaries, kerb_side, pairs
+from perception.lane.street.profile import Course, Profile
+
+SETTINGS = lane_cv_settings().street.pairs
+LEFT_M = np.arange(7.0, -7.05, -0.1)
+
+
+def street(lines=(), kerbs=(), road_m=(7.0, -7.0)):
+    """A profile with lines (place, share of rows), kerbs, and road between two places."""
+    line, step = np.zeros(len(LEFT_M)), np.zeros(len(LEFT_M))
+    for place_m, share in lines:
+        line[np.abs(LEFT_M - place_m).argmin()] = share
+    for place_m in kerbs:
+        step[np.abs(LEFT_M - place_m).argmin()] = 0.6
+    other = ((road_m[0] < LEFT_M) | (road_m[1] > LEFT_M)).astype(float)
+    seen = np.ones(len(LEFT_M), bool)
+    return Profile(Course(0.0, 0.0, 0.4), LEFT_M, seen, line, np.zeros(len(LEFT_M)), step, other)
+
+
+def ranked(profile, **kwargs):
+    return pairs(profile, boundaries(profile, SETTINGS), SETTINGS, height_sigma=0.2, **kwargs)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_of_a_two_way_street_the_half_between_kerb_and_dashed_line_is_the_lane(side):
+    profile = street([(-1.6 * side, 0.3)], [1.6 * side, -4.8 * side], sorted((1.6 * side, -4.8 * side))[::-1])
+    best = ranked(profile)[0]
+    assert [best.left.left_m, best.right.left_m] == pytest.approx([1.6, -1.6], abs=0.06)
+    assert best.probability > 0.5 and kerb_side(best, profile, SETTINGS) == side
+
+
+def test_a_lane_with_a_line_inside_is_less_probable_than_a_plain_one():
+    (plain,) = ranked(street([(1.7, 0.8), (-2.0, 0.8)]))
+    divided = ranked(street([(1.7, 0.8), (-0.1, 0.3), (-2.0, 0.8)]))
+    whole = next(one for one in divided if one.width_m > 3.5)
+    assert whole.probability < plain.probability - 0.3
+
+
+def test_a_step_beside_a_line_is_no_boundary_of_its_own():
+    found = boundaries(street([(1.6, 0.8)], [1.8, 3.0]), SETTINGS)
+    assert [one.kind for one in found] == [BoundaryKind.STEP, BoundaryKind.LINE]
+
+
+def test_the_kerb_of_the_wrong_side_is_less_probable_where_the_side_of_the_traffic_is_known():
+    profile = street([(-1.6, 0.3)], [1.6])
+    right, left = ranked(profile, on_left=0.0)[0], ranked(profile, on_left=1.0)[0]
+    assert right.probability < left.probability
+
+
+def test_a_pair_that_was_the_lane_in_the_frame_before_is_more_probable():
+    profile = street([(1.7, 0.3), (-1.5, 0.3), (-2.3, 0.3)])
+    alone = ranked(profile)
+    second = alone[1]
+    kept = replace(second, probability=0.9)
+    assert ranked(profile, before=(kept,))[0].right == second.right
+
+
+def test_a_street_without_boundaries_has_no_pairs():
+    assert ranked(street()) == []
+
+
+def test_the_height_that_makes_a_pair_as_wide_as_a_lane_is_the_more_likely_one():
+    (narrow,) = ranked(street([(1.2, 0.8), (-1.2, 0.8)]))
+    (wide,) = ranked(street([(2.1, 0.8), (-2.1, 0.8)]))
+    assert narrow.height > 1.05 and wide.height < 0.95

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
+
+from perception.camera.self_calibration import self_calibrated
+from perception.estimators import entry_of
+from perception.lane.model.geometry import WIDTH, E
+from perception.lane.model.prediction import Motion
+from perception.lane.street.pairs import Boundary, BoundaryKind, Pair
+from perception.lane.street.profile import Course
+from perception.lane.which_lane import Kept, WhichLane, lit, moved, scaled
+from trepid.car.vehicle import Traffic
+from trepid.messages import Frame
+
+DASHCAM = CAMERA.model_copy(
+    update=dict(fx_px=288.0, fy_px=288.0, height_m=1.3, pitch_down_rad=0.0, cx_px=159.5, cy_px=119.5, x_m=1.7)
+)
+STRAIGHT = (0.1, 0.0, 0.0, 0.0)
+
+
+def unknown(image, vehicle=VEHICLE):
+    return WhichLane(SETTINGS, self_calibrated([image], SETTINGS.self_calibration), vehicle)
+
+
+def seen_by(finder, image, t_s=0.0):
+    return finder.step(Frame(t_s=t_s, image=image), None, now_s=t_s)
+
+
+def test_a_self_calibrated_camera_gets_the_estimator_of_streets():
+    image = road(STRAIGHT, camera=DASHCAM)
+    camera = self_calibrated([image], SETTINGS.self_calibration)
+    assert isinstance(entry_of("cv").build(camera, VEHICLE, assumed=True), WhichLane)
+
+
+def test_a_plain_marked_lane_is_sure_and_both_finders_have_it():
+    image = road(STRAIGHT, camera=DASHCAM)
+    finder = unknown(image)
+    seen = seen_by(finder, image)
+    assert seen.confidence > 0.6 and seen.lanes_detected == 2 and len(finder.looks) == 2
+    assert seen.lane_width_m == pytest.approx(3.4, rel=0.15)
+
+
+def test_an_image_without_a_lane_has_no_confidence():
+    image = np.full((240, 320, 3), 90, np.uint8)
+    assert seen_by(unknown(image), image).confidence < 0.1
+
+
+def test_a_dark_street_is_brightened_and_a_light_one_is_not():
+    dark, light = np.full((240, 320, 3), 30, np.uint8), np.full((240, 320, 3), 120, np.uint8)
+    assert lit(dark, day_grey=80, max_gain=4)[200, 160, 1] == 80
+    assert lit(light, day_grey=80, max_gain=4) is light
+
+
+@pytest.mark.parametrize(
+    ("traffic", "on_left"), [(Traffic.LEFT, 1.0), (Traffic.RIGHT, 0.0), (Traffic.UNKNOWN, 0.5)]
+)
+def test_the_side_of_the_traffic_is_that_of_the_car_file(traffic, on_left):
+    image = road(STRAIGHT, camera=DASHCAM)
+    assert unknown(image, VEHICLE.model_copy(update={"traffic": traffic})).on_left == on_left
+
+
+def test_kept_pairs_move_against_the_vehicle():
+    line = Boundary(1.6, BoundaryKind.LINE, 0.5, 0.9)
+    kept = Kept(0.0, Course(0.1, 0.0, 0.4), (Pair(line, line, 0.5, 1.0),))
+    (pair,) = moved(kept, Motion(10.0, None), 0.1)
+    assert pair.left.left_m == pytest.approx(1.6 - 0.1, abs=0.01)
+
+
+def test_a_lane_of_a_higher_camera_is_wider_and_bends_less():
+    state = SETTINGS.prior.lane
+    larger = scaled(state, 1.5)
+    assert larger.mean[WIDTH] == pytest.approx(1.5 * state.mean[WIDTH])
+    assert larger.covariance[E, E] == pytest.approx(2.25 * state.covariance[E, E])

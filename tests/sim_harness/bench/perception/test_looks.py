@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+
+from perception.camera.self_calibration import self_calibrated
+from perception.estimators import lane_cv_settings
+from perception.lane.agreement import overlap
+from perception.lane.which_lane import WhichLane
+from sim_harness.bench.perception import fit_which_lane
+from sim_harness.bench.perception.fit_which_lane import Samples, _between, margin
+from sim_harness.bench.perception.looks import looks
+from sim_harness.bench.perception.streets import StreetKind, random_street
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Frame
+
+
+def test_the_same_seed_draws_the_same_looks_and_every_second_one_is_mirrored():
+    first, again = list(looks(5, 2)), list(looks(5, 2))
+    assert all(np.array_equal(a.image, b.image) for a, b in zip(first, again, strict=True))
+    for look in first:
+        assert look.left_px[0, 0] < look.right_px[0, 0]
+
+
+@pytest.mark.parametrize("kind", list(StreetKind))
+def test_every_kind_of_street_is_drawn(kind):
+    street = random_street(kind, np.random.default_rng(3), from_m=10.0)
+    assert street.road.name == kind
+    assert any(True for _ in street.vehicles) or kind != StreetKind.PARKING
+
+
+def test_most_lanes_of_drawn_streets_are_right_on_both_sides_of_the_traffic():
+    settings, vehicle = lane_cv_settings(), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    right = []
+    for look in looks(1, 12):
+        finder = WhichLane(settings, self_calibrated([look.image], settings.self_calibration), vehicle)
+        seen = finder.step(Frame(t_s=0.0, image=look.image), None, now_s=0.0)
+        paths = (np.array(path).reshape(-1, 2) for path in (seen.left_boundary_px, seen.right_boundary_px))
+        lane, truth = _between(*paths, look), _between(look.left_px, look.right_px, look)
+        right.append((look.number % 2, overlap(lane, truth) > fit_which_lane.RIGHT))
+    assert all(sum(good for side, good in right if side == one) >= 4 for one in (0, 1))
+
+
+def test_the_margin_grows_until_a_family_that_is_left_out_keeps_the_bound():
+    rng = np.random.default_rng(2)
+    x = rng.normal(size=200)
+    inputs, family = np.column_stack([np.ones(200), x]), np.repeat(["a", "b"], 100)
+    easy = Samples(inputs, x > 0, family)
+    hard = Samples(inputs, (x > 0) & ~((family == "b") & (rng.random(200) < 0.6)), family)
+    assert margin(easy) < 0.5 < margin(hard)
