@@ -262,7 +262,8 @@ def test_a_phone_shows_all_without_scrolling_sideways(seen):
         for mode in Mode:
             seen.scene.decision = {**seen.scene.decision, "mode": mode}
             assert seen.becomes("mode", str(mode))
-            assert seen.js("return document.documentElement.scrollWidth") <= 360
+            width = "return document.documentElement.scrollWidth"  # the charts are drawn anew first
+            assert until(lambda width=width: seen.js(width) <= 360, patience_s=PATIENCE_S)
             word, button = (
                 seen.js(f"return document.getElementById('{name}').getBoundingClientRect().toJSON()")
                 for name in ("mode", "stop")
