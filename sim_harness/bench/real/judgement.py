@@ -2,12 +2,16 @@
 
 ``judged.csv`` holds one row per frame and estimator: set, file, estimator, judgement (``right``, ``wrong``,
 ``cannot_say``), and the place of the lane that was judged, with which an answer of a later version can be compared:
-columns of the left and of the right boundary in widths of the image at the rows of LANE_ROWS. An answer is
+columns of the left and of the right boundary in widths of the image at the rows of LANE_ROWS. A row with the
+judgement ``lane`` and no estimator holds the lane of the car itself, drawn by eye. The first that holds of
 
-- right, where it lies within SAME of a lane that was judged right (of any estimator),
-- not rated, where it lies within SAME of one on which the judge could not say,
-- wrong, where another lane of the frame was judged right, or where it lies within SAME of one judged wrong,
-- not rated otherwise.
+- within SAME of a lane that was judged right (of any estimator): right,
+- within SAME of a lane that was judged wrong: wrong,
+- in a frame with the lane of the car: right where both boundaries lie within BESIDE of its own, else wrong,
+- within SAME of a lane on which the judge could not say: not rated,
+- in a frame where another lane was judged right: wrong,
+
+rates an answer; others are not rated.
 """
 
 import csv
@@ -23,10 +27,11 @@ from trepid.config import InputError
 from trepid.types import Array
 
 FILE = Path(__file__).parent / "judged.csv"
-RIGHT, WRONG, CANNOT_SAY = "right", "wrong", "cannot_say"
+RIGHT, WRONG, CANNOT_SAY, LANE = "right", "wrong", "cannot_say", "lane"
 PLACES = [f"{side}_{round(100 * row)}" for side in ("left", "right") for row in LANE_ROWS]
 COLUMNS = ["set", "file", "estimator", "judgement", *PLACES]
 SAME = 0.04  # of the image width, at every row where both lanes have both boundaries
+BESIDE = 0.25  # of the width of the lane in the same row: a cycle lane or half a pavement more is wrong
 
 
 @dataclass(frozen=True)
@@ -49,9 +54,9 @@ def judgements(path: Path = FILE) -> dict[str, dict[str, list[Judged]]]:
         if reader.fieldnames != COLUMNS:
             raise InputError(f"{path}:1:1: expected the columns {', '.join(COLUMNS)}")
         for line, row in enumerate(reader, start=2):
-            if row["judgement"] not in (RIGHT, WRONG, CANNOT_SAY):
+            if row["judgement"] not in (RIGHT, WRONG, CANNOT_SAY, LANE):
                 raise InputError(
-                    f"{path}:{line}:1: expected right, wrong or cannot_say, got {row['judgement']!r}"
+                    f"{path}:{line}:1: expected right, wrong, cannot_say or lane, got {row['judgement']!r}"
                 )
             try:
                 lane = np.array([float(row[name] or "nan") for name in PLACES]).reshape(2, -1)
@@ -75,12 +80,21 @@ def verdicts(rows: Sequence[dict[str, Any]], name: str, judged: Judgements) -> l
 def _verdict(answer: Mapping[str, Any], judged: Sequence[Judged]) -> bool | None:
     lane = np.array(answer["lane"], float)
     near = {one.judgement for one in judged if same(lane, one.lane)}
-    if RIGHT in near:
-        return True
-    if CANNOT_SAY in near:
-        return None
+    for verdict in (RIGHT, WRONG):
+        if verdict in near:
+            return verdict == RIGHT
+    for one in judged:
+        if one.judgement == LANE:
+            return beside(lane, one.lane)
     other = any(one.judgement == RIGHT for one in judged)
-    return False if other or WRONG in near else None
+    return False if other and CANNOT_SAY not in near else None
+
+
+def beside(lane: Array, true: Array) -> bool | None:
+    """Whether both boundaries lie within BESIDE of those of the ``true`` lane; None where no row has all four."""
+    off = np.abs(lane - true) / (true[1] - true[0])
+    both = np.isfinite(off).all(axis=0)
+    return bool((off[:, both] <= BESIDE).all()) if both.any() else None
 
 
 def same(a: Array, b: Array) -> bool:

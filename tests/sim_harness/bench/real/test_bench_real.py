@@ -122,6 +122,18 @@ def test_a_later_answer_is_rated_by_the_lane_that_was_judged():
     assert verdicts(frame, "cv", {"a.png": both}) == [None, True]
 
 
+def test_an_answer_is_rated_by_the_lane_of_the_car_where_that_was_drawn():
+    true = np.array(LANE)
+    shifted, doubled = true + np.array([0.1, 0.08, 0.04]), np.array([true[0], 2 * true[1] - true[0]])
+    frame = [row(answer(0.9, lane=lane.tolist())) for lane in (true, shifted, doubled)]
+    drawn = Judged("lane", true)
+    assert verdicts(frame, "cv", {"a.png": [drawn]}) == [True, True, False]
+    assert verdicts(frame, "cv", {"a.png": [Judged("wrong", shifted), drawn]}) == [True, False, False]
+    assert verdicts(frame, "cv", {"a.png": [Judged("cannot_say", doubled), drawn]}) == [True, True, False]
+    unseen = {"a.png": [Judged("lane", np.full_like(true, np.nan))]}
+    assert verdicts(frame, "cv", unseen) == [None, None, None]
+
+
 def test_lanes_are_the_same_where_both_are_known():
     lane = np.array(LANE)
     short = lane.copy()
@@ -139,7 +151,7 @@ def test_the_judgements_of_the_repository_can_be_read_and_name_known_sets():
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
-        ("a,b,cv,maybe,,,,,,", ":2:1: expected right, wrong"),
+        ("a,b,cv,maybe,,,,,,", ":2:1: expected right, wrong, cannot_say or lane"),
         ("a,b,cv,right,x,,,,,", ":2:1: expected numbers"),
     ],
 )
