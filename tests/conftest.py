@@ -3,6 +3,7 @@
 import gc
 import os
 import signal
+import tempfile
 
 for library in (
     "OMP",
@@ -10,6 +11,10 @@ for library in (
     "MKL",
 ):  # tests run in parallel; threads of one would only wait for the other's
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(
+    prefix="trepid-state-"
+)  # drives write their last minutes there
 
 from hypothesis import settings  # noqa: E402  after the limits, which libraries read when they are imported
 

@@ -84,6 +84,7 @@ VERBS = {
         "train_lead",
         "Train the lead detector on rendered vehicles and write its weights; needs the extra 'train'.",
     ),
+    "record": Verb("trepid.recording.cli", help="Keep the last minutes of a drive."),
     "replay": Verb(
         "cockpit.replay.cli",
         "replay",

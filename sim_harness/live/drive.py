@@ -76,7 +76,8 @@ def drive(
     Raises InputError for a scenario that only the lock-step loop can simulate, for invalid configuration, for an
     endpoint in use, and for a process that does not start.
     """
-    specs, estimators = _plan(scenario, recorded=record is not None, chosen=chosen, page=page is not None)
+    recorded = record is not None or settings.ring.max_mb > 0
+    specs, estimators = _plan(scenario, recorded=recorded, chosen=chosen, page=page is not None)
     if record is not None:
         check_free(record)
     offset_ns = epoch_offset_ns()
@@ -103,6 +104,7 @@ def drive(
     if record is not None:
         context["record"] = str(record.resolve())
     else:
+        context["ring"] = True
         context["record_folder"] = str(settings.record_folder.expanduser().resolve())
     with (
         caught_signals() as signals,

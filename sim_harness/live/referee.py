@@ -17,6 +17,7 @@ from trepid.config import InputError, Settings
 from trepid.messages import Health
 from trepid.processes.launch import Fleet, UnexpectedExit
 from trepid.processes.settings import Loss, Restart
+from trepid.recording.ring import RingSettings
 from trepid.types import Positive
 
 Show = Callable[[DriveLog, Fleet, float], None]
@@ -36,6 +37,7 @@ class DriveSettings(Settings):
     standstill_mps: Positive
     stop_timeout_s: Positive
     status_period_s: Positive
+    ring: RingSettings
     record_folder: Path
     page_host: str
     page_port: Annotated[int, Field(ge=0, le=65535)]

@@ -1,13 +1,13 @@
 """Recorder process: every topic of the drive into MCAP files.
 
-With the option ``record`` it records the whole drive into one file. Without it, the record button of the driver
-input starts a recording, and its next press ends it.
+With the option ``record`` it records the whole drive into one file. Without it, it records the last minutes
+(:mod:`trepid.recording.keeper`), and the record button of the driver input starts a recording, which its next press
+ends.
 
 A recording never touches the drive. A disk that is full or refuses to be written is reported once, as the health of
 this process; the process then runs on without writing.
 """
 
-import itertools
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
@@ -17,7 +17,9 @@ from trepid.config import InputError
 from trepid.messages import Diagnostic, Health
 from trepid.processes.process import Process, process
 from trepid.processes.settings import LAUNCHER
+from trepid.recording.keeper import Keeper
 from trepid.recording.notes import drive_notes
+from trepid.recording.ring import free_path, ring_settings
 from trepid.recording.writer import BEGAN, BusRecorder, attachments
 from trepid.topics import DIAGNOSTICS, DRIVER_INPUT
 
@@ -41,17 +43,31 @@ def run(me: Process) -> None:
 
 
 def record_by_button(me: Process, heard: Stream[Diagnostic]) -> None:
-    """Record while the driver input says so, each time into a file of its own."""
+    """Record the last minutes, and while the driver input says so, each time into a file of its own."""
     driver = me.bus.latest(DRIVER_INPUT, wakes=False)
+    settings = ring_settings() if me.options.get("ring") else None
+    keeper = Keeper(me, settings, attached(me), notes(me)) if settings and settings.max_mb else None
+
+    def running() -> bool:
+        """Whether the drive goes on; writes the last minutes meanwhile."""
+        if keeper is not None:
+            keeper.turn()
+        return me.running()
 
     def wanted() -> bool:
         newest = driver.refresh()
-        return me.running() and newest is not None and newest.record
+        return running() and newest is not None and newest.record
 
     folder = Path(me.options["record_folder"])
     said = f"not recording; the record button starts a recording in {folder}"
     me.ready()
-    while me.running():
+    begun = False
+    while running():
+        if keeper is not None and not begun:
+            began_ns = beginning(heard)
+            if began_ns is not None:
+                begun = True
+                keeper.began_ns(began_ns)
         if wanted():
             path = free_path(folder / datetime.fromtimestamp(me.now_s()).strftime(NAME))
             try:
@@ -61,8 +77,20 @@ def record_by_button(me: Process, heard: Stream[Diagnostic]) -> None:
                 continue
             record(me, path, heard, wanted, said=f"recording {path}")
             said = f"not recording; the last recording is {path}"
-        me.stepped(Health.OK, said)
+        troubled = keeper is not None and keeper.problem
+        me.stepped(*((Health.ERROR, keeper.problem) if keeper and troubled else (Health.OK, said)))
         me.bus.wait(timeout_s=PERIOD_S)
+    if keeper is not None:
+        keeper.close()
+
+
+def beginning(heard: Stream[Diagnostic]) -> int | None:
+    """The start of the drive [ns] where the launcher has reported it since the last call."""
+    for beat, _ in heard.drain():
+        began_ns = dict(beat.values).get(BEGAN)
+        if beat.process == LAUNCHER and began_ns is not None:
+            return int(began_ns)
+    return None
 
 
 def record(
@@ -97,11 +125,10 @@ def write(me: Process, recorder: BusRecorder, heard: Stream[Diagnostic], wanted:
     while wanted():
         me.bus.wait(timeout_s=PERIOD_S)
         recorder.write()
-        for beat, _ in heard.drain():
-            began_ns = dict(beat.values).get(BEGAN)
-            if not begun and beat.process == LAUNCHER and began_ns is not None:
-                recorder.began_ns(int(began_ns))
-                begun = True
+        began_ns = beginning(heard)
+        if not begun and began_ns is not None:
+            recorder.began_ns(began_ns)
+            begun = True
         me.stepped(Health.OK, said)
 
 
@@ -125,12 +152,6 @@ def idle(me: Process, problem: str, wanted: Wanted) -> None:
     while wanted():
         me.alive(Health.ERROR, problem)
         me.bus.wait(timeout_s=0.2)
-
-
-def free_path(path: Path) -> Path:
-    """``path``, or after a restart of this process the first of ``path-2``, ``path-3``, … that does not exist."""
-    names = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(2))
-    return next(name for name in itertools.chain([path], names) if not name.exists())
 
 
 if __name__ == "__main__":

@@ -1,0 +1,39 @@
+"""The ``record`` verbs."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from trepid.recording.ring import kept, kept_name, newest, secured
+from trepid.recording.writer import check_free
+
+app = typer.Typer(no_args_is_help=True)
+
+
+@app.callback()
+def record() -> None:
+    """Recordings of the last minutes, which every drive writes."""
+
+
+@app.command()
+def keep(
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="F.mcap", help="The new recording; default: a name in the user's state folder."),
+    ] = None,
+) -> None:
+    """Keep the last minutes of the running drive, or of the last one, as one recording, and print its name.
+
+    Example: trepid record keep --out near-miss.mcap
+    """
+    import shutil
+
+    if out is not None:
+        check_free(out)
+    safe = secured(newest())
+    path = kept_name("by-hand", now_s=time.time()) if out is None else out
+    kept(safe, path)
+    shutil.rmtree(safe)
+    print(path)

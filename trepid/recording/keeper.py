@@ -1,0 +1,96 @@
+"""The ring of a drive and the events that keep it: an intervention of the driver or referee, an emergency stop."""
+
+from collections.abc import Callable, Mapping
+
+from trepid.config import InputError
+from trepid.messages import Decision, SimTruth, Stop, VehicleState
+from trepid.processes.process import Process
+from trepid.recording.ring import MB, Ring, RingSettings, keep_apart, kept_name, size_of_kept
+from trepid.recording.writer import RECORDED
+from trepid.topics import DECISION, SIM_TRUTH, VEHICLE_STATE
+
+EMERGENCY, INTERVENTION = "emergency-stop", "intervention"
+
+
+class Events:
+    """Finds the beginning of each event in the newest messages."""
+
+    def __init__(self) -> None:
+        self._stops = self._overrides = True  # what is so at the beginning is no event
+        self._interventions: int | None = None
+
+    def step(
+        self, decision: Decision | None, state: VehicleState | None, truth: SimTruth | None
+    ) -> str | None:
+        """Name of an event that began since the last call; None without one."""
+        found = None
+        if decision is not None:
+            found = EMERGENCY if decision.stop is Stop.EMERGENCY and not self._stops else found
+            self._stops = decision.stop is Stop.EMERGENCY
+        if state is not None:
+            found = INTERVENTION if state.driver_override and not self._overrides else found
+            self._overrides = state.driver_override
+        if truth is not None:
+            before, self._interventions = self._interventions, truth.interventions
+            found = INTERVENTION if before is not None and truth.interventions > before else found
+        return found
+
+
+class Keeper:
+    """Writes the ring of a drive and keeps it ``after_s`` after an event. A disk that refuses ends the ring."""
+
+    def __init__(
+        self, me: Process, settings: RingSettings, files: Mapping[str, bytes], notes: Mapping[str, str]
+    ) -> None:
+        self._me, self._settings = me, settings
+        self.problem = ""
+        """Why the ring is not written, or an event was not kept; "" while all is well."""
+        self._events, self._due_s, self._reason = Events(), float("inf"), ""
+        bus = me.bus
+        self._decision = bus.latest(DECISION, wakes=False)
+        self._state = bus.latest(VEHICLE_STATE, wakes=False)
+        self._truth = bus.latest(SIM_TRUTH, wakes=False)
+        self._ring: Ring | None = None
+        try:
+            self._ring = Ring(bus.tap(*RECORDED), settings, files, notes, now_s=me.now_s())
+        except InputError as error:
+            self.problem = f"the last minutes are not recorded: {error}"
+
+    def began_ns(self, stamp_ns: int) -> None:
+        """Note the start of the drive."""
+        self._tried(lambda ring: ring.began_ns(stamp_ns))
+
+    def turn(self) -> None:
+        """Write what has come, and keep the ring when it is due."""
+        self._tried(Ring.write)
+        event = self._events.step(self._decision.refresh(), self._state.refresh(), self._truth.refresh())
+        now_s = self._me.now_s()
+        if event is not None and not self._reason:
+            self._reason, self._due_s = event, now_s + self._settings.after_s
+        if now_s >= self._due_s:
+            self._keep(now_s)
+
+    def close(self) -> None:
+        """Write the rest and keep the ring if an event asks for it."""
+        self._tried(Ring.write)
+        self._tried(Ring.close)
+        if self._reason:
+            self._keep(self._me.now_s())
+
+    def _keep(self, now_s: float) -> None:
+        reason, self._reason, self._due_s = self._reason, "", float("inf")
+        if size_of_kept() > MB * self._settings.max_kept_mb:
+            self.problem = (
+                f"the {reason} is not kept: more than {self._settings.max_kept_mb:g} MB are kept already"
+            )
+        else:
+            self._tried(lambda ring: keep_apart(ring.folder, kept_name(reason, now_s=now_s)))
+
+    def _tried(self, act: Callable[[Ring], None]) -> None:
+        if self._ring is None:
+            return
+        try:
+            act(self._ring)
+        except InputError as error:
+            self.problem = f"the last minutes are not recorded any more: {error}"
+            self._ring = None

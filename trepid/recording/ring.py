@@ -1,0 +1,217 @@
+"""The last minutes of every drive on disk: short recordings one after the other, the oldest deleted beyond a size.
+
+Each drive has a folder of its own below ``$XDG_STATE_HOME/trepid/ring`` (default: ``~/.local/state/trepid/ring``).
+A part is a whole MCAP file of ``part_s``; the one being written is readable up to its last second, also after a
+crash. :func:`kept` joins the parts of a drive into one recording in ``…/trepid/kept``, which nothing deletes.
+"""
+
+import itertools
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+
+from pydantic import ConfigDict
+
+from trepid.bus import Tap
+from trepid.clock import seconds
+from trepid.config import CONFIG_DIR, ROOT, InputError, Settings, parse, read
+from trepid.recording.foreign import in_order
+from trepid.recording.reader import read_recording
+from trepid.recording.writer import BEGAN, Recording
+from trepid.types import NonNegative, Positive
+
+MB = 1_000_000
+STAMP = "%Y-%m-%d-%H-%M-%S"
+KEPT_NICE = 19  # of the process that joins parts during a drive
+
+
+class RingSettings(Settings):
+    """``ring`` in ``config/drive.yaml``."""
+
+    max_mb: NonNegative  # of the parts of all drives; 0: no ring
+    part_s: Positive  # length of one part
+    after_s: NonNegative  # what is kept by an event lasts so long beyond it
+    max_kept_mb: NonNegative  # beyond it, events keep nothing more
+
+
+def ring_settings() -> RingSettings:
+    """``ring`` of ``drive.yaml``. Raises InputError."""
+    path = CONFIG_DIR / "drive.yaml"
+    return parse(read(path), _DriveFile, source=path).ring
+
+
+class _DriveFile(Settings):
+    """The part of ``drive.yaml`` that the ring reads."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    ring: RingSettings
+
+
+def state_folder(name: str) -> Path:
+    """Folder ``name`` of the user's state. Raises InputError without a home folder."""
+    root = os.environ.get("XDG_STATE_HOME", "")
+    try:
+        top = Path(root) if Path(root).is_absolute() else Path.home() / ".local" / "state"
+    except RuntimeError as error:
+        raise InputError("no folder for recordings: there is no home folder; set XDG_STATE_HOME") from error
+    return top / "trepid" / name
+
+
+class Ring:
+    """The parts of one drive, being written from a tap of the bus."""
+
+    def __init__(
+        self,
+        tap: Tap,
+        settings: RingSettings,
+        files: Mapping[str, bytes],
+        notes: Mapping[str, str],
+        *,
+        now_s: float,
+    ) -> None:
+        """Make the folder. Raises InputError."""
+        self._tap, self._settings = tap, settings
+        self._files, self.notes = dict(files), dict(notes)
+        self.folder = state_folder("ring") / f"{datetime.fromtimestamp(now_s).strftime(STAMP)}-{os.getpid()}"
+        try:
+            self.folder.mkdir(parents=True)
+        except OSError as error:
+            raise InputError(f"{self.folder}: cannot be made: {error.strerror}") from error
+        self._part: Recording | None = None
+        self._count, self._until_s = 0, -1.0
+
+    def write(self) -> None:
+        """Write all messages since the last call. Raises InputError when the disk refuses them."""
+        for key, data, at_s in self._tap.drain():
+            if self._part is None or at_s >= self._until_s:
+                self._next(at_s)
+            if self._part is not None:
+                self._part.add(key, data, at_s=at_s)
+
+    def began_ns(self, stamp_ns: int) -> None:
+        """Note the start of the drive in this part and the next ones."""
+        self.notes[BEGAN] = str(stamp_ns)
+        if self._part is not None:
+            self._part.began_ns(stamp_ns)
+
+    def close(self) -> None:
+        """End the part being written."""
+        if self._part is not None:
+            part, self._part = self._part, None
+            part.__exit__()
+
+    def _next(self, at_s: float) -> None:
+        self.close()
+        prune(self.folder.parent, MB * self._settings.max_mb, own=self.folder)
+        self._count += 1
+        self._until_s = at_s + self._settings.part_s
+        self._part = Recording(self.folder / f"{self._count:06d}.mcap", self._files, self.notes)
+
+
+def prune(root: Path, most_bytes: float, *, own: Path) -> None:
+    """Delete the oldest parts of all drives below ``root`` beyond ``most_bytes``, and empty folders but ``own``."""
+    with suppress(OSError):
+        parts = sorted(root.glob("*/*.mcap"), key=lambda path: path.stat().st_mtime)
+        excess = sum(path.stat().st_size for path in parts) - most_bytes
+        for path in parts[:-1]:
+            if excess <= 0:
+                break
+            excess -= path.stat().st_size
+            path.unlink()
+        for folder in root.iterdir():
+            with suppress(OSError):  # not empty
+                if folder != own:
+                    folder.rmdir()
+
+
+def newest() -> Path:
+    """Folder of the parts of the newest drive. Raises InputError without one."""
+    root = state_folder("ring")
+    folders = {path.parent for path in root.glob("*/*.mcap")} if root.is_dir() else set()
+    if not folders:
+        raise InputError(f"{root}: holds no drive to keep; `trepid drive` writes there")
+    return max(folders, key=lambda folder: max(part.stat().st_mtime for part in folder.glob("*.mcap")))
+
+
+def kept(folder: Path, out: Path) -> None:
+    """Join the parts in ``folder`` into the new recording ``out``. Raises InputError."""
+    # a part that has just been begun is still empty
+    parts = [part for part in sorted(folder.glob("*.mcap")) if part.stat().st_size]
+    if not parts:
+        raise InputError(f"{folder}: holds no recording")
+    held = [read_recording(part) for part in parts]
+    notes = {name: text for one in held for name, text in one.notes.items()}
+    with Recording(out, held[0].files, notes) as recording:
+        for part in parts:
+            for log_ns, key, data in in_order(part):
+                recording.add(key, data, at_s=seconds(log_ns))
+
+
+def secured(folder: Path) -> Path:
+    """A new folder beside the kept recordings with the present parts of ``folder``, which no ring deletes.
+
+    Raises InputError.
+    """
+    top = state_folder("kept")
+    try:
+        top.mkdir(parents=True, exist_ok=True)
+        safe = Path(tempfile.mkdtemp(prefix="parts-", dir=top))
+        for part in sorted(folder.glob("*.mcap")):
+            try:
+                os.link(part, safe / part.name)
+            except FileNotFoundError:
+                continue  # the ring has just deleted it
+            except OSError:  # a file system without hard links
+                shutil.copy2(part, safe / part.name)
+    except OSError as error:
+        raise InputError(f"{top}: cannot be written: {error.strerror}") from error
+    return safe
+
+
+def free_path(path: Path) -> Path:
+    """``path``, or the first of ``path-2``, ``path-3``, … that does not exist."""
+    names = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(2))
+    return next(name for name in itertools.chain([path], names) if not name.exists())
+
+
+def kept_name(reason: str, *, now_s: float) -> Path:
+    """A free name for a kept recording."""
+    stamp = datetime.fromtimestamp(now_s).strftime(STAMP)
+    return free_path(state_folder("kept") / f"{stamp}-{reason}.mcap")
+
+
+def keep_apart(folder: Path, out: Path) -> None:
+    """Secure the parts in ``folder`` now, and let another process of low priority join them. Raises InputError."""
+    safe = secured(folder)
+    command = [sys.executable, "-m", "trepid.recording.ring", str(safe), str(out)]
+    subprocess.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL, start_new_session=True)
+
+
+def size_of_kept() -> int:
+    """Bytes of the kept recordings."""
+    with suppress(OSError):
+        return sum(path.stat().st_size for path in state_folder("kept").rglob("*.mcap"))
+    return 0
+
+
+def main(folder: str, out: str) -> int:
+    """Join the parts in ``folder``, which is deleted afterwards."""
+    os.nice(KEPT_NICE)
+    try:
+        kept(Path(folder), Path(out))
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    shutil.rmtree(folder)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:3]))
