@@ -19,9 +19,9 @@ from sim_harness.report.page import Page
 from sim_harness.scenarios.boundary import TOLERANCE, Limit, limits
 from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.sampling import Case, Method, fresh_seed
-from sim_harness.scenarios.scenario import Scenario, Tag, list_scenarios, load_scenario, scenario_schema
+from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenario, scenario_schema
 from sim_harness.sweep.fingerprint import fingerprint
-from sim_harness.sweep.plan import Plan, Selection, by_sampling, by_seeds, plan, select
+from sim_harness.sweep.plan import Plan, Selection, by_sampling, by_seeds, no_tagged, plan, select, tagged
 from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.show import Report, show
 from sim_harness.sweep.sweep import Workforce, saving, workforce
@@ -40,7 +40,7 @@ app.add_typer(
 )
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
 Tags = Annotated[
-    list[Tag] | None, typer.Option("--tag", help="Only scenarios with this tag; may be repeated.")
+    list[str] | None, typer.Option("--tag", help="Only scenarios with this tag; may be repeated.")
 ]
 RANDOM = "random"
 LISTED = ("name", "tags", "description", "duration_s")
@@ -64,8 +64,9 @@ def list_verb(
     as_json: AsJson = False,
 ) -> int:
     """List the scenarios, one a line and shortened to the width of the terminal."""
-    scenarios = list(select(names, [], {}).scenarios) if names else list_scenarios()
-    scenarios = [s for s in scenarios if not tags or set(tags) & set(s.tags)]
+    scenarios = tagged(list(select(names, [], {}).scenarios) if names else list_scenarios(), tags or [])
+    if not scenarios:
+        raise InputError(no_tagged(tags or []))
     if as_json:
         for scenario in scenarios:
             print(json.dumps({field: getattr(scenario, field) for field in LISTED}))

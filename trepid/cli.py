@@ -5,8 +5,10 @@ With ``--json`` standard output carries JSON only; progress and logs go to stand
 """
 
 import os
+import re
 import sys
 from collections import UserDict
+from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
 from io import TextIOWrapper
@@ -108,36 +110,90 @@ VERBS = {
 }
 ADDED = {"fear": {"tune": Verb("sim_harness.tuning.cli", "tune")}}  # to the group of a lower package
 
+EXAMPLES = {
+    "drive": "trepid drive --scenario cut_in --duration 60 --record drive.mcap",
+    "init": "trepid init mycar --like shuttle",
+    "doctor": "trepid doctor --car mycar",
+    "sim list": "trepid sim list --tag traffic",
+    "sim run": "trepid sim run circuit s_curve --seeds 4 --jobs 2 --report runs.html",
+    "sim limits": "trepid sim limits cut_in --corners 8",
+    "sim resimulate": "trepid sim resimulate clip.mp4 --speed 25",
+    "sim schema": "trepid sim schema",
+    "sim disturbances": "trepid sim disturbances --picture kinds.png",
+    "sim leads": "trepid sim leads --picture leads.png",
+    "sim road show": "trepid sim road show town --picture town.png",
+    "sim road export": "trepid sim road export town town.xodr",
+    "sim road import": "trepid sim road import town.xodr town.yaml",
+    "estimate": "trepid estimate --annotate out.png road.jpg",
+    "camera calibrate": "trepid camera calibrate boards/ --out mycar/camera.yaml",
+    "detector list": "trepid detector list",
+    "detector fetch": "trepid detector fetch objectron",
+    "calibrate steering": "trepid calibrate steering --car mycar",
+    "fear schema": "trepid fear schema",
+    "fear export": "trepid fear export config/fear.yaml",
+    "fear import": "trepid fear import rules.fcl --like config/fear.yaml",
+    "fear check": "trepid fear check mycar/fear.yaml",
+    "fear show": "trepid fear show config/fear.yaml speed=8",
+    "fear explain": "trepid fear explain config/fear.yaml lane_confidence=0.3 speed=8",
+    "fear tune": "trepid fear tune config/fear.yaml --trials 40 --out tuned.yaml",
+    "vehicle steer": "trepid vehicle steer --vehicle config/vehicle.yaml --curvature 0.05 --speed 8",
+    "vehicle identify": "trepid vehicle identify drive.mcap",
+    "vehicle margins": "trepid vehicle margins",
+    "ros package": "trepid ros package ~/ros2_ws/src",
+    "keys create": "trepid keys create mycar/keys",
+    "train-lane": "trepid train-lane --out out/train",
+    "train": "trepid train --data drives --model pilotnet --out net.onnx",
+    "train-lead": "trepid train-lead --out out/lead",
+    "dataset build": "trepid dataset build drives mycar/tub --lock-deg 25",
+    "evaluate": "trepid evaluate net.onnx --data drives",
+    "record keep": "trepid record keep",
+    "replay": "trepid replay drive.mcap --through supervisor --rules config/fear.yaml",
+    "status": "trepid status",
+    "service": "trepid service mycar --out ~/.config/systemd/user",
+    "bench": "trepid bench control --save docs/results",
+}
+"""The words of a verb -> an example, which its help shows."""
+
 
 class Mounted(UserDict[str, Any]):
-    """Commands by name; a :class:`Verb` among them is imported at its first use."""
+    """Commands of the verb ``group``, by name; a :class:`Verb` among them is imported at its first use."""
+
+    def __init__(self, commands: Mapping[str, Any], group: str = "") -> None:
+        super().__init__(commands)
+        self._group = group
 
     def __getitem__(self, name: str) -> Any:  # a command of Typer, whose type is private
         found = self.data[name]
-        return _mounted(name, found) if isinstance(found, Verb) else found
+        return _mounted(name, self._group, found) if isinstance(found, Verb) else found
 
 
 @cache
-def _mounted(name: str, verb: Verb) -> Any:
+def _mounted(name: str, group: str, verb: Verb) -> Any:
     target, mount = verb.load(), typer.Typer()
     if isinstance(target, typer.Typer):
         mount.add_typer(target, name=name, help=verb.help)
     else:
         mount.command(name)(target)
     command = typer.main.get_group(mount).commands[name]
-    _escape_help(command)
+    _describe(command, f"{group} {name}".strip())
     if name in ADDED:
-        command.commands = Mounted({**command.commands, **ADDED[name]})  # type: ignore[attr-defined]
+        command.commands = Mounted({**command.commands, **ADDED[name]}, name)  # type: ignore[attr-defined]
     return command
 
 
-def _escape_help(command: Any) -> None:
-    """Escape the help of ``command`` and below: Rich takes a unit such as [m] for a style and drops it."""
+def _describe(command: Any, words: str) -> None:
+    """Prepare the help of ``command`` and below, which is called by ``words``: an example, and plain paragraphs.
+
+    A line break inside a paragraph of a docstring is a space. Rich takes a unit such as [m] for a style and drops
+    it, so that brackets are escaped.
+    """
     for described in (command, *command.params):
         if getattr(described, "help", None):
-            described.help = escape(described.help)
-    for child in getattr(command, "commands", {}).values():
-        _escape_help(child)
+            described.help = escape(re.sub(r"(?<!\n)\n(?!\n)", " ", described.help))
+    for name, child in getattr(command, "commands", {}).items():
+        _describe(child, f"{words} {name}")
+    if words in EXAMPLES:
+        command.epilog = escape(f"Example: {EXAMPLES[words]}")
 
 
 class Verbs(TyperGroup):
@@ -157,7 +213,6 @@ app = typer.Typer(
     cls=Verbs,
     name="trepid",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
@@ -177,7 +232,7 @@ def main() -> int:
             stream.reconfigure(errors="backslashreplace")
     try:
         check_packages()
-        result = app(standalone_mode=False)
+        result = app(prog_name="trepid", standalone_mode=False)
     except (InputError, TyperException) as error:
         text = error.format_message() if isinstance(error, TyperException) else str(error)
         print("trepid:", *text.split(), file=sys.stderr)

@@ -265,17 +265,27 @@ def parse(
 ) -> S:
     """Settings of class ``model`` from YAML ``data`` read from ``source``. Raises InputError."""
     for key, text in (overrides or {}).items():
-        try:
-            put(data, key, YAML(typ="safe").load(text))
-        except LookupError as error:
-            raise InputError(f"--set {key}: {error.args[0]}") from error
-        except (YAMLError, ValueError) as error:
-            raise InputError(f"--set {key}={text}: not valid YAML") from error
+        _put_text(data, key, text)
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        place = _where(_first(error)["loc"], data, source, overrides)
+        problem = _first(error)
+        wants_list = problem["type"] in ("tuple_type", "list_type")
+        key = ".".join(map(str, _without_tags(problem["loc"], data)))
+        if wants_list and overrides and key in overrides:  # a,b or one item, without brackets
+            return parse(data, model, source=source, overrides={**overrides, key: f"[{overrides[key]}]"})
+        place = _where(problem["loc"], data, source, overrides)
         raise InputError(f"{place}: {complaint(error, data, model)}") from error
+
+
+def _put_text(data: CommentedMap, key: str, text: str) -> None:
+    """Set the field ``key`` to the value of ``text`` as YAML. Raises InputError."""
+    try:
+        put(data, key, YAML(typ="safe").load(text))
+    except LookupError as error:
+        raise InputError(f"--set {key}: {error.args[0]}") from error
+    except (YAMLError, ValueError) as error:
+        raise InputError(f"--set {key}={text}: not valid YAML") from error
 
 
 def parse_overrides(texts: Sequence[str]) -> dict[str, str]:

@@ -16,6 +16,7 @@ from sim_harness.bench.text import brief, tables
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.scenario import list_scenarios
 from trepid.config import InputError
+from trepid.spelling import did_you_mean_or_list
 
 
 def bench(
@@ -96,7 +97,8 @@ def benchmarks(names: Sequence[str]) -> list[str]:
     """The benchmarks of the names and of the groups among them. Raises InputError for an unknown name."""
     for name in names:
         if name not in BENCHMARKS and name not in GROUPS:
-            raise InputError(f"no benchmark {name!r}; there are {', '.join((*BENCHMARKS, *GROUPS))}")
+            hint = did_you_mean_or_list(name, (*BENCHMARKS, *GROUPS), "trepid bench --list")
+            raise InputError(f"no benchmark {name!r}; {hint}")
     return [member for name in names for member in named(name)]
 
 

@@ -44,7 +44,7 @@ from trepid.config import (
     wrong_at,
 )
 from trepid.scale import PUBLIC_LANE_M, given_fields
-from trepid.spelling import did_you_mean_or_list
+from trepid.spelling import did_you_mean, did_you_mean_or_list
 from trepid.types import NonNegative, Positive
 
 SCHEMA_FILE = CONFIG_DIR / "schema" / "scenario.json"
@@ -54,7 +54,7 @@ Problem = tuple[tuple[str | int, ...], str]
 
 
 class Tag(StrEnum):
-    """Subject of a scenario."""
+    """Subject of a shipped scenario; scenarios of users may have further tags."""
 
     NOMINAL = "nominal"
     CURVE = "curve"
@@ -68,6 +68,13 @@ class Tag(StrEnum):
     SPEED = "speed"
 
 
+TagName = Annotated[
+    str,
+    Field(
+        pattern="^[a-z][a-z0-9_-]*$",
+        json_schema_extra={"anyOf": [{"enum": [*Tag]}, {}]},  # for completion in editors
+    ),
+]
 SLOWEST_START_MPS = 0.1
 
 
@@ -137,7 +144,7 @@ class Scenario(Settings):
 
     name: str = ""  # default: the name of the file
     description: str
-    tags: Annotated[tuple[Tag, ...], Field(min_length=1)]
+    tags: Annotated[tuple[TagName, ...], Field(min_length=1)]
     road: str  # a name in roads/ (car, config), or a .yaml or .xodr (OpenDRIVE) file in the folder of the scenario
     segments: tuple[Segment, ...] | None = None  # reference line instead of the road's, as an open road
     marks: tuple[RoadMark, ...] | None = None  # instead of the road's; default with `segments`: none
@@ -236,8 +243,8 @@ class Scenario(Settings):
         if problem:
             return problem
         if not self.road.endswith(ROAD_SUFFIXES) and not self._road_file().is_file():
-            roads = ", ".join(default_names("roads"))
-            return ("road",), f"no road {self.road!r}; there are {roads}, or give a .yaml or .xodr file"
+            hint = did_you_mean(self.road, default_names("roads"))
+            return ("road",), f"no road {self.road!r}; {hint} (or a .yaml or .xodr file)"
         settings = load_road_settings(self._road_file())
         try:
             length_m = Road(self._changed(settings)).length_m
@@ -351,7 +358,10 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
             hint = did_you_mean_or_list(source, names, "trepid sim list")
             raise InputError(f"no scenario {source!r}; {hint}, or give a .yaml or .py file")
     data = read(path)
+    whole_s = data.get("duration_s")
     scenario = parse(data, Scenario, source=path, overrides=overrides)
+    if overrides and isinstance(whole_s, float | int) and scenario.duration_s < whole_s:
+        scenario = _cut_off(scenario, overrides)
     update: dict[str, object] = {"name": scenario.name or path.stem}
     for field, file in (("road", scenario.road), ("rules", scenario.rules)):
         if file is not None and (field == "rules" or file.endswith(ROAD_SUFFIXES)):
@@ -366,6 +376,14 @@ def load_scenario(source: str, overrides: Mapping[str, str] | None = None, *, ch
         raise InputError(located(*problem, data, path, overrides))
     check_vary(scenario, scenario.vary, data, path, misfit=_misfit if check else None)
     return scenario
+
+
+def _cut_off(scenario: Scenario, overrides: Mapping[str, str]) -> Scenario:
+    """``scenario`` without the expectations that need its whole duration, except those among ``overrides``."""
+    given = {key.split(".")[1] for key in overrides if key.startswith("expect.")}
+    kept = {field: getattr(scenario.expect, field) for field in given}
+    expect = scenario.expect.shortened(scenario.duration_s).model_copy(update=kept)
+    return scenario.model_copy(update={"expect": expect})
 
 
 def _misfit(scenario: Scenario) -> str:

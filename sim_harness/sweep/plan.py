@@ -9,6 +9,7 @@ from pathlib import Path
 from sim_harness.scenarios.sampling import Case, Method, cases
 from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenarios
 from trepid.config import InputError
+from trepid.spelling import did_you_mean
 
 ALL = "all"
 """The source that stands for every scenario of ``config/scenarios/``."""
@@ -43,19 +44,29 @@ def select(sources: Sequence[str], tags: Sequence[str], overrides: Mapping[str, 
     if not sources and not tags:
         raise InputError(f"no scenario given: name some, or `{ALL}`, or a --tag")
 
-    def tagged(scenarios: Iterable[Scenario]) -> list[Scenario]:
-        return [scenario for scenario in scenarios if not tags or not set(tags).isdisjoint(scenario.tags)]
-
     names: list[str] = []
     for source in sources or [ALL]:
-        names += [scenario.name for scenario in tagged(list_scenarios())] if source == ALL else [source]
-    chosen = [(scenario, name) for name in names for scenario in tagged(load_scenarios(name, overrides))]
+        names += [scenario.name for scenario in tagged(list_scenarios(), tags)] if source == ALL else [source]
+    chosen = [
+        (scenario, name) for name in names for scenario in tagged(load_scenarios(name, overrides), tags)
+    ]
     if not chosen:
-        raise InputError(f"no scenario has the tag {' or '.join(tags)}")
+        raise InputError(no_tagged(tags))
     for scenario, name in chosen:
         if name.endswith(".py"):  # YAML files are checked when they are loaded
             scenario.check()
     return Selection(tuple(s for s, _ in chosen), {s.name: name for s, name in chosen}, overrides)
+
+
+def tagged(scenarios: Iterable[Scenario], tags: Sequence[str]) -> list[Scenario]:
+    """The ``scenarios`` with one of ``tags``; all of them without tags."""
+    return [scenario for scenario in scenarios if not tags or not set(tags).isdisjoint(scenario.tags)]
+
+
+def no_tagged(tags: Sequence[str]) -> str:
+    """The error text for ``tags`` that no scenario has."""
+    known = {tag for scenario in list_scenarios() for tag in scenario.tags}
+    return f"no scenario has the tag {' or '.join(map(repr, tags))}; {did_you_mean(tags[0], known)}"
 
 
 def by_seeds(scenarios: Iterable[Scenario], seeds: Sequence[int]) -> Iterator[Case]:

@@ -40,7 +40,7 @@ def show(
             if as_json:
                 print(json.dumps(outcome.row), flush=True)
             if report is not None:
-                tags = [tag.value for tag in plan[key].scenario.tags]
+                tags = plan[key].scenario.tags
                 command = report.command(plan[key])
                 report.page.add(outcome.row, tags=tags, command=command, detail=outcome.detail)
 

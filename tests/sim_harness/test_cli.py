@@ -43,6 +43,16 @@ def test_list_keeps_to_a_tag(capsys):
     assert rows and all("traffic" in row["tags"] for row in rows)
 
 
+def test_a_scenario_of_a_user_may_have_a_tag_of_its_own(capsys, tmp_path):
+    own = tmp_path / "own.yaml"
+    own.write_text(SHORT.replace("[nominal]", "[nominal, campus-loop]"))
+    assert sim("list", own, "--tag", "campus-loop", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["tags"] == ["nominal", "campus-loop"]
+    own.write_text(SHORT.replace("[nominal]", "[Campus Loop]"))
+    with pytest.raises(InputError, match=r"own.yaml:2:8: tags.0: .*pattern"):
+        sim("list", own)
+
+
 def test_list_prints_one_line_per_scenario_at_80_columns(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     assert sim("list") == 0

@@ -1,7 +1,9 @@
 """The command line: every verb is there, and bad usage is one line and exit code 2."""
 
 import json
+import os
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,7 +14,7 @@ import typer
 from typer.testing import CliRunner
 
 from trepid import __version__
-from trepid.cli import VERBS, app
+from trepid.cli import EXAMPLES, VERBS, app
 from trepid.cli import main as trepid_main
 from trepid.config import CONFIG_DIR, ROOT
 from trepid.packages import PACKAGES
@@ -61,6 +63,40 @@ def test_the_help_of_every_verb_shows_its_texts_with_the_units_in_brackets() -> 
     assert "Speed [m/s]; negative: reverse." in words(trepid("vehicle", "steer", "--help").stdout)
 
 
+def test_the_help_of_every_verb_ends_with_an_example_that_the_verb_accepts() -> None:
+    root = typer.main.get_command(app)
+    found = dict(commands("", root))
+    assert set(EXAMPLES) == set(found)
+    for name, command in found.items():
+        shown = words(CliRunner().invoke(app, [*name.split(), "--help"]).stdout)
+        assert shown.endswith(f"Example: {EXAMPLES[name]}")
+        program, *arguments = shlex.split(EXAMPLES[name])
+        assert program == "trepid" and arguments[: len(name.split())] == name.split()
+        parser = command.make_parser(typer.Context(command))
+        parser.parse_args(arguments[len(name.split()) :])  # raises for an unknown option
+
+
+def test_a_line_break_in_a_docstring_does_not_break_a_line_of_the_help() -> None:
+    shown = CliRunner().invoke(app, ["sim", "run", "--help"], env={"COLUMNS": "400"}).stdout
+    assert "of the same type. Rows of --json" in shown
+
+
+@pytest.mark.parametrize(
+    ("typed", "completions"), [("trepid si", {"sim"}), ("trepid sim run --see", {"--seed", "--seeds"})]
+)
+def test_a_shell_completes_verbs_and_options(typed: str, completions: set[str]) -> None:
+    typing = {"_TREPID_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" "))}
+    done = subprocess.run(
+        [sys.executable, "-m", "trepid"],
+        cwd=ROOT,
+        env=os.environ | typing,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert set(done.stdout.split()) == completions
+
+
 def test_the_version_is_printed() -> None:
     assert trepid("--version").stdout.strip() == f"trepid {__version__}"
 
@@ -78,7 +114,9 @@ def test_the_version_is_printed() -> None:
         (["estimate", "moon.jpg"], "moon.jpg"),
         (["estimate", "--estimator", "oracle", "moon.jpg"], "no estimator 'oracle'; "),
         (["fear", "check", "moon.yaml"], "moon.yaml"),
-        (["bench", "moon"], "no benchmark 'moon'"),
+        (["bench", "pipelin"], "no benchmark 'pipelin'; did you mean 'pipeline'?"),
+        (["sim", "run", "circuit", "--set", "road=circut"], "no road 'circut'; did you mean 'circuit'?"),
+        (["sim", "list", "--tag", "trafic"], "no scenario has the tag 'trafic'; did you mean 'traffic'?"),
     ],
 )
 def test_bad_usage_is_reported_in_one_line_with_exit_code_2(

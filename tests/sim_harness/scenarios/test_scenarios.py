@@ -84,7 +84,7 @@ def test_a_missing_scenario_names_the_nearest_ones_and_the_command_that_lists_al
             r"mine\.yaml:5:39: expect\.conditions\.1: .*nothing called 'black_frames' happens here",
         ),
         ("marks: [{kind: zebra, at_m: 5000}]", r"mine\.yaml:5:1: marks: .*beyond the road"),
-        ("road: nowhere", "no road 'nowhere'; there are .*circuit"),
+        ("road: nowhere", "no road 'nowhere'; known here: .*circuit"),
     ],
 )
 def test_contradicting_values_are_refused_before_the_run(tmp_path, line, message):
@@ -106,6 +106,28 @@ def test_settings_from_the_command_line_replace_those_of_the_file(tmp_path):
     assert (scenario.duration_s, scenario.camera.latency_s, scenario.camera.rate_hz) == (3.0, 0.1, 25.0)
     with pytest.raises(InputError, match=r"--set duration_s: duration_s: .*greater than or equal to 0.1"):
         load_scenario(write(tmp_path, GOOD), {"duration_s": "-3"})
+
+
+@pytest.mark.parametrize("given", ["cv,cnn", "[cv, cnn]", "cv, cnn"])
+def test_a_list_on_the_command_line_needs_no_brackets(given, tmp_path):
+    assert load_scenario(write(tmp_path, GOOD), {"estimators": given}).estimators == ("cv", "cnn")
+    assert load_scenario(write(tmp_path, GOOD), {"estimators": "cv"}).estimators == ("cv",)
+    with pytest.raises(
+        InputError, match=r"--set estimators: estimators.1: no estimator 'cvv'; did you mean 'cv'\?"
+    ):
+        load_scenario(write(tmp_path, GOOD), {"estimators": "cnn,cvv"})
+
+
+def test_a_run_cut_short_on_the_command_line_is_judged_over_its_time():
+    whole = load_scenario("circuit").expect
+    assert whole.must_finish and whole.min_mean_speed_mps is not None
+    short = load_scenario("circuit", {"duration_s": "20"}).expect
+    assert not short.must_finish and short.min_mean_speed_mps is None
+    assert short.max_lateral_error_m == whole.max_lateral_error_m
+    asked = load_scenario("circuit", {"duration_s": "20", "expect.min_mean_speed_mps": "3"}).expect
+    assert asked.min_mean_speed_mps == 3
+    longer = load_scenario("circuit", {"duration_s": "2000"}).expect
+    assert longer.must_finish
 
 
 def test_a_relative_rule_file_lies_beside_the_scenario_or_where_the_override_was_typed(tmp_path, monkeypatch):

@@ -154,7 +154,7 @@ def test_a_tag_chooses_among_all_scenarios_or_those_that_are_named():
     assert "late_frames" in latency and "straight" not in latency
     assert latency == {s.name for s in select(["all"], ["latency"], {}).scenarios}
     assert [s.name for s in select(["straight", "late_frames"], ["latency"], {}).scenarios] == ["late_frames"]
-    with pytest.raises(InputError, match="no scenario has the tag latency"):
+    with pytest.raises(InputError, match="no scenario has the tag 'latency'"):
         select(["straight"], ["latency"], {})
 
 
