@@ -79,7 +79,7 @@ VERBS = {
     "evaluate": Verb(
         "learning.judging.cli",
         "evaluate",
-        "Judge driving networks on recorded angles, beside predictions without an image.",
+        "Judge driving networks on recorded angles, beside predictions without an image, on one core.",
     ),
     "train-lead": Verb(
         "learning.lead.train",

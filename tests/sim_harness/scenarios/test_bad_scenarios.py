@@ -77,12 +77,12 @@ BAD = {
     "duration that is no number": (with_duration(".nan"), ":4:1: duration_s: .*finite"),
     "duration beyond the age of the world": (with_duration("1e308"), ":4:1: duration_s: .*86400"),
     "recursive alias": (GOOD + "start: &x {offset_m: *x}\n", ":5:12: start.offset_m: "),
-    "unknown tag": (GOOD.replace("nominal", "nomnal"), ":2:8: tags.0: Input should be 'nominal'"),
+    "impossible tag": (GOOD.replace("nominal", "Nominal!"), ":2:8: tags.0: String should match pattern"),
     "no tags": (GOOD.replace("nominal", ""), ":2:1: tags: "),
     # The road.
     "unknown road": (
         GOOD.replace("straight", "strait"),
-        ":3:1: road: no road 'strait'; there are .*straight",
+        ":3:1: road: no road 'strait'; did you mean 'straight'",
     ),
     "road file that is not there": (GOOD.replace("straight", "no.yaml"), "no.yaml: cannot be read"),
     "road file that is no road": (GOOD.replace("straight", "bad.yaml"), ":1:1: unknown field 'description'"),
