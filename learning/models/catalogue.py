@@ -1,6 +1,7 @@
 """The networks of ``trepid train --model``, by name; building one imports torch, the list does not."""
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from trepid.config import InputError
@@ -79,6 +80,13 @@ def model(name: str) -> Model:
             f"no model {name!r}; {did_you_mean(name, MODELS)} `trepid train --model list` prints all"
         )
     return MODELS[name]
+
+
+def packaged_weights(name: str) -> Path | None:
+    """File with weights of the trunk of the network ``name`` in an installed package; None without one."""
+    module = import_module(f"learning.models.{model(name).module}")
+    found: Path | None = module.packaged() if hasattr(module, "packaged") else None
+    return found
 
 
 def build(

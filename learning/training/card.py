@@ -51,7 +51,7 @@ def write_card(
     text = f"""# {path.stem}: {metadata["model"]}
 
 A network of {metadata["parameters"]} weights from one frame of {metadata["width"]} x {metadata["height"]} px to the
-road-wheel angle [rad, + = left], written by Trepid.
+road-wheel angle [rad, + = left], written by Trepid. First weights of its trunk: {metadata["trunk"]}.
 
 | fact | value |
 |---|---|

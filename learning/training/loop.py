@@ -129,6 +129,9 @@ class Trainer:
                 progress.elapsed_s += now_s - started_s
                 started_s = saved_s = now_s
                 self._save(steps, mean)
+                self.report(
+                    f"{stage.name}: step {progress.step}/{len(self.batches)} of epoch {progress.epoch + 1}"
+                )
         progress.elapsed_s += time.monotonic() - started_s
         self._finish_epoch(stage, steps, mean)
 

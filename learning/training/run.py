@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from learning.dataset.dataset import Dataset
-from learning.models.catalogue import build
+from learning.models.catalogue import build, packaged_weights
 from learning.models.parts.network import SteeringNetwork, glorot, he
 from learning.models.parts.weights import load_trunk
 from learning.training.augmentation import Augmenter
@@ -56,6 +56,8 @@ def run(
         for split in ("train", "validation")
     )
     prepare(network, recipe, train, lock_rad=data.wheel.lock_rad)
+    trunk = first_weights(name, network, recipe)
+    report(f"{name}: {network.parameters_count} weights, those of the trunk at first {trunk}")
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     trainer = Trainer(
         recipe=recipe,
@@ -71,7 +73,7 @@ def run(
         pretrain(network, recipe, train, report)
     progress = trainer.run(resume=resume)
     set_sigma(network, validation)
-    metadata = _metadata(data, name, network, recipe, train, validation)
+    metadata = dict(_metadata(data, name, network, recipe, train, validation), trunk=trunk)
     difference = export(network, out, train=train, validation=validation, metadata=metadata)
     write_card(
         out.with_suffix(".md"),
@@ -98,13 +100,20 @@ def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad
     network.scale_rad.fill_(units[recipe.unit])
     if recipe.initialisation != "network":
         dict(glorot=glorot, he=he)[recipe.initialisation](network)
-    if recipe.weights is not None:
-        load_trunk(network.trunk, recipe.weights)
     network.view.histogram = recipe.histogram
     if recipe.histogram == "match":
         chosen = train.images[np.linspace(0, len(train) - 1, min(HISTOGRAM_FRAMES, len(train))).astype(int)]
         grey = np.concatenate([cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).ravel() for image in chosen])
         network.view.match(np.bincount(grey, minlength=256))
+
+
+def first_weights(name: str, network: SteeringNetwork, recipe: Recipe) -> str:
+    """Load the weights of the trunk from the file of the recipe, or of their package; their origin."""
+    path = recipe.weights or packaged_weights(name)
+    if path is None:
+        return "random"
+    load_trunk(network.trunk, path)
+    return f"{path.name}, sha256 {hashlib.sha256(path.read_bytes()).hexdigest()}"
 
 
 def batches_of(recipe: Recipe, network: SteeringNetwork, train: Frames) -> Batches:
