@@ -16,8 +16,9 @@ from pathlib import Path
 kept = {}
 for path in sorted(Path(sysconfig.get_path("platlib"), "casadi").glob("lib*.so*")):
     first = kept.setdefault(path.stat().st_size, path)
-    if first is not path and filecmp.cmp(first, path, shallow=False):
+    if not first.samefile(path) and filecmp.cmp(first, path, shallow=False):
         link = path.with_suffix(".link")
+        link.unlink(missing_ok=True)  # of an interrupted run
         link.hardlink_to(first)
         link.replace(path)
 endef
