@@ -25,7 +25,7 @@ ALLOWED = {
     "vehicle": {"trepid", "controller", "vehicle"},  # the limiter, as the last step before the wire
     "sim_harness": {*ROAD, "sim_harness"},
     "cockpit": {*ROAD, "cockpit"},
-    "learning": {*ROAD, "sim_harness", "learning"},
+    "learning": {*ROAD, "sim_harness", "cockpit", "learning"},
 }
 BENCHMARKS = "sim_harness.bench"  # may import all but the command line
 COMMAND_LINES = {"cli.py", "__main__.py"}

@@ -112,6 +112,28 @@ def build(
     return 1 if faults.count else 0
 
 
+@app.command()
+def show(
+    folder: Annotated[Path, typer.Argument(metavar="D", help="Folder of a data set.")],
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="Draw images by angle, distribution and course of the labels into this file."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Card of a data set: drives, labels, light, likeness, delay, suspicious labels, and what to do about them."""
+    from learning.dataset.card import as_text, card_of
+    from learning.dataset.dataset import Dataset
+
+    opened = Dataset.open(folder)
+    card = card_of(opened)
+    if picture is not None:
+        from learning.dataset.sheet import draw
+
+        draw(opened, picture)
+    print(json.dumps(card, allow_nan=False) if as_json else "\n".join(as_text(card)))
+
+
 def parse_columns(texts: list[str]) -> dict[str, str]:
     """The NAME=COLUMN texts of ``--column``. Raises InputError."""
     try:

@@ -1,0 +1,242 @@
+"""The card of a data set: what it holds, how good it is, and what to do about it."""
+
+import math
+from collections import Counter
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from learning.dataset.dataset import NONE, SPLITS, Dataset, Rows
+from learning.dataset.likeness import STILL
+from learning.dataset.motion import Delay, delay_of, suspicious
+from trepid.types import Column
+
+STRAIGHT_DEG, SHARP_DEG = 1.0, 8.0
+DARK, BRIGHT = 0.2, 0.8
+FROZEN_S = 0.5  # still images at least this long are a frozen piece
+BINS = 15
+LATE_S = 0.05
+MOST_STRAIGHT, MOST_ONE_SIDED = 0.7, 0.75
+LEAST_MINUTES = 5.0
+NAMED = 10
+
+
+def card_of(dataset: Dataset) -> dict[str, Any]:
+    """The card as JSON: counts, distribution of the labels, light, likeness, delay, suspicious labels, findings."""
+    rows = dataset.rows()
+    used = rows[rows["split"] != NONE]
+    delay, bad, still = delay_of(rows), suspicious(rows), frozen(rows)
+    angles = np.degrees(used["road_wheel_rad"])
+    card = {
+        "frames": len(rows),
+        "splits": {name: int((rows["split"] == name).sum()) for name in (*SPLITS, NONE)},
+        "left_out": {why: count for why, count in Counter(rows["why"].tolist()).most_common() if why},
+        "routes": dict(Counter(rows["route"].tolist())),
+        "stretches": len(set(rows["stretch"].tolist())),
+        "duration_s": _duration_s(rows),
+        "rate_hz": _rate_hz(rows),
+        "size": _size(dataset, used),
+        "speed_mps": _range(used["speed_mps"]),
+        "wheel": dataset.wheel.model_dump(mode="json"),
+        "angle": _angles(angles),
+        "light": _light(used),
+        "still_share": float((used["change"] <= STILL).mean()) if len(used) else None,
+        "repeated_views": int(len(used) - len(np.unique(used["hash"]))),
+        "frozen": still,
+        "delay": {"delay_s": delay.delay_s, "correlation": delay.correlation, "by": delay.by},
+        "suspicious": {"frames": int(bad.sum()), "pieces": _pieces(rows, bad)},
+        "data_sha256": dataset.sha256,
+    }
+    card["findings"] = _findings(dataset, card, delay)
+    return card
+
+
+def _duration_s(rows: Rows) -> float:
+    step_s = np.diff(rows["t_s"])
+    return float(step_s[(rows["stretch"][1:] == rows["stretch"][:-1]) & (step_s > 0)].sum())
+
+
+def _rate_hz(rows: Rows) -> float | None:
+    step_s = np.diff(rows["t_s"])[rows["stretch"][1:] == rows["stretch"][:-1]]
+    step_s = step_s[step_s > 0]
+    return float(1.0 / np.median(step_s)) if len(step_s) else None
+
+
+def _size(dataset: Dataset, used: Rows) -> list[int] | None:
+    if not len(used):
+        return None
+    height, width = dataset.image(used[0]).shape[:2]
+    return [width, height]
+
+
+def _range(values: Column) -> dict[str, float] | None:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return None
+    low, middle, high = (float(value) for value in np.percentile(known, (5, 50, 95)))
+    return {"p5": low, "median": middle, "p95": high}
+
+
+def _angles(angles_deg: Column) -> dict[str, Any] | None:
+    """Distribution of the labels [deg]."""
+    if not len(angles_deg):
+        return None
+    most = max(float(np.percentile(np.abs(angles_deg), 99.9)), STRAIGHT_DEG)
+    counts, edges = np.histogram(np.clip(angles_deg, -most, most), bins=BINS, range=(-most, most))
+    turning = np.abs(angles_deg) > STRAIGHT_DEG
+    return {
+        "mean_deg": float(angles_deg.mean()),
+        "std_deg": float(angles_deg.std()),
+        "largest_deg": float(np.abs(angles_deg).max()),
+        "straight_share": float((~turning).mean()),
+        "zero_share": float((angles_deg == 0.0).mean()),
+        "sharp_share": float((np.abs(angles_deg) > SHARP_DEG).mean()),
+        "left_share": float((angles_deg[turning] > 0).mean()) if turning.any() else None,
+        "edges_deg": [round(float(edge), 3) for edge in edges],
+        "counts": counts.tolist(),
+    }
+
+
+def _light(used: Rows) -> dict[str, float] | None:
+    light = used["light"][np.isfinite(used["light"])]
+    if not len(light):
+        return None
+    return {
+        "mean": float(light.mean()),
+        "std": float(light.std()),
+        "dark_share": float((light < DARK).mean()),
+        "bright_share": float((light > BRIGHT).mean()),
+    }
+
+
+def frozen(rows: Rows) -> list[dict[str, Any]]:
+    """Pieces of at least FROZEN_S without change in the image, the longest first."""
+    return [piece for piece in _pieces(rows, rows["change"] <= STILL) if piece["duration_s"] >= FROZEN_S]
+
+
+def _pieces(rows: Rows, marked: Column) -> list[dict[str, Any]]:
+    """Runs of marked rows inside a stretch, the longest first."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(int)))
+    found = []
+    for first, end in ends.reshape(-1, 2).tolist():
+        cuts = [first, *(first + 1 + np.flatnonzero(np.diff(rows["stretch"][first:end]))).tolist(), end]
+        for begin, after in pairwise(cuts):
+            piece = {
+                "route": str(rows["route"][begin]),
+                "frame": int(rows["frame"][begin]),
+                "frames": after - begin,
+                "image": str(rows["image"][begin]),
+                "duration_s": float(rows["t_s"][after - 1] - rows["t_s"][begin]),
+            }
+            found.append(piece)
+    return sorted(found, key=lambda piece: -int(piece["frames"]))
+
+
+def _findings(dataset: Dataset, card: dict[str, Any], delay: Delay) -> list[dict[str, str]]:
+    """What is worth a look, and the remedy."""
+    found: list[tuple[str, str]] = []
+    angle, light = card["angle"], card["light"]
+    if angle and angle["straight_share"] > MOST_STRAIGHT:
+        share = f"{100 * angle['straight_share']:.0f} % of the frames are straight ahead"
+        found.append((share, "train with balanced angles, or record more bends"))
+    if (
+        angle
+        and angle["left_share"] is not None
+        and not 1 - MOST_ONE_SIDED < angle["left_share"] < MOST_ONE_SIDED
+    ):
+        left = f"{100 * angle['left_share']:.0f} % of the bends are to the left"
+        found.append((left, "record the other direction too, or train with mirrored images"))
+    if card["duration_s"] < 60 * LEAST_MINUTES:
+        found.append((f"only {card['duration_s'] / 60:.1f} min of driving", "record more"))
+    if light and light["dark_share"] + light["bright_share"] > 0.1:
+        share = (
+            f"{100 * (light['dark_share'] + light['bright_share']):.0f} % of the images are dark or bright"
+        )
+        found.append((share, "check exposure; train with changes of brightness"))
+    if card["frozen"]:
+        seconds = sum(piece["duration_s"] for piece in card["frozen"])
+        found.append(
+            (f"{len(card['frozen'])} frozen pieces, {seconds:.1f} s", "leave these pieces out of the log and build again")
+        )
+    found += _about_labels(dataset, card, delay)
+    return [{"finding": finding, "remedy": remedy} for finding, remedy in found]
+
+
+def _about_labels(dataset: Dataset, card: dict[str, Any], delay: Delay) -> list[tuple[str, str]]:
+    found = []
+    if delay.correlation is not None and delay.delay_s is not None:
+        if delay.correlation < 0:
+            found.append((f"the labels are opposite to the {delay.by}", "build again with the other --sign"))
+        if delay.delay_s < -LATE_S:
+            late = f"the labels come {-delay.delay_s:.2f} s after the {delay.by}"
+            found.append((late, "check the clocks of camera and steering"))
+    if card["suspicious"]["frames"]:
+        first = card["suspicious"]["pieces"][0]
+        text = f"{card['suspicious']['frames']} labels contradict the {delay.by}"
+        found.append(
+            (text, f"look at {first['image']} ({first['route']}, frame {first['frame']}) and the others")
+        )
+    if dataset.wheel.how.startswith("assumed"):
+        found.append(("the lock angle is assumed", "give --lock-deg or --car; degrees scale with it"))
+    if dataset.wheel.lock_rad is not None and dataset.wheel.k_us == 0.0:
+        found.append(("understeer was not removed", "give --car, and a log with the speed"))
+    if len(card["routes"]) == 1:
+        found.append(("one route only: the test is the same road", "record another route for --split route"))
+    for source in dataset.file.sources:
+        if source.licence and "unknown" in source.licence.lower():
+            found.append((f"{source.path}: {source.licence}", "ask its authors"))
+    return found
+
+
+def as_text(card: dict[str, Any]) -> list[str]:
+    """The card as lines."""
+    angle, light, delay, wheel = card["angle"], card["light"], card["delay"], card["wheel"]
+    size = "×".join(map(str, card["size"])) if card["size"] else "none"
+    rate = f"{card['rate_hz']:.1f} Hz" if card["rate_hz"] else "no rate"
+    lines = [
+        f"frames      {card['frames']}: " + ", ".join(f"{name} {n}" for name, n in card["splits"].items()),
+        f"drives      {len(card['routes'])} routes, {card['stretches']} stretches, {card['duration_s']:.0f} s,"
+        f" {rate}, {size} pixels",
+        *(f"left out    {count} {why}" for why, count in card["left_out"].items()),
+    ]
+    lock = f"{math.degrees(wheel['lock_rad']):.1f}° at full lock, " if wheel["lock_rad"] else ""
+    lines.append(f"wheel       {lock}{wheel['how']}; K_us {wheel['k_us']:g}")
+    if card["speed_mps"]:
+        speed = card["speed_mps"]
+        lines.append(f"speed       {speed['median']:.1f} m/s median, {speed['p5']:.1f} to {speed['p95']:.1f}")
+    if angle:
+        lines += _bars(angle)
+    if light:
+        lines.append(
+            f"light       {light['mean']:.2f} ± {light['std']:.2f}, dark {100 * light['dark_share']:.0f} %,"
+            f" bright {100 * light['bright_share']:.0f} %"
+        )
+    lines.append(
+        f"likeness    {card['repeated_views']} repeated views, {100 * (card['still_share'] or 0):.1f} % still,"
+        f" {len(card['frozen'])} frozen pieces"
+    )
+    if delay["delay_s"] is None:
+        lines.append(f"delay       not measurable by the {delay['by']}")
+    else:
+        lines.append(
+            f"delay       {delay['by']} {delay['delay_s']:+.2f} s after the label (r = {delay['correlation']:.2f})"
+        )
+    lines.append(f"suspicious  {card['suspicious']['frames']} labels")
+    for piece in card["suspicious"]["pieces"][:NAMED]:
+        lines.append(f"            {piece['route']} frame {piece['frame']}, {piece['frames']} frames")
+    lines += [f"finding     {entry['finding']}: {entry['remedy']}" for entry in card["findings"]]
+    return lines
+
+
+def _bars(angle: dict[str, Any]) -> list[str]:
+    most = max(angle["counts"])
+    lines = [
+        f"angle       {angle['mean_deg']:+.2f}° ± {angle['std_deg']:.2f}°, largest {angle['largest_deg']:.1f}°;"
+        f" straight {100 * angle['straight_share']:.0f} %, exactly zero {100 * angle['zero_share']:.0f} %,"
+        f" sharp {100 * angle['sharp_share']:.0f} %"
+    ]
+    for number, count in enumerate(angle["counts"]):
+        middle = (angle["edges_deg"][number] + angle["edges_deg"][number + 1]) / 2
+        lines.append(f"  {middle:+7.1f}°  {'█' * round(40 * count / most):40} {count}")
+    return lines
