@@ -10,7 +10,7 @@ import numpy as np
 from learning.dataset.dataset import NONE, SPLITS, Dataset, Rows
 from learning.dataset.likeness import STILL
 from learning.dataset.motion import Delay, delay_of, suspicious
-from trepid.types import Column
+from trepid.types import Column, Mask
 
 STRAIGHT_DEG, SHARP_DEG = 1.0, 8.0
 DARK, BRIGHT = 0.2, 0.8
@@ -115,7 +115,7 @@ def frozen(rows: Rows) -> list[dict[str, Any]]:
     return [piece for piece in _pieces(rows, rows["change"] <= STILL) if piece["duration_s"] >= FROZEN_S]
 
 
-def _pieces(rows: Rows, marked: Column) -> list[dict[str, Any]]:
+def _pieces(rows: Rows, marked: Mask) -> list[dict[str, Any]]:
     """Runs of marked rows inside a stretch, the longest first."""
     ends = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(int)))
     found = []
@@ -157,7 +157,10 @@ def _findings(dataset: Dataset, card: dict[str, Any], delay: Delay) -> list[dict
     if card["frozen"]:
         seconds = sum(piece["duration_s"] for piece in card["frozen"])
         found.append(
-            (f"{len(card['frozen'])} frozen pieces, {seconds:.1f} s", "leave these pieces out of the log and build again")
+            (
+                f"{len(card['frozen'])} frozen pieces, {seconds:.1f} s",
+                "leave these pieces out of the log and build again",
+            )
         )
     found += _about_labels(dataset, card, delay)
     return [{"finding": finding, "remedy": remedy} for finding, remedy in found]
