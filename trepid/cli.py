@@ -145,6 +145,7 @@ EXAMPLES = {
     "train": "trepid train --data drives --model pilotnet --out net.onnx",
     "train-lead": "trepid train-lead --out out/lead",
     "dataset build": "trepid dataset build drives mycar/tub --lock-deg 25",
+    "dataset show": "trepid dataset show drives --picture drives.png",
     "evaluate": "trepid evaluate net.onnx --data drives",
     "record keep": "trepid record keep",
     "replay": "trepid replay drive.mcap --through supervisor --rules config/fear.yaml",
