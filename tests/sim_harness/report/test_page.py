@@ -254,7 +254,7 @@ def test_the_cursor_reads_the_run_at_its_time(browser, detail):
 
 def test_a_run_without_timelines_shows_a_note_and_a_second_click_closes_it(browser):
     click(browser, "#run-9")
-    assert "No timelines were kept" in browser.find_element("css selector", "#sheet-9").text
+    assert "This run has no stored timelines" in browser.find_element("css selector", "#sheet-9").text
     click(browser, "#run-9")
     assert browser.find_elements("css selector", "#sheet-9") == []
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
