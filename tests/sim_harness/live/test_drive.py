@@ -15,7 +15,7 @@ from process_rig import alive, until
 
 from trepid.config import ROOT
 
-PROCESSES = ("vehicle", "camera", "cv", "cnn", "lead", "supervisor", "controller", "recorder")
+PROCESSES = ("vehicle", "camera", "cv", "cnn", "lead", "supervisor", "controller", "recorder", "page")
 # A quarter of the kilometre: painting all of it takes a second.
 SHORT_ROAD = ("--scenario", "straight", "--set", "segments=[{length_m: 250}]", "--set", "distance_m=200")
 STARVED_MS = 90.0  # three times the duration on two idle cores; with its tail no frame is fresh
