@@ -92,6 +92,11 @@ VERBS = {
         "replay",
         "Play a recording onto the bus, or run nodes on its inputs again and show what differs.",
     ),
+    "export": Verb(
+        "cockpit.export.cli",
+        "export",
+        "Export a recording as table, video, figure or tub of donkeycar.",
+    ),
     "status": Verb(
         "cockpit.status.cli",
         "status",
@@ -149,6 +154,7 @@ EXAMPLES = {
     "evaluate": "trepid evaluate net.onnx --data drives",
     "record keep": "trepid record keep",
     "replay": "trepid replay drive.mcap --through supervisor --rules config/fear.yaml",
+    "export": "trepid export drive.mcap drive.csv --rate 20",
     "status": "trepid status",
     "service": "trepid service mycar --out ~/.config/systemd/user",
     "bench": "trepid bench control --save docs/results",

@@ -14,9 +14,9 @@ from cockpit.logbook.recall import RULES_NAME, recorded_rules, rule_changes
 from cockpit.replay.tape import Tape
 from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
 from supervisor.rules.inference import FearRules
-from trepid.config import InputError, car_folder, default_file, use_car
+from trepid.config import InputError, default_file
+from trepid.recording.car import recorded_car
 from trepid.recording.notes import CRUISE, ESTIMATORS, number
-from trepid.recording.writer import CAR_FILES
 from trepid.spelling import did_you_mean
 from trepid.topics import (
     CAMERA_IMAGE,
@@ -121,25 +121,14 @@ def settings_of(tape: Tape, rules: Path | None) -> Iterator[Setup]:
 
     ``rules`` replaces the recorded rules. Raises InputError.
     """
-    own = {name: data for name, data in tape.recorded.files.items() if name.startswith(CAR_FILES)}
-    before = car_folder()
-    with TemporaryDirectory() as folder:
-        if before is None and own:
-            car = Path(folder) / "car"
-            car.mkdir()
-            for name, data in own.items():
-                (car / Path(name).name).write_bytes(data)
-            use_car(car)
-        try:
-            cruise_mps, recorded = number(tape.notes, CRUISE), recorded_rules(tape.recorded)
-            if rules is not None or recorded is None:
-                yield Setup(rules or default_file(RULES_NAME), (), cruise_mps)
-            else:
-                file = Path(folder) / RULES_NAME
-                file.write_bytes(recorded[1])
-                yield Setup(file, tuple(rule_changes(tape.recorded, tape.path)), cruise_mps)
-        finally:
-            use_car(before)
+    with recorded_car(tape.recorded), TemporaryDirectory() as folder:
+        cruise_mps, recorded = number(tape.notes, CRUISE), recorded_rules(tape.recorded)
+        if rules is not None or recorded is None:
+            yield Setup(rules or default_file(RULES_NAME), (), cruise_mps)
+        else:
+            file = Path(folder) / RULES_NAME
+            file.write_bytes(recorded[1])
+            yield Setup(file, tuple(rule_changes(tape.recorded, tape.path)), cruise_mps)
 
 
 def _supervisor(setup: Setup, names: tuple[str, ...]) -> Step:

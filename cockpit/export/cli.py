@@ -1,0 +1,162 @@
+"""The ``export`` verb."""
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from trepid.commands.car_option import Car
+from trepid.config import InputError
+
+if TYPE_CHECKING:
+    from cockpit.export.drive import Drive
+
+SPOKEN_S = 2.0  # between two reports of the progress
+
+
+class Format(StrEnum):
+    """The formats of an export."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    VIDEO = "video"
+    FIGURE = "figure"
+    TUB = "tub"
+
+
+SUFFIXES = {
+    ".csv": Format.CSV,
+    ".parquet": Format.PARQUET,
+    ".mp4": Format.VIDEO,
+    ".png": Format.FIGURE,
+    ".svg": Format.FIGURE,
+    ".pdf": Format.FIGURE,
+    "": Format.TUB,
+}
+
+
+def export(
+    recording: Annotated[Path, typer.Argument(metavar="F.mcap", help="Recording of a drive.")],
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT",
+            help="New file, by its suffix: .csv, .parquet, .mp4 (video with overlay), .png, .svg or .pdf (figure);"
+            " or a new folder: tub of donkeycar. It is never overwritten.",
+        ),
+    ],
+    to: Annotated[Format | None, typer.Option("--to", help="The format, whatever the suffix.")] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01,
+            max=1000.0,
+            help="Rows or video frames per second [Hz], e.g. 20; default: a row per camera frame, and the usual"
+            " rate of the images. Not for a tub.",
+        ),
+    ] = None,
+    car: Car = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
+) -> int:
+    """Export a recording as table, video, figure or tub of donkeycar.
+
+    A row holds the newest message of each topic at its time, and never a later one. The settings are those of the
+    recorded car, unless --car gives others.
+    """
+    from cockpit.export.drive import Drive
+    from cockpit.export.place import new_place
+    from cockpit.export.table import check_parquet
+    from trepid.recording.car import recorded_car
+
+    kind = _format(out, to)
+    if rate is not None and kind is Format.TUB:
+        raise InputError("--rate is not for a tub: it holds one record per recorded image")
+    if kind is Format.PARQUET:
+        check_parquet(out)
+    with new_place(out) as work:
+        drive = Drive(recording)
+        print(f"trepid export: {len(drive.frames_s)} camera frames", file=sys.stderr, flush=True)
+        with recorded_car(drive.recorded):
+            counts = _written(drive, work, kind, rate)
+    if not drive.recorded.complete:
+        print(
+            "trepid export: the recording is cut short; exported up to its last whole chunk", file=sys.stderr
+        )
+    summary = {
+        "file": str(out),
+        "format": str(kind),
+        **counts,
+        "from_s": round(drive.frames_s[0] - drive.zero_s, 6),
+        "to_s": round(drive.frames_s[-1] - drive.zero_s, 6),
+        "complete": drive.recorded.complete,
+        "malformed": dict(drive.recorded.malformed),
+    }
+    print(json.dumps(summary) if as_json else f"{out}: {counts['rows']} {_UNITS[kind]}")
+    return 0
+
+
+_UNITS = {
+    Format.CSV: "rows",
+    Format.PARQUET: "rows",
+    Format.VIDEO: "video frames",
+    Format.FIGURE: "moments",
+    Format.TUB: "records",
+}
+
+
+def _format(out: Path, to: Format | None) -> Format:
+    """The format of the export. Raises InputError for an unknown suffix, or one that the format cannot have."""
+    suffix = out.suffix.lower()
+    if to is None:
+        if suffix not in SUFFIXES:
+            known = ", ".join(filter(None, SUFFIXES))
+            raise InputError(
+                f"{out}: unknown suffix {suffix}; known: {known}, or none for a tub; or give --to"
+            )
+        return SUFFIXES[suffix]
+    if to in {Format.VIDEO, Format.FIGURE} and SUFFIXES.get(suffix) is not to:
+        fitting = ", ".join(name for name, kind in SUFFIXES.items() if kind is to)
+        raise InputError(f"{out}: the suffix of a {to} is {fitting}")
+    return to
+
+
+def _written(drive: "Drive", work: Path, kind: Format, rate_hz: float | None) -> dict[str, Any]:
+    """Write the export to ``work``; its number of rows, and what was left out."""
+    from cockpit.export import table
+
+    if kind is Format.TUB:
+        from cockpit.export.tub import write_tub
+
+        records, left_out = write_tub(drive, work, _progress())
+        return {"rows": records, "left_out": left_out}
+    if kind is Format.VIDEO:
+        from cockpit.export.film import write_film
+
+        return {"rows": write_film(drive, work, rate_hz, _progress())}
+    rows = table.table(drive, table.times(drive, rate_hz))
+    if kind is Format.FIGURE:
+        from cockpit.export.figure import write_figure
+
+        write_figure(rows, drive.estimators, work, drive.recorded.notes.get("what", drive.path.name))
+    else:
+        (table.write_csv if kind is Format.CSV else table.write_parquet)(rows, work)
+    counts = {"rows": len(rows["t_s"])}
+    return counts if kind is Format.FIGURE else counts | {"columns": list(rows)}
+
+
+def _progress() -> Callable[[float], None]:
+    """A function that prints the share that is done, every SPOKEN_S."""
+    spoken_s = time.monotonic()
+
+    def done(share: float) -> None:
+        nonlocal spoken_s
+        if time.monotonic() - spoken_s >= SPOKEN_S:
+            spoken_s = time.monotonic()
+            print(f"trepid export: {share:.0%}", file=sys.stderr, flush=True)
+
+    return done

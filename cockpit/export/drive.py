@@ -1,0 +1,131 @@
+"""A recorded drive on one time base: the newest message of each topic at any time, and its camera images."""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+import cv2
+import numpy as np
+
+from trepid.clock import nanoseconds, seconds
+from trepid.config import InputError
+from trepid.messages import CompressedFrame, Frame, SteeringEstimate
+from trepid.recording.foreign import messages_of, types_of
+from trepid.recording.reader import read_recording
+from trepid.topics import (
+    CAMERA_COMPRESSED,
+    CAMERA_IMAGE,
+    COMMAND,
+    DECISION,
+    LEAD_VEHICLE,
+    VEHICLE_STATE,
+    Topic,
+    estimate_topic,
+)
+from trepid.types import Image
+from trepid.wire import WireError, from_cdr, ros_name
+
+M = TypeVar("M")
+KEYS = (
+    *(topic.key for topic in (DECISION, COMMAND, VEHICLE_STATE, LEAD_VEHICLE)),
+    estimate_topic("*").key,
+)
+STALE_S = 0.5
+"""An older message counts as missing: a node that has ended has no present value."""
+
+
+class Drive:
+    """The messages of a recording, without its images. Times are those of the recorder [s]."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError when ``path`` is no recording, or holds neither an image nor an estimate."""
+        self.path = path
+        self.recorded = read_recording(path, *KEYS)
+        self._arrived_s = {
+            key: [at_s for at_s, _ in messages] for key, messages in self.recorded.messages.items()
+        }
+        types = types_of(path)
+        candidates = (topic for topic in (CAMERA_IMAGE, CAMERA_COMPRESSED) if f"/{topic.key}" in types)
+        self.image_topic: Topic[Any] | None = next(candidates, None)
+        if self.image_topic is not None:
+            held, wanted = types[f"/{self.image_topic.key}"], ros_name(self.image_topic.type)
+            if held != wanted:
+                raise InputError(f"{path}: {self.image_topic.key} holds {held}, expected {wanted}")
+        if not self.frames_s:
+            raise InputError(f"{path}: holds no camera image and no estimate of Trepid: nothing to export")
+
+    @property
+    def zero_s(self) -> float:
+        """The time that is exported as 0: the start of the drive, else the first message."""
+        return self.recorded.first_s if self.recorded.began_s is None else self.recorded.began_s
+
+    @cached_property
+    def estimators(self) -> list[str]:
+        """Names of the estimators with a message, in alphabetical order."""
+        return sorted(key.split("/")[1] for key in self.recorded.messages if key.endswith("/estimate"))
+
+    @cached_property
+    def image_s(self) -> list[float]:
+        """Capture times of the recorded images in the order of the file."""
+        return [message.t_s for message in self._image_messages()]
+
+    @cached_property
+    def frames_s(self) -> list[float]:
+        """Capture times of all camera frames: those recorded, and those that an estimate goes back to."""
+        stamps = {nanoseconds(t_s) for t_s in self.image_s}
+        for name in self.estimators:
+            stamps |= {nanoseconds(one.t_s) for _, one in self.recorded.of(estimate_topic(name))}
+        return [seconds(stamp) for stamp in sorted(stamps)]
+
+    def newest(self, topic: Topic[M], at_s: float) -> M | None:
+        """The last message of ``topic`` that arrived by ``at_s``; None without one, or older than STALE_S."""
+        arrived_s = self._arrived_s.get(topic.key, [])
+        place = bisect_right(arrived_s, at_s) - 1
+        if place < 0 or at_s - arrived_s[place] > STALE_S:
+            return None
+        return self.recorded.of(topic)[place][1]
+
+    def from_frame(self, topic: Topic[M], t_s: float) -> M | None:
+        """The first message of ``topic`` that goes back to the frame captured at ``t_s``; None without one."""
+        return self._of_frame(topic).get(nanoseconds(t_s))
+
+    def estimates_from(self, t_s: float) -> dict[str, SteeringEstimate]:
+        """The estimates from the frame captured at ``t_s``."""
+        found = {name: self.from_frame(estimate_topic(name), t_s) for name in self.estimators}
+        return {name: estimate for name, estimate in found.items() if estimate is not None}
+
+    def images(self) -> Iterator[tuple[float, Image, bytes | None]]:
+        """Capture time, image and, where it was recorded as JPEG, its bytes; in the order of the file.
+
+        Raises InputError for an image that cannot be decoded.
+        """
+        for message in self._image_messages():
+            if isinstance(message, Frame):
+                yield message.t_s, message.image, None
+                continue
+            image = cv2.imdecode(np.frombuffer(message.jpeg, np.uint8), cv2.IMREAD_COLOR)
+            if image is None:
+                raise InputError(f"{self.path}: the image of {message.t_s:.3f} s cannot be decoded")
+            yield message.t_s, image.astype(np.uint8, copy=False), message.jpeg
+
+    def _image_messages(self) -> Iterator[Frame | CompressedFrame]:
+        topic = self.image_topic
+        if topic is None:
+            return
+        for at_s, data in messages_of(self.path, f"/{topic.key}"):
+            try:
+                yield from_cdr(data, topic.type)
+            except WireError as error:
+                raise InputError(f"{self.path}: {topic.key} at {at_s:.3f} s: {error}") from error
+
+    def _of_frame(self, topic: Topic[M]) -> dict[int, M]:
+        if topic.key not in self._by_frame:
+            stamped = ((getattr(one, "t_s", None), one) for _, one in reversed(self.recorded.of(topic)))
+            self._by_frame[topic.key] = {nanoseconds(t_s): one for t_s, one in stamped if t_s is not None}
+        return self._by_frame[topic.key]
+
+    @cached_property
+    def _by_frame(self) -> dict[str, dict[int, Any]]:
+        return {}

@@ -1,0 +1,108 @@
+"""A drive as a video: camera images with the lanes, the path, the vehicle ahead and the fear of each frame.
+
+What is drawn comes from the very frame that is shown. The video runs at a constant rate on the clock of the drive;
+an image is repeated until the next one.
+"""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from cockpit.export.drive import STALE_S, Drive
+from cockpit.page.overlay import overlay
+from perception.images.annotate import HIGH, LEFT, LOW, PANEL, RIGHT, AnnotationWriter, enlarged, label
+from perception.images.fear_strip import with_decision
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.topics import DECISION, LEAD_VEHICLE, VEHICLE_STATE
+from trepid.types import Image
+
+LANES = (LEFT, RIGHT, (255, 90, 255), HIGH)  # colours of the estimators
+USUAL_HZ = 10.0  # of a recording with a single image
+
+
+def rate_of(image_s: list[float]) -> float:
+    """The usual rate of images captured at ``image_s`` [Hz]: 1 / the median of the positive intervals."""
+    steps_s = np.diff(image_s)
+    steps_s = steps_s[steps_s > 0]
+    return float(1 / np.median(steps_s)) if len(steps_s) else USUAL_HZ
+
+
+def write_film(drive: Drive, out: Path, rate_hz: float | None, done: Callable[[float], None]) -> int:
+    """Write the video and return the number of its frames; ``done`` is called with the share that is written.
+
+    Raises InputError when the recording holds no images.
+    """
+    if not drive.image_s:
+        raise InputError(f"{drive.path}: holds no camera image, so there is no video of it")
+    camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    fps = rate_of(drive.image_s) if rate_hz is None else rate_hz
+    first_s, last_s = drive.image_s[0], max(drive.image_s)
+    count, written = int((last_s - first_s) * fps + 1e-6) + 1, 0
+    writer = AnnotationWriter(out, fps=fps)
+    try:
+        ahead = drive.images()
+        coming = next(ahead, None)
+        shown_s, canvas = first_s, None
+        for number in range(count):
+            at_s = first_s + number / fps
+            latest = None
+            while coming is not None and coming[0] <= at_s + 1e-6:
+                latest, coming = coming, next(ahead, None)
+            if latest is not None:
+                shown_s, canvas = latest[0], drawn(drive, latest[0], latest[1], camera, vehicle)
+            assert canvas is not None  # the first image is of first_s
+            writer.write(_stamped(canvas, drive, at_s, at_s - shown_s), drive.path, is_clip=True)
+            written += 1
+            done(written / count)
+    finally:
+        writer.close()
+    return written
+
+
+def drawn(drive: Drive, t_s: float, image: Image, camera: Camera, vehicle: Vehicle) -> Image:
+    """The frame captured at ``t_s`` with what the nodes computed from it, at least 640 px wide."""
+    canvas = enlarged(image)[0]
+    estimates, decision = drive.estimates_from(t_s), drive.from_frame(DECISION, t_s)
+    lead = drive.from_frame(LEAD_VEHICLE, t_s)
+    shapes = overlay(estimates.values(), decision, lead, camera, vehicle)
+    scale = np.array([canvas.shape[1] / camera.width_px, canvas.shape[0] / camera.height_px])
+    if shapes["path"]:
+        tinted = canvas.copy()
+        cv2.fillPoly(tinted, [_points(shapes["path"], scale)], HIGH, cv2.LINE_AA, 4)
+        canvas = cv2.addWeighted(tinted, 0.45, canvas, 0.55, 0).astype(np.uint8, copy=False)
+    for number, name in enumerate(drive.estimators):
+        lane: dict[str, Any] = shapes["lanes"].get(name, {"left": (), "right": ()})
+        for side in ("left", "right"):
+            _line(canvas, lane[side], scale, LANES[number % len(LANES)])
+    if shapes["lead"]:
+        left, top, right, bottom = shapes["lead"]
+        _line(canvas, [[left, top], [right, top], [right, bottom], [left, bottom], [left, top]], scale, LOW)
+    return with_decision(canvas, decision, estimates)
+
+
+def _line(canvas: Image, line: Iterable[Iterable[float]], scale: Any, colour: tuple[int, int, int]) -> None:
+    points = _points(line, scale)
+    unit = max(1, round(canvas.shape[1] / 480))
+    if len(points) > 1:
+        cv2.polylines(canvas, [points], False, PANEL, unit + 2, cv2.LINE_AA, 4)
+        cv2.polylines(canvas, [points], False, colour, unit, cv2.LINE_AA, 4)
+
+
+def _points(line: Iterable[Iterable[float]], scale: Any) -> Any:
+    """Points in sixteenths of a pixel of the canvas, shape (n, 2)."""
+    return np.round(np.array(list(line), float).reshape(-1, 2) * scale * 16).astype(np.int32)
+
+
+def _stamped(canvas: Image, drive: Drive, at_s: float, age_s: float) -> Image:
+    """A copy with the time, the speed and, where the image is old, its age."""
+    state, copy = drive.newest(VEHICLE_STATE, at_s), canvas.copy()
+    speed = "-" if state is None or state.speed_mps is None else f"{state.speed_mps:.1f} m/s"
+    old = f"   no image for {age_s:.1f} s" if age_s > STALE_S else ""
+    unit = copy.shape[1] / 640
+    label(copy, f"{at_s - drive.zero_s:.2f} s   {speed}{old}", (0, copy.shape[0]), 0.42 * unit)
+    return copy

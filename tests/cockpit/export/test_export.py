@@ -1,0 +1,285 @@
+"""A recorded drive as table, video, figure and tub: the values are those of the recording, at the right times."""
+
+import csv
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from cockpit.export.drive import STALE_S, Drive
+from cockpit.export.film import rate_of
+from cockpit.export.table import Table, table, times
+from learning.dataset.sources.tub import BY_PILOT, is_tub, read_tub
+from sim_harness.lockstep.closed_loop import run
+from sim_harness.lockstep.recording import recording
+from sim_harness.scenarios.scenario import load_scenario
+from trepid.car.vehicle import Vehicle
+from trepid.cli import main
+from trepid.clock import seconds
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import CompressedFrame, VehicleState
+from trepid.recording.foreign import in_order
+from trepid.recording.reader import read_recording
+from trepid.recording.writer import Recording
+from trepid.topics import CAMERA_COMPRESSED, DECISION, VEHICLE_STATE, estimate_topic
+from trepid.wire import to_cdr
+
+SCENARIO = load_scenario("straight", {"duration_s": "5"})
+START_S = 2000.0
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("drive") / "drive.mcap"
+    with recording(path, SCENARIO) as witness:
+        run(SCENARIO, witness=witness)
+    return path
+
+
+def jpeg() -> bytes:
+    return cv2.imencode(".jpg", np.full((48, 64, 3), 90, np.uint8))[1].tobytes()
+
+
+def state(t_s: float, angle_rad: float | None, *, driver: bool = False) -> VehicleState:
+    return VehicleState(
+        t_s=t_s, speed_mps=2.0, road_wheel_angle_rad=angle_rad, yaw_rate_radps=None, driver_override=driver
+    )
+
+
+def written(path: Path, states: Iterable[VehicleState], images_s: Iterable[float]) -> Path:
+    """A recording of these messages, each of which arrives at its own time."""
+    sent: list[tuple[Any, Any]] = [(VEHICLE_STATE, one) for one in states]
+    sent += [(CAMERA_COMPRESSED, CompressedFrame(t_s=t_s, jpeg=jpeg())) for t_s in images_s]
+    with Recording(path, {}, {"began_ns": str(round(START_S * 1e9))}) as out:
+        for topic, message in sorted(sent, key=lambda entry: entry[1].t_s):
+            out.add(topic.key, to_cdr(message), at_s=message.t_s)
+    return path
+
+
+def rows_of(path: Path) -> Table:
+    opened = Drive(path)
+    return table(opened, times(opened, None))
+
+
+def exported(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: object) -> Any:
+    """The exit code, standard output and standard error of ``trepid export``."""
+    monkeypatch.setattr("sys.argv", ["trepid", "export", *map(str, words)])
+    code = main()
+    shown = capsys.readouterr()
+    return code, shown.out, shown.err
+
+
+@pytest.fixture
+def export(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
+    return lambda *words: exported(capsys, monkeypatch, *words)
+
+
+def test_a_row_holds_the_last_message_before_it_and_no_later_one(drive: Path) -> None:
+    rows, recorded = rows_of(drive), read_recording(drive, DECISION.key, VEHICLE_STATE.key)
+    zero_s = recorded.began_s
+    assert zero_s is not None and len(rows["t_s"]) > 100
+    for topic, column in ((DECISION, "fear"), (VEHICLE_STATE, "speed_mps")):
+        for t_s, value in zip(rows["t_s"], rows[column], strict=True):
+            assert isinstance(t_s, float)
+            before = [message for at_s, message in recorded.of(topic) if at_s - zero_s <= t_s + 1e-9]
+            assert value == getattr(before[-1], column)
+
+
+def test_a_recording_that_ends_earlier_gives_the_same_rows_up_to_its_end(drive: Path, tmp_path: Path) -> None:
+    short, held = tmp_path / "short.mcap", read_recording(drive)
+    until_s = held.first_s + 2.5
+    with Recording(short, {}, held.notes) as out:
+        for log_ns, key, data in in_order(drive):
+            if seconds(log_ns) <= until_s:
+                out.add(key, data, at_s=seconds(log_ns))
+    whole, part = rows_of(drive), rows_of(short)
+    count = len(part["t_s"])
+    assert 50 < count < len(whole["t_s"])
+    assert part == {name: values[:count] for name, values in whole.items()}
+
+
+def test_there_is_one_row_for_every_frame_of_the_drive_although_fewer_images_are_recorded(
+    drive: Path,
+) -> None:
+    opened, rows = Drive(drive), rows_of(drive)
+    estimated = {one.t_s for _, one in opened.recorded.of(estimate_topic("cv"))}
+    assert len(rows["t_s"]) >= len(estimated) > len(opened.image_s)
+    assert rows["frame"] == list(range(len(rows["t_s"])))
+
+
+def test_an_estimate_is_in_no_row_before_its_arrival(drive: Path) -> None:
+    rows = rows_of(drive)
+    ages = [
+        now - then
+        for now, then in zip(rows["t_s"], rows["cv_frame_t_s"], strict=True)
+        if isinstance(now, float) and isinstance(then, float)
+    ]
+    assert len(ages) > 100 and min(ages) > 0  # a frame and its estimate never have the same time
+
+
+def test_the_rows_at_a_rate_are_equally_spaced(drive: Path) -> None:
+    opened = Drive(drive)
+    t_s = np.diff(times(opened, 20.0))
+    assert np.allclose(t_s, 0.05)
+    assert times(opened, 20.0)[-1] <= opened.frames_s[-1] + 1e-6
+
+
+def test_what_is_missing_or_old_is_empty(tmp_path: Path) -> None:
+    at_s = [START_S + 0.1 * k for k in range(15)]
+    path = written(tmp_path / "d.mcap", [state(at_s[3], None)], at_s)
+    rows = rows_of(path)
+    fresh = [k for k, t_s in enumerate(at_s) if 0 <= t_s - at_s[3] <= STALE_S]
+    assert [k for k, value in enumerate(rows["speed_mps"]) if value is not None] == fresh
+    assert set(rows["road_wheel_angle_rad"]) == set(rows["fear"]) == {None}
+
+
+def test_csv_and_parquet_hold_the_same_table(drive: Path, tmp_path: Path, export: Any) -> None:
+    for name in ("d.csv", "d.parquet"):
+        code, out, _ = export(drive, tmp_path / name, "--json")
+        assert code == 0
+        summary = json.loads(out)
+        assert summary["rows"] == 125 and summary["complete"]
+    stored = pyarrow.parquet.read_table(tmp_path / "d.parquet").to_pydict()
+    with (tmp_path / "d.csv").open(newline="") as file:
+        lines = list(csv.DictReader(file))
+    assert list(stored) == list(lines[0]) == summary["columns"]
+    for name, values in stored.items():
+        for line, value in zip(lines, values, strict=True):
+            assert line[name] == "" if value is None else type(value)(line[name]) == value
+    assert stored["fear"][0] == 1.0 and stored["cv_confidence"][0] is None
+
+
+def test_the_video_lasts_as_long_as_the_images_and_shows_what_was_decided(
+    drive: Path, tmp_path: Path, export: Any
+) -> None:
+    code, out, _ = export(drive, tmp_path / "d.mp4", "--rate", 10, "--json")
+    opened = Drive(drive)
+    lasted_s = opened.image_s[-1] - opened.image_s[0]
+    video = cv2.VideoCapture(str(tmp_path / "d.mp4"))
+    assert code == 0
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == json.loads(out)["rows"] == math.floor(lasted_s * 10) + 1
+    assert video.get(cv2.CAP_PROP_FPS) == 10
+    read = [video.read()[1] for _ in range(20)]
+    plain = [image for _, image, _ in opened.images()]
+    shown = cv2.resize(read[-1], plain[0].shape[1::-1])
+    changed = np.abs(shown.astype(int) - plain[15].astype(int)).max(axis=2) > 60
+    assert 0.01 < changed.mean() < 0.4  # lines, path and strip, and the rest is the image
+
+
+def test_the_rate_of_a_video_is_the_usual_one_of_the_images() -> None:
+    assert rate_of([0.0, 0.1, 0.2, 0.3, 5.3]) == pytest.approx(10.0)
+
+
+def test_the_figure_is_a_picture_of_its_format(drive: Path, tmp_path: Path, export: Any) -> None:
+    assert export(drive, tmp_path / "d.png")[0] == 0
+    image = cv2.imread(str(tmp_path / "d.png"))
+    assert image is not None and image.shape[0] > 800 and (image < 200).mean() > 0.005
+
+
+def test_a_tub_is_read_back_with_right_as_positive_and_the_share_of_the_lock(
+    tmp_path: Path, export: Any
+) -> None:
+    lock_rad = load(CONFIG_DIR / "vehicle.yaml", Vehicle).max_road_wheel_angle_rad
+    at_s = [START_S + 0.1 * k for k in range(4)]
+    angles = [0.5 * lock_rad, -0.25 * lock_rad, -2 * lock_rad, None]
+    states = [state(t, angle, driver=k < 2) for k, (t, angle) in enumerate(zip(at_s, angles, strict=True))]
+    path = written(tmp_path / "d.mcap", states, at_s)
+    code, out, _ = export(path, tmp_path / "tub", "--json")
+    assert code == 0 and {"rows": 3, "left_out": 1}.items() <= json.loads(out).items()
+    faults: list[str] = []
+    assert is_tub(tmp_path / "tub")
+    log = read_tub(tmp_path / "tub", Faulty(faults))
+    assert not faults and not log.left_positive
+    assert log.steering == pytest.approx([-0.5, 0.25, 1.0])
+    assert log.t_s == pytest.approx(at_s[:3]) and log.speed_mps == pytest.approx([2.0, 2.0, 2.0])
+    assert log.why == ["", "", BY_PILOT]
+    assert [(log.root / name).read_bytes() for name in log.image] == [jpeg()] * 3
+
+
+class Faulty:
+    """Collects the faults of a reader."""
+
+    def __init__(self, found: list[str]) -> None:
+        self._found = found
+
+    @property
+    def count(self) -> int:
+        return len(self._found)
+
+    def __call__(self, text: str) -> None:
+        self._found.append(text)
+
+
+def test_the_catalogs_of_a_tub_have_the_lengths_by_which_donkeycar_finds_a_record(
+    tmp_path: Path, export: Any
+) -> None:
+    at_s = [START_S + 0.02 * k for k in range(1003)]
+    path = written(tmp_path / "d.mcap", [state(t_s, 0.01) for t_s in at_s], at_s)
+    assert export(path, tmp_path / "tub")[0] == 0
+    held = json.loads((tmp_path / "tub" / "manifest.json").read_text().splitlines()[4])
+    assert held["paths"] == ["catalog_0.catalog", "catalog_1.catalog"] and held["current_index"] == 1003
+    for name, start, count in zip(held["paths"], (0, 1000), (1000, 3), strict=True):
+        about = json.loads((tmp_path / "tub" / f"{name}_manifest").read_text())
+        data = (tmp_path / "tub" / name).read_bytes()
+        assert about["start_index"] == start and about["path"] == f"{name}_manifest"
+        assert len(about["line_lengths"]) == count and sum(about["line_lengths"]) == len(data)
+        begin = sum(about["line_lengths"][:-1])
+        assert json.loads(data[begin:])["_index"] == start + count - 1
+
+
+def test_an_existing_output_is_kept(drive: Path, tmp_path: Path, export: Any) -> None:
+    for out in (tmp_path / "d.csv", tmp_path / "tub"):
+        out.mkdir() if out.suffix == "" else out.write_text("mine")
+        code, _, err = export(drive, out)
+        assert code == 2 and err.count("\n") == 1 and "exists already" in err
+    assert (tmp_path / "d.csv").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("content", "out", "what"),
+    [
+        (None, "d.csv", "cannot be read"),
+        (b"no recording", "d.csv", "not a recording"),
+        (b"no recording", "missing/d.csv", "no such folder"),
+        (b"no recording", "d.xyz", "unknown suffix"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(
+    tmp_path: Path, export: Any, content: bytes | None, out: str, what: str
+) -> None:
+    path = tmp_path / "d.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    code, shown, err = export(path, tmp_path / out)
+    assert code == 2 and shown == "" and err.count("\n") == 1 and what in err
+    assert [one.name for one in tmp_path.iterdir()] == ([] if content is None else ["d.mcap"])
+
+
+@pytest.mark.parametrize("out", ["d.mp4", "tub"])
+def test_a_recording_without_what_the_format_needs_is_one_line(
+    drive: Path, tmp_path: Path, export: Any, out: str
+) -> None:
+    path, key = tmp_path / "d.mcap", estimate_topic("cv").key
+    with Recording(path) as made:
+        for log_ns, held, data in in_order(drive):
+            if held == key:
+                made.add(key, data, at_s=seconds(log_ns))
+    code, _, err = export(path, tmp_path / out)
+    assert code == 2 and "holds no camera image" in err
+    assert not (tmp_path / out).exists()
+
+
+def test_a_recording_that_is_cut_short_is_exported_and_reported(
+    drive: Path, tmp_path: Path, export: Any
+) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(drive.read_bytes()[: drive.stat().st_size * 3 // 4])
+    code, out, err = export(path, tmp_path / "d.csv", "--json")
+    summary = json.loads(out)
+    assert code == 0 and not summary["complete"] and 20 < summary["rows"] < 125 and "cut short" in err
