@@ -97,6 +97,11 @@ VERBS = {
         "export",
         "Export a recording as table, video, figure or tub of donkeycar.",
     ),
+    "compare": Verb(
+        "cockpit.compare.cli",
+        "compare",
+        "Compare two recordings, or two files of stored runs, side by side.",
+    ),
     "status": Verb(
         "cockpit.status.cli",
         "status",
@@ -155,6 +160,7 @@ EXAMPLES = {
     "record keep": "trepid record keep",
     "replay": "trepid replay drive.mcap --through supervisor --rules config/fear.yaml",
     "export": "trepid export drive.mcap drive.csv --rate 20",
+    "compare": "trepid compare before.mcap after.mcap --picture both.png",
     "status": "trepid status",
     "service": "trepid service mycar --out ~/.config/systemd/user",
     "bench": "trepid bench control --save docs/results",

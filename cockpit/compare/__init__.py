@@ -1,0 +1,1 @@
+"""Two recordings, or two stored runs, side by side."""

@@ -1,0 +1,96 @@
+"""Two recordings side by side: figures of each, and the first decision that differs.
+
+Times count from the start of each drive. Every decision of A is compared with the newest decision of B by the same
+time, so that clocks of different drives do not matter.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cockpit.figure_style import BLUE, VERMILION, bare, new_figure
+from cockpit.logbook.recall import Recall, recall
+from cockpit.replay.difference import differences
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FIELDS = ("mode", "cause", "fear", "speed_cap_mps")
+
+
+def figures(drive: Recall) -> dict[str, float | None]:
+    """The figures of a drive by name and unit; None where no message gives the value.
+
+    Distance: integral of the measured speed over the decisions, rectangle rule. Seconds by mode and cause: each
+    decision applies until the next one.
+    """
+    steps_s = np.diff(drive.t_s)
+    speed = drive.speed_mps
+    known = bool(np.isfinite(speed).any())
+    fear = np.array([decision.fear for decision in drive.decisions])
+    found: dict[str, float | None] = {
+        "duration_s": float(drive.t_s[-1] - drive.t_s[0]),
+        "decisions": len(fear),
+        "distance_m": float(np.nansum(speed[:-1] * steps_s)) if known else None,
+        "mean_speed_mps": float(np.nanmean(speed)) if known else None,
+        "max_fear": float(fear.max()),
+        "mean_fear": float(fear.mean()),
+    }
+    for name in ("mode", "cause"):
+        values = [str(getattr(decision, name)) for decision in drive.decisions]
+        for value, step_s in zip(values, steps_s, strict=False):
+            key = f"{name}_{value}_s"
+            found[key] = (found.get(key) or 0.0) + float(step_s)
+    return found
+
+
+def compare_drives(one: Path, other: Path) -> tuple[dict[str, Any], "tuple[Recall, Recall]"]:
+    """The comparison of two recordings, for JSON, and both drives. Raises InputError."""
+    first, second = recall(one), recall(other)
+    return {
+        "kind": "recordings",
+        "figures": side_by_side(figures(first), figures(second)),
+        "first_difference": first_difference(first, second),
+    }, (first, second)
+
+
+def side_by_side(one: dict[str, Any], other: dict[str, Any]) -> list[dict[str, Any]]:
+    """One row for each figure of either: its name, both values and B - A; seconds of an absent state are 0."""
+    rows = []
+    for name in dict.fromkeys((*one, *other)):
+        absent = 0.0 if name.startswith(("mode_", "cause_")) else None
+        a, b = one.get(name, absent), other.get(name, absent)
+        rows.append({"name": name, "a": a, "b": b, "change": None if a is None or b is None else b - a})
+    return rows
+
+
+def first_difference(one: Recall, other: Recall) -> dict[str, Any] | None:
+    """The first time from the start at which mode, cause, fear or speed cap differ; None: nowhere in both."""
+    last_s = min(one.t_s[-1], other.t_s[-1])
+    begin_s = max(one.t_s[0], other.t_s[0])
+    for t_s, decision in zip(one.t_s, one.decisions, strict=True):
+        if not begin_s <= t_s <= last_s:
+            continue
+        found = differences(decision, other.decisions[other.index_at(t_s)])
+        changed = {name: [a, b] for name, a, b in found if name in FIELDS}
+        if changed:
+            return {"t_s": round(float(t_s), 3), "fields": changed}
+    return None
+
+
+def courses(drives: "tuple[Recall, Recall]", names: tuple[str, str]) -> "Figure":
+    """Fear, speed [m/s] and lateral offset of the path [m] of both drives over time, on one axis each."""
+    figure = new_figure(9, 6, layout="constrained")
+    axes = figure.subplots(3, sharex=True)
+    for drive, name, colour in zip(drives, names, (BLUE, VERMILION), strict=True):
+        offset = np.array([d.lateral_offset_m for d in drive.decisions], dtype=np.float64)
+        fear = [d.fear for d in drive.decisions]
+        for panel, values in zip(axes, (fear, drive.speed_mps, offset), strict=True):
+            panel.plot(drive.t_s, values, color=colour, linewidth=1.2, label=name)
+    for panel, label in zip(axes, ("fear", "speed [m/s]", "lateral offset [m]"), strict=True):
+        panel.set_ylabel(label)
+        bare(panel)
+    axes[0].legend(loc="upper right", fontsize=8)
+    axes[-1].set_xlabel("time from the start of the drive [s]")
+    return figure

@@ -1,0 +1,106 @@
+"""``trepid compare``: two recordings, or two files of stored runs."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cockpit.compare.drives import first_difference
+from cockpit.logbook.recall import recall
+from sim_harness.lockstep.closed_loop import run
+from sim_harness.lockstep.recording import recording
+from sim_harness.scenarios.scenario import load_scenario
+from trepid.cli import main
+from trepid.topics import DECISION
+
+RUN = {"scenario": "circuit", "seed": 0, "status": "passed", "max_fear": 0.25, "realtime_factor": 3.0}
+
+
+def compared(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: object
+) -> tuple[int, str, str]:
+    monkeypatch.setattr(sys, "argv", ["trepid", "compare", *map(str, words)])
+    code = main()
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.fixture
+def compare(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
+    return lambda *words: compared(capsys, monkeypatch, *words)
+
+
+def stored(path: Path, *runs: dict[str, Any]) -> Path:
+    path.write_text("".join(json.dumps(run) + "\n" for run in runs))
+    return path
+
+
+def test_changed_status_and_figures_of_runs_are_listed_without_the_speed_of_the_machine(
+    tmp_path: Path, compare: Any
+) -> None:
+    a = stored(tmp_path / "a.jsonl", RUN, RUN | {"seed": 1})
+    b = stored(
+        tmp_path / "b.jsonl",
+        RUN | {"status": "failed", "max_fear": 0.5},
+        RUN | {"seed": 1, "realtime_factor": 9.0},
+        RUN | {"seed": 2},
+    )
+    code, out, _ = compare(a, b, "--json")
+    found = json.loads(out)
+    changed = {"status": ["passed", "failed"], "max_fear": [0.25, 0.5]}
+    assert code == 0
+    assert found["changed"] == [{"scenario": "circuit", "seed": 0, "changed": changed}]
+    assert (found["compared"], found["only_a"], found["only_b"]) == (2, [], ["circuit seed 2"])
+
+
+@pytest.mark.parametrize("text", ["", "[1]\n", '{"scenario": "x"}\n', "no json\n"])
+def test_a_file_without_runs_is_refused_in_one_line(tmp_path: Path, compare: Any, text: str) -> None:
+    bad = tmp_path / "bad.jsonl"
+    bad.write_text(text)
+    code, out, err = compare(stored(tmp_path / "a.jsonl", RUN), bad)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "bad.jsonl" in err
+
+
+def test_a_recording_is_not_compared_with_runs(tmp_path: Path, compare: Any) -> None:
+    drive = tmp_path / "d.mcap"
+    drive.write_bytes(b"\x89MCAP")
+    code, _, err = compare(drive, stored(tmp_path / "a.jsonl", RUN))
+    assert code == 2
+    assert "two of a kind" in err
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("drive") / "drive.mcap"
+    scenario = load_scenario("straight", {"duration_s": "3"})
+    with recording(path, scenario) as witness:
+        run(scenario, witness=witness)
+    return path
+
+
+def test_a_recording_does_not_differ_from_itself_and_both_are_drawn(
+    drive: Path, tmp_path: Path, compare: Any
+) -> None:
+    picture = tmp_path / "both.png"
+    code, out, _ = compare(drive, drive, "--json", "--picture", picture)
+    found = json.loads(out)
+    assert code == 0
+    assert found["first_difference"] is None
+    assert {row["change"] for row in found["figures"]} == {0.0}
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_first_difference_is_the_first_changed_decision(drive: Path) -> None:
+    one = recall(drive)
+    decisions = list(one.recorded.of(DECISION))
+    for k in (60, 65):
+        decisions[k] = (decisions[k][0], replace(decisions[k][1], fear=0.75))
+    messages = {**one.recorded.messages, DECISION.key: decisions}
+    other = replace(one, recorded=replace(one.recorded, messages=messages))
+    fear = one.decisions[60].fear
+    at_s = round(float(one.t_s[60]), 3)
+    assert first_difference(one, other) == {"t_s": at_s, "fields": {"fear": [fear, 0.75]}}
