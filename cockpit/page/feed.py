@@ -1,8 +1,8 @@
 """The messages of a drive that the page shows.
 
-Small messages lie in rings of Zenoh until they are read. Pictures are subscribed to only while somebody looks: they
-then come as JPEG from the camera process, which makes them for the recorder anyway, so that nothing is encoded for
-the page. A camera that publishes no JPEG is read raw.
+A ring of Zenoh holds the newest small messages of each topic. The page subscribes to pictures only with a viewer:
+these are JPEG images from the camera process, which makes them for the recorder anyway, so that nothing is encoded
+for the page. A camera that publishes no JPEG is read raw.
 """
 
 from collections import deque

@@ -1,8 +1,8 @@
 """Viewers of the page: each gets the newest state, never a queue of old ones.
 
-A viewer acknowledges what it has drawn, and gets the next message only then. Whoever is slow, or hidden behind
-another tab, gets fewer messages and no older ones. Without an acknowledgement for AWAY_S a viewer counts as not
-looking; the pictures are not even received while nobody looks.
+A viewer acknowledges what it has drawn, and gets the next message only then. A slow viewer, or one in a
+hidden tab, gets fewer messages and no older ones. A viewer without an acknowledgement for AWAY_S counts as absent;
+the page receives no pictures while all viewers are absent.
 """
 
 import asyncio

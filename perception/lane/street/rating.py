@@ -49,7 +49,7 @@ def street_features(
 
 
 def either(probability: float, other: float, *, agreement: float) -> float:
-    """1 − (1 − p)·(1 − a·q): probability that one of two witnesses is right who agree to the degree a."""
+    """1 − (1 − p)·(1 − a·q): probability that at least one of two lanes is right, whose agreement is a."""
     return 1 - (1 - probability) * (1 - agreement * other)
 
 
