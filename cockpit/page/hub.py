@@ -7,6 +7,7 @@ the page receives no pictures while all viewers are absent.
 
 import asyncio
 import json
+import math
 import struct
 import time
 from typing import Any
@@ -97,7 +98,7 @@ class Hub:
             state["picture"] = {"t": picture.t_s, "age_ms": age_ms, **self._view.drawn(picture)}
         for viewer in self.viewers:
             if viewer.ready:
-                viewer.next = _packed({**state, **self._further(viewer)}, jpeg)
+                viewer.next = packed({**state, **self._further(viewer)}, jpeg)
                 viewer.ready = False
                 viewer.arrived.set()
         self._sent_s = now_s
@@ -115,7 +116,20 @@ class Hub:
         return found
 
 
-def _packed(state: dict[str, Any], jpeg: bytes) -> bytes:
-    """Length of the JSON, the JSON, the JPEG."""
-    text = json.dumps(state, separators=(",", ":"), allow_nan=False).encode()
+def packed(state: dict[str, Any], jpeg: bytes) -> bytes:
+    """Length of the JSON, the JSON, the JPEG; a number that is not finite is null, as one that is absent."""
+    text = json.dumps(_finite(state), separators=(",", ":"), allow_nan=False).encode()
     return HEADER.pack(len(text)) + text + jpeg
+
+
+def _finite(value: Any) -> Any:
+    """``value`` with None in place of NaN and infinity, in dictionaries and lists too."""
+    match value:
+        case dict():
+            return {key: _finite(one) for key, one in value.items()}
+        case list() | tuple():
+            return [_finite(one) for one in value]
+        case float() if not math.isfinite(value):
+            return None
+        case _:
+            return value

@@ -1,5 +1,6 @@
-"""Timelines, the driven path and the overlay, without a browser."""
+"""Timelines, the driven path, the overlay and the message to a viewer, without a browser."""
 
+import json
 import math
 
 import numpy as np
@@ -8,6 +9,7 @@ from live_page_rig import truth
 from message_rig import SHUTTLE, decision, estimate, state
 
 from cockpit.page.history import KEPT, MAX_POINTS, SAMPLE_S, Timelines, Track
+from cockpit.page.hub import HEADER, packed
 from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
@@ -84,3 +86,13 @@ def test_the_box_of_the_vehicle_ahead_stands_on_the_road_and_is_absent_with_it()
     assert y_m == pytest.approx(1.0, abs=0.05) and top < bottom
     gone = LeadVehicle(t_s=0.0, distance_m=None, lateral_m=None, speed_mps=None, confidence=0.0)
     assert overlay([], None, gone, CAMERA, SHUTTLE)["lead"] is None
+
+
+def test_an_unknown_number_reaches_a_viewer_as_null_at_any_depth():
+    message = packed({"inputs": {"age": math.nan, "offset": 0.25}, "line": [(1.0, math.inf)]}, b"jpeg")
+    (length,) = HEADER.unpack_from(message)
+    assert json.loads(message[HEADER.size : HEADER.size + length]) == {
+        "inputs": {"age": None, "offset": 0.25},
+        "line": [[1.0, None]],
+    }
+    assert message[HEADER.size + length :] == b"jpeg"
