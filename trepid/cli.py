@@ -156,6 +156,7 @@ EXAMPLES = {
     "train-lead": "trepid train-lead --out out/lead",
     "dataset build": "trepid dataset build drives mycar/tub --lock-deg 25",
     "dataset show": "trepid dataset show drives --picture drives.png",
+    "dataset export": "trepid dataset export drives mytub --as tub",
     "evaluate": "trepid evaluate net.onnx --data drives",
     "record keep": "trepid record keep",
     "replay": "trepid replay drive.mcap --through supervisor --rules config/fear.yaml",

@@ -130,10 +130,14 @@ def _written(drive: "Drive", work: Path, kind: Format, rate_hz: float | None) ->
     from cockpit.export import table
 
     if kind is Format.TUB:
+        from cockpit.export.frames import of_drive
         from cockpit.export.tub import write_tub
+        from trepid.car.vehicle import Vehicle
+        from trepid.config import CONFIG_DIR, load
 
-        records, left_out = write_tub(drive, work, _progress())
-        return {"rows": records, "left_out": left_out}
+        lock_rad = load(CONFIG_DIR / "vehicle.yaml", Vehicle).max_road_wheel_angle_rad
+        records = write_tub(of_drive(drive, _progress()), work, lock_rad=lock_rad)
+        return {"rows": records, "left_out": len(drive.image_s) - records}
     if kind is Format.VIDEO:
         from cockpit.export.film import write_film
 

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from cockpit.export.drive import STALE_S, Drive
+from cockpit.export.frames import rate_of
 from cockpit.page.overlay import overlay
 from perception.images.annotate import HIGH, LEFT, LOW, PANEL, RIGHT, AnnotationWriter, enlarged, label
 from perception.images.fear_strip import with_decision
@@ -22,14 +23,6 @@ from trepid.topics import DECISION, LEAD_VEHICLE, VEHICLE_STATE
 from trepid.types import Image
 
 LANES = (LEFT, RIGHT, (255, 90, 255), HIGH)  # colours of the estimators
-USUAL_HZ = 10.0  # of a recording with a single image
-
-
-def rate_of(image_s: list[float]) -> float:
-    """The usual rate of images captured at ``image_s`` [Hz]: 1 / the median of the positive intervals."""
-    steps_s = np.diff(image_s)
-    steps_s = steps_s[steps_s > 0]
-    return float(1 / np.median(steps_s)) if len(steps_s) else USUAL_HZ
 
 
 def write_film(drive: Drive, out: Path, rate_hz: float | None, done: Callable[[float], None]) -> int:

@@ -1,26 +1,22 @@
 """A drive as a tub of donkeycar, version 2: ``manifest.json``, catalogs of records, and a folder of JPEG images.
 
-One record per recorded image. ``user/angle`` is -δ/δ_max, in -1..1 and positive to the right, from the measured
-road-wheel angle δ and the lock δ_max of the car. ``user/throttle`` is the measured speed as a share of the greatest
-in the recording, since a recording has no throttle. ``user/mode`` is ``user`` where the driver had taken over, else
-``local``: a pilot drove. Layout: datastore_v2.py and tub_v2.py of donkeycar 4 and 5.
+One record per frame, one session per piece without pauses. ``user/angle`` is -δ/δ_max, in -1..1 and positive to
+the right, from the road-wheel angle δ and the lock δ_max of the car. ``user/throttle`` is the speed as a share of
+the greatest in the tub, since drives hold no throttle. ``user/mode`` is ``user`` where a driver steered, else
+``local`` (a pilot drove). Layout: datastore_v2.py and tub_v2.py of donkeycar 4 and 5.
 """
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any
 
 import cv2
 import numpy as np
 
-from cockpit.export.drive import Drive
-from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, load
-from trepid.messages import VehicleState
-from trepid.topics import VEHICLE_STATE
+from cockpit.export.frames import DrivenFrame
 from trepid.types import Image
 
 INPUTS = {
@@ -34,55 +30,40 @@ MAX_RECORDS = 1000  # of a catalog
 QUALITY = 95  # of images that were recorded raw
 
 
-def write_tub(drive: Drive, out: Path, done: Callable[[float], None]) -> tuple[int, int]:
-    """Write the tub into the new folder ``out``; return the numbers of records and of images left out.
-
-    Images without a measured road-wheel angle are left out. Raises InputError when none is left.
-    """
-    if not drive.image_s:
-        raise InputError(f"{drive.path}: holds no camera image, so there is no tub of it")
-    lock_rad = load(CONFIG_DIR / "vehicle.yaml", Vehicle).max_road_wheel_angle_rad
-    speeds = (state.speed_mps for _, state in drive.recorded.of(VEHICLE_STATE))
-    top_mps = max((abs(speed) for speed in speeds if _known(speed)), default=0.0)
-    session = f"{datetime.fromtimestamp(drive.zero_s, UTC):%y-%m-%d}_0"
+def write_tub(frames: Iterable[DrivenFrame], out: Path, *, lock_rad: float) -> int:
+    """Write the tub into the new folder ``out``; return the number of its records."""
     (out / "images").mkdir(parents=True)
     records: list[dict[str, Any]] = []
-    for number, (t_s, image, jpeg) in enumerate(drive.images(), start=1):
-        done(number / len(drive.image_s))
-        state = drive.newest(VEHICLE_STATE, t_s)
-        if state is None or not _known(state.road_wheel_angle_rad):
-            continue
-        name = f"{len(records)}_cam_image_array_.jpg"
-        (out / "images" / name).write_bytes(jpeg or _jpeg(image))
-        stamps = {"_index": len(records), "_session_id": session, "_timestamp_ms": round(t_s * 1e3)}
-        records.append({**stamps, "cam/image_array": name, **_driven(state, lock_rad, top_mps)})
-    if not records:
-        raise InputError(f"{drive.path}: no image has a measured road-wheel angle, so there is no tub of it")
-    _write_catalogs(out, records, drive.zero_s, session)
-    return len(records), len(drive.image_s) - len(records)
+    for number, frame in enumerate(frames):
+        name = f"{number}_cam_image_array_.jpg"
+        (out / "images" / name).write_bytes(frame.jpeg or _jpeg(frame.image))
+        records.append(_record(number, name, frame, lock_rad))
+    top_mps = max((record["enc/speed"] for record in records if "enc/speed" in record), default=0.0)
+    for record in records:
+        if "enc/speed" in record:
+            record["user/throttle"] = record["enc/speed"] / top_mps if top_mps > 0 else 0.0
+    _write_catalogs(out, records)
+    return len(records)
 
 
-def _driven(state: VehicleState, lock_rad: float, top_mps: float) -> dict[str, Any]:
-    assert _known(state.road_wheel_angle_rad)  # the caller leaves other frames out
-    fields: dict[str, Any] = {
-        "user/angle": float(np.clip(-state.road_wheel_angle_rad / lock_rad, -1.0, 1.0)),
-        "user/mode": "user" if state.driver_override else "local",
+def _record(number: int, image: str, frame: DrivenFrame, lock_rad: float) -> dict[str, Any]:
+    record = {
+        "_index": number,
+        "_session_id": f"{datetime.fromtimestamp(frame.t_s, UTC):%y-%m-%d}_{frame.episode}",
+        "_timestamp_ms": round(frame.t_s * 1e3),
+        "cam/image_array": image,
+        "user/angle": float(np.clip(-frame.road_wheel_rad / lock_rad, -1.0, 1.0)),
+        "user/mode": "user" if frame.by_driver else "local",
     }
-    if _known(state.speed_mps):
-        fields["enc/speed"] = state.speed_mps
-        fields["user/throttle"] = state.speed_mps / top_mps if top_mps else 0.0
-    return fields
-
-
-def _known(value: float | None) -> TypeGuard[float]:
-    return value is not None and math.isfinite(value)
+    return record | ({"enc/speed": frame.speed_mps} if math.isfinite(frame.speed_mps) else {})
 
 
 def _jpeg(image: Image) -> bytes:
     return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
 
 
-def _write_catalogs(out: Path, records: list[dict[str, Any]], created_s: float, session: str) -> None:
+def _write_catalogs(out: Path, records: list[dict[str, Any]]) -> None:
+    created_s = records[0]["_timestamp_ms"] / 1e3 if records else 0.0
     catalogs: list[str] = []
     for start in range(0, len(records), MAX_RECORDS):
         name = f"catalog_{len(catalogs)}.catalog"
@@ -96,7 +77,8 @@ def _write_catalogs(out: Path, records: list[dict[str, Any]], created_s: float, 
         }
         (out / f"{name}_manifest").write_text(_line(about), encoding="utf-8", newline="")
         catalogs.append(name)
-    sessions = {"all_full_ids": [session], "last_id": 0, "last_full_id": session}
+    ids = list(dict.fromkeys(record["_session_id"] for record in records))
+    sessions = {"all_full_ids": ids, "last_id": len(ids) - 1, "last_full_id": ids[-1] if ids else None}
     held = {
         "paths": catalogs,
         "current_index": len(records),

@@ -5,6 +5,7 @@ import math
 import shlex
 import sys
 from collections import Counter
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,15 @@ from trepid.commands.car_option import Car
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True)
+
+
+class Form(StrEnum):
+    """The layouts of ``trepid dataset export``."""
+
+    TUB = "tub"
+    LEROBOT = "lerobot"
+
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON only.")]
 
 
@@ -132,6 +142,32 @@ def show(
 
         draw(opened, picture)
     print(json.dumps(card, allow_nan=False) if as_json else "\n".join(as_text(card)))
+
+
+@app.command()
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="D", help="Folder of a data set.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="New folder. It is never overwritten.")],
+    to: Annotated[Form, typer.Option("--as", help="Layout of the folder.")],
+    split: Annotated[
+        str | None, typer.Option(help="Only train, validation or test; default: one after the other.")
+    ] = None,
+    car: Car = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write the frames and angles of a data set as a tub of donkeycar (version 2) or a LeRobot data set (v3)."""
+    from cockpit.export.place import new_place
+    from learning.dataset.dataset import SPLITS, Dataset
+    from learning.dataset.export import write_as
+    from sim_harness.sweep.progress import SweepProgress
+
+    opened = Dataset.open(folder)
+    splits = SPLITS if split is None else (_choice("--split", split, SPLITS),)
+    total = sum(len(opened.rows(name)) for name in splits)
+    with new_place(out) as work, SweepProgress(total, float(total), noun="frames") as progress:
+        frames = write_as(str(to), opened, splits, work, lambda: progress.step(1.0))
+    summary = {"folder": str(out), "format": str(to), "frames": frames}
+    print(json.dumps(summary) if as_json else f"{out}: {frames} frames as {to}")
 
 
 def parse_columns(texts: list[str]) -> dict[str, str]:

@@ -17,11 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_harness.bench.fear.arms import Driver, UnsupervisedDriver
+from sim_harness.bench.fear.arms import Driver, choice_of
 from sim_harness.bench.fear.drives import Case, cases
 from sim_harness.judging.fear_scores import afraid, auroc, fear_and_departure
 from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import Result, build_parts, run
+from sim_harness.lockstep.unsupervised import UnsupervisedDriver
 from sim_harness.sweep.store import Row, stored_rows
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, WORK_DIR, load
@@ -46,9 +47,8 @@ def drive(case: Case, driver: Driver | None) -> Result:
     parts = build_parts(scenario, seed=case.seed)
     if driver is not None:
         cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps
-        watched = UnsupervisedDriver(
-            parts.supervisor, driver, cruise_speed_mps=scenario.speed_mps or cruise_mps
-        )
+        speed_mps = scenario.speed_mps or cruise_mps
+        watched = UnsupervisedDriver(parts.supervisor, driver, choice_of(driver), cruise_speed_mps=speed_mps)
         parts = replace(parts, supervisor=watched)  # type: ignore[arg-type]
     return run(scenario, seed=case.seed, parts=parts)
 

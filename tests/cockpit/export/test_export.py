@@ -13,7 +13,7 @@ import pyarrow.parquet
 import pytest
 
 from cockpit.export.drive import STALE_S, Drive
-from cockpit.export.film import rate_of
+from cockpit.export.frames import rate_of
 from cockpit.export.table import Table, table, times
 from learning.dataset.sources.tub import BY_PILOT, is_tub, read_tub
 from sim_harness.lockstep.closed_loop import run

@@ -1,0 +1,67 @@
+"""A data set in the layouts of others: the same frames and angles, or one line and nothing written."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from learning.dataset.dataset import Dataset
+from tests.rigs.drive_rig import made_dataset, run, write_tub
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    folder = tmp_path_factory.mktemp("export")
+    return made_dataset(folder / "set", write_tub(folder / "tub"), options=("--lock-deg", "20"))
+
+
+def test_a_tub_of_a_data_set_is_built_into_the_same_data_set(data: Dataset, tmp_path: Path) -> None:
+    assert (
+        run("dataset", "export", str(data.folder), str(tmp_path / "tub"), "--as", "tub", "--split", "train")
+        == 0
+    )
+    again = made_dataset(
+        tmp_path / "set", tmp_path / "tub", options=("--lock-deg", "20", "--shares", "1,0,0")
+    )
+    train = data.rows("train")
+    assert again.rows()["road_wheel_rad"] == pytest.approx(train["road_wheel_rad"], abs=1e-9)
+    assert again.rows()["t_s"] == pytest.approx(train["t_s"], abs=1e-3)
+    assert (again.image(again.rows()[5]) == data.image(train[5])).all(), "the bytes of a JPEG are copied"
+    assert len(np.unique(again.rows()["route"])) == len(np.unique(train["stretch"]))
+
+
+def test_a_lerobot_data_set_has_its_splits_one_after_the_other(data: Dataset, tmp_path: Path) -> None:
+    assert run("dataset", "export", str(data.folder), str(tmp_path / "le"), "--as", "lerobot") == 0
+    info = json.loads((tmp_path / "le/meta/info.json").read_text())
+    counts = {name: len(data.rows(name)) for name in ("train", "validation", "test")}
+    assert info["total_frames"] == sum(counts.values()) and info["fps"] == 20
+    table = pyarrow.parquet.read_table(tmp_path / "le/data/chunk-000/file-000.parquet").to_pydict()
+    angles = np.concatenate([data.rows(name)["road_wheel_rad"] for name in counts])
+    assert table["action"] == pytest.approx(angles, abs=1e-6)
+    episodes = np.array(table["episode_index"])
+    for name, count in counts.items():
+        first, last = map(int, info["splits"][name].split(":"))
+        assert ((episodes >= first) & (episodes < last)).sum() == count
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        (("--as", "zip"), "--as"),
+        (("--as", "tub", "--split", "none"), "--split none: expected train or validation or test"),
+    ],
+)
+def test_bad_options_are_refused_and_nothing_is_written(
+    data: Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], what: str
+) -> None:
+    assert run("dataset", "export", str(data.folder), str(tmp_path / "out"), *words) == 2
+    assert what in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_existing_folder_is_kept(data: Dataset, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    assert run("dataset", "export", str(data.folder), str(tmp_path / "mine"), "--as", "tub") == 2
+    assert list((tmp_path / "mine").iterdir()) == []
