@@ -4,11 +4,12 @@ from array import array
 from typing import Any
 
 from sim_harness.judging.trace import Recorder, Trace
+from sim_harness.live.loads import Loads
 from sim_harness.live.tally import Tally
 from trepid.bus import Bus, Stream
 from trepid.clock import Clock
 from trepid.messages import Command, Decision, Diagnostic, SimTruth, SteeringEstimate, Timing, VehicleState
-from trepid.processes.process import MALFORMED, READY
+from trepid.processes.process import MALFORMED
 from trepid.processes.settings import LAUNCHER
 from trepid.processes.timing import FrameTimes
 from trepid.topics import (
@@ -56,9 +57,7 @@ class DriveLog:
         self._manoeuvres: dict[tuple[str, ...], int] = {}  # of the other vehicles, and a number for each ...
         self._under_way = array("H")  # ... of which one belongs to each sample of the trace
         self.tally = Tally()
-        self._loads: dict[
-            str, tuple[int, float, float]
-        ] = {}  # heartbeats, sums of rates and of shares of a core
+        self.loads = Loads()
         self._began_s = self.now_s()
         self.times = FrameTimes(self._estimators)
 
@@ -97,27 +96,7 @@ class DriveLog:
                 self.times.add(message, from_s=self._began_s)
             case Diagnostic() if message.process != LAUNCHER:
                 self.diagnostics[message.process] = message
-                if message.message != READY:
-                    self._add_load(message)
-
-    def _add_load(self, beat: Diagnostic) -> None:
-        values, (beats, rate_hz, cpu_percent) = (
-            dict(beat.values),
-            self._loads.get(beat.process, (0, 0.0, 0.0)),
-        )
-        self._loads[beat.process] = (
-            beats + 1,
-            rate_hz + float(values["rate_hz"]),
-            cpu_percent + float(values["cpu_percent"]),
-        )
-
-    def load(self, process: str) -> dict[str, float | None]:
-        """Mean steps per second and share of a core [%] of a process over the drive; None without heartbeats."""
-        beats, rate_hz, cpu_percent = self._loads.get(process, (0, 0.0, 0.0))
-        return {
-            "rate_hz": round(rate_hz / beats, 1) if beats else None,
-            "cpu_percent": round(cpu_percent / beats, 1) if beats else None,
-        }
+                self.loads.add(message)
 
     def malformed(self, process: str) -> int:
         """Number of malformed messages that a process has reported over its life."""

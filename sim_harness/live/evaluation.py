@@ -56,7 +56,7 @@ def _processes(log: DriveLog, fleet: Fleet) -> dict[str, Any]:
             name: {
                 "pid": child.popen.pid,
                 "restarts": child.restarts,
-                **log.load(name),
+                **log.loads.of(name),
                 "malformed": log.malformed(name),
             }
             for name, child in fleet.children.items()
