@@ -4,7 +4,6 @@ import hashlib
 import importlib.util
 import json
 import os
-import sys
 import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -20,6 +19,7 @@ from pydantic import BaseModel
 
 from sim_harness.sweep.pool import imap
 from trepid.config import WORK_DIR, InputError
+from trepid.speech.loudness import note
 
 SHIPPED = WORK_DIR / "perception" / "weights"
 VERSIONS = ("torch", "onnx", "onnxruntime", "numpy", "opencv-python-headless")
@@ -40,7 +40,7 @@ def need_torch(verb: str) -> None:
 
 def say(text: str) -> None:
     """Progress, beside the output of the verb."""
-    print(text, file=sys.stderr, flush=True)
+    note(text)
 
 
 def rendered(

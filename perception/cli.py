@@ -2,39 +2,25 @@
 
 import json
 import math
-import os
-import sys
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-import cv2
 import typer
 
-from perception.camera.self_calibration import self_calibrated
+from perception.api import cameras, check_estimator, lane_results
 from perception.estimators import (
     ESTIMATORS,
-    NETWORK_SUFFIX,
-    Entry,
-    entry_of,
     estimators,
-    lane_cv_settings,
-    no_estimator,
 )
 from perception.images.annotate import annotated, as_path, number
-from perception.images.frames import FrameResult, Step, Unread, print_json, print_table, results, written
-from perception.images.outline import outlined
-from perception.images.sources import Source, Still
+from perception.images.frames import FrameResult, Unread, print_json, print_table, written
 from perception.lead.cli import estimate_leads
-from trepid.car.camera import Camera
-from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
-from trepid.config import CONFIG_DIR, InputError, car_folder, load
+from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
 from trepid.messages import SteeringEstimate
-from trepid.scale import scaled_settings
-from trepid.types import Image
+from trepid.speech.loudness import note
 
 CALIBRATION_FRAMES = 9
 LEAD = "lead"
@@ -117,24 +103,18 @@ def estimate(
     if estimator == "list":
         _list_estimators(as_json)
         return 0
-    known = estimator in (*ESTIMATORS, LEAD) or estimator.endswith(NETWORK_SUFFIX)
-    if not known and estimator not in estimators():
-        raise InputError(no_estimator(estimator, (*estimators(), LEAD)))
+    check_estimator(estimator, LEAD)
     _check_options(estimator, fear=fear, detector=detector, speeds=(speed, speeds), drive=drive, fps=fps)
     if not inputs:
         raise InputError("name at least one image, folder or video")
-    cv2.setNumThreads(1)
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # FFmpeg prints nothing: errors are reported here
-    camera = camera or _camera_of_the_car()
-    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    camera_for = partial(_camera_for, known=load(camera, Camera) if camera else None, scale=vehicle.scale)
+    camera_for, assumed = cameras(camera)
     unread, drive_fps = Unread(strict=strict), (fps or NOMINAL_FPS) if drive else None
-    if camera is None and (fear or estimator == LEAD):
-        print(ASSUMED, file=sys.stderr)
+    if assumed and (fear or estimator == LEAD):
+        note(ASSUMED)
     if fear:
         from sim_harness.footage.fear_cli import estimate_with_fear
 
-        given = (camera is None, speed, speeds, detector)
+        given = (assumed, speed, speeds, detector)
         names = tuple(dict.fromkeys((*ESTIMATORS, *({estimator} - {LEAD}))))
         estimate_with_fear(
             inputs, camera_for, unread, *given, names, drive_fps=drive_fps, annotate=annotate, as_json=as_json
@@ -150,9 +130,8 @@ def estimate(
             as_json=as_json,
         )
     else:
-        step = partial(_step, entry_of(estimator), vehicle, camera is None)
-        found = results(inputs, camera_for, step, unread, drive_fps=drive_fps)
-        if camera is None:
+        found = lane_results(inputs, estimator, camera, unread, drive_fps)
+        if assumed:
             found = _with_note(found, ASSUMED)
         if annotate is not None:
             found = written(found, annotate, lambda one: annotated(one.image, one.result))
@@ -198,38 +177,13 @@ def _list_estimators(as_json: bool) -> None:
         print(f"{'':{width}}   {row['source']}" + (f": {' > '.join(row['stages'])}" if row["stages"] else ""))
 
 
-def _step(
-    entry: Entry, vehicle: Vehicle, assumed: bool, source: Source, camera: Camera
-) -> Step[SteeringEstimate]:
-    """A fresh estimator, stepped without odometry; a lane without boundaries gets those of an assumed width."""
-    estimator = entry.build(camera, vehicle, assumed=assumed)
-    return lambda frame: outlined(estimator.step(frame, None, now_s=frame.t_s), camera, vehicle)
-
-
-def _camera_of_the_car() -> Path | None:
-    """The camera file that the folder of a car overrides; None without one."""
-    car = car_folder()
-    return CONFIG_DIR / "camera.yaml" if car is not None and (car / "camera.yaml").exists() else None
-
-
-def _camera_for(source: Source, image: Image, known: Camera | None, *, scale: float) -> Camera:
-    """The given camera at the size of the image, or an assumed one with the horizon of the image or clip.
-
-    ``scale`` is that of the vehicle: an assumed camera is as high as the lanes of the vehicle are wide.
-    """
-    if known is not None:
-        return known.resized(image.shape[1], image.shape[0])
-    images = [image] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES)
-    return scaled_settings(self_calibrated(images, lane_cv_settings().self_calibration), scale)
-
-
 def _with_note(
-    found: Iterator[FrameResult[SteeringEstimate]], note: str
+    found: Iterator[FrameResult[SteeringEstimate]], text: str
 ) -> Iterator[FrameResult[SteeringEstimate]]:
-    """``found``, with ``note`` on standard error before the first frame."""
+    """``found``, with the note ``text`` before the first frame."""
     for index, one in enumerate(found):
         if index == 0:
-            print(note, file=sys.stderr)
+            note(text)
         yield one
 
 

@@ -1,7 +1,6 @@
 """The ``sim`` verbs: scenarios and their lock-step runs."""
 
 import json
-import sys
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -30,6 +29,7 @@ from trepid.commands.changes_option import Changes
 from trepid.commands.estimator_option import Chosen
 from trepid.commands.record_option import RawImages
 from trepid.config import InputError, parse_overrides
+from trepid.speech.loudness import note
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
 app.command("resimulate")(resimulate_verb)
@@ -180,11 +180,7 @@ def first_seed(text: str) -> int:
     """The seed that ``text`` gives, or a random one, which is printed. Raises InputError."""
     if text == RANDOM:
         drawn = fresh_seed()
-        print(
-            f"trepid sim: seed {drawn}, drawn at random; --seed {drawn} repeats it",
-            file=sys.stderr,
-            flush=True,
-        )
+        note(f"trepid sim: seed {drawn}, drawn at random; --seed {drawn} repeats it")
         return drawn
     if not (text.isascii() and text.isdigit()):
         raise InputError(f"--seed {text}: expected a whole number from 0 on, or {RANDOM!r}")
@@ -229,7 +225,7 @@ def passes(case: Case) -> bool:
     """Run a case, report it on standard error, return whether it passed."""
     result = run(case.scenario, seed=case.seed)
     values = ", ".join(f"{name} = {value}" for name, value in case.parameters.items())
-    print(f"{'failed' if result.reasons else 'passed'}: {values}", file=sys.stderr, flush=True)
+    note(f"{'failed' if result.reasons else 'passed'}: {values}")
     return not result.reasons
 
 

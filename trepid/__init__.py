@@ -5,6 +5,55 @@ geometry, configuration, processes and the command line. It holds no driving alg
 
 Conventions everywhere (ISO 8855 / REP 103): x forward, y left, z up; angles, curvature, steering and lateral
 offset are positive to the left; SI units, and every name carries its unit.
+
+For notebooks and scripts it offers ``load``, ``estimate``, ``rate``, ``run``, ``sweep``, ``drive``,
+``open_recording`` and ``explain`` (docs/python.md). Each is imported from the package that implements it when it is
+used first.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cockpit.notebook.car import Car, load
+    from cockpit.notebook.drives import OpenRecording, explain, open_recording
+    from perception.api import estimate
+    from sim_harness.api import drive, rate, run, sweep
+    from trepid.config import InputError
+
 __version__ = "0.1.0"
+__all__ = [
+    "Car",
+    "InputError",
+    "OpenRecording",
+    "__version__",
+    "drive",
+    "estimate",
+    "explain",
+    "load",
+    "open_recording",
+    "rate",
+    "run",
+    "sweep",
+]
+_HOMES = {
+    "cockpit.notebook.car": ("Car", "load"),
+    "cockpit.notebook.drives": ("OpenRecording", "explain", "open_recording"),
+    "perception.api": ("estimate",),
+    "sim_harness.api": ("drive", "rate", "run", "sweep"),
+    "trepid.config": ("InputError",),
+}
+"""Module -> the names that it defines, imported by name: the package is the lowest of all, and its import light."""
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """``name`` from the module that defines it."""
+        for module, names in _HOMES.items():
+            if name in names:
+                return getattr(import_module(module), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

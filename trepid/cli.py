@@ -7,12 +7,14 @@ With ``--json`` standard output carries JSON only; progress and logs go to stand
 import os
 import re
 import sys
+import time
+import traceback
 from collections import UserDict
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
 from io import TextIOWrapper
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from rich.markup import escape
@@ -22,6 +24,7 @@ from typer.exceptions import TyperException
 from trepid import __version__
 from trepid.config import InputError
 from trepid.packages import check_packages
+from trepid.speech.loudness import Loudness, detail, loudness, speak
 
 
 class Verb(NamedTuple):
@@ -169,6 +172,49 @@ EXAMPLES = {
 """The words of a verb -> an example, which its help shows."""
 
 
+def _chosen(wanted: Loudness, given: bool) -> None:
+    if not given:
+        return
+    if loudness() not in (Loudness.USUAL, wanted):
+        raise typer.BadParameter("--quiet and --verbose exclude each other")
+    speak(wanted)
+
+
+Quiet = Annotated[
+    bool,
+    typer.Option(
+        "--quiet",
+        "-q",
+        callback=lambda given: _chosen(Loudness.QUIET, given),
+        is_eager=True,
+        expose_value=False,
+        help="Say only results, warnings and errors: no progress, no assumptions.",
+    ),
+]
+Verbose = Annotated[
+    bool,
+    typer.Option(
+        "--verbose",
+        "-v",
+        callback=lambda given: _chosen(Loudness.VERBOSE, given),
+        is_eager=True,
+        expose_value=False,
+        help="Say also the files that are read and the time taken, and the place in the code of an error.",
+    ),
+]
+
+
+def loudness_options() -> list[Any]:
+    """The parameters ``--quiet`` and ``--verbose`` of a command."""
+
+    def verb(quiet: Quiet = False, verbose: Verbose = False) -> None:
+        pass
+
+    app = typer.Typer(add_completion=False)
+    app.command()(verb)
+    return list(typer.main.get_command(app).params)
+
+
 class Mounted(UserDict[str, Any]):
     """Commands of the verb ``group``, by name; a :class:`Verb` among them is imported at its first use."""
 
@@ -206,6 +252,8 @@ def _describe(command: Any, words: str) -> None:
             described.help = escape(re.sub(r"(?<!\n)\n(?!\n)", " ", described.help))
     for name, child in getattr(command, "commands", {}).items():
         _describe(child, f"{words} {name}")
+    if not hasattr(command, "commands"):
+        command.params.extend(loudness_options())
     if words in EXAMPLES:
         command.epilog = escape(f"Example: {EXAMPLES[words]}")
 
@@ -232,7 +280,11 @@ app = typer.Typer(
 
 
 @app.callback(invoke_without_command=True)
-def root(version: bool = typer.Option(False, "--version", help="Print the version and exit.")) -> None:
+def root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
     """A camera lane keeper for research vehicles, with a fuzzy supervisor of its estimates."""
     if version:
         typer.echo(f"trepid {__version__}")
@@ -241,13 +293,16 @@ def root(version: bool = typer.Option(False, "--version", help="Print the versio
 
 def main() -> int:
     """Run the command line; return the exit code."""
+    started_s = time.perf_counter()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # names may contain characters that the terminal cannot print
             stream.reconfigure(errors="backslashreplace")
     try:
+        speak(Loudness.USUAL)
         check_packages()
         result = app(prog_name="trepid", standalone_mode=False)
     except (InputError, TyperException) as error:
+        detail(traceback.format_exc().rstrip())
         text = error.format_message() if isinstance(error, TyperException) else str(error)
         print("trepid:", *text.split(), file=sys.stderr)
         return 2
@@ -257,4 +312,5 @@ def main() -> int:
         # The reader of the output has ended, e.g. `| head`: discard all further output, also at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    detail(f"trepid {__version__}: {time.perf_counter() - started_s:.2f} s")
     return result if isinstance(result, int) else 0

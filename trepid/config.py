@@ -11,7 +11,8 @@ import json
 import os
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, get_args
@@ -24,6 +25,7 @@ from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
 
 from trepid.scale import REFERENCE_LANE_M, scale_data
+from trepid.speech.loudness import detail
 from trepid.spelling import did_you_mean
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -96,6 +98,22 @@ def use_car(folder: Path | None) -> None:
         if path.name not in known:
             raise InputError(f"{path}: overrides no file of the defaults; {did_you_mean(path.name, known)}")
     os.environ[CAR] = str(folder.resolve())
+
+
+@contextmanager
+def using_car(folder: Path | None) -> Iterator[None]:
+    """Within the context the car in ``folder`` is in use, then the former one again; None: no change.
+
+    Raises InputError.
+    """
+    before = os.environ.get(CAR)
+    if folder is not None:
+        use_car(folder)
+    try:
+        yield
+    finally:
+        if folder is not None:
+            use_car(None if not before else Path(before))
 
 
 def car_folder() -> Path | None:
@@ -208,6 +226,7 @@ def texts(path: Path) -> tuple[str, ...]:
 
 def read_text(path: Path) -> str:
     """The text in ``path``. Raises InputError."""
+    detail(f"trepid: reads {path}")
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

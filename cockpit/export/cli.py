@@ -12,6 +12,7 @@ import typer
 
 from trepid.commands.car_option import Car
 from trepid.config import InputError
+from trepid.speech.loudness import note
 
 if TYPE_CHECKING:
     from cockpit.export.drive import Drive
@@ -80,7 +81,7 @@ def export(
         check_parquet(out)
     with new_place(out) as work:
         drive = Drive(recording)
-        print(f"trepid export: {len(drive.frames_s)} camera frames", file=sys.stderr, flush=True)
+        note(f"trepid export: {len(drive.frames_s)} camera frames")
         with recorded_car(drive.recorded):
             counts = _written(drive, work, kind, rate)
     if not drive.recorded.complete:
@@ -161,6 +162,6 @@ def _progress() -> Callable[[float], None]:
         nonlocal spoken_s
         if time.monotonic() - spoken_s >= SPOKEN_S:
             spoken_s = time.monotonic()
-            print(f"trepid export: {share:.0%}", file=sys.stderr, flush=True)
+            note(f"trepid export: {share:.0%}")
 
     return done

@@ -2,7 +2,6 @@
 
 import json
 import signal
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +9,7 @@ import typer
 
 from trepid.commands.car_option import Car
 from trepid.config import InputError
+from trepid.speech.loudness import note
 
 if TYPE_CHECKING:
     from cockpit.replay.difference import Difference
@@ -78,7 +78,7 @@ def _play(recording: Path, rate: float) -> int:
         recording,
         rate=rate,
         vehicle_name=str(read(CONFIG_DIR / "drive.yaml")["vehicle_name"]),
-        say=lambda text: print(f"trepid replay: {text}", file=sys.stderr, flush=True),
+        say=lambda text: note(f"trepid replay: {text}"),
         running=lambda: not ended,
     )
     print(f"{count} messages")

@@ -14,6 +14,7 @@ from ruamel.yaml.comments import CommentedSeq
 
 from cockpit.figure_style import save
 from cockpit.logbook.explain_drive import explain_drive, is_recording
+from cockpit.rulebook.explanation import check_name, explanation
 from cockpit.rulebook.figure import sets_figure, surface_figure
 from cockpit.rulebook.show import show_rules, show_surface
 from supervisor.rules.fcl.export import fcl
@@ -23,7 +24,6 @@ from supervisor.rules.proofs import calmest
 from supervisor.rules.rule_file import RuleFile, rule_schema
 from supervisor.rules.verify import place, verify
 from trepid.config import CONFIG_DIR, InputError, load, read_text
-from trepid.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from supervisor.rules.scikit import Agreement
@@ -216,30 +216,15 @@ def explain(
         raise InputError(f"{file}: --at, --rules and --picture are for recordings, and this is no MCAP file")
     rules = FearRules.load(file)
     given = _values(values or [], rules)
-    values_of_all = {**calmest(rules), **given}
-    result = rules.evaluate(values_of_all)
-    fired = list(zip(result.texts, result.strengths, strict=True))
-    factor, mode = rules.speed_factor(result.fear), rules.mode(result.fear)  # without hysteresis
-    assumed = [name for name in rules.names if name not in given]
+    explained = explanation(rules, given)
     if as_json:
-        explained = {
-            "fear": result.fear,
-            "level": result.level,
-            "memberships": rules.memberships(values_of_all),
-            "rules": [{"text": text, "strength": strength} for text, strength in fired],
-            "cause": result.cause,
-            "speed_factor": factor,
-            "mode": mode,
-            "trust": {name: trust.trust for name, trust in rules.trust(values_of_all).items()},
-            "assumed_calm": assumed,
-        }
         typer.echo(json.dumps(explained))
         return
-    summary = f"{mode}, speed x {factor:.2f}, because of {result.cause}"
-    typer.echo(f"fear {result.fear:.3f} ({result.level}): {summary}")
-    for text, strength in fired:
-        typer.echo(f"  {strength:.2f}  {text}")
-    if assumed:
+    summary = f"{explained['mode']}, speed x {explained['speed_factor']:.2f}, because of {explained['cause']}"
+    typer.echo(f"fear {explained['fear']:.3f} ({explained['level']}): {summary}")
+    for rule in explained["rules"]:
+        typer.echo(f"  {rule['strength']:.2f}  {rule['text']}")
+    if assumed := explained["assumed_calm"]:
         shown = ", ".join(assumed[:SHOWN_ASSUMED]) + (", ..." if len(assumed) > SHOWN_ASSUMED else "")
         typer.echo(f"assumed calm, because not given: {len(assumed)} of {len(rules.names)} inputs ({shown})")
 
@@ -251,7 +236,7 @@ def _values(texts: list[str], rules: FearRules) -> dict[str, float | None]:
         name, equals, number = text.partition("=")
         if not equals:
             raise InputError(f"{text!r}: expected NAME=VALUE")
-        _check_name(name, rules, text)
+        check_name(name, rules, text)
         try:
             value = float(number)
         except ValueError as error:
@@ -260,14 +245,9 @@ def _values(texts: list[str], rules: FearRules) -> dict[str, float | None]:
     return values
 
 
-def _check_name(name: str, rules: FearRules, place: str) -> None:
-    if name not in rules.inputs:
-        raise InputError(f"{place}: unknown input {name!r}; {did_you_mean(name, rules.names)}")
-
-
 def _axes(names: tuple[str, str], rules: FearRules) -> tuple[str, str]:
     for name in names:
-        _check_name(name, rules, f"--surface {' '.join(names)}")
+        check_name(name, rules, f"--surface {' '.join(names)}")
     if names[0] == names[1]:
         raise InputError(f"--surface {' '.join(names)}: two different inputs are needed")
     return names

@@ -1,5 +1,6 @@
 """``trepid estimate --estimator lead``: the vehicles in images, folders and videos."""
 
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -51,15 +52,26 @@ def estimate_leads(
     as_json: bool,
 ) -> None:
     """Find vehicles in every frame of every input. Raises InputError at the first input that cannot be read."""
-    settings = lead_settings(detector)
-    step = partial(_step, settings, load(CONFIG_DIR / "vehicle.yaml", Vehicle))
-    found = results(inputs, camera_for, step, unread, drive_fps=drive_fps)
+    found = lead_results(inputs, camera_for, unread, detector, drive_fps=drive_fps)
     if annotate is not None:
         found = written(found, annotate, drawn)
     if as_json:
         print_json(map(as_row, found))
     else:
         print_table(COLUMNS, {"file"}, map(_cells, found))
+
+
+def lead_results(
+    inputs: Iterable[Path],
+    camera_for: CameraFor,
+    unread: Unread,
+    detector: Path | None,
+    *,
+    drive_fps: float | None = None,
+) -> Iterator[FrameResult[Leads]]:
+    """The vehicles in every frame of every input. Raises InputError."""
+    step = partial(_step, lead_settings(detector), load(CONFIG_DIR / "vehicle.yaml", Vehicle))
+    return results(inputs, camera_for, step, unread, drive_fps=drive_fps)
 
 
 def _step(settings: LeadSettings, vehicle: Vehicle, source: Source, camera: Camera) -> Step[Leads]:

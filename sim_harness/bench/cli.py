@@ -16,6 +16,7 @@ from sim_harness.bench.text import brief, tables
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.scenario import list_scenarios
 from trepid.config import InputError
+from trepid.speech.loudness import note
 from trepid.spelling import did_you_mean_or_list
 
 
@@ -104,7 +105,7 @@ def benchmarks(names: Sequence[str]) -> list[str]:
 
 def run(name: str, options: dict[str, Any], folder: Path | None) -> Any:
     """The result of a benchmark, stored in ``folder`` if one is given."""
-    typer.echo(f"bench {name} ...", err=True)
+    note(f"bench {name} ...")
     measured = function(name)(**options)
     if folder is not None:
         save(Result.of(name, measured, options=options), folder)

@@ -2,7 +2,6 @@
 
 import json
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,6 +21,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.commands.car_option import Car
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.images.files import NOMINAL_FPS
+from trepid.speech.loudness import note
 
 CALIBRATION_FRAMES = 9
 STARTS = ((0.5, 0.0), (-0.5, 0.0), (0.0, 2.0), (0.0, -2.0))  # m to the left, degrees to the left
@@ -111,10 +111,7 @@ def _runs(
 
 def assumed_camera(clip: Path) -> Camera:
     """A typical camera with the horizon of the clip, as in `trepid estimate`."""
-    print(
-        "no --camera given: distances depend on an assumed camera with the horizon of the clip",
-        file=sys.stderr,
-    )
+    note("no --camera given: distances depend on an assumed camera with the horizon of the clip")
     source = sources(clip, drive_fps=NOMINAL_FPS)[0]
     images = [source.read()] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES)
     return self_calibrated(images, lane_cv_settings().self_calibration)

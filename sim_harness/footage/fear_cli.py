@@ -2,8 +2,7 @@
 
 import csv
 import math
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -34,6 +33,7 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.recording.reader import read_recording
+from trepid.speech.loudness import note
 from trepid.topics import VEHICLE_STATE
 
 COLUMNS = (
@@ -113,11 +113,10 @@ def estimate_with_fear(
     ``assumed``: the cameras are self-calibrated. Without a speed that of ``config/supervisor.yaml`` is assumed and
     reported; a recording brings its own states.
     """
-    motion = given_motion(speed_mps, log)
     if lead_settings(detector).detector is None and not all(map(_is_recording, inputs)):
-        print(NO_DETECTOR, file=sys.stderr)
-    step = partial(_step, motion, detector, assumed, names)
-    found = results(inputs, camera_for, step, unread, drive_fps=drive_fps)
+        note(NO_DETECTOR)
+    motion = given_motion(speed_mps, log)
+    found = fear_results(inputs, camera_for, unread, assumed, motion, detector, names, drive_fps=drive_fps)
     if annotate is not None:
         found = written(found, annotate, drawn)
     if as_json:
@@ -125,6 +124,22 @@ def estimate_with_fear(
     else:
         columns = (*COLUMNS, *map(name_of, names), "lead m")
         print_table(columns, {"file", "level", "cause", "mode", "path"}, map(_cells, found))
+
+
+def fear_results(
+    inputs: Iterable[Path],
+    camera_for: CameraFor,
+    unread: Unread,
+    assumed: bool,
+    motion: GivenMotion | None,
+    detector: Path | None,
+    names: Sequence[str],
+    *,
+    drive_fps: float | None = None,
+) -> Iterator[FrameResult[Onlooked]]:
+    """What estimators, lead detector and supervisor make of every frame. Raises InputError."""
+    step = partial(_step, motion, detector, assumed, names)
+    return results(inputs, camera_for, step, unread, drive_fps=drive_fps)
 
 
 def _is_recording(path: Path) -> bool:
@@ -166,7 +181,7 @@ def _states(
         return Recorded(states), None
     if given is None:
         cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps * vehicle.scale
-        print(f"{source.path}: no --speed given: {cruise_mps:g} m/s assumed", file=sys.stderr)
+        note(f"{source.path}: no --speed given: {cruise_mps:g} m/s assumed")
         return Given(camera, vehicle, lambda _: cruise_mps), None
     states_at = Given(camera, vehicle, given.speed_mps_at, given.yaw_radps_at)
     return states_at, given.top_mps if given.top_mps > 0 else None

@@ -16,6 +16,7 @@ from trepid.commands.estimator_option import Chosen
 from trepid.commands.record_option import RawImages
 from trepid.config import CONFIG_DIR, InputError, car_folder, load, parse_overrides
 from trepid.messages import Health
+from trepid.speech.loudness import Loudness, loudness
 
 if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
     from rich.console import Group
@@ -157,8 +158,9 @@ def of_car() -> str:
 
 
 def say(text: str) -> None:
-    """One line about the start of the drive."""
-    write_line(f"trepid drive: {text}")
+    """One line about the start of the drive, unless quiet."""
+    if loudness() is not Loudness.QUIET:
+        write_line(f"trepid drive: {text}")
 
 
 def write_line(text: str) -> None:
@@ -171,13 +173,13 @@ def write_line(text: str) -> None:
 def shown(dashboard: bool) -> "Iterator[Show]":
     """Display of the drive on standard error: a live table in a terminal, else a line every few seconds.
 
-    Without the table, each new warning or error of a process is a line of its own.
+    Without the table, each new warning or error of a process is a line of its own; these only, when quiet.
     """
     from rich.console import Console
     from rich.live import Live
 
     console = Console(stderr=True)
-    if dashboard and console.is_terminal:
+    if dashboard and console.is_terminal and loudness() is not Loudness.QUIET:
         with Live(console=console, auto_refresh=False, transient=True) as live:
             yield lambda log, fleet, elapsed_s: live.update(
                 status(log, fleet, elapsed_s=elapsed_s), refresh=True
@@ -193,6 +195,8 @@ def shown(dashboard: bool) -> "Iterator[Show]":
             if beat.health is not Health.OK and state != reported.get(beat.process):
                 write_line(f"process {beat.process}: {state[0]}: {state[1]}")
             reported[beat.process] = state
+        if loudness() is Loudness.QUIET:
+            return
         if elapsed_s - printed_s >= PLAIN_PERIOD_S or elapsed_s < printed_s:
             printed_s = elapsed_s
             write_line(driving_line(log, elapsed_s=elapsed_s).plain)

@@ -6,6 +6,8 @@ import time
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from trepid.speech.loudness import Loudness, loudness, note
+
 LINE_EVERY_S = 5.0
 _WHOLE_SWEEP_S = 1e6  # average the speed over the whole sweep, because cases differ
 
@@ -26,7 +28,7 @@ class SweepProgress(Progress):
             transient=True,
             redirect_stdout=sys.stdout.isatty(),
             speed_estimate_period=_WHOLE_SWEEP_S,
-            disable=not console.is_terminal,
+            disable=not console.is_terminal or loudness() is Loudness.QUIET,
         )
         self._cases, self._simulated_s, self._noun = cases, simulated_s, noun
         self._done, self._done_s = 0, 0.0
@@ -41,4 +43,4 @@ class SweepProgress(Progress):
         if self.disable and self._done < self._cases and now_s - self._line_s >= LINE_EVERY_S:
             self._line_s = now_s
             left_s = (now_s - self._started_s) * (self._simulated_s / self._done_s - 1.0)
-            print(f"{counted}, about {left_s:.0f} s left", file=sys.stderr, flush=True)
+            note(f"{counted}, about {left_s:.0f} s left")

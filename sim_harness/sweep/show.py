@@ -1,7 +1,6 @@
 """Output of a sweep on the command line: rows or lines, progress, and a report at the end."""
 
 import json
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from sim_harness.sweep.plan import Plan
 from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.store import Row
 from sim_harness.sweep.sweep import Workforce, sweep
+from trepid.speech.loudness import note
 
 INTERRUPTED = 130  # 128 + SIGINT, as in shells
 
@@ -59,7 +59,10 @@ def show(
             publish(ordered.add(key, outcome))
             if key not in stored:
                 line = f"[{done}/{len(plan)}] {one_line(outcome.row)}"
-                print(line, file=sys.stderr if as_json else sys.stdout, flush=True)
+                if as_json:
+                    note(line)
+                else:
+                    print(line, flush=True)
     except KeyboardInterrupt:
         _note(f"interrupted: {done} of {len(plan)} cases are done, {place}")
         return INTERRUPTED
@@ -76,7 +79,7 @@ def show(
 
 
 def _note(text: str) -> None:
-    print(f"trepid sim: {text}", file=sys.stderr, flush=True)
+    note(f"trepid sim: {text}")
 
 
 class InPlanOrder:

@@ -2,7 +2,6 @@
 
 import difflib
 import json
-import sys
 import time
 from dataclasses import asdict
 from functools import partial
@@ -22,6 +21,7 @@ from sim_harness.tuning.settings import Costs, Span, TuneSettings, parse_vary
 from trepid.commands.car_option import Car
 from trepid.commands.changes_option import Changes
 from trepid.config import CONFIG_DIR, InputError, load, parse_overrides
+from trepid.speech.loudness import note
 
 if TYPE_CHECKING:
     from sim_harness.tuning.score import Score
@@ -230,4 +230,4 @@ class Progress:
 
 def say(text: str) -> None:
     """Print a line of progress on standard error."""
-    print(f"trepid fear tune: {text}", file=sys.stderr, flush=True)
+    note(f"trepid fear tune: {text}")

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from trepid.config import car_folder, use_car
+from trepid.config import car_folder, using_car
 from trepid.recording.reader import Recorded
 from trepid.recording.writer import CAR_FILES
 
@@ -20,8 +20,5 @@ def recorded_car(recorded: Recorded) -> Iterator[None]:
     with TemporaryDirectory() as folder:
         for name, data in own.items():
             (Path(folder) / Path(name).name).write_bytes(data)
-        use_car(Path(folder))
-        try:
+        with using_car(Path(folder)):
             yield
-        finally:
-            use_car(None)

@@ -7,7 +7,6 @@ Every drive follows a leader at a varying gap on a random road, past parked and 
 
 import itertools
 import math
-import sys
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -32,6 +31,7 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, LeadVehicle, VehicleState
+from trepid.speech.loudness import note
 
 Kind = DisturbanceKind
 CONDITIONS: dict[str, tuple[Disturbance, ...]] = {"clear": ()} | {
@@ -85,7 +85,7 @@ def bench_detector(seed: int) -> dict[str, Any]:
         for again in range(drives):
             lots = np.random.default_rng((seed, 50, number, again))
             logs.setdefault(name, []).append(drive(lots, disturbances, with_leader=True))
-        print(f"detector: {name} done", file=sys.stderr, flush=True)
+        note(f"detector: {name} done")
     empty = [drive(np.random.default_rng((seed, 51, n)), (), with_leader=False) for n in range(2)]
     clear = np.concatenate([log.table for log in logs["clear"]])
     times_ms = 1e3 * np.concatenate([log.times_s for logs_ in logs.values() for log in logs_])

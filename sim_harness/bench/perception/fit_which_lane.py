@@ -10,7 +10,6 @@ looks of the family wrong at a confidence above a half, (k + 1)/(n + 1) bounds t
 control: Angelopoulos et al., ICLR 2024), here of a family that was not in the fit.
 """
 
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated
@@ -31,6 +30,7 @@ from sim_harness.world.roads.drawn import UNMARKED
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.messages import Frame
+from trepid.speech.loudness import note
 from trepid.types import Array, Mask
 
 RIGHT = 0.75  # intersection over union with the true lane
@@ -73,7 +73,7 @@ def samples(drawn: Iterable[Look]) -> tuple[Samples, Samples]:
             lane = _between(left, right, look)
             rows.append((one.features, overlap(lane, truth) > RIGHT, FAMILIES.get(look.kind, "marked")))
         if look.number % 50 == 0:
-            print(f"look {look.number}", file=sys.stderr, flush=True)
+            note(f"look {look.number}")
     searched, paired = (Samples(*(np.array(column) for column in zip(*rows, strict=True))) for rows in found)
     return searched, paired
 

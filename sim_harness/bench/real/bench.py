@@ -1,7 +1,6 @@
 """`trepid bench real`: every sequence of the real sets, estimators, supervisor and trivial baselines."""
 
 import shutil
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from sim_harness.sweep.fingerprint import estimator_fingerprint, fingerprint, im
 from sim_harness.sweep.store import Store
 from trepid.cache.files import cache_file
 from trepid.config import ROOT, InputError
+from trepid.speech.loudness import note
 
 FOLDER = Path("out/bench_real")
 QUICK = 6  # every sixth still or stretch
@@ -59,7 +59,7 @@ def bench_real(
                         row["estimates"][one] = answer
                 found[set_name, name] = rows
     _draw(found, out)
-    print(f"real: contact sheets and reliability diagram in {out}", file=sys.stderr)
+    note(f"real: contact sheets and reliability diagram in {out}")
     return _table(found, (*NAMES, *others)) | absent
 
 

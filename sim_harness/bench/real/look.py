@@ -1,6 +1,5 @@
 """One pass over a sequence: rows and small pictures of the supervised estimators, or rows of other estimators."""
 
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from supervisor.supervisor import SupervisorSettings
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, SteeringEstimate
+from trepid.speech.loudness import note
 from trepid.types import Array, Image, Mask
 
 NAMES = tuple(ESTIMATORS)
@@ -64,7 +64,7 @@ def _said(pictures: Iterator[Picture], case: str) -> Iterator[Picture]:
         yield picture
         if time.monotonic() - said_s > SAY_EVERY_S:
             said_s = time.monotonic()
-            print(f"real: {case}, {number} frames", file=sys.stderr, flush=True)
+            note(f"real: {case}, {number} frames")
 
 
 def _onlooker(picture: Picture, sequence: sets.Sequence) -> Onlooker:

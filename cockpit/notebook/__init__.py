@@ -1,0 +1,1 @@
+"""Cars and recordings from Python, for notebooks."""

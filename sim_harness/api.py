@@ -1,0 +1,207 @@
+"""Runs, sweeps and live drives from Python: ``trepid.run``, ``sweep``, ``rate`` and ``drive``."""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+from perception.api import Paths, as_paths, cameras, check_estimator, in_car
+from perception.estimators import ESTIMATORS
+from perception.images.frames import FrameResult, Unread
+from sim_harness.footage.fear_cli import fear_results, given_motion
+from sim_harness.footage.onlooker import Onlooked
+from sim_harness.lockstep.closed_loop import Result, check_configuration
+from sim_harness.lockstep.closed_loop import run as run_scenario
+from sim_harness.lockstep.recording import recording
+from sim_harness.report.page import Page
+from sim_harness.scenarios.chosen_estimators import changes_of, networks_of
+from sim_harness.scenarios.sampling import Method
+from sim_harness.scenarios.scenario import Scenario, load_scenario
+from sim_harness.sweep.fingerprint import fingerprint
+from sim_harness.sweep.plan import Plan, Selection, by_sampling, by_seeds, plan, select
+from sim_harness.sweep.plan_store import PlanStore
+from sim_harness.sweep.store import Row
+from sim_harness.sweep.sweep import sweep as outcomes_of
+from sim_harness.sweep.sweep import workforce
+from trepid.config import CONFIG_DIR, InputError, load, using_car
+from trepid.images.files import NOMINAL_FPS
+from trepid.recording.writer import check_free
+
+
+def run(
+    scenario: str | Path | Scenario,
+    *,
+    seed: int = 0,
+    settings: Mapping[str, object] | None = None,
+    estimators: Sequence[str] = (),
+    car: str | Path | None = None,
+    record: str | Path | None = None,
+    raw_images: bool = False,
+) -> Result:
+    """Drive a scenario once in lock-step and judge it, as ``trepid sim run`` does.
+
+    ``scenario``: a name, a file or a :class:`Scenario`; ``settings``: other values of its fields by dotted name,
+    such as ``{"duration_s": 20}`` (not for a :class:`Scenario`); ``estimators``: names, or files of driving
+    networks, instead of its own; ``record``: the recording (.mcap) to write.
+
+    The result has ``row()``, the dictionary that ``trepid sim run --json`` prints, ``reasons`` (empty when
+    passed), ``metrics`` and ``trace``, whose columns are arrays of shape (n,): ``trace["lateral_offset_m"]``.
+    The same scenario and seed give the same trace, bit for bit. Raises InputError for wrong input.
+    """
+    with using_car(None if car is None else Path(car)):
+        if not isinstance(scenario, Scenario):
+            scenario = load_scenario(str(scenario), _changes(settings, estimators))
+        scenario.check()
+        check_configuration([scenario])
+        if record is None:
+            return run_scenario(scenario, seed=seed)
+        check_free(Path(record))
+        with recording(Path(record), scenario, raw_images=raw_images) as witness:
+            return run_scenario(scenario, seed=seed, witness=witness)
+
+
+def sweep(
+    scenarios: str | Path | Sequence[str | Path] = (),
+    *,
+    tags: Sequence[str] = (),
+    seeds: int | Sequence[int] = 1,
+    sample: str | None = None,
+    cases: int | None = None,
+    seed: int = 0,
+    settings: Mapping[str, object] | None = None,
+    estimators: Sequence[str] = (),
+    jobs: int = 1,
+    cluster: str | None = None,
+    out: str | Path | None = None,
+    resume: bool = False,
+    report: str | Path | None = None,
+    car: str | Path | None = None,
+) -> list[Row]:
+    """Run many cases, as ``trepid sim run S… --jobs N`` does; their rows in the order of the cases.
+
+    ``scenarios``: names, files, or ``"all"``, with one of ``tags`` where tags are given. ``seeds``: the seeds of
+    each, or their number from ``seed`` on. ``sample``: ``"grid"``, ``"random"`` or ``"lhs"`` draws ``cases`` cases
+    from the ranges under ``vary`` instead. ``jobs`` processes, or the Dask ``cluster`` at this address, run them.
+    ``out`` (folder, .jsonl or .parquet) stores each row as it is finished; with ``resume`` only the cases run that
+    it does not hold. ``report``: the page (.html) to write. ``settings`` and ``estimators``: as of :func:`run`.
+
+    A row is the dictionary that ``trepid sim run --json`` prints; ``pandas.DataFrame(rows)`` is a table of them.
+    A case that crashes is a row with status ``failed``. Raises InputError for wrong input or configuration.
+    """
+    with using_car(None if car is None else Path(car)):
+        sources = [scenarios] if isinstance(scenarios, str | Path) else scenarios
+        selection = select([str(one) for one in sources], tags, _changes(settings, estimators))
+        planned = _planned(selection, seeds, sample, cases, seed)
+        check_configuration(case.scenario for case in planned.values())
+        work = workforce(jobs=min(jobs, len(planned)), cluster=cluster, detailed=report is not None)
+        store = PlanStore(Path(out), planned, code=fingerprint(), resume=resume) if out else nullcontext()
+        with store as kept:
+            done = dict(outcomes_of(planned, work, kept))
+        if report is not None:
+            page = Page("trepid.sweep")
+            for key, case in planned.items():
+                page.add(
+                    done[key].row,
+                    tags=case.scenario.tags,
+                    command=selection.command(case),
+                    detail=done[key].detail,
+                )
+            page.write(Path(report))
+        return [done[key].row for key in planned]
+
+
+def rate(
+    inputs: Paths,
+    estimators: Iterable[str] = (),
+    *,
+    speed_mps: float | None = None,
+    speeds: str | Path | None = None,
+    detector: str | Path | None = None,
+    camera: str | Path | None = None,
+    car: str | Path | None = None,
+    as_drive: bool = False,
+    fps: float = NOMINAL_FPS,
+    strict: bool = True,
+) -> Iterator[FrameResult[Onlooked]]:
+    """The fear of every frame of ``inputs``, as ``trepid estimate --fear`` gives it.
+
+    ``result`` of each frame has ``estimates`` (by name), ``lead`` (None: no detector ran) and ``decision``, a
+    :class:`trepid.messages.Decision` with fear, cause, mode and the rules that fired. ``estimators``: names or
+    files of driving networks, beside ``cv`` and ``cnn``. ``speed_mps`` or the log ``speeds`` (``t_s, speed_mps``
+    and, where known, ``yaw_rate_radps`` by row) gives the motion of the car; a recording has its own. The other
+    parameters are those of :func:`trepid.estimate`. Raises InputError at the first frame that is asked for.
+    """
+
+    def begin() -> Iterator[FrameResult[Onlooked]]:
+        names = tuple(dict.fromkeys((*ESTIMATORS, *estimators)))
+        for name in names:
+            check_estimator(name)
+        camera_for, assumed = cameras(None if camera is None else Path(camera))
+        motion = given_motion(speed_mps, None if speeds is None else Path(speeds))
+        finder = None if detector is None else Path(detector)
+        unread, drive_fps = Unread(strict=strict), fps if as_drive else None
+        yield from fear_results(
+            as_paths(inputs), camera_for, unread, assumed, motion, finder, names, drive_fps=drive_fps
+        )
+
+    return in_car(car, begin())
+
+
+def drive(
+    scenario: str | Path | None = None,
+    *,
+    duration_s: float | None = None,
+    seed: int = 0,
+    settings: Mapping[str, object] | None = None,
+    estimators: Sequence[str] = (),
+    car: str | Path | None = None,
+    record: str | Path | None = None,
+    raw_images: bool = False,
+) -> dict[str, Any]:
+    """Drive live with all processes over Zenoh, as ``trepid drive --no-page`` does, until the end of the drive.
+
+    ``scenario``: a name or file; without one that of ``drive.yaml``, and none where the car has no simulator.
+    The result is the dictionary that ``trepid drive --json`` prints. Call it in the main thread: SIGINT and
+    SIGTERM stop the car. Raises InputError for wrong input, and for a process that does not start.
+    """
+    from sim_harness.live.drive import drive as drive_live
+    from sim_harness.live.drive import has_simulator
+    from sim_harness.live.referee import DriveSettings
+
+    with using_car(None if car is None else Path(car)):
+        given = load(CONFIG_DIR / "drive.yaml", DriveSettings)
+        name = given.scenario if scenario is None and has_simulator() else scenario
+        what = None
+        if name is not None:
+            what = load_scenario(str(name), _changes(settings, estimators))
+            what.check()
+            what = what if duration_s is None else what.shortened(duration_s)
+        return drive_live(
+            what,
+            given,
+            seed=seed,
+            show=lambda *_: None,
+            record=None if record is None else Path(record),
+            raw_images=raw_images,
+            duration_s=duration_s,
+            chosen=networks_of(estimators) if estimators and what is None else None,
+        )
+
+
+def _changes(settings: Mapping[str, object] | None, estimators: Sequence[str]) -> dict[str, str]:
+    """Changes of a scenario as texts of ``--set``: JSON is YAML."""
+    changes = {name: json.dumps(value) for name, value in (settings or {}).items()}
+    return {**changes, **changes_of(list(estimators))}
+
+
+def _planned(
+    selection: Selection, seeds: int | Sequence[int], sample: str | None, cases: int | None, seed: int
+) -> Plan:
+    if sample is None:
+        return plan(
+            by_seeds(selection.scenarios, range(seed, seed + seeds) if isinstance(seeds, int) else seeds)
+        )
+    if sample not in [*Method]:
+        raise InputError(f"sample {sample!r}: expected {', '.join(Method)}")
+    return plan(by_sampling(selection.scenarios, Method(sample), cases, seed=seed))

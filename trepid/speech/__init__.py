@@ -1,0 +1,1 @@
+"""What programs say beside their result."""
