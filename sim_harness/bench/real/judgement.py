@@ -3,13 +3,14 @@
 ``judged.csv`` holds one row per frame and estimator: set, file, estimator, judgement (``right``, ``wrong``,
 ``cannot_say``), and the place of the lane that was judged, with which an answer of a later version can be compared:
 columns of the left and of the right boundary in widths of the image at the rows of LANE_ROWS. A row with the
-judgement ``lane`` and no estimator holds the lane of the car itself, drawn by eye. The first that holds of
+judgement ``lane`` and no estimator holds the lane of the car itself, drawn by eye. Distances of boundaries are shares
+of the width of the judged lane in the same row, because a lane may be wider than the image. The first that holds of
 
 - within SAME of a lane that was judged right (of any estimator): right,
 - within SAME of a lane that was judged wrong: wrong,
-- in a frame with the lane of the car: right where both boundaries lie within BESIDE of its own, else wrong,
+- in a frame with the lane of the car: right within BESIDE of it, else wrong,
 - within SAME of a lane on which the judge could not say: not rated,
-- in a frame where another lane was judged right: wrong,
+- in a frame where others were judged right: wrong, if it lies beyond BESIDE of all of them,
 
 rates an answer; others are not rated.
 """
@@ -30,8 +31,8 @@ FILE = Path(__file__).parent / "judged.csv"
 RIGHT, WRONG, CANNOT_SAY, LANE = "right", "wrong", "cannot_say", "lane"
 PLACES = [f"{side}_{round(100 * row)}" for side in ("left", "right") for row in LANE_ROWS]
 COLUMNS = ["set", "file", "estimator", "judgement", *PLACES]
-SAME = 0.04  # of the image width, at every row where both lanes have both boundaries
-BESIDE = 0.25  # of the width of the lane in the same row: a cycle lane or half a pavement more is wrong
+SAME = 0.1  # of the width of the lane, at every row where both lanes have both boundaries
+BESIDE = 0.25  # a cycle lane or half a pavement more is wrong
 
 
 @dataclass(frozen=True)
@@ -79,25 +80,24 @@ def verdicts(rows: Sequence[dict[str, Any]], name: str, judged: Judgements) -> l
 
 def _verdict(answer: Mapping[str, Any], judged: Sequence[Judged]) -> bool | None:
     lane = np.array(answer["lane"], float)
-    near = {one.judgement for one in judged if same(lane, one.lane)}
+    near = {one.judgement for one in judged if within(lane, one.lane, SAME)}
     for verdict in (RIGHT, WRONG):
         if verdict in near:
             return verdict == RIGHT
     for one in judged:
         if one.judgement == LANE:
-            return beside(lane, one.lane)
-    other = any(one.judgement == RIGHT for one in judged)
-    return False if other and CANNOT_SAY not in near else None
+            return within(lane, one.lane, BESIDE)
+    if CANNOT_SAY in near:
+        return None
+    beyond = [within(lane, one.lane, BESIDE) is False for one in judged if one.judgement == RIGHT]
+    return False if beyond and all(beyond) else None
 
 
-def beside(lane: Array, true: Array) -> bool | None:
-    """Whether both boundaries lie within BESIDE of those of the ``true`` lane; None where no row has all four."""
-    off = np.abs(lane - true) / (true[1] - true[0])
+def within(lane: Array, judged: Array, share: float) -> bool | None:
+    """Whether both boundaries lie within ``share`` of the width of the ``judged`` lane from its own, in every row.
+
+    None where no row has all four boundaries.
+    """
+    off = np.abs(lane - judged) / (judged[1] - judged[0])
     both = np.isfinite(off).all(axis=0)
-    return bool((off[:, both] <= BESIDE).all()) if both.any() else None
-
-
-def same(a: Array, b: Array) -> bool:
-    """Whether two lanes lie within SAME of each other where both are known; False where they share no row."""
-    both = np.isfinite(a).all(axis=0) & np.isfinite(b).all(axis=0)
-    return bool(both.any()) and bool((np.abs(a - b)[:, both] <= SAME).all())
+    return bool((off[:, both] <= share).all()) if both.any() else None

@@ -11,7 +11,7 @@ from sim_harness.bench.real import baselines
 from sim_harness.bench.real import bench as module
 from sim_harness.bench.real.bench import bench_real
 from sim_harness.bench.real.frames import Picture
-from sim_harness.bench.real.judgement import COLUMNS, LANE_ROWS, Judged, judgements, same, verdicts
+from sim_harness.bench.real.judgement import COLUMNS, LANE_ROWS, Judged, judgements, verdicts, within
 from sim_harness.bench.real.labels import ROAD_CLASS, Labels
 from sim_harness.bench.real.look import GRID_PX
 from sim_harness.bench.real.scores import figures
@@ -134,13 +134,22 @@ def test_an_answer_is_rated_by_the_lane_of_the_car_where_that_was_drawn():
     assert verdicts(frame, "cv", unseen) == [None, None, None]
 
 
-def test_lanes_are_the_same_where_both_are_known():
+def test_lanes_are_compared_in_shares_of_their_width_where_both_are_known():
     lane = np.array(LANE)
-    short = lane.copy()
+    short, wider = lane.copy(), 2 * lane
     short[:, 0] = np.nan
-    assert same(lane, short)
-    assert not same(lane, np.full_like(lane, np.nan))
-    assert not same(lane, lane + 0.05)
+    assert within(lane, short, 0.01)
+    assert within(lane, np.full_like(lane, np.nan), 0.01) is None
+    aside = 0.05 * (lane[1] - lane[0])
+    assert within(lane + aside, lane, 0.06) and within(lane + aside, lane, 0.04) is False
+    assert within(wider + 2 * aside, wider, 0.06)
+
+
+def test_an_answer_a_little_beside_a_lane_that_was_judged_right_is_not_rated_and_one_far_beside_is_wrong():
+    lane = np.array(LANE)
+    width = lane[1] - lane[0]
+    frame = [row(answer(0.9, lane=(lane + share * width).tolist())) for share in (0.05, 0.15, 0.3)]
+    assert verdicts(frame, "cv", {"a.png": [Judged("right", lane)]}) == [True, None, False]
 
 
 def test_the_judgements_of_the_repository_can_be_read_and_name_known_sets():
