@@ -104,6 +104,14 @@ def _steer_net(camera: Camera, vehicle: Vehicle) -> Estimator:
     return SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
 
 
+def _steer_net_assumed(camera: Camera, vehicle: Vehicle) -> Estimator:
+    from perception.net.confirmed import ConfirmedNet
+    from perception.net.steer_net import SteerNet, SteerNetSettings
+
+    network = SteerNet(load(CONFIG_DIR / "steer_net.yaml", SteerNetSettings), camera, vehicle)
+    return ConfirmedNet(network, WhichLane(lane_cv_settings(), camera, vehicle), camera, vehicle)
+
+
 def _steer_net_misfit(camera: Camera, vehicle: Vehicle) -> Unfit | None:
     from perception.net.steer_net import NAME, SteerNetSettings, misfit
 
@@ -123,6 +131,7 @@ ESTIMATORS = {
         _steer_net,
         source="R [87] and later; config/steer_net.yaml",
         misfit=_steer_net_misfit,
+        construct_assumed=_steer_net_assumed,
     ),
 }
 """The estimators of the default drive; :func:`estimators` adds the pipelines."""

@@ -37,6 +37,21 @@ def agreement(one: Array, other: Array) -> float:
     return min(max((overlap(one, other) - OTHER_LANE) / (SAME_LANE - OTHER_LANE), 0.0), 1.0)
 
 
+def apart(one: SteeringEstimate, other: SteeringEstimate, height_px: int) -> float | None:
+    """Distance of the boundaries of two lanes in widths of the ``other``: the median over the rows of the lower half.
+
+    The greater one of both sides; boundaries beside the image count as well. None where no row has all four.
+    """
+    rows = np.linspace(height_px / 2, height_px - 1, ROWS)
+    lanes = [
+        np.stack([columns(path, rows) for path in (lane.left_boundary_px, lane.right_boundary_px)])
+        for lane in (one, other)
+    ]
+    off = np.abs(lanes[0] - lanes[1]) / (lanes[1][1] - lanes[1][0])
+    known = np.isfinite(off).all(axis=0)
+    return float(np.median(off[:, known], axis=1).max()) if known.any() else None
+
+
 def marginal(probability: Array, weight: Array, lanes: Sequence[Array]) -> Array:
     """P_j = Σ_i w_i·p_i·a_ij / Σ_i w_i with the agreement a_ij of the lanes i and j; shape (n,)."""
     agreed = np.array([[agreement(one, other) for other in lanes] for one in lanes])

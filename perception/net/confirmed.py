@@ -1,0 +1,50 @@
+"""Estimator ``cnn`` without a camera file: its lane counts as far as lines and kerbs in the image confirm it.
+
+The network measures lengths in the world of its training: lanes of a known width, seen from a known height. In the
+image of another camera a lane of another width looks like one of these beside its true place, and the network is as
+sure of it. What is in the image decides: with the lane of ``cv`` as witness (:mod:`perception.lane.which_lane`), which
+measures the boundaries at any height and is right with the probability c, the confidence is
+
+    P = p·c·a
+
+with the probability p of the network and the agreement a of the boundaries of both lanes. A lane without a witness
+is not believed.
+"""
+
+from dataclasses import replace
+
+from perception.images.outline import outlined
+from perception.lane.agreement import apart
+from perception.lane.which_lane import WhichLane
+from perception.net.steer_net import SteerNet
+from trepid.car.camera import Camera
+from trepid.car.vehicle import Vehicle
+from trepid.messages import Frame, SteeringEstimate, VehicleState
+
+CONFIRMED, DENIED = 0.1, 0.3  # distance of the boundaries of both lanes, in widths of the lane
+UNCONFIRMED = "lines and kerbs in the image do not confirm the lane of the network"
+
+
+class ConfirmedNet:
+    """Estimator ``cnn`` for a self-calibrated camera. Its state is that of the witness."""
+
+    def __init__(self, network: SteerNet, witness: WhichLane, camera: Camera, vehicle: Vehicle) -> None:
+        """All for the same ``camera`` and ``vehicle``."""
+        self._network, self._witness = network, witness
+        self._camera, self._vehicle = camera, vehicle
+
+    def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
+        """The lane of the network, with the confidence that the image confirms."""
+        found = self._network.step(frame, state, now_s=now_s)
+        seen = self._witness.step(frame, state, now_s=now_s)
+        if found.lateral_offset_m is None:
+            return found
+        share = apart(outlined(found, self._camera, self._vehicle), seen, frame.image.shape[0])
+        confidence = found.confidence * seen.confidence * agreed(share)
+        reason = UNCONFIRMED if confidence < found.confidence / 2 else ""
+        return replace(found, confidence=confidence, reason=reason)
+
+
+def agreed(share: float | None) -> float:
+    """1 up to ``CONFIRMED``, 0 from ``DENIED`` on and without a lane, linear between."""
+    return 0.0 if share is None else min(max((DENIED - share) / (DENIED - CONFIRMED), 0.0), 1.0)

@@ -1,0 +1,101 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drawn_road_rig import CAMERA, SETTINGS, VEHICLE, road
+
+from perception.camera.self_calibration import self_calibrated
+from perception.estimators import entry_of
+from perception.images.outline import outlined
+from perception.lane.agreement import apart
+from perception.net.confirmed import CONFIRMED, DENIED, UNCONFIRMED, ConfirmedNet, agreed
+from perception.net.steer_net import SteerNet
+from trepid.messages import Frame, SteeringEstimate
+
+FRAME = Frame(t_s=0.0, image=np.zeros((CAMERA.height_px, CAMERA.width_px, 3), np.uint8))
+NOTHING = SteeringEstimate.nothing(0.0, estimator="cnn", lookahead_m=8.0, reason="no road")
+
+
+class Says:
+    """An estimator that always answers the same."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def step(self, frame, state, *, now_s):
+        return self.answer
+
+
+def lane(offset_m=0.0, confidence=0.9):
+    return replace(
+        NOTHING,
+        lateral_offset_m=offset_m,
+        heading_error_rad=0.0,
+        curvature_1pm=0.0,
+        confidence=confidence,
+        reason="",
+    )
+
+
+def drawn(offset_m=0.0, confidence=0.8):
+    return outlined(lane(offset_m, confidence), CAMERA, VEHICLE)
+
+
+def confirmed(network, witness):
+    return ConfirmedNet(Says(network), Says(witness), CAMERA, VEHICLE).step(FRAME, None, now_s=0.0)
+
+
+def test_the_lane_that_the_witness_has_too_is_as_sure_as_both_are():
+    found = confirmed(lane(), drawn())
+    assert found.confidence == pytest.approx(0.9 * 0.8) and found.reason == ""
+
+
+@pytest.mark.parametrize("aside_m", [-1.2, 1.2])
+def test_a_lane_beside_that_of_the_witness_has_no_confidence_and_a_reason(aside_m):
+    found = confirmed(lane(aside_m), drawn())
+    assert found.confidence == 0.0 and found.reason == UNCONFIRMED
+    assert found.lateral_offset_m == aside_m
+
+
+def test_without_a_lane_of_the_witness_the_network_has_no_confidence():
+    assert confirmed(lane(), NOTHING).confidence == 0.0
+
+
+def test_where_the_network_has_no_lane_there_is_none():
+    assert confirmed(NOTHING, drawn()) == NOTHING
+
+
+def test_the_confidence_falls_with_the_distance_of_the_boundaries():
+    assert agreed(0.0) == agreed(CONFIRMED) == 1.0
+    assert agreed((CONFIRMED + DENIED) / 2) == pytest.approx(0.5)
+    assert agreed(DENIED) == agreed(1.0) == agreed(None) == 0.0
+
+
+def test_lanes_are_apart_by_the_share_of_the_width_of_the_other():
+    """A quarter of a lane of 3.3 m to the left; the one of twice the width has each edge half a lane further out."""
+    aside = apart(drawn(-VEHICLE.lane_width_m / 4), drawn(), CAMERA.height_px)
+    assert aside == pytest.approx(0.25, abs=0.02)
+    wide = VEHICLE.model_copy(update={"lane_width_m": 2 * VEHICLE.lane_width_m})
+    assert apart(outlined(lane(), CAMERA, wide), drawn(), CAMERA.height_px) == pytest.approx(0.5, abs=0.02)
+    assert apart(NOTHING, drawn(), CAMERA.height_px) is None
+
+
+def test_only_a_self_calibrated_camera_needs_a_witness():
+    image = road((0.0, 0.0, 0.0, 0.0))
+    entry = entry_of("cnn")
+    assert isinstance(entry.build(CAMERA, VEHICLE), SteerNet)
+    camera = self_calibrated([image], SETTINGS.self_calibration)
+    assert isinstance(entry.build(camera, VEHICLE, assumed=True), ConfirmedNet)
+
+
+def test_a_network_in_a_lane_of_another_width_than_its_own_is_doubted():
+    """A road drawn for half the height looks twice as wide as the lanes of the network."""
+    low = CAMERA.model_copy(update={"height_m": CAMERA.height_m / 1.8})
+    image = road((0.2, 0.0, 0.0, 0.0), camera=low)
+    camera = self_calibrated([image], SETTINGS.self_calibration)
+    frame = Frame(t_s=0.0, image=image)
+    alone = entry_of("cnn").build(camera, VEHICLE).step(frame, None, now_s=0.0)
+    doubted = entry_of("cnn").build(camera, VEHICLE, assumed=True).step(frame, None, now_s=0.0)
+    assert math.isclose(doubted.lateral_offset_m or 0.0, alone.lateral_offset_m or 0.0)
+    assert doubted.confidence < max(alone.confidence / 2, 0.01)
