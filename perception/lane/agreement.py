@@ -38,7 +38,7 @@ def agreement(one: Array, other: Array) -> float:
 
 
 def apart(one: SteeringEstimate, other: SteeringEstimate, height_px: int) -> float | None:
-    """Distance of the boundaries of two lanes in widths of the ``other``: the median over the rows of the lower half.
+    """Distance of the boundaries of two lanes in widths of the ``other``: median over the rows of the lower half.
 
     The greater one of both sides; boundaries beside the image count as well. None where no row has all four.
     """

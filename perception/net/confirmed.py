@@ -2,8 +2,8 @@
 
 The network measures lengths in the world of its training: lanes of a known width, seen from a known height. In the
 image of another camera a lane of another width looks like one of these beside its true place, and the network is as
-sure of it. What is in the image decides: with the lane of ``cv`` as witness (:mod:`perception.lane.which_lane`), which
-measures the boundaries at any height and is right with the probability c, the confidence is
+sure of it. What is in the image decides: with the lane of ``cv`` as witness (:mod:`perception.lane.which_lane`),
+which measures the boundaries at any height and is right with the probability c, the confidence is
 
     P = p·c·a
 

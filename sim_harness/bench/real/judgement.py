@@ -3,8 +3,9 @@
 ``judged.csv`` holds one row per frame and estimator: set, file, estimator, judgement (``right``, ``wrong``,
 ``cannot_say``), and the place of the lane that was judged, with which an answer of a later version can be compared:
 columns of the left and of the right boundary in widths of the image at the rows of LANE_ROWS. A row with the
-judgement ``lane`` and no estimator holds the lane of the car itself, drawn by eye. Distances of boundaries are shares
-of the width of the judged lane in the same row, because a lane may be wider than the image. The first that holds of
+judgement ``lane`` and no estimator holds the lane of the car itself, drawn by eye. Distances of boundaries are
+shares of the width of the judged lane in the same row, because a lane may be wider than the image. The first that
+holds of
 
 - within SAME of a lane that was judged right (of any estimator): right,
 - within SAME of a lane that was judged wrong: wrong,

@@ -73,7 +73,7 @@ def test_the_confidence_falls_with_the_distance_of_the_boundaries():
 
 
 def test_lanes_are_apart_by_the_share_of_the_width_of_the_other():
-    """A quarter of a lane of 3.3 m to the left; the one of twice the width has each edge half a lane further out."""
+    """A quarter of a lane to the left; a lane of twice the width has each edge half a lane further out."""
     aside = apart(drawn(-VEHICLE.lane_width_m / 4), drawn(), CAMERA.height_px)
     assert aside == pytest.approx(0.25, abs=0.02)
     wide = VEHICLE.model_copy(update={"lane_width_m": 2 * VEHICLE.lane_width_m})
