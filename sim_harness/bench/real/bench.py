@@ -8,6 +8,7 @@ from typing import Any
 from perception.estimators import estimators as all_estimators
 from perception.estimators import no_estimator
 from sim_harness.bench.real.baselines import fitted
+from sim_harness.bench.real.ego_lane import fixed
 from sim_harness.bench.real.judgement import judgements
 from sim_harness.bench.real.labels import SURFACES
 from sim_harness.bench.real.look import NAMES, Row, answers, looked
@@ -128,9 +129,11 @@ def _table(found: Rows, names: Sequence[str]) -> dict[str, Any]:
         others = [
             row for key, other in found.items() if key[0] == set_name and key[1] != name for row in other
         ]
-        fixed = fitted(others) if labels in SURFACES else None
+        trapezoid = fitted(others) if labels in SURFACES else None
+        own = judged.get(set_name, {})
+        lane = fixed((row["file"] for row in others), own)
         table.setdefault(set_name, {})[name] = {
-            one: figures(rows, one, labels, trapezoid=fixed, judged=judged.get(set_name, {})) for one in names
+            one: figures(rows, one, labels, trapezoid=trapezoid, judged=own, other_lane=lane) for one in names
         }
     return table
 

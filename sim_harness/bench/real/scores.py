@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from learning.lane.scores import auroc
-from sim_harness.bench.real import baselines
+from sim_harness.bench.real import baselines, ego_lane
 from sim_harness.bench.real.judgement import Judgements, verdicts
 from sim_harness.bench.real.labels import SURFACES, Labels
 from trepid.types import Array, Mask
@@ -44,11 +44,15 @@ EMPTY: Figures = dict.fromkeys(
         "mae_mean_deg",
         "mae_previous_200ms_deg",
         "correlation",
+        "correlation_previous_200ms",
         "auroc_confidence",
         "auroc_fear",
         "judged",
         "ego_lane_right",
         "ego_lane_right_of_confident",
+        "drawn_lanes",
+        "ego_iou",
+        "baseline_ego_iou",
     ]
 )
 
@@ -60,8 +64,12 @@ def figures(
     *,
     trapezoid: Mask | None,
     judged: Judgements,
+    other_lane: Array | None = None,
 ) -> Figures:
-    """All figures; None where the set has no such label. ``trapezoid``: the baseline of the road."""
+    """All figures; None where the set has no such label.
+
+    ``trapezoid``: the baseline of the road; ``other_lane``: that of the lane of the car.
+    """
     answers = [row["estimates"][name] for row in rows]
     answered = np.array([answer["answered"] for answer in answers])
     confidence = np.array([answer["confidence"] for answer in answers])
@@ -78,7 +86,7 @@ def figures(
     found["lane_width_m"] = _median(widths)
     if len(widths):
         found["lane_width_iqr_m"] = float(np.subtract(*np.percentile(widths, (75, 25))))
-    return found | _judged(rows, name, sure, judged)
+    return found | _judged(rows, name, sure, judged) | ego_lane.figures(rows, name, judged, other_lane)
 
 
 def wrong(rows: Sequence[Row], name: str) -> Mask:
@@ -134,13 +142,22 @@ def _angles(rows: Sequence[Row], answers: Sequence[Row]) -> Figures:
     truth = np.degrees([row["steering_rad"] for row in rows])
     mine = np.degrees(np.array([answer["angle_rad"] for answer in answers], float))
     seen = np.isfinite(mine)
-    moving = seen.sum() > 2 and mine[seen].std() > 0 and truth[seen].std() > 0
     found: Figures = {"mae_deg": _mean(np.abs(mine - truth)[seen])}
-    for name, angle_rad in baselines.angles(rows).items():
+    trivial = baselines.angles(rows)
+    for name, angle_rad in trivial.items():
         off = np.abs(np.degrees(angle_rad) - truth)[seen]
         found[f"mae_{name}_deg"] = _mean(off[np.isfinite(off)])
-    found["correlation"] = float(np.corrcoef(mine[seen], truth[seen])[0, 1]) if moving else None
+    found["correlation"] = _correlation(mine, truth)
+    previous = np.where(seen, np.degrees(trivial["previous_200ms"]), np.nan)
+    found["correlation_previous_200ms"] = _correlation(previous, truth)
     return found
+
+
+def _correlation(one: Array, other: Array) -> float | None:
+    """Where both are known; None where one of them does not change."""
+    both = np.isfinite(one) & np.isfinite(other)
+    moving = both.sum() > 2 and one[both].std() > 0 and other[both].std() > 0
+    return float(np.corrcoef(one[both], other[both])[0, 1]) if moving else None
 
 
 def _judged(rows: Sequence[Row], name: str, sure: Mask, judged: Judgements) -> Figures:
