@@ -98,7 +98,7 @@ VERBS = {
     "export": Verb(
         "cockpit.export.cli",
         "export",
-        "Export a recording as table, video, figure or tub of donkeycar.",
+        "Export a recording as table, video, figure, tub of donkeycar, LeRobot data set, or for Foxglove.",
     ),
     "compare": Verb(
         "cockpit.compare.cli",

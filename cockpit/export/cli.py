@@ -28,6 +28,8 @@ class Format(StrEnum):
     VIDEO = "video"
     FIGURE = "figure"
     TUB = "tub"
+    LEROBOT = "lerobot"
+    FOXGLOVE = "foxglove"
 
 
 SUFFIXES = {
@@ -37,6 +39,7 @@ SUFFIXES = {
     ".png": Format.FIGURE,
     ".svg": Format.FIGURE,
     ".pdf": Format.FIGURE,
+    ".mcap": Format.FOXGLOVE,
     "": Format.TUB,
 }
 
@@ -48,7 +51,8 @@ def export(
         typer.Argument(
             metavar="OUT",
             help="New file, by its suffix: .csv, .parquet, .mp4 (video with overlay), .png, .svg or .pdf (figure);"
-            " or a new folder: tub of donkeycar. It is never overwritten.",
+            " .mcap (for Foxglove and Lichtblick); or a new folder: tub of donkeycar, with --to lerobot a LeRobot"
+            " data set. It is never overwritten.",
         ),
     ],
     to: Annotated[Format | None, typer.Option("--to", help="The format, whatever the suffix.")] = None,
@@ -58,13 +62,13 @@ def export(
             min=0.01,
             max=1000.0,
             help="Rows or video frames per second [Hz], e.g. 20; default: a row per camera frame, and the usual"
-            " rate of the images. Not for a tub.",
+            " rate of the images. For tables and videos.",
         ),
     ] = None,
     car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> int:
-    """Export a recording as table, video, figure or tub of donkeycar.
+    """Export a recording as table, video, figure, tub of donkeycar, LeRobot data set, or for Foxglove.
 
     A row holds the newest message of each topic at its time, and never a later one. The settings are those of the
     recorded car, unless --car gives others.
@@ -75,9 +79,9 @@ def export(
     from trepid.recording.car import recorded_car
 
     kind = _format(out, to)
-    if rate is not None and kind is Format.TUB:
-        raise InputError("--rate is not for a tub: it holds one record per recorded image")
-    if kind is Format.PARQUET:
+    if rate is not None and kind in (Format.TUB, Format.LEROBOT, Format.FOXGLOVE):
+        raise InputError(f"--rate is for tables and videos: the format {kind} has the times of the recording")
+    if kind in (Format.PARQUET, Format.LEROBOT):
         check_parquet(out)
     with new_place(out) as work:
         drive = Drive(recording)
@@ -107,6 +111,8 @@ _UNITS = {
     Format.VIDEO: "video frames",
     Format.FIGURE: "moments",
     Format.TUB: "records",
+    Format.LEROBOT: "frames",
+    Format.FOXGLOVE: "messages added",
 }
 
 
@@ -120,7 +126,7 @@ def _format(out: Path, to: Format | None) -> Format:
                 f"{out}: unknown suffix {suffix}; known: {known}, or none for a tub; or give --to"
             )
         return SUFFIXES[suffix]
-    if to in {Format.VIDEO, Format.FIGURE} and SUFFIXES.get(suffix) is not to:
+    if to in {Format.VIDEO, Format.FIGURE, Format.FOXGLOVE} and SUFFIXES.get(suffix) is not to:
         fitting = ", ".join(name for name, kind in SUFFIXES.items() if kind is to)
         raise InputError(f"{out}: the suffix of a {to} is {fitting}")
     return to
@@ -139,6 +145,18 @@ def _written(drive: "Drive", work: Path, kind: Format, rate_hz: float | None) ->
         lock_rad = load(CONFIG_DIR / "vehicle.yaml", Vehicle).max_road_wheel_angle_rad
         records = write_tub(of_drive(drive, _progress()), work, lock_rad=lock_rad)
         return {"rows": records, "left_out": len(drive.image_s) - records}
+    if kind is Format.LEROBOT:
+        from cockpit.export.frames import of_drive, rate_of
+        from cockpit.export.lerobot import write_lerobot
+
+        task = drive.recorded.notes.get("what", "drive")
+        frames = of_drive(drive, _progress())
+        found = write_lerobot(frames, work, rate_hz=rate_of(drive.image_s), task=task)
+        return {"rows": found, "left_out": len(drive.image_s) - found}
+    if kind is Format.FOXGLOVE:
+        from cockpit.foxglove.convert import write_viewable
+
+        return {"rows": write_viewable(drive.recorded, work, _progress())}
     if kind is Format.VIDEO:
         from cockpit.export.film import write_film
 

@@ -35,7 +35,7 @@ from trepid.config import CONFIG_DIR, InputError, car_folder, located, read
 from trepid.processes.access import published_by
 from trepid.processes.fused import gathered
 from trepid.processes.launch import Child, Fleet
-from trepid.processes.page_door import PAGE, PageDoor
+from trepid.processes.page_door import FOXGLOVE, PAGE, PageDoor
 from trepid.processes.register import Running, registered, ticks
 from trepid.processes.settings import RECORDER, ProcessSpec, load_processes
 from trepid.recording.writer import check_free
@@ -67,17 +67,19 @@ def drive(
     duration_s: float | None = None,
     chosen: Networks | None = None,
     page: PageDoor | None = None,
+    foxglove: int | None = None,
 ) -> dict[str, Any]:
     """Drive ``scenario`` live, or without one the real car in use, and return its row of ``drive --json``.
 
     ``chosen``: estimators of the real car instead of those of its processes. ``page``: where its live page is
-    served; None: nowhere.
+    served, ``foxglove``: the port of the server for Foxglove; None: nowhere.
 
     Raises InputError for a scenario that only the lock-step loop can simulate, for invalid configuration, for an
     endpoint in use, and for a process that does not start.
     """
     recorded = record is not None or settings.ring.max_mb > 0
-    specs, estimators = _plan(scenario, recorded=recorded, chosen=chosen, page=page is not None)
+    served = {PAGE: page is not None, FOXGLOVE: foxglove is not None}
+    specs, estimators = _plan(scenario, recorded=recorded, chosen=chosen, **served)
     if record is not None:
         check_free(record)
     offset_ns = epoch_offset_ns()
@@ -101,6 +103,8 @@ def drive(
     context |= {"raw_images": raw_images}
     if page is not None:
         context["page"] = {"host": page.host, "port": page.port, "what": what}
+    if foxglove is not None:
+        context["foxglove"] = {"port": foxglove, "what": what}
     if record is not None:
         context["record"] = str(record.resolve())
     else:
@@ -125,6 +129,8 @@ def drive(
         say(f"{what}: {len(specs)} processes at {endpoint}; `trepid status` shows them")
         if any(spec.name == PAGE for spec in specs):
             say(f"live page: {running.page}")
+        if any(spec.name == FOXGLOVE for spec in specs):
+            say(f"Foxglove or Lichtblick: open the connection ws://127.0.0.1:{foxglove}")
         assigned = Assigned(scenario, estimators, duration_s, what, endpoint)
         referee = Referee(bus, clock, fleet, assigned, settings, show)
         if referee.wait_until_ready(signals):
@@ -133,13 +139,13 @@ def drive(
 
 
 def _plan(
-    scenario: Scenario | None, *, recorded: bool, chosen: Networks | None, page: bool
+    scenario: Scenario | None, *, recorded: bool, chosen: Networks | None, page: bool, foxglove: bool
 ) -> tuple[tuple[ProcessSpec, ...], tuple[str, ...]]:
     """The processes of the drive and its estimators. Raises InputError where they do not fit scenario or car."""
     if scenario is not None:
         for what in lockstep_only(scenario):
             raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
-    own = planned(load_processes(), scenario, recorded=recorded, chosen=chosen, page=page)
+    own = planned(load_processes(), scenario, recorded=recorded, chosen=chosen, page=page, foxglove=foxglove)
     estimators = estimators_of(own, scenario)
     check_vehicle(own)
     check_lead(own)

@@ -57,6 +57,10 @@ def drive(
         int | None, typer.Option(min=1, max=65535, metavar="PORT", help="Port of the live page.")
     ] = None,
     no_page: Annotated[bool, typer.Option("--no-page", help="Serve no live page.")] = False,
+    foxglove: Annotated[
+        bool,
+        typer.Option("--foxglove", help="Serve the topics to Foxglove and Lichtblick, on this machine."),
+    ] = False,
     car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> int:
@@ -70,7 +74,7 @@ def drive(
     life = threading.Timer(SIGN_OF_LIFE_S, say, [f"reading the configuration {of_car()}".rstrip()])
     life.start()
     try:
-        door = _Page(page, no_page)
+        door = _Page(page, no_page, foxglove)
         row = _drive(
             scenario, duration, seed, changes, chosen, dashboard, record, life, door, raw_images=raw_images
         )
@@ -86,10 +90,11 @@ def drive(
 
 
 class _Page(NamedTuple):
-    """What the command line says about the live page."""
+    """What the command line says about the live page, and about Foxglove."""
 
     port: int | None
     left_out: bool
+    foxglove: bool
 
     def door(self, settings: "DriveSettings") -> "PageDoor | None":
         """Where the page is served; None: nowhere. Raises InputError."""
@@ -118,6 +123,7 @@ def _drive(
     from sim_harness.live.drive import has_simulator
     from sim_harness.live.referee import DriveSettings
     from sim_harness.scenarios.chosen_estimators import changes_of, networks_of
+    from trepid.processes.page_door import foxglove_port
 
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
     if scenario is None and has_simulator():
@@ -137,6 +143,7 @@ def _drive(
         say(text)
 
     door = page.door(settings)
+    port = foxglove_port(settings.foxglove_port) if page.foxglove else None
     with shown(dashboard) as show:
         return drive_scenario(
             what,
@@ -149,6 +156,7 @@ def _drive(
             chosen=networks_of(chosen) if chosen and what is None else None,
             raw_images=raw_images,
             page=door,
+            foxglove=port,
         )
 
 

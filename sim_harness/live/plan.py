@@ -8,7 +8,7 @@ from typing import Any
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, default_file, load, located, read
-from trepid.processes.page_door import PAGE
+from trepid.processes.page_door import FOXGLOVE, PAGE
 from trepid.processes.settings import RECORDER, ProcessSpec, Restart
 from trepid.topics import (
     CAMERA_COMPRESSED,
@@ -50,6 +50,7 @@ def planned(
     recorded: bool = False,
     chosen: Networks | None = None,
     page: bool = False,
+    foxglove: bool = False,
 ) -> tuple[ProcessSpec, ...]:
     """The processes that run in a drive of ``scenario``; None: of a real car, with the ``chosen`` estimators.
 
@@ -57,9 +58,10 @@ def planned(
     estimator without an entry of its own runs as ``perception.node``. The first ``perception.node`` also judges the
     image, unless a process publishes ``perception/image_statistics``. The recorder runs when the drive is recorded,
     and where a process publishes ``driver/input``, because its record button starts recordings. The process PAGE
-    runs with ``page``.
+    runs with ``page``, FOXGLOVE with ``foxglove``.
     """
-    specs = tuple(spec for spec in specs if page or spec.name != PAGE)
+    unasked = {name for name, asked in ((PAGE, page), (FOXGLOVE, foxglove)) if not asked}
+    specs = tuple(spec for spec in specs if spec.name not in unasked)
     recorded = recorded or any(DRIVER_INPUT.key in spec.publishes for spec in specs)
     specs = tuple(spec for spec in specs if recorded or spec.name != RECORDER)
     if scenario is not None:

@@ -41,6 +41,7 @@ class DriveSettings(Settings):
     record_folder: Path
     page_host: str
     page_port: Annotated[int, Field(ge=0, le=65535)]
+    foxglove_port: Annotated[int, Field(ge=0, le=65535)]
 
 
 class Assigned(NamedTuple):

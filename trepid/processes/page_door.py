@@ -5,14 +5,15 @@ import secrets
 import socket
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from trepid.config import CONFIG_DIR, InputError, located, read
 from trepid.processes.register import folder
 from trepid.security import certificate, load_security, on_loopback, private_key
 
-PAGE = "page"
-"""Name of the process that serves the page."""
+PAGE, FOXGLOVE = "page", "foxglove"
+"""Names of the processes that serve the page, and Foxglove."""
 TOKEN_FILE = "page-token"
 TOKEN_BYTES = 16
 
@@ -64,6 +65,15 @@ def page_door(host: str, port: int, *, only: bool = False) -> PageDoor:
         return PageDoor(host, _bound(host, 0), door.token)
     except OSError as error:
         raise _wrong_host(f"{host} cannot be used: {error.strerror}; 127.0.0.1 is this machine") from error
+
+
+def foxglove_port(port: int) -> int:
+    """``port`` of this machine, or a free one where it is in use. Raises InputError without the extra."""
+    if find_spec("foxglove") is None:
+        raise InputError("--foxglove needs the SDK of Foxglove: pip install 'trepid[foxglove]'")
+    with suppress(OSError):
+        return _bound("127.0.0.1", port)
+    return _bound("127.0.0.1", 0)
 
 
 def page_token() -> str:

@@ -67,10 +67,18 @@ class Recording:
     """
 
     def __init__(
-        self, path: Path, files: Mapping[str, bytes] | None = None, notes: Mapping[str, str] | None = None
+        self,
+        path: Path,
+        files: Mapping[str, bytes] | None = None,
+        notes: Mapping[str, str] | None = None,
+        *,
+        further: Mapping[str, tuple[str, str]] | None = None,
     ) -> None:
-        """``files`` are attached by name; ``notes`` describe the drive. An existing file is never overwritten."""
-        self._path = path
+        """``files`` are attached by name; ``notes`` describe the drive. An existing file is never overwritten.
+
+        ``further``: key of a topic that is none of Trepid's -> ROS 2 type and definition.
+        """
+        self._path, self._further = path, further or {}
         try:
             self._file = path.open("xb")
         except FileExistsError as error:
@@ -136,10 +144,11 @@ class Recording:
     def _channel(self, key: str) -> int:
         if key not in self._channels:
             topic = topic_of(key)
-            schema = 0  # an unknown topic is recorded without a definition
+            name, text = self._further.get(key, ("", ""))
             if topic is not None:
-                text = definition(topic.type).encode()
-                schema = self._writer.register_schema(ros_name(topic.type), "ros2msg", text)
+                name, text = ros_name(topic.type), definition(topic.type)
+            # an unknown topic is recorded without a definition
+            schema = self._writer.register_schema(name, "ros2msg", text.encode()) if name else 0
             self._channels[key] = self._writer.register_channel(f"/{key}", "cdr", schema)
         return self._channels[key]
 

@@ -283,3 +283,33 @@ def test_a_recording_that_is_cut_short_is_exported_and_reported(
     code, out, err = export(path, tmp_path / "d.csv", "--json")
     summary = json.loads(out)
     assert code == 0 and not summary["complete"] and 20 < summary["rows"] < 125 and "cut short" in err
+
+
+def test_a_lerobot_data_set_holds_the_images_with_the_angles_at_their_capture(
+    drive: Path, tmp_path: Path, export: Any
+) -> None:
+    out = tmp_path / "set"
+    code, text, _ = export(drive, out, "--to", "lerobot", "--json")
+    summary, opened = json.loads(text), Drive(drive)
+    assert code == 0 and summary["format"] == "lerobot"
+    info = json.loads((out / "meta" / "info.json").read_text())
+    rows = pyarrow.parquet.read_table(out / info["data_path"].format(chunk_index=0, file_index=0)).to_pylist()
+    assert (
+        len(rows) == info["total_frames"] == summary["rows"] == len(opened.image_s) - summary["left_out"] > 40
+    )
+    assert info["fps"] == round(rate_of(opened.image_s)) and info["total_episodes"] == 1
+    by_time = {round(t_s, 6): opened.newest(VEHICLE_STATE, t_s) for t_s in opened.image_s}
+    for row in rows:
+        known = by_time[round(row["capture_time_s"], 6)]
+        assert known is not None
+        assert row["action"] == pytest.approx(known.road_wheel_angle_rad, abs=1e-6)
+    task = pyarrow.parquet.read_table(out / "meta" / "tasks.parquet").to_pylist()[0]["task"]
+    assert task == "straight"
+
+
+@pytest.mark.parametrize(("name", "words"), [("set", ["--to", "lerobot"]), ("v.mcap", []), ("tub", [])])
+def test_a_rate_is_refused_where_the_recording_gives_the_times(
+    drive: Path, tmp_path: Path, export: Any, name: str, words: list[str]
+) -> None:
+    code, _, err = export(drive, tmp_path / name, *words, "--rate", 10)
+    assert code == 2 and "--rate is for tables and videos" in err and not (tmp_path / name).exists()
