@@ -74,6 +74,11 @@ VERBS = {
         "train",
         "Train a network to steer from the frames of a data set; needs the extra 'train'.",
     ),
+    "correct": Verb(
+        "learning.correcting.cli",
+        "correct",
+        "Let a network drive alone in the simulator, label where it drifts, train again; needs the extra 'train'.",
+    ),
     "train-lane": Verb(
         "learning.lane.train",
         "train",
@@ -156,6 +161,7 @@ EXAMPLES = {
     "keys create": "trepid keys create mycar/keys",
     "train-lane": "trepid train-lane --out out/train",
     "train": "trepid train --data drives --model pilotnet --out net.onnx",
+    "correct": "trepid correct --data drives --model steer --scenario s_curve --rounds 3 --out net.onnx",
     "train-lead": "trepid train-lead --out out/lead",
     "dataset build": "trepid dataset build drives mycar/tub --lock-deg 25",
     "dataset show": "trepid dataset show drives --picture drives.png",

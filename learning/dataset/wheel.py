@@ -52,6 +52,8 @@ def wheel_of(logs: list[Log], options: WheelOptions) -> Wheel:
     wheel = Wheel(
         lock_rad=None, how="angles in the log", sign=1 if left else -1, wheelbase_m=options.wheelbase_m
     )
+    if log.unit == Steering.KINEMATIC:
+        return wheel
     if vehicle is not None:
         of_the_car = {
             "k_us": vehicle.understeer_gradient_rad_per_mps2,

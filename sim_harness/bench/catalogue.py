@@ -84,11 +84,26 @@ BENCHMARKS = {
     "follow-detector": Benchmark("follow.detector", "recall and precision of the lead detector"),
     "follow-runs": Benchmark("follow.runs", "1000 cases of following with a modelled detector"),
     "follow-rendered": Benchmark("follow.runs", "40 cases of following with rendered images"),
+    "study-speed": Benchmark(
+        "study.loops",
+        "angles of 5 mph at 5 to 25 mph, with and without transposition by understeer",
+        values="largest distance from the lane centre [m]",
+    ),
+    "study-frame-rate": Benchmark(
+        "study.loops", "a network of 0.1 s at 1 to 50 Hz, with a queue and with latest-wins"
+    ),
+    "study-data": Benchmark("study.learned", "a driving network trained on 1 to 100 % of the frames"),
+    "study-size": Benchmark("study.learned", "a driving network for images of 320×240 to 40×30"),
+    "study-initialisation": Benchmark("study.learned", "a driving network by its first weights"),
+    "study-histogram": Benchmark(
+        "study.learned", "a driving network under changed light, with and without histogram matching"
+    ),
+    "study-deep-steer": Benchmark("study.learned", "Deep Steer's tables 2 to 4 beside networks of Trepid"),
 }
 BY_DEFAULT = ("estimators", "renderer", "lockstep", "plants", "sweep")
 LONG = {"control-limits", "control-random"}
 """Benchmarks of half an hour, which their group leaves out."""
-GROUPS = ("control", "fear", "follow")
+GROUPS = ("control", "fear", "follow", "study")
 
 
 def named(name: str) -> list[str]:

@@ -24,7 +24,8 @@ def bench(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[NAME]...", help="Benchmarks, or control, fear, follow for a group; --list prints them."
+            metavar="[NAME]...",
+            help="Benchmarks, or control, fear, follow, study for a group; --list prints them.",
         ),
     ] = None,
     seed: Annotated[
@@ -95,7 +96,12 @@ def bench(
 
 
 def benchmarks(names: Sequence[str]) -> list[str]:
-    """The benchmarks of the names and of the groups among them. Raises InputError for an unknown name."""
+    """The benchmarks of the names and of the groups among them; ``study NAME`` is ``study-NAME``.
+
+    Raises InputError for an unknown name.
+    """
+    if names[0] == "study" and names[1:]:
+        names = [f"study-{name}" for name in names[1:]]
     for name in names:
         if name not in BENCHMARKS and name not in GROUPS:
             hint = did_you_mean_or_list(name, (*BENCHMARKS, *GROUPS), "trepid bench --list")

@@ -23,6 +23,7 @@ class Steering(StrEnum):
 
     LOCK = "lock"  # share of full steering, -1 to 1
     ROAD = "road wheel"  # angle of the road wheels [rad]
+    KINEMATIC = "kinematic"  # that a car without understeer would need [rad]
     WHEEL = "steering wheel"  # angle of the steering wheel [rad]
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from learning.dataset.sources.log import Faults, Log, Steering
+from trepid.clock import nanoseconds
 from trepid.config import InputError
 from trepid.recording.foreign import types_of
 from trepid.recording.reader import read_recording
-from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, VEHICLE_STATE
+from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, VEHICLE_STATE, estimate_topic
 from trepid.types import Column
 from vehicle.cameras.mcap_file import mcap_shots
 from vehicle.cameras.ros_images import TYPES
@@ -17,10 +18,14 @@ from vehicle.cameras.ros_images import TYPES
 SUFFIX = ".mcap"
 GAP_S = 0.25  # a state is not interpolated over a longer silence
 BEFORE, SILENT = "before the drive began", "no vehicle state at this time"
+UNSEEN = "no estimate of this frame"
 
 
-def read_drive(path: Path, faults: Faults) -> Log:
-    """The frames of a recording. Raises InputError when it holds no images or no vehicle state."""
+def read_drive(path: Path, faults: Faults, *, labels_of: str | None = None) -> Log:
+    """The frames of a recording. Raises InputError when it holds no images or no vehicle state.
+
+    ``labels_of``: label the frames by the estimates of this estimator, instead of the measured steering.
+    """
     topic, ros_type = _images(path)
     t_s = np.array([shot.t_s for shot in mcap_shots(path, topic, ros_type)])
     recorded = read_recording(path, VEHICLE_STATE.key)
@@ -36,7 +41,8 @@ def read_drive(path: Path, faults: Faults) -> Log:
         values = np.array([getattr(states[t], name) for t in at_s], dtype=np.float64)  # None: NaN
         return between(t_s, at_s, values)
 
-    steering = column("road_wheel_angle_rad")
+    measured = labels_of is None
+    steering = column("road_wheel_angle_rad") if labels_of is None else estimated(path, labels_of, t_s)
     began_s = recorded.began_s if recorded.began_s is not None else -math.inf
     log = Log(
         kind="recording",
@@ -51,14 +57,16 @@ def read_drive(path: Path, faults: Faults) -> Log:
         speed_mps=column("speed_mps"),
         yaw_rate_radps=column("yaw_rate_radps"),
         why=[
-            BEFORE if t < began_s else SILENT if math.isnan(angle) else ""
+            BEFORE if t < began_s else (SILENT if measured else UNSEEN) if math.isnan(angle) else ""
             for t, angle in zip(t_s.tolist(), steering.tolist(), strict=True)
         ],
-        unit=Steering.ROAD,
+        unit=Steering.ROAD if measured else Steering.KINEMATIC,
         left_positive=True,
         topic=topic,
     )
     log.notes.append(f"images of {topic}, {VEHICLE_STATE.key} at their capture times")
+    if not measured:
+        log.notes.append(f"angles of the estimator {labels_of}")
     if not recorded.complete:
         log.notes.append("cut short; read up to its last whole chunk")
     return log
@@ -74,6 +82,13 @@ def _images(path: Path) -> tuple[str, str]:
         held = f"several topics with images: {', '.join(topics)}" if topics else "no topic with images"
         raise InputError(f"{path}: {held}; expected one, or {CAMERA_COMPRESSED.key}")
     return next(iter(topics.items()))
+
+
+def estimated(path: Path, name: str, t_s: Column) -> Column:
+    """The road-wheel angles that the estimator ``name`` gave for the frames taken at ``t_s`` [rad]; NaN without."""
+    recorded = read_recording(path, estimate_topic(name).key).of(estimate_topic(name))
+    angles = {nanoseconds(one.t_s): one.road_wheel_angle_rad for _, one in recorded}
+    return np.array([angles.get(nanoseconds(t)) for t in t_s.tolist()], dtype=np.float64)  # None: NaN
 
 
 def between(t_s: Column, at_s: Column, values: Column) -> Column:

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
+from drive_rig import made_dataset, run, write_tub
 
 from learning.dataset.dataset import Dataset
-from tests.rigs.drive_rig import made_dataset, run, write_tub
 
 
 @pytest.fixture(scope="module")

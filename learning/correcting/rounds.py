@@ -1,0 +1,222 @@
+"""Rounds of driving alone, labelling and training: DAgger (Ross, Gordon and Bagnell, AISTATS 2011).
+
+Round 0 trains on the data set, or starts with a given network. Every further round adds the corrections of the
+drives before it to the data set and trains anew on all of it. All intermediate files are in the folder
+OUT.correct; each is written whole, so that a killed correction continues where it was.
+"""
+
+import hashlib
+import json
+import math
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from learning.correcting.alone import drive_alone, scenario_for
+from learning.correcting.corrections import Drift, build_corrections
+from learning.dataset.dataset import NONE, Dataset
+from learning.dataset.join import joined
+from learning.training.recipe import Recipe
+from sim_harness.scenarios.scenario import Scenario, load_scenario
+from sim_harness.sweep.store import Row, stored_rows
+from trepid.config import InputError
+
+INTERVENTION_S = 6.0  # as in sim_harness.judging.metrics
+SCORES = (
+    "interventions",
+    "departures",
+    "duration_s",
+    "distance_m",
+    "rms_lateral_error_m",
+    "max_lateral_error_m",
+)
+Report = Callable[[str], None]
+Train = Callable[..., dict[str, Any]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What is to be done."""
+
+    data: Dataset
+    model: str
+    recipe: Recipe
+    scenarios: tuple[str, ...]  # names or files
+    changes: Mapping[str, str] = field(default_factory=dict)  # of every scenario
+    seeds: tuple[int, ...] = (0,)
+    rounds: int
+    drift: Drift
+    out: Path
+    start: Path | None = None  # network of round 0; None: trained on ``data``
+    command: str = ""
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the intermediate files."""
+        return self.out.with_name(f"{self.out.name}.correct")
+
+    def network(self, number: int) -> Path:
+        """The network of a round."""
+        return self.folder / f"round-{number}" / self.out.name
+
+    def identity(self) -> str:
+        """Hash of all that decides about a round, but not of the number of rounds."""
+        scenarios = [load_scenario(name, self.changes).model_dump_json() for name in self.scenarios]
+        start = hashlib.sha256(self.start.read_bytes()).hexdigest() if self.start else ""
+        parts = [self.data.sha256, self.model, self.recipe.model_dump_json(), *scenarios]
+        parts += [repr(self.seeds), repr(self.drift), start]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def correct(plan: Plan, train: Train, *, resume: bool, jobs: int, report: Report) -> list[Row]:
+    """Do the rounds and write the best network to ``plan.out``; the scores of every round. Raises InputError.
+
+    ``train`` is :func:`learning.training.run.run`. The best network has the fewest interventions, then the smallest
+    lateral error.
+    """
+    _claim(plan, resume=resume)
+    rows: list[Row] = []
+    added: list[Dataset] = []
+    for number in range(plan.rounds + 1):
+        began_s = time.monotonic()
+        _make_network(plan, number, added, train, report)
+        drives = _drives(plan, number)
+        rows.append(
+            {"round": number, "corrections": sum(map(_labelled, added)), **_driven(plan, drives, jobs)}
+        )
+        report(f"round {number} of {plan.rounds}: {_sentence(rows[-1])}")
+        if number == plan.rounds:
+            break
+        found = _corrections(plan, number, [path for _, _, path in drives.values()])
+        if found is None:
+            report(f"round {number}: nothing drifts: no further round")
+            break
+        added.append(found)
+        left_min = (plan.rounds - number) * (time.monotonic() - began_s) / 60
+        report(f"round {number}: {_labelled(found)} corrections; about {left_min:.1f} min left")
+    best = min(rows, key=lambda row: (row["interventions"], row["rms_lateral_error_m"]))
+    _keep(plan, rows, best["round"])
+    return rows
+
+
+def _claim(plan: Plan, *, resume: bool) -> None:
+    """Begin or continue the folder. Raises InputError for that of another correction, or without ``resume``."""
+    path, identity = plan.folder / "identity", plan.identity()
+    if path.is_file():
+        if not resume:
+            raise InputError(f"{plan.folder}: a correction has begun here: --resume continues it")
+        if path.read_text(encoding="utf-8") != identity:
+            raise InputError(
+                f"{plan.folder}: of other data, network, recipe or drives; remove it, or name another --out"
+            )
+        return
+    plan.folder.mkdir(parents=True, exist_ok=True)
+    _replace(path, identity)
+
+
+def _make_network(plan: Plan, number: int, added: list[Dataset], train: Train, report: Report) -> None:
+    """Train the network of a round, unless it is there."""
+    out = plan.network(number)
+    done = out.with_suffix(".json")
+    if done.is_file():
+        return
+    out.parent.mkdir(parents=True, exist_ok=True)
+    if number == 0 and plan.start is not None:
+        shutil.copyfile(plan.start, out)
+        _replace(done, "{}")
+        return
+    data = joined(out.parent / "data", plan.data, added, command=plan.command) if added else plan.data
+    report(f"round {number}: training on {len(data.rows('train'))} frames")
+    found = train(data, plan.model, out, plan.recipe, resume=True, command=plan.command, report=report)
+    _replace(done, json.dumps(found["scores"]))
+
+
+def _drives(plan: Plan, number: int) -> dict[str, tuple[Scenario, int, Path]]:
+    """The drives of a round: key -> scenario, seed, recording."""
+    network = plan.network(number)
+    drives = {}
+    for source in plan.scenarios:
+        scenario = scenario_for(source, network, plan.changes)
+        for seed in plan.seeds:
+            path = network.parent / f"r{number}_{scenario.name}_{seed}.mcap"
+            drives[f"{number} {scenario.name} {seed}"] = (scenario, seed, path)
+    return drives
+
+
+def _driven(plan: Plan, drives: Mapping[str, tuple[Scenario, int, Path]], jobs: int) -> Row:
+    """The scores of all drives together; those that were driven before are not repeated."""
+    codes = dict.fromkeys(drives, "")  # a resumed correction keeps its drives, whatever code continues it
+    rows = stored_rows(plan.folder / "drives.jsonl", drive, drives, codes=codes, jobs=min(jobs, len(drives)))
+    duration_s = sum(row["duration_s"] for row in rows)
+    interventions = sum(row["interventions"] for row in rows)
+    squared_m2 = sum(row["rms_lateral_error_m"] ** 2 * row["duration_s"] for row in rows) / duration_s
+    return {
+        "interventions": interventions,
+        "departures": sum(row["departures"] for row in rows),
+        "autonomy_percent": max(0.0, 100.0 * (1.0 - INTERVENTION_S * interventions / duration_s)),
+        "rms_lateral_error_m": math.sqrt(squared_m2),
+        "max_lateral_error_m": max(row["max_lateral_error_m"] for row in rows),
+        "distance_m": sum(row["distance_m"] for row in rows),
+    }
+
+
+def drive(task: tuple[Scenario, int, Path]) -> Row:
+    """Drive alone and record; the scores of the drive."""
+    scenario, seed, path = task
+    partial = path.with_suffix(".partial")
+    partial.unlink(missing_ok=True)
+    row = drive_alone(scenario, seed=seed, record=partial).row()
+    partial.replace(path)
+    return {name: row[name] for name in SCORES}
+
+
+def _corrections(plan: Plan, number: int, drives: list[Path]) -> Dataset | None:
+    """The corrections of the drives of a round; None where nothing drifts."""
+    folder = plan.network(number).parent / "corrections"
+    nothing = folder.with_suffix(".none")
+    if nothing.is_file():
+        return None
+    if (folder / "dataset.yaml").is_file():
+        return Dataset.open(folder)
+    found = build_corrections(folder, drives, plan.out.stem, plan.drift)
+    if found is None:
+        _replace(nothing, "")
+    return found
+
+
+def _labelled(data: Dataset) -> int:
+    return int((data.rows()["split"] != NONE).sum())
+
+
+def _sentence(row: Row) -> str:
+    return (
+        f"{row['interventions']} interventions, {row['rms_lateral_error_m']:.3f} m rms and"
+        f" {row['max_lateral_error_m']:.2f} m at most beside the centre, in {row['distance_m'] / 1e3:.2f} km"
+    )
+
+
+def _keep(plan: Plan, rows: list[Row], best: int) -> None:
+    """Copy network and card of the best round, and add the rounds to the card."""
+    network, card = plan.network(best), plan.network(best).with_suffix(".md")
+    lines = [f"| {row['round']} | {row['corrections']} | {_sentence(row)} |" for row in rows]
+    head = [
+        f"## Correction: round {best} of {len(rows) - 1}",
+        f"`{plan.command}`",
+        f"Alone on {', '.join(plan.scenarios)}, which the corrections come from:",
+    ]
+    table = ["| round | added frames | drives |", "|---|---:|---|", *lines]
+    text = card.read_text(encoding="utf-8") if card.is_file() else f"# {plan.out.stem}\n"
+    _replace(plan.out.with_suffix(".md"), "\n".join([text, *(f"{line}\n" for line in head), *table]) + "\n")
+    fresh = plan.out.with_name(f"{plan.out.name}.new")
+    shutil.copyfile(network, fresh)
+    fresh.replace(plan.out)
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    fresh = path.with_name(f"{path.name}.new")
+    fresh.write_text(text, encoding="utf-8")
+    fresh.replace(path)

@@ -1,0 +1,60 @@
+"""Several data sets as one: the rows one after the other, and the sources of all."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from learning.dataset.dataset import (
+    DATA,
+    MEASURED,
+    NONE,
+    Dataset,
+    Rows,
+    Source,
+    as_rows,
+    sha256_of,
+    write,
+)
+
+VALIDATION_EVERY = 6  # pieces of an added data set
+
+
+def joined(out: Path, first: Dataset, added: Sequence[Dataset], command: str) -> Dataset:
+    """Write ``first`` and the labelled frames of ``added`` into the folder ``out``.
+
+    Steering and splits are described as in ``first``. The frames of an added data set that follow each other
+    without a gap are a piece, a stretch of its own; every sixth piece is for validation, the others for training.
+    Raises InputError.
+    """
+    parts, sources = [first.rows()], list(_sources(first))
+    stretch, pieces = int(first.rows()["stretch"].max(initial=-1)) + 1, 0
+    for dataset in added:
+        every = dataset.rows()
+        rows = every[every["split"] != NONE]
+        piece = _pieces(rows)
+        columns = {name: rows[name] for name in rows.dtype.names or ()}
+        split = np.where((pieces + piece) % VALIDATION_EVERY == VALIDATION_EVERY - 1, "validation", "train")
+        columns |= {"source": rows["source"] + len(sources), "stretch": stretch + piece, "split": split}
+        parts.append(as_rows(columns))
+        sources += _sources(dataset)
+        count = int(piece.max(initial=-1)) + 1
+        stretch, pieces = stretch + count, pieces + count
+    index = as_rows({name: np.concatenate([part[name] for part in parts]) for name in (*DATA, *MEASURED)})
+    about = {"sources": tuple(sources), "data_sha256": sha256_of(index), "command": command}
+    write(out, first.file.model_copy(update=about), index)
+    return Dataset.open(out)
+
+
+def _pieces(rows: Rows) -> NDArray[np.int64]:
+    """Number of the piece of each row, from 0 on."""
+    follows = (rows["frame"][1:] == rows["frame"][:-1] + 1) & (rows["stretch"][1:] == rows["stretch"][:-1])
+    return np.cumsum(np.concatenate([[False], ~follows]))[: len(rows)]
+
+
+def _sources(dataset: Dataset) -> Iterator[Source]:
+    """The sources, with absolute paths."""
+    for source in dataset.file.sources:
+        places = {name: (dataset.folder / getattr(source, name)).resolve() for name in ("path", "root")}
+        yield source.model_copy(update=places)

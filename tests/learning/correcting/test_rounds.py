@@ -1,0 +1,210 @@
+"""Rounds of correction: killed at any step they end as undisturbed ones, and a tiny network drives better."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
+
+from drive_alone_rig import driven, scenario_file
+from drive_rig import made_dataset, run, write_tub
+from driving_network_rig import write_network
+
+from learning.correcting import rounds
+from learning.correcting.corrections import Drift
+from learning.correcting.rounds import Plan, correct
+from learning.dataset.dataset import Dataset
+from learning.dataset.join import VALIDATION_EVERY, joined
+from learning.training.recipe import load_recipe
+from sim_harness.lockstep.closed_loop import run as drive
+from sim_harness.lockstep.recording import recording
+from sim_harness.scenarios.scenario import load_scenario
+from trepid.config import InputError
+
+Row = dict[str, Any]
+BEND_1PM = 0.05
+
+
+class Killed(BaseException):
+    """A kill at one step."""
+
+
+class Workshop:
+    """Stands for driving and training: steps are counted, and one of them is killed."""
+
+    def __init__(self, recorded: Path, kill_at: int | None = None) -> None:
+        self.recorded, self.kill_at = recorded, kill_at
+        self.steps: list[str] = []
+
+    def step(self, name: str) -> None:
+        """Note a step, unless it is the one to be killed."""
+        if len(self.steps) == self.kill_at:
+            self.kill_at = None
+            raise Killed
+        self.steps.append(name)
+
+    def drive(self, task: Any) -> Row:
+        """The recorded drive once more; fewer interventions in later rounds."""
+        path = task[2]
+        self.step(f"drive {path.parent.name}")
+        shutil.copyfile(self.recorded, path)
+        number = int(path.parent.name.removeprefix("round-"))
+        error_m = 0.5 / (1 + number)
+        return dict(
+            interventions=3 - number,
+            departures=0,
+            duration_s=10.0,
+            distance_m=20.0,
+            rms_lateral_error_m=error_m,
+            max_lateral_error_m=error_m,
+        )
+
+    def train(self, data: Dataset, model: str, out: Path, recipe: Any, **options: Any) -> Row:
+        """A network whose gain is the number of its training frames."""
+        assert options["resume"]
+        self.step(f"train {out.parent.name}")
+        write_network(out, gain_rad=float(len(data.rows("train"))))
+        out.with_suffix(".md").write_text("# card\n")
+        return {"scores": {"mae_deg": 1.0}}
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    folder = tmp_path_factory.mktemp("base")
+    return made_dataset(folder / "set", write_tub(folder / "tub"), options=("--lock-deg", "20"))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return driven(tmp_path_factory.mktemp("drive"), curvature_1pm=BEND_1PM)[0]
+
+
+Make = Callable[..., tuple[list[Row], Plan]]
+
+
+@pytest.fixture
+def corrected(base: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
+    def make(workshop: Workshop, *, resume: bool = False, **changes: Any) -> tuple[list[Row], Plan]:
+        monkeypatch.setattr(rounds, "drive", workshop.drive)
+        fields: Row = dict(
+            data=base,
+            model="steer",
+            recipe=load_recipe("steer", None),
+            scenarios=(str(scenario_file(tmp_path, curvature_1pm=BEND_1PM)),),
+            rounds=2,
+            drift=Drift(),
+            out=tmp_path / "ahead.onnx",
+            command="trepid correct",
+        )
+        plan = Plan(**fields | changes)
+        return correct(plan, workshop.train, resume=resume, jobs=1, report=lambda text: None), plan
+
+    return make
+
+
+STEPS = [f"{step} round-{number}" for number in range(3) for step in ("train", "drive")]
+
+
+def test_every_round_trains_on_all_corrections_so_far_and_the_best_network_is_kept(
+    corrected: Make, recorded: Path
+) -> None:
+    workshop = Workshop(recorded)
+    rows, plan = corrected(workshop)
+    assert workshop.steps == STEPS
+    assert [row["interventions"] for row in rows] == [3, 2, 1]
+    added = [row["corrections"] for row in rows]
+    assert added[0] == 0 < added[1] and added[2] == 2 * added[1]
+    assert plan.out.read_bytes() == plan.network(2).read_bytes()
+    assert "round 2 of 2" in plan.out.with_suffix(".md").read_text()
+
+
+@pytest.mark.parametrize("kill_at", range(len(STEPS)))
+def test_a_correction_that_is_killed_at_any_step_continues_there_and_ends_the_same(
+    corrected: Make, recorded: Path, kill_at: int
+) -> None:
+    workshop = Workshop(recorded, kill_at)
+    with pytest.raises(Killed):
+        corrected(workshop)
+    rows, plan = corrected(workshop, resume=True)
+    assert workshop.steps == STEPS, "no step is done twice"
+    assert [row["interventions"] for row in rows] == [3, 2, 1]
+    assert plan.out.read_bytes() == plan.network(2).read_bytes()
+    assert corrected(workshop, resume=True)[0] == rows and workshop.steps == STEPS
+
+
+def test_a_killed_build_of_corrections_is_done_again(
+    corrected: Make, recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workshop = Workshop(recorded)
+
+    def killed(*_: Any) -> None:
+        raise Killed
+
+    monkeypatch.setattr(rounds, "build_corrections", killed)
+    with pytest.raises(Killed):
+        corrected(workshop)
+    monkeypatch.undo()
+    rows, _ = corrected(workshop, resume=True)
+    assert len(rows) == 3
+
+
+def test_a_correction_of_other_drives_is_not_continued(corrected: Make, recorded: Path) -> None:
+    corrected(Workshop(recorded), rounds=1)
+    with pytest.raises(InputError, match="--resume continues it"):
+        corrected(Workshop(recorded), rounds=1)
+    with pytest.raises(InputError, match="of other data, network, recipe or drives"):
+        corrected(Workshop(recorded), rounds=1, seeds=(0, 1), resume=True)
+    rows, _ = corrected(Workshop(recorded), rounds=2, resume=True)
+    assert len(rows) == 3, "more rounds continue it"
+
+
+def test_nothing_is_trained_where_the_given_network_drifts_nowhere(corrected: Make, recorded: Path) -> None:
+    workshop = Workshop(recorded)
+    rows, plan = corrected(workshop, start=recorded.parent / "ahead.onnx", drift=Drift(9.0, 1.5))
+    assert workshop.steps == ["drive round-0"] and len(rows) == 1
+    assert plan.out.read_bytes() == (recorded.parent / "ahead.onnx").read_bytes()
+
+
+def test_joined_data_sets_keep_their_images_and_divide_the_added_pieces(
+    base: Dataset, tmp_path: Path
+) -> None:
+    both = joined(tmp_path / "both", base, [base, base], command="join")
+    train, first = both.rows("train"), base.rows("train")
+    used = sum(len(base.rows(name)) for name in ("train", "validation", "test"))
+    assert len(both) == len(base) + 2 * used
+    for name in ("frame", "t_s", "road_wheel_rad", "source"):
+        assert (both.rows("test")[name] == base.rows("test")[name]).all(), "the tested frames stay the same"
+    added = both.rows()[len(base) :]
+    pieces = len(np.unique(added["stretch"]))
+    validation = added[added["split"] == "validation"]
+    assert len(np.unique(validation["stretch"])) == pieces // VALIDATION_EVERY
+    assert not set(validation["stretch"]) & set(train["stretch"])
+    assert set(added["stretch"]).isdisjoint(base.rows()["stretch"])
+    assert (both.image(added[0]) == base.image(first[0])).all()
+
+
+def test_a_tiny_network_that_only_knows_a_straight_road_learns_a_bend(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    straight = load_scenario("straight", {"speed_mps": "3", "duration_s": "25", "sight": "camera"})
+    with recording(tmp_path / "straight.mcap", straight) as witness:
+        drive(straight, seed=0, witness=witness)
+    made_dataset(tmp_path / "set", tmp_path / "straight.mcap")
+    bend = scenario_file(tmp_path, curvature_1pm=0.02, distance_m=45.0, name="bend")
+    words = ["--data", str(tmp_path / "set"), "--model", "steer", "--scenario", str(bend), "--rounds", "1"]
+    words += ["--speed", "3", "--out", str(tmp_path / "tiny.onnx"), "--json"]
+    words += ["--set", "height_px=24", "--set", "width_px=32", "--set", "batch=16"]
+    words += ["--set", "stages.0.epochs=15"]
+    capsys.readouterr()
+    assert run("correct", *words) == 0
+    found = json.loads(capsys.readouterr().out)
+    before, after = found["rounds"]
+    assert after["corrections"] > 10
+    assert after["rms_lateral_error_m"] < 0.7 * before["rms_lateral_error_m"]
+    assert after["interventions"] <= before["interventions"]
+    assert Path(found["file"]).is_file()
