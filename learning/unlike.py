@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.net.session import open_session
 from trepid.types import Floats, Image
@@ -24,13 +25,22 @@ LEVELS = 255
 MOST_LAYERS = 8  # the last ones of deep networks
 ACTIVATIONS = ("Relu", "Clip")
 OUTPUT = "unlike"
+IMAGE, STATE, NEXT_STATE = "image", "state", "next_state"
 
 
-def attach(path: Path, images: Image, *, others: Image | None = None, quantile: float = 0.99) -> None:
+def attach(
+    path: Path,
+    images: Image,
+    *,
+    others: Image | None = None,
+    quantile: float = 0.99,
+    before: int = 0,
+) -> None:
     """Add the output ``unlike`` to the network ``path``, with REFERENCES of the ``images`` as its world.
 
     With ``others``, images of the same kind that are not among the references, the distance is divided by its
-    ``quantile`` over them: 1 is the border.
+    ``quantile`` over them: 1 is the border. A network with a memory has the state after the ``before`` images that
+    precede each.
     """
     import onnx
 
@@ -38,13 +48,17 @@ def attach(path: Path, images: Image, *, others: Image | None = None, quantile: 
     _without_world(model)
     features = _add_features(model)
     onnx.checker.check_model(model)
-    chosen = images[np.linspace(0, len(images) - 1, min(REFERENCES, len(images))).astype(int)]
-    references = _run(model, features, chosen)
+    chosen = np.linspace(0, len(images) - 1, min(REFERENCES, len(images))).astype(int)
+    references = _run(model, features, images, chosen, before=before)
     if others is None:
         _add_distance(model, features, references, OUTPUT)
     else:
         _add_distance(model, features, references, f"{OUTPUT}_distance")
-        spread = float(np.quantile(_run(model, f"{OUTPUT}_distance", others), quantile))
+        spread = float(
+            np.quantile(
+                _run(model, f"{OUTPUT}_distance", others, np.arange(len(others)), before=before), quantile
+            )
+        )
         border = _constant(model, "border", np.array(max(spread, 1e-6), np.float32))
         _add_node(model, "Div", [f"{OUTPUT}_distance", border], OUTPUT)
     model.graph.output.append(onnx.helper.make_tensor_value_info(OUTPUT, onnx.TensorProto.FLOAT, ["n"]))
@@ -89,22 +103,27 @@ def _activations(model: "onnx.ModelProto", kind: str) -> list[str]:
     return found[-MOST_LAYERS:]
 
 
-def _run(model: "onnx.ModelProto", tensor: str, images: Image) -> Floats:
-    """The ``tensor`` of the graph for ``images``; other inputs of the network, such as a state, are zero."""
+def _run(
+    model: "onnx.ModelProto", tensor: str, images: Image, places: NDArray[np.intp], *, before: int
+) -> Floats:
+    """The ``tensor`` for the images at ``places``, with the state after the ``before`` images that precede each."""
     import onnx
 
     shown = onnx.ModelProto()
     shown.CopyFrom(model)
     shown.graph.output.append(onnx.helper.make_tensor_value_info(tensor, onnx.TensorProto.FLOAT, None))
     session = open_session(shown.SerializeToString(), Path(tensor))
+    sizes = {one.name: one.shape[1:] for one in session.get_inputs() if one.name != IMAGE}
 
-    def feeds(part: Image) -> dict[str, Any]:
-        others = {one.name: one.shape for one in session.get_inputs() if one.name != "image"}
-        zeros = {name: np.zeros((len(part), *shape[1:]), np.float32) for name, shape in others.items()}
-        return {"image": part, **zeros}
+    def found(part: NDArray[np.intp]) -> Floats:
+        state = {name: np.zeros((len(part), *size), np.float32) for name, size in sizes.items()}
+        for back in range(before if state else 0, 0, -1):
+            earlier = images[np.maximum(part - back, 0)]
+            state = {STATE: session.run([NEXT_STATE], {IMAGE: earlier, **state})[0]}
+        values: Floats = session.run([tensor], {IMAGE: images[part], **state})[0]
+        return values
 
-    starts = range(0, len(images), BATCH)
-    return np.concatenate([session.run([tensor], feeds(images[i : i + BATCH]))[0] for i in starts])
+    return np.concatenate([found(places[i : i + BATCH]) for i in range(0, len(places), BATCH)])
 
 
 def _constant(model: "onnx.ModelProto", name: str, value: np.ndarray) -> str:

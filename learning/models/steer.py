@@ -1,4 +1,4 @@
-"""Trepid's own network, for one core.
+"""Trepid's own networks, for one core.
 
 ``steer``: frame 60 x 80, RGB, each with mean 0 and deviation 1; padded convolutions with batch normalisation (its 2
 weights a channel are counted):
@@ -7,23 +7,41 @@ weights a channel are counted):
     conv 3x3/2, 32 -> 15 x 20     6 976      dense 64                    81 984
     conv 3x3/2, 48 ->  8 x 10    13 920      angle and log scale            130
     conv 3x3, 64   ->  8 x 10    27 776      together                   169 626
+
+``steer-motion``: the same, and the shift of the view to the side since each of the BEFORE frames before
+(:class:`Shift`): dense 64 and 4 numbers -> dense 32 -> angle and log scale, 171 770 weights together. In recorded
+drives this motion shows how far the wheel is turned at present; a network that only keeps up this angle imitates
+well and drives badly (de Haan et al., Causal Confusion in Imitation Learning, NeurIPS 2019). It depends on the
+frame rate of the training.
 """
 
 from torch import nn
 
 from learning.models.parts.heads import Head
+from learning.models.parts.memory import Shift
 from learning.models.parts.network import Size, SteeringNetwork, convolutions
 from learning.models.parts.view import View
 
 CONVOLUTIONS = ((24, 5, 2), (32, 3, 2), (48, 3, 2), (64, 3, 1), (64, 3, 2))
 DENSE = 64
 DROPOUT = 0.3
+BEFORE = 2  # frames
+JOINED = 32
 
 
 def steer(size: Size, head: Head) -> SteeringNetwork:
-    """The network."""
+    """The network of one frame."""
+    return _network(size, head)
+
+
+def motion(size: Size, head: Head) -> SteeringNetwork:
+    """The network of a frame and of the shift of the view."""
+    return _network(size, head, Shift(size, BEFORE, JOINED))
+
+
+def _network(size: Size, head: Head, memory: Shift | None = None) -> SteeringNetwork:
     trunk = convolutions(3, CONVOLUTIONS, norm=True, same=True)
     top = nn.Sequential(
         nn.Flatten(), nn.Dropout(DROPOUT), nn.LazyLinear(DENSE), nn.ReLU(), nn.Dropout(DROPOUT)
     )
-    return SteeringNetwork(size, View(scaling="contrast"), trunk, top, head)
+    return SteeringNetwork(size, View(scaling="contrast"), trunk, top, head, memory)

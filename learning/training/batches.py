@@ -59,14 +59,3 @@ def seed_step(seed: int, epoch: int, step: int) -> None:
     """Seed torch for one step: dropout depends on (seed, epoch, step) alone."""
     state = np.random.SeedSequence((seed, DROPOUT, epoch, step)).generate_state(1, np.uint64)
     torch.manual_seed(int(state[0] >> np.uint64(1)))
-
-
-def balance(labels_rad: Floats, *, bins: int, exponent: float) -> Floats:
-    """Weights (n,) of mean 1: 1/(share of the frames in the bin of the angle)^exponent."""
-    if exponent == 0:
-        return np.ones(len(labels_rad), np.float32)
-    greatest = float(np.abs(labels_rad).max()) or 1.0
-    edges = np.linspace(-greatest, greatest, bins + 1)
-    inside = np.clip(np.digitize(labels_rad, edges) - 1, 0, bins - 1)
-    weights = np.bincount(inside, minlength=bins)[inside].astype(float) ** -exponent
-    return (weights / weights.mean()).astype(np.float32)

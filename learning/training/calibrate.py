@@ -8,8 +8,11 @@ from learning.models.parts.heads import Head
 from learning.models.parts.network import SteeringNetwork
 from learning.training.frames import Frames
 from learning.training.loop import predict
+from trepid.types import Floats
 
 COVERAGE = 0.9
+BLOCKS = 10  # of the validation frames
+LEVELS = 101
 LEAST_SIGMA = 1e-4  # of the unit of a network
 
 
@@ -25,13 +28,35 @@ def set_sigma(network: SteeringNetwork, validation: Frames) -> None:
 def interval(network: SteeringNetwork, validation: Frames, coverage: float = COVERAGE) -> float:
     """q with |error| ≤ q·σ in ``coverage`` of new frames like those of ``validation``.
 
-    Split conformal prediction: the ⌈(n + 1)·coverage⌉-th smallest |error|/σ (Lei et al., Distribution-Free
-    Predictive Inference for Regression, JASA 2018). Frames that follow each other are alike and the best epoch is
-    chosen on the same frames, so that the coverage of another drive can be less.
+    Conformal prediction for a record in time (Vovk, Cross-conformal predictors, 2015; here the folds are blocks of
+    time). Successive errors are alike: a new stretch differs from the known ones more than a new frame differs from
+    its neighbours. The level of the quantile of |error|/σ is raised until the quantile of all other blocks covers
+    ``coverage`` of each of BLOCKS blocks on the mean. The best epoch is chosen on the same frames.
     """
     angles, sigmas = predict(network, validation)
-    scores = np.sort(np.abs(angles - validation.labels_rad) / sigmas)
-    return float(scores[min(math.ceil((len(scores) + 1) * coverage), len(scores)) - 1])
+    return block_quantile(np.abs(angles - validation.labels_rad) / sigmas, coverage)
+
+
+def block_quantile(ratios: Floats, coverage: float) -> float:
+    """The quantile of ``ratios`` (n,), in the order of time, that covers ``coverage`` of a block left out.
+
+    The greatest one where no quantile does, as with fewer than two ratios.
+    """
+    blocks = np.array_split(ratios, BLOCKS)
+    pairs = [
+        (block, np.sort(np.concatenate(blocks[:n] + blocks[n + 1 :])))
+        for n, block in enumerate(blocks)
+        if 0 < len(block) < len(ratios)
+    ]
+    for level in np.linspace(coverage, 1.0, LEVELS):
+        if pairs and np.mean([(block <= _quantile(rest, level)).mean() for block, rest in pairs]) >= coverage:
+            return _quantile(np.sort(ratios), level)
+    return float(ratios.max())
+
+
+def _quantile(ratios: Floats, level: float) -> float:
+    """The ⌈(n + 1)·level⌉-th smallest of sorted ``ratios`` (Lei et al., JASA 2018), at most the greatest."""
+    return float(ratios[min(math.ceil((len(ratios) + 1) * level), len(ratios)) - 1])
 
 
 def scores(network: SteeringNetwork, validation: Frames) -> dict[str, float]:

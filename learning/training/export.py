@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from learning.models.parts.memory import Shift
 from learning.models.parts.network import Exported, SteeringNetwork
 from learning.training.frames import Frames
 from learning.unlike import attach
@@ -31,7 +32,8 @@ def export(
     fresh = path.with_name(f"{path.name}.new")
     network = network.cpu().eval()
     _write(network, fresh)
-    attach(fresh, train.images, others=validation.images)
+    before = network.memory.count if isinstance(network.memory, Shift) else 0
+    attach(fresh, train.images, others=validation.images, before=before)
     difference = largest_difference(network, fresh, validation)
     if not difference <= MAX_DIFFERENCE:
         raise InputError(

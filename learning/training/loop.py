@@ -172,6 +172,8 @@ class Trainer:
         images, labels_rad, weights = (one.to(device) for one in batch)
         with torch.autocast(device.type, torch.bfloat16, enabled=mixed(self.recipe, device)):
             raw = self.network(images).float()
+        if self.network.memory is not None:  # perhaps rows of the last frame alone
+            labels_rad, weights = labels_rad[:, -raw.shape[1] :], weights[:, -raw.shape[1] :]
         rows = self.network.head.losses(
             raw, labels_rad / self.network.scale_rad, loss=self.recipe.loss, beta=self.recipe.beta
         )
@@ -220,7 +222,7 @@ def _rows(network: SteeringNetwork, frames: Frames) -> list[Tensor]:
     state = None if memory is None else torch.zeros(1, memory.state_size, device=device)
     for start in range(0, len(frames), EVALUATION_BATCH):
         part = slice(start, start + EVALUATION_BATCH)
-        features = network.features(torch.from_numpy(frames.images[part].copy()).to(device))
+        features = network.before_memory(torch.from_numpy(frames.images[part].copy()).to(device))
         if memory is not None and state is not None:
             outputs = []
             for place, feature in enumerate(features, start=start):
@@ -229,7 +231,7 @@ def _rows(network: SteeringNetwork, frames: Frames) -> list[Tensor]:
                 output, state = memory.step(feature[None], state)
                 outputs.append(output)
             features = torch.cat(outputs)
-        rows.append(network.head(features).float())
+        rows.append(network.after_memory(features).float())
     return rows
 
 

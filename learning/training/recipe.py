@@ -69,6 +69,8 @@ class Recipe(Settings):
     average: Annotated[float, Field(ge=0, lt=1)]
     head: Literal["regression", "gaussian", "laplace", "categorical"] | None = None
     loss: Literal["mse", "mae", "huber"]
+    label_delay_s: float | Literal["measured"]
+    label_smoothing_s: NonNegative
     beta: Share
     unit: Literal["spread", "lock", "rad"]
     height_px: Count | None = None

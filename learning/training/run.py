@@ -11,17 +11,19 @@ import cv2
 import numpy as np
 import torch
 
+from learning.dataset.balance import weights
 from learning.dataset.dataset import Dataset
 from learning.models.catalogue import build, packaged_weights
 from learning.models.parts.network import SteeringNetwork, glorot, he
 from learning.models.parts.weights import load_trunk
 from learning.training.augmentation import Augmenter
-from learning.training.batches import Batches, balance
+from learning.training.batches import Batches
 from learning.training.calibrate import interval, scores, set_sigma
 from learning.training.card import write_card, write_curve
 from learning.training.checkpoint import Checkpoints
 from learning.training.export import export, origin_commit
 from learning.training.frames import Frames, read_frames
+from learning.training.labels import training_labels
 from learning.training.loop import Progress, Trainer
 from learning.training.pretrain import pretrain
 from learning.training.recipe import Recipe
@@ -55,6 +57,7 @@ def run(
         read_frames(data, split, **network.size._asdict(), folder=work, report=report)
         for split in ("train", "validation")
     )
+    train = Frames(train.images, training_labels(data, recipe), train.stretches, train.routes)
     prepare(network, recipe, train, lock_rad=data.wheel.lock_rad)
     trunk = first_weights(name, network, recipe)
     report(f"{name}: {network.parameters_count} weights, those of the trunk at first {trunk}")
@@ -134,7 +137,9 @@ def batches_of(recipe: Recipe, network: SteeringNetwork, train: Frames) -> Batch
     return Batches(
         frames=train,
         places=places,
-        weights=balance(train.labels_rad, bins=recipe.balance_bins, exponent=recipe.balance),
+        weights=weights(
+            train.labels_rad.astype(float), bins=recipe.balance_bins, power=recipe.balance
+        ).astype(np.float32),
         size=recipe.batch,
         seed=recipe.seed,
         augment=Augmenter(recipe.augmentation, camera, wheelbase_m=vehicle.wheelbase_m),

@@ -41,6 +41,11 @@ BENCHMARKS = {
     "real": Benchmark(
         "real.bench", "estimators and the supervisor on every real drive, beside trivial baselines"
     ),
+    "imitation": Benchmark(
+        "imitation.bench",
+        "networks that learn from real drives, on the last fifth of each drive, beside trivial baselines",
+        values="error [°], R², share within the interval of 90 %",
+    ),
     "control-lateral": Benchmark(
         "control.lateral",
         "tracking error of the lateral laws and two baselines",

@@ -45,12 +45,12 @@ def bench(
             help="perception: names, separated by commas; default: all. real: beside cv and cnn; also: all."
         ),
     ] = "",
-    quick: Annotated[bool, typer.Option(help="perception, real: a part of the clips and frames.")] = False,
+    quick: Annotated[bool, typer.Option(help="perception, real, imitation: a part of the frames.")] = False,
     repeats: Annotated[
         int | None, typer.Option(min=1, help="perception: number of passes over the clips; default: 1.")
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option(min=1, help="perception: number of processes; default: 1.")
+        int | None, typer.Option(min=1, help="perception, imitation: number of processes; default: 1.")
     ] = None,
     keep_frames: Annotated[
         bool,
@@ -61,9 +61,11 @@ def bench(
     ] = "",
     data: Annotated[
         Path | None,
-        typer.Option(help="real: the sets; default: TREPID_DATA, else ../shared/data."),
+        typer.Option(help="real, imitation: the sets; default: TREPID_DATA, else ../shared/data."),
     ] = None,
-    sets: Annotated[str, typer.Option(help="real: folders of sets, separated by commas; default: all.")] = "",
+    sets: Annotated[
+        str, typer.Option(help="real, imitation: folders of sets, separated by commas; default: all.")
+    ] = "",
     out: Annotated[
         Path | None, typer.Option(help="perception: folder for tables and figures; real: for pictures.")
     ] = None,

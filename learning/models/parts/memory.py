@@ -1,7 +1,12 @@
-"""Recurrent layers with one state tensor, so that the state can be an input and an output of a graph."""
+"""Layers with one state tensor, so that the state can be an input and an output of a graph."""
 
 import torch
 from torch import Tensor, nn
+
+UPPER, HIGH = 0.6, 3  # part of the view, and rows that are averaged
+FINER = 2  # columns for each of the frame
+REACH = 0.125  # of the width
+FLOOR = 1e-4
 
 
 class Memory(nn.Module):
@@ -57,3 +62,68 @@ class LSTM(Memory):
         cell = torch.sigmoid(f) * cell + torch.sigmoid(i) * torch.tanh(g)
         output = torch.sigmoid(o) * torch.tanh(cell)
         return output, torch.cat([output, cell], dim=1)
+
+
+class Shift(Memory):
+    """How far the view has moved to the side since each of the ``count`` frames before.
+
+    The edges p(y, x) of a view are the differences of its grey over the columns, in rows of the upper part, with
+    deviation 1. The shift s has the least d(s) = mean (p(y, x) - p_before(y, x - s))² up to REACH of the width
+    and is refined by a parabola. Output: the pixels flattened, then s/REACH and d(s)/mean d of each frame before.
+    The state holds a number that is 0 before the first frame, and the edges of the frames before, the newest first;
+    the first frame has not moved.
+    """
+
+    places: Tensor
+
+    def __init__(self, size: tuple[int, int], count: int, units: int) -> None:
+        """``join`` makes ``units`` of the features of a trunk and the shifts."""
+        super().__init__()
+        self.size, self.count = size, count
+        self.edges_size = (round(UPPER * size[0]) // HIGH, FINER * size[1] - 2)
+        self.state_size, self.moved = 1 + count * self.edges_size[0] * self.edges_size[1], 2 * count
+        self.reach = round(REACH * FINER * size[1])
+        inner = torch.arange(self.reach, self.edges_size[1] - self.reach)
+        shifts = torch.arange(-self.reach, self.reach + 1)
+        self.register_buffer("places", inner[None] - shifts[:, None], persistent=False)
+        self.scale = nn.BatchNorm1d(self.moved, affine=False)
+        self.join = nn.Sequential(nn.LazyLinear(units), nn.ReLU())
+
+    def edges(self, pixels: Tensor) -> Tensor:
+        """The edges of views (n, c, h, w): (n, rows, columns)."""
+        rows = HIGH * self.edges_size[0]
+        grey = pixels.mean(dim=1)[:, :rows].unflatten(1, (-1, HIGH)).mean(dim=2)
+        fine = nn.functional.interpolate(grey, size=FINER * self.size[1], mode="linear", align_corners=False)
+        edges = fine[..., 2:] - fine[..., :-2]
+        return edges / ((edges**2).mean(dim=(1, 2), keepdim=True).sqrt() + FLOOR)
+
+    def step(self, features: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        now = self.edges(features)
+        before = state[:, 1:].unflatten(1, (self.count, *self.edges_size))
+        before = torch.where(state[:, :1, None, None] > 0.5, before, now[:, None])
+        known = torch.cat([now[:, None], before[:, :-1]], dim=1).flatten(1)
+        state = torch.cat([torch.ones_like(state[:, :1]), known], dim=1)
+        return self._output(features, now, before), state
+
+    def forward(self, features: Tensor) -> Tensor:
+        """The output (n, o) of the last frame of sequences (n, t, c, h, w)."""
+        last = features.shape[1] - 1
+        places = [max(last - back, 0) for back in range(self.count + 1)]
+        now, *before = (self.edges(features[:, place]) for place in places)
+        return self._output(features[:, last], now, torch.stack(before, dim=1))
+
+    def parts(self, output: Tensor) -> tuple[Tensor, Tensor]:
+        """Pixels (n, c, h, w), and scaled shifts and differences (n, m), of an output."""
+        pixels = output[:, : -self.moved].unflatten(1, (-1, *self.size))
+        return pixels, self.scale(output[:, -self.moved :])
+
+    def _output(self, pixels: Tensor, now: Tensor, before: Tensor) -> Tensor:
+        inner = now[:, None, :, None, self.reach : self.edges_size[1] - self.reach]
+        differences = ((inner - before[..., self.places]) ** 2).mean(dim=(2, 4))
+        middle = differences[..., 1:-1].argmin(dim=-1, keepdim=True) + 1
+        left, least, right = (differences.gather(-1, middle + i)[..., 0] for i in (-1, 0, 1))
+        bend = (left - 2 * least + right).clamp(min=FLOOR)
+        peak = (0.5 * (left - right) / bend).clamp(-1, 1)
+        shift = (middle[..., 0] - self.reach + peak) / self.reach
+        doubt = least / (differences.mean(dim=-1) + FLOOR)
+        return torch.cat([pixels.flatten(1), shift, doubt], dim=1)

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from learning.models.parts.heads import Head
-from learning.models.parts.memory import Memory
+from learning.models.parts.memory import Memory, Shift
 from learning.models.parts.view import View
 from trepid.config import InputError
 
@@ -21,7 +21,8 @@ class Size(NamedTuple):
 class SteeringNetwork(nn.Module):
     """Frames to rows of the head; ``scale_rad`` [rad] is the unit of its angles.
 
-    ``trunk``: image features, frozen in the first stage of a transfer; ``top``: a vector (n, f) of them.
+    ``trunk``: image features, frozen in the first stage of a transfer; ``top``: a vector (n, f) of them. The memory
+    stands between top and head, or as :class:`Shift` between view and trunk.
     """
 
     scale_rad: Tensor
@@ -60,16 +61,31 @@ class SteeringNetwork(nn.Module):
     def parameters_count(self) -> int:
         return sum(p.numel() for p in self.parameters())
 
-    def features(self, image: Tensor) -> Tensor:
-        """Features (n, f) of uint8 BGR frames (n, H, W, 3)."""
-        return self.top(self.trunk(self.view(image)))
+    def before_memory(self, image: Tensor) -> Tensor:
+        """Features (n, f), or pixels (n, c, h, w) for the shift of the view, of uint8 BGR frames (n, H, W, 3)."""
+        pixels = self.view(image)
+        return pixels if isinstance(self.memory, Shift) else self.top(self.trunk(pixels))
+
+    def after_memory(self, output: Tensor) -> Tensor:
+        """Rows (n, o) of outputs of the memory."""
+        if isinstance(self.memory, Shift):
+            pixels, moved = self.memory.parts(output)
+            output = self.memory.join(torch.cat([self.top(self.trunk(pixels)), moved], dim=1))
+        return self.head(output)
 
     def forward(self, image: Tensor) -> Tensor:
-        """Rows (n, o) of frames (n, H, W, 3); with a memory rows (n, t, o) of sequences (n, t, H, W, 3)."""
+        """Rows (n, o) of frames (n, H, W, 3); with a memory rows (n, t, o) of sequences (n, t, H, W, 3).
+
+        The shift of the view needs a sequence for one frame: it gives the rows (n, 1, o) of the last one.
+        """
         if self.memory is None:
-            return self.head(self.features(image))
-        features = self.features(image.flatten(0, 1))
-        return self.head(self.memory(features.unflatten(0, image.shape[:2])))
+            return self.after_memory(self.before_memory(image))
+        output = self.memory(self.before_memory(image.flatten(0, 1)).unflatten(0, image.shape[:2]))
+        return (
+            self.after_memory(output)[:, None]
+            if isinstance(self.memory, Shift)
+            else self.after_memory(output)
+        )
 
     def angle(self, raw: Tensor) -> tuple[Tensor, Tensor]:
         """Road-wheel angle and standard deviation of its error [rad], of rows of the head."""
@@ -85,11 +101,11 @@ class Exported(nn.Module):
         self.network = network
 
     def forward(self, image: Tensor, state: Tensor | None = None) -> tuple[Tensor, ...]:
-        features = self.network.features(image)
+        features = self.network.before_memory(image)
         if self.network.memory is None or state is None:
-            return self.network.angle(self.network.head(features))
+            return self.network.angle(self.network.after_memory(features))
         output, state = self.network.memory.step(features, state)
-        return *self.network.angle(self.network.head(output)), state
+        return *self.network.angle(self.network.after_memory(output)), state
 
 
 def convolutions(

@@ -9,7 +9,7 @@ from learning.models.catalogue import MODELS, build, model  # noqa: E402
 from learning.models.efficientnet import EfficientNetLite0  # noqa: E402
 from learning.models.inception import InceptionV3  # noqa: E402
 from learning.models.parts.heads import BINS, HEADS, Categorical  # noqa: E402
-from learning.models.parts.memory import LSTM, SimpleRNN  # noqa: E402
+from learning.models.parts.memory import LSTM, Shift, SimpleRNN  # noqa: E402
 from learning.models.parts.network import Exported, Size  # noqa: E402
 from learning.models.parts.view import View  # noqa: E402
 from learning.models.parts.weights import load_trunk  # noqa: E402
@@ -18,6 +18,7 @@ from trepid.config import InputError  # noqa: E402
 
 SMALL = {
     "steer": (24, 32),
+    "steer-motion": (24, 32),
     "cnn-lstm": (32, 40),
     "jain": (8, 16),
     "pilotnet": (100, 100),
@@ -74,7 +75,7 @@ def test_a_network_takes_frames_of_another_size(name):
     network = build(name, height=height, width=width).eval()
     images = frames(2, height, width)
     raw = network(images) if network.memory is None else network(images[None])[0]
-    assert raw.shape == (2, network.head.size)
+    assert raw.shape == (1 if isinstance(network.memory, Shift) else 2, network.head.size)
 
 
 def test_frames_that_are_too_small_are_refused_in_one_line():
@@ -103,6 +104,33 @@ def test_steps_from_a_state_equal_the_sequence(memory):
     for t, wanted in enumerate(memory(features).unbind(1)):
         output, state = memory.step(features[:, t], state)
         assert torch.allclose(output, wanted)
+
+
+def test_the_shift_of_the_view_is_measured_to_a_part_of_a_column_and_is_none_at_the_start():
+    width, height, places_px = 80, 12, (0.0, 1.3, 4.0, 3.2)
+    random = np.random.default_rng(0).normal(size=(height, 40 * (width + 40)))
+    kernel = np.hanning(240)
+    course = np.stack([np.convolve(row, kernel, mode="same") for row in random])
+    at = 40 * (np.arange(width) + 20)
+    memory = Shift((height, width), 2, 8)
+    state, found = torch.zeros(1, memory.state_size), []
+    for place in places_px:
+        row = course[:, np.round(at - 40 * place).astype(int)].astype(np.float32)
+        output, state = memory.step(torch.from_numpy(np.tile(row, (1, 3, 1, 1))), state)
+        found.append((output[0, -memory.moved : -2] * 0.125 * width).numpy())
+    assert found[0] == pytest.approx([0.0, 0.0], abs=0.02)
+    assert found[1] == pytest.approx([1.3, 1.3], abs=0.1)
+    assert found[3] == pytest.approx([-0.8, 1.9], abs=0.1)
+
+
+def test_frames_one_by_one_give_the_angle_of_their_sequence():
+    network = build("steer-motion", height=24, width=32).eval()
+    images, state = frames(3, 24, 32), torch.zeros(1, network.memory.state_size)
+    with torch.no_grad():
+        for image in images:
+            angle, _, state = Exported(network)(image[None], state)
+        wanted, _ = network.angle(network(images[None]))
+    assert wanted.shape == (1, 1) and torch.allclose(angle, wanted[0], atol=1e-6)
 
 
 def test_the_network_as_printed_has_no_memory():

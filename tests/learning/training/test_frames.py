@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
 
 from learning.training.augmentation import Augmenter
-from learning.training.batches import Batches, balance
+from learning.training.batches import Batches
 from learning.training.frames import Frames
 from learning.training.recipe import Augmentation, load_recipe
 from trepid.car.camera import Camera
@@ -57,13 +57,6 @@ def test_an_epoch_continues_from_a_step_as_the_whole_one():
     for a, b in zip(whole[1:], batches.epoch(2, first=1), strict=True):
         assert all((x == y).all() for x, y in zip(a, b, strict=True))
     assert not all((a.labels_rad == b.labels_rad).all() for a, b in zip(whole, batches.epoch(3), strict=True))
-
-
-def test_balanced_weights_make_rare_angles_count_as_much_as_frequent_ones():
-    labels = np.array([0.0] * 90 + [0.3] * 10, np.float32)
-    weights = balance(labels, bins=3, exponent=1.0)
-    assert weights[:90].sum() == pytest.approx(weights[90:].sum()) and weights.mean() == pytest.approx(1.0)
-    assert (balance(labels, bins=3, exponent=0.0) == 1).all()
 
 
 def test_a_flip_mirrors_the_frame_and_the_sign_of_the_angle():

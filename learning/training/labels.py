@@ -1,0 +1,68 @@
+"""Labels for the training alone: aligned with the images, and without the jerks of the hand that held the stick.
+
+Validation and test keep the recorded labels.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from learning.dataset.dataset import Dataset, Rows
+from learning.dataset.motion import delay_of
+from learning.training.recipe import Recipe
+from trepid.config import InputError
+from trepid.types import Column, Floats
+
+REACH = 4.0  # standard deviations
+
+
+def training_labels(data: Dataset, recipe: Recipe) -> Floats:
+    """Labels (n,) [rad] of the training frames, by ``label_delay_s`` and ``label_smoothing_s`` of the recipe.
+
+    Raises InputError where the delay is to be measured and cannot be.
+    """
+    rows = data.rows("train")
+    rows = rows[np.isfinite(rows["road_wheel_rad"])]
+    delay_s = recipe.label_delay_s
+    if delay_s == "measured":
+        delay_s = measured_delay_s(data)
+    return treated(rows, delay_s=delay_s, smoothing_s=recipe.label_smoothing_s).astype(np.float32)
+
+
+def measured_delay_s(data: Dataset) -> float:
+    """How long after the image that shows its effect a label was recorded [s]; the motion of the car tells.
+
+    Raises InputError where label and motion are not related.
+    """
+    found = delay_of(data.rows()).delay_s
+    if found is None:
+        raise InputError(f"{data.folder}: label_delay_s: the labels are not related to the motion of the car")
+    return -found
+
+
+def treated(rows: Rows, *, delay_s: float, smoothing_s: float) -> Column:
+    """The labels of ``rows``, taken ``delay_s`` after each, as the mean under a normal curve of ``smoothing_s``.
+
+    label'(t) = Σ_k w(t_k - t - delay)·label(t_k)/Σ_k w over the rows k of the stretch, w(x) = exp(-x²/2s²): without
+    phase. Without smoothing label(t + delay) is interpolated. At the ends of a stretch the nearest labels count.
+    """
+    found = np.empty(len(rows))
+    borders = np.flatnonzero(np.diff(rows["stretch"])) + 1
+    for first, end in pairwise([0, *borders.tolist(), len(rows)]):
+        t_s, label = rows["t_s"][first:end], rows["road_wheel_rad"][first:end]
+        at_s = np.clip(t_s + delay_s, t_s[0], t_s[-1])
+        found[first:end] = (
+            smoothed(t_s, label, at_s, smoothing_s) if smoothing_s else np.interp(at_s, t_s, label)
+        )
+    return found
+
+
+def smoothed(t_s: Column, label: Column, at_s: Column, smoothing_s: float) -> Column:
+    """The mean of ``label`` (n,), recorded at ``t_s``, under a normal curve about each ``at_s``."""
+    low, high = (np.searchsorted(t_s, at_s + side * REACH * smoothing_s) for side in (-1.0, 1.0))
+    found = np.empty(len(at_s))
+    for number, (first, end, middle_s) in enumerate(zip(low, high, at_s, strict=True)):
+        near = slice(first, max(end, first + 1))
+        weight = np.exp(-0.5 * ((t_s[near] - middle_s) / smoothing_s) ** 2)
+        found[number] = weight @ label[near] / weight.sum()
+    return found

@@ -1,0 +1,158 @@
+"""`trepid bench imitation`: networks that learn from real drives, each judged on the last fifth of its own drive.
+
+The networks of a set are trained on the same frames, with at most EPOCHS epochs and the seed of the recipe, and
+judged beside predictions without an image. Data sets and weights stay in FOLDER: they are made of the sets, whose
+licences do not permit to give them away.
+"""
+
+import hashlib
+import json
+import shlex
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from learning.dataset.build import BuildOptions, build, read_logs
+from learning.dataset.dataset import CARD, Dataset, Split
+from learning.dataset.sources.log import Faults, sha256_of_files
+from learning.dataset.sources.table import TableOptions
+from learning.dataset.wheel import WheelOptions
+from learning.judging.evaluate import Bench
+from learning.judging.predictions import Model
+from learning.models.catalogue import MODELS
+from learning.training.recipe import Recipe, load_recipe
+from sim_harness.bench.imitation.verdict import verdicts
+from sim_harness.bench.real.sets import data_folder
+from sim_harness.sweep.fingerprint import fingerprint, import_closure
+from sim_harness.sweep.store import Row, stored_rows
+from trepid.config import WORK_DIR, InputError
+
+SETS = ("donkey_sim_carpet", "udacity_sim_track", "running_track_cart", "donkey_indoor_track")
+OURS, PEER = ("steer", "steer-motion"), "donkey-linear"
+FOLDER = WORK_DIR / "out" / "bench_imitation"
+EPOCHS, QUICK_EPOCHS = 15, 2
+QUICK_SHARE = 0.25  # of the training frames
+SPLIT = Split(by="time", seed=0, gap_s=2.0, shares={"train": 0.65, "validation": 0.15, "test": 0.2})
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A network to train and judge on a data set."""
+
+    data: Path
+    network: str
+    recipe: Recipe
+    out: Path
+
+
+def bench_imitation(
+    *, quick: bool = False, data: Path | None = None, sets: tuple[str, ...] = (), jobs: int | None = None
+) -> dict[str, Any]:
+    """Tables "last fifth" (set -> network or baseline -> scores) and "figures" (set, network -> results and aims).
+
+    Angles are of the road wheel. Stored rows are not computed again, and a training that was interrupted goes on.
+    Raises InputError for an unknown set.
+    """
+    for name in sets:
+        if name not in SETS:
+            raise InputError(f"no set {name!r} in bench imitation; there are {', '.join(SETS)}")
+    found, absent = {}, {}
+    for name in sets or SETS:
+        folder = data_folder(data) / name
+        if folder.is_dir():
+            found[name] = built(folder)
+        else:
+            absent[name] = {"left out": f"no folder {name} in the data folder"}
+    tasks = {
+        f"{name}, {network}": _task(dataset, network, quick=quick)
+        for name, dataset in found.items()
+        for network in (PEER, *OURS)
+    }
+    codes = {case: task.out.stem for case, task in tasks.items()}
+    rows = iter(stored_rows(FOLDER / "rows.jsonl", judged, tasks, codes=codes, jobs=jobs or 1))
+    table: dict[str, dict[str, Row]] = {}
+    for name, dataset in found.items():
+        table[name] = {network: next(rows) for network in (PEER, *OURS)}
+        table[name] |= Bench(dataset, "test").baselines
+    return {"last fifth": table, "figures": verdicts(table, OURS, PEER)} | absent
+
+
+def built(source: Path) -> Dataset:
+    """The data set of the drive in ``source``, built once for each content and code."""
+    faults = Faults(strict=False)
+    logs = read_logs([source], faults, TableOptions())
+    code = fingerprint(*import_closure(["learning.dataset.build"]))
+    digest = hashlib.sha256(f"{source} {code} {sha256_of_files(logs[0].files)}".encode()).hexdigest()
+    folder = FOLDER / "sets" / f"{source.name}-{digest[:12]}"
+    if not (folder / CARD).is_file():
+        print(f"imitation: building {folder}", file=sys.stderr)
+        command = shlex.join(["trepid", "dataset", "build", str(folder), str(source)])
+        build(folder, logs, BuildOptions(WheelOptions(), SPLIT, TableOptions(), command), faults)
+    return Dataset.open(folder)
+
+
+def _task(dataset: Dataset, network: str, *, quick: bool) -> Task:
+    recipe = load_recipe(network, None)
+    epochs = QUICK_EPOCHS if quick else EPOCHS
+    changed: dict[str, Any] = {
+        "stages": tuple(
+            stage.model_copy(update={"epochs": min(stage.epochs, epochs)}) for stage in recipe.stages
+        )
+    }
+    if quick:
+        changed["frames_share"] = QUICK_SHARE
+    recipe = recipe.model_copy(update=changed)
+    modules = ["learning.training.run", "learning.judging.evaluate", __name__]
+    code = fingerprint(*import_closure([*modules, f"learning.models.{MODELS[network].module}"]))
+    digest = hashlib.sha256(f"{code} {recipe.model_dump_json()} {dataset.sha256}".encode()).hexdigest()
+    out = FOLDER / "weights" / f"{dataset.folder.name.rpartition('-')[0]}-{network}-{digest[:12]}.onnx"
+    return Task(dataset.folder, network, recipe, out)
+
+
+def judged(task: Task) -> Row:
+    """Train a network, and score it on the test split."""
+    from learning.training.run import run
+
+    dataset = Dataset.open(task.data)
+    task.out.parent.mkdir(parents=True, exist_ok=True)
+    run(
+        dataset,
+        task.network,
+        task.out,
+        task.recipe,
+        resume=True,
+        command="trepid bench imitation",
+        report=_say,
+    )
+    cv2.setNumThreads(1)
+    bench, model = Bench(dataset, "test"), Model(str(task.out))
+    row = bench.row(model, model.predict(dataset, bench.rows))
+    curve = [
+        json.loads(line)
+        for line in task.out.with_name(f"{task.out.name}.train")
+        .joinpath("curve.jsonl")
+        .read_text()
+        .splitlines()
+    ]
+    best = min(curve, key=lambda point: point["validation_mae_rad"])
+    names = ("mae_deg", "rmse_deg", "mean_error_deg", "r2", "frames")
+    low, high = row["intervals_95"]["mae_deg"] or (None, None)
+    return {name: row[name] for name in names} | {
+        "mae_95_from_deg": low,
+        "mae_95_to_deg": high,
+        "coverage_90": row["uncertainty"]["coverage_90"],
+        "width_90_deg": row["uncertainty"]["mean_width_deg"],
+        "rate_rms_degps": row["rate_rms_degps"],
+        "latency_ms": row["latency_ms"],
+        "weights": row["parameters"],
+        "epochs": len(curve),
+        "best_epoch": best["epoch"],
+        "training_s": curve[-1]["elapsed_s"],
+    }
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
