@@ -108,7 +108,7 @@ VERBS = {
     "compare": Verb(
         "cockpit.compare.cli",
         "compare",
-        "Compare two recordings, or two files of stored runs, side by side.",
+        "Compare two recordings, traces, files of stored runs, or folders of them, side by side.",
     ),
     "status": Verb(
         "cockpit.status.cli",

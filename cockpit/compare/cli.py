@@ -1,82 +1,184 @@
 """The ``compare`` verb."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from trepid.config import InputError
 
+if TYPE_CHECKING:
+    from cockpit.compare.drives import Course
+
+RUNS = "runs.jsonl"  # in the folder of `trepid sim run --out`
+SUFFIXES = (".mcap", ".npz")  # of the files that a folder is compared by
+WORDS = {"recordings": "recordings", "traces": "traces", "runs": "stored runs", "folders": "folders"}
+
 
 def compare(
-    one: Annotated[Path, typer.Argument(metavar="A", help="Recording (.mcap) or stored runs (.jsonl).")],
-    other: Annotated[Path, typer.Argument(metavar="B", help="Another file of the same kind.")],
+    one: Annotated[
+        Path,
+        typer.Argument(
+            metavar="A", help="Recording (.mcap), trace (.npz), stored runs (.jsonl), or a folder of them."
+        ),
+    ],
+    other: Annotated[Path, typer.Argument(metavar="B", help="Another one of the same kind.")],
     picture: Annotated[
         Path | None,
-        typer.Option(help="Draw fear, speed and lateral offset of two recordings, e.g. both.png."),
+        typer.Option(help="Draw fear, speed and lateral offset of two recordings or traces, e.g. both.png."),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="F.html", help="Write a page with figures, units and meanings.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON.")] = False,
 ) -> int:
-    """Compare two recordings, or two files of stored runs, side by side.
+    """Compare two recordings, traces, files of stored runs, or folders of them, side by side.
 
-    The exit code is 0 when both were compared, also where they differ.
+    Two traces are equal where their trace_sha256 are. The exit code is 0 when both were compared, also where they
+    differ.
     """
-    from cockpit.compare.drives import compare_drives, courses
-    from cockpit.compare.runs import compare_runs
+    from cockpit.compare.drives import courses
     from cockpit.figure_style import save
-    from cockpit.logbook.explain_drive import is_recording
 
-    for path in (one, other):
-        if not path.is_file():
-            raise InputError(f"{path}: no such file")
-    kinds = {is_recording(one), is_recording(other)}
-    if len(kinds) == 2:
-        raise InputError(
-            f"{one} and {other}: a recording and stored runs cannot be compared; give two of a kind"
-        )
-    if True in kinds:
-        found, drives = compare_drives(one, other)
-        if picture is not None:
-            save(courses(drives, (f"A {one.name}", f"B {other.name}")), picture)
-    elif picture is not None:
-        raise InputError(f"--picture {picture}: only two recordings are drawn")
-    else:
-        found = compare_runs(one, other)
-    found = {"a": str(one), "b": str(other), **found}
+    kinds = [kind_of(path) for path in (one, other)]
+    if kinds[0] != kinds[1]:
+        what = " and ".join(WORDS[kind] for kind in kinds)
+        raise InputError(f"{one} and {other}: {what} cannot be compared; give two of a kind")
+    if report is not None and report.exists():
+        raise InputError(f"{report}: exists already and is kept; give another name")
+    if picture is not None and kinds[0] not in ("recordings", "traces"):
+        raise InputError(f"--picture {picture}: only two recordings or two traces are drawn")
+    found, drawn = compared(one, other, kinds[0])
+    names = (f"A {one.name}", f"B {other.name}")
+    if picture is not None and drawn is not None:
+        save(courses(drawn, names), picture)
+    if report is not None:
+        from cockpit.compare.page import write_page
+
+        figure = None if drawn is None else courses(drawn, names)
+        write_page(report, found, list(_summary(found)), _meanings(kinds[0]), figure)
     typer.echo(json.dumps(found) if as_json else "\n".join(_text(found)))
     return 0
 
 
+def kind_of(path: Path) -> str:
+    """The kind of a file or folder. Raises InputError."""
+    from cockpit.logbook.explain_drive import is_recording
+
+    if path.is_dir():
+        if (path / RUNS).is_file():
+            return "runs"
+        if any(file.suffix in SUFFIXES for file in path.iterdir()):
+            return "folders"
+        raise InputError(f"{path}: holds neither {RUNS} nor files {' or '.join(SUFFIXES)}")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    if path.suffix == ".npz":
+        return "traces"
+    return "recordings" if is_recording(path) else "runs"
+
+
+def compared(one: Path, other: Path, kind: str) -> "tuple[dict[str, Any], tuple[Course, Course] | None]":
+    """The comparison of two paths of a kind, for JSON, and what is drawn of them. Raises InputError."""
+    from cockpit.compare.drives import compare_drives, course, side_by_side
+    from cockpit.compare.runs import compare_runs
+
+    names = {"a": str(one), "b": str(other)}
+    if kind == "recordings":
+        found, (a, b) = compare_drives(one, other)
+        return {**names, **found}, (course(a), course(b))
+    if kind == "traces":
+        from sim_harness.judging.trace_difference import compare_traces
+
+        found, traces = compare_traces(one, other)
+        found["figures"] = side_by_side(*found.pop("scores"))
+        columns = ("decision.fear", "speed_mps", "lateral_offset_m")
+        drawn = [(t["t_s"] - t["t_s"][0], *(t[name] for name in columns)) for t in traces]
+        return {**names, **found}, (drawn[0], drawn[1])
+    if kind == "folders":
+        return {**names, **_folders(one, other)}, None
+    files = [path / RUNS if path.is_dir() else path for path in (one, other)]
+    return {**names, **compare_runs(*files)}, None
+
+
+def _folders(one: Path, other: Path) -> dict[str, Any]:
+    """Every pair of files of the same name."""
+    first, second = (
+        {file.name for file in folder.iterdir() if file.suffix in SUFFIXES} for folder in (one, other)
+    )
+    pairs = []
+    for name in sorted(first & second):
+        found, _ = compared(one / name, other / name, kind_of(one / name))
+        pairs.append({**found, "name": name})
+    return {
+        "kind": "folders",
+        "pairs": pairs,
+        "only_a": sorted(first - second),
+        "only_b": sorted(second - first),
+    }
+
+
+def _meanings(kind: str) -> Mapping[str, str]:
+    if kind == "recordings":
+        from cockpit.compare.drives import MEANINGS
+
+        return MEANINGS
+    from sim_harness.judging.meanings import MEANINGS as OF_RUNS
+
+    return OF_RUNS
+
+
 def _text(found: dict[str, Any]) -> Iterator[str]:
+    from cockpit.compare.page import value_text
+
     yield f"A {found['a']}\nB {found['b']}"
-    if found["kind"] == "runs":
-        yield from _runs(found)
-        return
-    yield f"{'':32}{'A':>12}{'B':>12}{'B - A':>12}"
-    for row in found["figures"]:
-        yield f"{row['name']:32}" + "".join(f"{_value(row[name]):>12}" for name in ("a", "b", "change"))
-    first = found["first_difference"]
-    if first is None:
-        yield "No decision differs in mode, cause, fear or speed cap."
-    else:
-        changes = ", ".join(f"{name} {_value(a)} -> {_value(b)}" for name, (a, b) in first["fields"].items())
-        yield f"First difference at {first['t_s']:.2f} s: {changes}"
-
-
-def _runs(found: dict[str, Any]) -> Iterator[str]:
-    for run in found["changed"]:
+    if "figures" in found:
+        yield f"{'':32}{'A':>12}{'B':>12}{'B - A':>12}"
+    for row in found.get("figures", ()):
+        yield f"{row['name']:32}" + "".join(f"{value_text(row[name]):>12}" for name in ("a", "b", "change"))
+    for run in found.get("changed", ()):
         yield f"{run['scenario']} seed {run['seed']}:"
         for name, (a, b) in run["changed"].items():
-            yield f"  {name}: {_value(a)} -> {_value(b)}"
-    for file in ("a", "b"):
-        for name in found[f"only_{file}"]:
-            yield f"only in {file.upper()}: {name}"
-    yield f"{found['compared']} runs compared, {len(found['changed'])} differ"
+            yield f"  {name}: {value_text(a)} -> {value_text(b)}"
+    yield from _summary(found)
 
 
-def _value(value: Any) -> str:
-    if value is None:
-        return "unknown"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+def _summary(found: dict[str, Any]) -> Iterator[str]:
+    """The lines beside the tables."""
+    kind = found["kind"]
+    if kind == "runs":
+        for file in ("a", "b"):
+            for name in found[f"only_{file}"]:
+                yield f"only in {file.upper()}: {name}"
+        changed, equal = len(found["changed"]), found["equal_traces"]
+        yield f"{found['compared']} runs compared, {changed} differ, {equal} have equal traces (trace_sha256)"
+    elif kind == "folders":
+        for pair in found["pairs"]:
+            yield f"{pair['name']}: {_difference(pair)}"
+        for file in ("a", "b"):
+            for name in found[f"only_{file}"]:
+                yield f"only in {file.upper()}: {name}"
+        same = sum(pair["first_difference"] is None for pair in found["pairs"])
+        yield f"{len(found['pairs'])} pairs compared, {len(found['pairs']) - same} differ"
+    else:
+        yield _difference(found)
+
+
+def _difference(found: dict[str, Any]) -> str:
+    """The first difference of two recordings or traces in a line."""
+    from cockpit.compare.page import value_text
+
+    first = found["first_difference"]
+    if first is not None:
+        changes = ", ".join(
+            f"{name} {value_text(a)} -> {value_text(b)}" for name, (a, b) in first["fields"].items()
+        )
+        return f"First difference at {first['t_s']:.2f} s: {changes}"
+    if found["kind"] == "recordings":
+        return "No decision differs in mode, cause, fear or speed cap."
+    if found["equal"]:
+        return f"The traces are equal: trace_sha256 {found['trace_sha256'][0]}"
+    a, b = found["samples"]
+    return f"No common sample differs; {a} and {b} samples, or other columns"

@@ -12,10 +12,22 @@ import numpy as np
 from cockpit.figure_style import BLUE, VERMILION, bare, new_figure
 from cockpit.logbook.recall import Recall, recall
 from cockpit.replay.difference import differences
+from trepid.types import Column
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Course = tuple[Column, Column, Column, Column]
+"""Time from the start [s], fear, speed [m/s] and lateral offset [m], each of shape (n,)."""
+MEANINGS = {
+    "duration_s": "from the first decision to the last",
+    "decisions": "number of decisions of the supervisor",
+    "distance_m": "integral of the measured speed",
+    "mean_speed_mps": "mean of the measured speed at the decisions",
+    "max_fear": "greatest fear",
+    "mean_fear": "mean fear of the decisions",
+}
+"""The meaning of each figure but the seconds by mode and cause."""
 FIELDS = ("mode", "cause", "fear", "speed_cap_mps")
 
 
@@ -79,18 +91,26 @@ def first_difference(one: Recall, other: Recall) -> dict[str, Any] | None:
     return None
 
 
-def courses(drives: "tuple[Recall, Recall]", names: tuple[str, str]) -> "Figure":
-    """Fear, speed [m/s] and lateral offset of the path [m] of both drives over time, on one axis each."""
+def course(drive: Recall) -> Course:
+    """What is drawn of a recording."""
+    offset_m = np.array([decision.lateral_offset_m for decision in drive.decisions], dtype=np.float64)
+    fear = np.array([decision.fear for decision in drive.decisions])
+    return drive.t_s, fear, drive.speed_mps, offset_m
+
+
+def courses(drives: tuple[Course, Course], names: tuple[str, str]) -> "Figure":
+    """Fear, speed [m/s] and lateral offset [m] of both drives over time, on one axis each."""
     figure = new_figure(9, 6, layout="constrained")
     axes = figure.subplots(3, sharex=True)
-    for drive, name, colour in zip(drives, names, (BLUE, VERMILION), strict=True):
-        offset = np.array([d.lateral_offset_m for d in drive.decisions], dtype=np.float64)
-        fear = [d.fear for d in drive.decisions]
-        for panel, values in zip(axes, (fear, drive.speed_mps, offset), strict=True):
-            panel.plot(drive.t_s, values, color=colour, linewidth=1.2, label=name)
+    for (t_s, *values), name, colour, style in zip(
+        drives, names, (BLUE, VERMILION), ("-", "--"), strict=True
+    ):
+        for panel, column in zip(axes, values, strict=True):
+            panel.plot(t_s, column, color=colour, linestyle=style, linewidth=1.2, label=name)
     for panel, label in zip(axes, ("fear", "speed [m/s]", "lateral offset [m]"), strict=True):
         panel.set_ylabel(label)
         bare(panel)
-    axes[0].legend(loc="upper right", fontsize=8)
+    lines, labels = axes[0].get_legend_handles_labels()
+    figure.legend(lines, labels, loc="outside upper center", ncols=2, frameon=False, fontsize=8)
     axes[-1].set_xlabel("time from the start of the drive [s]")
     return figure

@@ -46,8 +46,12 @@ def compare_runs(one: Path, other: Path) -> dict[str, Any]:
         figures = {name: [a.get(name), b.get(name)] for name in names if a.get(name) != b.get(name)}
         if figures:
             changed.append({"scenario": key[0], "seed": key[1], "changed": figures})
+    hashes = [
+        (first[key].get("trace_sha256"), second[key].get("trace_sha256")) for key in first if key in second
+    ]
     return {
         "kind": "runs",
+        "equal_traces": sum(a is not None and a == b for a, b in hashes),
         "compared": len(first.keys() & second.keys()),
         "changed": changed,
         "only_a": [f"{key[0]} seed {key[1]}" for key in first if key not in second],

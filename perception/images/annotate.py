@@ -1,6 +1,7 @@
 """Annotated images: boundaries, lane, lane centre and the numbers of an estimate."""
 
 import math
+from itertools import product
 from pathlib import Path
 
 import cv2
@@ -129,9 +130,14 @@ def number(value: float | None, pattern: str) -> str:
 
 
 def text(canvas: Image, words: str, at: tuple[int, int], size: float, colour: Colour) -> None:
-    """Draw ``words`` with a dark edge, legible on any background."""
+    """Draw ``words`` with a dark edge, legible on any background.
+
+    The edge is the same text, shifted: letters of another thickness have another width, and stand beside it.
+    """
     thickness = max(1, round(size * 1.6))
-    cv2.putText(canvas, words, at, cv2.FONT_HERSHEY_SIMPLEX, size, PANEL, thickness + 2, cv2.LINE_AA)
+    for right, down in product((-1, 0, 1), repeat=2):
+        place = at[0] + right, at[1] + down
+        cv2.putText(canvas, words, place, cv2.FONT_HERSHEY_SIMPLEX, size, PANEL, thickness, cv2.LINE_AA)
     cv2.putText(canvas, words, at, cv2.FONT_HERSHEY_SIMPLEX, size, colour, thickness, cv2.LINE_AA)
 
 

@@ -1,21 +1,23 @@
-"""Camera frames of a run, stored for the report of its worst moment."""
+"""What a report shows of the moments of a run: camera frames, other vehicles, rules that fired."""
 
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
 
 from perception.estimators import Estimator
-from perception.images.annotate import annotated
-from sim_harness.lockstep.closed_loop import Parts, Result, Witness, build_parts, run
+from perception.images.annotate import annotated, with_lane
+from sim_harness.lockstep.closed_loop import Instant, Parts, Result, Witness, build_parts, run
 from sim_harness.scenarios.scenario import Scenario
 from trepid.messages import Frame, SteeringEstimate, VehicleState
+from trepid.types import Image
 
 EVERY_S = 0.2  # interval of the stored frames; encoding all of them would take a tenth of the run time
 QUALITY, PICTURE_QUALITY = 90, 75  # of the stored and of the shown JPEG
 PICTURE_PX = (480, 360)
+SMALL_PX, SMALL_QUALITY = (320, 240), 60  # of the frames under the cursor
 
 
 @dataclass(slots=True)
@@ -27,11 +29,37 @@ class Shot:
     estimates: dict[str, SteeringEstimate] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class Glimpse:
+    """The other vehicles and the rules that fired at one time."""
+
+    t_s: float
+    others: tuple[tuple[float, float, float], ...]
+    """x [m], y [m] and yaw [rad] of each other vehicle."""
+    rules: tuple[tuple[str, float], ...]
+    """Text and strength of each rule that fired, strongest first."""
+
+
 class Film:
-    """A frame every 0.2 s with its estimates."""
+    """A frame with its estimates, and a glimpse of the rest, every 0.2 s."""
 
     def __init__(self) -> None:
         self._shots: list[Shot] = []
+        self.glimpses: list[Glimpse] = []
+
+    @property
+    def shots(self) -> list[Shot]:
+        """The stored frames, in order."""
+        return self._shots
+
+    def witness(self, now: Instant) -> None:
+        """Store a glimpse when the interval has passed."""
+        if self.glimpses and now.now_s < self.glimpses[-1].t_s + EVERY_S - 1e-6:
+            return
+        truth, decision = now.truth, now.decision
+        others = zip(truth.traffic_x_m, truth.traffic_y_m, truth.traffic_yaw_rad, strict=True)
+        fired = zip(decision.rules, decision.rule_strengths, strict=True) if decision else ()
+        self.glimpses.append(Glimpse(now.now_s, tuple(others), tuple(fired)))
 
     def watching(self, parts: Parts) -> Parts:
         """``parts`` with estimators that also store frames and estimates in this film."""
@@ -71,17 +99,32 @@ def run_filmed(scenario: Scenario, *, seed: int, witness: Witness | None = None)
     """:func:`run` with its film. Raises InputError."""
     film = Film()
     parts = film.watching(build_parts(scenario, seed=seed))
-    return run(scenario, seed=seed, parts=parts, witness=witness), film
+
+    def both(now: Instant) -> None:
+        film.witness(now)
+        if witness is not None:
+            witness(now)
+
+    return run(scenario, seed=seed, parts=parts, witness=both), film
 
 
 def picture(shot: Shot) -> tuple[bytes, str]:
     """The frame with the lane of the most confident estimator, as JPEG, and the name of the estimator."""
+    return _drawn(shot, annotated, PICTURE_PX, PICTURE_QUALITY)
+
+
+def small_picture(shot: Shot) -> bytes:
+    """The frame with the lane of the most confident estimator, without numbers, as a small JPEG."""
+    return _drawn(shot, with_lane, SMALL_PX, SMALL_QUALITY)[0]
+
+
+def _drawn(
+    shot: Shot, draw: Callable[[Image, SteeringEstimate], Image], size: tuple[int, int], quality: int
+) -> tuple[bytes, str]:
     image = cv2.imdecode(np.frombuffer(shot.jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert image is not None  # encoded by this module
-    drawn = {name: found for name, found in shot.estimates.items() if found.left_boundary_px}
-    sure = max(drawn or shot.estimates, key=lambda name: shot.estimates[name].confidence)
-    shown = cv2.resize(
-        annotated(image.astype(np.uint8), shot.estimates[sure]), PICTURE_PX, interpolation=cv2.INTER_AREA
-    )
-    _, jpeg = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, PICTURE_QUALITY])
+    found = {name: one for name, one in shot.estimates.items() if one.left_boundary_px}
+    sure = max(found or shot.estimates, key=lambda name: shot.estimates[name].confidence)
+    shown = cv2.resize(draw(image.astype(np.uint8), shot.estimates[sure]), size, interpolation=cv2.INTER_AREA)
+    _, jpeg = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return jpeg.tobytes(), sure

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from sim_harness.judging.meanings import MEANINGS
 from sim_harness.report.summary import Detail
 from trepid.config import InputError
 
@@ -35,6 +36,7 @@ COLUMNS = (
 )
 """Columns of the table; the other fields of ``sim run --json`` are listed in the details of the run."""
 MAX_FAILED_PICTURES, MAX_OTHER_PICTURES = 200, 12
+MAX_FILMS = 12  # runs whose frames follow the cursor, 0.4 MB each: failed and other ones
 
 
 class Page:
@@ -49,7 +51,8 @@ class Page:
     ) -> None:
         self._title = title
         self._left = {"failed": max_failed_pictures, "passed": max_other_pictures}
-        self._limits = dict(self._left)
+        self._limits = {**self._left, "films": MAX_FILMS}
+        self._films_left = {"failed": MAX_FILMS // 2, "passed": MAX_FILMS - MAX_FILMS // 2}
         self._runs: list[str] = []
         self._details: list[str] = []
         self._edges: dict[str, int] = {}
@@ -77,7 +80,12 @@ class Page:
 
     def write(self, path: Path) -> None:
         """Write the page. Raises InputError when ``path`` cannot be written."""
-        facts = {"title": self._title, "columns": COLUMNS, "pictures": self._limits}
+        facts = {
+            "title": self._title,
+            "columns": COLUMNS,
+            "pictures": self._limits,
+            "meanings": MEANINGS,
+        }
         parts = {
             "TITLE": self._title.replace("&", "&amp;").replace("<", "&lt;"),
             "FACTS": _json(facts),
@@ -104,7 +112,12 @@ class Page:
             self._left[row["status"]] -= 1
         else:
             picture = None
-        return {**detail, "edges": edges, "picture": picture}
+        frames = detail["frames"]
+        if frames is not None and self._films_left[row["status"]] > 0:
+            self._films_left[row["status"]] -= 1
+        else:
+            frames = None
+        return {**detail, "edges": edges, "picture": picture, "frames": frames}
 
 
 def _json(value: Any) -> str:

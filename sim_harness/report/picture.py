@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from perception.estimators import build
 from perception.images.annotate import with_lane
@@ -53,7 +54,10 @@ def _views(panels: Iterable[Axes], road: Road, trace: Trace, seed: int) -> None:
         image, estimate = _estimated(renderer, trace, sample)
         axes.imshow(with_lane(image, estimate)[..., ::-1])
         fear = float(trace["decision.fear"][sample])
-        axes.set_title(f"{section}: fear {fear:.2f}, confidence {estimate.confidence:.2f}", fontsize=10)
+        at_s = float(trace["t_s"][sample] - trace["t_s"][0])
+        axes.set_title(
+            f"{section}, {at_s:.1f} s: fear {fear:.2f}, confidence {estimate.confidence:.2f}", fontsize=10
+        )
         axes.set_xticks([])
         axes.set_yticks([])
         axes.spines[:].set(color=_colour(fear), linewidth=3)
@@ -80,18 +84,35 @@ def _estimated(renderer: Renderer, trace: Trace, sample: int) -> tuple[Image, St
     return image, estimate
 
 
-def _moments(trace: Trace, *, count: int) -> list[tuple[str, int]]:
-    """For ``count`` sections the name and the sample of greatest fear; of equal ones that of greatest curvature."""
-    moments = []
+def _moments(trace: Trace, *, count: int | None = None) -> list[tuple[str, int]]:
+    """For each section the name and the sample of greatest fear; of equal ones that of greatest curvature.
+
+    With ``count``, of so many sections; where there are fewer, the longest ones are divided in time, so that all
+    moments differ.
+    """
     rolling = trace["speed_mps"] >= 1.0
-    for code, name in enumerate(trace.words["section"]):
-        samples = np.flatnonzero((trace["section"] == code) & (rolling | ~rolling.any()))
-        if len(samples) == 0:
-            continue
-        fear = np.nan_to_num(trace["decision.fear"][samples], nan=1.0)
-        samples = samples[fear >= fear.max() - 1e-6]
-        moments.append((name, int(samples[np.argmax(np.abs(trace["curvature_1pm"][samples]))])))
+    sections = [
+        (name, np.flatnonzero((trace["section"] == code) & (rolling | ~rolling.any())))
+        for code, name in enumerate(trace.words["section"])
+    ]
+    pieces = [(name, samples) for name, samples in sections if len(samples)]
+    while count is not None and len(pieces) < count and max(len(samples) for _, samples in pieces) > 1:
+        longest = max(range(len(pieces)), key=lambda i: len(pieces[i][1]))
+        name, samples = pieces[longest]
+        pieces[longest : longest + 1] = [(name, half) for half in np.array_split(samples, 2)]
+    moments = [(name, _telling(trace, samples)) for name, samples in pieces]
+    if count is None:
+        return moments
     return [moments[i] for i in np.linspace(0, len(moments) - 1, count).round().astype(int)]
+
+
+def _telling(trace: Trace, samples: NDArray[np.intp]) -> int:
+    """The sample of greatest fear; of equal ones that of greatest curvature, and of these the middle one."""
+    fear = np.nan_to_num(trace["decision.fear"][samples], nan=1.0)
+    samples = samples[fear >= fear.max() - 1e-6]
+    bend_1pm = np.abs(trace["curvature_1pm"][samples])
+    samples = samples[bend_1pm >= bend_1pm.max() - 1e-9]
+    return int(samples[len(samples) // 2])
 
 
 def _map(axes: Axes, road: Road, trace: Trace) -> None:
@@ -106,7 +127,7 @@ def _map(axes: Axes, road: Road, trace: Trace) -> None:
     axes.plot(*path[0], "o", color="black")
     middle = path.mean(axis=0)
     places: list[Array] = []  # of the labels so far
-    for section, sample in _moments(trace, count=len(trace.words["section"])):
+    for section, sample in _moments(trace):
         place = path[sample]
         below = sum(np.hypot(*(place - other)) < LABEL_SHARE * road.length_m for other in places)
         places.append(place)
@@ -114,7 +135,7 @@ def _map(axes: Axes, road: Road, trace: Trace) -> None:
         axes.annotate(
             section,
             place,
-            xytext=(9 * outwards, -11 * below),
+            xytext=(9 * outwards, 10 - 11 * below),
             textcoords="offset points",
             fontsize=8,
             ha="left" if outwards > 0 else "right",

@@ -15,7 +15,7 @@ from sim_harness.judging.fear_scores import afraid
 from sim_harness.judging.margins import default_vehicle, time_gap_s
 from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import Result
-from sim_harness.report.film import Film, picture
+from sim_harness.report.film import Film, picture, small_picture
 from sim_harness.scenarios.scenario import Scenario
 from trepid.types import Column
 
@@ -24,6 +24,8 @@ EDGE_POINTS = 240
 BEYOND_M = 10.0  # of the route, at both ends of an open road
 CALM_AFTER_S = 1.0  # fear before it, without any estimate yet, is left out
 LONGEST_GAP_S = 10.0
+MOST_FRAMES = 40  # of a run: 8 kB each
+SHOWN_RULES, LEAST_STRENGTH = 6, 0.05  # of the rules that fired
 BANDS = ("mode", "cause", "section")
 
 Detail = dict[str, Any]
@@ -53,6 +55,8 @@ def summarise(scenario: Scenario, result: Result, film: Film | None = None) -> D
         "events": _events(trace, t_s),
         "marks": _marks(trace, t_s),
         "edges": _edges(scenario),
+        "glimpses": _glimpses(trace, film) if film else None,
+        "frames": _frames(trace, film) if film else None,
         "picture": _picture(trace, film) if film else None,
     }
 
@@ -137,6 +141,48 @@ def _edges(scenario: Scenario) -> list[dict[str, Any]]:
     return [coded(points[:, axis], 0.05) for points in edges for axis in (0, 1)]
 
 
+def _glimpses(trace: Trace, film: Film) -> dict[str, Any]:
+    """Times, places of the other vehicles, and the texts and strengths of the rules that fired most strongly.
+
+    ``others``: x, y and yaw of each vehicle; ``fired``: [number of the text, strength in percent] at each time.
+    """
+    first_s = float(trace["t_s"][0])
+    glimpses = [one for one in film.glimpses if one.t_s >= first_s - 1e-6]
+    texts: dict[str, int] = {}
+    fired = [
+        [
+            [texts.setdefault(text, len(texts)), round(100 * strength)]
+            for text, strength in one.rules[:SHOWN_RULES]
+            if strength >= LEAST_STRENGTH
+        ]
+        for one in glimpses
+    ]
+    places = np.array([one.others for one in glimpses], dtype=np.float64).reshape(len(glimpses), -1, 3)
+    others = [
+        [coded(places[:, number, axis], step) for axis, step in enumerate((0.05, 0.05, 0.01))]
+        for number in range(places.shape[1])
+    ]
+    times = coded(np.array([one.t_s for one in glimpses]) - first_s, 0.01)
+    vehicle = default_vehicle()
+    length_m = vehicle.rear_overhang_m + vehicle.wheelbase_m + vehicle.front_overhang_m
+    size = [round(length_m, 2), round(vehicle.track_m, 2), round(vehicle.rear_overhang_m, 2)]
+    return {"t": times, "others": others, "size": size, "texts": list(texts), "fired": fired}
+
+
+def _frames(trace: Trace, film: Film) -> list[list[Any]] | None:
+    """[time, data URI] of up to MOST_FRAMES frames, evenly spread; None without pictures."""
+    first_s = float(trace["t_s"][0])
+    shots = [shot for shot in film.shots if shot.t_s >= first_s - 1e-6 and shot.estimates]
+    if not shots:
+        return None
+    chosen = np.unique(np.linspace(0, len(shots) - 1, MOST_FRAMES).round().astype(int))
+    return [[round(shots[i].t_s - first_s, 2), _uri(small_picture(shots[i]))] for i in chosen]
+
+
+def _uri(jpeg: bytes) -> str:
+    return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()
+
+
 def _picture(trace: Trace, film: Film) -> dict[str, Any] | None:
     """The worst frame with overlay as a data URI, its time, and the reason; None without pictures."""
     sample, reason = worst_sample(trace)
@@ -145,7 +191,7 @@ def _picture(trace: Trace, film: Film) -> dict[str, Any] | None:
         return None
     jpeg, estimator = picture(shot)
     return {
-        "uri": "data:image/jpeg;base64," + base64.b64encode(jpeg).decode(),
+        "uri": _uri(jpeg),
         "t": round(shot.t_s - float(trace["t_s"][0]), 2),
         "why": reason,
         "estimator": estimator,

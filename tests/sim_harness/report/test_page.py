@@ -8,10 +8,11 @@ import shutil
 import numpy as np
 import pytest
 
+from sim_harness.judging.meanings import MEANINGS
 from sim_harness.judging.trace import Trace
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.report.film import Film, run_filmed
-from sim_harness.report.page import MAX_OTHER_PICTURES, Page
+from sim_harness.report.page import MAX_FILMS, MAX_OTHER_PICTURES, Page
 from sim_harness.report.summary import coded, kept_samples, summarise, worst_sample
 from sim_harness.scenarios.scenario import load_scenario
 
@@ -85,7 +86,7 @@ def test_the_worst_moment_is_the_departure_else_fear_else_error():
 
 def test_a_summary_is_small_and_describes_the_run(filmed, detail):
     trace = filmed[0].trace
-    assert len(json.dumps({**detail, "picture": None})) < 30_000
+    assert len(json.dumps({**detail, "picture": None, "frames": None})) < 30_000
     series = {name: decoded(code) for name, code in detail["series"].items()}
     assert len({len(values) for values in series.values()}) == 1
     assert series["t"][-1] == pytest.approx(3.0, abs=0.01)
@@ -130,11 +131,12 @@ def page_file(scenario, filmed, detail, tmp_path_factory):
     return path
 
 
-def test_the_page_is_a_single_file_without_references_to_others(page_file):
+def test_the_page_is_a_single_file_without_references_to_others(page_file, detail):
     text = page_file.read_text()
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)|\ssrc=|<link|@import|url\(", text)
     assert "default-src 'none'" in text
-    assert text.count("data:image/jpeg") == 13 + MAX_OTHER_PICTURES  # of 14 failed runs one has no detail
+    worst = 13 + MAX_OTHER_PICTURES  # of 14 failed runs one has no detail
+    assert text.count("data:image/jpeg") == worst + MAX_FILMS * len(detail["frames"])
 
 
 def test_lane_edges_that_runs_share_are_stored_once(page_file):
@@ -257,4 +259,68 @@ def test_a_run_without_timelines_shows_a_note_and_a_second_click_closes_it(brows
     assert "This run has no stored timelines" in browser.find_element("css selector", "#sheet-9").text
     click(browser, "#run-9")
     assert browser.find_elements("css selector", "#sheet-9") == []
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+
+
+@pytest.fixture(scope="module")
+def overtaken():
+    """A run with another vehicle ahead, and what its report shows of it."""
+    scenario = load_scenario("cut_in", {}).shortened(6.0)
+    result, film = run_filmed(scenario, seed=2)
+    return result, film, summarise(scenario, result, film)
+
+
+def test_the_other_vehicles_and_the_rules_are_those_of_their_time(overtaken):
+    result, film, detail = overtaken
+    trace, found = result.trace, detail["glimpses"]
+    times, (x_m, y_m) = decoded(found["t"]), [decoded(code) for code in found["others"][0][:2]]
+    assert len(found["others"]) == 1 and len(times) == len(x_m) == len(found["fired"]) > 25
+    for t_s, x, y in zip(times, x_m, y_m, strict=True):
+        at = int(np.argmin(np.abs(trace["t_s"] - trace["t_s"][0] - t_s)))
+        if np.isfinite(trace["lead_gap_m"][at]):
+            assert np.hypot(trace["lead_x_m"][at] - x, trace["lead_y_m"][at] - y) < 3.5  # another point of it
+    driven = [one for one in film.glimpses if one.t_s >= trace["t_s"][0] - 1e-6]
+    for one, fired in zip(driven, found["fired"], strict=True):
+        shown = [(found["texts"][number], percent) for number, percent in fired]
+        assert shown[:1] == [(text, round(100 * strength)) for text, strength in one.rules[:1]]
+    assert any("lead" in text or "gap" in text for text in found["texts"])
+
+
+def test_every_figure_of_a_run_has_a_meaning(overtaken):
+    assert set(overtaken[0].row()) - {"scenario", "seed", "reasons"} <= set(MEANINGS)
+
+
+def test_the_cursor_shows_the_frame_the_vehicles_and_the_rules_of_its_time(
+    browser, overtaken, tmp_path_factory
+):
+    result, _, detail = overtaken
+    page, path = Page("one"), tmp_path_factory.mktemp("one") / "one.html"
+    page.add(result.row(), detail=detail)
+    page.write(path)
+    browser.get(path.as_uri())
+    click(browser, "#run-0")
+
+    def at(share):
+        browser.execute_script(
+            """const lines = document.querySelector('#sheet-0 svg.lines'), box = lines.getBoundingClientRect();
+               const x = box.left + 46 + arguments[0] * (box.width - 54);
+               lines.dispatchEvent(new PointerEvent('pointermove', {clientX: x, clientY: box.top + 20}));""",
+            share,
+        )
+        film = browser.find_element("css selector", "#sheet-0 .film")
+        other = browser.find_element("css selector", "#sheet-0 rect.other")
+        fired = browser.find_element("css selector", "#sheet-0 .fired").text
+        image = film.find_element("css selector", "img")
+        shown = browser.execute_script("return arguments[0].naturalWidth", image)
+        return image.get_attribute("src"), other.get_attribute("transform"), fired, film.text, shown
+
+    early, late = at(0.3), at(1.0)
+    assert early[0] != late[0] and early[1] != late[1] and early[4] == late[4] == 320
+    times = [t for t, _ in detail["frames"]]
+    assert late[3] == f"Frame at the cursor: {times[-1]:.1f} s."
+    number, percent = next(fired[0] for fired in reversed(detail["glimpses"]["fired"]) if fired)
+    assert f"{percent / 100:.2f}" in late[2] and detail["glimpses"]["texts"][number] in late[2]
+    click(browser, "details.more summary")
+    meanings = browser.find_element("id", "meanings").text
+    assert "greatest deceleration [m/s²]." in meanings
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
