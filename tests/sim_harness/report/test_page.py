@@ -240,6 +240,8 @@ def test_a_click_on_a_run_opens_its_path_timelines_picture_reasons_and_command(b
     assert width == 480
     names = [dt.text for dt in sheet.find_elements("css selector", "dt")]
     assert {"trace_sha256", "fear_auroc", "modes"} <= set(names)
+    values = {cell.text for cell in sheet.find_elements("css selector", "dd")}
+    assert "false" not in " ".join(values) and any(value.endswith(" m/s²") for value in values)
 
 
 def test_the_cursor_reads_the_run_at_its_time(browser, detail):
