@@ -20,7 +20,7 @@ from perception.estimators import (
 )
 from perception.images.frames import CameraFor, FrameResult, Step, Unread, results
 from perception.images.outline import outlined
-from perception.images.sources import Source, Still
+from perception.images.sources import Footage, Source, Still
 from perception.lead.cli import Leads, lead_results
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -28,10 +28,12 @@ from trepid.config import CONFIG_DIR, InputError, car_folder, load, using_car
 from trepid.images.files import NOMINAL_FPS
 from trepid.messages import SteeringEstimate
 from trepid.scale import scaled_settings
+from trepid.speech.loudness import note
 from trepid.types import Image
 
 R = TypeVar("R")
 CALIBRATION_FRAMES = 9
+ASSUMED = "no --camera given: metres rest on an assumed camera, its horizon found in each image or clip"
 Paths = str | Path | Iterable[str | Path]
 """One or more images, folders of images, videos, recordings (.mcap)."""
 
@@ -54,7 +56,8 @@ def estimate(
     positive, None where nothing was found.
 
     ``estimator``: a name that ``trepid estimate --estimator list`` prints, or the file of a driving network.
-    ``camera``: a camera file; without it that of ``car``, else a typical camera with the horizon of the images.
+    ``camera``: a camera file; without it that of ``car`` or of the recording, else a typical camera with the horizon
+    of the images.
     ``fps``: frames per second of a folder with ``as_drive``. Without ``strict``, unreadable images of a folder are
     named on standard error and left out. Raises InputError at the first frame that is asked for.
     """
@@ -94,7 +97,7 @@ def lane_results(
     """The estimate of every frame; see :func:`estimate`. Raises InputError."""
     check_estimator(estimator)
     camera_for, assumed = cameras(camera)
-    step = partial(_step, entry_of(estimator), load(CONFIG_DIR / "vehicle.yaml", Vehicle), assumed)
+    step = partial(_step, entry_of(estimator), assumed)
     return results(inputs, camera_for, step, unread, drive_fps=drive_fps)
 
 
@@ -109,14 +112,12 @@ def check_estimator(name: str, *further: str) -> None:
 def cameras(file: Path | None) -> tuple[CameraFor, bool]:
     """The camera of each source, and whether it is assumed because neither ``file`` nor a car gives it.
 
-    Raises InputError.
+    That of a recorded drive is known in each case. Raises InputError.
     """
     cv2.setNumThreads(1)
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # FFmpeg prints nothing: errors are reported here
     file = file or _camera_of_the_car()
-    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    known = load(file, Camera) if file else None
-    return partial(_camera_for, known=known, scale=vehicle.scale), file is None
+    return partial(_camera_for, load(file, Camera) if file else None), file is None
 
 
 def in_car(car: str | Path | None, found: Iterator[R]) -> Iterator[R]:
@@ -147,11 +148,15 @@ def _path(path: str | Path | None) -> Path | None:
     return None if path is None else Path(path)
 
 
-def _step(
-    entry: Entry, vehicle: Vehicle, assumed: bool, source: Source, camera: Camera
-) -> Step[SteeringEstimate]:
+def brings_camera(source: Source) -> bool:
+    """Whether ``source`` is a recording whose settings contain its camera."""
+    return isinstance(source, Footage) and source.has_settings
+
+
+def _step(entry: Entry, assumed: bool, source: Source, camera: Camera) -> Step[SteeringEstimate]:
     """A fresh estimator, stepped without odometry; a lane without boundaries gets those of an assumed width."""
-    estimator = entry.build(camera, vehicle, assumed=assumed)
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+    estimator = entry.build(camera, vehicle, assumed=assumed and not brings_camera(source))
     return lambda frame: outlined(estimator.step(frame, None, now_s=frame.t_s), camera, vehicle)
 
 
@@ -161,12 +166,17 @@ def _camera_of_the_car() -> Path | None:
     return CONFIG_DIR / "camera.yaml" if car is not None and (car / "camera.yaml").exists() else None
 
 
-def _camera_for(source: Source, image: Image, known: Camera | None, *, scale: float) -> Camera:
-    """The given camera at the size of the image, or an assumed one with the horizon of the image or clip.
+def _camera_for(known: Camera | None, source: Source, image: Image) -> Camera:
+    """The given camera, or that of a recorded drive, at the size of the image; else an assumed one.
 
-    ``scale`` is that of the vehicle: an assumed camera is as high as the lanes of the vehicle are wide.
+    An assumed camera has the horizon of the image or clip, and is as high as the lanes of the vehicle are wide.
     """
+    if known is None and brings_camera(source):
+        known = load(CONFIG_DIR / "camera.yaml", Camera)
     if known is not None:
         return known.resized(image.shape[1], image.shape[0])
+    if isinstance(source, Footage):
+        note(f"{source.path}: states no camera: {ASSUMED}")
+    scale = load(CONFIG_DIR / "vehicle.yaml", Vehicle).scale
     images = [image] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES)
     return scaled_settings(self_calibrated(images, lane_cv_settings().self_calibration), scale)

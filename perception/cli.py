@@ -8,13 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
-from perception.api import cameras, check_estimator, lane_results
+from perception.api import ASSUMED, cameras, check_estimator, lane_results
 from perception.estimators import (
     ESTIMATORS,
     estimators,
 )
 from perception.images.annotate import annotated, as_path, number
 from perception.images.frames import FrameResult, Unread, print_json, print_table, written
+from perception.images.sources import RECORDING_SUFFIX
 from perception.lead.cli import estimate_leads
 from trepid.commands.car_option import Car
 from trepid.config import InputError
@@ -24,7 +25,6 @@ from trepid.speech.loudness import note
 
 CALIBRATION_FRAMES = 9
 LEAD = "lead"
-ASSUMED = "no --camera given: metres rest on an assumed camera, its horizon found in each image or clip"
 COLUMNS = [
     "file",
     "frame",
@@ -51,7 +51,7 @@ def estimate(
     ] = "cv",
     camera: Annotated[
         Path | None,
-        typer.Option(help="Camera file; default: that of --car, else a typical camera is assumed."),
+        typer.Option(help="Camera file; default: that of --car or of the recording, else an assumed one."),
     ] = None,
     detector: Annotated[
         Path | None,
@@ -109,7 +109,8 @@ def estimate(
         raise InputError("name at least one image, folder or video")
     camera_for, assumed = cameras(camera)
     unread, drive_fps = Unread(strict=strict), (fps or NOMINAL_FPS) if drive else None
-    if assumed and (fear or estimator == LEAD):
+    guessed = assumed and not all(path.suffix.lower() == RECORDING_SUFFIX for path in inputs)
+    if guessed and (fear or estimator == LEAD):
         note(ASSUMED)
     if fear:
         from sim_harness.footage.fear_cli import estimate_with_fear
@@ -131,7 +132,7 @@ def estimate(
         )
     else:
         found = lane_results(inputs, estimator, camera, unread, drive_fps)
-        if assumed:
+        if guessed:
             found = _with_note(found, ASSUMED)
         if annotate is not None:
             found = written(found, annotate, lambda one: annotated(one.image, one.result))

@@ -6,17 +6,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-import cv2
-import numpy as np
-
 from trepid.clock import nanoseconds, seconds
 from trepid.config import InputError
 from trepid.messages import CompressedFrame, Frame, SteeringEstimate
-from trepid.recording.foreign import messages_of, types_of
+from trepid.recording.images import decoded, recorded_images
 from trepid.recording.reader import read_recording
 from trepid.topics import (
-    CAMERA_COMPRESSED,
-    CAMERA_IMAGE,
     COMMAND,
     DECISION,
     LEAD_VEHICLE,
@@ -25,7 +20,6 @@ from trepid.topics import (
     estimate_topic,
 )
 from trepid.types import Image
-from trepid.wire import WireError, from_cdr, ros_name
 
 M = TypeVar("M")
 KEYS = (
@@ -46,13 +40,7 @@ class Drive:
         self._arrived_s = {
             key: [at_s for at_s, _ in messages] for key, messages in self.recorded.messages.items()
         }
-        types = types_of(path)
-        candidates = (topic for topic in (CAMERA_IMAGE, CAMERA_COMPRESSED) if f"/{topic.key}" in types)
-        self.image_topic: Topic[Any] | None = next(candidates, None)
-        if self.image_topic is not None:
-            held, wanted = types[f"/{self.image_topic.key}"], ros_name(self.image_topic.type)
-            if held != wanted:
-                raise InputError(f"{path}: {self.image_topic.key} holds {held}, expected {wanted}")
+        self._images = recorded_images(path)
         if not self.frames_s:
             raise InputError(f"{path}: holds no camera image and no estimate of Trepid: nothing to export")
 
@@ -102,23 +90,14 @@ class Drive:
         Raises InputError for an image that cannot be decoded.
         """
         for message in self._image_messages():
-            if isinstance(message, Frame):
-                yield message.t_s, message.image, None
-                continue
-            image = cv2.imdecode(np.frombuffer(message.jpeg, np.uint8), cv2.IMREAD_COLOR)
+            image = decoded(message)
             if image is None:
                 raise InputError(f"{self.path}: the image of {message.t_s:.3f} s cannot be decoded")
-            yield message.t_s, image.astype(np.uint8, copy=False), message.jpeg
+            yield message.t_s, image, message.jpeg if isinstance(message, CompressedFrame) else None
 
     def _image_messages(self) -> Iterator[Frame | CompressedFrame]:
-        topic = self.image_topic
-        if topic is None:
-            return
-        for at_s, data in messages_of(self.path, f"/{topic.key}"):
-            try:
-                yield from_cdr(data, topic.type)
-            except WireError as error:
-                raise InputError(f"{self.path}: {topic.key} at {at_s:.3f} s: {error}") from error
+        if self._images is not None:
+            yield from (message for _, message in self._images.messages())
 
     def _of_frame(self, topic: Topic[M]) -> dict[int, M]:
         if topic.key not in self._by_frame:

@@ -64,15 +64,15 @@ def _draw_lane(axes: Any, estimate: SteeringEstimate, name: str, colour: str) ->
 
 def _draw_panel(axes: Any, story: Story) -> None:
     """A bar as long as fear, mode and cause, and the rules that add most to fear."""
-    level = LEVELS.index(story["level"]) if "level" in story else 0
     axes.set(xlim=(0, 1), ylim=(0, 1))
     axes.set_axis_off()
-    axes.barh(0.96, min(story["fear"], 1.0), height=0.08, color=FIVE[level])
+    axes.barh(0.96, min(story["fear"], 1.0), height=0.08, color=FIVE[LEVELS.index(story["level"])])
     what = f"{story['moment_s']:.2f} s   {story['mode']}   fear {story['fear']:.2f}, cause {story['cause']}"
     axes.text(0.015, 0.74, what, fontsize=13, fontweight="bold", va="center")
-    course = story["slow_down"]
-    allowed = f"allowed {course['cap_before_mps']:.1f} to {course['cap_lowest_mps']:.1f} m/s"
+    course = story.get("slow_down")
+    fell = f"{course['cap_before_mps']:.1f} to {course['cap_lowest_mps']:.1f}" if course else None
+    allowed = f"allowed {fell or format(story['speed_cap_mps'], '.1f')} m/s"
     axes.text(0.985, 0.74, allowed, fontsize=10, ha="right", va="center")
-    for number, rule in enumerate(story.get("rules", [])[:SHOWN_RULES]):
+    for number, rule in enumerate(story["rules"][:SHOWN_RULES]):
         text = textwrap.shorten(f"{rule['adds']:.2f}  {rule['text']}", _WRAP, placeholder=" …")
         axes.text(0.015, 0.5 - 0.19 * number, text, fontsize=9, va="center")

@@ -1,7 +1,8 @@
-"""The explanation of a slow-down in a recording: speeds, cause, rules that fired, their inputs, and the end.
+"""The explanation of any moment of a recording: fear, rules, their inputs, and the course of a slow-down.
 
 A slow-down is a clear fall of the speed cap of the supervisor. Where only the measured speed fell, the controller
-braked below the cap, as it does for bends, and the explanation states that.
+braked below the cap, as it does for bends, and the explanation states that. Elsewhere the moment is calm, and the
+explanation states what would raise fear to its next level.
 """
 
 import math
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from cockpit.logbook.recall import Recall
+from cockpit.logbook.rise import next_level, raising
 from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, significant, slow_downs
 from trepid.messages import Decision, Stop
 
@@ -26,8 +28,9 @@ Story = dict[str, Any]
 
 
 def story(drive: Recall, at_s: float) -> Story:
-    """Why the vehicle slowed down around ``at_s``. Raises ValueError when that is outside the recording."""
-    first_s, last_s = float(drive.t_s[0]), float(drive.t_s[-1])
+    """Why the vehicle slowed down around ``at_s``, or did not. Raises ValueError for a time outside of it."""
+    first_s = drive.recorded.first_s - drive.zero_s
+    last_s = drive.recorded.last_s - drive.zero_s
     if not first_s - 1e-3 <= at_s <= last_s + 1e-3:
         raise ValueError(f"the recording runs from {first_s:.1f} to {last_s:.1f} s")
     by_supervisor = _cap_falls(drive)
@@ -47,8 +50,9 @@ def story(drive: Recall, at_s: float) -> Story:
     slow = nearest(by_speed, drive.t_s, at_s)
     if slow is not None:
         return head | {"slowed_by": "controller"} | _by_controller(drive, slow)
-    others = [round(float(drive.t_s[s.before]), 2) for s in (*by_supervisor, *by_speed)]
-    return head | {"others_s": sorted(others, key=lambda other_s: abs(other_s - at_s))[:3]}
+    others = {round(float(drive.t_s[s.before]), 1) for s in (*by_supervisor, *by_speed)}
+    nearest_s = sorted(others, key=lambda other_s: abs(other_s - at_s))[:3]
+    return head | {"others_s": nearest_s} | _calm(drive, at_s)
 
 
 def overview(drive: Recall) -> list[Story]:
@@ -71,14 +75,53 @@ def _fields(message: object, *names: str) -> Story:
     return {name: getattr(message, name) for name in names}
 
 
+def _moment(drive: Recall, index: int) -> Story:
+    """Decision ``index``, with its rules and their inputs."""
+    decision = drive.decisions[index]
+    return {
+        "moment_s": _at(drive, index),
+        **_fields(decision, "mode", "stop", "fear", "level", "cause", "speed_cap_mps"),
+        "limited_by": _limit(drive, decision),
+        "rules": _rules(drive, decision),
+        "inputs": _inputs(drive, decision),
+        "repeats": drive.repeats(index),
+        "estimates": _estimates(drive, index),
+    }
+
+
+def _calm(drive: Recall, at_s: float) -> Story:
+    """The newest decision at ``at_s``, the first one before it, and what would raise its fear to the next level."""
+    index = drive.index_at(at_s)
+    decision = drive.decisions[index]
+    by = drive.rules_of(decision)
+    values = dict(zip(decision.inputs, decision.input_values, strict=True))
+    return {
+        **_moment(drive, index),
+        "decision_age_s": round(at_s - float(drive.t_s[index]), 3),
+        "cruise_mps": drive.cruise_mps,
+        "speed_mps": _known(drive.speed_mps[index]),
+        "next_level": next_level(by, decision.fear),
+        "raised_by": [
+            {
+                "name": name,
+                "value": _known(values[name]),
+                "from": worse,
+                **_fields(by.inputs[name], "unit", "meaning"),
+                "cause": cause,
+            }
+            for name, worse, cause in (raising(by, values) if values else [])
+        ],
+        "timeline": _timeline(drive, at_s - BEFORE_S, index),
+    }
+
+
 def _explained(drive: Recall, slow: SlowDown, index: int) -> Story:
     """The slow-down with the decision that explains it."""
+    begun_s = float(drive.t_s[slow.before])
     return {
         "slow_down": _course(drive, slow),
-        "moment_s": _at(drive, index),
-        **_fields(drive.decisions[index], "mode", "fear", "cause"),
-        "estimates": _estimates(drive, index),
-        "timeline": _timeline(drive, slow),
+        **_moment(drive, index),
+        "timeline": _timeline(drive, begun_s - BEFORE_S, slow.end),
     }
 
 
@@ -88,16 +131,7 @@ def _by_supervisor(drive: Recall, slow: SlowDown, at_s: float) -> Story:
     if drive.t_s[slow.lowest] < at_s and (at_s <= drive.t_s[slow.end] or not slow.is_over):
         last = min(drive.index_at(at_s + AROUND_S), slow.end)
         index = _greatest_fear(drive, range(drive.index_at(at_s - AROUND_S), last + 1))
-    decision = drive.decisions[index]
-    return {
-        **_explained(drive, slow, index),
-        **_fields(decision, "stop", "level"),
-        "limited_by": _limit(drive, decision),
-        "rules": _rules(drive, decision),
-        "inputs": _inputs(drive, decision),
-        "repeats": drive.repeats(index),
-        "end": _end(drive, slow, index),
-    }
+    return {**_explained(drive, slow, index), "end": _end(drive, slow, index)}
 
 
 def _by_controller(drive: Recall, slow: SlowDown) -> Story:
@@ -107,7 +141,6 @@ def _by_controller(drive: Recall, slow: SlowDown) -> Story:
     state = drive.state_at(index)
     return {
         **_explained(drive, slow, index),
-        "speed_cap_mps": drive.decisions[index].speed_cap_mps,
         "commanded_accel_mps2": _known(drive.accel_mps2[index]),
         "driver_override": bool(state and state.driver_override),
         "sharpest_curvature_1pm": max(abs(drive.decisions[i].curvature_1pm or 0.0) for i in span),
@@ -198,16 +231,16 @@ def _estimates(drive: Recall, index: int) -> list[Story]:
     ]
 
 
-def _timeline(drive: Recall, slow: SlowDown) -> list[Story]:
-    """Changes of mode, stop, cause and source of the path from 10 s before the fall until its end."""
-    first = drive.index_at(float(drive.t_s[slow.before]) - BEFORE_S)
+def _timeline(drive: Recall, from_s: float, last: int) -> list[Story]:
+    """Changes of mode, stop, cause and source of the path from ``from_s`` to decision ``last``."""
+    first = drive.index_at(from_s)
     states = [_fields(d, "mode", "stop", "cause", "path_source") for d in drive.decisions]
     moments: list[Story] = []
-    for state, group in groupby(range(first, slow.end + 1), key=states.__getitem__):
+    for state, group in groupby(range(first, last + 1), key=states.__getitem__):
         stretch = list(group)
         i, j = stretch[0], stretch[-1]
-        lasting = drive.t_s[min(j + 1, slow.end)] - drive.t_s[i] >= STEADY_S
-        kept = lasting or i == first or j == slow.end or state["stop"] is not Stop.NONE
+        lasting = drive.t_s[min(j + 1, last)] - drive.t_s[i] >= STEADY_S
+        kept = lasting or i == first or j == last or state["stop"] is not Stop.NONE
         if kept and not (moments and state.items() <= moments[-1].items()):
             fear = max(d.fear for d in drive.decisions[i : j + 1])
             moments.append({"t_s": _at(drive, i), **state, "fear": fear, "cap_mps": float(drive.cap_mps[j])})

@@ -1,11 +1,12 @@
-"""The explanation of a slow-down as text for the terminal."""
+"""The explanation of a moment as text for the terminal."""
 
 from collections.abc import Iterator
 
 from cockpit.logbook.story import Story
 from trepid.recording.reader import Recorded
 
-SHOWN_RULES, SHOWN_CHANGES = 6, 5
+SHOWN_RULES, SHOWN_CHANGES, SHOWN_RISES = 6, 5, 6
+AGED_S = 0.5  # of a decision: an older one is mentioned, for a supervisor decides 25 times a second
 SLOWED = 0.9  # of the cruise speed: a lower cap is mentioned
 # A larger value of an input means that the quantity does not exist, such as the gap without a leader.
 BEYOND = 1e5
@@ -38,30 +39,83 @@ def _lines(story: Story) -> Iterator[str]:
         case "controller":
             yield from _by_controller(story)
         case _:
-            others = ", ".join(f"{other_s:.1f} s" for other_s in story["others_s"])
-            yield f"The vehicle did not slow down near {story['at_s']:.1f} s" + (
-                f"; the nearest slow-downs begin at {others}." if others else "."
-            )
+            yield from _calm(story)
+
+
+def _calm(story: Story) -> Iterator[str]:
+    others = ", ".join(f"{other_s:.1f} s" for other_s in story["others_s"])
+    yield f"The vehicle did not slow down near {story['at_s']:.1f} s" + (
+        f"; the nearest slow-downs begin at {others}." if others else "."
+    )
+    age_s = story["decision_age_s"]
+    if age_s < 0.0:
+        yield f"No decision had been made yet; the first one followed {-age_s:.2f} s later:"
+    elif age_s > AGED_S:
+        yield f"The newest decision was {age_s:.2f} s old; none followed in time:"
+    speed = "unknown" if story["speed_mps"] is None else f"{story['speed_mps']:.1f} m/s"
+    yield (
+        f"At {story['moment_s']:.2f} s: mode {story['mode']}, fear {story['fear']:.2f} ({story['level']}),"
+        f" {_cause(story)}; speed {speed}, {_allowed(story)}."
+    )
+    yield from _rules(story, story["rules"])
+    yield from _rise(story)
+    yield from _estimates(story)
+    yield from _timeline(story)
+
+
+def _cause(moment: Story) -> str:
+    return "no cause" if moment["cause"] == "none" else f"cause {moment['cause']}"
+
+
+def _allowed(story: Story) -> str:
+    cap = f"{story['speed_cap_mps']:.1f} m/s"
+    match story["limited_by"]:
+        case "stop":
+            return f"{story['stop']} stop"
+        case "lead":
+            return f"allowed {cap} by the gap to the vehicle ahead"
+        case _:
+            return f"allowed {cap}"
+
+
+def _rise(story: Story) -> Iterator[str]:
+    """The inputs that alone would raise fear to the next level."""
+    level, raised_by = story["next_level"], story["raised_by"]
+    if level is None:
+        yield "\nFear is at its highest level."
+    elif not raised_by:
+        yield f"\nNo input alone would raise fear to {level}."
+    else:
+        yield f"\nFear would rise to {level} or above by one of these inputs alone, the nearest first:"
+        for one in raised_by[:SHOWN_RISES]:
+            was, to = _value(one["value"], one["unit"]), _value(one["from"], one["unit"])
+            yield f"  {one['name']} {was} -> {to} (cause {one['cause']}).  {one['meaning']}"
+        if len(raised_by) > SHOWN_RISES:
+            yield f"  and {len(raised_by) - SHOWN_RISES} more"
 
 
 def _by_supervisor(story: Story) -> Iterator[str]:
     yield _course(story)
     yield _reason(story)
-    yield f"\nRules that fired at {story['moment_s']:.2f} s, by contribution to fear ({story['rules_from']}):"
-    adding = [rule for rule in story["rules"] if rule["adds"] > 0]
-    for rule in adding[:SHOWN_RULES]:
-        yield f"  {rule['adds']:.2f}  {rule['text']}  (strength {rule['strength']:.2f})"
-    if len(adding) > SHOWN_RULES:
-        yield f"        and {len(adding) - SHOWN_RULES} more"
-    if not story["repeats"]:
-        yield "  These rules do not reproduce the recorded fear: the drive used other rules."
-    if story["inputs"]:
-        yield "\nInputs of these rules:"
-        yield from (_input(item) for item in story["inputs"])
+    yield from _rules(story, [rule for rule in story["rules"] if rule["adds"] > 0])
     yield from _estimates(story)
     yield from _timeline(story)
     yield ""
     yield _end(story)
+
+
+def _rules(story: Story, rules: list[Story]) -> Iterator[str]:
+    """Those ``rules`` that fired, and the inputs of those that raise fear."""
+    yield f"\nRules that fired at {story['moment_s']:.2f} s, by contribution to fear ({story['rules_from']}):"
+    for rule in rules[:SHOWN_RULES]:
+        yield f"  {rule['adds']:.2f}  {rule['text']}  (strength {rule['strength']:.2f})"
+    if len(rules) > SHOWN_RULES:
+        yield f"        and {len(rules) - SHOWN_RULES} more"
+    if not story["repeats"]:
+        yield "  These rules do not reproduce the recorded fear: the drive used other rules."
+    if story["inputs"]:
+        yield "\nInputs of the rules that raise fear:"
+        yield from (_input(item) for item in story["inputs"])
 
 
 def _course(story: Story) -> str:
@@ -121,9 +175,8 @@ def _timeline(story: Story) -> Iterator[str]:
     yield "\nTimeline:"
     for moment in story["timeline"]:
         stop = f" ({moment['stop']})" if moment["stop"] != "none" else ""
-        cause = "no cause" if moment["cause"] == "none" else moment["cause"]
         yield (
-            f"  {moment['t_s']:7.2f} s  {moment['mode']}{stop}, {cause}, fear up to {moment['fear']:.2f},"
+            f"  {moment['t_s']:7.2f} s  {moment['mode']}{stop}, {_cause(moment)}, fear up to {moment['fear']:.2f},"
             f" path from {moment['path_source']}, speed cap {moment['cap_mps']:.1f} m/s at the end"
         )
 

@@ -35,6 +35,14 @@ def replay(
         Path | None,
         typer.Option(metavar="F.yaml", help="With --through: these rules instead of the recorded ones."),
     ] = None,
+    estimator: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="F.onnx",
+            help="With --through: this driving network instead of the recorded one of the same name; may be"
+            " repeated.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="F.mcap", help="With --through: write a recording with the new outputs."),
@@ -44,25 +52,33 @@ def replay(
 ) -> int:
     """Play a recording onto the bus, or run nodes on its inputs again and show what differs.
 
-    The settings are those of the recorded drive, unless --car or --rules gives others. Exit code 1 when an output
-    differs. Example: trepid replay drive.mcap --through all --rules mine.yaml
+    The settings are those of the recorded drive, unless --car, --rules or --estimator gives others. Exit code 1
+    when an output differs. Example: trepid replay drive.mcap --through all --rules mine.yaml
     """
     if through:
-        return _again(recording, through, rules=rules, out=out, as_json=as_json)
-    if rules is not None or out is not None or as_json:
-        raise InputError("--rules, --out and --json need --through: `--through all` runs every node again")
+        return _again(recording, through, rules=rules, networks=estimator or [], out=out, as_json=as_json)
+    if rules is not None or out is not None or as_json or estimator:
+        raise InputError(
+            "--rules, --estimator, --out and --json need --through: `--through all` runs every node again"
+        )
     return _play(recording, rate)
 
 
 def _again(
-    recording: Path, through: list[str], *, rules: Path | None, out: Path | None, as_json: bool
+    recording: Path,
+    through: list[str],
+    *,
+    rules: Path | None,
+    networks: list[str],
+    out: Path | None,
+    as_json: bool,
 ) -> int:
     from cockpit.replay.rerun import rerun
     from trepid.recording.writer import check_free
 
     if out is not None:
         check_free(out)
-    found = rerun(recording, through, rules=rules, out=out)
+    found = rerun(recording, through, rules=rules, networks=networks, out=out)
     print(json.dumps(_row(found)) if as_json else _text(found))
     return 1 if found.differences else 0
 

@@ -16,7 +16,7 @@ from supervisor.inputs.watchdog import LEAD, STATE, STATISTICS
 from supervisor.rules.inference import FearRules
 from trepid.config import InputError, default_file
 from trepid.recording.car import recorded_car
-from trepid.recording.notes import CRUISE, ESTIMATORS, number
+from trepid.recording.notes import CRUISE, ESTIMATORS, hash_of, networks_of, number
 from trepid.spelling import did_you_mean
 from trepid.topics import (
     CAMERA_IMAGE,
@@ -63,6 +63,8 @@ class Setup:
         tuple[float, FearRules]
     ]  # rules adopted during the drive, and the time after which they apply
     cruise_speed_mps: float | None
+    networks: Mapping[str, Path]  # files of driving networks by name
+    missing: Mapping[str, str]  # driving networks that cannot be built, and why
 
 
 def nodes_of(tape: Tape, setup: Setup) -> dict[str, Node]:
@@ -70,7 +72,10 @@ def nodes_of(tape: Tape, setup: Setup) -> dict[str, Node]:
     names = estimators_of(tape)
     lanes = tuple(estimate_topic(name) for name in names)
     seeing = (CAMERA_IMAGE, VEHICLE_STATE)
-    found = [Node(name, estimate_topic(name), seeing, partial(_estimator, name), 0) for name in names]
+    found = [
+        Node(name, estimate_topic(name), seeing, partial(_estimator, name, setup.networks.get(name)), 0)
+        for name in names
+    ]
     found += [
         Node(STATISTICS, IMAGE_STATISTICS, (CAMERA_IMAGE,), _statistician, 0),
         Node(
@@ -101,34 +106,66 @@ def estimators_of(tape: Tape) -> tuple[str, ...]:
 
 
 def chosen(
-    nodes: Mapping[str, Node], through: Collection[str], tape: Tape
+    nodes: Mapping[str, Node], through: Collection[str], tape: Tape, missing: Mapping[str, str]
 ) -> tuple[list[Node], dict[str, str]]:
-    """The nodes to run again, and the others of ``all`` with the reason. Raises InputError for unknown names."""
+    """The nodes to run again, and the others of ``all`` with the reason.
+
+    ``missing``: nodes that cannot be built, and why. Raises InputError for those and for unknown names.
+    """
     for name in through:
+        if name in missing:
+            raise InputError(f"--through {name}: {missing[name]}")
         if name not in nodes and name != ALL:
             raise InputError(f"--through {name}: {did_you_mean(name, [*nodes, ALL])}")
-    left_out = {}
+    left_out = dict(missing) if ALL in through else {}
     if ALL in through and not tape.has_raw_images:
         why = "the recording holds no raw images: record with --raw-images"
-        left_out = {name: why for name, node in nodes.items() if node.sees and name not in through}
+        left_out |= {name: why for name, node in nodes.items() if node.sees and name not in through}
     picked = [n for name, n in nodes.items() if name in through or (ALL in through and name not in left_out)]
     return picked, left_out
 
 
 @contextmanager
-def settings_of(tape: Tape, rules: Path | None) -> Iterator[Setup]:
+def settings_of(tape: Tape, rules: Path | None, networks: Sequence[str] = ()) -> Iterator[Setup]:
     """Use the settings of the drive: those of its car, unless another car is in use already.
 
-    ``rules`` replaces the recorded rules. Raises InputError.
+    ``rules`` replaces the recorded rules; ``networks`` are files in place of driving networks of the same name.
+    Raises InputError.
     """
+    files, missing = _networks(tape, networks)
     with recorded_car(tape.recorded), TemporaryDirectory() as folder:
         cruise_mps, recorded = number(tape.notes, CRUISE), recorded_rules(tape.recorded)
         if rules is not None or recorded is None:
-            yield Setup(rules or default_file(RULES_NAME), (), cruise_mps)
+            yield Setup(rules or default_file(RULES_NAME), (), cruise_mps, files, missing)
         else:
             file = Path(folder) / RULES_NAME
             file.write_bytes(recorded[1])
-            yield Setup(file, tuple(rule_changes(tape.recorded, tape.path)), cruise_mps)
+            changes = tuple(rule_changes(tape.recorded, tape.path))
+            yield Setup(file, changes, cruise_mps, files, missing)
+
+
+def _networks(tape: Tape, given: Sequence[str]) -> tuple[dict[str, Path], dict[str, str]]:
+    """The file of each driving network of the drive, and why there is none for the others."""
+    from perception.estimators import NETWORK_SUFFIX, name_of
+
+    noted = networks_of(tape.notes)
+    files = {name_of(file): Path(file).resolve() for file in given}
+    for name, file in files.items():
+        if file.suffix != NETWORK_SUFFIX or name not in noted:
+            known = did_you_mean(name, noted) if noted else "it has none"
+            raise InputError(f"--estimator {file}: no driving network {name!r} in the recording; {known}")
+    missing = {}
+    for name, (file, sha256) in noted.items():
+        if name in files:
+            continue
+        if file.is_file() and hash_of(file) == sha256:
+            files[name] = file
+        else:
+            state = "has changed since" if file.is_file() else "is not there any more"
+            missing[name] = (
+                f"the driving network {file} {state}; give a file: --estimator {name}{NETWORK_SUFFIX}"
+            )
+    return files, missing
 
 
 def _supervisor(setup: Setup, names: tuple[str, ...]) -> Step:
@@ -160,10 +197,10 @@ def _controller() -> Step:
     )
 
 
-def _estimator(name: str) -> Step:
+def _estimator(name: str, network: Path | None) -> Step:
     from perception.estimators import build
 
-    node = build(name)
+    node = build(name, network=None if network is None else str(network))
     return lambda read, now_s, _: node.step(read[CAMERA_IMAGE.key], read[VEHICLE_STATE.key], now_s=now_s)
 
 

@@ -11,7 +11,7 @@ in which it starts; a driver is assumed for the first WARM_UP_S, whose outputs a
 
 import heapq
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -56,18 +56,23 @@ class Rerun:
 
 
 def rerun(
-    path: Path, through: Collection[str], *, rules: Path | None = None, out: Path | None = None
+    path: Path,
+    through: Collection[str],
+    *,
+    rules: Path | None = None,
+    networks: Sequence[str] = (),
+    out: Path | None = None,
 ) -> Rerun:
     """Run the nodes named ``through`` ("all": every one) on the recording at ``path``.
 
-    ``rules`` replaces the recorded rules. ``out``: a new recording with the new outputs in place of the recorded
-    ones. Raises InputError.
+    ``rules`` replaces the recorded rules, ``networks`` the driving networks of the same name. ``out``: a new
+    recording with the new outputs in place of the recorded ones. Raises InputError.
     """
     cv2.setNumThreads(1)
     started_s = time.perf_counter()
     tape = Tape(path)
-    with settings_of(tape, rules) as setup:
-        picked, left_out = chosen(nodes_of(tape, setup), through, tape)
+    with settings_of(tape, rules, networks) as setup:
+        picked, left_out = chosen(nodes_of(tape, setup), through, tape, setup.missing)
         if not picked:
             raise InputError(f"{path}: {'; '.join(f'{name}: {why}' for name, why in left_out.items())}")
         player = Player(tape, picked)

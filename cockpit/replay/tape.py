@@ -7,17 +7,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from trepid.clock import nanoseconds
 from trepid.config import InputError
-from trepid.messages import CompressedFrame, Frame, Steps
-from trepid.recording.foreign import messages_of, types_of
+from trepid.messages import Frame, Steps
+from trepid.recording.images import RecordedImages, decoded, recorded_images
 from trepid.recording.notes import PERIOD, Times, number
 from trepid.recording.reader import Recorded, read_recording
 from trepid.topics import (
-    CAMERA_COMPRESSED,
     CAMERA_IMAGE,
     COMMAND,
     DECISION,
@@ -27,10 +25,8 @@ from trepid.topics import (
     LOSSES,
     STEPS,
     VEHICLE_STATE,
-    Topic,
     estimate_topic,
 )
-from trepid.wire import from_cdr
 
 READ = (
     *(topic.key for topic in (IMAGE_STATISTICS, LEAD_VEHICLE, DECISION, COMMAND, VEHICLE_STATE, LOSSES)),
@@ -88,23 +84,22 @@ class Tape:
         return [report for _, report in self.recorded.of(STEPS) if output in report.outputs]
 
     @cached_property
-    def image_topic(self) -> Topic[Any] | None:
-        """The topic with the images of the camera: raw ones, else compressed ones; None without any."""
-        held = {key.removeprefix("/") for key in types_of(self.path)}
-        return next((topic for topic in (CAMERA_IMAGE, CAMERA_COMPRESSED) if topic.key in held), None)
+    def images(self) -> RecordedImages | None:
+        """The images of the camera: raw ones, else compressed ones; None without any."""
+        return recorded_images(self.path)
 
     @property
     def has_raw_images(self) -> bool:
         """Whether the recording holds the very images that the estimators got."""
-        return self.image_topic is CAMERA_IMAGE
+        return self.images is not None and self.images.topic is CAMERA_IMAGE
 
 
 class Frames:
     """The camera images of a recording one after the other; only the last KEPT_FRAMES stay in memory."""
 
     def __init__(self, tape: Tape) -> None:
-        self._topic, self._times = tape.image_topic, tape.times
-        self._coming = self._read(tape.path)
+        self._times = tape.times
+        self._coming = self._read(tape.images)
         self._kept: OrderedDict[int, Frame] = OrderedDict()
         self._read_s = -np.inf
 
@@ -120,15 +115,8 @@ class Frames:
                 self._kept.popitem(last=False)
         return self._kept.get(wanted)
 
-    def _read(self, path: Path) -> Iterator[tuple[float, Frame | None]]:
-        if self._topic is None:
-            return
-        for at_s, data in messages_of(path, f"/{self._topic.key}"):
-            yield self._times.node_s(at_s), self._frame(from_cdr(data, self._topic.type))
-
-    def _frame(self, message: Frame | CompressedFrame) -> Frame | None:
-        moved = self._times.of_node(message)
-        if isinstance(moved, Frame):
-            return moved
-        image = cv2.imdecode(np.frombuffer(moved.jpeg, np.uint8), cv2.IMREAD_COLOR)
-        return None if image is None else Frame(t_s=moved.t_s, image=image.astype(np.uint8, copy=False))
+    def _read(self, images: RecordedImages | None) -> Iterator[tuple[float, Frame | None]]:
+        for at_s, message in images.messages() if images is not None else ():
+            moved = self._times.of_node(message)
+            image = decoded(moved)
+            yield self._times.node_s(at_s), None if image is None else Frame(t_s=moved.t_s, image=image)

@@ -190,7 +190,7 @@ def explain(
     ] = None,
     calm: Annotated[bool, typer.Option("--calm", hidden=True, help="The default.")] = False,
     at: Annotated[
-        float | None, typer.Option(metavar="T", help="Recording: explain the slow-down at T seconds.")
+        float | None, typer.Option(metavar="T", help="Recording: explain the moment at T seconds.")
     ] = None,
     rules_file: Annotated[
         Path | None,
@@ -201,7 +201,7 @@ def explain(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Explain the fear that the rules infer from values, or why the vehicle in a recording slowed down.
+    """Explain the fear that the rules infer from values, or any moment of a recording.
 
     Inputs that are not given stand at the calm end of their range. For a recording without --at, every slow-down is
     listed.

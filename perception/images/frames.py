@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from perception.images.annotate import AnnotationWriter
-from perception.images.sources import FILM_SUFFIXES, Source, sources
+from perception.images.sources import FILM_SUFFIXES, Source, settings_of, sources
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
@@ -66,12 +66,14 @@ def results(
 ) -> Iterator[FrameResult[R]]:
     """The result of every frame of every input.
 
-    A still gets a step of its own; a clip, a recording, and with ``drive_fps`` a folder get one for all frames.
+    A still gets a step of its own; a clip, a recording, and with ``drive_fps`` a folder get one for all frames. The
+    settings of a recorded car are in use while its frames are read.
     ``unread`` gets unreadable images of folders. Raises InputError at the first other input that cannot be read.
     """
     for path in inputs:
         for source in sources(path, drive_fps=drive_fps):
-            yield from _of_source(source, camera_for, build, unread)
+            with settings_of(source):
+                yield from _of_source(source, camera_for, build, unread)
 
 
 def _of_source(

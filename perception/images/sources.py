@@ -1,8 +1,8 @@
 """Image sources: images, folders of images, videos, recordings, read as frames in order."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,8 +11,9 @@ import numpy as np
 
 from trepid.config import InputError
 from trepid.images.files import IMAGE_SUFFIXES, NOMINAL_FPS, VIDEO_SUFFIXES, images_in, read_image
-from trepid.messages import CompressedFrame, Frame
-from trepid.recording.reader import read_recording
+from trepid.recording.car import recorded_car
+from trepid.recording.images import RecordedImages, decoded, recorded_images
+from trepid.recording.reader import Recorded, read_head
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
 from trepid.types import Image
 
@@ -79,42 +80,40 @@ class Stills:
         return [image for image in images if image is not None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Footage:
     """The camera images of a recording of Trepid, whose frames are tracked."""
 
-    path: Path
+    images: RecordedImages
+    head: Recorded
+
+    @property
+    def path(self) -> Path:
+        """Of the recording."""
+        return self.images.path
+
+    @property
+    def has_settings(self) -> bool:
+        """The recording states its drive, so that its camera is known: that of its car, else the shipped one."""
+        return bool(self.head.notes)
 
     def shots(self, refused: Refused = _raised) -> Iterator[Shot]:
-        """The images by their capture times. Raises InputError for a recording without images."""
-        frames = self._frames
-        for number, frame in enumerate(frames):
-            yield Shot(self.path, number, frame.t_s, self._decoded(frame))
+        """The images by their capture times. ``refused`` gets the error of an image that cannot be decoded."""
+        for number, (_, message) in enumerate(self.images.messages()):
+            image = decoded(message)
+            if image is None:
+                refused(InputError(f"{self.path}: the image of {message.t_s:.3f} s cannot be decoded"))
+            else:
+                yield Shot(self.path, number, message.t_s, image)
 
     def sample(self, count: int) -> list[Image]:
-        """Up to ``count`` images spread over the recording, for calibration."""
-        frames = self._frames
-        places = np.linspace(0, len(frames) - 1, count).astype(int).tolist()
-        return [self._decoded(frames[place]) for place in dict.fromkeys(places)]
-
-    @cached_property
-    def _frames(self) -> Sequence[Frame | CompressedFrame]:
-        """The messages with images: those of full size, else the compressed ones."""
-        recorded = read_recording(self.path, CAMERA_IMAGE.key, CAMERA_COMPRESSED.key)
-        found: list[Frame | CompressedFrame] = [frame for _, frame in recorded.of(CAMERA_IMAGE)]
-        found = found or [frame for _, frame in recorded.of(CAMERA_COMPRESSED)]
+        """Up to ``count`` images spread over the recording, for calibration; undecodable ones are left out."""
+        wanted = set(np.linspace(0, self.images.count() - 1, count).astype(int).tolist())
+        chosen = (message for place, (_, message) in enumerate(self.images.messages()) if place in wanted)
+        found = [image for message in chosen if (image := decoded(message)) is not None]
         if not found:
-            keys = f"{CAMERA_IMAGE.key} and {CAMERA_COMPRESSED.key}"
-            raise InputError(f"{self.path}: holds no image of a camera: nothing on {keys}")
+            raise InputError(f"{self.path}: no image of this recording can be decoded")
         return found
-
-    def _decoded(self, frame: Frame | CompressedFrame) -> Image:
-        if isinstance(frame, Frame):
-            return frame.image
-        image = cv2.imdecode(np.frombuffer(frame.jpeg, np.uint8), cv2.IMREAD_COLOR)
-        if image is None:
-            raise InputError(f"{self.path}: the image of {frame.t_s:.3f} s cannot be decoded")
-        return image.astype(np.uint8, copy=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +172,11 @@ class Clip:
 Source = Still | Stills | Clip | Footage
 
 
+def settings_of(source: Source) -> AbstractContextManager[None]:
+    """Use the settings of the car of a recording, unless another car is in use already. Raises InputError."""
+    return recorded_car(source.head) if isinstance(source, Footage) else nullcontext()
+
+
 def sources(path: Path, *, drive_fps: float | None = None) -> list[Source]:
     """The sources in ``path``: an image, a video, a recording, or the images of a folder in natural order.
 
@@ -191,9 +195,17 @@ def sources(path: Path, *, drive_fps: float | None = None) -> list[Source]:
     if suffix in IMAGE_SUFFIXES:
         return [Still(path)]
     if suffix == RECORDING_SUFFIX:
-        return [Footage(path)]
+        return [_footage(path)]
     known = " ".join(sorted(IMAGE_SUFFIXES | FILM_SUFFIXES))
     raise InputError(f"{path}: unknown kind of file; known: {known}")
+
+
+def _footage(path: Path) -> Footage:
+    images = recorded_images(path)
+    if images is None:
+        keys = f"{CAMERA_IMAGE.key} and {CAMERA_COMPRESSED.key}"
+        raise InputError(f"{path}: holds no image of a camera: nothing on {keys}")
+    return Footage(images, read_head(path))
 
 
 def _clip(path: Path) -> Clip:

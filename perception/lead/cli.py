@@ -70,13 +70,13 @@ def lead_results(
     drive_fps: float | None = None,
 ) -> Iterator[FrameResult[Leads]]:
     """The vehicles in every frame of every input. Raises InputError."""
-    step = partial(_step, lead_settings(detector), load(CONFIG_DIR / "vehicle.yaml", Vehicle))
+    step = partial(_step, lead_settings(detector))
     return results(inputs, camera_for, step, unread, drive_fps=drive_fps)
 
 
-def _step(settings: LeadSettings, vehicle: Vehicle, source: Source, camera: Camera) -> Step[Leads]:
+def _step(settings: LeadSettings, source: Source, camera: Camera) -> Step[Leads]:
     """A fresh finder; without odometry it measures no speeds."""
-    finder = lead_finder(settings, camera, vehicle)
+    finder = lead_finder(settings, camera, load(CONFIG_DIR / "vehicle.yaml", Vehicle))
     return lambda frame: Leads(finder.step(frame, None, [], now_s=frame.t_s), finder.detections)
 
 

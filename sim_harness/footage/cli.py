@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 import typer
 
+from perception.api import brings_camera
 from perception.camera.self_calibration import self_calibrated
 from perception.estimators import entry_of, lane_cv_settings
-from perception.images.sources import Still, sources
+from perception.images.sources import RECORDING_SUFFIX, Source, Still, settings_of, sources
 from sim_harness.footage.clip import Drive, load_drive
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.footage.resimulation import SUPERVISED, Resimulation, resimulate
@@ -33,11 +34,19 @@ PICTURE_WIDTH_PX = 640
 
 
 def resimulate_verb(
-    clip: Annotated[Path, typer.Argument(help="A video, or a folder of images in order of name.")],
+    clip: Annotated[
+        Path, typer.Argument(help="A video, a recording (.mcap), or a folder of images in order of name.")
+    ],
     camera: Annotated[
-        Path | None, typer.Option(help="Camera file; default: a typical camera, self-calibrated.")
+        Path | None,
+        typer.Option(
+            help="Camera file; default: that of the recording, else a typical one, self-calibrated."
+        ),
     ] = None,
-    speed: Annotated[float | None, typer.Option(min=0.5, max=60, help="Constant speed [m/s].")] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(min=0.5, max=60, help="Constant speed [m/s]; default: that of the recording."),
+    ] = None,
     log: Annotated[
         Path | None, typer.Option(help="CSV with t_s, speed_mps; or a Udacity driving_log.csv.")
     ] = None,
@@ -71,23 +80,27 @@ def resimulate_verb(
 
     Without --offset and --heading four runs start 0.5 m left and right, and turned 2 degrees left and right.
     """
-    if speed is None and log is None:
+    if speed is None and log is None and clip.suffix.lower() != RECORDING_SUFFIX:
         raise InputError(
-            "the speed of the recording is missing: give --speed or --log, or both for another speed"
+            "the speed of the footage is missing: give --speed or --log, or both for another speed"
         )
     estimators = tuple(dict.fromkeys(estimator or SUPERVISED))
     for name in estimators:
         entry_of(name)  # raises for an unknown name before the footage is read
     cv2.setNumThreads(1)
-    known = load(camera, Camera) if camera else assumed_camera(clip)
-    drive = load_drive(clip, known, speed_mps=speed, log=log, scale=scale, skip=skip, most=frames)
-    if picture is not None:
-        _draw(drive, picture)
-    starts = STARTS if offset is None and heading is None else ((offset or 0.0, heading or 0.0),)
-    interventions = 0
-    for row in _runs(drive, starts, estimators, assumed=camera is None):
-        interventions += row["interventions"]
-        print(json.dumps(row) if as_json else _one_line(row), flush=True)
+    given = load(camera, Camera) if camera else None
+    source = sources(clip, drive_fps=NOMINAL_FPS)[0]
+    with settings_of(source):
+        assumed = given is None and not brings_camera(source)
+        known = given or (assumed_camera(source) if assumed else load(CONFIG_DIR / "camera.yaml", Camera))
+        drive = load_drive(clip, known, speed_mps=speed, log=log, scale=scale, skip=skip, most=frames)
+        if picture is not None:
+            _draw(drive, picture)
+        starts = STARTS if offset is None and heading is None else ((offset or 0.0, heading or 0.0),)
+        interventions = 0
+        for row in _runs(drive, starts, estimators, assumed=assumed):
+            interventions += row["interventions"]
+            print(json.dumps(row) if as_json else _one_line(row), flush=True)
     return 1 if interventions else 0
 
 
@@ -109,10 +122,9 @@ def _runs(
         }
 
 
-def assumed_camera(clip: Path) -> Camera:
+def assumed_camera(source: Source) -> Camera:
     """A typical camera with the horizon of the clip, as in `trepid estimate`."""
     note("no --camera given: distances depend on an assumed camera with the horizon of the clip")
-    source = sources(clip, drive_fps=NOMINAL_FPS)[0]
     images = [source.read()] if isinstance(source, Still) else source.sample(CALIBRATION_FRAMES)
     return self_calibrated(images, lane_cv_settings().self_calibration)
 

@@ -18,6 +18,8 @@ from sim_harness.footage.visual_yaw import yaw_changes_rad
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
+from trepid.recording.reader import read_recording
+from trepid.topics import VEHICLE_STATE
 from trepid.types import Array, Image
 
 MPS_PER_MPH = 0.44704
@@ -74,11 +76,12 @@ def load_drive(
     """The frames of a video, a recording or a folder (25 frames/s) from number ``skip`` on.
 
     At most ``most`` are read. The speed is ``speed_mps``, or that of ``log`` (see read_log) times ``scale``, for a
-    ``camera`` of another scale of length; with both, the logged distance is driven at ``speed_mps``.
-    Raises InputError.
+    ``camera`` of another scale of length; with both, the logged distance is driven at ``speed_mps``. Without either
+    it is the recorded one. Raises InputError.
     """
     end = None if most is None else skip + most
-    shots = list(islice(sources(path, drive_fps=NOMINAL_FPS)[0].shots(), skip, end))
+    source = sources(path, drive_fps=NOMINAL_FPS)[0]
+    shots = list(islice(source.shots(), skip, end))
     images = [shot.image for shot in shots]
     if len(images) < LEAST_FRAMES:
         raise InputError(
@@ -90,6 +93,8 @@ def load_drive(
     camera = camera.resized(images[0].shape[1], images[0].shape[0])
     t_s = np.array([shot.t_s for shot in shots]) - shots[0].t_s
     speeds = np.full(len(images), speed_mps or math.nan)
+    if speed_mps is None and log is None:
+        speeds = recorded_speeds(path, np.array([shot.t_s for shot in shots]))
     if log is not None:
         t_s, speeds = (column[skip : skip + len(images)] for column in read_log(log))
         if len(t_s) < len(images):
@@ -100,6 +105,16 @@ def load_drive(
             t_s, speeds = stations_m / speed_mps, np.full(len(images), speed_mps)
     frames = [undistorted(image, camera) for image in images]
     return Drive(path.name, frames, t_s, speeds, camera.model_copy(update={"distortion": ()}))
+
+
+def recorded_speeds(path: Path, t_s: Array) -> Array:
+    """The measured speeds [m/s] of a recording at the times ``t_s``. Raises InputError without any."""
+    states = [state for _, state in read_recording(path, VEHICLE_STATE.key).of(VEHICLE_STATE)]
+    known = [(state.t_s, state.speed_mps) for state in states if state.speed_mps is not None]
+    if not known:
+        raise InputError(f"{path}: states no speed of the vehicle: give --speed or --log")
+    measured_s, speeds = np.array(known).T
+    return np.interp(t_s, measured_s, speeds)
 
 
 def read_log(path: Path) -> tuple[Array, Array]:

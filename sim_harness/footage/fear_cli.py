@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from perception.api import brings_camera
 from perception.cli import estimate_fields
 from perception.estimators import name_of
 from perception.images.annotate import number
@@ -32,6 +33,8 @@ from supervisor.supervisor import SupervisorSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.recording.notes import CRUISE
+from trepid.recording.notes import number as number_of
 from trepid.recording.reader import read_recording
 from trepid.speech.loudness import note
 from trepid.topics import VEHICLE_STATE
@@ -109,9 +112,9 @@ def estimate_with_fear(
 ) -> None:
     """Print the fear of every frame of every input. Raises InputError at the first input that cannot be read.
 
-    ``names``: estimators, or files of driving networks.
-    ``assumed``: the cameras are self-calibrated. Without a speed that of ``config/supervisor.yaml`` is assumed and
-    reported; a recording brings its own states.
+    ``names``: estimators, or files of driving networks. ``assumed``: no camera is given, and those of images and
+    videos are self-calibrated. Without a speed that of ``config/supervisor.yaml`` is assumed and reported. A
+    recording brings its own camera and states.
     """
     if lead_settings(detector).detector is None and not all(map(_is_recording, inputs)):
         note(NO_DETECTOR)
@@ -164,7 +167,7 @@ def _step(
         state_of,
         cruise_speed_mps=cruise_mps,
         finder=finder,
-        assumed=assumed,
+        assumed=assumed and not brings_camera(source),
         names=names,
     )
     return onlooker.step
@@ -178,7 +181,7 @@ def _states(
         states = [state for _, state in read_recording(source.path, VEHICLE_STATE.key).of(VEHICLE_STATE)]
         if not states:
             raise InputError(f"{source.path}: holds no {VEHICLE_STATE.key}; give --speed or --speeds")
-        return Recorded(states), None
+        return Recorded(states), number_of(source.head.notes, CRUISE)
     if given is None:
         cruise_mps = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).cruise_speed_mps * vehicle.scale
         note(f"{source.path}: no --speed given: {cruise_mps:g} m/s assumed")

@@ -23,6 +23,7 @@ from sim_harness.live.plan import (
     context_of,
     estimators_of,
     is_simulated,
+    networks_in,
     planned,
 )
 from sim_harness.live.referee import Assigned, DriveSettings, Referee, Show
@@ -79,7 +80,7 @@ def drive(
     """
     recorded = record is not None or settings.ring.max_mb > 0
     served = {PAGE: page is not None, FOXGLOVE: foxglove is not None}
-    specs, estimators = _plan(scenario, recorded=recorded, chosen=chosen, **served)
+    specs, estimators, networks = _plan(scenario, recorded=recorded, chosen=chosen, **served)
     if record is not None:
         check_free(record)
     offset_ns = epoch_offset_ns()
@@ -99,7 +100,7 @@ def drive(
         what=what,
         page=page.url if page is not None else None,
     )
-    context = context_of(scenario, estimators, seed)
+    context = context_of(scenario, estimators, seed, networks)
     context |= {"raw_images": raw_images}
     if page is not None:
         context["page"] = {"host": page.host, "port": page.port, "what": what}
@@ -140,8 +141,11 @@ def drive(
 
 def _plan(
     scenario: Scenario | None, *, recorded: bool, chosen: Networks | None, page: bool, foxglove: bool
-) -> tuple[tuple[ProcessSpec, ...], tuple[str, ...]]:
-    """The processes of the drive and its estimators. Raises InputError where they do not fit scenario or car."""
+) -> tuple[tuple[ProcessSpec, ...], tuple[str, ...], dict[str, str]]:
+    """The processes of the drive, its estimators and the files of its driving networks.
+
+    Raises InputError where they do not fit scenario or car.
+    """
     if scenario is not None:
         for what in lockstep_only(scenario):
             raise InputError(f"scenario {scenario.name}: {what} acts in lock-step only: trepid sim run")
@@ -155,7 +159,7 @@ def _plan(
         check_configuration([scenario])
     specs = tuple(sorted(gathered(own), key=lambda spec: spec.name != RECORDER))
     _check_losable(specs, scenario)
-    return specs, estimators
+    return specs, estimators, networks_in(own)
 
 
 def recorder_awaited(bus: Bus) -> Callable[[Child], None]:

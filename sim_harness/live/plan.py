@@ -7,7 +7,7 @@ from typing import Any
 
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.camera import Camera
-from trepid.config import CONFIG_DIR, InputError, default_file, load, located, read
+from trepid.config import CONFIG_DIR, InputError, default_file, load, located, read, resource
 from trepid.processes.page_door import FOXGLOVE, PAGE
 from trepid.processes.settings import RECORDER, ProcessSpec, Restart
 from trepid.topics import (
@@ -171,13 +171,25 @@ def check_car(specs: Iterable[ProcessSpec]) -> None:
             perception.lead.finder.build()
 
 
-def context_of(scenario: Scenario | None, estimators: tuple[str, ...], seed: int) -> dict[str, Any]:
-    """The options that describe the drive to every process."""
+def networks_in(specs: Iterable[ProcessSpec]) -> dict[str, str]:
+    """File of each driving network among the processes, by the name of its estimator."""
+    asked = (spec.options for spec in specs if spec.module == ESTIMATOR and spec.options.get("network"))
+    return {options["estimator"]: str(resource(Path(options["network"]))) for options in asked}
+
+
+def context_of(
+    scenario: Scenario | None,
+    estimators: tuple[str, ...],
+    seed: int,
+    networks: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
+    """The options that describe the drive to every process; ``networks``: as :func:`networks_in`."""
     rules: Path = default_file("fear.yaml") if scenario is None else scenario.rules_file
     return {
         "scenario": None if scenario is None else scenario.model_dump(mode="json"),
         "seed": seed,
         "estimators": estimators,
+        "networks": dict(networks or {}),
         "cruise_speed_mps": None if scenario is None else scenario.speed_mps,
         "rules": str(rules.resolve()),  # processes run in the root
     }

@@ -41,6 +41,7 @@ def recording(path: Path, scenario: Scenario, *, raw_images: bool = False) -> It
         estimators=scenario.estimators,
         cruise_speed_mps=scenario.speed_mps,
         lockstep_period_s=period_s,
+        networks=scenario.networks,
     )
     with Recording(path, attachments(scenario.rules_file), notes) as file:
         file.began(EPOCH_S)

@@ -144,6 +144,7 @@ def notes(me: Process) -> dict[str, str]:
         what=scenario["name"] if scenario else "",
         estimators=me.options.get("estimators", ()),
         cruise_speed_mps=speed_mps,
+        networks=me.options.get("networks"),
     )
 
 

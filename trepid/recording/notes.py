@@ -5,13 +5,17 @@ k·``period_s`` and negative in the run-up, so its recording adds the start of t
 inverts that exactly, so that a replay gives each step the very numbers that the run gave it.
 """
 
+import hashlib
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from trepid.config import InputError
 
 WHAT, ESTIMATORS, CRUISE, PERIOD = "what", "estimators", "cruise_speed_mps", "lockstep_period_s"
+NETWORKS = "networks"
 _TIMES = ("t_s", "decided_s", "path_t_s")  # of any message
 _ON_GRID = 1e-6  # of a period; a stamp is rounded by less
 
@@ -22,14 +26,38 @@ def drive_notes(
     estimators: Iterable[str],
     cruise_speed_mps: float | None,
     lockstep_period_s: float | None = None,
+    networks: Mapping[str, str] | None = None,
 ) -> dict[str, str]:
     """The notes of a drive: name of the scenario, estimators, cruise speed (None: that of the settings).
 
-    ``lockstep_period_s``: period of a lock-step run; None: a live drive.
+    ``lockstep_period_s``: period of a lock-step run; None: a live drive. ``networks``: files of driving networks by
+    name, of which place and hash are noted. Raises InputError for one that cannot be read.
     """
     numbers = {CRUISE: cruise_speed_mps, PERIOD: lockstep_period_s}
     known = {name: repr(number) for name, number in numbers.items() if number is not None}
+    if networks:
+        held = {name: (str(Path(file).resolve()), hash_of(Path(file))) for name, file in networks.items()}
+        known[NETWORKS] = json.dumps(held)
     return {WHAT: what, ESTIMATORS: ",".join(estimators), **known}
+
+
+def networks_of(notes: Mapping[str, str]) -> dict[str, tuple[Path, str]]:
+    """File and hash of each driving network of a drive, by name. Raises InputError for other text."""
+    try:
+        held = json.loads(notes.get(NETWORKS, "{}"))
+        return {str(name): (Path(file), str(sha256)) for name, (file, sha256) in held.items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"the recording notes {NETWORKS}: {notes[NETWORKS]!r}, which is no list of them"
+        ) from error
+
+
+def hash_of(file: Path) -> str:
+    """SHA-256 of a file. Raises InputError."""
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror or error}") from error
 
 
 def number(notes: Mapping[str, str], name: str) -> float | None:

@@ -102,6 +102,20 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
     return recorded
 
 
+def read_head(path: Path) -> Recorded:
+    """The files and the notes at the beginning of a recording, without its messages. Raises InputError."""
+    recorded = Recorded(path)
+    for record in records(path, lambda _: False):
+        match record:
+            case Chunk():
+                break
+            case Attachment():
+                recorded.files[record.name] = record.data
+            case Metadata(name=name, metadata=notes) if name == DRIVE:
+                recorded.notes |= notes
+    return recorded
+
+
 def times_of(path: Path) -> dict[str, list[float]]:
     """Times of arrival [s] of all messages by topic key, without decoding them. Raises InputError."""
     keys: dict[int, str] = {}

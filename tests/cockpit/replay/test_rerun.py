@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from driving_network_rig import write_network
 from typer.testing import CliRunner
 
 from cockpit.logbook.recall import recall
 from cockpit.replay.rerun import Rerun, rerun
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.lockstep.recording import recording
+from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.cli import app
 from trepid.config import CONFIG_DIR, InputError, car_folder, use_car
@@ -194,6 +196,55 @@ def test_the_inputs_of_a_live_step_are_those_that_its_report_names(unseen: Path,
     assert found.doubts[COMMAND.key] == ""
     assert found.topics[COMMAND.key].compared == len(commands)
     assert found.topics[COMMAND.key].different > 100
+
+
+@pytest.fixture(scope="module")
+def networked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A recording with raw images of a drive with a driving network, and the file of the network."""
+    folder = tmp_path_factory.mktemp("networked")
+    network = write_network(folder / "turn.onnx", gain_rad=0.1, memory=True)
+    scenario = load_scenario("straight", {"duration_s": "1", **changes_of(["cv", str(network)])})
+    with recording(folder / "drive.mcap", scenario, raw_images=True) as witness:
+        run(scenario, witness=witness)
+    return folder / "drive.mcap", network
+
+
+def test_a_driving_network_repeats_its_drive_from_the_file_that_the_recording_names(
+    networked: tuple[Path, Path],
+) -> None:
+    found = rerun(networked[0], ["all"])
+    assert "perception/turn/estimate" in found.topics and not found.left_out
+    assert same(found)
+
+
+def test_another_network_is_judged_on_the_recorded_drive(
+    networked: tuple[Path, Path], tmp_path: Path
+) -> None:
+    other = write_network(tmp_path / "turn.onnx", gain_rad=0.2, memory=True)
+    found = rerun(networked[0], ["all"], networks=[str(other)])
+    assert found.topics["perception/turn/estimate"].different > 0
+    assert found.topics["perception/cv/estimate"].different == 0
+    with pytest.raises(
+        InputError, match=r"--estimator .*swerve\.onnx: no driving network 'swerve' in the rec"
+    ):
+        rerun(networked[0], ["all"], networks=[str(other.rename(tmp_path / "swerve.onnx"))])
+
+
+def test_a_network_that_has_changed_is_left_out_and_named(networked: tuple[Path, Path]) -> None:
+    path, network = networked
+    kept = network.read_bytes()
+    for state, changed in (("has changed since", b"other"), ("is not there any more", None)):
+        try:
+            network.unlink()
+            if changed is not None:
+                network.write_bytes(changed)
+            found = rerun(path, ["all"])
+            assert state in found.left_out["turn"] and "--estimator turn.onnx" in found.left_out["turn"]
+            assert same(found) and "perception/cv/estimate" in found.topics
+            with pytest.raises(InputError, match=state):
+                rerun(path, ["turn"])
+        finally:
+            network.write_bytes(kept)
 
 
 def replayed(*arguments: str) -> tuple[int, str]:

@@ -2,10 +2,17 @@
 
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
-from perception.images.sources import Still, sources
-from trepid.config import InputError
+from perception.images.sources import Still, settings_of, sources
+from trepid.car.camera import Camera
+from trepid.config import CONFIG_DIR, InputError, load
+from trepid.messages import CompressedFrame, Frame
+from trepid.recording.writer import Recording
+from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
+from trepid.wire import to_cdr
 
 
 def cut(path: Path, share: float) -> Path:
@@ -67,3 +74,61 @@ def test_the_images_of_a_folder_come_in_natural_order(folder):
         (folder / name).write_bytes((folder / "b.png").read_bytes())
     names = [source.path.name for source in sources(folder)]
     assert names == ["2.png", "100.png", "a.jpg", "b.png", "frame9.png", "frame10.png"]
+
+
+def recorded(path: Path, *messages: tuple[float, Frame | CompressedFrame], notes: dict[str, str]) -> Path:
+    with Recording(path, {}, notes) as file:
+        for at_s, message in messages:
+            key = CAMERA_IMAGE.key if isinstance(message, Frame) else CAMERA_COMPRESSED.key
+            file.add(key, to_cdr(message), at_s=at_s)
+    return path
+
+
+def photo(grey: int) -> np.ndarray:
+    return np.full((24, 32, 3), grey, np.uint8)
+
+
+def jpeg(grey: int) -> bytes:
+    return bytes(cv2.imencode(".jpg", photo(grey))[1])
+
+
+def test_the_jpeg_images_of_a_recording_are_read_where_there_are_no_raw_ones(tmp_path):
+    many = [(10.0 + n, CompressedFrame(t_s=9.9 + n, jpeg=jpeg(40 * n))) for n in range(5)]
+    (source,) = sources(recorded(tmp_path / "jpeg.mcap", *many, notes={"what": "test"}))
+    shots = list(source.shots())
+    assert [(shot.number, shot.t_s) for shot in shots] == [(n, pytest.approx(9.9 + n)) for n in range(5)]
+    assert [int(shot.image.mean()) for shot in shots] == pytest.approx([40 * n for n in range(5)], abs=2)
+    assert [int(image.mean()) for image in source.sample(3)] == pytest.approx([0, 80, 160], abs=2)
+    both = [*many, (20.0, Frame(t_s=19.9, image=photo(7)))]
+    (source,) = sources(recorded(tmp_path / "both.mcap", *both, notes={}))
+    assert [int(shot.image.mean()) for shot in source.shots()] == [7]
+
+
+def test_an_image_that_cannot_be_decoded_is_named_and_left_out(tmp_path):
+    some = [(10.0 + n, CompressedFrame(t_s=10.0 + n, jpeg=b"no" if n == 1 else jpeg(90))) for n in range(3)]
+    (source,) = sources(recorded(tmp_path / "torn.mcap", *some, notes={}))
+    refused = []
+    assert [shot.number for shot in source.shots(refused.append)] == [0, 2]
+    assert [str(error).partition(": ")[2] for error in refused] == ["the image of 11.000 s cannot be decoded"]
+    assert len(source.sample(3)) == 2
+
+
+def test_a_recording_brings_the_settings_of_its_car(tmp_path):
+    car = tmp_path / "car"
+    car.mkdir()
+    (car / "camera.yaml").write_text("height_m: 0.9\n")
+    images = (1.0, CompressedFrame(t_s=1.0, jpeg=jpeg(90)))
+    path = tmp_path / "drive.mcap"
+    with Recording(path, {"car/camera.yaml": (car / "camera.yaml").read_bytes()}, {"what": "test"}) as file:
+        file.add(CAMERA_COMPRESSED.key, to_cdr(images[1]), at_s=1.0)
+    (source,) = sources(path)
+    assert source.has_settings
+    with settings_of(source):
+        assert load(CONFIG_DIR / "camera.yaml", Camera).height_m == 0.9
+    assert load(CONFIG_DIR / "camera.yaml", Camera).height_m != 0.9
+    assert not sources(recorded(tmp_path / "foreign.mcap", images, notes={}))[0].has_settings
+
+
+def test_a_recording_without_images_is_refused_in_one_line(tmp_path):
+    with pytest.raises(InputError, match="holds no image of a camera"):
+        sources(recorded(tmp_path / "empty.mcap", notes={}))

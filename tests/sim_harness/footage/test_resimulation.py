@@ -1,5 +1,6 @@
 """Real footage as a simulator, checked on rendered footage with known laterally shifted views."""
 
+import json
 import math
 import os
 from functools import cache
@@ -10,12 +11,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from perception.images.sources import sources
 from sim_harness.cli import app
 from sim_harness.footage.cli import _one_line, assumed_camera
 from sim_harness.footage.clip import Drive, load_drive, read_log
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.footage.resimulation import Resimulation, resimulate
 from sim_harness.footage.visual_yaw import yaw_changes_rad
+from sim_harness.lockstep.closed_loop import run
+from sim_harness.lockstep.recording import recording
+from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
 from sim_harness.world.roads.appearance import Light
@@ -23,6 +28,11 @@ from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
+from trepid.messages import CompressedFrame
+from trepid.recording.reader import read_recording
+from trepid.recording.writer import Recording
+from trepid.topics import CAMERA_COMPRESSED, SIM_TRUTH
+from trepid.wire import to_cdr
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
@@ -290,7 +300,7 @@ def test_on_a_real_highway_the_car_leaves_an_offset_to_the_recorded_path():
     clip = DATA / "highway_udacity_p1" / "solidWhiteRight.mp4"
     if not clip.is_file():
         pytest.skip("the clip solidWhiteRight.mp4 is not on this machine (TREPID_DATA)")
-    drive = load_drive(clip, assumed_camera(clip), speed_mps=25.0, most=105)
+    drive = load_drive(clip, assumed_camera(sources(clip)[0]), speed_mps=25.0, most=105)
     run = resimulate(drive, VEHICLE, start=Shift(left_m=0.5))
     assert abs(run.offset_m[-1]) < 0.2
     assert run.interventions == 0
@@ -301,8 +311,36 @@ def test_on_a_real_highway_the_supervised_car_takes_over_at_once_and_fear_stays_
     clip = DATA / "highway_udacity_p1" / "solidWhiteRight.mp4"
     if not clip.is_file():
         pytest.skip("the clip solidWhiteRight.mp4 is not on this machine (TREPID_DATA)")
-    drive = load_drive(clip, assumed_camera(clip), speed_mps=speed_mps)
+    drive = load_drive(clip, assumed_camera(sources(clip)[0]), speed_mps=speed_mps)
     run = resimulate(drive, VEHICLE, start=Shift(), assumed=True)
     assert run.fear.mean() <= 0.1
     assert run.engaged_share > 0.98
     assert run.interventions == 0
+
+
+def test_a_recording_brings_speed_camera_and_images(tmp_path):
+    scenario = load_scenario("straight", {"duration_s": "4"})
+    path = tmp_path / "drive.mcap"
+    with recording(path, scenario) as witness:
+        run(scenario, seed=1, witness=witness)
+    drive = load_drive(path, CAMERA)
+    truth = read_recording(path, SIM_TRUTH.key).of(SIM_TRUTH)
+    at_s = [at_s - truth[0][0] for at_s, _ in truth]
+    driven = np.interp(drive.t_s + 0.0, at_s, [one.speed_mps for _, one in truth])
+    assert np.abs(drive.speed_mps - driven).max() < 0.5
+    result = CliRunner().invoke(app, ["resimulate", str(path), "--offset", "0.0", "--json"])
+    assert result.exit_code == 0, result.output
+    assert "assumed camera" not in result.stderr
+    assert json.loads(result.stdout.splitlines()[0])["interventions"] == 0
+
+
+def test_a_recording_without_a_speed_is_refused_in_one_line(tmp_path):
+    path = tmp_path / "drive.mcap"
+    with Recording(path) as file:
+        jpeg = bytes(cv2.imencode(".jpg", RECORDED)[1])
+        for number in range(6):
+            file.add(
+                CAMERA_COMPRESSED.key, to_cdr(CompressedFrame(t_s=1.0 + number, jpeg=jpeg)), at_s=1.0 + number
+            )
+    with pytest.raises(InputError, match="states no speed of the vehicle: give --speed or --log"):
+        load_drive(path, CAMERA)

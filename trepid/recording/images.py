@@ -1,0 +1,61 @@
+"""The camera images of a recording of Trepid, one after the other, so that a long drive needs little memory."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from trepid.config import InputError
+from trepid.messages import CompressedFrame, Frame
+from trepid.recording.foreign import messages_of, types_of
+from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, Topic
+from trepid.types import Image
+from trepid.wire import WireError, from_cdr, ros_name
+
+ImageTopic = Topic[Frame] | Topic[CompressedFrame]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedImages:
+    """The images on one topic of the recording at ``path``."""
+
+    path: Path
+    topic: ImageTopic
+
+    def messages(self) -> Iterator[tuple[float, Frame | CompressedFrame]]:
+        """Arrival [s] and message in the order of the file; those that were malformed on the bus are left out."""
+        for at_s, data in messages_of(self.path, f"/{self.topic.key}"):
+            try:
+                message: Frame | CompressedFrame = from_cdr(data, self.topic.type)
+            except WireError:
+                continue  # no node got it
+            yield at_s, message
+
+    def count(self) -> int:
+        """Number of messages, malformed ones included."""
+        return sum(1 for _ in messages_of(self.path, f"/{self.topic.key}"))
+
+
+def recorded_images(path: Path) -> RecordedImages | None:
+    """The raw images of a recording, else the compressed ones; None without any.
+
+    Raises InputError when ``path`` is no recording, or holds something else on these topics.
+    """
+    types = types_of(path)
+    for topic in (CAMERA_IMAGE, CAMERA_COMPRESSED):
+        held, wanted = types.get(f"/{topic.key}"), ros_name(topic.type)
+        if held == wanted:
+            return RecordedImages(path, topic)
+        if held is not None:
+            raise InputError(f"{path}: {topic.key} holds {held}, expected {wanted}")
+    return None
+
+
+def decoded(message: Frame | CompressedFrame) -> Image | None:
+    """The image of a message; None for a JPEG that cannot be decoded."""
+    if isinstance(message, Frame):
+        return message.image
+    image = cv2.imdecode(np.frombuffer(message.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    return None if image is None else image.astype(np.uint8, copy=False)
