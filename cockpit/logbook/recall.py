@@ -1,8 +1,9 @@
 """A recorded drive from the side of the supervisor: its decisions, its inputs and its rules."""
 
 import math
-from bisect import bisect_right
-from collections.abc import Iterator
+import struct
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,22 +15,35 @@ import numpy as np
 from supervisor.rules.inference import FearRules
 from supervisor.rules.reload import FROM_S, TEXT
 from trepid.config import InputError, default_file
-from trepid.messages import CompressedFrame, Decision, SteeringEstimate, VehicleState
-from trepid.recording.reader import Recorded, read_recording
+from trepid.messages import CompressedFrame, Decision, Diagnostic, SteeringEstimate, VehicleState
+from trepid.recording.reader import Recorded, Series, read_recording, read_series
 from trepid.recording.writer import CAR_FILES
-from trepid.topics import CAMERA_COMPRESSED, COMMAND, DECISION, DIAGNOSTICS, VEHICLE_STATE, estimate_topic
+from trepid.topics import (
+    CAMERA_COMPRESSED,
+    COMMAND,
+    DECISION,
+    DIAGNOSTICS,
+    VEHICLE_STATE,
+    Topic,
+    estimate_topic,
+)
 from trepid.types import Column
+from trepid.wire import WireError
 
 RULES_NAME = "fear.yaml"
 _KEYS = (DECISION.key, VEHICLE_STATE.key, COMMAND.key, estimate_topic("*").key, DIAGNOSTICS.key)
 _FRAME_WITHIN_S = 1.0  # greatest age of the camera image of a decision
+TAIL = struct.Struct("<dd")  # speed_factor and speed_cap_mps, with which the bytes of a decision end
+LEAST_BYTES = 200  # of a decision
+MOST_MPS = 200.0  # a faster speed cap is a sign of a malformed decision
 
 
 @dataclass(frozen=True)
 class Recall:
     """The messages of a drive. Times count from the start of the drive, where it was recorded [s]."""
 
-    recorded: Recorded
+    recorded: Recorded  # without its messages
+    series: Mapping[str, Series[Any]]  # the messages by the key of their topic
     rules: FearRules
     rules_from: str  # origin of the rules, as text
     # rules adopted later, and the decided_s after which they apply
@@ -41,20 +55,20 @@ class Recall:
         began_s = self.recorded.began_s
         return self.recorded.first_s if began_s is None else began_s
 
-    @cached_property
-    def decisions(self) -> list[Decision]:
+    @property
+    def decisions(self) -> Series[Decision]:
         """Every decision, in order."""
-        return [decision for _, decision in self.recorded.of(DECISION)]
+        return self.series[DECISION.key]
 
     @cached_property
     def t_s(self) -> Column:
         """Arrival time of each decision, shape (n,)."""
-        return np.array([at_s - self.zero_s for at_s, _ in self.recorded.of(DECISION)])
+        return np.array(self.decisions.at_s) - self.zero_s
 
     @cached_property
     def cap_mps(self) -> Column:
         """The speed that each decision allows, shape (n,)."""
-        return np.array([decision.speed_cap_mps for decision in self.decisions])
+        return self._factors_and_caps[:, 1]
 
     @cached_property
     def speed_mps(self) -> Column:
@@ -69,8 +83,17 @@ class Recall:
     @cached_property
     def cruise_mps(self) -> float:
         """The speed cap without fear: where no vehicle ahead limits it, cap = cruise speed times speed factor."""
-        ratios = [d.speed_cap_mps / d.speed_factor for d in self.decisions if d.speed_factor > 0.05]
-        return max(ratios, default=0.0)
+        factors, caps = self._factors_and_caps.T
+        return float(np.max(caps[factors > 0.05] / factors[factors > 0.05], initial=0.0))
+
+    @cached_property
+    def _factors_and_caps(self) -> Column:
+        """Speed factor and speed cap of each decision, shape (n, 2): they are the last two numbers of its bytes."""
+        decisions = self.decisions
+        if decisions.current:
+            tails = b"".join(data[-TAIL.size :] for data in decisions.data)
+            return np.frombuffer(tails, "<f8").reshape(-1, 2)
+        return np.array([(d.speed_factor, d.speed_cap_mps) for d in decisions])
 
     def rules_of(self, decision: Decision) -> FearRules:
         """The rules of ``decision``: they may change during a drive."""
@@ -87,23 +110,30 @@ class Recall:
 
     def estimates_at(self, index: int) -> dict[str, SteeringEstimate]:
         """The newest estimate of every estimator that had one when decision ``index`` was made."""
-        names = sorted(key.split("/")[1] for key in self.recorded.messages if key.endswith("/estimate"))
-        newest = {name: self._newest(estimate_topic(name), index) for name in names}
+        newest = {name: self._newest(estimate_topic(name), index) for name in self.estimators}
         return {name: estimate for name, estimate in newest.items() if estimate is not None}
 
+    @cached_property
+    def estimators(self) -> list[str]:
+        """Names of the estimators with a message, in alphabetical order."""
+        return sorted(key.split("/")[1] for key in self.series if key.endswith("/estimate"))
+
     def estimates_of(self, frame: CompressedFrame) -> dict[str, SteeringEstimate]:
-        """The estimates from ``frame``."""
-        return {
-            key.split("/")[1]: estimate
-            for key, arrived in sorted(self.recorded.messages.items())
-            if key.endswith("/estimate")
-            for _, estimate in arrived
-            if abs(estimate.t_s - frame.t_s) < 1e-6
-        }
+        """The estimates from ``frame``, of those that arrived within _FRAME_WITHIN_S of its capture."""
+        found = {}
+        for name in self.estimators:
+            arrived = self.series[estimate_topic(name).key]
+            first = bisect_left(arrived.at_s, frame.t_s - _FRAME_WITHIN_S)
+            last = bisect_right(arrived.at_s, frame.t_s + _FRAME_WITHIN_S)
+            for place in range(first, last):
+                estimate = _valid(arrived, place)
+                if estimate is not None and abs(estimate.t_s - frame.t_s) < 1e-6:
+                    found[name] = estimate
+        return found
 
     def frame_at(self, index: int) -> CompressedFrame | None:
         """The camera image of decision ``index``, or the last one before; None without a recent one."""
-        at_s = self.recorded.of(DECISION)[index][0]
+        at_s = self.decisions.at_s[index]
         seen = read_recording(
             self.recorded.path, CAMERA_COMPRESSED.key, from_s=at_s - _FRAME_WITHIN_S, to_s=at_s
         ).of(CAMERA_COMPRESSED)
@@ -118,17 +148,53 @@ class Recall:
         fear = self.rules_of(decision).evaluate(values).fear
         return bool(values) and math.isclose(fear, decision.fear, abs_tol=1e-9)
 
-    def _newest(self, topic: Any, index: int) -> Any:
-        arrived = self.recorded.of(topic)
-        found = bisect_right(arrived, self.recorded.of(DECISION)[index][0] + 1e-9, key=lambda entry: entry[0])
-        return arrived[found - 1][1] if found else None
+    def _newest(self, topic: Topic[Any], index: int) -> Any:
+        """The newest message of ``topic`` when decision ``index`` was made; None without one."""
+        arrived = self.series.get(topic.key)
+        if arrived is None:
+            return None
+        place = bisect_right(arrived.at_s, self.decisions.at_s[index] + 1e-9) - 1
+        return _newest_valid(arrived, place)
 
-    def _latest_of(self, topic: Any, name: str) -> Column:
+    def _latest_of(self, topic: Topic[Any], name: str) -> Column:
         """A field of the newest message of ``topic`` at each decision; NaN where there is none."""
-        arrived = self.recorded.of(topic)
-        values = [math.nan, *(getattr(message, name) for _, message in arrived)]
-        found = np.searchsorted([at_s - self.zero_s for at_s, _ in arrived], self.t_s + 1e-9, side="right")
-        return np.array(values, dtype=np.float64)[found]  # None becomes NaN
+        arrived = self.series.get(topic.key)
+        if arrived is None:
+            return np.full(len(self.decisions), np.nan)
+        places = np.searchsorted(arrived.at_s, np.array(self.decisions.at_s) + 1e-9, side="right") - 1
+        newest = (_newest_valid(arrived, place) for place in places.tolist())
+        return np.array([getattr(one, name, None) for one in newest], dtype=np.float64)  # None becomes NaN
+
+
+def _newest_valid(arrived: Series[Any], place: int) -> Any:
+    """The message at ``place``, or the last valid one before: a malformed message counts as not received."""
+    valid = (one for k in range(place, -1, -1) if (one := _valid(arrived, k)) is not None)
+    return next(valid, None)
+
+
+def _valid(arrived: Series[Any], place: int) -> Any:
+    """The message at ``place``; None when it was malformed on the bus already."""
+    try:
+        return arrived[place]
+    except WireError:
+        return None
+
+
+def _without_malformed(decisions: Series[Decision]) -> None:
+    """Drop the decisions that were malformed on the bus. Of those of this version only odd ones are decoded.
+
+    A decision is odd when its last two numbers are no speed factor and no speed.
+    """
+    kept = []
+    for place, data in enumerate(decisions.data):
+        odd = not decisions.current or len(data) < LEAST_BYTES
+        if not odd:
+            factor, cap_mps = TAIL.unpack_from(data, len(data) - TAIL.size)
+            odd = not (0.0 <= factor <= 1.0 and 0.0 <= cap_mps < MOST_MPS)
+        if not odd or _valid(decisions, place) is not None:
+            kept.append(place)
+    if len(kept) < len(decisions):
+        decisions.keep(kept)
 
 
 def recall(path: Path, rules: Path | None = None) -> Recall:
@@ -136,20 +202,33 @@ def recall(path: Path, rules: Path | None = None) -> Recall:
 
     Raises InputError when there is no decision in it.
     """
-    recorded = read_recording(path, *_KEYS)
-    if not recorded.of(DECISION):
+    recorded, series = read_series(path, *_KEYS)
+    if DECISION.key in series:
+        _without_malformed(series[DECISION.key])
+    if not series.get(DECISION.key):
         short = "" if recorded.complete else "; the file is cut short"
         raise InputError(f"{path}: the recording contains no decision of a supervisor{short}")
     if rules is not None:
-        return Recall(recorded, FearRules.load(rules), str(rules))
+        return Recall(recorded, series, FearRules.load(rules), str(rules))
     attached = recorded_rules(recorded)
     if attached is None:
         shipped = default_file(RULES_NAME)
-        return Recall(recorded, FearRules.load(shipped), f"{shipped.name} as it is now (none was recorded)")
-    changes = tuple(rule_changes(recorded, path))
+        rules_from = f"{shipped.name} as it is now (none was recorded)"
+        return Recall(recorded, series, FearRules.load(shipped), rules_from)
+    changes = tuple(rule_changes(_diagnostics(series), path))
     since = f", changed {len(changes)} times during the drive" if changes else ""
     name, data = attached
-    return Recall(recorded, attached_rules(data, path), f"{name}, as recorded{since}", changes)
+    return Recall(recorded, series, attached_rules(data, path), f"{name}, as recorded{since}", changes)
+
+
+def _diagnostics(series: Mapping[str, Series[Any]]) -> Iterator[Diagnostic]:
+    """The diagnostics that may state a change of rules."""
+    if DIAGNOSTICS.key not in series:
+        return
+    beats = series[DIAGNOSTICS.key]
+    for place, data in enumerate(beats.data):
+        if TEXT.encode() in data and (beat := _valid(beats, place)) is not None:
+            yield beat
 
 
 def recorded_rules(recorded: Recorded) -> tuple[str, bytes] | None:
@@ -158,9 +237,9 @@ def recorded_rules(recorded: Recorded) -> tuple[str, bytes] | None:
     return next((file for file in attached if file[0].endswith(".yaml")), None)
 
 
-def rule_changes(recorded: Recorded, path: Path) -> Iterator[tuple[float, FearRules]]:
+def rule_changes(beats: Iterable[Diagnostic], path: Path) -> Iterator[tuple[float, FearRules]]:
     """The times at which the supervisor adopted other rules, and these rules. Raises InputError."""
-    for _, diagnostic in recorded.of(DIAGNOSTICS):
+    for diagnostic in beats:
         values = dict(diagnostic.values)
         if TEXT in values and FROM_S in values:
             yield float(values[FROM_S]), attached_rules(values[TEXT].encode(), path)

@@ -234,9 +234,11 @@ def _estimates(drive: Recall, index: int) -> list[Story]:
 def _timeline(drive: Recall, from_s: float, last: int) -> list[Story]:
     """Changes of mode, stop, cause and source of the path from ``from_s`` to decision ``last``."""
     first = drive.index_at(from_s)
-    states = [_fields(d, "mode", "stop", "cause", "path_source") for d in drive.decisions]
     moments: list[Story] = []
-    for state, group in groupby(range(first, last + 1), key=states.__getitem__):
+    for state, group in groupby(
+        range(first, last + 1),
+        key=lambda i: _fields(drive.decisions[i], "mode", "stop", "cause", "path_source"),
+    ):
         stretch = list(group)
         i, j = stretch[0], stretch[-1]
         lasting = drive.t_s[min(j + 1, last)] - drive.t_s[i] >= STEADY_S

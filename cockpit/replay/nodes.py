@@ -22,6 +22,7 @@ from trepid.topics import (
     CAMERA_IMAGE,
     COMMAND,
     DECISION,
+    DIAGNOSTICS,
     IMAGE_STATISTICS,
     LEAD_VEHICLE,
     LOSSES,
@@ -140,7 +141,8 @@ def settings_of(tape: Tape, rules: Path | None, networks: Sequence[str] = ()) ->
         else:
             file = Path(folder) / RULES_NAME
             file.write_bytes(recorded[1])
-            changes = tuple(rule_changes(tape.recorded, tape.path))
+            beats = (beat for _, beat in tape.recorded.of(DIAGNOSTICS))
+            changes = tuple(rule_changes(beats, tape.path))
             yield Setup(file, changes, cruise_mps, files, missing)
 
 

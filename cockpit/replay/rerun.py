@@ -11,8 +11,12 @@ in which it starts; a driver is assumed for the first WARM_UP_S, whose outputs a
 
 import heapq
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +31,7 @@ from trepid.messages import Mode, SteeringEstimate, VehicleState
 from trepid.recording.copy import copied
 from trepid.topics import CAMERA_IMAGE, DECISION, VEHICLE_STATE
 
+AHEAD = 60  # steps of all nodes by which those with recorded inputs run ahead; fewer than KEPT_FRAMES images
 WARM_UP_S = 2.2  # the supervisor asks for 2 s of healthy inputs (reengage_after_s)
 
 
@@ -108,9 +113,36 @@ class Player:
         self._warm_s = self._warm_until_s()
 
     def run(self) -> None:
-        """Run every step of every node."""
-        for node, step in self._in_order():
-            self._run(node, step)
+        """Run every step of every node.
+
+        A node with recorded inputs only, such as an estimator, runs ahead in a thread of its own; its outputs are
+        used and compared in their turn. Its steps are the same, one after the other.
+        """
+        with ExitStack() as threads:
+            ahead = {
+                node.name: threads.enter_context(ThreadPoolExecutor(1))
+                for node in self._nodes
+                if node.sees and not any(topic.key in self._new for topic in node.inputs)
+            }
+            waiting: deque[tuple[Node, Step, Future[Any] | None]] = deque()
+            for node, step in self._in_order():
+                begun = None
+                if node.name in ahead and (call := self._call(node, step)) is not None:
+                    begun = ahead[node.name].submit(call)
+                waiting.append((node, step, begun))
+                if len(waiting) > AHEAD:
+                    self._finish(*waiting.popleft(), runs_ahead=ahead)
+            while waiting:
+                self._finish(*waiting.popleft(), runs_ahead=ahead)
+
+    def _finish(
+        self, node: Node, step: Step, begun: "Future[Any] | None", *, runs_ahead: Collection[str]
+    ) -> None:
+        """Take the output of a step that runs ahead, or run the step now."""
+        if begun is not None:
+            self._keep(node, step, begun.result())
+        elif node.name not in runs_ahead and (call := self._call(node, step)) is not None:
+            self._keep(node, step, call())
 
     def outputs(self) -> dict[str, dict[float, Any]]:
         """Key of a topic -> recorded time of each message that is replaced -> the new one, as it is recorded."""
@@ -145,36 +177,41 @@ class Player:
         while rows:
             yield heapq.heappop(rows)[1]
 
-    def _run(self, node: Node, step: Step) -> None:
+    def _call(self, node: Node, step: Step) -> Callable[[], Any] | None:
+        """The step with its inputs; None where its image was not recorded."""
         if step.starts or node.name not in self._step_of:
             self._step_of[node.name] = node.build()
         read = {key: self._message(key, place) for key, place in step.reads.items()}
         read |= {topic.key: None for topic in node.inputs if topic.key not in read}
-        track = self._tape.track(node.output.key)
-        was = None if step.output is None else track.messages[step.output]
         if node.sees:
-            if was is None:
-                return
+            if step.output is None:
+                return None
+            was = self._tape.track(node.output.key).messages[step.output]
             frame = self._frames.of(was.t_s, by_s=step.began_s + 1.0)
             if frame is None:
-                return
+                return None
             read[CAMERA_IMAGE.key] = frame
-        warm = step.began_s < self._warm_s
         state = read.get(VEHICLE_STATE.key)
-        if warm and isinstance(state, VehicleState):
+        if step.began_s < self._warm_s and isinstance(state, VehicleState):
             read[VEHICLE_STATE.key] = replace(state, driver_override=True)
-        now = self._step_of[node.name](read, step.began_s, step.broken)
+        return partial(self._step_of[node.name], read, step.began_s, step.broken)
+
+    def _keep(self, node: Node, step: Step, now: Any) -> None:
+        """Keep the output of a step and compare it with the recorded one."""
         if step.output is None:
             return
+        track = self._tape.track(node.output.key)
+        was = track.messages[step.output]
         if isinstance(now, SteeringEstimate) and isinstance(was, SteeringEstimate):
             now = replace(now, latency_ms=was.latency_ms)
         self._new[node.output.key][step.output] = now
-        if not warm:
-            recorded = track.recorded[step.output]
-            at_s = self._tape.times.recorded_s(step.began_s) - self._tape.zero_s
-            self.compared[node.output.key].add(at_s, recorded, self._tape.times.recorded(now))
-            if recorded.t_s is not None:
-                self.frames_s.add(recorded.t_s)
+        if step.began_s < self._warm_s:
+            return
+        recorded = track.recorded[step.output]
+        at_s = self._tape.times.recorded_s(step.began_s) - self._tape.zero_s
+        self.compared[node.output.key].add(at_s, recorded, self._tape.times.recorded(now))
+        if recorded.t_s is not None:
+            self.frames_s.add(recorded.t_s)
 
     def _message(self, key: str, place: int | None) -> Any:
         """The message at ``place`` of a topic, the new one where its node runs again too."""

@@ -6,11 +6,12 @@ an older version of Trepid is decoded by the definitions in the file; fields tha
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 from mcap.records import Attachment, Channel, Chunk, Footer, Metadata, Schema
 from mcap.records import Message as McapMessage
@@ -63,9 +64,67 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
 
     Raises InputError when ``path`` is no MCAP file, or holds other types on the topics of Trepid.
     """
+    recorded, series = read_series(path, *keys, from_s=from_s, to_s=to_s)
+    for key, one in series.items():
+        for place, at_s in enumerate(one.at_s):
+            try:
+                recorded.messages.setdefault(key, []).append((at_s, one.decode(one.data[place])))
+            except WireError:
+                recorded.malformed[key] += 1
+    return recorded
+
+
+class Series(Sequence[M]):
+    """The messages of one topic in order of arrival, each decoded when it is used."""
+
+    def __init__(self, decode: Callable[[bytes], M], *, current: bool) -> None:
+        """``current``: the definition of the messages is that of this version."""
+        self.at_s: list[float] = []  # arrival
+        self.data: list[bytes] = []
+        self.decode, self.current = decode, current
+        self._decoded: dict[int, M] = {}
+
+    def add(self, at_s: float, data: bytes) -> None:
+        """Add a message, which may have arrived before others."""
+        self.at_s.append(at_s)
+        self.data.append(data)
+
+    def sort(self) -> None:
+        """Bring the messages into the order of their arrival."""
+        if any(later < earlier for earlier, later in pairwise(self.at_s)):
+            order = sorted(range(len(self.at_s)), key=self.at_s.__getitem__)
+            self.at_s, self.data = [self.at_s[i] for i in order], [self.data[i] for i in order]
+
+    def keep(self, places: Sequence[int]) -> None:
+        """Keep only the messages at ``places``."""
+        self.at_s, self.data = [self.at_s[i] for i in places], [self.data[i] for i in places]
+        self._decoded = {}
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    @overload
+    def __getitem__(self, place: int) -> M: ...
+    @overload
+    def __getitem__(self, place: slice) -> list[M]: ...
+    def __getitem__(self, place: int | slice) -> M | list[M]:
+        """The message at ``place``. Raises WireError when it was malformed on the bus already."""
+        if isinstance(place, slice):
+            return [self[i] for i in range(*place.indices(len(self)))]
+        place = range(len(self))[place]
+        if place not in self._decoded:
+            self._decoded[place] = self.decode(self.data[place])
+        return self._decoded[place]
+
+
+def read_series(
+    path: Path, *keys: str, from_s: float = -math.inf, to_s: float = math.inf
+) -> tuple[Recorded, dict[str, Series[Any]]]:
+    """As :func:`read_recording`, with the messages in series that are decoded later."""
     recorded = Recorded(path)
     schemas: dict[int, Schema] = {}
-    wanted: dict[int, tuple[str, Decoder]] = {}
+    wanted: dict[int, Series[Any]] = {}
+    series: dict[str, Series[Any]] = {}
 
     def asked(name: str) -> bool:
         key = name.removeprefix("/")
@@ -73,33 +132,32 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
 
     for record in records(path, asked):
         match record:
+            case McapMessage():
+                at_s = seconds(record.log_time)
+                if not recorded.first_s <= at_s <= recorded.last_s:
+                    recorded.spans(at_s, at_s)
+                if record.channel_id in wanted and from_s <= at_s <= to_s:
+                    wanted[record.channel_id].add(at_s, record.data)
             case Schema():
                 schemas[record.id] = record
             case Channel():
                 key = record.topic.removeprefix("/")
                 topic = topic_of(key)
-                if topic is not None and asked(key):
-                    wanted[record.id] = key, _decoder(topic, schemas.get(record.schema_id), path)
+                if topic is not None and asked(key) and record.id not in wanted:
+                    schema = schemas.get(record.schema_id)
+                    fresh = Series(_decoder(topic, schema, path), current=_is_current(topic, schema))
+                    wanted[record.id] = series.setdefault(key, fresh)
             case Chunk():
                 recorded.spans(seconds(record.message_start_time), seconds(record.message_end_time))
-            case McapMessage():
-                at_s = seconds(record.log_time)
-                recorded.spans(at_s, at_s)
-                if record.channel_id in wanted and from_s <= at_s <= to_s:
-                    key, decode = wanted[record.channel_id]
-                    try:
-                        recorded.messages.setdefault(key, []).append((at_s, decode(record.data)))
-                    except WireError:
-                        recorded.malformed[key] += 1
             case Attachment():
                 recorded.files[record.name] = record.data
             case Metadata(name=name, metadata=notes) if name == DRIVE:
                 recorded.notes |= notes
             case Footer():
                 recorded.complete = True
-    for arrived in recorded.messages.values():
-        arrived.sort(key=lambda entry: entry[0])
-    return recorded
+    for one in series.values():
+        one.sort()
+    return recorded, {key: one for key, one in series.items() if len(one)}
 
 
 def read_head(path: Path) -> Recorded:
@@ -134,10 +192,15 @@ def _decoder(topic: Topic[Any], schema: Schema | None, path: Path) -> Decoder:
     if schema is None or schema.name != name:
         held = schema.name if schema else "messages without a definition"
         raise InputError(f"{path}: {topic.key} holds {held}, expected {name}")
-    text = schema.data.decode(errors="replace")
-    if topic.type not in DERIVED or text == definition(topic.type):
+    if _is_current(topic, schema):
         return lambda data: from_cdr(data, topic.type)
-    return _older(topic.type, text, path)
+    return _older(topic.type, schema.data.decode(errors="replace"), path)
+
+
+def _is_current(topic: Topic[Any], schema: Schema | None) -> bool:
+    """Whether the messages have the definition of this version."""
+    standard = topic.type not in DERIVED
+    return standard or (schema is not None and schema.data == definition(topic.type).encode())
 
 
 def _older(message_type: type, text: str, path: Path) -> Decoder:

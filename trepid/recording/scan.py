@@ -23,6 +23,7 @@ from trepid.config import InputError
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # opcode and length of a record
 MESSAGE = struct.Struct("<HIQQ")  # channel, number, time of logging and of publication
+MESSAGE_HEAD = struct.Struct("<BQH")  # opcode, length and channel of a message
 READ: dict[int, Any] = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
@@ -81,7 +82,8 @@ def _records(file: IO[bytes], wanted: Wanted) -> Iterator[McapRecord]:
             continue
         content = file.read(length)
         if opcode == Opcode.MESSAGE:
-            yield from _message(content, 0, length, ids)
+            if MESSAGE.unpack_from(content)[0] in ids:
+                yield _message(content, 0, length)
             continue
         record = _read(opcode, content)
         if isinstance(record, Chunk):
@@ -97,26 +99,28 @@ def _records(file: IO[bytes], wanted: Wanted) -> Iterator[McapRecord]:
 
 
 def _in_chunk(data: bytes, ids: set[int], wanted: Wanted) -> Iterator[McapRecord]:
-    place = 0
-    while place < len(data):
+    place, end, is_message, unpack_head = 0, len(data), int(Opcode.MESSAGE), MESSAGE_HEAD.unpack_from
+    while place < end:
+        if data[place] == is_message:
+            _, length, channel = unpack_head(data, place)
+            place += HEAD.size
+            if channel in ids:
+                yield _message(data, place, length)
+            place += length
+            continue
         opcode, length = HEAD.unpack_from(data, place)
         place += HEAD.size
-        if opcode == Opcode.MESSAGE:
-            yield from _message(data, place, length, ids)
-        elif opcode in READ:
+        if opcode in READ:
             record = _read(opcode, data[place : place + length])
             _note(record, ids, wanted)
             yield record
         place += length
 
 
-def _message(data: bytes, place: int, length: int, ids: set[int]) -> Iterator[Message]:
+def _message(data: bytes, place: int, length: int) -> Message:
+    """The message whose content is ``length`` bytes at ``place``."""
     channel, number, log_ns, publish_ns = MESSAGE.unpack_from(data, place)
-    if channel in ids:
-        content = data[place + MESSAGE.size : place + length]
-        yield Message(
-            channel_id=channel, sequence=number, log_time=log_ns, publish_time=publish_ns, data=content
-        )
+    return Message(channel, log_ns, data[place + MESSAGE.size : place + length], publish_ns, number)
 
 
 def _read(opcode: int, content: bytes) -> Any:

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.cli import main
 from trepid.topics import DECISION
+from trepid.wire import to_cdr
 
 RUN = {"scenario": "circuit", "seed": 0, "status": "passed", "max_fear": 0.25, "realtime_factor": 3.0}
 
@@ -96,11 +98,11 @@ def test_a_recording_does_not_differ_from_itself_and_both_are_drawn(
 
 def test_the_first_difference_is_the_first_changed_decision(drive: Path) -> None:
     one = recall(drive)
-    decisions = list(one.recorded.of(DECISION))
+    changed = copy(one.decisions)
+    changed.keep(range(len(changed)))  # its own list of messages
     for k in (60, 65):
-        decisions[k] = (decisions[k][0], replace(decisions[k][1], fear=0.75))
-    messages = {**one.recorded.messages, DECISION.key: decisions}
-    other = replace(one, recorded=replace(one.recorded, messages=messages))
+        changed.data[k] = to_cdr(replace(one.decisions[k], fear=0.75))
+    other = replace(one, series={**one.series, DECISION.key: changed})
     fear = one.decisions[60].fear
     at_s = round(float(one.t_s[60]), 3)
     assert first_difference(one, other) == {"t_s": at_s, "fields": {"fear": [fear, 0.75]}}
