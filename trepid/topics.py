@@ -20,8 +20,8 @@ class Topic(Generic[M]):
 
 CAMERA_IMAGE = Topic("camera/image", messages.Frame, 25, urgent=False)  # camera -> perception
 CAMERA_COMPRESSED = Topic(
-    "camera/image/compressed", messages.CompressedFrame, 10, urgent=False
-)  # -> recorder
+    "camera/image/compressed", messages.CompressedFrame, 25, urgent=False
+)  # -> recorder, page
 IMAGE_STATISTICS = Topic("perception/image_statistics", messages.ImageStatistics, 25)  # -> supervisor
 LEAD_VEHICLE = Topic("perception/lead", messages.LeadVehicle, 25)  # -> supervisor
 DECISION = Topic("supervisor/decision", messages.Decision, 25)  # -> controller

@@ -28,7 +28,6 @@ from trepid.wire import WireError, from_cdr
 
 M = TypeVar("M")
 REMEMBERED = 12  # estimates and decisions, for pictures that come later
-JPEG_QUALITY = 80
 
 
 class Feed:
@@ -110,7 +109,6 @@ def _latencies_ms(timing: Timing) -> list[float]:
 
 
 def _compressed(frame: Frame) -> CompressedFrame:
-    import cv2  # a camera that publishes JPEG needs no encoder here
+    from trepid.images.jpeg import encoded  # a camera that publishes JPEG needs no encoder here
 
-    _, jpeg = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return CompressedFrame(t_s=frame.t_s, jpeg=jpeg.tobytes())
+    return encoded(frame)

@@ -20,6 +20,7 @@ from trepid.messages import CompressedFrame
 
 MAX_VIEWERS = 8
 LOOKING_PERIOD_S, IDLE_PERIOD_S = 0.02, 0.5  # between two turns
+PICTURE_S = 0.075  # at least, between two messages to a viewer: the camera may be faster than an eye
 UPDATE_S = 0.1  # without a new picture the numbers are sent as often
 DECISION_S = 0.04  # a picture waits this long for the decision on its frame
 AWAY_S = 3.0
@@ -81,6 +82,8 @@ class Hub:
         return LOOKING_PERIOD_S if looking else IDLE_PERIOD_S
 
     def _due(self, now_s: float) -> bool:
+        if now_s - self._sent_s < PICTURE_S:
+            return False
         if self._picture is None:
             return now_s - self._sent_s >= UPDATE_S
         picture, arrived_s = self._picture

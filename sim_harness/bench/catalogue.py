@@ -33,6 +33,10 @@ BENCHMARKS = {
         "live.page",
         "the live page: capture to screen, share of a core, frame to command with and without viewer",
     ),
+    "logbook": Benchmark(
+        "logbook.bench",
+        "recordings: random moments explained, opening of half an hour, what a crash leaves, replay",
+    ),
     "newcomer": Benchmark("newcomer", "clone, make drive: time until the car drives, disk space"),
     "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),
     "suite": Benchmark("runs", "all scenarios in lock-step: passed, departures, tracking error"),

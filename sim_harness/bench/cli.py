@@ -69,7 +69,9 @@ def bench(
     out: Annotated[
         Path | None, typer.Option(help="perception: folder for tables and figures; real: for pictures.")
     ] = None,
-    count: Annotated[int | None, typer.Option(min=1, help="faults: episodes of each; default: 100.")] = None,
+    count: Annotated[
+        int | None, typer.Option(min=1, help="faults, logbook: number of each; default: 100.")
+    ] = None,
     duration: Annotated[
         float | None, typer.Option(min=20.0, help="soak: length of the drive [s]; default: 1800.")
     ] = None,

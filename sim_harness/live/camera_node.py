@@ -4,11 +4,12 @@ import time
 
 import cv2
 
-from sim_harness.lockstep.camera import SimulatedCamera, compressed
+from sim_harness.lockstep.camera import SimulatedCamera
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
+from trepid.images.jpeg import JpegEncoder
 from trepid.messages import Health
 from trepid.processes.process import Process, Ticker, process
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, SIM_TRUTH
@@ -17,7 +18,7 @@ STALE_TRUTH_S = 0.2  # older poses are not rendered
 
 
 def run(me: Process) -> None:
-    """One frame at every tick of the scenario's camera; a JPEG of it at most ten times a second."""
+    """One frame at every tick of the scenario's camera, and a JPEG of it."""
     scenario = Scenario.model_validate(me.options["scenario"])
     truth = me.bus.latest(SIM_TRUTH)
     send, send_compressed = me.bus.publisher(CAMERA_IMAGE), me.bus.publisher(CAMERA_COMPRESSED)
@@ -30,7 +31,7 @@ def run(me: Process) -> None:
     renderer.prepaint()
     camera = SimulatedCamera(scenario, renderer)
     me.ready()
-    ticker, compressed_ticker = Ticker(scenario.camera.rate_hz), Ticker(CAMERA_COMPRESSED.rate_hz)
+    ticker, encoder = Ticker(scenario.camera.rate_hz), JpegEncoder()
     while me.running():
         ticker.sleep()
         me.bus.wait(timeout_s=0.0)  # discard the poses that arrived during the sleep
@@ -44,9 +45,10 @@ def run(me: Process) -> None:
         frame = camera.step(newest, now_s=now_s)
         if frame is not None:
             send(frame)
-            if compressed_ticker.due():
-                time.sleep(ticker.remaining_s() / 2)  # leaves the processor to perception first
-                send_compressed(compressed(frame))
+            time.sleep(ticker.remaining_s() / 2)  # leaves the processor to perception first
+            jpeg = encoder.step(frame)
+            if jpeg is not None:
+                send_compressed(jpeg)
         me.stepped()
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LateFrames
@@ -11,10 +10,8 @@ from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.render.scene.vehicles import Body, Pose
 from sim_harness.world.render.scene.view import STILL, Motion
-from trepid.messages import CompressedFrame, Frame, SimTruth
+from trepid.messages import Frame, SimTruth
 from trepid.types import Image
-
-JPEG_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +80,3 @@ def own_motion(truth: SimTruth) -> Motion:
     if truth.speed_mps is None or truth.yaw_rate_radps is None:
         return STILL
     return Motion(truth.speed_mps, truth.yaw_rate_radps)
-
-
-def compressed(frame: Frame) -> CompressedFrame:
-    """``frame`` as JPEG."""
-    _, jpeg = cv2.imencode(".jpg", frame.image, JPEG_QUALITY)
-    return CompressedFrame(t_s=frame.t_s, jpeg=jpeg.tobytes())

@@ -9,10 +9,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from sim_harness.lockstep.camera import compressed
 from sim_harness.lockstep.closed_loop import Instant, Witness
 from sim_harness.lockstep.vehicle import load_simulator
 from sim_harness.scenarios.scenario import Scenario
+from trepid.images.jpeg import JpegEncoder
+from trepid.messages import Frame
 from trepid.recording.notes import Times, drive_notes
 from trepid.recording.writer import Recording, attachments
 from trepid.topics import (
@@ -54,7 +55,8 @@ class _Recorder:
     def __init__(self, file: Recording, times: Times, *, raw_images: bool) -> None:
         self._file, self._times, self._raw_images = file, times, raw_images
         self._written: dict[str, object] = {}  # the newest message of each topic
-        self._photographed_s = -EPOCH_S
+        self._encoder = JpegEncoder()
+        self._photographed: Frame | None = None  # the last frame that the encoder got
 
     def witness(self, now: Instant) -> None:
         """Write the new messages of ``now``."""
@@ -63,12 +65,9 @@ class _Recorder:
         self._write(VEHICLE_STATE, now.state, at_s)
         if self._raw_images:
             self._write(CAMERA_IMAGE, now.frame, at_s)
-        if (
-            now.frame is not None
-            and now.now_s - self._photographed_s >= 1.0 / CAMERA_COMPRESSED.rate_hz - 1e-9
-        ):
-            self._photographed_s = now.now_s
-            self._write(CAMERA_COMPRESSED, compressed(now.frame), at_s)
+        if now.frame is not None and now.frame is not self._photographed:
+            self._photographed = now.frame
+            self._write(CAMERA_COMPRESSED, self._encoder.step(now.frame), at_s)
         for name, estimate in now.estimates.items():
             self._write(estimate_topic(name), estimate, at_s)
         self._write(IMAGE_STATISTICS, now.statistics, at_s)

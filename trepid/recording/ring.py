@@ -1,8 +1,8 @@
 """The last minutes of every drive on disk: short recordings one after the other, the oldest deleted beyond a size.
 
 Each drive has a folder of its own below ``$XDG_STATE_HOME/trepid/ring`` (default: ``~/.local/state/trepid/ring``).
-A part is a whole MCAP file of ``part_s``; the one being written is readable up to its last second, also after a
-crash. :func:`kept` joins the parts of a drive into one recording in ``…/trepid/kept``, which nothing deletes.
+A part is a whole MCAP file of ``part_s``; the one being written is readable up to its last half second, also after
+a crash. :func:`kept` joins the parts of a drive into one recording in ``…/trepid/kept``, which nothing deletes.
 """
 
 import itertools

@@ -4,7 +4,7 @@ They open in Foxglove, Lichtblick and `ros2 bag` without Trepid: every channel c
 is recorded as JPEG; raw images only where they are asked for. The rule file and the files of the car are attached,
 and a metadata record gives the start of the drive and what the nodes were built with.
 
-After a crash at most the last second is missing: see FLUSH_S and :mod:`trepid.recording.reader`.
+After a crash at most the last half second is missing: see FLUSH_S and :mod:`trepid.recording.reader`.
 """
 
 import os
@@ -32,7 +32,7 @@ RECORDED = (
 )
 DRIVE, BEGAN = "trepid.drive", "began_ns"  # name of the metadata record and its field
 CAR_FILES = "car/"  # beginning of the names of the attached files of a car
-FLUSH_S = 1.0  # chunks are closed and handed to the operating system at least this often; costs 5 % in size
+FLUSH_S = 0.25  # chunks are closed and handed to the operating system at least this often; costs 10 % in size
 
 
 def check_free(path: Path) -> None:

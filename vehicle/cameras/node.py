@@ -1,6 +1,5 @@
 """Camera process: the frames of the configured source, upright and of the working size, on the bus."""
 
-import math
 import os
 import time
 
@@ -8,7 +7,8 @@ import cv2
 
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.messages import CompressedFrame, Frame, Health
+from trepid.images.jpeg import JpegEncoder, Thinned
+from trepid.messages import Frame, Health
 from trepid.processes.process import Process, process
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE
 from vehicle.cameras.source import CameraSource, Drive, Values
@@ -16,25 +16,7 @@ from vehicle.cameras.statistics import FrameStatistics
 from vehicle.cameras.table import build, configured
 from vehicle.cameras.working import Unfit, Working, WorkingSettings
 
-JPEG_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 80]
 RETRY_S = 0.5  # between two attempts to open a camera that is absent after a restart
-EARLY = 0.2  # share of a period by which a frame may come before it is due
-
-
-class Thinned:
-    """Which frames pass at a given highest rate."""
-
-    def __init__(self, rate_hz: float | None) -> None:
-        self._period_s = 1 / rate_hz if rate_hz else 0.0
-        self._due_s = -math.inf
-
-    def passes(self, t_s: float) -> bool:
-        """True for a frame captured at ``t_s`` that is due."""
-        if t_s < self._due_s - EARLY * self._period_s:
-            return False
-        on_schedule = t_s - self._due_s < self._period_s
-        self._due_s = (self._due_s if on_schedule else t_s) + self._period_s
-        return True
 
 
 class CameraStep:
@@ -44,27 +26,29 @@ class CameraStep:
         self.working = Working(settings, camera)
         self.statistics = FrameStatistics()
         self._rate = Thinned(settings.rate_hz)
-        self._compressed_rate = Thinned(settings.compressed_hz)
+        self.encoder = JpegEncoder(
+            rate_hz=settings.compressed_hz, budget_kb_per_s=settings.compressed_kb_per_s
+        )
         self._silence_s = settings.silence_s
         self._good_s: float | None = None  # when the last frame was published
         self._refusal = ""
 
-    def step(self, frame: Frame | None) -> tuple[Frame | None, CompressedFrame | None]:
-        """The working frame, and its JPEG where one is due; None for a frame that is refused or not due.
+    def step(self, frame: Frame | None) -> Frame | None:
+        """The working frame; None for a frame that is refused or not due.
 
         Raises InputError when the first frame does not fit the camera.
         """
         if frame is None or not self._rate.passes(frame.t_s):
-            return None, None
+            return None
         try:
             working = self.working.step(frame)
         except Unfit as error:
             self._refusal = str(error)
             self.statistics.refuse()
-            return None, None
+            return None
         self._refusal = ""
         self.statistics.add(working)
-        return working, compressed(working) if self._compressed_rate.passes(frame.t_s) else None
+        return working
 
     def health(self, sent: bool, trouble: str, *, now_s: float) -> tuple[Health, str]:
         """WARN and the reason while frames are refused or absent; ``trouble``: the fault of the source."""
@@ -80,12 +64,6 @@ class CameraStep:
         """Values for the heartbeat."""
         size = self.working.source_size
         return (*((("source_px", "{}x{}".format(*size)),) if size else ()), *self.statistics.values())
-
-
-def compressed(frame: Frame) -> CompressedFrame:
-    """``frame`` as JPEG."""
-    _, jpeg = cv2.imencode(".jpg", frame.image, JPEG_QUALITY)
-    return CompressedFrame(t_s=frame.t_s, jpeg=jpeg.tobytes())
 
 
 def run(me: Process) -> None:
@@ -126,11 +104,12 @@ def drive(me: Process, name: str, source: CameraSource, node: CameraStep) -> Non
     me.ready(values=lambda: (("source", name), *source.values(), *node.values()))
     while me.running():
         frame = source.read(timeout_s=0.1)
-        working, jpeg = node.step(frame)
+        working = node.step(frame)
         if working is not None:
             send(working)
-        if jpeg is not None:
-            send_compressed(jpeg)
+            jpeg = node.encoder.step(working)
+            if jpeg is not None:
+                send_compressed(jpeg)
         health, message = node.health(working is not None, source.trouble, now_s=me.now_s())
         (me.alive if working is None else me.stepped)(health, message)
         if frame is None and source.ended:

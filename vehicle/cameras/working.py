@@ -12,6 +12,7 @@ from pydantic import Field
 
 from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
+from trepid.images.jpeg import BUDGET_KB_PER_S
 from trepid.images.mount import Mount
 from trepid.messages import Frame
 from trepid.types import Image, Positive
@@ -26,7 +27,8 @@ class WorkingSettings(Settings):
     mount: Mount = Mount()
     fit: Literal["refuse", "crop", "stretch"] = "refuse"
     rate_hz: Positive | None = None
-    compressed_hz: Positive = 10.0
+    compressed_hz: Positive | None = None
+    compressed_kb_per_s: Positive = BUDGET_KB_PER_S
     silence_s: Positive = 0.3
 
 

@@ -1,6 +1,9 @@
 """The recorder process: a disk that refuses the recording is reported once, and the process lives on."""
 
+import os
 import resource
+import shutil
+import subprocess
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -69,8 +72,9 @@ def recorder() -> Iterator[Callable[[Path], Any]]:
     clock = epoch_clock(offset_ns)
     with open_bus("car", clock, listen=endpoint) as bus:
 
-        def fleet(path: Path, option: str = "record") -> Fleet:
-            spec = ProcessSpec("recorder", "trepid.recording.node", {option: str(path)}, loss=Loss.NOTHING)
+        def fleet(path: Path, option: str = "record", **further: Any) -> Fleet:
+            options = {option: str(path), **further}
+            spec = ProcessSpec("recorder", "trepid.recording.node", options, loss=Loss.NOTHING)
             return Fleet((spec,), vehicle_name="car", endpoint=endpoint, clock_offset_ns=offset_ns)
 
         fleet.of = lambda running: Recorded(running, bus, clock)  # type: ignore[attr-defined]
@@ -91,6 +95,61 @@ def test_a_full_disk_ends_the_recording_and_not_the_process(recorder: Any, tmp_p
         assert recorded.child.alive
         assert running.collect_exits() == []
     assert read_recording(path, VEHICLE_STATE.key).of(VEHICLE_STATE)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A file system of 300 kB that holds the last minutes of drives; skips where it cannot be mounted."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounting = ["mount", "-t", "tmpfs", "-o", "size=300k", "none", str(place)]
+    if shutil.which("mount") is None or subprocess.run(mounting, capture_output=True, check=False).returncode:
+        pytest.skip("no right to mount a file system here")
+    monkeypatch.setenv("XDG_STATE_HOME", str(place))
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def test_a_full_disk_ends_the_last_minutes_once_and_not_the_process(
+    recorder: Any, small_disk: Path, tmp_path: Path
+) -> None:
+    with recorder(tmp_path / "recordings", "record_folder", ring=True) as running:
+        recorded = recorder.of(running)
+        assert recorded.sends_until(lambda beat: beat.message.startswith("not recording"))
+        assert recorded.sends_until(lambda _: any(part.stat().st_size for part in small_disk.rglob("*.mcap")))
+        left = os.statvfs(small_disk)
+        (small_disk / "others").write_bytes(bytes(left.f_bavail * left.f_bsize))
+        told: list[str] = []
+
+        def refused(beat: Diagnostic) -> bool:
+            told.append(beat.message)
+            return told.count(told[-1]) > 2 and beat.health is Health.ERROR
+
+        assert recorded.sends_until(refused)
+        assert "the last minutes are not recorded any more" in told[-1] and "No space left" in told[-1]
+        (small_disk / "others").unlink()
+        assert recorded.sends_until(lambda beat: beat.message == told[-1]), (
+            "the reason stays, and is no new one"
+        )
+        assert recorded.child.alive and running.collect_exits() == []
+    (part,) = small_disk.rglob("*.mcap")
+    assert read_recording(part, VEHICLE_STATE.key).of(VEHICLE_STATE)
+
+
+def test_a_read_only_disk_is_reported_and_the_process_runs_on(
+    recorder: Any, small_disk: Path, tmp_path: Path
+) -> None:
+    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
+    with recorder(tmp_path / "recordings", "record_folder", ring=True) as running:
+        recorded = recorder.of(running)
+        assert recorded.sends_until(
+            lambda beat: beat.health is Health.ERROR and "Read-only file system" in beat.message
+        )
+        recorded.button = True  # recordings by the button go to another disk
+        assert recorded.sends_until(lambda _: bool(list((tmp_path / "recordings").glob("*.mcap"))))
+        assert recorded.child.alive and running.collect_exits() == []
 
 
 def test_the_recorder_notes_the_start_of_the_drive_that_the_launcher_reports(

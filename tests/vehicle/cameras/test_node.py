@@ -17,9 +17,10 @@ from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.car.camera import Camera
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CONFIG_DIR, ROOT, load
+from trepid.images.jpeg import Thinned
 from trepid.messages import Frame, Health
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, DIAGNOSTICS
-from vehicle.cameras.node import CameraStep, Thinned
+from vehicle.cameras.node import CameraStep
 from vehicle.cameras.working import WorkingSettings
 
 PATIENCE_S = 30.0
@@ -35,12 +36,12 @@ def frame(t_s: float, size: tuple[int, int] = (640, 480)) -> Frame:
     return Frame(t_s=t_s, image=np.full((size[1], size[0], 3), 90, np.uint8))
 
 
-def test_every_frame_is_published_and_ten_a_second_also_as_jpeg() -> None:
-    step = node()
+@pytest.mark.parametrize(("settings", "count"), [({}, 30), ({"compressed_hz": 10.0}, 10)])
+def test_every_frame_is_published_and_encoded_as_often_as_set(settings: dict[str, float], count: int) -> None:
+    step = node(**settings)
     results = [step.step(frame(10 + n / 30)) for n in range(30)]
-    assert all(working is not None for working, _ in results)
-    assert sum(jpeg is not None for _, jpeg in results) == 10
-    assert [working.t_s for working, _ in results if working] == [10 + n / 30 for n in range(30)]
+    assert [working.t_s for working in results if working] == [10 + n / 30 for n in range(30)]
+    assert sum(step.encoder.step(working) is not None for working in results if working) == count
 
 
 @pytest.mark.parametrize(("given_hz", "limit_hz", "published"), [(30, 15, 15), (30, 25, 25), (30, 60, 30)])
@@ -54,10 +55,10 @@ def test_a_refused_frame_is_a_warning_until_a_good_one_comes() -> None:
     step = node()
     step.step(frame(10.0))
     assert step.health(True, "", now_s=10.0) == (Health.OK, "")
-    assert step.step(frame(10.1, (1280, 720))) == (None, None)
+    assert step.step(frame(10.1, (1280, 720))) is None
     health, message = step.health(False, "", now_s=10.1)
     assert health is Health.WARN and "1280 x 720 px refused" in message
-    working, _ = step.step(frame(10.2))
+    working = step.step(frame(10.2))
     assert step.health(working is not None, "", now_s=10.2) == (Health.OK, "")
     assert ("refused_frames", "1") in step.values()
 

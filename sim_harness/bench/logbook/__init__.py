@@ -1,0 +1,1 @@
+"""Recordings measured: explanations of random moments, opening, crashes, replay."""
