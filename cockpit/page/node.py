@@ -9,6 +9,7 @@ import uvicorn
 
 from cockpit.page.feed import Feed
 from cockpit.page.hub import Hub
+from cockpit.page.keep import KeepDesk
 from cockpit.page.rules import RuleDesk
 from cockpit.page.server import PageServer
 from cockpit.page.stop import StopSender
@@ -29,6 +30,7 @@ class PageOptions(Settings):
     host: str
     port: int
     what: str
+    drive: str  # another one for every drive
 
 
 class Quiet(uvicorn.Server):
@@ -45,11 +47,12 @@ def run(me: Process) -> None:
     options = PageOptions.model_validate(me.options["page"])
     feed = Feed(me.bus, me.options["estimators"], jpeg=me.has_publisher(CAMERA_COMPRESSED))
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    view = View(feed, camera, vehicle, what=options.what)
+    keeping = KeepDesk(ring=bool(me.options.get("ring")), recorded=me.options.get("record"))
+    view = View(feed, camera, vehicle, what=options.what, drive=options.drive, no_keep=keeping.why_not)
     stop = StopSender(me.bus, me.now_s)
     hub = Hub(feed, view, stop, me.now_s)
     door = PageDoor(options.host, options.port, page_token())
-    server = PageServer(door, hub, stop, RuleDesk(Path(me.options["rules"])))
+    server = PageServer(door, hub, stop, RuleDesk(Path(me.options["rules"])), keeping)
     asyncio.run(_serve(me, server, door, hub))
 
 

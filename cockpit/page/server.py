@@ -21,6 +21,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cockpit.page.hub import MAX_VIEWERS, Hub, Viewer
+from cockpit.page.keep import KeepDesk
 from cockpit.page.rules import Conflict, RuleDesk
 from cockpit.page.stop import StopSender
 from trepid.config import InputError
@@ -73,8 +74,9 @@ class Headers:
 class PageServer:
     """The requests of a page."""
 
-    def __init__(self, door: PageDoor, hub: Hub, stop: StopSender, desk: RuleDesk) -> None:
+    def __init__(self, door: PageDoor, hub: Hub, stop: StopSender, desk: RuleDesk, keeping: KeepDesk) -> None:
         self._door, self._hub, self._stop, self._desk = door, hub, stop, desk
+        self._keeping, self._one_at_a_time = keeping, asyncio.Lock()
         self._hosts = {f"{name}:{door.port}" for name in ("127.0.0.1", "localhost", "[::1]", door.host)}
 
     def application(self) -> Starlette:
@@ -85,6 +87,7 @@ class PageServer:
                 Mount("/static", StaticFiles(directory=STATIC)),
                 WebSocketRoute("/stream", self._stream),
                 Route("/stop", self._guarded(self._press), methods=["POST"]),
+                Route("/keep", self._guarded(self._keep), methods=["POST"]),
                 Route("/rules", self._guarded(self._rules)),
                 Route("/rules/sets", self._guarded(self._sets)),
                 Route("/rules/check", self._guarded(self._check), methods=["POST"]),
@@ -166,6 +169,12 @@ class PageServer:
             raise Refusal(400, 'expected {"stop": true} or {"stop": false}')
         self._stop.press(asked)
         return JSONResponse({"sent": True})
+
+    async def _keep(self, _: Request) -> Response:
+        if self._one_at_a_time.locked():
+            raise Refusal(409, "the last minutes are being kept already")
+        async with self._one_at_a_time:
+            return JSONResponse({"file": str(await asyncio.to_thread(self._keeping.keep))})
 
     async def _rules(self, _: Request) -> Response:
         return JSONResponse(self._desk.show())

@@ -24,8 +24,12 @@ from frame to actuator [ms]."""
 class View:
     """What a page shows of the messages of a :class:`Feed`."""
 
-    def __init__(self, feed: Feed, camera: Camera, vehicle: Vehicle, *, what: str) -> None:
-        self._feed, self._camera, self._vehicle, self._what = feed, camera, vehicle, what
+    def __init__(
+        self, feed: Feed, camera: Camera, vehicle: Vehicle, *, what: str, drive: str = "", no_keep: str = ""
+    ) -> None:
+        """``drive``: another text for every drive; ``no_keep``: why the last minutes cannot be kept."""
+        self._feed, self._camera, self._vehicle = feed, camera, vehicle
+        self._of_drive = {"what": what, "drive": drive, "no_keep": no_keep}
         self.timelines = Timelines((*SERIES, *feed.estimates))
         self.track = Track(0.5 * vehicle.scale)
 
@@ -55,7 +59,7 @@ class View:
         report = feed.report
         return {
             "now": now_s,
-            "what": self._what,
+            **self._of_drive,
             "says": "" if report is None else report.message,
             "held": self.held,
             "speed": speed_mps,

@@ -103,7 +103,8 @@ def drive(
     context = context_of(scenario, estimators, seed, networks)
     context |= {"raw_images": raw_images}
     if page is not None:
-        context["page"] = {"host": page.host, "port": page.port, "what": what}
+        drive_id = f"{running.pid}-{offset_ns}"
+        context["page"] = {"host": page.host, "port": page.port, "what": what, "drive": drive_id}
     if foxglove is not None:
         context["foxglove"] = {"port": foxglove, "what": what}
     if record is not None:

@@ -28,6 +28,7 @@ from trepid.messages import (
     LeadVehicle,
     Mode,
     SimTruth,
+    SteeringEstimate,
     Timing,
     VehicleState,
 )
@@ -85,6 +86,8 @@ class Scene:
         self.error_m = 0.07
         self.restarts = 3
         self.picture: bytes | None = None  # instead of the grey one
+        self.estimates: dict[str, SteeringEstimate] = {}  # instead of those on the grey one
+        self.path: dict[str, Any] = {}  # further fields of the decision
         self.silent = False
 
 
@@ -134,19 +137,18 @@ class Publisher:
         send[VEHICLE_STATE.key](state)
         send[SIM_TRUTH.key](truth(now_s, 10.0 * self._turn * PERIOD_S, scene.error_m))
         for name, publish in self._estimates.items():
-            publish(
-                estimate(
-                    t_s=now_s,
-                    estimator=name,
-                    confidence=scene.confidence[name],
-                    left_boundary_px=LEFT,
-                    right_boundary_px=RIGHT,
-                )
+            drawn = estimate(
+                t_s=now_s,
+                estimator=name,
+                confidence=scene.confidence[name],
+                left_boundary_px=LEFT,
+                right_boundary_px=RIGHT,
             )
+            publish(replace(scene.estimates.get(name, drawn), t_s=now_s))
         send[LEAD_VEHICLE.key](
             LeadVehicle(t_s=now_s, distance_m=scene.lead_m, lateral_m=0.0, speed_mps=5.0, confidence=0.9)
         )
-        send[DECISION.key](decision(now_s, **scene.decision))
+        send[DECISION.key](decision(now_s, **{**scene.decision, **scene.path}))
         if self._turn % 2 == 0:
             send[CAMERA_COMPRESSED.key](CompressedFrame(t_s=now_s, jpeg=scene.picture or jpeg(scene.grey)))
         if self._turn % 10 == 0:
@@ -205,11 +207,11 @@ def truth(now_s: float, x_m: float, error_m: float) -> SimTruth:
 class LivePage:
     """A page process and its bus."""
 
-    def __init__(self, rules: Path) -> None:
-        self.rules = rules
+    def __init__(self, rules: Path, door: PageDoor | None = None, *, what: str = "a test") -> None:
+        self.rules, self.what = rules, what
         self._offset_ns, self.endpoint = epoch_offset_ns(), free_endpoint()
         self.clock = epoch_clock(self._offset_ns)
-        self.door: PageDoor = page_door("127.0.0.1", 0)
+        self.door: PageDoor = door or page_door("127.0.0.1", 0)
         self._fleet: Fleet | None = None
 
     @contextmanager
@@ -224,7 +226,13 @@ class LivePage:
             "page",
             "cockpit.page.node",
             {
-                "page": {"host": self.door.host, "port": self.door.port, "what": "a test"},
+                "page": {
+                    "host": self.door.host,
+                    "port": self.door.port,
+                    "what": self.what,
+                    "drive": self.endpoint,
+                },
+                "ring": True,
                 "estimators": ESTIMATORS,
                 "rules": str(self.rules),
             },

@@ -189,9 +189,27 @@ def kept_name(reason: str, *, now_s: float) -> Path:
 
 def keep_apart(folder: Path, out: Path) -> None:
     """Secure the parts in ``folder`` now, and let another process of low priority join them. Raises InputError."""
-    safe = secured(folder)
-    command = [sys.executable, "-m", "trepid.recording.ring", str(safe), str(out)]
-    subprocess.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL, start_new_session=True)
+    subprocess.Popen(_joining(folder, out), cwd=ROOT, stdin=subprocess.DEVNULL, start_new_session=True)
+
+
+def kept_by_another(folder: Path, out: Path) -> None:
+    """As :func:`keep_apart`, and wait for its end. Raises InputError."""
+    done = subprocess.run(
+        _joining(folder, out),
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        start_new_session=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        raise InputError(done.stderr.strip() or f"{out}: the parts could not be joined")
+
+
+def _joining(folder: Path, out: Path) -> list[str]:
+    """The command that joins the present parts in ``folder``, which are secured now. Raises InputError."""
+    return [sys.executable, "-m", "trepid.recording.ring", str(secured(folder)), str(out)]
 
 
 def size_of_kept() -> int:

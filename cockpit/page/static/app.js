@@ -5,10 +5,11 @@ import { Timelines } from "./timelines.js";
 import { Panels } from "./panels.js";
 import { Rules } from "./rules.js";
 import { StopButton } from "./stop.js";
+import { KeepButton } from "./keep.js";
 import { tabs } from "./tabs.js";
 
 const WRONG_TOKEN = 4401, WRONG_ORIGIN = 4403, TOO_MANY = 4429;
-const SILENT_MS = 1500, FIRST_RETRY_MS = 250, LAST_RETRY_MS = 2000;
+const SILENT_MS = 1500, FIRST_RETRY_MS = 250, LAST_RETRY_MS = 2000, NOTICE_MS = 60000;
 const element = id => document.getElementById(id);
 
 function token() {
@@ -33,12 +34,12 @@ async function ask(path, body) {
 }
 
 const camera = new Camera(), path = new Path(), timelines = new Timelines(), panels = new Panels();
-const rules = new Rules(ask), stop = new StopButton(ask);
+const rules = new Rules(ask), stop = new StopButton(ask), keep = new KeepButton(ask);
 const glass = []; // from capture to picture on the glass [ms], where the clocks are one
 window.trepid = { glass, messages: 0, firstPicture: null };
 tabs(shown => shown === "rules" && rules.open());
 
-let retry = FIRST_RETRY_MS, heard = 0, refused = "";
+let retry = FIRST_RETRY_MS, heard = 0, refused = "", drive = null, lost = 0;
 
 function connection(text, well) {
   const shown = element("connection");
@@ -46,7 +47,23 @@ function connection(text, well) {
   shown.dataset.well = String(well);
 }
 
+function notice(text) {
+  element("notice").textContent = text;
+  element("notice").hidden = !text;
+  clearTimeout(notice.timer);
+  if (text) notice.timer = setTimeout(() => notice(""), NOTICE_MS);
+}
+
+function found(state) {
+  const clock = new Date().toLocaleTimeString([], { hour12: false });
+  if (drive !== null && drive !== state.drive) notice(`New drive: ${state.what}, since ${clock}. The values of the drive before are gone.`);
+  else if (lost) notice(`Connected again at ${clock}, after ${((performance.now() - lost) / 1000).toFixed(0)} s.`);
+  drive = state.drive;
+  lost = 0;
+}
+
 function lose(text) {
+  if (drive !== null) lost ||= performance.now();
   connection(text, false);
   panels.nothing(text);
 }
@@ -65,8 +82,10 @@ async function receive(socket, buffer) {
   const picture = jpeg.length ? await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" })).catch(() => null) : null;
   requestAnimationFrame(() => {
     connection("live", true);
+    if (lost || drive !== state.drive) found(state);
     panels.show(state);
     stop.show(state);
+    keep.show(state);
     path.add(state.track, state);
     timelines.add(state.series, state.samples, state.now);
     rules.show(state.decision?.inputs);

@@ -1,5 +1,6 @@
 """The live page in a real browser: it shows what is published, survives restarts, stops, and serves everybody."""
 
+import base64
 import json
 import os
 import signal
@@ -7,11 +8,21 @@ import time
 from pathlib import Path
 from typing import Any
 
+import cv2
 import pytest
 from live_page_rig import STATIC, LivePage, Publisher, Scene, chromium, rule_copy
+from message_rig import decision
 from process_rig import until
 
+from sim_harness.lockstep.closed_loop import Instant, run
+from sim_harness.scenarios.scenario import load_scenario
+from trepid.config import ROOT
+from trepid.images.jpeg import encoded
 from trepid.messages import Mode, Stop
+from trepid.recording.reader import read_recording
+from trepid.recording.writer import Recording
+from trepid.topics import DECISION
+from trepid.wire import to_cdr
 
 pytest.importorskip("selenium")
 PATIENCE_S = 15.0
@@ -60,9 +71,9 @@ class Seen:
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
-    before = os.environ.get("XDG_RUNTIME_DIR")
-    os.environ["XDG_RUNTIME_DIR"] = str(folder)
-    try:
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("XDG_RUNTIME_DIR", str(folder))
+        environment.setenv("XDG_STATE_HOME", str(folder / "state"))
         with (
             chromium(folder / "profile") as browser,
             LivePage(rule_copy(folder)) as page,
@@ -72,10 +83,6 @@ def seen(tmp_path_factory):
             page.start()
             browser.get(page.door.url)
             yield Seen(page, publisher, browser)
-    finally:
-        os.environ.pop("XDG_RUNTIME_DIR")
-        if before is not None:
-            os.environ["XDG_RUNTIME_DIR"] = before
 
 
 @pytest.fixture(autouse=True)
@@ -227,6 +234,54 @@ def test_the_page_survives_the_restart_of_its_server_and_of_the_drive(seen):
     assert seen.becomes("connection", "live") and seen.becomes("mode", "KEEP")
 
 
+def test_the_page_survives_the_restart_of_the_whole_drive_and_says_so(seen):
+    """Another launcher, bus and clock; the address stays, because port and token do."""
+    seen.page.stop()
+    assert seen.becomes("mode", "NO DATA")
+    try:
+        with (
+            LivePage(seen.page.rules, seen.page.door, what="another drive") as page,
+            page.bus() as bus,
+            Publisher(bus, page.clock, Scene()) as publisher,
+        ):
+            publisher.scene.decision["mode"] = Mode.CAUTION
+            page.start()
+            assert seen.becomes("mode", "CAUTION") and seen.becomes("what", "another drive")
+            assert seen.text("notice").startswith("New drive: another drive, since ")
+            assert not seen.js("return document.getElementById('notice').hidden")
+            assert until(lambda: float(seen.text("driven")) > 0.0, patience_s=PATIENCE_S)
+    finally:
+        seen.page.start()
+    assert seen.becomes("mode", "KEEP") and seen.becomes("what", "a test")
+    assert seen.text("notice").startswith("New drive: a test, since ")
+
+
+def test_after_a_lost_connection_the_page_says_that_it_is_connected_again(seen):
+    seen.page.stop()
+    assert seen.becomes("mode", "NO DATA")
+    seen.page.start()
+    assert seen.becomes("mode", "KEEP")
+    assert seen.text("notice").startswith("Connected again at ")
+
+
+def test_one_press_keeps_the_last_minutes(seen):
+    seen.click("keep")
+    assert until(lambda: "holds no drive to keep" in seen.text("kept"), patience_s=PATIENCE_S)
+    assert seen.text("kept").startswith("not kept: ")
+    ring = Path(os.environ["XDG_STATE_HOME"]) / "trepid" / "ring" / "a drive"
+    ring.mkdir(parents=True)
+    for number in (1, 2):
+        with Recording(ring / f"{number}.mcap", {"fear.yaml": b"rules"}, {"what": "test"}) as part:
+            for at_s in (10.0 * number, 10.0 * number + 1):
+                decided = to_cdr(decision(at_s))
+                part.add(DECISION.key, decided, at_s=at_s)
+    seen.click("keep")
+    assert until(lambda: seen.text("kept").startswith("kept: "), patience_s=PATIENCE_S), seen.text("kept")
+    path = Path(seen.text("kept").removeprefix("kept: "))
+    assert path.parent.name == "kept" and path.stem.endswith("-page")
+    assert [at_s for at_s, _ in read_recording(path, DECISION.key).of(DECISION)] == [10, 11, 20, 21]
+
+
 def test_two_viewers_see_the_same_and_a_hidden_one_costs_the_other_nothing(seen):
     first = seen.browser.current_window_handle
     seen.browser.switch_to.new_window("window")
@@ -318,6 +373,47 @@ def test_no_request_leaves_the_machine_and_the_console_has_no_error(seen):
     assert [
         entry for entry in seen.browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")
     ] == []
+
+
+def test_the_picture_of_the_page_in_the_docs_is_that_of_a_drive(seen, tmp_path):
+    """``TREPID_SCREENSHOT=1`` writes docs/page.jpg again; else its size and freshness of layout are checked."""
+    last = driven()
+    seen.scene.picture = encoded(last.frame).jpeg
+    seen.scene.estimates = dict(last.estimates)
+    seen.scene.confidence = {name: one.confidence for name, one in last.estimates.items()}
+    path = ("lateral_offset_m", "heading_error_rad", "curvature_1pm", "curvature_rate_1pm2", "lookahead_m")
+    shown = ("mode", "fear", "level", "cause", "rules", "rule_strengths", "path_source", "speed_cap_mps")
+    seen.scene.path = {name: getattr(last.decision, name) for name in (*path, *shown)}
+    seen.scene.speed_mps, seen.scene.lead_m = last.state.speed_mps, None
+    assert seen.becomes("legend-lead", "none") and seen.becomes("mode", str(last.decision.mode))
+    assert until(lambda: min(seen.pixel(0.5, 0.05)) > 100, patience_s=PATIENCE_S), (
+        "the sky of the rendered road"
+    )
+    time.sleep(5)  # for the timelines
+    seen.js(
+        "document.getElementById('notice').hidden = true; document.getElementById('kept').textContent = ''"
+    )
+    data = seen.browser.execute_cdp_cmd("Page.captureScreenshot", {"format": "jpeg", "quality": 80})["data"]
+    shot = tmp_path / "page.jpg"
+    shot.write_bytes(base64.b64decode(data))
+    if os.environ.get("TREPID_SCREENSHOT"):
+        (ROOT / "docs" / "page.jpg").write_bytes(shot.read_bytes())
+    stored = cv2.imread(str(ROOT / "docs" / "page.jpg"))
+    assert stored is not None and stored.shape == cv2.imread(str(shot)).shape
+    assert (ROOT / "docs" / "page.jpg").stat().st_size <= 200_000
+    assert "![" in (page := (ROOT / "docs" / "page.md").read_text(encoding="utf-8")) and "(page.jpg)" in page
+
+
+def driven() -> Instant:
+    """The last instant of a short rendered drive."""
+    kept = {}
+
+    def witness(now: Instant) -> None:
+        if now.frame is not None and now.decision is not None and all(now.estimates.values()):
+            kept["last"] = now
+
+    run(load_scenario("circuit", {"duration_s": "6"}), seed=1, witness=witness)
+    return kept["last"]
 
 
 def test_the_page_is_small():

@@ -16,6 +16,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from cockpit.page.hub import MAX_VIEWERS
+from cockpit.page.keep import KeepDesk
 from cockpit.page.rules import RuleDesk
 from cockpit.page.server import MAX_BODY, TOO_MANY, WRONG_ORIGIN, WRONG_TOKEN
 from trepid.config import CONFIG_DIR, InputError, use_car
@@ -141,6 +142,23 @@ def _next(viewer: ClientConnection) -> dict[str, Any]:
     state = state_of(viewer.recv(timeout=5))
     viewer.send("drawn")
     return state
+
+
+def test_keeping_the_last_minutes_needs_the_token_and_something_to_keep(
+    page: LivePage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for token in (None, "wrong"):
+        assert page.request("POST", "/keep", {}, token=token)[0] == 401
+    assert page.request("GET", "/keep")[0] == 405
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    for desk, why in (
+        (KeepDesk(ring=True, recorded="/drive.mcap"), "the whole drive is recorded in /drive.mcap"),
+        (KeepDesk(ring=False, recorded=None), "ring.max_mb of drive.yaml is 0"),
+        (KeepDesk(ring=True, recorded=None), "holds no drive to keep"),
+    ):
+        with pytest.raises(InputError, match=why):
+            desk.keep()
+    assert not list(tmp_path.rglob("*.mcap"))
 
 
 def test_the_number_of_viewers_has_a_limit(page: LivePage) -> None:
