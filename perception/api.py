@@ -56,8 +56,8 @@ def estimate(
     positive, None where nothing was found.
 
     ``estimator``: a name that ``trepid estimate --estimator list`` prints, or the file of a driving network.
-    ``camera``: a camera file; without it that of ``car`` or of the recording, else a typical one with the horizon of
-    the images.
+    ``camera``: a camera file; without it that of ``car`` or of the recording, else a typical one with the horizon
+    of the images.
     ``fps``: frames per second of a folder with ``as_drive``. Without ``strict``, unreadable images of a folder are
     named on standard error and left out. Raises InputError at the first frame that is asked for.
     """
