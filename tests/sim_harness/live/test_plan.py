@@ -7,7 +7,15 @@ import pytest
 from driving_network_rig import write_network
 
 from cockpit.car.init import Like, write_car
-from sim_harness.live.plan import check_car, check_lead, check_vehicle, estimators_of, planned
+from sim_harness.live.plan import (
+    check_car,
+    check_lead,
+    check_vehicle,
+    context_of,
+    estimators_of,
+    networks_in,
+    planned,
+)
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import CAR, InputError
 from trepid.processes.settings import load_processes
@@ -50,6 +58,7 @@ def test_a_driving_network_is_one_line_of_the_processes_of_a_car(shuttle: Path) 
     file.write_text(file.read_text().replace("processes:\n", f"processes:\n{line}", 1))
     specs = planned(load_processes(), None)
     assert "mine" in estimators_of(specs, None)
+    assert networks_in(specs) == {"mine": str(shuttle / "turn.onnx")}
     check_car(specs)
     (shuttle / "turn.onnx").write_bytes(b"")
     with pytest.raises(InputError, match=r"mycar/turn\.onnx: not an ONNX network"):
@@ -62,5 +71,6 @@ def test_chosen_estimators_replace_those_of_the_car_and_run_as_perception_proces
     assert estimators_of(specs, None) == ("cv", "turn")
     (turn,) = [spec for spec in specs if spec.name == "turn"]
     assert turn.options == {"statistics": False, "estimator": "turn", "network": network}
+    assert context_of(None, ("cv", "turn"), 0, networks_in(specs))["networks"] == {"turn": network}
     alone = planned(load_processes(), None, chosen={"turn": network})
     assert [spec.options["statistics"] for spec in alone if spec.estimators] == [True]
