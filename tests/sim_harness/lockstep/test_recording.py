@@ -198,7 +198,8 @@ def test_other_rules_are_distinguished_from_those_of_the_drive(lying: Path, tmp_
 def test_every_camera_image_is_recorded_as_jpeg(seen: Path) -> None:
     read = read_recording(seen, "camera/*", DECISION.key, "perception/*")
     images = [frame.t_s for _, frame in read.messages["camera/image/compressed"]]
-    assert images == [one.t_s for _, one in read.messages["perception/cv/estimate"]]
+    estimated = [one.t_s for _, one in read.messages["perception/cv/estimate"]]
+    assert images[: len(estimated)] == estimated and len(images) <= len(estimated) + 1
     drive = recall(seen)
     frame = drive.frame_at(len(drive.decisions) - 1)
     assert frame is not None
