@@ -5,6 +5,7 @@ recording also holds the estimates of the expert, who sees the exact lane: the p
 to its centre (:mod:`sim_harness.lockstep.oracle`).
 """
 
+import json
 from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
@@ -16,10 +17,10 @@ from sim_harness.lockstep.oracle import Oracle
 from sim_harness.lockstep.recording import recording
 from sim_harness.lockstep.unsupervised import Estimates, FollowedLane, UnsupervisedDriver
 from sim_harness.scenarios.chosen_estimators import changes_of
-from sim_harness.scenarios.scenario import Scenario, load_scenario
+from sim_harness.scenarios.scenario import Scenario, Sight, load_scenario
 from supervisor.supervisor import SupervisorSettings
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, load
+from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Decision, EstimateKind, Frame, SteeringEstimate, VehicleState
 
 EXPERT = "expert"
@@ -52,9 +53,17 @@ def scenario_for(source: str, network: Path, changes: Mapping[str, str]) -> Scen
 
     Raises InputError.
     """
+    check(source, network.stem, changes)
     scenario = load_scenario(source, {**changes, **changes_of([str(network)])})
     route_s = scenario.route_m(scenario.build_road()) / (scenario.speed_mps or _cruise_mps())
     return scenario.model_copy(update={"duration_s": max(scenario.duration_s, SLACK * route_s + START_S)})
+
+
+def check(source: str, network: str, changes: Mapping[str, str]) -> None:
+    """Raise InputError where a network called ``network`` cannot drive the scenario alone."""
+    scenario = load_scenario(source, {**changes, "estimators": json.dumps([network])}, check=False)
+    if scenario.sight is Sight.TRUTH:
+        raise InputError(f"scenario {scenario.name}: a network needs images, and sight: truth renders none")
 
 
 def _cruise_mps() -> float:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from learning.correcting.alone import drive_alone, scenario_for
+from learning.correcting.alone import check, drive_alone, scenario_for
 from learning.correcting.corrections import Drift, build_corrections
 from learning.dataset.dataset import NONE, Dataset
 from learning.dataset.join import joined
@@ -77,6 +77,8 @@ def correct(plan: Plan, train: Train, *, resume: bool, jobs: int, report: Report
     ``train`` is :func:`learning.training.run.run`. The best network has the fewest interventions, then the smallest
     lateral error.
     """
+    for source in plan.scenarios:
+        check(source, plan.out.stem, plan.changes)
     _claim(plan, resume=resume)
     rows: list[Row] = []
     added: list[Dataset] = []

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drive_alone_rig import driven
-from driving_network_rig import write_network
 
-from learning.correcting.alone import EXPERT, scenario_for
+from learning.correcting.alone import EXPERT, check
 from learning.correcting.corrections import AROUND_S, STEADY, Drift, around, build_corrections, correction_log
 from learning.dataset.sources.log import Faults
 from learning.dataset.sources.recording import read_drive
@@ -78,7 +77,16 @@ def test_a_frame_counts_up_to_a_second_before_and_after_a_drift() -> None:
     assert not around(t_s, t_s > 99).any()
 
 
-def test_a_scenario_that_needs_another_estimator_is_refused(tmp_path: Path) -> None:
-    network = write_network(tmp_path / "ahead.onnx")
-    with pytest.raises(InputError, match="no process 'cnn'"):
-        scenario_for("lost_cnn", network, {})
+@pytest.mark.parametrize(
+    ("scenario", "changes", "what"),
+    [
+        ("lost_cnn", {}, "no process 'cnn'"),
+        ("straight", {"sight": "truth"}, "a network needs images"),
+        ("strait", {}, "no scenario 'strait'"),
+    ],
+)
+def test_a_scenario_that_a_network_cannot_drive_alone_is_refused(
+    scenario: str, changes: dict[str, str], what: str
+) -> None:
+    with pytest.raises(InputError, match=what):
+        check(scenario, "ahead", changes)

@@ -163,6 +163,15 @@ def test_a_correction_of_other_drives_is_not_continued(corrected: Make, recorded
     assert len(rows) == 3, "more rounds continue it"
 
 
+def test_a_scenario_that_cannot_be_driven_alone_is_refused_before_any_training(
+    corrected: Make, recorded: Path, tmp_path: Path
+) -> None:
+    workshop = Workshop(recorded)
+    with pytest.raises(InputError, match="no process 'cnn'"):
+        corrected(workshop, scenarios=("lost_cnn",))
+    assert not workshop.steps and not (tmp_path / "ahead.onnx.correct").exists()
+
+
 def test_nothing_is_trained_where_the_given_network_drifts_nowhere(corrected: Make, recorded: Path) -> None:
     workshop = Workshop(recorded)
     rows, plan = corrected(workshop, start=recorded.parent / "ahead.onnx", drift=Drift(9.0, 1.5))
