@@ -174,7 +174,7 @@ def draw(path: Path, designs: Sequence[Design], lags: Sequence[Lags], *, title: 
     axes[2].set_xlabel("time [s]")
     axes[2].set_ylabel("offset after a step of 1 m [m]")
     axes[2].grid(True)
-    axes[2].legend()
+    axes[2].legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False)  # on no curve
     figure.tight_layout()
     try:
         figure.savefig(path, dpi=120)

@@ -31,14 +31,14 @@ def draw(dataset: Dataset, path: Path) -> None:
     parts = [np.degrees(used["road_wheel_rad"][used["split"] == name]) for name in SPLITS]
     left.hist(parts, bins=41, stacked=True, color=list(COLOURS.values()), label=list(SPLITS))
     left.set(xlabel="road-wheel angle [°]", ylabel="frames", yscale="log")
-    left.legend(frameon=False)
+    left.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=8)
     place, bad = np.arange(len(rows)), suspicious(rows)
     for name, colour in {**COLOURS, NONE: GREY}.items():
         mine = rows["split"] == name
         course.plot(place[mine], angles[mine], ".", markersize=1.5, color=colour)
         light.plot(place[mine], rows["light"][mine], ".", markersize=1.5, color=colour)
     course.plot(place[bad], angles[bad], "x", markersize=4, color=VERMILION, label="suspicious")
-    course.legend(frameon=False, loc="upper right")
+    course.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=8)
     course.set(ylabel="angle [°]")
     light.set(xlabel="frame in the order of the index", ylabel="mean grey", ylim=(0, 1))
     for axes in (left, course, light):
