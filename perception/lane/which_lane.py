@@ -17,6 +17,7 @@ import numpy as np
 
 from perception.lane.agreement import agreement, lane_columns
 from perception.lane.detection.evenness import unevenness
+from perception.lane.detection.shown import shown
 from perception.lane.estimate import lane_estimate
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneState
 from perception.lane.model.prediction import Motion
@@ -117,13 +118,13 @@ class WhichLane:
         """The more probable one of both lanes."""
         weights, (height, width) = self._settings.street, frame.image.shape[:2]
         if lane is None:
-            self.looks = (Look(searched, _of_search(searched, 0.0, 0.0)),)
+            self.looks = (Look(searched, _of_search(searched, frame.image, 0.0, 0.0)),)
             rated = probability_of(self.looks[0].features, weights.searched)
             return _doubted(searched, min(rated, searched.confidence))
         paired = self._estimate(lane, frame.t_s)
         same = agreement(lane_columns(searched, height, width), lane_columns(paired, height, width))
         uneven = unevenness(frame.image, paired.left_boundary_px, paired.right_boundary_px)
-        of_search = _of_search(searched, lane.pair.probability, same)
+        of_search = _of_search(searched, frame.image, lane.pair.probability, same)
         of_pair = street_features(
             lane.pair.probability,
             steps=sum(one.kind == BoundaryKind.STEP for one in (lane.pair.left, lane.pair.right)),
@@ -131,6 +132,7 @@ class WhichLane:
             offset_m=lane.pair.offset_m,
             agreement=same,
             searched=searched.confidence,
+            shown=shown(frame.image, paired.left_boundary_px, paired.right_boundary_px) or 0.0,
         )
         self.looks = Look(searched, of_search), Look(paired, of_pair)
         most = either(searched.confidence, lane.pair.probability, agreement=same)
@@ -173,7 +175,9 @@ def lit(image: Image, *, day_grey: float, max_gain: float) -> Image:
     return cv2.convertScaleAbs(image, alpha=gain).astype(np.uint8, copy=False)
 
 
-def _of_search(searched: SteeringEstimate, street: float, agreement: float) -> tuple[float, ...]:
+def _of_search(
+    searched: SteeringEstimate, image: Image, street: float, agreement: float
+) -> tuple[float, ...]:
     """Features of the lane of the search."""
     return searched_features(
         searched.confidence,
@@ -181,6 +185,7 @@ def _of_search(searched: SteeringEstimate, street: float, agreement: float) -> t
         offset_m=searched.lateral_offset_m or 0.0,
         agreement=agreement,
         street=street,
+        shown=shown(image, searched.left_boundary_px, searched.right_boundary_px) or 0.0,
     )
 
 

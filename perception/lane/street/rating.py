@@ -21,21 +21,39 @@ def logit(probability: float) -> float:
 
 
 def searched_features(
-    probability: float, *, marked: bool, offset_m: float, agreement: float, street: float
+    probability: float, *, marked: bool, offset_m: float, agreement: float, street: float, shown: float
 ) -> tuple[float, ...]:
-    """In the order of :class:`SearchedWeights`. ``street``: probability of the pair; ``agreement`` with it."""
-    aside = min(abs(offset_m), MAX_OFFSET_M)
-    return (1.0, logit(probability), float(marked), aside, agreement * street, (1 - agreement) * street)
+    """In the order of :class:`SearchedWeights`.
+
+    ``street``: probability of the pair; ``agreement`` with it; ``shown``: as
+    :func:`perception.lane.detection.shown.shown`.
+    """
+    return (
+        1.0,
+        logit(probability),
+        float(marked),
+        min(abs(offset_m), MAX_OFFSET_M),
+        agreement * street,
+        (1 - agreement) * street,
+        shown,
+    )
 
 
 def street_features(
-    probability: float, *, steps: int, uneven: float, offset_m: float, agreement: float, searched: float
+    probability: float,
+    *,
+    steps: int,
+    uneven: float,
+    offset_m: float,
+    agreement: float,
+    searched: float,
+    shown: float,
 ) -> tuple[float, ...]:
     """In the order of :class:`StreetWeights`.
 
     ``steps``: number of boundaries that are no lines; ``uneven``: as
     :func:`perception.lane.detection.evenness.unevenness`; ``searched``: probability of the lane of the search
-    between heights; ``agreement`` with it.
+    between heights; ``agreement`` with it; ``shown``: as :func:`perception.lane.detection.shown.shown`.
     """
     return (
         1.0,
@@ -45,6 +63,7 @@ def street_features(
         min(abs(offset_m), MAX_OFFSET_M),
         agreement * searched,
         (1 - agreement) * searched,
+        shown,
     )
 
 

@@ -83,6 +83,7 @@ class SearchedWeights(Settings):
     offset: float
     same: float
     other: float
+    shown: float
 
 
 class StreetWeights(Settings):
@@ -95,6 +96,7 @@ class StreetWeights(Settings):
     offset: float
     same: float
     other: float
+    shown: float
 
 
 class StreetSettings(Settings):

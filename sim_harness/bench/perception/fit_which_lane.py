@@ -2,7 +2,8 @@
 
 `python -m sim_harness.bench.perception.fit_which_lane --seed 1 --count 400` prints the sections ``searched`` and
 ``pair`` of ``street`` in config/perception.yaml. The samples are looks of unknown cameras at drawn streets and
-roads (:mod:`.looks`); a lane is right where it covers the true one.
+roads (:mod:`.looks`); a lane is right where both boundaries lie within a quarter of its width from the true ones,
+as for lanes on real frames that are judged by eye.
 
 **Bound.** A logistic regression is calibrated where its samples come from. To hold elsewhere, the bias is lowered
 until the bound below is kept for every family of roads while the weights are fitted to the others: with k of n
@@ -19,24 +20,23 @@ import typer
 
 from perception.camera.self_calibration import self_calibrated
 from perception.estimators import lane_cv_settings
-from perception.lane.agreement import overlap
 from perception.lane.detection.evenness import columns
 from perception.lane.street.settings import SearchedWeights, StreetWeights
 from perception.lane.which_lane import WhichLane
 from sim_harness.bench.perception.fit_confidence import fitted
 from sim_harness.bench.perception.looks import Look, looks
 from sim_harness.bench.perception.streets import StreetKind
+from sim_harness.bench.real.judgement import BESIDE, within
+from sim_harness.bench.real.look import LANE_ROWS, lane_at
 from sim_harness.world.roads.drawn import UNMARKED
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, Settings, load
-from trepid.messages import Frame
+from trepid.messages import Frame, PixelPath, SteeringEstimate
 from trepid.speech.loudness import note
 from trepid.types import Array, Mask
 
-RIGHT = 0.75  # intersection over union with the true lane
-ROWS = 48  # of the lower half of the image
 WEIGHTS: tuple[type[Settings], ...] = SearchedWeights, StreetWeights
-MAX_WRONG = 0.15  # expected share of looks of a new family that are wrong at a confidence above a half
+MAX_WRONG = 0.07  # expected share of looks of a new family that are wrong at a confidence above a half
 MARGINS = np.arange(0.0, 4.0, 0.1)
 FAMILIES: dict[str, str] = {
     **dict.fromkeys(UNMARKED, "unmarked"),
@@ -66,25 +66,23 @@ def samples(drawn: Iterable[Look]) -> tuple[Samples, Samples]:
     for look in drawn:
         finder = WhichLane(settings, self_calibrated([look.image], settings.self_calibration), vehicle)
         finder.step(Frame(t_s=0.0, image=look.image), None, now_s=0.0)
-        truth = _between(look.left_px, look.right_px, look)
         for rows, one in zip(found, finder.looks, strict=False):
-            paths = one.estimate.left_boundary_px, one.estimate.right_boundary_px
-            left, right = (np.array(path).reshape(-1, 2) for path in paths)
-            lane = _between(left, right, look)
-            rows.append((one.features, overlap(lane, truth) > RIGHT, FAMILIES.get(look.kind, "marked")))
+            rows.append((one.features, is_right(one.estimate, look), FAMILIES.get(look.kind, "marked")))
         if look.number % 50 == 0:
             note(f"look {look.number}")
     searched, paired = (Samples(*(np.array(column) for column in zip(*rows, strict=True))) for rows in found)
     return searched, paired
 
 
-def _between(left_px: Array, right_px: Array, look: Look) -> Array:
-    """Columns of both boundaries at rows of the lower half of the image, (2, ROWS); 0 where not known."""
-    height, width = look.image.shape[:2]
-    rows = np.linspace(height / 2, height - 1, ROWS)
-    paths = (tuple(map(tuple, path.tolist())) for path in (left_px, right_px))
-    found = np.clip(np.stack([columns(path, rows) for path in paths]), 0, width)
-    return np.where(np.isnan(found).any(axis=0), 0.0, found)
+def is_right(estimate: SteeringEstimate, look: Look) -> bool:
+    """Whether the lane of ``estimate`` is that of the car in ``look``."""
+    rows_px = np.array(LANE_ROWS) * look.image.shape[0]
+    truth = np.array([columns(_path(side), rows_px) for side in (look.left_px, look.right_px)])
+    return within(lane_at(estimate, rows_px), truth, BESIDE) is True
+
+
+def _path(pixels: Array) -> PixelPath:
+    return tuple((float(x_px), float(y_px)) for x_px, y_px in pixels)
 
 
 def margin(known: Samples) -> float:

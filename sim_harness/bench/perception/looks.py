@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from sim_harness.bench.perception.streets import Street, StreetKind, random_street
@@ -19,6 +20,8 @@ PITCH_SIGMA_RAD, YAW_SIGMA_RAD, OFFSET_SIGMA_M, HEADING_SIGMA_RAD = 0.05, 0.02, 
 ASIDE_M = 0.3  # the camera is at most this far beside the middle of the car
 FROM_M = (8.0, 40.0)  # station of the vehicle
 ROADS = 0.35  # share of roads out of town, with every kind of marking
+LAMPS = 0.2  # share of looks with lamps that a wet or polished surface reflects
+LAMPS_M = (2.0, 16.0)  # distance of their reflections ahead of the rear axle
 STATIONS_M = np.concatenate([np.arange(0.0, 20.0, 0.25), np.arange(20.0, 80.0, 1.0)])
 
 
@@ -56,11 +59,30 @@ def _look(number: int, rng: np.random.Generator) -> Look:
     yaw_rad = street.road.heading_at(station_m) + heading_rad
     renderer = Renderer(street.road, camera, seed=int(rng.integers(2**31)))
     image = renderer.render(x_m, y_m, yaw_rad, t_s=0.0, station_m=station_m, vehicles=street.vehicles)
+    image = with_lamps(image, camera, np.random.default_rng(int(rng.integers(2**31))))
     left, right = (_edge(street.road, camera, (x_m, y_m, yaw_rad), station_m, side) for side in (1.0, -1.0))
     if number % 2:
         image = np.ascontiguousarray(image[:, ::-1])
         left, right = (side * (-1.0, 1.0) + (WIDTH_PX - 1.0, 0.0) for side in (right, left))
     return Look(number, kind, image, left, right, kind == StreetKind.ONE_WAY)
+
+
+def with_lamps(image: Image, camera: Camera, rng: np.random.Generator) -> Image:
+    """``image``, at times with one to five reflections of tubes on the road, white with soft edges."""
+    if rng.random() > LAMPS:
+        return image
+    light = np.zeros(image.shape[:2], np.float32)
+    for _ in range(int(rng.integers(1, 6))):
+        middle = np.array([rng.uniform(*LAMPS_M), rng.uniform(-3.0, 3.0)])
+        turn_rad = float(rng.choice([0.0, np.pi / 2]) + rng.normal(0, 0.15))
+        along = np.array([np.cos(turn_rad), np.sin(turn_rad)]) * rng.uniform(0.4, 2.5) / 2
+        across = np.array([-np.sin(turn_rad), np.cos(turn_rad)]) * rng.uniform(0.08, 0.3) / 2
+        corners = [middle + along * a + across * b for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+        pixels = camera.pixel_from_road(np.array(corners))
+        if np.isfinite(pixels).all() and np.abs(pixels).max() < 10 * WIDTH_PX:
+            cv2.fillPoly(light, [np.round(pixels * 16).astype(np.int32)], (1.0,), cv2.LINE_AA, 4)
+    light = cv2.GaussianBlur(light, (0, 0), float(rng.uniform(0.5, 2.5)))[..., None] * rng.uniform(0.5, 1.0)
+    return np.round(image + light * (255.0 - image)).astype(np.uint8)
 
 
 def _camera(rng: np.random.Generator) -> Camera:

@@ -13,8 +13,8 @@ from perception.lane.street.rating import (
 from perception.lane.street.settings import SearchedWeights, StreetWeights
 
 SETTINGS = lane_cv_settings().street
-SEARCHED = dict(marked=True, offset_m=0.1, agreement=1.0, street=0.8)
-PAIRED = dict(steps=0, uneven=0.0, offset_m=0.1, agreement=1.0, searched=0.8)
+SEARCHED = dict(marked=True, offset_m=0.1, agreement=1.0, street=0.8, shown=1.0)
+PAIRED = dict(steps=0, uneven=0.0, offset_m=0.1, agreement=1.0, searched=0.8, shown=1.0)
 
 
 def by_search(probability=0.9, **changes):
@@ -27,7 +27,7 @@ def by_pair(probability=0.9, **changes):
 
 @pytest.mark.parametrize("probability", [0.01, 0.5, 0.9])
 def test_logit_is_the_inverse_of_the_logistic_function(probability):
-    weights = SearchedWeights(bias=0, probability=1, marked=0, offset=0, same=0, other=0)
+    weights = SearchedWeights(bias=0, probability=1, marked=0, offset=0, same=0, other=0, shown=0)
     assert probability_of(searched_features(probability, **SEARCHED), weights) == pytest.approx(probability)
 
 
@@ -66,3 +66,8 @@ def test_one_of_two_lanes_is_right_as_often_as_the_better_one_at_least():
     assert either(0.6, 0.9, agreement=0.0) == pytest.approx(0.6)
     assert either(0.6, 0.5, agreement=1.0) == pytest.approx(0.8)
     assert either(0.0, 0.5, agreement=0.5) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("rated", [by_search, by_pair])
+def test_a_lane_whose_boundaries_are_not_visible_is_less_probable(rated):
+    assert rated(shown=1.0) > rated(shown=0.3) > rated(shown=0.0)
