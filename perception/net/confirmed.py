@@ -8,7 +8,7 @@ which measures the boundaries at any height and is right with the probability c,
     P = p·c·a
 
 with the probability p of the network and the agreement a of the boundaries of both lanes; it is 0 without a lane of
-the witness. The witness runs in frames in which the network has a lane.
+the witness. The witness looks at every frame, so that it has the lane that ``cv`` has.
 """
 
 from dataclasses import replace
@@ -36,9 +36,9 @@ class ConfirmedNet:
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
         """The lane of the network, with the confidence that the image confirms."""
         found = self._network.step(frame, state, now_s=now_s)
+        seen = self._witness.step(frame, state, now_s=now_s)
         if found.lateral_offset_m is None:
             return found
-        seen = self._witness.step(frame, state, now_s=now_s)
         share = apart(outlined(found, self._camera, self._vehicle), seen, frame.image.shape[0])
         confidence = found.confidence * seen.confidence * agreed(share)
         reason = UNCONFIRMED if confidence < found.confidence / 2 else ""
