@@ -4,7 +4,6 @@ The frames come from the drives of ROUTES by Trepid itself. Drives, trainings an
 interrupted study continues. Degrees are of a steering wheel with the ratio 16, as in the paper.
 """
 
-import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,6 +35,10 @@ ROUTES: Mapping[str, Mapping[str, str]] = {  # scenario -> changes
     "s_curve": {"duration_s": "105"},
 }
 TEST_ROUTE = "s_curve"
+SHARES_OF = {  # train, validation and test of a data set
+    "seen": {"train": 0.85, "validation": 0.15, "test": 0.0},
+    "unseen": {"train": 0.0, "validation": 0.0, "test": 1.0},
+}
 EPOCHS = 8
 STAGE = "[{{name: all, part: all, epochs: {}, learning_rate: 1.0e-3, schedule: cosine, patience: 99}}]"
 SHARES = (0.01, 0.03, 0.1, 0.3, 1.0)
@@ -74,7 +77,7 @@ class Variant(NamedTuple):
     seed: int
     model: str
     changes: tuple[tuple[str, str], ...]  # of the recipe
-    judge: Callable[[Dataset, Path], Row]
+    judge: Callable[["Sets", Path], Row]
 
 
 def folder(seed: int) -> Path:
@@ -82,28 +85,43 @@ def folder(seed: int) -> Path:
     return WORK_DIR / "out" / "study" / str(seed)
 
 
-def study_set(seed: int) -> Dataset:
-    """The drives as a data set, driven and built where they are missing."""
-    out, paths = folder(seed) / "data", []
-    for name, changes in ROUTES.items():
-        path = folder(seed) / f"{name}.mcap"
-        paths.append(path)
-        if path.is_file():
-            continue
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_suffix(".partial")
-        partial.unlink(missing_ok=True)
-        scenario = load_scenario(name, {**SPEED, **changes})
-        with recording(partial, scenario) as witness:
-            run(scenario, seed=seed, witness=witness)
-        partial.replace(path)
+class Sets(NamedTuple):
+    """The drives to learn from, divided by time, and the route that is only tested."""
+
+    seen: Dataset
+    unseen: Dataset
+
+
+def study_sets(seed: int) -> Sets:
+    """The drives as data sets, driven and built where they are missing."""
+    paths = {name: _recorded(name, seed) for name in ROUTES}
+    unseen = paths.pop(TEST_ROUTE)
+    return Sets(_built("seen", [*paths.values()], seed), _built("unseen", [unseen], seed))
+
+
+def _recorded(name: str, seed: int) -> Path:
+    """The recording of a drive."""
+    path = folder(seed) / f"{name}.mcap"
+    if path.is_file():
+        return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    partial.unlink(missing_ok=True)
+    scenario = load_scenario(name, {**SPEED, **ROUTES[name]})
+    with recording(partial, scenario) as witness:
+        run(scenario, seed=seed, witness=witness)
+    partial.replace(path)
+    return path
+
+
+def _built(name: str, paths: list[Path], seed: int) -> Dataset:
+    """The data set of some recordings."""
+    out = folder(seed) / name
     if not (out / "dataset.yaml").is_file():
-        shares = {"train": 0.65, "validation": 0.15, "test": 0.2}
-        split = Split(by="route", seed=seed, gap_s=2.0, shares=shares, test_routes=(TEST_ROUTE,))  # type: ignore[arg-type]
+        split = Split(by="time", seed=seed, gap_s=1.0, shares=SHARES_OF[name])  # type: ignore[arg-type]
         faults = Faults(strict=True)
         logs = read_logs(paths, faults, TableOptions())
-        command = shlex.join(["trepid", "dataset", "build", str(out), *map(str, paths), "--split", "route"])
-        build(out, logs, BuildOptions(WheelOptions(), split, TableOptions(), command), faults)
+        build(out, logs, BuildOptions(WheelOptions(), split, TableOptions()), faults)
     return Dataset.open(out)
 
 
@@ -113,16 +131,20 @@ def trained_row(variant: Variant) -> Row:
     from learning.training.recipe import load_recipe
     from learning.training.run import run as train
 
-    data = study_set(variant.seed)
+    sets = study_sets(variant.seed)
     name = "_".join([variant.model, *(value for key, value in variant.changes if key != "stages")])
     out = folder(variant.seed) / f"{name.replace('.', '-')}.onnx"
     recipe = load_recipe(variant.model, None, overrides=dict(variant.changes))
-    train(data, variant.model, out, recipe, resume=True, command="trepid bench study", report=say)
-    return variant.judge(data, out)
+    train(sets.seen, variant.model, out, recipe, resume=True, command="trepid bench study", report=say)
+    return variant.judge(sets, out)
 
 
-def scores(data: Dataset, network: Path, split: str = "test") -> Row:
-    """Errors of the steering wheel on a split."""
+def scores(sets: Sets, network: Path) -> Row:
+    """Errors of the steering wheel on the unseen route."""
+    return _errors(sets.unseen, network, "test")
+
+
+def _errors(data: Dataset, network: Path, split: str) -> Row:
     bench, model = Bench(data, split, ratio=BIN_RATIO), Model(str(network))
     row = bench.row(model, model.predict(data, bench.rows))
     kept = ("mae_deg", "rmse_deg", "r2", "rate_rms_degps", "latency_ms", "parameters")
@@ -131,18 +153,22 @@ def scores(data: Dataset, network: Path, split: str = "test") -> Row:
     return {name: round(value, 3) if isinstance(value, float) else value for name, value in found.items()}
 
 
-def all_splits(data: Dataset, network: Path) -> Row:
-    """The errors in the layout of the paper's tables; our test route is an unseen one."""
-    train, validation, test = (scores(data, network, split) for split in ("train", "validation", "test"))
-    found = {f"{name}_deg": one["mae_deg"] for name, one in (("train", train), ("validation", validation))}
-    return found | {"unseen_deg": test["mae_deg"], "unseen_r2": test["r2"], "parameters": test["parameters"]}
+def all_splits(sets: Sets, network: Path) -> Row:
+    """The errors in the layout of the paper's tables."""
+    train, validation = (_errors(sets.seen, network, split) for split in ("train", "validation"))
+    unseen = scores(sets, network)
+    found = {"train_deg": train["mae_deg"], "validation_deg": validation["mae_deg"]}
+    return found | {
+        "unseen_deg": unseen["mae_deg"],
+        "unseen_r2": unseen["r2"],
+        "parameters": unseen["parameters"],
+    }
 
 
-def under_light(data: Dataset, network: Path) -> Row:
+def under_light(sets: Sets, network: Path) -> Row:
     """The errors, and the deviation of the steering wheel under GAINS of the brightness, root mean square [°]."""
     driver, spreads = DriverNetwork(network), []
-    rows = data.rows("test")
-    for image in data.images(rows):
+    for image in sets.unseen.images(sets.unseen.rows("test")):
         angles = [
             driver(
                 cv2.convertScaleAbs(image, alpha=gain).astype(np.uint8), driver.initial_state
@@ -150,17 +176,17 @@ def under_light(data: Dataset, network: Path) -> Row:
             for gain in GAINS
         ]
         spreads.append(np.var(np.degrees(angles) * BIN_RATIO))
-    return scores(data, network) | {"spread_under_light_deg": round(float(np.sqrt(np.mean(spreads))), 3)}
+    return scores(sets, network) | {"spread_under_light_deg": round(float(np.sqrt(np.mean(spreads))), 3)}
 
 
 def _study(seed: int, name: str, variants: Mapping[str, Variant]) -> dict[str, Row]:
-    study_set(seed)
+    study_sets(seed)
     rows = stored_rows(folder(seed) / f"{name}.jsonl", trained_row, dict(variants), jobs=1)
     return dict(zip(variants, rows, strict=True))
 
 
 def _variant(
-    seed: int, model: str = "steer", judge: Callable[[Dataset, Path], Row] = scores, **changes: str
+    seed: int, model: str = "steer", judge: Callable[[Sets, Path], Row] = scores, **changes: str
 ) -> Variant:
     recipe = {"seed": str(seed), "stages": STAGE.format(EPOCHS)} | changes
     return Variant(seed, model, tuple(recipe.items()), judge)

@@ -19,7 +19,7 @@ from sim_harness.bench.study.learned import OURS, Variant, bench_data, bench_dee
 def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Dataset:
     """A small data set in place of the drives."""
     made = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"), options=("--lock-deg", "20"))
-    monkeypatch.setattr(learned, "study_set", lambda seed: made)
+    monkeypatch.setattr(learned, "study_sets", lambda seed: learned.Sets(made, made))
     monkeypatch.setattr(learned, "WORK_DIR", tmp_path)
     return made
 
