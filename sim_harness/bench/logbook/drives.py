@@ -8,6 +8,7 @@ import numpy as np
 
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.lockstep.recording import recording
+from sim_harness.scenarios.faults import BlackFrames, FrozenCamera
 from sim_harness.scenarios.scenario import Scenario, list_scenarios, load_scenario
 from trepid.clock import NANO, seconds
 from trepid.recording.foreign import in_order
@@ -18,6 +19,7 @@ STAMP = struct.Struct(
     "<iI"
 )  # seconds and nanoseconds in the header of a message, after 4 bytes of encapsulation
 ENCAPSULATION = 4
+OF_IMAGES = (BlackFrames, FrozenCamera)  # faults that a drive without images cannot have
 SHORTEST_S, LONGEST_S = 4.0, 15.0
 KINDS = ("whole", "part", "cut")
 """A whole recording, one that begins in the middle of a drive, and one that was cut short at any byte."""
@@ -25,7 +27,11 @@ KINDS = ("whole", "part", "cut")
 
 def random_recordings(folder: Path, count: int, rng: np.random.Generator) -> Iterator[tuple[str, Path]]:
     """``count`` recordings of random scenarios with the true lane, each with its kind."""
-    names = [scenario.name for scenario in list_scenarios()]
+    names = [
+        scenario.name
+        for scenario in list_scenarios()
+        if not any(isinstance(fault, OF_IMAGES) for fault in scenario.faults)
+    ]
     for number in range(count):
         changes = {"sight": "truth", "duration_s": f"{rng.uniform(SHORTEST_S, LONGEST_S):.1f}"}
         scenario = load_scenario(str(rng.choice(names)), changes)
