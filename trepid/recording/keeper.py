@@ -10,6 +10,9 @@ from trepid.recording.writer import RECORDED
 from trepid.topics import DECISION, SIM_TRUTH, VEHICLE_STATE
 
 EMERGENCY, INTERVENTION = "emergency-stop", "intervention"
+ENDING_S = 2.0
+"""An emergency stop so short before the end of the recorder is that of the end of the drive, at which the process
+next to the actuator ends first."""
 
 
 class Events:
@@ -45,7 +48,7 @@ class Keeper:
         self._me, self._settings = me, settings
         self.problem = ""
         """Why the ring is not written, or an event was not kept; "" while all is well."""
-        self._events, self._due_s, self._reason = Events(), float("inf"), ""
+        self._events, self._event_s, self._due_s, self._reason = Events(), float("inf"), float("inf"), ""
         bus = me.bus
         self._decision = bus.latest(DECISION, wakes=False)
         self._state = bus.latest(VEHICLE_STATE, wakes=False)
@@ -66,16 +69,18 @@ class Keeper:
         event = self._events.step(self._decision.refresh(), self._state.refresh(), self._truth.refresh())
         now_s = self._me.now_s()
         if event is not None and not self._reason:
-            self._reason, self._due_s = event, now_s + self._settings.after_s
+            self._reason, self._event_s, self._due_s = event, now_s, now_s + self._settings.after_s
         if now_s >= self._due_s:
             self._keep(now_s)
 
     def close(self) -> None:
-        """Write the rest and keep the ring if an event asks for it."""
+        """Write the rest and keep the ring if an event before the end of the drive asks for it."""
         self._tried(Ring.write)
         self._tried(Ring.close)
-        if self._reason:
-            self._keep(self._me.now_s())
+        now_s = self._me.now_s()
+        ends = self._reason == EMERGENCY and now_s - self._event_s < ENDING_S
+        if self._reason and not ends:
+            self._keep(now_s)
 
     def _keep(self, now_s: float) -> None:
         reason, self._reason, self._due_s = self._reason, "", float("inf")

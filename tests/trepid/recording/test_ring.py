@@ -9,11 +9,12 @@ from typing import Any
 import pytest
 
 from trepid.config import InputError
-from trepid.messages import VehicleState
+from trepid.messages import Stop, VehicleState
+from trepid.recording import keeper
 from trepid.recording.keeper import EMERGENCY, INTERVENTION, Events
 from trepid.recording.reader import read_recording
 from trepid.recording.ring import Ring, RingSettings, kept, newest, prune, ring_settings, secured
-from trepid.topics import VEHICLE_STATE
+from trepid.topics import DECISION, VEHICLE_STATE
 from trepid.wire import to_cdr
 
 STATE = VehicleState(
@@ -85,12 +86,45 @@ def test_an_event_is_the_beginning_of_a_stop_or_intervention() -> None:
     calm: Any = SimpleNamespace(stop="none")
     assert events.step(stop, None, None) is None, "what is so at the beginning is no event"
     assert events.step(calm, None, None) is None
-    from trepid.messages import Stop
-
     stop.stop = Stop.EMERGENCY
     assert [events.step(stop, None, None), events.step(stop, None, None)] == [EMERGENCY, None]
     assert events.step(None, STATE, None) is None
     assert events.step(None, replace(STATE, driver_override=True), None) == INTERVENTION
+
+
+class Drive:
+    """The process and bus of a keeper: its clock, and a decision that stops the car or not."""
+
+    def __init__(self) -> None:
+        self.clock_s, self.stop, self.bus = 100.0, Stop.NONE, self
+
+    def now_s(self) -> float:
+        return self.clock_s
+
+    def tap(self, *_: str) -> Any:
+        return SimpleNamespace(drain=lambda: [])
+
+    def latest(self, topic: Any, *, wakes: bool) -> Any:
+        decides = topic is DECISION
+        return SimpleNamespace(refresh=lambda: SimpleNamespace(stop=self.stop) if decides else None)
+
+
+@pytest.mark.parametrize(("before_end_s", "count"), [(0.5, 0), (3.0, 1)])
+def test_an_emergency_stop_is_kept_unless_it_is_that_of_the_end_of_the_drive(
+    monkeypatch: pytest.MonkeyPatch, before_end_s: float, count: int
+) -> None:
+    kept_as: list[str] = []
+    monkeypatch.setattr(keeper, "keep_apart", lambda folder, out: kept_as.append(out.stem))
+    drive: Any = Drive()
+    settings = RingSettings(max_mb=1.0, part_s=2.0, after_s=5.0, max_kept_mb=1.0)
+    keeping = keeper.Keeper(drive, settings, {}, {})
+    keeping.turn()
+    drive.stop = Stop.EMERGENCY
+    keeping.turn()
+    drive.clock_s += before_end_s
+    keeping.turn()
+    keeping.close()
+    assert [name.endswith("emergency-stop") for name in kept_as] == [True] * count
 
 
 def test_the_shipped_ring_is_bounded() -> None:
