@@ -118,8 +118,9 @@ class Shift(Memory):
         return pixels, self.scale(output[:, -self.moved :])
 
     def _output(self, pixels: Tensor, now: Tensor, before: Tensor) -> Tensor:
-        inner = now[:, None, :, None, self.reach : self.edges_size[1] - self.reach]
-        differences = ((inner - before[..., self.places]) ** 2).mean(dim=(2, 4))
+        inner = now.permute(2, 0, 1)[self.reach : self.edges_size[1] - self.reach, :, None]
+        shifted = before.permute(3, 0, 1, 2)[self.places]  # columns first: whole columns are copied
+        differences = ((inner - shifted) ** 2).mean(dim=(1, 4)).permute(1, 2, 0)
         middle = differences[..., 1:-1].argmin(dim=-1, keepdim=True) + 1
         left, least, right = (differences.gather(-1, middle + i)[..., 0] for i in (-1, 0, 1))
         bend = (left - 2 * least + right).clamp(min=FLOOR)
