@@ -77,7 +77,7 @@ def bench_imitation(
     for name, dataset in found.items():
         table[name] = {network: next(rows) for network in (PEER, *OURS)}
         table[name] |= Bench(dataset, "test").baselines
-    return {"last fifth": table, "figures": verdicts(table, OURS, PEER)} | absent
+    return ({"last fifth": table, "figures": verdicts(table, OURS, PEER)} if table else {}) | absent
 
 
 def built(source: Path) -> Dataset:
