@@ -65,6 +65,7 @@ def test_the_horizon_of_the_street_is_found_from_a_guess_one_step_away(pitch_rad
     lane = found(road((0.0, 0.0, 0.0, 0.0), camera=camera), guess)
     step = SETTINGS.street.search.horizon_step
     assert lane.profile.course.horizon == pytest.approx(horizon_of(camera), abs=0.75 * step)
+    assert horizon_of(lane.camera) == pytest.approx(lane.profile.course.horizon)
     assert lane.fit.state.mean[PSI] == pytest.approx(0.0, abs=0.03)
 
 
