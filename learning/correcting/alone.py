@@ -1,8 +1,8 @@
-"""A driving network alone in the simulator: no other estimator, no supervision, whatever it says of itself.
+"""A driving network alone in the simulator: no other estimator, no supervision, at any stated confidence.
 
 The car follows the arc of the newest angle at a constant set speed; the controller adds the understeer. The
-recording also holds the estimates of the expert, who sees the exact lane: the pure pursuit angle that leads back
-to its centre (:mod:`sim_harness.lockstep.oracle`).
+recording also holds the estimates of the expert, computed from the exact lane: the pure pursuit angle that leads
+back to its centre (:mod:`sim_harness.lockstep.oracle`).
 """
 
 import json
@@ -28,7 +28,7 @@ SLACK, START_S = 1.1, 10.0  # of the time for a route, and to get going
 
 
 class Alone:
-    """The angles of a driving network, also where it states that it does not know the image."""
+    """The angles of a driving network, also for images unlike those of its training."""
 
     def __init__(self, name: str, driver: Driver) -> None:
         self._name, self._driver = name, driver

@@ -1,4 +1,4 @@
-"""How well a model knows its errors: coverage of its intervals, order of its errors, confidence, and its world."""
+"""Stated errors of a model beside its real ones: coverage of intervals, order of errors, confidence, world."""
 
 import numpy as np
 from scipy.stats import spearmanr

@@ -1,14 +1,15 @@
 """Estimator ``cnn`` without a camera file: its lane counts as far as lines and kerbs in the image confirm it.
 
 The network measures lengths in the world of its training: lanes of a known width, seen from a known height. In the
-image of another camera a lane of another width looks like one of these beside its true place, and the network is as
-sure of it. What is in the image decides: with the lane of ``cv`` as witness (:mod:`perception.lane.which_lane`),
-which measures the boundaries at any height and is right with the probability c, the confidence is
+image of another camera a lane of another width looks like one of these beside its true place, and the network gives
+it the same probability. The image itself decides: with the lane of ``cv`` as witness
+(:mod:`perception.lane.which_lane`), which measures the boundaries at any height and is right with the probability
+c, the confidence is
 
     P = p·c·a
 
 with the probability p of the network and the agreement a of the boundaries of both lanes; it is 0 without a lane of
-the witness. The witness looks at every frame, so that it has the lane that ``cv`` has.
+the witness. The witness processes every frame, so that its lane is that of ``cv``.
 """
 
 from dataclasses import replace

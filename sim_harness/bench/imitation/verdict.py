@@ -9,7 +9,7 @@ MOST_TO_PEER = 0.8  # of the error of donkeycar's network
 LEAST_R2, LEAST_R2_SIMULATED = 0.0, 0.6
 SIMULATED = ("donkey_sim_carpet", "udacity_sim_track")
 COVERAGE, COVERAGE_OFF = 0.9, 0.015
-WITHOUT_IMAGE = ("always_straight", "mean")  # the angle of 0.2 s ago knows the driver
+WITHOUT_IMAGE = ("always_straight", "mean")  # the angle of 0.2 s ago is the driver's own
 
 
 def verdicts(
