@@ -80,6 +80,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
     assert set(trepid.__all__) <= set(dir(trepid))
 
 
+@pytest.mark.processes  # both cores for long
 def test_mypy_reads_the_types_of_the_functions(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(

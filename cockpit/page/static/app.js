@@ -81,24 +81,33 @@ async function receive(socket, buffer) {
   const { state, jpeg } = unpack(buffer);
   const picture = jpeg.length ? await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" })).catch(() => null) : null;
   requestAnimationFrame(() => {
-    connection("live", true);
-    if (lost || drive !== state.drive) found(state);
-    panels.show(state);
-    stop.show(state);
-    keep.show(state);
-    path.add(state.track, state);
-    timelines.add(state.series, state.samples, state.now);
-    rules.show(state.decision?.inputs);
-    camera.names(state);
-    if (picture) {
-      camera.show(picture, state.picture, state);
-      picture.close();
-      glass.push(Date.now() - 1000 * state.picture.t);
-      if (glass.length > 3000) glass.shift();
-      window.trepid.firstPicture ??= performance.now();
+    try {
+      draw(state, picture);
+    } catch (error) { // half of the values may be old ones
+      lose(`this page fails, reload it: ${error.message}`);
+      throw error;
+    } finally { // the server waits for it
+      if (socket.readyState === WebSocket.OPEN) socket.send("drawn");
     }
-    if (socket.readyState === WebSocket.OPEN) socket.send("drawn");
   });
+}
+
+function draw(state, picture) {
+  connection("live", true);
+  if (lost || drive !== state.drive) found(state);
+  panels.show(state);
+  stop.show(state);
+  keep.show(state);
+  path.add(state.track, state);
+  timelines.add(state.series, state.samples, state.now);
+  rules.show(state.decision?.inputs);
+  camera.names(state);
+  if (!picture) return;
+  camera.show(picture, state.picture, state);
+  picture.close();
+  glass.push(Date.now() - 1000 * state.picture.t);
+  if (glass.length > 3000) glass.shift();
+  window.trepid.firstPicture ??= performance.now();
 }
 
 function connect() {

@@ -264,6 +264,17 @@ def test_after_a_lost_connection_the_page_says_that_it_is_connected_again(seen):
     assert seen.text("notice").startswith("Connected again at ")
 
 
+def test_a_page_that_fails_to_draw_says_so_and_still_receives(seen):
+    seen.js("document.getElementById('what').id = 'gone'")
+    assert until(lambda: "reload it" in seen.text("connection"), patience_s=PATIENCE_S)
+    assert seen.becomes("mode", "NO DATA")
+    messages = seen.js("return trepid.messages")
+    assert until(lambda: seen.js("return trepid.messages") > messages + 3, patience_s=PATIENCE_S)
+    seen.browser.get_log("browser")  # its errors are meant
+    seen.browser.refresh()
+    assert seen.becomes("mode", "KEEP")
+
+
 def test_one_press_keeps_the_last_minutes(seen):
     seen.click("keep")
     assert until(lambda: "holds no drive to keep" in seen.text("kept"), patience_s=PATIENCE_S)

@@ -197,6 +197,7 @@ def test_joined_data_sets_keep_their_images_and_divide_the_added_pieces(
     assert (both.image(added[0]) == base.image(first[0])).all()
 
 
+@pytest.mark.processes  # both cores for long
 def test_a_tiny_network_that_only_knows_a_straight_road_learns_a_bend(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
