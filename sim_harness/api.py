@@ -24,7 +24,7 @@ from sim_harness.sweep.plan_store import PlanStore
 from sim_harness.sweep.store import Row
 from sim_harness.sweep.sweep import sweep as outcomes_of
 from sim_harness.sweep.sweep import workforce
-from trepid.config import CONFIG_DIR, InputError, load, using_car
+from trepid.config import CONFIG_DIR, InputError, load, refuse, using_car
 from trepid.images.files import NOMINAL_FPS
 from trepid.recording.writer import check_free
 
@@ -42,13 +42,16 @@ def run(
     """Drive a scenario once in lock-step and judge it, as ``trepid sim run`` does.
 
     ``scenario``: a name, a file or a :class:`Scenario`; ``settings``: other values of its fields by dotted name,
-    such as ``{"duration_s": 20}`` (not for a :class:`Scenario`); ``estimators``: names, or files of driving
-    networks, instead of its own; ``record``: the recording (.mcap) to write.
+    such as ``{"duration_s": 20}``; ``estimators``: names, or files of driving networks, instead of its own (neither
+    with a :class:`Scenario`, which holds its own); ``record``: the recording (.mcap) to write.
 
     The result has ``row()``, the dictionary that ``trepid sim run --json`` prints, ``reasons`` (empty when
     passed), ``metrics`` and ``trace``, whose columns are arrays of shape (n,): ``trace["lateral_offset_m"]``.
     The same scenario and seed give the same trace, bit for bit. Raises InputError for wrong input.
     """
+    refuse("raw_images needs record", raw_images and record is None)
+    changed = bool(settings or estimators)
+    refuse("settings and estimators are not for a Scenario", changed and isinstance(scenario, Scenario))
     with using_car(None if car is None else Path(car)):
         if not isinstance(scenario, Scenario):
             scenario = load_scenario(str(scenario), _changes(settings, estimators))
@@ -89,6 +92,11 @@ def sweep(
     A row is the dictionary that ``trepid sim run --json`` prints; ``pandas.DataFrame(rows)`` is a table of them.
     A case that crashes is a row with status ``failed``. Raises InputError for wrong input or configuration.
     """
+    refuse("resume needs out", resume and out is None)
+    refuse("cluster has its own processes: jobs cannot be given too", cluster is not None and jobs > 1)
+    refuse(f"jobs {jobs}: at least 1 expected", jobs < 1)
+    if report is not None and not Path(report).parent.is_dir():
+        raise InputError(f"{report}: there is no folder {Path(report).parent}")
     with using_car(None if car is None else Path(car)):
         sources = [scenarios] if isinstance(scenarios, str | Path) else scenarios
         selection = select([str(one) for one in sources], tags, _changes(settings, estimators))
@@ -169,6 +177,7 @@ def drive(
     from sim_harness.live.drive import has_simulator
     from sim_harness.live.referee import DriveSettings
 
+    refuse("raw_images needs record", raw_images and record is None)
     with using_car(None if car is None else Path(car)):
         given = load(CONFIG_DIR / "drive.yaml", DriveSettings)
         name = given.scenario if scenario is None and has_simulator() else scenario
@@ -177,6 +186,7 @@ def drive(
             what = load_scenario(str(name), _changes(settings, estimators))
             what.check()
             what = what if duration_s is None else what.shortened(duration_s)
+        refuse("settings change a scenario: give scenario too", what is None and bool(settings))
         return drive_live(
             what,
             given,
@@ -198,10 +208,12 @@ def _changes(settings: Mapping[str, object] | None, estimators: Sequence[str]) -
 def _planned(
     selection: Selection, seeds: int | Sequence[int], sample: str | None, cases: int | None, seed: int
 ) -> Plan:
+    chosen = range(seed, seed + seeds) if isinstance(seeds, int) else seeds
+    refuse(f"seeds {seeds}: at least one expected", not chosen)
+    refuse("cases needs sample", cases is not None and sample is None)
     if sample is None:
-        return plan(
-            by_seeds(selection.scenarios, range(seed, seed + seeds) if isinstance(seeds, int) else seeds)
-        )
+        return plan(by_seeds(selection.scenarios, chosen))
+    refuse("sample draws the seeds itself: seeds cannot be given too", seeds != 1)
     if sample not in [*Method]:
         raise InputError(f"sample {sample!r}: expected {', '.join(Method)}")
     return plan(by_sampling(selection.scenarios, Method(sample), cases, seed=seed))

@@ -28,7 +28,7 @@ from trepid.commands.car_option import Car
 from trepid.commands.changes_option import Changes
 from trepid.commands.estimator_option import Chosen
 from trepid.commands.record_option import RawImages
-from trepid.config import InputError, parse_overrides
+from trepid.config import InputError, parse_overrides, refuse
 from trepid.speech.loudness import note
 
 app = typer.Typer(no_args_is_help=True, add_completion=False)
@@ -153,12 +153,6 @@ def run_verb(
     page = Report(path=report, page=Page("trepid sim run"), command=selection.command) if report else None
     with PlanStore(out, planned, code=fingerprint(), resume=resume) if out else nullcontext() as store:
         return show(planned, work, store=store, report=page, as_json=as_json)
-
-
-def refuse(wrong: str, is_so: bool) -> None:
-    """Raise InputError with the sentence ``wrong`` if it is so."""
-    if is_so:
-        raise InputError(wrong)
 
 
 def planned_cases(

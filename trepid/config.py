@@ -70,6 +70,12 @@ class InputError(Exception):
     """Wrong input or configuration: one line for the user, exit code 2."""
 
 
+def refuse(wrong: str, is_so: bool) -> None:
+    """Raise InputError with the sentence ``wrong`` if it is so."""
+    if is_so:
+        raise InputError(wrong)
+
+
 S = TypeVar("S", bound=BaseModel)
 
 

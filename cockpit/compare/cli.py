@@ -160,7 +160,8 @@ def _summary(found: dict[str, Any]) -> Iterator[str]:
         for file in ("a", "b"):
             for name in found[f"only_{file}"]:
                 yield f"only in {file.upper()}: {name}"
-        same = sum(pair["first_difference"] is None for pair in found["pairs"])
+        # traces of different lengths differ, also where all common samples are equal
+        same = sum(pair.get("equal", pair["first_difference"] is None) for pair in found["pairs"])
         yield f"{len(found['pairs'])} pairs compared, {len(found['pairs']) - same} differ"
     else:
         yield _difference(found)

@@ -149,7 +149,7 @@ def _written(drive: "Drive", work: Path, kind: Format, rate_hz: float | None) ->
         from cockpit.export.frames import of_drive, rate_of
         from cockpit.export.lerobot import write_lerobot
 
-        task = drive.recorded.notes.get("what", "drive")
+        task = drive.recorded.notes.get("what") or "drive"  # a real car notes no scenario
         frames = of_drive(drive, _progress())
         found = write_lerobot(frames, work, rate_hz=rate_of(drive.image_s), task=task)
         return {"rows": found, "left_out": len(drive.image_s) - found}

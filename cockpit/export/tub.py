@@ -38,7 +38,7 @@ def write_tub(frames: Iterable[DrivenFrame], out: Path, *, lock_rad: float) -> i
         name = f"{number}_cam_image_array_.jpg"
         (out / "images" / name).write_bytes(frame.jpeg or _jpeg(frame.image))
         records.append(_record(number, name, frame, lock_rad))
-    top_mps = max((record["enc/speed"] for record in records if "enc/speed" in record), default=0.0)
+    top_mps = max((abs(record["enc/speed"]) for record in records if "enc/speed" in record), default=0.0)
     for record in records:
         if "enc/speed" in record:
             record["user/throttle"] = record["enc/speed"] / top_mps if top_mps > 0 else 0.0

@@ -7,7 +7,7 @@ derived, only while a viewer subscribes to them. Needs the extra ``foxglove``.
 from typing import TYPE_CHECKING, Any
 
 from cockpit.foxglove.convert import DEFINITIONS
-from cockpit.foxglove.scene import READ, Scene
+from cockpit.foxglove.scene import Scene
 from trepid.bus import Bus
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -15,7 +15,7 @@ from trepid.clock import nanoseconds
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.processes.process import Process, process
 from trepid.recording.writer import RECORDED
-from trepid.topics import CAMERA_COMPRESSED, DECISION, topic_of
+from trepid.topics import CAMERA_COMPRESSED, SIM_TRUTH, VEHICLE_STATE, topic_of
 from trepid.wire import definition, ros_name
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 PERIOD_S = 0.03  # between two looks at the bus
 IDLE_S = 0.5  # the same without a viewer
 SMALL = tuple(key for key in RECORDED if key != CAMERA_COMPRESSED.key)
-POSED = frozenset(READ) - {DECISION.key}
+POSED = frozenset({SIM_TRUTH.key, VEHICLE_STATE.key})
 """Topics from which the pose follows; they are read without a viewer too."""
 
 

@@ -28,13 +28,15 @@ from trepid.topics import (
     estimate_topic,
 )
 from trepid.types import Column
-from trepid.wire import WireError
+from trepid.wire import VEHICLE_FRAME, WireError
 
 RULES_NAME = "fear.yaml"
 _KEYS = (DECISION.key, VEHICLE_STATE.key, COMMAND.key, estimate_topic("*").key, DIAGNOSTICS.key)
 _FRAME_WITHIN_S = 1.0  # greatest age of the camera image of a decision
 TAIL = struct.Struct("<dd")  # speed_factor and speed_cap_mps, with which the bytes of a decision end
 LEAST_BYTES = 200  # of a decision
+HEADER_FRAME = struct.pack("<I", len(VEHICLE_FRAME) + 1) + VEHICLE_FRAME.encode() + b"\0"
+FRAME_AT = 12  # place of it in CDR: behind 4 bytes of its own, seconds and nanoseconds
 MOST_MPS = 200.0  # a faster speed cap is a sign of a malformed decision
 
 
@@ -183,11 +185,12 @@ def _valid(arrived: Series[Any], place: int) -> Any:
 def _without_malformed(decisions: Series[Decision]) -> None:
     """Drop the decisions that were malformed on the bus. Of those of this version only odd ones are decoded.
 
-    A decision is odd when its last two numbers are no speed factor and no speed.
+    A decision is odd when it does not begin as those of Trepid, or its last two numbers are not a speed factor and
+    a speed.
     """
     kept = []
     for place, data in enumerate(decisions.data):
-        odd = not decisions.current or len(data) < LEAST_BYTES
+        odd = not decisions.current or len(data) < LEAST_BYTES or not data.startswith(HEADER_FRAME, FRAME_AT)
         if not odd:
             factor, cap_mps = TAIL.unpack_from(data, len(data) - TAIL.size)
             odd = not (0.0 <= factor <= 1.0 and 0.0 <= cap_mps < MOST_MPS)

@@ -14,7 +14,9 @@ import numpy as np
 from cockpit.logbook.recall import Recall
 from cockpit.logbook.rise import next_level, raising
 from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, significant, slow_downs
+from supervisor.rules.inference import FearRules, Values
 from trepid.messages import Decision, Stop
+from trepid.types import Column
 
 BEFORE_S = 10.0  # length of the timeline before the slow-down
 AROUND_S = 0.5  # of the given time
@@ -34,7 +36,7 @@ def story(drive: Recall, at_s: float) -> Story:
     if not first_s - 1e-3 <= at_s <= last_s + 1e-3:
         raise ValueError(f"the recording runs from {first_s:.1f} to {last_s:.1f} s")
     by_supervisor = _cap_falls(drive)
-    by_speed = slow_downs(np.nan_to_num(drive.speed_mps), _MEASURED_CLEAR * drive.cruise_mps)
+    by_speed = slow_downs(_held(drive.speed_mps), _MEASURED_CLEAR * drive.cruise_mps)
     head: Story = {
         "file": str(drive.recorded.path),
         "at_s": at_s,
@@ -53,6 +55,13 @@ def story(drive: Recall, at_s: float) -> Story:
     others = {round(float(drive.t_s[s.before]), 1) for s in (*by_supervisor, *by_speed)}
     nearest_s = sorted(others, key=lambda other_s: abs(other_s - at_s))[:3]
     return head | {"others_s": nearest_s} | _calm(drive, at_s)
+
+
+def _held(speed_mps: Column) -> Column:
+    """The last known speed where it is unknown, which is no slow-down; 0 before the first one."""
+    places = np.where(np.isfinite(speed_mps), np.arange(len(speed_mps)), -1)
+    last = np.maximum.accumulate(places)
+    return np.where(last >= 0, speed_mps[last], 0.0)
 
 
 def overview(drive: Recall) -> list[Story]:
@@ -95,24 +104,30 @@ def _calm(drive: Recall, at_s: float) -> Story:
     decision = drive.decisions[index]
     by = drive.rules_of(decision)
     values = dict(zip(decision.inputs, decision.input_values, strict=True))
+    fear = max(decision.fear, by.evaluate(values).fear) if values else decision.fear
     return {
         **_moment(drive, index),
         "decision_age_s": round(at_s - float(drive.t_s[index]), 3),
         "cruise_mps": drive.cruise_mps,
         "speed_mps": _known(drive.speed_mps[index]),
-        "next_level": next_level(by, decision.fear),
-        "raised_by": [
-            {
-                "name": name,
-                "value": _known(values[name]),
-                "from": worse,
-                **_fields(by.inputs[name], "unit", "meaning"),
-                "cause": cause,
-            }
-            for name, worse, cause in (raising(by, values) if values else [])
-        ],
+        "next_level": next_level(by, fear),
+        "raised_by": _raised_by(by, values) if values else None,
         "timeline": _timeline(drive, at_s - BEFORE_S, index),
     }
+
+
+def _raised_by(by: FearRules, values: Values) -> list[Story]:
+    """The inputs that alone would raise fear, with their value and the one from which they do."""
+    return [
+        {
+            "name": name,
+            "value": _known(values[name]),
+            "from": worse,
+            **_fields(by.inputs[name], "unit", "meaning"),
+            "cause": cause,
+        }
+        for name, worse, cause in raising(by, values)
+    ]
 
 
 def _explained(drive: Recall, slow: SlowDown, index: int) -> Story:

@@ -83,6 +83,8 @@ def _rise(story: Story) -> Iterator[str]:
     level, raised_by = story["next_level"], story["raised_by"]
     if level is None:
         yield "\nFear is at its highest level."
+    elif raised_by is None:
+        yield f"\nNo inputs of the rules are recorded: what would raise fear to {level} is not known."
     elif not raised_by:
         yield f"\nNo input alone would raise fear to {level}."
     else:

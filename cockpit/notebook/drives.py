@@ -12,7 +12,7 @@ from cockpit.logbook.recall import Recall, recall
 from cockpit.logbook.story import Story, overview, story
 from cockpit.rulebook.explanation import explanation
 from supervisor.rules.inference import FearRules
-from trepid.config import InputError
+from trepid.config import InputError, refuse
 
 
 class OpenRecording(Drive):
@@ -62,15 +62,16 @@ def explain(
     ``at_s`` from its start [s] and, where given, other ``rules`` than the recorded ones: docs/recordings.md lists
     the fields of the result. Raises InputError.
     """
+    for_drive = at_s is not None or rules is not None
     if isinstance(source, FearRules):
+        refuse("at_s and rules are for recordings, and the source is a set of rules", for_drive)
         return explanation(source, values or {})
     path = Path(source)
     if is_recording(path):
         if values is not None or at_s is None:
             raise InputError(f"{path}: a recording is explained at a time: give at_s, and no values")
         return _told(recall(path, None if rules is None else Path(rules)), at_s)
-    if at_s is not None or rules is not None:
-        raise InputError(f"{path}: at_s and rules are for recordings, and this is no MCAP file")
+    refuse(f"{path}: at_s and rules are for recordings, and this is no MCAP file", for_drive)
     return explanation(FearRules.load(path), values or {})
 
 

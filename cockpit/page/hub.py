@@ -20,7 +20,7 @@ from trepid.messages import CompressedFrame
 
 MAX_VIEWERS = 8
 LOOKING_PERIOD_S, IDLE_PERIOD_S = 0.02, 0.5  # between two turns
-PICTURE_S = 0.075  # at least, between two messages to a viewer: the camera may be faster than an eye
+PICTURE_S = 0.075  # at least, between two messages to a viewer; of a faster camera the newest picture is sent
 UPDATE_S = 0.1  # without a new picture the numbers are sent as often
 DECISION_S = 0.04  # a picture waits this long for the decision on its frame
 AWAY_S = 3.0

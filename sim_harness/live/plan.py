@@ -58,8 +58,10 @@ def planned(
     estimator without an entry of its own runs as ``perception.node``. The first ``perception.node`` also judges the
     image, unless a process publishes ``perception/image_statistics``. The recorder runs when the drive is recorded,
     and where a process publishes ``driver/input``, because its record button starts recordings. The process PAGE
-    runs with ``page``, FOXGLOVE with ``foxglove``.
+    runs with ``page``, FOXGLOVE with ``foxglove``. Raises InputError where the car leaves out the asked FOXGLOVE.
     """
+    if foxglove and all(spec.name != FOXGLOVE for spec in specs):
+        raise InputError(f"--foxglove: processes.yaml of the car leaves out the process {FOXGLOVE}")
     unasked = {name for name, asked in ((PAGE, page), (FOXGLOVE, foxglove)) if not asked}
     specs = tuple(spec for spec in specs if spec.name not in unasked)
     recorded = recorded or any(DRIVER_INPUT.key in spec.publishes for spec in specs)

@@ -157,10 +157,11 @@ def _glimpses(trace: Trace, film: Film) -> dict[str, Any]:
         ]
         for one in glimpses
     ]
-    places = np.array([one.others for one in glimpses], dtype=np.float64).reshape(len(glimpses), -1, 3)
+    vehicles = len(glimpses[0].others) if glimpses else 0
+    places = np.array([one.others for one in glimpses], dtype=np.float64).reshape(len(glimpses), vehicles, 3)
     others = [
         [coded(places[:, number, axis], step) for axis, step in enumerate((0.05, 0.05, 0.01))]
-        for number in range(places.shape[1])
+        for number in range(vehicles)
     ]
     times = coded(np.array([one.t_s for one in glimpses]) - first_s, 0.01)
     vehicle = default_vehicle()

@@ -99,6 +99,9 @@ def test_a_rule_file_is_explained_as_by_the_command_line(
     assert trepid.explain("config/fear.yaml", {"speed": 8, "time_gap": None}) == row
     with pytest.raises(trepid.InputError, match="unknown input 'sped'"):
         trepid.explain("config/fear.yaml", {"sped": 8})
+    for source in ("config/fear.yaml", trepid.load().rules):
+        with pytest.raises(trepid.InputError, match="at_s and rules are for recordings"):
+            trepid.explain(source, at_s=1.0)
 
 
 def test_an_unreadable_image_of_a_folder_is_refused_or_left_out(tmp_path: Path, recorded: Path) -> None:
@@ -108,3 +111,31 @@ def test_an_unreadable_image_of_a_folder_is_refused_or_left_out(tmp_path: Path, 
     with pytest.raises(trepid.InputError, match=r"b\.png"):
         list(trepid.estimate(tmp_path))
     assert len(list(trepid.estimate([tmp_path], strict=False))) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        ({"cases": 3}, "cases needs sample"),
+        ({"sample": "lhs", "seeds": 2}, "sample draws the seeds itself"),
+        ({"seeds": 0}, "seeds 0: at least one expected"),
+        ({"resume": True}, "resume needs out"),
+        ({"jobs": 0}, "jobs 0: at least 1"),
+        ({"cluster": "tcp://127.0.0.1:1", "jobs": 2}, "cluster has its own processes"),
+        ({"report": "no/such/folder/r.html"}, "there is no folder no/such/folder"),
+    ],
+)
+def test_a_sweep_whose_parameters_exclude_each_other_is_refused(words: dict[str, Any], reason: str) -> None:
+    with pytest.raises(trepid.InputError, match=reason):
+        trepid.sweep("cut_in", **words)
+
+
+def test_parameters_without_an_effect_are_refused() -> None:
+    scenario = load_scenario("straight", {})
+    with pytest.raises(trepid.InputError, match="not for a Scenario"):
+        trepid.run(scenario, settings=SHORT)
+    with pytest.raises(trepid.InputError, match="not for a Scenario"):
+        trepid.run(scenario, estimators=["cv"])
+    for function in (trepid.run, trepid.drive):
+        with pytest.raises(trepid.InputError, match="raw_images needs record"):
+            function("straight", raw_images=True)

@@ -5,6 +5,7 @@ export class KeepButton {
   constructor(ask) {
     this.ask = ask;
     this.busy = false;
+    this.whyNot = null;
     element("keep").addEventListener("click", () => this.press());
   }
 
@@ -24,8 +25,10 @@ export class KeepButton {
   }
 
   show(state) {
+    if (state.no_keep === this.whyNot) return;
+    this.whyNot = state.no_keep; // another drive: its reason, or none
     element("keep").hidden = Boolean(state.no_keep);
-    if (state.no_keep) this.say(state.no_keep);
+    this.say(state.no_keep);
   }
 
   say(text) {

@@ -147,3 +147,13 @@ def test_what_cannot_be_compared_or_drawn_is_refused_in_one_line(
     assert (code, out, err.count("\n")) == (2, "", 1)
     code, _, err = compare(drives / "run.npz", drives / "run.mcap")
     assert code == 2 and "traces and recordings cannot be compared" in err
+
+
+def test_a_pair_of_traces_of_different_lengths_counts_as_one_that_differs(
+    drives: Path, tmp_path: Path, compare: Any
+) -> None:
+    trace = Trace.load(drives / "run.npz")
+    Trace({name: column[:-5] for name, column in trace.columns.items()}, trace.words).save(
+        tmp_path / "run.npz"
+    )
+    assert "1 pairs compared, 1 differ" in compare(drives, tmp_path)[1]

@@ -13,8 +13,9 @@ import pyarrow.parquet
 import pytest
 
 from cockpit.export.drive import STALE_S, Drive
-from cockpit.export.frames import rate_of
+from cockpit.export.frames import DrivenFrame, rate_of
 from cockpit.export.table import Table, table, times
+from cockpit.export.tub import write_tub
 from learning.dataset.sources.tub import BY_PILOT, is_tub, read_tub
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.lockstep.recording import recording
@@ -42,8 +43,11 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+IMAGE = np.full((48, 64, 3), 90, np.uint8)
+
+
 def jpeg() -> bytes:
-    return cv2.imencode(".jpg", np.full((48, 64, 3), 90, np.uint8))[1].tobytes()
+    return cv2.imencode(".jpg", IMAGE)[1].tobytes()
 
 
 def state(t_s: float, angle_rad: float | None, *, driver: bool = False) -> VehicleState:
@@ -206,6 +210,28 @@ def test_a_tub_is_read_back_with_right_as_positive_and_the_share_of_the_lock(
     assert log.t_s == pytest.approx(at_s[:3]) and log.speed_mps == pytest.approx([2.0, 2.0, 2.0])
     assert log.why == ["", "", BY_PILOT]
     assert [(log.root / name).read_bytes() for name in log.image] == [jpeg()] * 3
+
+
+def test_the_throttle_of_a_tub_is_a_share_of_the_greatest_speed_also_backwards(tmp_path: Path) -> None:
+    frames = [
+        DrivenFrame(t_s=START_S + k, image=IMAGE, jpeg=jpeg(), road_wheel_rad=0.0, speed_mps=speed_mps)
+        for k, speed_mps in enumerate((1.0, -4.0, math.nan))
+    ]
+    assert write_tub(frames, tmp_path / "tub", lock_rad=0.5) == 3
+    lines = (tmp_path / "tub" / "catalog_0.catalog").read_text().splitlines()
+    assert [json.loads(line).get("user/throttle") for line in lines] == [0.25, -1.0, None]
+
+
+def test_a_lerobot_data_set_of_a_drive_without_a_scenario_has_a_task(tmp_path: Path, export: Any) -> None:
+    path = tmp_path / "d.mcap"
+    with Recording(path, {}, {"what": ""}) as out:
+        for k in range(4):
+            t_s = START_S + 0.1 * k
+            out.add(VEHICLE_STATE.key, to_cdr(state(t_s, 0.01)), at_s=t_s)
+            out.add(CAMERA_COMPRESSED.key, to_cdr(CompressedFrame(t_s=t_s, jpeg=jpeg())), at_s=t_s)
+    assert export(path, tmp_path / "set", "--to", "lerobot")[0] == 0
+    tasks = pyarrow.parquet.read_table(tmp_path / "set" / "meta" / "tasks.parquet").to_pylist()
+    assert [row["task"] for row in tasks] == ["drive"]
 
 
 class Faulty:

@@ -118,6 +118,13 @@ def test_the_server_runs_when_asked_for_and_its_loss_changes_nothing() -> None:
     assert spec not in planned(specs, None) and spec in planned(specs, None, foxglove=True)
 
 
+def test_a_car_that_leaves_the_server_out_is_refused_when_it_is_asked_for() -> None:
+    specs = tuple(spec for spec in load_processes() if spec.name != "foxglove")
+    assert planned(specs, None)
+    with pytest.raises(InputError, match=r"--foxglove: processes\.yaml of the car leaves out"):
+        planned(specs, None, foxglove=True)
+
+
 def test_a_port_in_use_is_replaced_by_a_free_one() -> None:
     with listening("127.0.0.1", 0) as held:
         held.listen()

@@ -3,15 +3,18 @@
 from dataclasses import replace
 from pathlib import Path
 
-from supervisor_rig import ESTIMATE, Drive
+import pytest
+from supervisor_rig import ESTIMATE, STATE, Drive
 
 from cockpit.logbook.recall import recall
+from cockpit.logbook.story import story
+from cockpit.logbook.story_text import story_text
 from supervisor.rules.inference import FearRules
 from supervisor.rules.reload import RuleChange
 from trepid.config import CONFIG_DIR
 from trepid.messages import Diagnostic, Health
 from trepid.recording.writer import Recording, attachments
-from trepid.topics import DECISION, DIAGNOSTICS
+from trepid.topics import DECISION, DIAGNOSTICS, VEHICLE_STATE
 from trepid.wire import to_cdr
 
 SHIPPED = CONFIG_DIR / "fear.yaml"
@@ -57,3 +60,41 @@ def test_rules_given_by_hand_explain_the_whole_drive(tmp_path: Path) -> None:
     record_a_change(tmp_path / "drive.mcap")
     drive = recall(tmp_path / "drive.mcap", SHIPPED)
     assert [drive.repeats(i) for i in range(10)] == [True] * 5 + [False] * 5
+
+
+def test_a_malformed_decision_counts_as_not_received_also_where_it_ends_in_zeros(tmp_path: Path) -> None:
+    path, drive = tmp_path / "drive.mcap", Drive.under_way()
+    with Recording(path, attachments(SHIPPED)) as file:
+        for k in range(5):
+            decision = drive.frame(cv=EDGES)
+            file.add(DECISION.key, to_cdr(decision), at_s=decision.decided_s)
+            if k == 2:
+                for data in (bytes(400), to_cdr(decision)[:-1], b"no message"):
+                    file.add(DECISION.key, data, at_s=decision.decided_s)
+    told = recall(path)
+    assert len(told.decisions) == len(list(told.decisions)) == 5
+
+
+def test_what_would_raise_fear_is_not_known_where_no_inputs_are_recorded(tmp_path: Path) -> None:
+    path, drive = tmp_path / "drive.mcap", Drive.under_way()
+    with Recording(path, attachments(SHIPPED)) as file:
+        decision = drive.frame(cv=ESTIMATE)
+        bare = replace(decision, inputs=(), input_values=(), fear=0.0)
+        file.add(DECISION.key, to_cdr(bare), at_s=decision.decided_s)
+    answer = story(recall(path), 0.0)
+    assert answer["raised_by"] is None and answer["next_level"] == "low"
+    assert "what would raise fear to low is not known" in story_text(answer)
+
+
+@pytest.mark.parametrize(("speed_mps", "slowed_by"), [(None, None), (2.0, "controller")])
+def test_an_unknown_speed_is_no_slow_down(
+    tmp_path: Path, speed_mps: float | None, slowed_by: str | None
+) -> None:
+    path, drive = tmp_path / "drive.mcap", Drive.under_way()
+    with Recording(path, attachments(SHIPPED)) as file:
+        for k in range(40):
+            decision = drive.frame(cv=ESTIMATE, cnn=replace(ESTIMATE, estimator="cnn"))
+            state = replace(STATE, t_s=decision.decided_s, speed_mps=8.0 if k < 20 else speed_mps)
+            file.add(VEHICLE_STATE.key, to_cdr(state), at_s=decision.decided_s)
+            file.add(DECISION.key, to_cdr(decision), at_s=decision.decided_s)
+    assert story(recall(path), 0.8)["slowed_by"] == slowed_by

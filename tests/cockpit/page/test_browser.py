@@ -293,6 +293,21 @@ def test_one_press_keeps_the_last_minutes(seen):
     assert [at_s for at_s, _ in read_recording(path, DECISION.key).of(DECISION)] == [10, 11, 20, 21]
 
 
+def test_the_reason_why_nothing_is_kept_goes_with_its_drive(seen):
+    script = """return import('/static/keep.js').then(({ KeepButton }) => {
+        const [keep, kept] = ['keep', 'kept'].map(id => document.getElementById(id));
+        const button = new KeepButton();
+        return ['recorded in a.mcap', ''].map(why => {
+            button.show({ no_keep: why });
+            return [keep.hidden, kept.textContent];
+        });
+    });"""
+    try:
+        assert seen.js(script) == [[True, "recorded in a.mcap"], [False, ""]]
+    finally:
+        seen.browser.get(seen.page.door.url)
+
+
 def test_two_viewers_see_the_same_and_a_hidden_one_costs_the_other_nothing(seen):
     first = seen.browser.current_window_handle
     seen.browser.switch_to.new_window("window")

@@ -288,6 +288,12 @@ def test_the_other_vehicles_and_the_rules_are_those_of_their_time(overtaken):
     assert any("lead" in text or "gap" in text for text in found["texts"])
 
 
+def test_a_run_shorter_than_the_interval_of_its_film_is_summarised(overtaken):
+    detail = summarise(load_scenario("cut_in", {}), overtaken[0], Film())
+    assert detail["glimpses"]["others"] == detail["glimpses"]["fired"] == []
+    assert detail["frames"] is None and detail["picture"] is None
+
+
 def test_every_figure_of_a_run_has_a_meaning(overtaken):
     assert set(overtaken[0].row()) - {"scenario", "seed", "reasons"} <= set(MEANINGS)
 
