@@ -1,7 +1,7 @@
 """Estimators on images, folders, videos and recordings, from Python: ``trepid.estimate``."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -24,7 +24,7 @@ from perception.images.sources import Footage, Source, Still
 from perception.lead.cli import Leads, lead_results
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, car_folder, load, using_car
+from trepid.config import CONFIG_DIR, InputError, car_folder, load, use_car
 from trepid.images.files import NOMINAL_FPS
 from trepid.messages import SteeringEstimate
 from trepid.scale import scaled_settings
@@ -121,14 +121,33 @@ def cameras(file: Path | None) -> tuple[CameraFor, bool]:
 
 
 def in_car(car: str | Path | None, found: Iterator[R]) -> Iterator[R]:
-    """``found``, each item of which is computed with the settings of ``car``."""
-    while True:
-        with using_car(_path(car)):
+    """``found``, each item of which is computed with the settings of ``car``, or of the recorded car.
+
+    The caller's own are in use between two items.
+    """
+    inside = _path(car) or car_folder()
+    try:
+        while True:
+            outside = car_folder()
+            _change_car(inside)
             try:
                 one = next(found)
             except StopIteration:
                 return
-        yield one
+            finally:
+                inside = car_folder()  # that of a recording, while it is read
+                _change_car(outside)
+            yield one
+    finally:
+        outside = car_folder()
+        if isinstance(found, Generator):
+            found.close()
+        _change_car(outside)
+
+
+def _change_car(folder: Path | None) -> None:
+    if folder != car_folder():
+        use_car(folder)
 
 
 def as_paths(inputs: Paths) -> list[Path]:
