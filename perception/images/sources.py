@@ -1,5 +1,6 @@
 """Image sources: images, folders of images, videos, recordings, read as frames in order."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -185,6 +186,8 @@ def sources(path: Path, *, drive_fps: float | None = None) -> list[Source]:
     if path.is_dir():
         images = images_in(path)
         if drive_fps is not None:
+            if not 0 < drive_fps < math.inf:
+                raise InputError(f"{path}: a drive has more than 0 frames per second, got {drive_fps:g}")
             return [Stills(path, images, drive_fps)]
         return [Still(image, in_folder=True) for image in images]
     if not path.exists():

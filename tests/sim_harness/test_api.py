@@ -111,6 +111,8 @@ def test_an_unreadable_image_of_a_folder_is_refused_or_left_out(tmp_path: Path, 
     with pytest.raises(trepid.InputError, match=r"b\.png"):
         list(trepid.estimate(tmp_path))
     assert len(list(trepid.estimate([tmp_path], strict=False))) == 1
+    with pytest.raises(trepid.InputError, match="more than 0 frames per second, got 0"):
+        list(trepid.estimate(tmp_path, as_drive=True, fps=0))
 
 
 @pytest.mark.parametrize(
