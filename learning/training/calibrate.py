@@ -31,7 +31,7 @@ def interval(network: SteeringNetwork, validation: Frames, coverage: float = COV
     Conformal prediction for a record in time (Vovk, Cross-conformal predictors, 2015; here the folds are blocks of
     time). Successive errors are alike: a new stretch differs from the known ones more than a new frame differs from
     its neighbours. The level of the quantile of |error|/σ is raised until the quantile of all other blocks covers
-    ``coverage`` of each of BLOCKS blocks on the mean. The best epoch is chosen on the same frames.
+    ``coverage`` of BLOCKS blocks on average. The best epoch is chosen on the same frames.
     """
     angles, sigmas = predict(network, validation)
     return block_quantile(np.abs(angles - validation.labels_rad) / sigmas, coverage)

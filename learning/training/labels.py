@@ -30,11 +30,11 @@ def training_labels(data: Dataset, recipe: Recipe) -> Floats:
 
 
 def measured_delay_s(data: Dataset) -> float:
-    """How long after the image that shows its effect a label was recorded [s]; the motion of the car tells.
+    """How long after the image that shows its effect a label was recorded [s], in the training frames.
 
-    Raises InputError where label and motion are not related.
+    Measured by the motion of the car. Raises InputError where label and motion are not related.
     """
-    found = delay_of(data.rows()).delay_s
+    found = delay_of(data.rows("train")).delay_s
     if found is None:
         raise InputError(f"{data.folder}: label_delay_s: the labels are not related to the motion of the car")
     return -found
@@ -44,7 +44,8 @@ def treated(rows: Rows, *, delay_s: float, smoothing_s: float) -> Column:
     """The labels of ``rows``, taken ``delay_s`` after each, as the mean under a normal curve of ``smoothing_s``.
 
     label'(t) = Σ_k w(t_k - t - delay)·label(t_k)/Σ_k w over the rows k of the stretch, w(x) = exp(-x²/2s²): without
-    phase. Without smoothing label(t + delay) is interpolated. At the ends of a stretch the nearest labels count.
+    phase. Without smoothing, and where no label is within REACH, label(t + delay) is interpolated. At the ends of a
+    stretch the nearest labels count.
     """
     found = np.empty(len(rows))
     borders = np.flatnonzero(np.diff(rows["stretch"])) + 1
@@ -58,11 +59,14 @@ def treated(rows: Rows, *, delay_s: float, smoothing_s: float) -> Column:
 
 
 def smoothed(t_s: Column, label: Column, at_s: Column, smoothing_s: float) -> Column:
-    """The mean of ``label`` (n,), recorded at ``t_s``, under a normal curve about each ``at_s``."""
+    """The mean of ``label`` (n,), recorded at ``t_s``, under a normal curve about each ``at_s``.
+
+    Interpolated where no label is within REACH.
+    """
     low, high = (np.searchsorted(t_s, at_s + side * REACH * smoothing_s) for side in (-1.0, 1.0))
-    found = np.empty(len(at_s))
+    found = np.interp(at_s, t_s, label)
     for number, (first, end, middle_s) in enumerate(zip(low, high, at_s, strict=True)):
-        near = slice(first, max(end, first + 1))
-        weight = np.exp(-0.5 * ((t_s[near] - middle_s) / smoothing_s) ** 2)
-        found[number] = weight @ label[near] / weight.sum()
+        if first < end:
+            weight = np.exp(-0.5 * ((t_s[first:end] - middle_s) / smoothing_s) ** 2)
+            found[number] = weight @ label[first:end] / weight.sum()
     return found

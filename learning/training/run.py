@@ -14,6 +14,7 @@ import torch
 from learning.dataset.balance import weights
 from learning.dataset.dataset import Dataset
 from learning.models.catalogue import build, packaged_weights
+from learning.models.parts.memory import Shift
 from learning.models.parts.network import SteeringNetwork, glorot, he
 from learning.models.parts.weights import load_trunk
 from learning.training.augmentation import Augmenter
@@ -120,8 +121,16 @@ def first_weights(name: str, network: SteeringNetwork, recipe: Recipe) -> str:
 
 
 def batches_of(recipe: Recipe, network: SteeringNetwork, train: Frames) -> Batches:
-    """The batches of the training frames. Raises InputError when a memory needs longer stretches."""
+    """The batches of the training frames.
+
+    Raises InputError when a memory needs longer stretches, or another window or stride.
+    """
     recurrent = network.memory is not None
+    if isinstance(network.memory, Shift) and (recipe.window <= network.memory.count or recipe.stride != 1):
+        raise InputError(
+            f"window {recipe.window}, stride {recipe.stride}: the shift of the view needs a window of"
+            f" {network.memory.count + 1} frames at least, and a stride of 1"
+        )
     places = train.windows(recipe.window if recurrent else 1, recipe.stride)
     places = (
         places[train.share(recipe.frames_share)]

@@ -7,12 +7,14 @@ import pytest
 
 pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
 
+from learning.models.catalogue import build
 from learning.training.augmentation import Augmenter
 from learning.training.batches import Batches
 from learning.training.frames import Frames
 from learning.training.recipe import Augmentation, load_recipe
+from learning.training.run import batches_of
 from trepid.car.camera import Camera
-from trepid.config import CONFIG_DIR, load
+from trepid.config import CONFIG_DIR, InputError, load
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 WHEELBASE_M = 2.0
@@ -37,6 +39,14 @@ def frames(stretches: list[int]) -> Frames:
 def test_a_window_takes_every_nth_frame_and_crosses_no_pause():
     windows = frames([0] * 6 + [1] * 5).windows(3, 2)
     assert windows.tolist() == [[0, 2, 4], [1, 3, 5], [6, 8, 10]]
+
+
+@pytest.mark.parametrize("changes", [{"window": "2"}, {"stride": "2"}])
+def test_the_shift_of_the_view_needs_each_of_three_frames(changes: dict[str, str]):
+    network = build("steer-motion", height=24, width=32)
+    assert len(batches_of(load_recipe("steer-motion", None), network, frames([0] * 9))) > 0
+    with pytest.raises(InputError, match="needs a window of 3 frames at least, and a stride of 1"):
+        batches_of(load_recipe("steer-motion", None, overrides=changes), network, frames([0] * 9))
 
 
 def test_windows_of_one_frame_are_all_frames():

@@ -46,6 +46,12 @@ def test_smoothing_has_no_phase_and_keeps_a_straight_course():
     )
 
 
+def test_a_delay_into_frames_that_are_left_out_still_gives_a_label():
+    held = rows(np.arange(80.0))[np.r_[0:40, 70:80]]  # 3 s are left out of the stretch
+    found = treated(held, delay_s=0.5, smoothing_s=0.02)
+    assert np.isfinite(found).all() and found[39] == pytest.approx(44) and found[44] == pytest.approx(79)
+
+
 def test_the_recipe_as_shipped_learns_the_recorded_labels(tmp_path):
     data = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"))
     recorded = data.rows("train")["road_wheel_rad"].astype(np.float32)
@@ -56,8 +62,14 @@ def test_the_recipe_as_shipped_learns_the_recorded_labels(tmp_path):
 
 def test_a_measured_delay_is_undone_and_one_that_cannot_be_measured_is_refused(tmp_path, monkeypatch):
     data = made_dataset(tmp_path / "set", write_tub(tmp_path / "tub"))
-    monkeypatch.setattr(labels, "delay_of", lambda rows: Delay(0.3, 0.8, "shift of the view"))
-    assert measured_delay_s(data) == -0.3
+    measured = []
+
+    def delay_of(rows: Rows) -> Delay:
+        measured.append(set(rows["split"]))
+        return Delay(0.3, 0.8, "shift of the view")
+
+    monkeypatch.setattr(labels, "delay_of", delay_of)
+    assert measured_delay_s(data) == -0.3 and measured == [{"train"}]
     monkeypatch.setattr(labels, "delay_of", lambda rows: Delay(None, 0.1, "shift of the view"))
     with pytest.raises(InputError, match="label_delay_s: the labels are not related to the motion"):
         measured_delay_s(data)
