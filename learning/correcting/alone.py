@@ -59,11 +59,14 @@ def scenario_for(source: str, network: Path, changes: Mapping[str, str]) -> Scen
     return scenario.model_copy(update={"duration_s": max(scenario.duration_s, SLACK * route_s + START_S)})
 
 
-def check(source: str, network: str, changes: Mapping[str, str]) -> None:
-    """Raise InputError where a network called ``network`` cannot drive the scenario alone."""
+def check(source: str, network: str, changes: Mapping[str, str]) -> Scenario:
+    """The scenario; raises InputError where a network called ``network`` cannot drive it alone."""
+    if network == EXPERT:
+        raise InputError(f"{network!r} is the name of the estimates of the exact lane; rename the network")
     scenario = load_scenario(source, {**changes, "estimators": json.dumps([network])}, check=False)
     if scenario.sight is Sight.TRUTH:
         raise InputError(f"scenario {scenario.name}: a network needs images, and sight: truth renders none")
+    return scenario
 
 
 def _cruise_mps() -> float:

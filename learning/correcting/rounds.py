@@ -17,12 +17,13 @@ from typing import Any
 
 from learning.correcting.alone import check, drive_alone, scenario_for
 from learning.correcting.corrections import Drift, build_corrections
-from learning.dataset.dataset import NONE, Dataset
+from learning.dataset.dataset import CARD, NONE, Dataset
 from learning.dataset.join import joined
 from learning.training.recipe import Recipe
 from sim_harness.scenarios.scenario import Scenario, load_scenario
+from sim_harness.sweep.fingerprint import files_of_car
 from sim_harness.sweep.store import Row, stored_rows
-from trepid.config import InputError
+from trepid.config import InputError, car_folder
 
 INTERVENTION_S = 6.0  # as in sim_harness.judging.metrics
 SCORES = (
@@ -65,9 +66,11 @@ class Plan:
     def identity(self) -> str:
         """Hash of all that decides about a round, but not of the number of rounds."""
         scenarios = [load_scenario(name, self.changes).model_dump_json() for name in self.scenarios]
-        start = hashlib.sha256(self.start.read_bytes()).hexdigest() if self.start else ""
+        start = _sha256(self.start) if self.start else ""
         parts = [self.data.sha256, self.model, self.recipe.model_dump_json(), *scenarios]
         parts += [repr(self.seeds), repr(self.drift), start]
+        car = car_folder()
+        parts += [f"{one.name} {_sha256(one)}" for one in (files_of_car(car) if car else [])]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
@@ -77,8 +80,10 @@ def correct(plan: Plan, train: Train, *, resume: bool, jobs: int, report: Report
     ``train`` is :func:`learning.training.run.run`. The best network has the fewest interventions, then the smallest
     lateral error.
     """
-    for source in plan.scenarios:
-        check(source, plan.out.stem, plan.changes)
+    names = [check(source, plan.out.stem, plan.changes).name for source in plan.scenarios]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"two of the scenarios are called {twice[0]}: give one of them another name")
     _claim(plan, resume=resume)
     rows: list[Row] = []
     added: list[Dataset] = []
@@ -112,7 +117,7 @@ def _claim(plan: Plan, *, resume: bool) -> None:
             raise InputError(f"{plan.folder}: a correction has begun here: --resume continues it")
         if path.read_text(encoding="utf-8") != identity:
             raise InputError(
-                f"{plan.folder}: of other data, network, recipe or drives; remove it, or name another --out"
+                f"{plan.folder}: of other data, network, recipe, car or drives; remove it, or name another --out"
             )
         return
     plan.folder.mkdir(parents=True, exist_ok=True)
@@ -181,7 +186,7 @@ def _corrections(plan: Plan, number: int, drives: list[Path]) -> Dataset | None:
     nothing = folder.with_suffix(".none")
     if nothing.is_file():
         return None
-    if (folder / "dataset.yaml").is_file():
+    if (folder / CARD).is_file():
         return Dataset.open(folder)
     found = build_corrections(folder, drives, plan.out.stem, plan.drift)
     if found is None:
@@ -215,6 +220,10 @@ def _keep(plan: Plan, rows: list[Row], best: int) -> None:
     fresh = plan.out.with_name(f"{plan.out.name}.new")
     shutil.copyfile(network, fresh)
     fresh.replace(plan.out)
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _replace(path: Path, text: str) -> None:

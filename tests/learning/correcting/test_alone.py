@@ -90,3 +90,8 @@ def test_a_scenario_that_a_network_cannot_drive_alone_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=what):
         check(scenario, "ahead", changes)
+
+
+def test_a_network_may_not_have_the_name_of_the_expert() -> None:
+    with pytest.raises(InputError, match="'expert' is the name of the estimates of the exact lane"):
+        check("straight", EXPERT, {})

@@ -24,7 +24,7 @@ from learning.training.recipe import load_recipe
 from sim_harness.lockstep.closed_loop import run as drive
 from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
-from trepid.config import InputError
+from trepid.config import CAR, InputError
 
 Row = dict[str, Any]
 BEND_1PM = 0.05
@@ -157,10 +157,32 @@ def test_a_correction_of_other_drives_is_not_continued(corrected: Make, recorded
     corrected(Workshop(recorded), rounds=1)
     with pytest.raises(InputError, match="--resume continues it"):
         corrected(Workshop(recorded), rounds=1)
-    with pytest.raises(InputError, match="of other data, network, recipe or drives"):
+    with pytest.raises(InputError, match="of other data, network, recipe, car or drives"):
         corrected(Workshop(recorded), rounds=1, seeds=(0, 1), resume=True)
     rows, _ = corrected(Workshop(recorded), rounds=2, resume=True)
     assert len(rows) == 3, "more rounds continue it"
+
+
+def test_a_correction_of_another_car_is_not_continued(
+    corrected: Make, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    corrected(Workshop(recorded), rounds=1)
+    (tmp_path / "car").mkdir()
+    (tmp_path / "car" / "vehicle.yaml").write_text("wheelbase_m: 2.6\n")
+    monkeypatch.setenv(CAR, str(tmp_path / "car"))
+    with pytest.raises(InputError, match="of other data, network, recipe, car or drives"):
+        corrected(Workshop(recorded), rounds=1, resume=True)
+
+
+def test_two_scenarios_of_one_name_are_refused_before_any_training(
+    corrected: Make, recorded: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "other").mkdir()
+    files = [scenario_file(folder, curvature_1pm=BEND_1PM) for folder in (tmp_path, tmp_path / "other")]
+    workshop = Workshop(recorded)
+    with pytest.raises(InputError, match="two of the scenarios are called short"):
+        corrected(workshop, scenarios=tuple(map(str, files)))
+    assert not workshop.steps and not (tmp_path / "ahead.onnx.correct").exists()
 
 
 def test_a_scenario_that_cannot_be_driven_alone_is_refused_before_any_training(
