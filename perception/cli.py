@@ -9,10 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from perception.api import ASSUMED, cameras, check_estimator, lane_results
-from perception.estimators import (
-    ESTIMATORS,
-    estimators,
-)
+from perception.estimators import ESTIMATORS, estimators
 from perception.images.annotate import annotated, as_path, number
 from perception.images.frames import FrameResult, Unread, print_json, print_table, written
 from perception.images.sources import RECORDING_SUFFIX
@@ -23,7 +20,6 @@ from trepid.images.files import NOMINAL_FPS
 from trepid.messages import SteeringEstimate
 from trepid.speech.loudness import note
 
-CALIBRATION_FRAMES = 9
 LEAD = "lead"
 COLUMNS = [
     "file",

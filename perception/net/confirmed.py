@@ -2,9 +2,8 @@
 
 The network measures lengths in the world of its training: lanes of a known width, seen from a known height. In the
 image of another camera a lane of another width looks like one of these beside its true place, and the network gives
-it the same probability. The image itself decides: with the lane of ``cv`` as witness
-(:mod:`perception.lane.which_lane`), which measures the boundaries at any height and is right with the probability
-c, the confidence is
+it the same probability. With the lane of ``cv`` as witness (:mod:`perception.lane.which_lane`), which measures the
+boundaries at any height and is right with the probability c, the confidence is
 
     P = p·c·a
 

@@ -2,13 +2,12 @@
 
 The networks of a set are trained on the same frames, with at most EPOCHS epochs and the seed of the recipe, and
 judged beside predictions without an image. Data sets and weights stay in FOLDER: they are made of the sets, whose
-licences do not permit to give them away.
+licences do not permit distribution.
 """
 
 import hashlib
 import json
 import shlex
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from learning.dataset.wheel import WheelOptions
 from learning.judging.evaluate import Bench
 from learning.judging.predictions import Model
 from learning.models.catalogue import MODELS
+from learning.rendered import need_torch, say
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.bench.imitation.verdict import verdicts
 from sim_harness.bench.real.sets import data_folder
@@ -54,11 +54,12 @@ def bench_imitation(
     """Tables "last fifth" (set -> network or baseline -> scores) and "figures" (set, network -> results and aims).
 
     Angles are of the road wheel. Stored rows are not computed again, and a training that was interrupted goes on.
-    Raises InputError for an unknown set.
+    Raises InputError for an unknown set, and without torch.
     """
     for name in sets:
         if name not in SETS:
             raise InputError(f"no set {name!r} in bench imitation; there are {', '.join(SETS)}")
+    need_torch("bench imitation")
     found, absent = {}, {}
     for name in sets or SETS:
         folder = data_folder(data) / name
@@ -88,7 +89,7 @@ def built(source: Path) -> Dataset:
     digest = hashlib.sha256(f"{source} {code} {sha256_of_files(logs[0].files)}".encode()).hexdigest()
     folder = FOLDER / "sets" / f"{source.name}-{digest[:12]}"
     if not (folder / CARD).is_file():
-        print(f"imitation: building {folder}", file=sys.stderr)
+        say(f"imitation: building {folder}")
         command = shlex.join(["trepid", "dataset", "build", str(folder), str(source)])
         build(folder, logs, BuildOptions(WheelOptions(), SPLIT, TableOptions(), command), faults)
     return Dataset.open(folder)
@@ -125,7 +126,7 @@ def judged(task: Task) -> Row:
         task.recipe,
         resume=True,
         command="trepid bench imitation",
-        report=_say,
+        report=say,
     )
     cv2.setNumThreads(1)
     bench, model = Bench(dataset, "test"), Model(str(task.out))
@@ -152,7 +153,3 @@ def judged(task: Task) -> Row:
         "best_epoch": best["epoch"],
         "training_s": curve[-1]["elapsed_s"],
     }
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Networks trained alike but for one thing, on simulated drives at 5 mph, judged on a route that none has met.
+"""Networks trained alike but for one thing, on simulated drives at 5 mph, judged on a route of no training set.
 
 The frames come from the drives of ROUTES by Trepid itself. Drives, trainings and rows are kept in ``out/study``; an
 interrupted study continues. Degrees are of a steering wheel with the ratio 16, as in the paper.
@@ -12,12 +12,13 @@ import cv2
 import numpy as np
 
 from learning.dataset.build import BuildOptions, build, read_logs
-from learning.dataset.dataset import Dataset, Split
+from learning.dataset.dataset import CARD, Dataset, Split
 from learning.dataset.sources.log import Faults
 from learning.dataset.sources.table import TableOptions
 from learning.dataset.wheel import WheelOptions
 from learning.judging.evaluate import BIN_RATIO, Bench
 from learning.judging.predictions import Model
+from learning.rendered import need_torch, say
 from perception.net.driver import DriverNetwork
 from sim_harness.bench.control.speeds import MPH
 from sim_harness.lockstep.closed_loop import run
@@ -117,7 +118,7 @@ def _recorded(name: str, seed: int) -> Path:
 def _built(name: str, paths: list[Path], seed: int) -> Dataset:
     """The data set of some recordings."""
     out = folder(seed) / name
-    if not (out / "dataset.yaml").is_file():
+    if not (out / CARD).is_file():
         split = Split(by="time", seed=seed, gap_s=1.0, shares=SHARES_OF[name])  # type: ignore[arg-type]
         faults = Faults(strict=True)
         logs = read_logs(paths, faults, TableOptions())
@@ -127,7 +128,6 @@ def _built(name: str, paths: list[Path], seed: int) -> Dataset:
 
 def trained_row(variant: Variant) -> Row:
     """Train a variant and judge it on the test route."""
-    from learning.rendered import say
     from learning.training.recipe import load_recipe
     from learning.training.run import run as train
 
@@ -180,6 +180,7 @@ def under_light(sets: Sets, network: Path) -> Row:
 
 
 def _study(seed: int, name: str, variants: Mapping[str, Variant]) -> dict[str, Row]:
+    need_torch(f"bench study {name}")
     study_sets(seed)
     rows = stored_rows(folder(seed) / f"{name}.jsonl", trained_row, dict(variants), jobs=1)
     return dict(zip(variants, rows, strict=True))
@@ -193,7 +194,7 @@ def _variant(
 
 
 def bench_data(seed: int) -> Row:
-    """Test error by the share of the training frames, with about the same number of steps."""
+    """Test error by the share of the training frames, with at most ten times the epochs for a smaller share."""
     stages = {share: STAGE.format(round(min(10 * EPOCHS, EPOCHS / share))) for share in SHARES}
     variants = {
         f"{share:.0%}": _variant(seed, frames_share=str(share), stages=stages[share], batch="32")
