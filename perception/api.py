@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import cv2
 
-from perception.camera.self_calibration import self_calibrated
+from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
 from perception.estimators import (
     ESTIMATORS,
     NETWORK_SUFFIX,
@@ -32,7 +32,6 @@ from trepid.speech.loudness import note
 from trepid.types import Image
 
 R = TypeVar("R")
-CALIBRATION_FRAMES = 9
 ASSUMED = "no --camera given: metres rest on an assumed camera, its horizon found in each image or clip"
 Paths = str | Path | Iterable[str | Path]
 """One or more images, folders of images, videos, recordings (.mcap)."""

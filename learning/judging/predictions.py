@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from learning.dataset.dataset import Dataset, Rows
 from learning.judging.scores import Angles
-from perception.camera.self_calibration import self_calibrated
+from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
 from perception.estimators import NETWORK_SUFFIX, Estimator, entry_of, lane_cv_settings, name_of
 from perception.net.driver import Driver, DriverNetwork
 from trepid.car.camera import Camera
@@ -19,7 +19,6 @@ from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame
 from trepid.types import Image
 
-CALIBRATION_FRAMES = 9
 Answer = tuple[float, float, float, float]
 """Angle [rad], interval half width [rad], unlike, confidence; NaN where the model gives none."""
 _NONE: Answer = (np.nan, np.nan, np.nan, 0.0)

@@ -14,6 +14,7 @@ from trepid.car.camera import Camera
 from trepid.config import Settings
 from trepid.types import Array, Positive, Share
 
+CALIBRATION_FRAMES = 9  # of a clip, spread over it, that calibrate its camera
 MIN_CAMERA_PX = 16  # of a Camera
 MIN_IMAGE_PX = 32  # smaller images have no vanishing point
 MIN_RISE = 0.15  # rise over length of a segment

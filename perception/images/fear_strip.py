@@ -9,7 +9,7 @@ from perception.images.annotate import HIGH, LOW, MEDIUM, PANEL, WHITE, text
 from trepid.messages import Decision, SteeringEstimate
 from trepid.types import Image
 
-CALM, WORRIED = 0.35, 0.65  # fear at which the colour of the strip changes
+SOME_FROM, MUCH_FROM = 0.35, 0.65  # fear at which the colour of the strip changes
 
 
 def with_decision(
@@ -24,7 +24,7 @@ def with_decision(
     text(canvas, "fear", (x, round(16 * unit)), 0.36 * unit, (190, 190, 190))
     cv2.rectangle(canvas, (x, top), (x + bar, bottom), (80, 80, 80), -1)
     if decision is not None:
-        colour = HIGH if decision.fear < CALM else MEDIUM if decision.fear < WORRIED else LOW
+        colour = HIGH if decision.fear < SOME_FROM else MEDIUM if decision.fear < MUCH_FROM else LOW
         cv2.rectangle(canvas, (x, top), (x + round(bar * decision.fear), bottom), colour, -1)
     fear = "-" if decision is None else f"{decision.fear:.2f}"
     text(canvas, fear, (x + round(34 * unit), round(34.5 * unit)), 0.36 * unit, WHITE)

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from perception.api import brings_camera
-from perception.camera.self_calibration import self_calibrated
+from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
 from perception.estimators import entry_of, lane_cv_settings
 from perception.images.sources import RECORDING_SUFFIX, Source, Still, settings_of, sources
 from sim_harness.footage.clip import Drive, load_drive
@@ -24,7 +24,6 @@ from trepid.config import CONFIG_DIR, InputError, load
 from trepid.images.files import NOMINAL_FPS
 from trepid.speech.loudness import note
 
-CALIBRATION_FRAMES = 9
 STARTS = ((0.5, 0.0), (-0.5, 0.0), (0.0, 2.0), (0.0, -2.0))  # m to the left, degrees to the left
 MOST_OFFSET_M, MOST_HEADING_DEG = (
     1.0,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.camera.self_calibration import self_calibrated
+from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
 from perception.estimators import entry_of, lane_cv_settings
 from perception.images.sources import Clip, sources
 from trepid.car.camera import Camera
@@ -22,7 +22,6 @@ MPS_PER_MPH = 0.44704
 FULL_LOCK_RAD = np.radians(25.0)  # of both steering logs, by the MANIFESTs
 HALF_WORLD = 0.467  # lengths of config/cameras/udacity_sim_half.yaml over those of the simulator
 STRETCHES, LENGTH = 12, 40  # of a long drive: this many frames in a row, spread over it
-CALIBRATION_FRAMES = 9
 
 
 @dataclass(frozen=True)

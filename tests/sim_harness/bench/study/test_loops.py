@@ -1,12 +1,13 @@
 """A slow network behind a queue falls behind, and one that takes the newest frame does not; angles by speed."""
 
 import pytest
+from message_rig import decision
 
 from sim_harness.bench.catalogue import named
 from sim_harness.bench.cli import benchmarks
 from sim_harness.bench.study import loops
 from sim_harness.bench.study.loops import NETWORK_S, SlowNetwork
-from trepid.messages import Command, Decision, Mode, Stop, VehicleState
+from trepid.messages import Command, Decision, VehicleState
 
 
 class Follower:
@@ -21,37 +22,13 @@ class Follower:
         return Command(t_s=now_s, road_wheel_angle_rad=0.0, speed_mps=0.0, accel_mps2=0.0)
 
 
-def frame(t_s: float) -> Decision:
-    """A decision that goes back to the frame of ``t_s``."""
-    return Decision(
-        t_s=t_s,
-        decided_s=t_s,
-        mode=Mode.KEEP,
-        stop=Stop.NONE,
-        fear=0.0,
-        level="very_low",
-        cause="none",
-        path_t_s=t_s,
-        lateral_offset_m=0.0,
-        heading_error_rad=0.0,
-        curvature_1pm=0.0,
-        curvature_rate_1pm2=0.0,
-        lookahead_m=8.0,
-        path_source="truth",
-        sources=("truth",),
-        trust=(1.0,),
-        speed_factor=1.0,
-        speed_cap_mps=1.0,
-    )
-
-
 def watched(rate_hz: float, *, queue: bool, duration_s: float = 4.0) -> tuple[Follower, SlowNetwork]:
     """The frames that are followed when frames come at ``rate_hz``, in steps of 20 ms."""
     follower = Follower()
     network = SlowNetwork(follower, queue=queue)
     for tick in range(round(duration_s / 0.02)):
         now_s = 0.02 * tick
-        network.step(frame(round(now_s * rate_hz + 1e-9) // 1 / rate_hz), None, now_s=now_s)
+        network.step(decision(round(now_s * rate_hz + 1e-9) // 1 / rate_hz), None, now_s=now_s)
     return follower, network
 
 
