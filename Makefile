@@ -8,6 +8,8 @@ BIN := $(VENV)/bin
 LIMITER_TESTS := tests/controller/limiter/test_edges.py tests/controller/limiter/test_parts.py tests/controller/limiter/test_limiter.py
 # By file name: importing all test files would take longer than these tests.
 PROCESS_TESTS := $(shell grep -rl mark.processes tests --include=test_*.py)
+SMOKE_TESTS := $(shell grep -rl mark.smoke tests --include=test_*.py)
+LONG_TESTS := $(shell grep -rl mark.long tests --include=test_*.py)
 
 # The wheel of casadi holds most libraries two or three times, which are symbolic links elsewhere.
 define LINK_COPIES
@@ -27,11 +29,12 @@ export LINK_COPIES
 # Keep byte code, also where the environment says otherwise: the tests start Python hundreds of times.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup drive test live suite wheel proof mutation lint train acados clean
+.PHONY: help setup drive test long live suite wheel proof mutation lint train acados clean
 
 help:
 	@echo "make drive   set up and drive the circuit: every process over Zenoh (ARGS=... for trepid drive)"
 	@echo "make test    set up and run the tests"
+	@echo "make long    trainings, several drives in a test, the page in a browser: tests that make test omits"
 	@echo "make live    every process of a live drive killed, frozen or left alone: the tests of this kind that make test omits"
 	@echo "make suite   all scenarios against their expectations, on the exact lane instead of rendered pictures"
 	@echo "make wheel   build wheel and sdist, install them, and use them from an empty folder"
@@ -67,9 +70,13 @@ test: $(TESTED)
 ifdef ARGS
 	@$(BIN)/python -m pytest $(ARGS)
 else
-	@$(BIN)/python -m pytest -n 3 --dist worksteal -m "not processes and not proof and not suite and not wheel"
-	@$(BIN)/python -m pytest -m "processes and smoke" $(PROCESS_TESTS)
+	@$(BIN)/python -m pytest -n 3 --dist worksteal -m "not processes and not long and not proof and not suite and not wheel"
+	@$(BIN)/python -m pytest -m "processes and smoke" $(SMOKE_TESTS)
 endif
+
+long: $(TESTED)
+	@echo "== pytest -m long"
+	@$(BIN)/python -m pytest -n 2 --dist worksteal -m "long and not processes and not proof" $(LONG_TESTS) $(ARGS)
 
 live: $(TESTED)
 	@echo "== pytest -m processes"

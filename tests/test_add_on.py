@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from add_on_rig import car_with_rules, installed, trepid
 
+pytestmark = pytest.mark.long
 DRIVE = ["--set", "estimators=[cv, mirrored_cv]", "--set", "plant.model=heavy", "--set", "duration_s=6"]
 
 

@@ -67,6 +67,7 @@ def calm(drives: dict[str, Path]) -> Recall:
     return recall(drives["straight"])
 
 
+@pytest.mark.long
 def test_a_hundred_random_moments_of_recordings_are_answered(drives: dict[str, Path]) -> None:
     rng = np.random.default_rng(7)
     told = {name: recall(path) for name, path in drives.items()}

@@ -25,6 +25,7 @@ from trepid.topics import DECISION
 from trepid.wire import to_cdr
 
 pytest.importorskip("selenium")
+pytestmark = pytest.mark.long
 PATIENCE_S = 15.0
 
 

@@ -52,6 +52,7 @@ def test_the_command_row_is_pure_pursuit():
     assert float(command_row(10.0, 7.0).double().numpy() @ lane) == pytest.approx(expected, abs=1e-8)
 
 
+@pytest.mark.long
 def test_training_is_the_same_twice_and_the_loss_falls(tmp_path):
     one, progress, lines = fit(tmp_path)
     two, *_ = fit(tmp_path)

@@ -18,6 +18,7 @@ from learning.models.catalogue import MODELS  # noqa: E402
 from perception.net.driver import DriverNetwork, Steering  # noqa: E402
 from trepid.types import Image  # noqa: E402
 
+pytestmark = pytest.mark.long
 SMALL = ("--set", "height_px=24", "--set", "width_px=32", "--set", "batch=32")
 
 

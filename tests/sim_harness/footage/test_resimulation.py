@@ -306,6 +306,7 @@ def test_on_a_real_highway_the_car_leaves_an_offset_to_the_recorded_path():
     assert run.interventions == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("speed_mps", [8.0, 15.0, 25.0, 33.0])
 def test_on_a_real_highway_the_supervised_car_takes_over_at_once_and_fear_stays_low(speed_mps):
     clip = DATA / "highway_udacity_p1" / "solidWhiteRight.mp4"

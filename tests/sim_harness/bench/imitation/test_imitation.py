@@ -31,6 +31,7 @@ def drive(tmp_path, monkeypatch):
     return tmp_path / "data"
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the ONNX export in torch
 def test_a_drive_is_learned_once_and_its_rows_are_used_again(drive, monkeypatch):
     found = bench_imitation(quick=True, data=drive)

@@ -20,6 +20,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(scenario, tmp_path_factory.mktemp("drive") / "drive.mcap", seed=1)
 
 
+@pytest.mark.long
 def test_random_moments_of_every_kind_of_recording_are_answered(tmp_path: Path) -> None:
     row = explained(tmp_path, 3, np.random.default_rng(1))
     assert row["moments"] == 60 and row["answered [%]"] == 100.0
@@ -37,6 +38,7 @@ def test_a_prolonged_recording_repeats_its_messages_with_later_stamps(drive: Pat
     assert first[0][2] == once.first_s
 
 
+@pytest.mark.long
 def test_a_killed_writer_leaves_what_it_wrote_but_for_less_than_half_a_second(
     drive: Path, tmp_path: Path
 ) -> None:
@@ -57,6 +59,7 @@ def test_a_cut_recording_is_readable_up_to_its_last_whole_record(drive: Path, tm
     assert row["not readable"] == 0 and row["bytes readable, least [%]"] < 100.0
 
 
+@pytest.mark.long
 def test_opening_and_replay_are_timed(drive: Path) -> None:
     assert opened(drive)["decisions"] == len(read_recording(drive, DECISION.key).of(DECISION))
     row = replayed(drive)
