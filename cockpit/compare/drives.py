@@ -59,7 +59,7 @@ def figures(drive: Recall) -> dict[str, float | None]:
 
 def compare_drives(one: Path, other: Path) -> tuple[dict[str, Any], "tuple[Recall, Recall]"]:
     """The comparison of two recordings, for JSON, and both drives. Raises InputError."""
-    first, second = recall(one), recall(other)
+    first, second = recall(one).decoded(), recall(other).decoded()
     return {
         "kind": "recordings",
         "figures": side_by_side(figures(first), figures(second)),

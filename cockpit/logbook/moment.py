@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from cockpit.figure_style import BLUE, FIVE, GREEN, ORANGE, SKY, new_figure
-from cockpit.logbook.recall import Recall
+from cockpit.logbook.recall import Recall, of_valid
 from cockpit.logbook.story import Story
 from supervisor.rules.rule_file import LEVELS
 from trepid.config import InputError
@@ -22,6 +22,7 @@ _LINES = (BLUE, ORANGE, GREEN, SKY)  # of the estimators
 _WRAP = 124  # characters of a rule
 
 
+@of_valid
 def moment_figure(drive: Recall, story: Story) -> "Figure":
     """The moment that ``story`` explains. Raises InputError when no camera image of it was recorded."""
     index = drive.index_at(story["moment_s"])

@@ -3,12 +3,13 @@
 import math
 import struct
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property, wraps
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from trepid.config import InputError, default_file
 from trepid.messages import CompressedFrame, Decision, Diagnostic, SteeringEstimate, VehicleState
 from trepid.recording.reader import Recorded, Series, read_recording, read_series
 from trepid.recording.writer import CAR_FILES
+from trepid.speech.loudness import note
 from trepid.topics import (
     CAMERA_COMPRESSED,
     COMMAND,
@@ -30,6 +32,8 @@ from trepid.topics import (
 from trepid.types import Column
 from trepid.wire import VEHICLE_FRAME, WireError
 
+P = ParamSpec("P")
+A = TypeVar("A")
 RULES_NAME = "fear.yaml"
 _KEYS = (DECISION.key, VEHICLE_STATE.key, COMMAND.key, estimate_topic("*").key, DIAGNOSTICS.key)
 _FRAME_WITHIN_S = 1.0  # greatest age of the camera image of a decision
@@ -61,6 +65,12 @@ class Recall:
     def decisions(self) -> Series[Decision]:
         """Every decision, in order."""
         return self.series[DECISION.key]
+
+    def decoded(self) -> "Recall":
+        """The drive without the decisions that cannot be decoded. Raises InputError when none is left."""
+        decisions = copy(self.decisions)
+        _without_malformed(self.recorded, decisions, every=True)
+        return replace(self, series={**self.series, DECISION.key: decisions})
 
     @cached_property
     def t_s(self) -> Column:
@@ -182,22 +192,52 @@ def _valid(arrived: Series[Any], place: int) -> Any:
         return None
 
 
-def _without_malformed(decisions: Series[Decision]) -> None:
-    """Drop the decisions that were malformed on the bus. Of those of this version only odd ones are decoded.
+def of_valid(question: Callable[Concatenate[Recall, P], A]) -> Callable[Concatenate[Recall, P], A]:
+    """``question`` about a drive, asked again without the malformed decisions when it comes upon one.
 
-    A decision is odd when it does not begin as those of Trepid, or its last two numbers are not a speed factor and
-    a speed.
+    :func:`recall` finds most of them. To decode every decision of a long drive takes longer than to read its file.
+    """
+
+    @wraps(question)
+    def asked(drive: Recall, *args: P.args, **options: P.kwargs) -> A:
+        try:
+            return question(drive, *args, **options)
+        except WireError:
+            return question(drive.decoded(), *args, **options)
+
+    return asked
+
+
+def _without_malformed(recorded: Recorded, decisions: Series[Decision], *, every: bool = False) -> None:
+    """Drop the decisions that were malformed on the bus, and say so. Raises InputError when none is left.
+
+    Unless ``every`` one is asked for, of those of this version only odd ones are decoded. A decision is odd when it
+    does not begin as those of Trepid, or its last two numbers are not a speed factor and a speed.
     """
     kept = []
     for place, data in enumerate(decisions.data):
-        odd = not decisions.current or len(data) < LEAST_BYTES or not data.startswith(HEADER_FRAME, FRAME_AT)
+        odd = (
+            every
+            or not decisions.current
+            or len(data) < LEAST_BYTES
+            or not data.startswith(HEADER_FRAME, FRAME_AT)
+        )
         if not odd:
             factor, cap_mps = TAIL.unpack_from(data, len(data) - TAIL.size)
             odd = not (0.0 <= factor <= 1.0 and 0.0 <= cap_mps < MOST_MPS)
         if not odd or _valid(decisions, place) is not None:
             kept.append(place)
-    if len(kept) < len(decisions):
-        decisions.keep(kept)
+    malformed = len(decisions) - len(kept)
+    decisions.keep(kept)
+    if malformed:
+        note(f"{recorded.path}: {malformed} malformed decisions count as not received")
+    if not kept:
+        raise _no_decision(recorded)
+
+
+def _no_decision(recorded: Recorded) -> InputError:
+    short = "" if recorded.complete else "; the file is cut short"
+    return InputError(f"{recorded.path}: the recording contains no decision of a supervisor{short}")
 
 
 def recall(path: Path, rules: Path | None = None) -> Recall:
@@ -206,11 +246,9 @@ def recall(path: Path, rules: Path | None = None) -> Recall:
     Raises InputError when there is no decision in it.
     """
     recorded, series = read_series(path, *_KEYS)
-    if DECISION.key in series:
-        _without_malformed(series[DECISION.key])
-    if not series.get(DECISION.key):
-        short = "" if recorded.complete else "; the file is cut short"
-        raise InputError(f"{path}: the recording contains no decision of a supervisor{short}")
+    if DECISION.key not in series:
+        raise _no_decision(recorded)
+    _without_malformed(recorded, series[DECISION.key])
     if rules is not None:
         return Recall(recorded, series, FearRules.load(rules), str(rules))
     attached = recorded_rules(recorded)

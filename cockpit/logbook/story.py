@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cockpit.logbook.recall import Recall
+from cockpit.logbook.recall import Recall, of_valid
 from cockpit.logbook.rise import next_level, raising
 from cockpit.logbook.slowdowns import CLEAR, DEEP, SlowDown, nearest, significant, slow_downs
 from supervisor.rules.inference import FearRules, Values
@@ -29,6 +29,7 @@ Story = dict[str, Any]
 """The output of ``trepid fear explain RECORDING --at T --json``; docs/recordings.md lists the fields."""
 
 
+@of_valid
 def story(drive: Recall, at_s: float) -> Story:
     """Why the vehicle slowed down around ``at_s``, or did not. Raises ValueError for a time outside of it."""
     first_s = drive.recorded.first_s - drive.zero_s
@@ -64,6 +65,7 @@ def _held(speed_mps: Column) -> Column:
     return np.where(last >= 0, speed_mps[last], 0.0)
 
 
+@of_valid
 def overview(drive: Recall) -> list[Story]:
     """Every slow-down by the supervisor: its course, mode, cause and fear."""
     found = []

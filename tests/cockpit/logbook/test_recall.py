@@ -6,13 +6,14 @@ from pathlib import Path
 import pytest
 from supervisor_rig import ESTIMATE, STATE, Drive
 
+from cockpit.compare.drives import compare_drives
 from cockpit.logbook.recall import recall
-from cockpit.logbook.story import story
+from cockpit.logbook.story import overview, story
 from cockpit.logbook.story_text import story_text
 from supervisor.rules.inference import FearRules
 from supervisor.rules.reload import RuleChange
-from trepid.config import CONFIG_DIR
-from trepid.messages import Diagnostic, Health
+from trepid.config import CONFIG_DIR, InputError
+from trepid.messages import Decision, Diagnostic, Health
 from trepid.recording.writer import Recording, attachments
 from trepid.topics import DECISION, DIAGNOSTICS, VEHICLE_STATE
 from trepid.wire import to_cdr
@@ -73,6 +74,51 @@ def test_a_malformed_decision_counts_as_not_received_also_where_it_ends_in_zeros
                     file.add(DECISION.key, data, at_s=decision.decided_s)
     told = recall(path)
     assert len(told.decisions) == len(list(told.decisions)) == 5
+
+
+def damaged_in_its_middle(decision: Decision) -> bytes:
+    """The bytes of a decision with an impossible length of the name of its cause."""
+    data = to_cdr(decision)
+    at = data.index(decision.cause.encode() + b"\0") - 4
+    return data[:at] + b"\xff" * 4 + data[at + 4 :]
+
+
+@pytest.fixture
+def with_damage(tmp_path: Path) -> Path:
+    """A recording of six decisions, of which the one 0.1 s after the start is damaged in its middle."""
+    path, drive = tmp_path / "drive.mcap", Drive.under_way()
+    with Recording(path, attachments(SHIPPED)) as file:
+        for k in range(6):
+            decision = drive.frame(cv=EDGES)
+            data = damaged_in_its_middle(decision) if k == 2 else to_cdr(decision)
+            file.add(DECISION.key, data, at_s=decision.decided_s)
+    return path
+
+
+def test_a_decision_damaged_in_its_middle_counts_as_not_received_wherever_a_drive_is_explained(
+    with_damage: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = recall(with_damage)
+    at_s = [float(one) for one in drive.t_s]
+    assert len(drive.decisions) == 6
+    answer = story(drive, at_s[2])
+    assert (answer["moment_s"], answer["repeats"]) == (pytest.approx(at_s[1], abs=1e-3), True)
+    assert overview(drive) == []
+    assert capsys.readouterr().err.count(f"{with_damage}: 1 malformed decisions count as not received\n") >= 1
+
+
+def test_drives_are_compared_without_a_decision_damaged_in_its_middle(with_damage: Path) -> None:
+    found, _ = compare_drives(with_damage, with_damage)
+    assert {row["name"]: row["a"] for row in found["figures"]}["decisions"] == 5
+
+
+def test_a_recording_whose_decisions_are_all_damaged_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with Recording(path, attachments(SHIPPED)) as file:
+        decision = Drive.under_way().frame(cv=EDGES)
+        file.add(DECISION.key, damaged_in_its_middle(decision), at_s=decision.decided_s)
+    with pytest.raises(InputError, match="contains no decision of a supervisor"):
+        story(recall(path), 0.0)
 
 
 def test_what_would_raise_fear_is_not_known_where_no_inputs_are_recorded(tmp_path: Path) -> None:
