@@ -16,6 +16,7 @@ Columns of a table (of each line the first that is present is used):
 
 import csv
 import math
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -134,7 +135,7 @@ def _from_trace(path: Path) -> DriveLog:
     try:
         with np.load(path, allow_pickle=False) as saved:
             columns = [saved[name].astype(np.float64) for name in names]
-    except (KeyError, ValueError, EOFError, BadZipFile) as error:
+    except (OSError, KeyError, ValueError, TypeError, EOFError, BadZipFile, zlib.error) as error:
         raise InputError(f"{path}: is no saved trace: {error}") from error
     t_s, *_, command_rad = columns
     return log_of(path, [*columns[:4], np.zeros_like(t_s)], (t_s, command_rad))

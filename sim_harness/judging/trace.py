@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from operator import attrgetter
@@ -108,17 +109,33 @@ class Trace:
         try:
             with np.load(path, allow_pickle=False) as saved:
                 arrays = {name: saved[name] for name in saved.files}
-        except (OSError, ValueError, EOFError, BadZipFile) as error:
+        except (OSError, ValueError, TypeError, EOFError, BadZipFile, zlib.error) as error:
             raise InputError(f"{path}: is no saved trace: {error}") from error
         columns = {name: array for name, array in arrays.items() if not name.startswith("words.")}
         words = {
-            name.removeprefix("words."): tuple(map(str, array))
+            name.removeprefix("words."): tuple(map(str, np.atleast_1d(array)))
             for name, array in arrays.items()
             if name.startswith("words.")
         }
-        if "t_s" not in columns or set(words) != set(LABELS):
-            raise InputError(f"{path}: is no saved trace: times or labels are missing")
+        fault = _fault(columns, words)
+        if fault:
+            raise InputError(f"{path}: is no saved trace: {fault}")
         return cls(columns, words)
+
+
+def _fault(columns: Mapping[str, np.ndarray], words: Mapping[str, tuple[str, ...]]) -> str:
+    """What is wrong with the arrays of a file; "" for a trace."""
+    absent = [name for name in column_names() if name not in columns]
+    absent += [f"words.{label}" for label in LABELS if label not in words]
+    if absent:
+        return f"it has no column {absent[0]}"
+    for name, column in columns.items():
+        if column.dtype != np.float64 or column.shape != (columns["t_s"].size,):
+            return f"{name} is no column of {columns['t_s'].size} numbers"
+    for label in LABELS:
+        if not np.isin(columns[label], np.arange(-1, len(words[label]))).all():
+            return f"{label} has a code without a word"
+    return ""
 
 
 class Recorder:

@@ -8,6 +8,7 @@ import numpy as np
 
 from sim_harness.judging.metrics import measure
 from sim_harness.judging.trace import LABELS, Trace
+from trepid.config import InputError
 
 
 def compare_traces(one: Path, other: Path) -> tuple[dict[str, Any], tuple[Trace, Trace]]:
@@ -17,6 +18,7 @@ def compare_traces(one: Path, other: Path) -> tuple[dict[str, Any], tuple[Trace,
     differs; None where all common samples of all common columns are equal.
     """
     a, b = Trace.load(one), Trace.load(other)
+    scores = [_scored(one, a), _scored(other, b)]
     return {
         "kind": "traces",
         "trace_sha256": [a.sha256, b.sha256],
@@ -25,7 +27,7 @@ def compare_traces(one: Path, other: Path) -> tuple[dict[str, Any], tuple[Trace,
         "only_a": sorted(a.columns.keys() - b.columns.keys()),
         "only_b": sorted(b.columns.keys() - a.columns.keys()),
         "first_difference": first_difference(a, b),
-        "scores": [numbers(a), numbers(b)],
+        "scores": scores,
     }, (a, b)
 
 
@@ -52,6 +54,13 @@ def numbers(trace: Trace) -> dict[str, float | None]:
         else:
             found[name] = None if value is None else float(value)
     return found
+
+
+def _scored(path: Path, trace: Trace) -> dict[str, float | None]:
+    try:
+        return numbers(trace)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 def _differs(one: Trace, other: Trace, name: str, count: int) -> np.ndarray:

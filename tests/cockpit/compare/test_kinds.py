@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -147,6 +148,50 @@ def test_what_cannot_be_compared_or_drawn_is_refused_in_one_line(
     assert (code, out, err.count("\n")) == (2, "", 1)
     code, _, err = compare(drives / "run.npz", drives / "run.mcap")
     assert code == 2 and "traces and recordings cannot be compared" in err
+
+
+def without(*names: str) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    return lambda arrays: {name: array for name, array in arrays.items() if name not in names}
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (without("decision.fear"), "it has no column decision.fear"),
+        (without("words.mode"), "it has no column words.mode"),
+        (lambda arrays: arrays | {"speed_mps": arrays["speed_mps"][:-1]}, "speed_mps is no column of"),
+        (lambda arrays: arrays | {"x_m": arrays["x_m"].astype(str)}, "x_m is no column of"),
+        (lambda arrays: arrays | {"mode": arrays["mode"] + 90.0}, "mode has a code without a word"),
+        (
+            lambda arrays: {n: a if n.startswith("words.") else a[:1] for n, a in arrays.items()},
+            "a trace of 1 samples over 0.0 s cannot be scored",
+        ),
+    ],
+)
+def test_a_file_of_arrays_that_is_no_trace_to_compare_is_refused_with_what_is_wrong(
+    drives: Path, tmp_path: Path, compare: Any, change: Callable[[dict[str, Any]], dict[str, Any]], fault: str
+) -> None:
+    with np.load(drives / "run.npz") as saved:
+        np.savez(tmp_path / "bad.npz", **change(dict(saved)))
+    code, out, err = compare(drives / "run.npz", tmp_path / "bad.npz")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "bad.npz: " in err and fault in err
+
+
+@pytest.mark.parametrize("damage", ["an array", "a byte"])
+def test_an_array_alone_and_a_damaged_trace_are_refused(
+    drives: Path, tmp_path: Path, compare: Any, damage: str
+) -> None:
+    path = tmp_path / "bad.npz"
+    data = (drives / "run.npz").read_bytes()
+    if damage == "an array":
+        with path.open("wb") as file:
+            np.save(file, np.zeros(3))
+    else:
+        path.write_bytes(data[:3000] + bytes(200) + data[3200:])
+    code, out, err = compare(drives / "run.npz", path)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "bad.npz: is no saved trace" in err
 
 
 def test_a_pair_of_traces_of_different_lengths_counts_as_one_that_differs(

@@ -169,5 +169,5 @@ def test_a_file_that_is_no_saved_trace_is_refused_in_one_line(tmp_path, content)
     with pytest.raises(InputError, match=r"run\.npz: is no saved trace"):
         Trace.load(path)
     np.savez(tmp_path / "other.npz", x=np.zeros(3))
-    with pytest.raises(InputError, match="times or labels are missing"):
+    with pytest.raises(InputError, match="it has no column t_s"):
         Trace.load(tmp_path / "other.npz")
