@@ -47,7 +47,7 @@ def run(me: Process) -> None:
     options = PageOptions.model_validate(me.options["page"])
     feed = Feed(me.bus, me.options["estimators"], jpeg=me.has_publisher(CAMERA_COMPRESSED))
     camera, vehicle = load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
-    keeping = KeepDesk(ring=bool(me.options.get("ring")), recorded=me.options.get("record"))
+    keeping = KeepDesk(ring=me.options.get("ring"), recorded=me.options.get("record"))
     view = View(feed, camera, vehicle, what=options.what, drive=options.drive, no_keep=keeping.why_not)
     stop = StopSender(me.bus, me.now_s)
     hub = Hub(feed, view, stop, me.now_s)

@@ -8,9 +8,9 @@ from typing import Any
 
 from trepid.bus import open_bus
 from trepid.clock import epoch_clock
-from trepid.config import InputError, use_car
+from trepid.config import use_car
 from trepid.messages import Diagnostic, Health
-from trepid.processes.register import PROCESS, Running, running
+from trepid.processes.register import PROCESS, Running
 from trepid.processes.settings import LAUNCHER
 from trepid.security import OBSERVER, session_settings
 from trepid.topics import DIAGNOSTICS
@@ -25,20 +25,6 @@ class State:
 
     row: dict[str, Any]
     problem: str  # "" when the process is well
-
-
-def choose(endpoint: str | None) -> Running:
-    """The running drive at ``endpoint``, or the only one. Raises InputError."""
-    drives = running()
-    if not drives:
-        raise InputError("no drive runs on this machine for this user; `trepid drive` starts one")
-    found = [drive for drive in drives if endpoint in (None, drive.endpoint)]
-    if len(found) == 1:
-        return found[0]
-    known = "; ".join(f"--endpoint {drive.endpoint} ({drive.what}, pid {drive.pid})" for drive in drives)
-    if not found:
-        raise InputError(f"no drive runs at {endpoint}; there is {known}")
-    raise InputError(f"{len(found)} drives run; choose one: {known}")
 
 
 def report_of(drive: Running, *, patience_s: float = PATIENCE_S) -> Diagnostic | None:

@@ -26,9 +26,10 @@ def status(
 
     Exit code 1 when something is wrong with a process; standard error names it.
     """
-    from cockpit.status.attach import PATIENCE_S, choose, report_of, states
+    from cockpit.status.attach import PATIENCE_S, report_of, states
+    from trepid.processes.register import choose, running
 
-    drive = choose(endpoint)
+    drive = choose(endpoint, running())
     report = report_of(drive)
     if report is None:
         raise InputError(

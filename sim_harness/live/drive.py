@@ -39,6 +39,7 @@ from trepid.processes.launch import Child, Fleet
 from trepid.processes.page_door import FOXGLOVE, PAGE, PageDoor
 from trepid.processes.register import Running, registered, ticks
 from trepid.processes.settings import RECORDER, ProcessSpec, load_processes
+from trepid.recording.ring import ring_name
 from trepid.recording.writer import check_free
 from trepid.security import LAUNCHER, drive_endpoint, refuse_open_endpoints, session_settings
 from trepid.topics import DIAGNOSTICS
@@ -99,6 +100,7 @@ def drive(
         car=str(car) if car else None,
         what=what,
         page=page.url if page is not None else None,
+        ring=ring_name(now_s=time.time()) if record is None and settings.ring.max_mb > 0 else None,
     )
     context = context_of(scenario, estimators, seed, networks)
     context |= {"raw_images": raw_images}
@@ -110,7 +112,7 @@ def drive(
     if record is not None:
         context["record"] = str(record.resolve())
     else:
-        context["ring"] = True
+        context["ring"] = running.ring
         context["record_folder"] = str(settings.record_folder.expanduser().resolve())
     with (
         caught_signals() as signals,

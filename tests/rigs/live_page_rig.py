@@ -53,6 +53,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
 STATIC = ROOT / "cockpit" / "page" / "static"
 ESTIMATORS = ("cv", "cnn")
+RING = "a drive"  # name of the ring of its last minutes
 PERIOD_S = 0.05
 LEFT = ((60.0, 230.0), (130.0, 150.0))
 RIGHT = ((280.0, 230.0), (190.0, 150.0))
@@ -232,7 +233,7 @@ class LivePage:
                     "what": self.what,
                     "drive": self.endpoint,
                 },
-                "ring": True,
+                "ring": RING,
                 "estimators": ESTIMATORS,
                 "rules": str(self.rules),
             },

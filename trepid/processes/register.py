@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -27,6 +27,7 @@ class Running(Settings):
     car: str | None  # folder of the car
     what: str  # name of the scenario, or of the car
     page: str | None = None  # address of the live page, with its token
+    ring: str | None = None  # name of the ring of its last minutes; None: it writes none
 
 
 def folder() -> Path:
@@ -80,3 +81,16 @@ def running() -> list[Running]:
         else:
             path.unlink(missing_ok=True)
     return sorted(found, key=lambda drive: drive.started_ticks)
+
+
+def choose(endpoint: str | None, drives: Sequence[Running]) -> Running:
+    """The one of the running ``drives`` at ``endpoint``, or the only one. Raises InputError."""
+    if not drives:
+        raise InputError("no drive runs on this machine for this user; `trepid drive` starts one")
+    found = [drive for drive in drives if endpoint in (None, drive.endpoint)]
+    if len(found) == 1:
+        return found[0]
+    known = "; ".join(f"--endpoint {drive.endpoint} ({drive.what}, pid {drive.pid})" for drive in drives)
+    if not found:
+        raise InputError(f"no drive runs at {endpoint}; there is {known}")
+    raise InputError(f"{len(found)} drives run; choose one: {known}")

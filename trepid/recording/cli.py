@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from trepid.recording.ring import kept, kept_name, newest, secured
+from trepid.recording.ring import kept, kept_name, ring_of, secured
 from trepid.recording.writer import check_free
 
 app = typer.Typer(no_args_is_help=True)
@@ -23,6 +23,9 @@ def keep(
         Path | None,
         typer.Option(metavar="F.mcap", help="The new recording; default: a name in the user's state folder."),
     ] = None,
+    endpoint: Annotated[
+        str | None, typer.Option(help="Zenoh endpoint of the drive, where several run.")
+    ] = None,
 ) -> None:
     """Keep the last minutes of the running drive, or of the last one, as one recording, and print its name.
 
@@ -32,7 +35,7 @@ def keep(
 
     if out is not None:
         check_free(out)
-    safe = secured(newest())
+    safe = secured(ring_of(endpoint))
     path = kept_name("by-hand", now_s=time.time()) if out is None else out
     kept(safe, path)
     shutil.rmtree(safe)

@@ -43,8 +43,14 @@ class Keeper:
     """Writes the ring of a drive and keeps it ``after_s`` after an event. A disk that refuses ends the ring."""
 
     def __init__(
-        self, me: Process, settings: RingSettings, files: Mapping[str, bytes], notes: Mapping[str, str]
+        self,
+        me: Process,
+        ring: str,
+        settings: RingSettings,
+        files: Mapping[str, bytes],
+        notes: Mapping[str, str],
     ) -> None:
+        """``ring``: name of the ring of the drive."""
         self._me, self._settings = me, settings
         self.problem = ""
         """Why the ring is not written, or an event was not kept; "" while all is well."""
@@ -55,7 +61,7 @@ class Keeper:
         self._truth = bus.latest(SIM_TRUTH, wakes=False)
         self._ring: Ring | None = None
         try:
-            self._ring = Ring(bus.tap(*RECORDED), settings, files, notes, now_s=me.now_s())
+            self._ring = Ring(bus.tap(*RECORDED), ring, settings, files, notes)
         except InputError as error:
             self.problem = f"the last minutes are not recorded: {error}"
 

@@ -33,7 +33,7 @@ def run(me: Process) -> None:
     """Record until the process is to stop.
 
     Options: ``record``, the file; without it ``record_folder``, the folder of the recordings by the button, made at
-    the first one; ``raw_images``, to record them too.
+    the first one; ``ring``, the name of the ring of the last minutes; ``raw_images``, to record them too.
     """
     heard = me.bus.stream(DIAGNOSTICS)
     if "record" in me.options:
@@ -45,8 +45,8 @@ def run(me: Process) -> None:
 def record_by_button(me: Process, heard: Stream[Diagnostic]) -> None:
     """Record the last minutes, and while the driver input says so, each time into a file of its own."""
     driver = me.bus.latest(DRIVER_INPUT, wakes=False)
-    settings = ring_settings() if me.options.get("ring") else None
-    keeper = Keeper(me, settings, attached(me), notes(me)) if settings and settings.max_mb else None
+    ring = me.options.get("ring")
+    keeper = Keeper(me, ring, ring_settings(), attached(me), notes(me)) if ring else None
 
     def running() -> bool:
         """Whether the drive goes on; writes the last minutes meanwhile."""

@@ -1,6 +1,7 @@
 """The last minutes of every drive on disk: short recordings one after the other, the oldest deleted beyond a size.
 
-Each drive has a folder of its own below ``$XDG_STATE_HOME/trepid/ring`` (default: ``~/.local/state/trepid/ring``).
+Each drive has a folder of its own below ``$XDG_STATE_HOME/trepid/ring`` (default: ``~/.local/state/trepid/ring``),
+which the launcher names; a recorder that is started again goes on in it.
 A part is a whole MCAP file of ``part_s``; the one being written is readable up to its last half second, also after
 a crash. :func:`kept` joins the parts of a drive into one recording in ``…/trepid/kept``, which nothing deletes.
 """
@@ -21,6 +22,7 @@ from pydantic import ConfigDict
 from trepid.bus import Tap
 from trepid.clock import seconds
 from trepid.config import CONFIG_DIR, ROOT, InputError, Settings, parse, read
+from trepid.processes.register import choose, running
 from trepid.recording.foreign import in_order
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import BEGAN, Recording
@@ -70,22 +72,22 @@ class Ring:
     def __init__(
         self,
         tap: Tap,
+        name: str,
         settings: RingSettings,
         files: Mapping[str, bytes],
         notes: Mapping[str, str],
-        *,
-        now_s: float,
     ) -> None:
-        """Make the folder. Raises InputError."""
+        """Make the folder ``name``. Raises InputError."""
         self._tap, self._settings = tap, settings
         self._files, self.notes = dict(files), dict(notes)
-        self.folder = state_folder("ring") / f"{datetime.fromtimestamp(now_s).strftime(STAMP)}-{os.getpid()}"
+        self.folder = state_folder("ring") / name
         try:
-            self.folder.mkdir(parents=True)
+            self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"{self.folder}: cannot be made: {error.strerror}") from error
         self._part: Recording | None = None
-        self._count, self._until_s = 0, -1.0
+        self._count = max((int(part.stem) for part in self.folder.glob("*.mcap")), default=0)
+        self._until_s = -1.0
 
     def write(self) -> None:
         """Write all messages since the last call. Raises InputError when the disk refuses them."""
@@ -131,6 +133,28 @@ def prune(root: Path, most_bytes: float, *, own: Path) -> None:
                     folder.rmdir()
 
 
+def ring_name(*, now_s: float) -> str:
+    """The name of the ring of a drive whose launcher is this process."""
+    return f"{datetime.fromtimestamp(now_s).strftime(STAMP)}-{os.getpid()}"
+
+
+def ring_of(endpoint: str | None = None) -> Path:
+    """Folder of the parts of the running drive, of that at ``endpoint``, or of the last one when none runs.
+
+    Raises InputError where several run, and where the running drive has no ring.
+    """
+    drives = running()
+    if not drives and endpoint is None:
+        return newest()
+    drive = choose(endpoint, [drive for drive in drives if drive.ring or endpoint is not None] or drives)
+    if drive.ring is None:
+        raise InputError(
+            f"{drive.what} (pid {drive.pid}) writes no last minutes: it is a replay, its whole drive is recorded, "
+            "or ring.max_mb of drive.yaml is 0"
+        )
+    return state_folder("ring") / drive.ring
+
+
 def newest() -> Path:
     """Folder of the parts of the newest drive. Raises InputError without one."""
     root = state_folder("ring")
@@ -159,6 +183,8 @@ def secured(folder: Path) -> Path:
 
     Raises InputError.
     """
+    if not any(folder.glob("*.mcap")):
+        raise InputError(f"{folder}: holds nothing to keep yet")
     top = state_folder("kept")
     try:
         top.mkdir(parents=True, exist_ok=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 import cv2
 import pytest
-from live_page_rig import STATIC, LivePage, Publisher, Scene, chromium, rule_copy
+from live_page_rig import RING, STATIC, LivePage, Publisher, Scene, chromium, rule_copy
 from message_rig import decision
 from process_rig import until
 
@@ -278,9 +278,9 @@ def test_a_page_that_fails_to_draw_says_so_and_still_receives(seen):
 
 def test_one_press_keeps_the_last_minutes(seen):
     seen.click("keep")
-    assert until(lambda: "holds no drive to keep" in seen.text("kept"), patience_s=PATIENCE_S)
+    assert until(lambda: "holds nothing to keep yet" in seen.text("kept"), patience_s=PATIENCE_S)
     assert seen.text("kept").startswith("not kept: ")
-    ring = Path(os.environ["XDG_STATE_HOME"]) / "trepid" / "ring" / "a drive"
+    ring = Path(os.environ["XDG_STATE_HOME"]) / "trepid" / "ring" / RING
     ring.mkdir(parents=True)
     for number in (1, 2):
         with Recording(ring / f"{number}.mcap", {"fear.yaml": b"rules"}, {"what": "test"}) as part:

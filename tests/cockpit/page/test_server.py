@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from live_page_rig import LivePage, Publisher, Scene, rule_copy
+from message_rig import decision
 from process_rig import until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
@@ -20,6 +21,10 @@ from cockpit.page.keep import KeepDesk
 from cockpit.page.rules import RuleDesk
 from cockpit.page.server import MAX_BODY, TOO_MANY, WRONG_ORIGIN, WRONG_TOKEN
 from trepid.config import CONFIG_DIR, InputError, use_car
+from trepid.recording.reader import read_recording
+from trepid.recording.writer import Recording
+from trepid.topics import DECISION
+from trepid.wire import to_cdr
 
 
 @pytest.fixture(scope="module")
@@ -152,13 +157,24 @@ def test_keeping_the_last_minutes_needs_the_token_and_something_to_keep(
     assert page.request("GET", "/keep")[0] == 405
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     for desk, why in (
-        (KeepDesk(ring=True, recorded="/drive.mcap"), "the whole drive is recorded in /drive.mcap"),
-        (KeepDesk(ring=False, recorded=None), "ring.max_mb of drive.yaml is 0"),
-        (KeepDesk(ring=True, recorded=None), "holds no drive to keep"),
+        (KeepDesk(ring="a drive", recorded="/drive.mcap"), "the whole drive is recorded in /drive.mcap"),
+        (KeepDesk(ring=None, recorded=None), "ring.max_mb of drive.yaml is 0"),
+        (KeepDesk(ring="a drive", recorded=None), "a drive: holds nothing to keep yet"),
     ):
         with pytest.raises(InputError, match=why):
             desk.keep()
     assert not list(tmp_path.rglob("*.mcap"))
+
+
+def test_the_button_keeps_the_ring_of_its_own_drive(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    for name in ("mine", "newer"):
+        folder = tmp_path / "trepid" / "ring" / name
+        folder.mkdir(parents=True)
+        with Recording(folder / "000001.mcap", {}, {"what": name}) as part:
+            part.add(DECISION.key, to_cdr(decision(10.0)), at_s=10.0)
+    path = KeepDesk(ring="mine", recorded=None).keep()
+    assert read_recording(path, DECISION.key).notes["what"] == "mine"
 
 
 def test_the_number_of_viewers_has_a_limit(page: LivePage) -> None:

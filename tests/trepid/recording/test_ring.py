@@ -1,6 +1,8 @@
 """The last minutes of a drive are bounded on disk, readable after a crash, and kept as one recording."""
 
 import os
+import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -8,12 +10,14 @@ from typing import Any
 
 import pytest
 
+from trepid.cli import main
 from trepid.config import InputError
 from trepid.messages import Stop, VehicleState
+from trepid.processes.register import Running, folder, ticks
 from trepid.recording import keeper
 from trepid.recording.keeper import EMERGENCY, INTERVENTION, Events
 from trepid.recording.reader import read_recording
-from trepid.recording.ring import Ring, RingSettings, kept, newest, prune, ring_settings, secured
+from trepid.recording.ring import Ring, RingSettings, kept, newest, prune, ring_of, ring_settings, secured
 from trepid.topics import DECISION, VEHICLE_STATE
 from trepid.wire import to_cdr
 
@@ -28,12 +32,12 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def ring_of(seconds: int, *, max_mb: float = 1.0) -> Ring:
+def written(seconds: int, *, name: str = "a drive", max_mb: float = 1.0) -> Ring:
     """A ring with ten states a second in parts of 2 s, not closed."""
     waiting: list[Any] = []
     tap: Any = SimpleNamespace(drain=lambda: [waiting.pop(0) for _ in list(waiting)])
     settings = RingSettings(max_mb=max_mb, part_s=2.0, after_s=1.0, max_kept_mb=1.0)
-    ring = Ring(tap, settings, {"fear.yaml": b"rules"}, {"what": "test"}, now_s=100.0)
+    ring = Ring(tap, name, settings, {"fear.yaml": b"rules"}, {"what": "test"})
     for number in range(10 * seconds):
         t_s = 100.0 + number / 10
         waiting.append((VEHICLE_STATE.key, to_cdr(replace(STATE, t_s=t_s)), t_s))
@@ -42,7 +46,7 @@ def ring_of(seconds: int, *, max_mb: float = 1.0) -> Ring:
 
 
 def test_the_parts_of_a_drive_become_one_recording(tmp_path: Path) -> None:
-    ring = ring_of(9)
+    ring = written(9)
     ring.began_ns(101_000_000_000)
     ring.close()
     assert newest() == ring.folder
@@ -53,13 +57,86 @@ def test_the_parts_of_a_drive_become_one_recording(tmp_path: Path) -> None:
 
 
 def test_a_ring_that_was_killed_is_kept_up_to_its_last_second(tmp_path: Path) -> None:
-    ring = ring_of(9)
+    ring = written(9)
     kept(secured(ring.folder), tmp_path / "kept.mcap")
     assert read_recording(tmp_path / "kept.mcap", VEHICLE_STATE.key).last_s > 107.5
 
 
+def test_a_recorder_that_is_started_again_goes_on_in_the_ring_of_its_drive(tmp_path: Path) -> None:
+    first = written(3)
+    again = written(3)
+    again.close()
+    assert again.folder == first.folder
+    assert [part.stem for part in sorted(again.folder.glob("*.mcap"))] == [
+        "000001",
+        "000002",
+        "000003",
+        "000004",
+    ]
+    kept(secured(again.folder), tmp_path / "kept.mcap")
+    assert len(read_recording(tmp_path / "kept.mcap", VEHICLE_STATE.key).of(VEHICLE_STATE)) == 60
+
+
+@pytest.fixture
+def drives(home: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """A function that makes drives run, each with an endpoint and the name of its ring."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(home))
+
+    def run(**rings: str | None) -> None:
+        for endpoint, ring in rings.items():
+            drive = Running(
+                pid=os.getpid(),
+                started_ticks=ticks(os.getpid()) or 0,
+                vehicle_name="car",
+                endpoint=endpoint,
+                clock_offset_ns=0,
+                car=None,
+                what=f"scenario {endpoint}",
+                ring=ring,
+            )
+            (folder() / f"{endpoint}.json").write_text(drive.model_dump_json())
+
+    return run
+
+
+def test_the_ring_of_the_running_drive_is_kept_and_not_the_newest_of_the_machine(
+    drives: Callable[..., None],
+) -> None:
+    mine, newer = written(3, name="mine"), written(3, name="newer")
+    for age_s, ring in ((100.0, mine), (0.0, newer)):
+        for part in ring.folder.glob("*.mcap"):
+            os.utime(part, (1000.0 - age_s, 1000.0 - age_s))
+    assert ring_of() == newer.folder, "no drive runs: that of the last one"
+    drives(one="mine", replay=None)
+    assert ring_of() == mine.folder
+
+
+def test_of_two_running_drives_the_endpoint_decides_and_without_it_both_are_named_in_one_line(
+    drives: Callable[..., None], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rings = [written(3, name=name) for name in ("first", "second")]
+    drives(one="first", two="second")
+    assert [ring_of("one"), ring_of("two")] == [ring.folder for ring in rings]
+    monkeypatch.setattr(sys, "argv", ["trepid", "record", "keep"])
+    assert main() == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert all(word in err for word in ("--endpoint one (scenario one", "--endpoint two (scenario two"))
+    monkeypatch.setattr(sys, "argv", ["trepid", "record", "keep", "--endpoint", "three"])
+    assert main() == 2
+
+
+def test_a_running_drive_without_a_ring_is_refused_although_an_older_one_left_its_ring(
+    drives: Callable[..., None],
+) -> None:
+    written(3)
+    drives(one=None)
+    with pytest.raises(InputError, match=r"scenario one .* writes no last minutes"):
+        ring_of()
+
+
 def test_the_oldest_parts_are_deleted_beyond_the_size_and_secured_ones_stay(tmp_path: Path) -> None:
-    ring = ring_of(9)
+    ring = written(9)
     ring.close()
     parts = sorted(ring.folder.glob("*.mcap"))
     for age, part in enumerate(reversed(parts)):
@@ -73,7 +150,7 @@ def test_the_oldest_parts_are_deleted_beyond_the_size_and_secured_ones_stay(tmp_
 def test_nothing_kept_is_overwritten_and_no_ring_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no drive to keep"):
         newest()
-    ring = ring_of(3)
+    ring = written(3)
     (tmp_path / "there.mcap").write_text("precious")
     with pytest.raises(InputError, match="exists already and is kept"):
         kept(secured(ring.folder), tmp_path / "there.mcap")
@@ -117,7 +194,7 @@ def test_an_emergency_stop_is_kept_unless_it_is_that_of_the_end_of_the_drive(
     monkeypatch.setattr(keeper, "keep_apart", lambda folder, out: kept_as.append(out.stem))
     drive: Any = Drive()
     settings = RingSettings(max_mb=1.0, part_s=2.0, after_s=5.0, max_kept_mb=1.0)
-    keeping = keeper.Keeper(drive, settings, {}, {})
+    keeping = keeper.Keeper(drive, "a drive", settings, {}, {})
     keeping.turn()
     drive.stop = Stop.EMERGENCY
     keeping.turn()
