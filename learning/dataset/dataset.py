@@ -193,6 +193,13 @@ def as_rows(columns: dict[str, Any]) -> Rows:
     return rows
 
 
+def pieces_of(rows: Rows) -> NDArray[np.int64]:
+    """Number of the piece of each row, from 0 on: rows of a route and stretch that follow each other in `frame`."""
+    same = [rows[name][1:] == rows[name][:-1] for name in ("route", "stretch")]
+    follows = np.logical_and.reduce([*same, rows["frame"][1:] == rows["frame"][:-1] + 1])
+    return np.cumsum(np.concatenate([[False], ~follows]))[: len(rows)]
+
+
 def sha256_of(rows: Rows) -> str:
     """``data_sha256`` of ``rows``."""
     digest = hashlib.sha256()

@@ -4,16 +4,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from learning.dataset.dataset import (
     DATA,
     MEASURED,
     NONE,
     Dataset,
-    Rows,
     Source,
     as_rows,
+    pieces_of,
     sha256_of,
     write,
 )
@@ -33,7 +32,7 @@ def joined(out: Path, first: Dataset, added: Sequence[Dataset], command: str) ->
     for dataset in added:
         every = dataset.rows()
         rows = every[every["split"] != NONE]
-        piece = _pieces(rows)
+        piece = pieces_of(rows)
         columns = {name: rows[name] for name in rows.dtype.names or ()}
         split = np.where((pieces + piece) % VALIDATION_EVERY == VALIDATION_EVERY - 1, "validation", "train")
         columns |= {"source": rows["source"] + len(sources), "stretch": stretch + piece, "split": split}
@@ -45,12 +44,6 @@ def joined(out: Path, first: Dataset, added: Sequence[Dataset], command: str) ->
     about = {"sources": tuple(sources), "data_sha256": sha256_of(index), "command": command}
     write(out, first.file.model_copy(update=about), index)
     return Dataset.open(out)
-
-
-def _pieces(rows: Rows) -> NDArray[np.int64]:
-    """Number of the piece of each row, from 0 on."""
-    follows = (rows["frame"][1:] == rows["frame"][:-1] + 1) & (rows["stretch"][1:] == rows["stretch"][:-1])
-    return np.cumsum(np.concatenate([[False], ~follows]))[: len(rows)]
 
 
 def _sources(dataset: Dataset) -> Iterator[Source]:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from learning.dataset.dataset import Dataset
+from learning.dataset.dataset import Dataset, pieces_of
 from trepid.config import InputError
 from trepid.types import Floats, Image
 
@@ -21,17 +21,18 @@ class Frames(NamedTuple):
 
     images: Image  # (n, H, W, 3) BGR, on the disk
     labels_rad: Floats  # (n,), + = left
-    stretches: NDArray[np.int32]  # (n,): frames of a stretch follow each other without a pause
+    stretches: NDArray[np.int32]  # (n,): numbers of stretches of the drives without a pause ...
+    pieces: NDArray[np.int64]  # ... and of parts of them of which no frame is left out
     routes: tuple[str, ...]  # their names, each once
 
     def __len__(self) -> int:
         return len(self.labels_rad)
 
     def windows(self, length: int, stride: int) -> NDArray[np.int64]:
-        """Places (m, length) of the frames of all sequences: every ``stride``-th frame, within one stretch."""
+        """Places (m, length) of the frames of all sequences: every ``stride``-th frame, within one piece."""
         reach = (length - 1) * stride
         last = np.arange(reach, len(self))
-        last = last[self.stretches[last] == self.stretches[last - reach]] if len(last) else last
+        last = last[self.pieces[last] == self.pieces[last - reach]] if len(last) else last
         return last[:, None] - np.arange(reach, -1, -stride)[None]
 
     def share(self, share: float) -> NDArray[np.int64]:
@@ -67,5 +68,6 @@ def read_frames(
         np.load(path, mmap_mode="r"),
         rows["road_wheel_rad"].astype(np.float32),
         rows["stretch"].astype(np.int32),
+        pieces_of(rows),
         tuple(dict.fromkeys(rows["route"].tolist())),
     )

@@ -58,7 +58,7 @@ def run(
         read_frames(data, split, **network.size._asdict(), folder=work, report=report)
         for split in ("train", "validation")
     )
-    train = Frames(train.images, training_labels(data, recipe), train.stretches, train.routes)
+    train = Frames(train.images, training_labels(data, recipe), train.stretches, train.pieces, train.routes)
     prepare(network, recipe, train, lock_rad=data.wheel.lock_rad)
     trunk = first_weights(name, network, recipe)
     report(f"{name}: {network.parameters_count} weights, those of the trunk at first {trunk}")
@@ -123,7 +123,7 @@ def first_weights(name: str, network: SteeringNetwork, recipe: Recipe) -> str:
 def batches_of(recipe: Recipe, network: SteeringNetwork, train: Frames) -> Batches:
     """The batches of the training frames.
 
-    Raises InputError when a memory needs longer stretches, or another window or stride.
+    Raises InputError when a memory needs longer pieces, or another window or stride.
     """
     recurrent = network.memory is not None
     if isinstance(network.memory, Shift) and (recipe.window <= network.memory.count or recipe.stride != 1):
@@ -139,7 +139,7 @@ def batches_of(recipe: Recipe, network: SteeringNetwork, train: Frames) -> Batch
     )
     if not len(places):
         raise InputError(
-            f"no stretch of the training frames is {recipe.window} frames x {recipe.stride} long"
+            f"no piece of the training frames without a gap is {recipe.window} frames x {recipe.stride} long"
         )
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)

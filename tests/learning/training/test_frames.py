@@ -7,10 +7,11 @@ import pytest
 
 pytest.importorskip("torch", reason="training needs the extra: pip install -e '.[train]'")
 
+from learning.dataset.dataset import DATA, MEASURED, as_rows
 from learning.models.catalogue import build
 from learning.training.augmentation import Augmenter
 from learning.training.batches import Batches
-from learning.training.frames import Frames
+from learning.training.frames import Frames, read_frames
 from learning.training.recipe import Augmentation, load_recipe
 from learning.training.run import batches_of
 from trepid.car.camera import Camera
@@ -29,16 +30,39 @@ def augmenter(**changes: float) -> Augmenter:
     return Augmenter(settings(**changes), CAMERA, wheelbase_m=WHEELBASE_M)
 
 
-def frames(stretches: list[int]) -> Frames:
-    count = len(stretches)
+def frames(pieces: list[int]) -> Frames:
+    count = len(pieces)
     images = np.random.default_rng(0).integers(60, 200, (count, 24, 32, 3)).astype(np.uint8)
     labels = np.linspace(-0.2, 0.3, count).astype(np.float32)
-    return Frames(images, labels, np.array(stretches, np.int32), ("a",))
+    return Frames(images, labels, np.zeros(count, np.int32), np.array(pieces), ("a",))
 
 
-def test_a_window_takes_every_nth_frame_and_crosses_no_pause():
+def test_a_window_takes_every_nth_frame_within_a_piece():
     windows = frames([0] * 6 + [1] * 5).windows(3, 2)
     assert windows.tolist() == [[0, 2, 4], [1, 3, 5], [6, 8, 10]]
+
+
+def test_a_window_crosses_neither_rows_that_are_left_out_nor_a_pause_nor_the_end_of_a_route(tmp_path):
+    columns = {name: [""] * 12 if kind == "str" else [0.0] * 12 for name, kind in (DATA | MEASURED).items()}
+    columns["frame"] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 8, 9, 10]
+    columns["stretch"] = [0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1]
+    columns["route"] = ["a"] * 9 + ["b"] * 3
+    columns["split"] = ["train", "train", "none", *["train"] * 9]
+    columns["road_wheel_rad"] = [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, np.nan, 0.1, 0.1, 0.1]
+    index = as_rows({name: np.array(column) for name, column in columns.items()})
+
+    class Made:
+        folder, sha256 = tmp_path, "made"
+
+        def rows(self, split):
+            return index[index["split"] == split]
+
+        def images(self, rows):
+            return (np.full((4, 4, 3), 9, np.uint8) for _ in rows)
+
+    read = read_frames(Made(), "train", height=4, width=4, folder=tmp_path, report=lambda text: None)
+    assert read.windows(2, 1).tolist() == [[0, 1], [2, 3], [3, 4], [5, 6], [7, 8], [8, 9]]
+    assert read.windows(2, 2).tolist() == [[2, 4], [7, 9]]
 
 
 @pytest.mark.parametrize("changes", [{"window": "2"}, {"stride": "2"}])

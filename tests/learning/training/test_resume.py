@@ -26,7 +26,8 @@ STEPS = 9  # 3 epochs of 3 batches
 def frames(count: int, seed: int) -> Frames:
     rng = np.random.default_rng(seed)
     images = rng.integers(0, 256, (count, 24, 32, 3)).astype(np.uint8)
-    return Frames(images, rng.normal(0, 0.1, count).astype(np.float32), np.zeros(count, np.int32), ("a",))
+    labels = rng.normal(0, 0.1, count).astype(np.float32)
+    return Frames(images, labels, np.zeros(count, np.int32), np.zeros(count, np.int64), ("a",))
 
 
 def trainer(folder, model="steer", **changes) -> Trainer:
