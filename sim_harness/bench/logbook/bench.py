@@ -51,11 +51,19 @@ def bench_logbook(seed: int, count: int = COUNT) -> dict[str, Any]:
 
 
 def explained(folder: Path, count: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Share of random moments that have an answer, and the time of one, by kind of recording."""
+    """Share of random moments that have an answer, and the time of one, by kind of recording.
+
+    The moments of a recording that is not readable have none.
+    """
     asked = {kind: [0, 0] for kind in KINDS}  # moments, answers
-    calm, times_ms = 0, []
+    calm, unreadable, times_ms = 0, 0, []
     for kind, path in random_recordings(folder, count, rng):
-        drive = recall(path)
+        try:
+            drive = recall(path)
+        except InputError:
+            unreadable += 1
+            asked[kind][0] += MOMENTS
+            continue
         first_s, last_s = (at_s - drive.zero_s for at_s in (drive.recorded.first_s, drive.recorded.last_s))
         for at_s in rng.uniform(first_s, last_s, MOMENTS).tolist():
             began_s = time.perf_counter()
@@ -71,12 +79,13 @@ def explained(folder: Path, count: int, rng: np.random.Generator) -> dict[str, A
     moments, answers = map(sum, zip(*asked.values(), strict=True))
     return {
         "recordings": count,
+        "not readable": unreadable,
         "moments": moments,
         "answered [%]": round(100.0 * answers / moments, 2),
         **{f"answered, {kind} recordings [%]": _percent(*asked[kind]) for kind in KINDS},
         "calm moments [%]": round(100.0 * calm / moments, 1),
-        "time of an answer, median [ms]": round(float(np.median(times_ms)), 1),
-        "time of an answer, most [ms]": round(max(times_ms), 1),
+        "time of an answer, median [ms]": round(float(np.median(times_ms)), 1) if times_ms else None,
+        "time of an answer, most [ms]": round(max(times_ms), 1) if times_ms else None,
     }
 
 

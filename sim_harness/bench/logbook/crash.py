@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from sim_harness.bench.logbook.drives import endless
-from trepid.recording.reader import read_recording, times_of
+from trepid.config import InputError
+from trepid.recording.reader import read_head, read_recording, times_of
 from trepid.recording.scan import HEAD, MAGIC
 from trepid.recording.writer import Recording
 
@@ -25,30 +26,31 @@ PATIENCE_S = 60.0  # for its first message
 
 
 def killed(drive: Path, folder: Path, count: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Figures of ``count`` processes that are killed while they write the messages of ``drive`` again and again."""
+    """Figures of ``count`` processes that are killed while they write the messages of ``drive`` again and again.
+
+    Of a recording that is not readable all messages are lost; the lengths are those of the others.
+    """
     shares, losses_s, sizes, lengths_s, unreadable = [], [], [], [], 0
     for number in range(count):
         path = folder / f"killed-{number}.mcap"
         given, last_s = _killed_while_writing(drive, path, float(rng.uniform(SOONEST_S, LATEST_S)))
-        times = times_of(path)
-        held = sum(map(len, times.values()))
-        newest_s = max(max(found) for found in times.values())
-        first_s = min(min(found) for found in times.values())
-        unreadable += not read_recording(path).files
-        shares.append(100.0 * held / given)
-        losses_s.append(last_s - newest_s)
-        lengths_s.append(last_s - first_s)
-        sizes.append(100.0 * readable_bytes(path) / path.stat().st_size)
+        times_s = _readable(path)
+        unreadable += times_s is None
+        shares.append(0.0 if times_s is None else 100.0 * len(times_s) / given)
+        sizes.append(0.0 if times_s is None else 100.0 * readable_bytes(path) / path.stat().st_size)
+        if times_s is not None:
+            losses_s.append(last_s - max(times_s))
+            lengths_s.append(last_s - min(times_s))
         path.unlink()
     return {
         "recordings": count,
         "not readable": unreadable,
-        "length of the drive, median [s]": round(float(np.median(lengths_s)), 1),
+        "length of the drive, median [s]": round(float(np.median(lengths_s)), 1) if lengths_s else None,
         "bytes of the file readable, least [%]": round(min(sizes), 3),
         "messages readable of those written, mean [%]": round(float(np.mean(shares)), 3),
         "messages readable of those written, least [%]": round(min(shares), 3),
-        "end of the drive that is lost, mean [s]": round(float(np.mean(losses_s)), 3),
-        "end of the drive that is lost, most [s]": round(max(losses_s), 3),
+        "end of the drive that is lost, mean [s]": round(float(np.mean(losses_s)), 3) if losses_s else None,
+        "end of the drive that is lost, most [s]": round(max(losses_s), 3) if losses_s else None,
     }
 
 
@@ -58,8 +60,9 @@ def cut(path: Path, folder: Path, count: int, rng: np.random.Generator) -> dict[
     short = folder / "cut.mcap"
     for length in rng.uniform(SHORTEST * len(data), len(data), count).astype(int).tolist():
         short.write_bytes(data[:length])
-        unreadable += not read_recording(short).files
-        shares.append(100.0 * readable_bytes(short) / length)
+        readable = _readable(short) is not None
+        unreadable += not readable
+        shares.append(100.0 * readable_bytes(short) / length if readable else 0.0)
     short.unlink()
     return {
         "recordings": count,
@@ -68,6 +71,16 @@ def cut(path: Path, folder: Path, count: int, rng: np.random.Generator) -> dict[
         "bytes readable, mean [%]": round(float(np.mean(shares)), 3),
         "bytes readable, least [%]": round(min(shares), 3),
     }
+
+
+def _readable(path: Path) -> list[float] | None:
+    """Times of arrival [s] of the messages; None where the recording, its messages or its files cannot be read."""
+    try:
+        times_s = [at_s for found in times_of(path).values() for at_s in found]
+        files = read_head(path).files
+    except InputError:
+        return None
+    return times_s if times_s and files else None
 
 
 def readable_bytes(path: Path) -> int:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_harness.bench.logbook import bench, crash
 from sim_harness.bench.logbook.bench import explained, opened, replayed
 from sim_harness.bench.logbook.crash import cut, killed, readable_bytes
 from sim_harness.bench.logbook.drives import endless, prolonged, recorded
@@ -57,6 +58,41 @@ def test_a_cut_recording_is_readable_up_to_its_last_whole_record(drive: Path, tm
     assert readable_bytes(drive) >= len(data) - 8  # the end mark
     row = cut(prolonged(drive, tmp_path / "long.mcap", 60.0), tmp_path, 5, np.random.default_rng(3))
     assert row["not readable"] == 0 and row["bytes readable, least [%]"] < 100.0
+
+
+@pytest.fixture
+def broken(tmp_path: Path) -> Path:
+    path = tmp_path / "broken.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + bytes(500))
+    return path
+
+
+def test_recordings_that_are_not_readable_are_counted_with_nothing_left(
+    drive: Path, broken: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = iter([broken.read_bytes(), drive.read_bytes(), b""])
+
+    def leave(_: Path, path: Path, __: float) -> tuple[int, float]:
+        path.write_bytes(next(files))
+        return 10_000, 100.0
+
+    monkeypatch.setattr(crash, "_killed_while_writing", leave)
+    row = killed(drive, tmp_path, 3, np.random.default_rng(2))
+    assert (row["recordings"], row["not readable"]) == (3, 2)
+    assert row["messages readable of those written, least [%]"] == 0.0
+    assert row["length of the drive, median [s]"] is not None
+    row = cut(broken, tmp_path, 2, np.random.default_rng(2))
+    assert (row["not readable"], row["bytes readable, mean [%]"]) == (2, 0.0)
+
+
+def test_the_moments_of_a_recording_that_is_not_readable_have_no_answer(
+    drive: Path, broken: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bench, "random_recordings", lambda *_: [("whole", drive), ("cut", broken)])
+    row = explained(tmp_path, 2, np.random.default_rng(1))
+    assert (row["not readable"], row["moments"], row["answered [%]"]) == (1, 40, 50.0)
+    monkeypatch.setattr(bench, "random_recordings", lambda *_: [("cut", broken)])
+    assert explained(tmp_path, 1, np.random.default_rng(1))["answered [%]"] == 0.0
 
 
 @pytest.mark.long
