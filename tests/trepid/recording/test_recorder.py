@@ -115,7 +115,7 @@ def small_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
 def test_a_full_disk_ends_the_last_minutes_once_and_not_the_process(
     recorder: Any, small_disk: Path, tmp_path: Path
 ) -> None:
-    with recorder(tmp_path / "recordings", "record_folder", ring=True) as running:
+    with recorder(tmp_path / "recordings", "record_folder", ring="a drive") as running:
         recorded = recorder.of(running)
         assert recorded.sends_until(lambda beat: beat.message.startswith("not recording"))
         assert recorded.sends_until(lambda _: any(part.stat().st_size for part in small_disk.rglob("*.mcap")))
@@ -142,7 +142,7 @@ def test_a_read_only_disk_is_reported_and_the_process_runs_on(
     recorder: Any, small_disk: Path, tmp_path: Path
 ) -> None:
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
-    with recorder(tmp_path / "recordings", "record_folder", ring=True) as running:
+    with recorder(tmp_path / "recordings", "record_folder", ring="a drive") as running:
         recorded = recorder.of(running)
         assert recorded.sends_until(
             lambda beat: beat.health is Health.ERROR and "Read-only file system" in beat.message
