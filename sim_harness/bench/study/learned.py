@@ -1,9 +1,11 @@
 """Networks trained alike but for one thing, on simulated drives at 5 mph, judged on a route of no training set.
 
-The frames come from the drives of ROUTES by Trepid itself. Drives, trainings and rows are kept in ``out/study``; an
-interrupted study continues. Degrees are of a steering wheel with the ratio 16, as in the paper.
+The frames come from the drives of ROUTES by Trepid itself. Drives, data sets, networks and rows are kept in
+``out/study``, each under a hash of the code and of all else that it depends on; an interrupted study continues.
+Degrees are of a steering wheel with the ratio 16, as in the paper.
 """
 
+import hashlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,12 +20,15 @@ from learning.dataset.sources.table import TableOptions
 from learning.dataset.wheel import WheelOptions
 from learning.judging.evaluate import BIN_RATIO, Bench
 from learning.judging.predictions import Model
+from learning.models.catalogue import MODELS
 from learning.rendered import need_torch, say
+from learning.training.recipe import Recipe, load_recipe
 from perception.net.driver import DriverNetwork
 from sim_harness.bench.control.speeds import MPH
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.lockstep.recording import recording
-from sim_harness.scenarios.scenario import load_scenario
+from sim_harness.scenarios.scenario import Scenario, load_scenario
+from sim_harness.sweep.fingerprint import fingerprint, import_closure
 from sim_harness.sweep.store import stored_rows
 from trepid.config import WORK_DIR
 
@@ -40,6 +45,10 @@ SHARES_OF = {  # train, validation and test of a data set
     "seen": {"train": 0.85, "validation": 0.15, "test": 0.0},
     "unseen": {"train": 0.0, "validation": 0.0, "test": 1.0},
 }
+DRIVING = ("sim_harness.lockstep.closed_loop", "sim_harness.lockstep.recording")
+BUILDING, TRAINING = "learning.dataset.build", "learning.training.run"
+JUDGING = (__name__, "learning.judging.evaluate")
+"""The modules of each step; their code, and what they import, is in the names of its results."""
 EPOCHS = 8
 STAGE = "[{{name: all, part: all, epochs: {}, learning_rate: 1.0e-3, schedule: cosine, patience: 99}}]"
 SHARES = (0.01, 0.03, 0.1, 0.3, 1.0)
@@ -95,20 +104,26 @@ class Sets(NamedTuple):
 
 def study_sets(seed: int) -> Sets:
     """The drives as data sets, driven and built where they are missing."""
-    paths = {name: _recorded(name, seed) for name in ROUTES}
+    scenarios = {name: load_scenario(name, {**SPEED, **changes}) for name, changes in ROUTES.items()}
+    code = fingerprint(*import_closure(DRIVING), "perception/weights", "config")
+    drives = folder(seed) / f"drives-{_digest(code, *(one.model_dump_json() for one in scenarios.values()))}"
+    paths = {name: _recorded(scenario, drives / f"{name}.mcap", seed) for name, scenario in scenarios.items()}
     unseen = paths.pop(TEST_ROUTE)
     return Sets(_built("seen", [*paths.values()], seed), _built("unseen", [unseen], seed))
 
 
-def _recorded(name: str, seed: int) -> Path:
+def _digest(*parts: str) -> str:
+    """A short hash of texts."""
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:12]
+
+
+def _recorded(scenario: Scenario, path: Path, seed: int) -> Path:
     """The recording of a drive."""
-    path = folder(seed) / f"{name}.mcap"
     if path.is_file():
         return path
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")
     partial.unlink(missing_ok=True)
-    scenario = load_scenario(name, {**SPEED, **ROUTES[name]})
     with recording(partial, scenario) as witness:
         run(scenario, seed=seed, witness=witness)
     partial.replace(path)
@@ -117,9 +132,13 @@ def _recorded(name: str, seed: int) -> Path:
 
 def _built(name: str, paths: list[Path], seed: int) -> Dataset:
     """The data set of some recordings."""
-    out = folder(seed) / name
+    split = Split(by="time", seed=seed, gap_s=1.0, shares=SHARES_OF[name])  # type: ignore[arg-type]
+    code = fingerprint(*import_closure([BUILDING]), "config")
+    out = (
+        folder(seed)
+        / f"{name}-{_digest(code, split.model_dump_json(), *(path.stem for path in paths), paths[0].parent.name)}"
+    )
     if not (out / CARD).is_file():
-        split = Split(by="time", seed=seed, gap_s=1.0, shares=SHARES_OF[name])  # type: ignore[arg-type]
         faults = Faults(strict=True)
         logs = read_logs(paths, faults, TableOptions())
         build(out, logs, BuildOptions(WheelOptions(), split, TableOptions()), faults)
@@ -127,16 +146,28 @@ def _built(name: str, paths: list[Path], seed: int) -> Dataset:
 
 
 def trained_row(variant: Variant) -> Row:
-    """Train a variant and judge it on the test route."""
-    from learning.training.recipe import load_recipe
+    """Train a variant, unless its network is there, and judge it on the test route."""
     from learning.training.run import run as train
 
     sets = study_sets(variant.seed)
-    name = "_".join([variant.model, *(value for key, value in variant.changes if key != "stages")])
-    out = folder(variant.seed) / f"{name.replace('.', '-')}.onnx"
-    recipe = load_recipe(variant.model, None, overrides=dict(variant.changes))
-    train(sets.seen, variant.model, out, recipe, resume=True, command="trepid bench study", report=say)
+    out, recipe = _network(variant, sets), _recipe(variant)
+    if not out.with_suffix(".md").is_file():  # the card is written last
+        train(sets.seen, variant.model, out, recipe, resume=True, command="trepid bench study", report=say)
     return variant.judge(sets, out)
+
+
+def _recipe(variant: Variant) -> Recipe:
+    return load_recipe(variant.model, None, overrides=dict(variant.changes))
+
+
+def _network(variant: Variant, sets: Sets) -> Path:
+    """The file of the network of a variant."""
+    name = "_".join([variant.model, *(value for key, value in variant.changes if key != "stages")])
+    code = fingerprint(
+        *import_closure([TRAINING, f"learning.models.{MODELS[variant.model].module}"]), "config"
+    )
+    digest = _digest(code, _recipe(variant).model_dump_json(), sets.seen.folder.name, sets.seen.sha256)
+    return folder(variant.seed) / f"{name.replace('.', '-')}-{digest}.onnx"
 
 
 def scores(sets: Sets, network: Path) -> Row:
@@ -181,8 +212,13 @@ def under_light(sets: Sets, network: Path) -> Row:
 
 def _study(seed: int, name: str, variants: Mapping[str, Variant]) -> dict[str, Row]:
     need_torch(f"bench study {name}")
-    study_sets(seed)
-    rows = stored_rows(folder(seed) / f"{name}.jsonl", trained_row, dict(variants), jobs=1)
+    sets = study_sets(seed)
+    code = fingerprint(*import_closure(JUDGING), "config")
+    codes = {
+        case: _digest(code, _network(variant, sets).name, sets.unseen.folder.name)
+        for case, variant in variants.items()
+    }
+    rows = stored_rows(folder(seed) / f"{name}.jsonl", trained_row, dict(variants), codes=codes, jobs=1)
     return dict(zip(variants, rows, strict=True))
 
 

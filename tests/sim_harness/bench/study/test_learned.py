@@ -59,6 +59,60 @@ def test_a_study_that_is_started_again_trains_nothing_twice(asked: list[Variant]
     assert bench_histogram(seed=0) == before and len(asked) == count == 6
 
 
+TINY = dict(stages=learned.STAGE.format(1), height_px="24", width_px="32", batch="16")
+
+
+@pytest.mark.parametrize(
+    ("changed", "trained_again", "judged_again"),
+    [
+        ("learning/training/loop.py", True, True),
+        ("learning/models/steer.py", True, True),
+        ("learning/models/pilotnet.py", False, False),
+        ("learning/judging/scores.py", False, True),
+        ("cockpit/page/node.py", False, False),
+    ],
+)
+def test_weights_are_used_again_only_with_the_code_that_trained_them(
+    data: Dataset,
+    monkeypatch: pytest.MonkeyPatch,
+    changed: str,
+    trained_again: bool,
+    judged_again: bool,
+) -> None:
+    trained, judged = [], []
+
+    def train(_: Dataset, __: str, out: Path, *___: Any, **____: Any) -> None:
+        trained.append(out)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.with_suffix(".md").write_text("# card\n")
+
+    def judge(_: learned.Sets, network: Path) -> dict[str, Any]:
+        judged.append(network)
+        return {"mae_deg": 1.0}
+
+    monkeypatch.setattr("learning.training.run.run", train)
+    monkeypatch.setattr(learned, "fingerprint", lambda *_: "False")
+    variants = {"one": Variant(0, "steer", tuple(TINY.items()), judge)}
+    learned._study(0, "light", variants)
+    learned._study(0, "light", variants)
+    assert (len(trained), len(judged)) == (1, 1)
+    monkeypatch.setattr(learned, "fingerprint", lambda *parts: f"{changed in parts}")
+    learned._study(0, "light", variants)
+    assert (len(trained), len(judged)) == (1 + trained_again, 1 + judged_again)
+
+
+def test_changed_code_of_the_drives_drives_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    driven: list[Path] = []
+    monkeypatch.setattr(learned, "WORK_DIR", tmp_path)
+    monkeypatch.setattr(learned, "_recorded", lambda _, path, __: driven.append(path) or path)
+    monkeypatch.setattr(learned, "_built", lambda *_: None)
+    for changed in ("nothing", "sim_harness/world/render/ground/ground.py", "learning/training/loop.py"):
+        monkeypatch.setattr(learned, "fingerprint", lambda *parts, changed=changed: f"{changed in parts}")
+        learned.study_sets(0)
+    folders = [path.parent for path in driven]
+    assert len(set(folders)) == 2 and folders[0] == folders[-1], "the code of the training drives nothing"
+
+
 def test_the_table_of_the_paper_stands_beside_ours(asked: list[Variant]) -> None:
     rows = bench_deep_steer(seed=0)["mean absolute error"]
     assert rows["InceptionV3, paper"]["unseen_deg"] == 4.25 and rows["RNN, paper"]["unseen_deg"] == 3.82
