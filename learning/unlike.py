@@ -45,7 +45,7 @@ def attach(
     import onnx
 
     model = onnx.load(path)
-    _without_world(model)
+    detach(model)
     features = _add_features(model)
     onnx.checker.check_model(model)
     chosen = np.linspace(0, len(images) - 1, min(REFERENCES, len(images))).astype(int)
@@ -66,7 +66,7 @@ def attach(
     onnx.save(model, path)
 
 
-def _without_world(model: "onnx.ModelProto") -> None:
+def detach(model: "onnx.ModelProto") -> None:
     """Remove the output ``unlike`` of an earlier call and all that only it needs."""
     graph = model.graph
     for kept in (graph.node, graph.initializer):
@@ -100,7 +100,15 @@ def _activations(model: "onnx.ModelProto", kind: str) -> list[str]:
         for node in model.graph.node
         if node.op_type in ACTIVATIONS and made_by.get(node.input[0]) == kind
     ]
-    return found[-MOST_LAYERS:]
+    return [_rounded(model, name) for name in found[-MOST_LAYERS:]]
+
+
+def _rounded(model: "onnx.ModelProto", activation: str) -> str:
+    """``activation``, or the tensor rounded to 8 bits that takes its place in a quantised network."""
+    for kind in ("QuantizeLinear", "DequantizeLinear"):
+        after = (n for n in model.graph.node if n.op_type == kind and n.input[0] == activation)
+        activation = next((node.output[0] for node in after), activation)
+    return activation
 
 
 def _run(

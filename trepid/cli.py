@@ -74,6 +74,11 @@ VERBS = {
         "train",
         "Train a network to steer from the frames of a data set; needs the extra 'train'.",
     ),
+    "quantise": Verb(
+        "learning.training.cli",
+        "quantise",
+        "Convert a driving network to 8 bits where this pays; needs the extra 'train'.",
+    ),
     "correct": Verb(
         "learning.correcting.cli",
         "correct",
@@ -161,6 +166,7 @@ EXAMPLES = {
     "keys create": "trepid keys create mycar/keys",
     "train-lane": "trepid train-lane --out out/train",
     "train": "trepid train --data drives --model pilotnet --out net.onnx",
+    "quantise": "trepid quantise net.onnx --data drives --out net-8.onnx",
     "correct": "trepid correct --data drives --model steer --scenario s_curve --rounds 3 --out net.onnx",
     "train-lead": "trepid train-lead --out out/lead",
     "dataset build": "trepid dataset build drives mycar/tub --lock-deg 25",

@@ -59,14 +59,13 @@ def _quantile(ratios: Floats, level: float) -> float:
     return float(ratios[min(math.ceil((len(ratios) + 1) * level), len(ratios)) - 1])
 
 
-def scores(network: SteeringNetwork, validation: Frames) -> dict[str, float]:
-    """Errors on the validation frames, and those of the constants 0 and mean label."""
-    angles, _ = predict(network, validation)
-    error_deg = np.degrees(angles - validation.labels_rad)
-    labels_deg = np.degrees(validation.labels_rad)
+def error_scores(angles_rad: Floats, labels_rad: Floats) -> dict[str, float]:
+    """Errors of ``angles_rad`` (n,), and those of the constants 0 and mean label."""
+    error_deg = np.degrees(angles_rad - labels_rad)
+    labels_deg = np.degrees(labels_rad)
     spread = float(np.mean((labels_deg - labels_deg.mean()) ** 2))
     found = dict(
-        frames=float(len(validation)),
+        frames=float(len(labels_rad)),
         mae_deg=float(np.abs(error_deg).mean()),
         rmse_deg=float(np.sqrt(np.mean(error_deg**2))),
         mean_error_deg=float(error_deg.mean()),

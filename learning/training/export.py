@@ -39,7 +39,7 @@ def export(
         raise InputError(
             f"{fresh}: differs from the trained network by {difference:.2g} rad; not kept as {path.name}"
         )
-    _describe(fresh, metadata)
+    describe(fresh, metadata)
     fresh.replace(path)
     return difference
 
@@ -92,7 +92,7 @@ def _write(network: SteeringNetwork, path: Path) -> None:
     )
 
 
-def _describe(path: Path, metadata: dict[str, Any]) -> None:
+def describe(path: Path, metadata: dict[str, Any]) -> None:
     """Store ``metadata`` as JSON in the properties of the file."""
     import onnx
 

@@ -19,13 +19,13 @@ from learning.models.parts.network import SteeringNetwork, glorot, he
 from learning.models.parts.weights import load_trunk
 from learning.training.augmentation import Augmenter
 from learning.training.batches import Batches
-from learning.training.calibrate import interval, scores, set_sigma
+from learning.training.calibrate import error_scores, interval, set_sigma
 from learning.training.card import write_card, write_curve
 from learning.training.checkpoint import Checkpoints
 from learning.training.export import export, origin_commit
 from learning.training.frames import Frames, read_frames
 from learning.training.labels import training_labels
-from learning.training.loop import Progress, Trainer
+from learning.training.loop import Progress, Trainer, predict
 from learning.training.pretrain import pretrain
 from learning.training.recipe import Recipe
 from trepid.car.camera import Camera
@@ -173,7 +173,7 @@ def _metadata(
         lock_rad=data.wheel.lock_rad,
         interval_90=interval(network, validation),
         commit=origin_commit(),
-        scores=scores(network, validation),
+        scores=error_scores(predict(network, validation)[0], validation.labels_rad),
         trained_on=list(train.routes),
         licence=sorted({source.licence for source in data.file.sources if source.licence}),
         head=recipe.head,
