@@ -18,7 +18,9 @@ from sim_harness.footage.visual_yaw import yaw_changes_rad
 from trepid.car.camera import Camera
 from trepid.config import InputError
 from trepid.images.files import NOMINAL_FPS
+from trepid.recording.interpolation import between
 from trepid.recording.reader import read_recording
+from trepid.speech.loudness import note
 from trepid.topics import VEHICLE_STATE
 from trepid.types import Array, Image
 
@@ -95,6 +97,8 @@ def load_drive(
     speeds = np.full(len(images), speed_mps or math.nan)
     if speed_mps is None and log is None:
         speeds = recorded_speeds(path, np.array([shot.t_s for shot in shots]))
+        part = _with_speed(path, t_s, speeds, skip)
+        images, speeds, t_s = images[part], speeds[part], t_s[part] - t_s[part][0]
     if log is not None:
         t_s, speeds = (column[skip : skip + len(images)] for column in read_log(log))
         if len(t_s) < len(images):
@@ -108,13 +112,38 @@ def load_drive(
 
 
 def recorded_speeds(path: Path, t_s: Array) -> Array:
-    """The measured speeds [m/s] of a recording at the times ``t_s``. Raises InputError without any."""
+    """The measured speeds [m/s] of a recording at the times ``t_s``; NaN where none was measured around them.
+
+    Raises InputError when there is none at all.
+    """
     states = [state for _, state in read_recording(path, VEHICLE_STATE.key).of(VEHICLE_STATE)]
-    known = [(state.t_s, state.speed_mps) for state in states if state.speed_mps is not None]
-    if not known:
+    measured = {state.t_s: state.speed_mps for state in states}
+    at_s = np.array(sorted(measured))
+    speeds = between(t_s, at_s, np.array([measured[t] for t in at_s], dtype=np.float64))  # None: NaN
+    if not np.isfinite(speeds).any():
         raise InputError(f"{path}: states no speed of the vehicle: give --speed or --log")
-    measured_s, speeds = np.array(known).T
-    return np.interp(t_s, measured_s, speeds)
+    return speeds
+
+
+def _with_speed(path: Path, t_s: Array, speeds: Array, skip: int) -> slice:
+    """The frames from the first with a speed to the last; a note gives the number of the others.
+
+    Raises InputError when there is a frame without a speed between them, or fewer than LEAST_FRAMES are left.
+    """
+    known = np.flatnonzero(np.isfinite(speeds))
+    first, last = int(known[0]), int(known[-1])
+    gaps = np.flatnonzero(np.diff(known) > 1)
+    if len(gaps):
+        before, after = known[gaps[0]], known[gaps[0] + 1]
+        raise InputError(
+            f"{path}: states no speed of the vehicle for {t_s[after] - t_s[before]:.1f} s"
+            f" after frame {skip + before}: give --speed or --log, or choose frames by --skip and --frames"
+        )
+    if len(known) < LEAST_FRAMES:
+        raise InputError(f"{path}: {len(known)} frames with a speed: at least {LEAST_FRAMES} expected")
+    if len(known) < len(speeds):
+        note(f"{path}: {len(speeds) - len(known)} frames at the ends have no speed and are left out")
+    return slice(first, last + 1)
 
 
 def read_log(path: Path) -> tuple[Array, Array]:

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from learning.dataset.sources.log import Log, Steering
-from learning.dataset.sources.recording import between
 from trepid.config import InputError
 from trepid.images.files import IMAGE_SUFFIXES, natural_order
+from trepid.recording.interpolation import between
 from trepid.types import Column
 
 TIMES = "global_pose/frame_times"

@@ -9,6 +9,7 @@ from learning.dataset.sources.log import Faults, Log, Steering
 from trepid.clock import nanoseconds
 from trepid.config import InputError
 from trepid.recording.foreign import types_of
+from trepid.recording.interpolation import between
 from trepid.recording.reader import read_recording
 from trepid.topics import CAMERA_COMPRESSED, CAMERA_IMAGE, VEHICLE_STATE, estimate_topic
 from trepid.types import Column
@@ -16,7 +17,6 @@ from vehicle.cameras.mcap_file import mcap_shots
 from vehicle.cameras.ros_images import TYPES
 
 SUFFIX = ".mcap"
-GAP_S = 0.25  # a state is not interpolated over a longer silence
 BEFORE, SILENT = "before the drive began", "no vehicle state at this time"
 UNSEEN = "no estimate of this frame"
 
@@ -89,16 +89,3 @@ def estimated(path: Path, name: str, t_s: Column) -> Column:
     recorded = read_recording(path, estimate_topic(name).key).of(estimate_topic(name))
     angles = {nanoseconds(one.t_s): one.road_wheel_angle_rad for _, one in recorded}
     return np.array([angles.get(nanoseconds(t)) for t in t_s.tolist()], dtype=np.float64)  # None: NaN
-
-
-def between(t_s: Column, at_s: Column, values: Column) -> Column:
-    """``values``, measured at ``at_s``, at ``t_s`` by linear interpolation; NaN outside, and in silences."""
-    known = np.isfinite(values)
-    at_s, values = at_s[known], values[known]
-    if not len(at_s):
-        return np.full(len(t_s), math.nan)
-    found = np.interp(t_s, at_s, values, left=math.nan, right=math.nan)
-    after = np.clip(np.searchsorted(at_s, t_s), 1, max(1, len(at_s) - 1))
-    if len(at_s) > 1:
-        found[at_s[after] - at_s[after - 1] > GAP_S] = math.nan
-    return np.asarray(found)

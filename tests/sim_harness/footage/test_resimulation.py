@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from perception.images.sources import sources
 from sim_harness.cli import app
 from sim_harness.footage.cli import _one_line, assumed_camera
-from sim_harness.footage.clip import Drive, load_drive, read_log
+from sim_harness.footage.clip import Drive, load_drive, read_log, recorded_speeds
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.footage.resimulation import Resimulation, resimulate
 from sim_harness.footage.visual_yaw import yaw_changes_rad
@@ -28,10 +28,10 @@ from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
-from trepid.messages import CompressedFrame
+from trepid.messages import CompressedFrame, VehicleState
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording
-from trepid.topics import CAMERA_COMPRESSED, SIM_TRUTH
+from trepid.topics import CAMERA_COMPRESSED, SIM_TRUTH, VEHICLE_STATE
 from trepid.wire import to_cdr
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
@@ -333,6 +333,38 @@ def test_a_recording_brings_speed_camera_and_images(tmp_path):
     assert result.exit_code == 0, result.output
     assert "assumed camera" not in result.stderr
     assert json.loads(result.stdout.splitlines()[0])["interventions"] == 0
+
+
+def with_states(path: Path, *at_s: float) -> Path:
+    """A recording with 60 frames from 1.05 s on, 20 a second, and the speed t at each time t of ``at_s``."""
+    jpeg = bytes(cv2.imencode(".jpg", RECORDED)[1])
+    with Recording(path) as file:
+        for t_s in at_s:
+            state = VehicleState(
+                t_s=t_s, speed_mps=t_s, road_wheel_angle_rad=0.0, yaw_rate_radps=0.0, driver_override=False
+            )
+            file.add(VEHICLE_STATE.key, to_cdr(state), at_s=t_s)
+        for t_s in np.arange(1.05, 4.04, 0.05).tolist():
+            file.add(CAMERA_COMPRESSED.key, to_cdr(CompressedFrame(t_s=t_s, jpeg=jpeg)), at_s=t_s)
+    return path
+
+
+def test_no_speed_is_made_up_in_a_silence_of_the_vehicle(tmp_path):
+    around = [*np.arange(1.0, 2.01, 0.1), *np.arange(3.0, 4.11, 0.1)]
+    path = with_states(tmp_path / "drive.mcap", *around)
+    speeds = recorded_speeds(path, np.array([0.5, 1.55, 2.2, 2.8, 3.55, 4.6]))
+    assert np.isnan(speeds).tolist() == [True, False, True, True, False, True]
+    assert speeds[[1, 4]] == pytest.approx([1.55, 3.55])
+    with pytest.raises(InputError, match=r"no speed of the vehicle for 1\.\d s after frame 1\d: .*--skip"):
+        load_drive(path, CAMERA)
+    assert np.isfinite(load_drive(path, CAMERA, skip=40).station_m).all()
+
+
+def test_frames_before_the_first_speed_and_after_the_last_are_left_out_and_counted(tmp_path, capsys):
+    drive = load_drive(with_states(tmp_path / "drive.mcap", *np.arange(2.02, 3.03, 0.1)), CAMERA)
+    assert (len(drive.frames), len(drive.t_s), drive.t_s[0]) == (20, 20, 0.0)
+    assert drive.speed_mps == pytest.approx(drive.t_s + drive.speed_mps[0])
+    assert "40 frames at the ends have no speed and are left out" in capsys.readouterr().err
 
 
 def test_a_recording_without_a_speed_is_refused_in_one_line(tmp_path):
