@@ -40,15 +40,19 @@ def agreement(one: Array, other: Array) -> float:
 def apart(one: SteeringEstimate, other: SteeringEstimate, height_px: int) -> float | None:
     """Distance of the boundaries of two lanes in widths of the ``other``: median over the rows of the lower half.
 
-    The greater one of both sides; boundaries beside the image count as well. None where no row has all four.
+    The greater one of both sides; boundaries beside the image count as well. In rows in which the left boundary of
+    the ``other`` is not left of its right one, it has no lane: the distance is infinite. None where no row has all
+    four.
     """
     rows = np.linspace(height_px / 2, height_px - 1, ROWS)
     lanes = [
         np.stack([columns(path, rows) for path in (lane.left_boundary_px, lane.right_boundary_px)])
         for lane in (one, other)
     ]
-    off = np.abs(lanes[0] - lanes[1]) / (lanes[1][1] - lanes[1][0])
-    known = np.isfinite(off).all(axis=0)
+    width_px = lanes[1][1] - lanes[1][0]
+    off = np.full_like(lanes[0], np.inf)
+    np.divide(np.abs(lanes[0] - lanes[1]), width_px, out=off, where=~(width_px <= 0.0))
+    known = ~np.isnan(lanes).any(axis=(0, 1))
     return float(np.median(off[:, known], axis=1).max()) if known.any() else None
 
 

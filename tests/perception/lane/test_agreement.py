@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from perception.lane.agreement import agreement, lane_columns, marginal, overlap, shifted, with_noise
+from perception.lane.agreement import agreement, apart, lane_columns, marginal, overlap, shifted, with_noise
+from perception.net.confirmed import agreed
 from trepid.messages import SteeringEstimate
 
 
@@ -41,6 +42,39 @@ def test_a_lane_that_the_others_contradict_loses_their_weight():
 def test_a_height_without_a_lane_lowers_the_probability_by_its_weight():
     found = marginal(np.array([0.9, 0.0]), np.array([1.0, 0.1]), [lane(10, 90), lane(0, 0)])
     assert found == pytest.approx([0.9 * 1.0 / 1.1, 0.0])
+
+
+def between(left_px, right_px):
+    """A lane in an image of 100 rows, with its boundaries through these columns at the rows 50 and 100."""
+    return SteeringEstimate(
+        t_s=0.0,
+        estimator="cv",
+        lookahead_m=8.0,
+        confidence=1.0,
+        reason="",
+        left_boundary_px=tuple(zip(left_px, (50.0, 100.0), strict=True)) if left_px else (),
+        right_boundary_px=tuple(zip(right_px, (50.0, 100.0), strict=True)) if right_px else (),
+    )
+
+
+LANE = between((80.0, 40.0), (120.0, 160.0))
+
+
+def test_lanes_are_apart_by_the_greater_distance_of_their_sides_in_widths_of_the_other():
+    assert apart(LANE, LANE, 100) == 0.0
+    wide = between((100.0, 100.0), (200.0, 200.0))
+    assert apart(between((110.0, 110.0), (170.0, 170.0)), wide, 100) == pytest.approx(0.3)
+    assert apart(between((), ()), wide, 100) is None and apart(wide, between((), ()), 100) is None
+
+
+def test_a_lane_is_confirmed_by_no_witness_whose_left_boundary_is_right_of_the_right_one():
+    crossed = between((120.0, 160.0), (80.0, 40.0))
+    assert apart(LANE, crossed, 100) == apart(crossed, crossed, 100) == np.inf
+    assert agreed(apart(LANE, crossed, 100)) == 0.0
+    far_ones_cross = between((102.0, 40.0), (98.0, 160.0))
+    assert 0.0 < apart(LANE, far_ones_cross, 100) < 0.3
+    no_width = between((80.0, 40.0), (80.0, 40.0))
+    assert apart(no_width, no_width, 100) == np.inf
 
 
 def test_columns_are_those_of_the_boundaries_inside_the_image():
