@@ -8,7 +8,7 @@ from typing import Any
 from supervisor.rules.inference import FearRules
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
-from trepid.config import CONFIG_DIR, InputError, default_file, read, using_car
+from trepid.config import CONFIG_DIR, InputError, car_folder, default_file, read, using_car
 from trepid.config import load as load_settings
 
 
@@ -17,7 +17,7 @@ class Car:
     """The settings of a car: those of its folder, and the defaults for all others."""
 
     folder: Path | None
-    """None: the defaults."""
+    """None: that of the defaults."""
     vehicle: Vehicle
     """Dimensions, steering and dynamics [SI]."""
     camera: Camera
@@ -38,11 +38,12 @@ class Car:
 
 
 def load(folder: str | Path | None = None) -> Car:
-    """The settings of the car in ``folder``, made by ``trepid init``; without a folder the defaults.
+    """The settings of the car in ``folder``, made by ``trepid init``.
 
-    Other functions take the same folder as ``car``. Raises InputError with file:line:column.
+    Without a folder those of the car that the environment variable TREPID_CAR names, else the defaults. Other
+    functions take the same folder as ``car``. Raises InputError with file:line:column.
     """
-    path = None if folder is None else Path(folder).resolve()
+    path = car_folder() if folder is None else Path(folder).resolve()
     with using_car(path):
         return Car(
             path,

@@ -15,7 +15,7 @@ import typer
 
 import trepid
 from trepid.cli import app
-from trepid.config import ROOT, InputError, car_folder
+from trepid.config import CAR, ROOT, InputError, car_folder
 
 TABLE = re.compile(r"^\| `([a-z -]+)` \| (.+) \|$", re.MULTILINE)
 PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
@@ -129,6 +129,18 @@ def test_the_car_of_a_call_is_in_use_only_within_it(tmp_path: Path) -> None:
     assert trepid.load(tmp_path).settings("vehicle")["wheelbase_m"] == 1.9
     assert trepid.load().vehicle.wheelbase_m != 1.9
     assert car_folder() is None
+
+
+def test_without_a_folder_the_car_of_the_environment_is_loaded_and_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "vehicle.yaml").write_text("wheelbase_m: 1.9\n")
+    monkeypatch.setenv(CAR, str(tmp_path))
+    car = trepid.load()
+    assert (car.folder, car.vehicle.wheelbase_m) == (tmp_path, 1.9)
+    monkeypatch.setenv(CAR, "")
+    assert car.settings("vehicle")["wheelbase_m"] == 1.9
+    assert trepid.load().folder is None
 
 
 def test_wrong_input_raises_the_line_of_the_command_line(tmp_path: Path) -> None:
