@@ -77,12 +77,17 @@ def read_recording(path: Path, *keys: str, from_s: float = -math.inf, to_s: floa
 class Series(Sequence[M]):
     """The messages of one topic in order of arrival, each decoded when it is used."""
 
-    def __init__(self, decode: Callable[[bytes], M], *, current: bool) -> None:
-        """``current``: the definition of the messages is that of this version."""
+    def __init__(self, decode: Callable[[bytes], M], definition: bytes | None) -> None:
+        """``definition``: text of the type of the messages; None: that of this version."""
         self.at_s: list[float] = []  # arrival
         self.data: list[bytes] = []
-        self.decode, self.current = decode, current
+        self.decode, self.definition = decode, definition
         self._decoded: dict[int, M] = {}
+
+    @property
+    def current(self) -> bool:
+        """Whether the definition of the messages is that of this version."""
+        return self.definition is None
 
     def add(self, at_s: float, data: bytes) -> None:
         """Add a message, which may have arrived before others."""
@@ -120,7 +125,11 @@ class Series(Sequence[M]):
 def read_series(
     path: Path, *keys: str, from_s: float = -math.inf, to_s: float = math.inf
 ) -> tuple[Recorded, dict[str, Series[Any]]]:
-    """As :func:`read_recording`, with the messages in series that are decoded later."""
+    """As :func:`read_recording`, with the messages in series that are decoded later.
+
+    Raises InputError also when two channels of a topic have different definitions, as after a join of recordings of
+    two versions.
+    """
     recorded = Recorded(path)
     schemas: dict[int, Schema] = {}
     wanted: dict[int, Series[Any]] = {}
@@ -145,8 +154,8 @@ def read_series(
                 topic = topic_of(key)
                 if topic is not None and asked(key) and record.id not in wanted:
                     schema = schemas.get(record.schema_id)
-                    fresh = Series(_decoder(topic, schema, path), current=_is_current(topic, schema))
-                    wanted[record.id] = series.setdefault(key, fresh)
+                    fresh = _series(topic, schema, path)
+                    wanted[record.id] = _joined(series.setdefault(key, fresh), fresh, f"{path}: {key}")
             case Chunk():
                 recorded.spans(seconds(record.message_start_time), seconds(record.message_end_time))
             case Attachment():
@@ -158,6 +167,13 @@ def read_series(
     for one in series.values():
         one.sort()
     return recorded, {key: one for key, one in series.items() if len(one)}
+
+
+def _joined(first: Series[Any], other: Series[Any], what: str) -> Series[Any]:
+    """``first``, for the messages of a further channel of its topic too. Raises InputError for other messages."""
+    if first.definition != other.definition:
+        raise InputError(f"{what} has messages of two definitions of its type")
+    return first
 
 
 def read_head(path: Path) -> Recorded:
@@ -186,21 +202,16 @@ def times_of(path: Path) -> dict[str, list[float]]:
     return times
 
 
-def _decoder(topic: Topic[Any], schema: Schema | None, path: Path) -> Decoder:
-    """Decoder of the messages of a channel. Raises InputError for messages of another type."""
+def _series(topic: Topic[Any], schema: Schema | None, path: Path) -> Series[Any]:
+    """An empty series for the messages of a channel. Raises InputError for messages of another type."""
     name = ros_name(topic.type)
     if schema is None or schema.name != name:
         held = schema.name if schema else "messages without a definition"
         raise InputError(f"{path}: {topic.key} holds {held}, expected {name}")
-    if _is_current(topic, schema):
-        return lambda data: from_cdr(data, topic.type)
-    return _older(topic.type, schema.data.decode(errors="replace"), path)
-
-
-def _is_current(topic: Topic[Any], schema: Schema | None) -> bool:
-    """Whether the messages have the definition of this version."""
     standard = topic.type not in DERIVED
-    return standard or (schema is not None and schema.data == definition(topic.type).encode())
+    if standard or schema.data == definition(topic.type).encode():
+        return Series(lambda data: from_cdr(data, topic.type), None)
+    return Series(_older(topic.type, schema.data.decode(errors="replace"), path), schema.data)
 
 
 def _older(message_type: type, text: str, path: Path) -> Decoder:

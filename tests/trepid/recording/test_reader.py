@@ -126,6 +126,30 @@ def test_an_error_names_a_file_that_is_no_recording(tmp_path: Path, data: bytes)
         read_recording(tmp_path / "gone.mcap", "*")
 
 
+@pytest.mark.parametrize("older", [False, True])
+def test_two_channels_of_a_topic_are_read_together_unless_their_definitions_differ(
+    tmp_path: Path, older: bool
+) -> None:
+    """As in a recording that was joined from two by another program."""
+    path, name = tmp_path / "joined.mcap", ros_name(m.VehicleState)
+    text = definition(m.VehicleState)
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start(profile="ros2", library="another")
+        for number, state in enumerate(states()[:2], start=1):
+            changed = text.replace("bool driver_override\n", "") if older and number == 2 else text
+            schema = writer.register_schema(name, "ros2msg", changed.encode())
+            channel = writer.register_channel(f"/{VEHICLE_STATE.key}", "cdr", schema)
+            writer.add_message(channel, number, to_cdr(state), number)
+        writer.finish()
+    if older:
+        with pytest.raises(InputError, match=r"joined\.mcap: vehicle/state has messages of two definitions"):
+            read_recording(path, VEHICLE_STATE.key)
+    else:
+        read = read_recording(path, VEHICLE_STATE.key)
+        assert [state for _, state in read.of(VEHICLE_STATE)] == states()[:2]
+
+
 def test_fields_that_an_older_version_lacks_are_absent(tmp_path: Path) -> None:
     text = (
         "std_msgs/Header header\nfloat64 distance_m\nfloat64 confidence\n"
