@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from supervisor.inputs.validated import ValidationSettings
+from supervisor.inputs.validation import ValidationSettings
 from supervisor.inputs.watchdog import FAULTS, LEAD, STATISTICS, Watchdog, cause_of_lateness
 from supervisor.modes.analyser import AnalyserSettings, Finding, analyse, explained, is_image_late
 from supervisor.modes.doubts import Doubts, is_guess, moment

@@ -16,7 +16,7 @@ Means over the way do not change at standstill, because the image of a standing 
 import math
 from typing import NamedTuple
 
-from supervisor.inputs.validated import ValidatedEstimate, surest_of_marking
+from supervisor.inputs.validation import ValidatedEstimate, surest_of_marking
 from trepid.bounds import at_least
 from trepid.clothoid import STANDING, Lane, Motion
 

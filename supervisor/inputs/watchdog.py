@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from supervisor.inputs.validated import ValidationSettings
+from supervisor.inputs.validation import ValidationSettings
 from trepid.causes import Cause
 
 STATISTICS, LEAD, STATE = "statistics", "lead", "state"

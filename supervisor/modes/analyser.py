@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from supervisor.inputs.validated import is_frozen
+from supervisor.inputs.validation import is_frozen
 from supervisor.situation.features import Features
 from trepid.causes import Cause
 from trepid.config import Settings

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from supervisor.inputs.timers import Held
-from supervisor.inputs.validated import ValidationSettings, within
+from supervisor.inputs.validation import ValidationSettings, within
 from supervisor.path.fusion import Path
 from supervisor.path.hand_over import LEAD
 from supervisor.path.trail import Trail, TrailSettings, fit, max_curvature_rate_1pm2

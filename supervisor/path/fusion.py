@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from supervisor.inputs.validated import ValidatedEstimate
+from supervisor.inputs.validation import ValidatedEstimate
 from trepid.bounds import at_least, at_most
 from trepid.clothoid import STANDING, Lane, Motion, mean_lane, pursuit_curvature
 from trepid.config import Settings

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from supervisor.inputs.validated import ValidatedEstimate
+from supervisor.inputs.validation import ValidatedEstimate
 from supervisor.path.follow import Lead
 from supervisor.rules.rule_file import Input
 from trepid.clothoid import Motion

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from operator import attrgetter
 
 from supervisor.inputs.consistency import Steadiness
-from supervisor.inputs.validated import ValidatedEstimate, surest_of_marking
+from supervisor.inputs.validation import ValidatedEstimate, surest_of_marking
 from supervisor.path.follow import Lead
 from supervisor.path.fusion import Fused
 from supervisor.rules.rule_file import FORMER_PATH_JITTER

@@ -7,7 +7,7 @@ that it does not name is rated by the name that ``rated_as`` in ``config/supervi
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 
-from supervisor.inputs.validated import ValidatedEstimate
+from supervisor.inputs.validation import ValidatedEstimate
 from supervisor.rules.inference import FearRules
 from supervisor.rules.rule_file import FORMER_PATH_JITTER
 from trepid.messages import EstimateKind

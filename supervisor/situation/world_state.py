@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from supervisor.inputs.consistency import Consistency, WeakEdges
 from supervisor.inputs.timers import Stopwatch
-from supervisor.inputs.validated import (
+from supervisor.inputs.validation import (
     ValidatedEstimate,
     ValidationSettings,
     in_own_lane,

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from supervisor.inputs.validated import SHARE, ValidatedEstimate, in_own_lane
+from supervisor.inputs.validation import SHARE, ValidatedEstimate, in_own_lane
 from trepid.clothoid import Lane
 
 WIDTH_M = 3.5

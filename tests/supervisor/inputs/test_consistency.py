@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pytest
 
 from supervisor.inputs.consistency import AHEAD_M, KNOWN_M, Consistency, Steadiness
-from supervisor.inputs.validated import ValidatedEstimate
+from supervisor.inputs.validation import ValidatedEstimate
 from trepid.clothoid import Lane, Motion
 
 MOTION = Motion(8.0, 0.2)

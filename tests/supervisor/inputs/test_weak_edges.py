@@ -5,7 +5,7 @@ import math
 import pytest
 
 from supervisor.inputs.consistency import EDGES_M, WeakEdges
-from supervisor.inputs.validated import ValidatedEstimate
+from supervisor.inputs.validation import ValidatedEstimate
 from trepid.clothoid import Motion
 
 SPEED_MPS, DT_S = 5.0, 0.04

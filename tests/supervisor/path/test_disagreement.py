@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supervisor.inputs.validated import ValidatedEstimate, at_distance
+from supervisor.inputs.validation import ValidatedEstimate, at_distance
 from supervisor.path.fusion import Fused, Fusion
 from supervisor.supervisor import SupervisorSettings
 from trepid.clothoid import Lane, Motion

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supervisor.inputs.validated import ValidatedEstimate
+from supervisor.inputs.validation import ValidatedEstimate
 from supervisor.path.fusion import Fused, Fusion, information
 from supervisor.supervisor import SupervisorSettings
 from trepid.clothoid import Lane, Motion

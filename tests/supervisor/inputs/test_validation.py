@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from supervisor_rig import ESTIMATE
 
-from supervisor.inputs.validated import validate
+from supervisor.inputs.validation import validate
 from supervisor.supervisor import SupervisorSettings
 from trepid.config import CONFIG_DIR, load
 
