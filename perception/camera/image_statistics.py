@@ -3,6 +3,7 @@
 import math
 import zlib
 from collections import deque
+from functools import cache
 
 import cv2
 import numpy as np
@@ -78,13 +79,14 @@ class ImageStatistician:
             self._standing = np.zeros(spots.shape, np.float32)
             return 0.0
         cv2.accumulateWeighted(spots, self._standing, 1.0 - math.exp(-dt_s / SPOT_MEMORY_S))
-        at_once = _spotted_share(cv2.min(before, spots), spots)
+        seen = _areas(spots)
+        at_once = _spotted_share(cv2.min(before, spots), seen)
         lasting = np.multiply(self._standing > 255 * STANDING_SHARE, 255, dtype=np.uint8)
-        return at_once if at_once >= SPATTERED else _spotted_share(lasting, spots)
+        return at_once if at_once >= SPATTERED else _spotted_share(lasting, seen)
 
 
-def _spotted_share(standing: cv2.typing.MatLike, spots: Image) -> float:
-    """Share of tiles with a spot in ``standing``, of the dark ``spots`` of this frame.
+def _spotted_share(standing: cv2.typing.MatLike, seen: NDArray[np.int64]) -> float:
+    """Share of tiles with a spot in ``standing``, where the thirds of the frame have ``seen`` dark pixels.
 
     The minimum over the upper, middle and lower third of the image: dirt is in all of them, clouds, trees and
     objects on the road are not. A third where most spots moved counts as clean.
@@ -92,13 +94,13 @@ def _spotted_share(standing: cv2.typing.MatLike, spots: Image) -> float:
     rows, columns = TILES
     share = cv2.resize(standing, (columns, rows), interpolation=cv2.INTER_AREA)
     spotted = (share >= 255 * MIN_SPOTTED).reshape(3, -1).mean(axis=1)
-    stood, seen = _areas(standing), _areas(spots)
-    return float(np.where(stood > MIN_STANDING * seen, spotted, 0.0).min())
+    return float(np.where(_areas(standing) > MIN_STANDING * seen, spotted, 0.0).min())
 
 
 def _areas(spots: cv2.typing.MatLike) -> NDArray[np.int64]:
     """Number of pixels set in the upper, middle and lower third."""
-    return np.array([cv2.countNonZero(third) for third in np.split(spots, 3)])
+    third = len(spots) // 3
+    return np.array([cv2.countNonZero(spots[row : row + third]) for row in (0, third, 2 * third)])
 
 
 def _dark_spots(grey: Image) -> Image:
@@ -116,7 +118,12 @@ def _dark_spots(grey: Image) -> Image:
 
 
 def _closed(image: cv2.typing.MatLike, size: tuple[int, int]) -> cv2.typing.MatLike:
-    return cv2.morphologyEx(image, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_RECT, size))
+    return cv2.morphologyEx(image, cv2.MORPH_CLOSE, _rectangle(size))
+
+
+@cache
+def _rectangle(size: tuple[int, int]) -> cv2.typing.MatLike:
+    return cv2.getStructuringElement(cv2.MORPH_RECT, size)
 
 
 def _sharpness(grey: Image) -> float:
