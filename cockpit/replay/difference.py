@@ -80,6 +80,8 @@ def as_read(message: Any) -> Any:
 
 def differences(recorded: Any, replayed: Any) -> Iterator[tuple[str, Any, Any]]:
     """Name and both values of each field that differs; NaN equals NaN."""
+    if recorded == replayed:
+        return
     for one in fields(recorded):
         was, now = getattr(recorded, one.name), getattr(replayed, one.name)
         if one.name not in MEASURED and not _same(was, now):

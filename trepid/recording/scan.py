@@ -1,7 +1,8 @@
 """The records of an MCAP file in order, up to the first incomplete or corrupted one.
 
 The reader of the package ``mcap`` parses every message and every index in Python. A recording holds hundreds of
-messages a second, of which a question needs few, so this one steps over the others by their lengths.
+messages a second, of which a question needs few, so this one steps over the others by their lengths. A chunk with
+one message, as the recorder writes for each raw image, is not decompressed when its topic is not read.
 """
 
 import struct
@@ -24,6 +25,9 @@ MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # opcode and length of a record
 MESSAGE = struct.Struct("<HIQQ")  # channel, number, time of logging and of publication
 MESSAGE_HEAD = struct.Struct("<BQH")  # opcode, length and channel of a message
+INDEX = struct.Struct("<HI")  # channel and number of bytes of the index of a chunk
+INDEX_ENTRY = 16  # bytes of a message in it
+TIMES = struct.Struct("<QQ")  # first and last time of a chunk
 READ: dict[int, Any] = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
@@ -70,7 +74,7 @@ def records(path: Path, wanted: Wanted = lambda _: True) -> Iterator[McapRecord]
 
 
 def _records(file: IO[bytes], wanted: Wanted) -> Iterator[McapRecord]:
-    ids: set[int] = set()
+    ids: dict[int, bool] = {}  # channel -> whether its messages are read
     size = file.seek(0, 2)
     file.seek(len(MAGIC))
     while True:
@@ -80,31 +84,63 @@ def _records(file: IO[bytes], wanted: Wanted) -> Iterator[McapRecord]:
         if opcode not in READ and opcode != Opcode.MESSAGE:
             file.seek(length, 1)
             continue
+        if opcode == Opcode.CHUNK:
+            yield from _of_chunk(file, length, ids, wanted)
+            continue
         content = file.read(length)
         if opcode == Opcode.MESSAGE:
-            if MESSAGE.unpack_from(content)[0] in ids:
+            if ids.get(MESSAGE.unpack_from(content)[0]):
                 yield _message(content, 0, length)
             continue
         record = _read(opcode, content)
-        if isinstance(record, Chunk):
-            stream, total = get_chunk_data_stream(record, validate_crc=True)
-            record.data = b""
-            yield record
-            yield from _in_chunk(stream.read(total), ids, wanted)
-            continue
         _note(record, ids, wanted)
         yield record
         if isinstance(record, Footer):
             return
 
 
-def _in_chunk(data: bytes, ids: set[int], wanted: Wanted) -> Iterator[McapRecord]:
+def _of_chunk(file: IO[bytes], length: int, ids: dict[int, bool], wanted: Wanted) -> Iterator[McapRecord]:
+    """The chunk of ``length`` bytes that begins here, without its data, and the records in it that are read."""
+    begin = file.tell()
+    file.seek(begin + length)
+    if ids.get(_only_channel(file), True):
+        file.seek(begin)
+        chunk = _read(Opcode.CHUNK, file.read(length))
+        stream, total = get_chunk_data_stream(chunk, validate_crc=True)
+        chunk.data = b""
+        yield chunk
+        yield from _in_chunk(stream.read(total), ids, wanted)
+    else:
+        file.seek(begin)
+        first_ns, last_ns = TIMES.unpack(file.read(TIMES.size))
+        yield Chunk("", b"", last_ns, first_ns, 0, 0)
+    file.seek(begin + length)
+
+
+def _only_channel(file: IO[bytes]) -> int:
+    """Channel of the only message of a chunk, by the indices after it; -1 for any other chunk.
+
+    A chunk of several messages may also define channels, and they are not in its indices.
+    """
+    found = -1
+    while True:
+        head = file.read(HEAD.size + INDEX.size)
+        if len(head) < HEAD.size + INDEX.size or head[0] != Opcode.MESSAGE_INDEX:
+            return found
+        channel, size = INDEX.unpack_from(head, HEAD.size)
+        if found >= 0 or size != INDEX_ENTRY:
+            return -1
+        found = channel
+        file.seek(size, 1)
+
+
+def _in_chunk(data: bytes, ids: dict[int, bool], wanted: Wanted) -> Iterator[McapRecord]:
     place, end, is_message, unpack_head = 0, len(data), int(Opcode.MESSAGE), MESSAGE_HEAD.unpack_from
     while place < end:
         if data[place] == is_message:
             _, length, channel = unpack_head(data, place)
             place += HEAD.size
-            if channel in ids:
+            if ids.get(channel):
                 yield _message(data, place, length)
             place += length
             continue
@@ -132,6 +168,6 @@ def _read(opcode: int, content: bytes) -> Any:
     return READ[opcode].read(ReadDataStream(BytesIO(content)))
 
 
-def _note(record: McapRecord, ids: set[int], wanted: Wanted) -> None:
-    if isinstance(record, Channel) and wanted(record.topic):
-        ids.add(record.id)
+def _note(record: McapRecord, ids: dict[int, bool], wanted: Wanted) -> None:
+    if isinstance(record, Channel):
+        ids[record.id] = wanted(record.topic)

@@ -129,15 +129,20 @@ class Recording:
             self._writer.add_metadata(DRIVE, {BEGAN: str(stamp_ns)})
 
     def add(self, key: str, data: bytes, *, at_s: float) -> None:
-        """Write the CDR bytes of a message that was published at ``at_s``, in order of time."""
+        """Write the CDR bytes of a message that was published at ``at_s``, in order of time.
+
+        A raw image is a chunk of its own, so that a reader of other topics steps over it.
+        """
         stamp_ns = nanoseconds(at_s)
         with self._on_disk():
-            self._writer.add_message(
-                channel_id=self._channel(key), log_time=stamp_ns, publish_time=stamp_ns, data=data
-            )
+            alone = key == CAMERA_IMAGE.key
+            if alone:
+                self._writer.flush()
+            channel = self._channel(key)
+            self._writer.add_message(channel_id=channel, log_time=stamp_ns, publish_time=stamp_ns, data=data)
             if self._flushed_s is None:
                 self._flushed_s = at_s
-            elif at_s - self._flushed_s >= FLUSH_S:
+            if alone or at_s - self._flushed_s >= FLUSH_S:
                 self._writer.flush()
                 self._flushed_s = at_s
 

@@ -4,7 +4,10 @@ import dataclasses
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -13,7 +16,7 @@ from trepid.config import ROOT, InputError
 from trepid.packages import PACKAGES
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import Recording, attachments
-from trepid.topics import LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
+from trepid.topics import CAMERA_IMAGE, LEAD_VEHICLE, VEHICLE_STATE, estimate_topic
 from trepid.wire import STORE, definition, ros_name, to_cdr
 
 SECONDS = 30
@@ -102,6 +105,47 @@ def test_reading_ends_at_a_corrupted_byte(tmp_path: Path) -> None:
     assert 0 < len(found) < len(states())
     assert found == states()[: len(found)]
     assert not read.complete
+
+
+def with_raw_images(path: Path) -> Path:
+    """A state, then images and states in turn."""
+    pixels = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
+    with Recording(path) as recording:
+        for state in states()[:20]:
+            recording.add("vehicle/state", to_cdr(state), at_s=state.t_s)
+            image = m.Frame(t_s=state.t_s, image=pixels)
+            recording.add("camera/image", to_cdr(image), at_s=state.t_s + 0.05)
+    return path
+
+
+def chunks_of(path: Path, channel: str) -> list[ChunkIndex]:
+    """The chunks with a message on ``channel``."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    ids = {number for number, one in summary.channels.items() if one.topic == channel}
+    return [chunk for chunk in summary.chunk_indexes if ids & chunk.message_index_offsets.keys()]
+
+
+def test_each_raw_image_is_a_chunk_of_its_own_that_a_reader_of_other_topics_steps_over(
+    tmp_path: Path,
+) -> None:
+    path = with_raw_images(tmp_path / "raw.mcap")
+    chunks = chunks_of(path, "/camera/image")
+    assert len(chunks) == 20 and all(len(chunk.message_index_offsets) == 1 for chunk in chunks)
+    whole = read_recording(path, CAMERA_IMAGE.key, VEHICLE_STATE.key)
+    assert [state for _, state in whole.of(VEHICLE_STATE)] == states()[:20]
+    assert [frame.t_s for _, frame in whole.of(CAMERA_IMAGE)] == [state.t_s for state in states()[:20]]
+
+    broken = bytearray(path.read_bytes())  # the images but for the first, which defines their channel
+    for chunk in chunks[1:]:
+        middle = chunk.chunk_start_offset + chunk.chunk_length // 2
+        broken[middle] ^= 0xFF
+    path.write_bytes(broken)
+    read = read_recording(path, VEHICLE_STATE.key)
+    assert [state for _, state in read.of(VEHICLE_STATE)] == states()[:20] and read.complete
+    assert (read.first_s, read.last_s) == pytest.approx((whole.first_s, whole.last_s))
+    assert len(read_recording(path, CAMERA_IMAGE.key).of(CAMERA_IMAGE)) == 1
 
 
 def test_a_message_that_was_malformed_on_the_bus_is_left_out_and_counted(tmp_path: Path) -> None:
