@@ -11,7 +11,7 @@ import statistics
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,30 +27,35 @@ ROUNDS = 3
 SETTLE_S = 8.0  # the browser opens the page when the processes have started
 LOOK_S = 15.0
 WINDOW = (1440, 1100)
+ALONE, VIEWED = "nobody looks", "a viewer"
+SHARE = "share of a core of the page [%]"
 Row = dict[str, Any]
 
 
 def bench_page() -> Row:
     """Share of a core of the page, frame to command with and without a viewer, capture to screen in a browser."""
-    arms: dict[str, list[Row]] = {"nobody looks": [], "a viewer": []}
+    arms: dict[str, list[Row]] = {ALONE: [], VIEWED: []}
     for _ in range(ROUNDS):
         for arm, rows in arms.items():
-            rows.append(driven(viewed=arm == "a viewer"))
-    ratios = [
-        viewed["latency_ms"]["frame_to_command"]["p99"] / alone["latency_ms"]["frame_to_command"]["p99"]
-        for alone, viewed in zip(*arms.values(), strict=True)
-    ]
+            rows.append(driven(viewed=arm == VIEWED))
+    return {**compared(arms), "one drive with a browser": {"Chromium": browsed()}}
+
+
+def compared(arms: Mapping[str, Sequence[Row]]) -> Row:
+    """A row of medians for each arm, from the rows of its drives, and the ratio of drives next to each other."""
+    p99_ms = {
+        arm: [row["latency_ms"]["frame_to_command"]["p99"] for row in rows] for arm, rows in arms.items()
+    }
+    ratios = [viewed / alone for alone, viewed in zip(p99_ms[ALONE], p99_ms[VIEWED], strict=True)]
     return {
-        "share of a core of the page [%]": {
-            arm: statistics.median(row["processes"]["page"]["cpu_percent"] for row in rows)
-            for arm, rows in arms.items()
-        },
-        "frame to command, p99 [ms]": {
-            arm: statistics.median(row["latency_ms"]["frame_to_command"]["p99"] for row in rows)
+        "drives in turns": {
+            arm: {
+                SHARE: statistics.median(row["processes"]["page"]["cpu_percent"] for row in rows),
+                "frame to command, p99 [ms]": statistics.median(p99_ms[arm]),
+            }
             for arm, rows in arms.items()
         },
         "p99 with a viewer, relative to without": round(statistics.median(ratios), 3),
-        "a browser": browsed(),
     }
 
 
@@ -88,7 +93,7 @@ def browsed(picture: Path | None = None) -> Row:
         "first picture after opening [ms]": None if first_ms is None else round(first_ms),
         "errors in the console": len(errors),
         "loaded [kB]": round(size / 1000),
-        "share of a core of the page [%]": row["processes"]["page"]["cpu_percent"],
+        SHARE: row["processes"]["page"]["cpu_percent"],
     }
 
 
