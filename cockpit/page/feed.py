@@ -1,13 +1,16 @@
 """The messages of a drive that the page shows.
 
-A ring of Zenoh holds the newest small messages of each topic. The page subscribes to pictures only with a viewer:
-these are JPEG images from the camera process, which makes them for the recorder anyway, so that nothing is encoded
-for the page. A camera that publishes no JPEG is read raw.
+A ring of Zenoh holds the newest message of each topic. With a viewer the page subscribes to all of them. Without
+one it subscribes to the reports of the processes, and once a second for a moment to decision, vehicle state and
+pose, for the timelines and the driven path: hundreds of messages a second would cost more than the page itself.
+
+Pictures are JPEG images from the camera process, which makes them for the recorder anyway, so that nothing is
+encoded for the page. A camera that publishes no JPEG is read raw.
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import TypeVar
+from collections.abc import Sequence
+from typing import Any, Generic, TypeVar
 
 from trepid.bus import Bus, Tap
 from trepid.messages import CompressedFrame, Decision, Diagnostic, Frame, SteeringEstimate, Timing
@@ -22,6 +25,7 @@ from trepid.topics import (
     SIM_TRUTH,
     TIMING,
     VEHICLE_STATE,
+    Topic,
     estimate_topic,
 )
 from trepid.wire import WireError, from_cdr
@@ -30,20 +34,57 @@ M = TypeVar("M")
 REMEMBERED = 12  # estimates and decisions, for pictures that come later
 
 
+class Watched(Generic[M]):
+    """The newest message of a topic, as long as it is subscribed to."""
+
+    def __init__(self, bus: Bus, topic: Topic[M]) -> None:
+        self._bus, self._topic = bus, topic
+        self._tap: Tap | None = None
+        self.message: M | None = None
+        """The newest message taken so far; None before the first."""
+
+    @property
+    def watching(self) -> bool:
+        """Whether the topic is subscribed to."""
+        return self._tap is not None
+
+    def watch(self, on: bool) -> None:
+        """Subscribe, or end the subscription."""
+        if on and self._tap is None:
+            self._tap = self._bus.tap(self._topic.key, kept=1)
+        elif not on and self._tap is not None:
+            self._tap.close()
+            self._tap = None
+
+    def take(self) -> M | None:
+        """The message if one arrived since the last call, else None; a malformed one counts as none."""
+        new: M | None = None
+        for _, data, _ in self._tap.drain() if self._tap is not None else ():
+            try:
+                new = self.message = from_cdr(data, self._topic.type)
+            except WireError:
+                continue  # counted by the processes that drive by it
+        return new
+
+    def refresh(self) -> M | None:
+        """The newest message, new or not; None before the first."""
+        self.take()
+        return self.message
+
+
 class Feed:
     """The newest message of each topic, and the newest few where they belong to pictures."""
 
     def __init__(self, bus: Bus, estimators: Sequence[str], *, jpeg: bool = True) -> None:
         """``jpeg``: the camera publishes compressed pictures too."""
-        self._bus = bus
-        self._picture_topic = CAMERA_COMPRESSED if jpeg else CAMERA_IMAGE
-        self._tap: Tap | None = None
+        self._pictures: Watched[Any] = Watched(bus, CAMERA_COMPRESSED if jpeg else CAMERA_IMAGE)
         self._diagnostics, self._timing = bus.stream(DIAGNOSTICS), bus.stream(TIMING)
-        self._decision = bus.latest(DECISION, wakes=False)
-        self._estimates = {name: bus.latest(estimate_topic(name), wakes=False) for name in estimators}
-        self.state = bus.latest(VEHICLE_STATE, wakes=False)
-        self.truth = bus.latest(SIM_TRUTH, wakes=False)
-        self.lead = bus.latest(LEAD_VEHICLE, wakes=False)
+        self._decision = Watched(bus, DECISION)
+        self._estimates = {name: Watched(bus, estimate_topic(name)) for name in estimators}
+        self.state, self.truth = Watched(bus, VEHICLE_STATE), Watched(bus, SIM_TRUTH)
+        self.lead = Watched(bus, LEAD_VEHICLE)
+        self._drive = (self._decision, self.state, self.truth)  # what timelines and path need
+        self._shown = (self._pictures, self.lead, *self._estimates.values())  # what only a viewer needs
         self.decisions: deque[Decision] = deque(maxlen=REMEMBERED)
         self.estimates: dict[str, deque[SteeringEstimate]] = {
             name: deque(maxlen=REMEMBERED) for name in estimators
@@ -57,15 +98,27 @@ class Feed:
     @property
     def looking(self) -> bool:
         """True while pictures are subscribed to."""
-        return self._tap is not None
+        return self._pictures.watching
+
+    @property
+    def glimpsing(self) -> bool:
+        """True while decision, state and pose are subscribed to."""
+        return self._decision.watching
 
     def look(self, at: bool) -> None:
-        """Subscribe to pictures, or end it."""
-        if at and self._tap is None:
-            self._tap = self._bus.tap(self._picture_topic.key, kept=1)
-        elif not at and self._tap is not None:
-            self._tap.close()
-            self._tap = self.picture = None
+        """Subscribe to everything for a viewer, or end it."""
+        if at is self.looking:
+            return
+        for watched in self._shown:
+            watched.watch(at)
+        self.glimpse(at)
+        if not at:
+            self.picture = None
+
+    def glimpse(self, at: bool) -> None:
+        """Subscribe to decision, state and pose, or end it."""
+        for watched in self._drive:
+            watched.watch(at)
 
     def poll(self) -> None:
         """Take what has arrived."""
@@ -74,11 +127,12 @@ class Feed:
         for timing, _ in self._timing.drain():
             if timing.process == APPLIES:
                 self.latency_ms = _latencies_ms(timing)
-        _take(self._decision.take, self.decisions)
-        for name, latest in self._estimates.items():
-            _take(latest.take, self.estimates[name])
-        for _, data, _ in self._tap.drain() if self._tap is not None else ():
-            self._show(data)
+        _take(self._decision, self.decisions)
+        for name, watched in self._estimates.items():
+            _take(watched, self.estimates[name])
+        picture = self._pictures.take()
+        if picture is not None:
+            self.picture = _compressed(picture) if isinstance(picture, Frame) else picture
 
     @property
     def decision(self) -> Decision | None:
@@ -90,16 +144,9 @@ class Feed:
         """The newest report of the launcher."""
         return self.beats.get(LAUNCHER)
 
-    def _show(self, data: bytes) -> None:
-        try:
-            message = from_cdr(data, self._picture_topic.type)
-        except WireError:
-            return  # counted by the processes that drive by it
-        self.picture = _compressed(message) if isinstance(message, Frame) else message
 
-
-def _take(take: Callable[[], M | None], into: deque[M]) -> None:
-    message = take()
+def _take(watched: Watched[M], into: deque[M]) -> None:
+    message = watched.take()
     if message is not None:
         into.append(message)
 

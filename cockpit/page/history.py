@@ -12,7 +12,7 @@ SAMPLE_S = 0.2
 KEPT = 450  # samples: 90 s
 MAX_POINTS = 3000  # of the driven path
 SPACING_M = 0.5
-LONGEST_S = 1.0  # the path is not continued over a longer gap between two states
+LONGEST_S = 1.5  # the path is not continued over a longer gap; without a viewer states are 1 s apart
 
 
 class Timelines:

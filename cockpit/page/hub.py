@@ -2,7 +2,7 @@
 
 A viewer acknowledges what it has drawn, and gets the next message only then. A slow viewer, or one in a
 hidden tab, gets fewer messages and no older ones. A viewer without an acknowledgement for AWAY_S counts as absent;
-the page receives no pictures while all viewers are absent.
+while all viewers are absent the page receives no pictures, and a glimpse of the drive once a second.
 """
 
 import asyncio
@@ -13,13 +13,15 @@ import time
 from typing import Any
 
 from cockpit.page.feed import Feed
-from cockpit.page.stop import StopSender
+from cockpit.page.stop import REPEAT_S, StopSender
 from cockpit.page.view import View
 from trepid.clock import Clock
 from trepid.messages import CompressedFrame
 
 MAX_VIEWERS = 8
-LOOKING_PERIOD_S, IDLE_PERIOD_S = 0.02, 0.5  # between two turns
+LOOKING_PERIOD_S, IDLE_PERIOD_S = 0.02, 0.47  # between two turns
+GLIMPSE_S = 0.08  # length of a glimpse, in which each topic has a new message
+GLIMPSE_AFTER_S = 0.85  # from the end of a glimpse to the next one
 PICTURE_S = 0.075  # at least, between two messages to a viewer; of a faster camera the newest picture is sent
 UPDATE_S = 0.1  # without a new picture the numbers are sent as often
 DECISION_S = 0.04  # a picture waits this long for the decision on its frame
@@ -62,24 +64,41 @@ class Hub:
         self._feed, self._view, self._stop, self._clock = feed, view, stop, clock
         self.viewers: set[Viewer] = set()
         self.wanted = asyncio.Event()
-        """A viewer has come: the next turn is due."""
+        """A viewer has come, or a button was pressed: the next turn is due."""
         self._picture: tuple[CompressedFrame, float] | None = (
             None  # one that is not sent yet, and its arrival
         )
         self._sent_s = 0.0
+        self._glimpsed_s = -math.inf
 
     def turn(self) -> float:
         """Read, sample and send what is due; the time until the next turn [s]."""
         now_s, looking = self._clock(), any(viewer.looks for viewer in self.viewers)
         self._feed.look(looking)
         self._feed.poll()
-        self._view.sample(now_s)
+        pause_s = self._looked(now_s) if looking else self._glimpsed(now_s)
         self._stop.turn(held=self._view.held)
         if self._feed.picture is not None:
             self._picture, self._feed.picture = (self._feed.picture, now_s), None
         if looking and self._due(now_s) and any(viewer.ready for viewer in self.viewers):
             self._send(now_s)
-        return LOOKING_PERIOD_S if looking else IDLE_PERIOD_S
+        return min(pause_s, REPEAT_S) if self._stop.waiting else pause_s
+
+    def _looked(self, now_s: float) -> float:
+        """Sample for a viewer; the time until the next turn [s]."""
+        self._view.sample(now_s)
+        return LOOKING_PERIOD_S
+
+    def _glimpsed(self, now_s: float) -> float:
+        """Without a viewer: begin a glimpse that is due, or sample and end it; the time until the next turn [s]."""
+        if self._feed.glimpsing:
+            self._view.sample(now_s)
+            self._feed.glimpse(False)
+            self._glimpsed_s = now_s
+        elif now_s - self._glimpsed_s >= GLIMPSE_AFTER_S:
+            self._feed.glimpse(True)
+            return GLIMPSE_S
+        return IDLE_PERIOD_S
 
     def _due(self, now_s: float) -> bool:
         if now_s - self._sent_s < PICTURE_S:

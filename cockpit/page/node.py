@@ -34,7 +34,17 @@ class PageOptions(Settings):
 
 
 class Quiet(uvicorn.Server):
-    """A server that leaves the signals to the process."""
+    """A server that leaves the signals to the process, and sleeps while there is no request."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.ended = asyncio.Event()
+        """The server is to end."""
+
+    async def main_loop(self) -> None:
+        """Wait for the end; that of uvicorn wakes ten times a second, also for the header with the date."""
+        await self.on_tick(0)
+        await self.ended.wait()
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -67,7 +77,7 @@ async def _serve(me: Process, page: PageServer, door: PageDoor, hub: Hub) -> Non
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(hub.wanted.wait(), pause_s)
             hub.wanted.clear()
-        server.should_exit = True
+        server.ended.set()
         await serving
 
 
@@ -79,6 +89,7 @@ def _config(page: PageServer, door: PageDoor) -> uvicorn.Config:
         log_level="warning",
         lifespan="off",
         server_header=False,
+        date_header=False,
         http="h11",
         loop="asyncio",
         ws="websockets-sansio",

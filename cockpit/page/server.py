@@ -168,6 +168,7 @@ class PageServer:
         if not isinstance(asked, bool):
             raise Refusal(400, 'expected {"stop": true} or {"stop": false}')
         self._stop.press(asked)
+        self._hub.wanted.set()
         return JSONResponse({"sent": True})
 
     async def _keep(self, _: Request) -> Response:

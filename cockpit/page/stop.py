@@ -38,6 +38,11 @@ class StopSender:
             self._publish()
 
     @property
+    def waiting(self) -> bool:
+        """A stop or its release is sent and not acknowledged yet."""
+        return self._wanted is not None
+
+    @property
     def pending(self) -> bool:
         """A stop is sent and not acknowledged yet."""
         return self._wanted is True

@@ -46,7 +46,11 @@ class View:
         self.track.add(state, truth, fear)
         error_m = truth.lateral_offset_m if truth else decision.lateral_offset_m if decision else None
         latency_ms = sorted(feed.latency_ms)[len(feed.latency_ms) // 2] if feed.latency_ms else None
-        confidences = [_confidence(list(of_one), now_s) for of_one in feed.estimates.values()]
+        judged = {} if decision is None else dict(zip(decision.inputs, decision.input_values, strict=False))
+        confidences = [
+            _confidence(list(of_one), now_s) if feed.looking else judged.get(f"{name}_confidence")
+            for name, of_one in feed.estimates.items()
+        ]
         speed_mps = state.speed_mps if state else None
         cap_mps = decision.speed_cap_mps if decision else None
         self.timelines.add(now_s, [fear, speed_mps, cap_mps, error_m, latency_ms, *confidences])

@@ -1,19 +1,27 @@
-"""Timelines, the driven path, the overlay and the message to a viewer, without a browser."""
+"""Timelines, the driven path, the overlay, the message to a viewer and the idle page, without a browser."""
 
 import json
 import math
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from live_page_rig import truth
 from message_rig import SHUTTLE, decision, estimate, state
 
+from cockpit.page.feed import Feed
 from cockpit.page.history import KEPT, MAX_POINTS, SAMPLE_S, Timelines, Track
-from cockpit.page.hub import HEADER, packed
+from cockpit.page.hub import HEADER, Hub, Viewer, packed
 from cockpit.page.overlay import PATH_M, lane_px, lead_px, overlay, path_px
+from cockpit.page.stop import REPEAT_S, StopSender
+from cockpit.page.view import View
+from trepid.bus import Bus
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, load
-from trepid.messages import LeadVehicle
+from trepid.messages import LeadVehicle, StopRequest
+from trepid.topics import CAMERA_COMPRESSED, DECISION, SIM_TRUTH, VEHICLE_STATE
+from trepid.wire import to_cdr
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 
@@ -96,3 +104,80 @@ def test_an_unknown_number_reaches_a_viewer_as_null_at_any_depth():
         "line": [[1.0, None]],
     }
     assert message[HEADER.size + length :] == b"jpeg"
+
+
+class Air:
+    """A bus without a network on which every topic subscribed to has a new message; counts the subscriptions."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.open: list[str] = []
+        self.stops: list[StopRequest] = []
+
+    def stream(self, _: object) -> Any:
+        return SimpleNamespace(drain=list)
+
+    def publisher(self, _: object) -> Any:
+        return self.stops.append
+
+    def tap(self, key: str, *, kept: int) -> Any:
+        self.open.append(key)
+        return SimpleNamespace(drain=lambda: self._newest(key), close=lambda: self.open.remove(key))
+
+    def _newest(self, key: str) -> list[tuple[str, bytes, float]]:
+        now_s = self.now_s
+        sent: dict[str, Any] = {
+            DECISION.key: decision(
+                t_s=now_s, decided_s=now_s, fear=0.25, inputs=("cv_confidence",), input_values=(0.75,)
+            ),
+            VEHICLE_STATE.key: state(now_s, speed_mps=4.0, yaw_rate_radps=0.0),
+        }
+        return [(key, to_cdr(sent[key]), now_s)] if key in sent else []
+
+
+def idle_page() -> tuple[Air, Hub, View, StopSender]:
+    air = Air()
+    bus = cast(Bus, air)
+    feed = Feed(bus, ["cv"])
+    view, stop = View(feed, CAMERA, SHUTTLE, what="test"), StopSender(bus, lambda: air.now_s)
+    return air, Hub(feed, view, stop, lambda: air.now_s), view, stop
+
+
+def test_without_a_viewer_the_page_receives_the_drive_for_moments_only_and_its_timelines_go_on():
+    air, hub, view, _ = idle_page()
+    subscribed_s, began_s, keys = 0.0, air.now_s, set()
+    while air.now_s < began_s + 20.0:
+        pause_s = hub.turn()
+        subscribed_s += pause_s if air.open else 0.0
+        keys |= set(air.open)
+        air.now_s += pause_s
+    assert subscribed_s < 0.1 * 20.0 and keys == {DECISION.key, VEHICLE_STATE.key, SIM_TRUTH.key}
+    samples = view.timelines.since(0)
+    assert len(samples) >= 18
+    assert samples[-1][1:] == [0.25, 4.0, *samples[-1][3:-1], 0.75]  # fear, speed, confidence of cv
+    assert view.track.driven_m == pytest.approx(4.0 * 20.0, abs=8.0)
+
+
+def test_a_viewer_gets_every_topic_from_its_first_turn_on_and_none_stays_after_it():
+    air, hub, _, _ = idle_page()
+    hub.turn()
+    viewer = Viewer()
+    hub.viewers.add(viewer)
+    hub.turn()
+    assert len(air.open) == len(set(air.open)) == 6 and CAMERA_COMPRESSED.key in air.open
+    hub.viewers.discard(viewer)
+    for _ in range(4):
+        air.now_s += hub.turn()
+    assert CAMERA_COMPRESSED.key not in air.open
+
+
+def test_a_stop_without_a_viewer_is_repeated_as_often_as_with_one():
+    air, hub, _, stop = idle_page()
+    hub.turn()
+    stop.press(True)
+    began_s = air.now_s
+    while air.now_s < began_s + 2.0:
+        pause_s = hub.turn()
+        assert pause_s <= REPEAT_S
+        air.now_s += pause_s
+    assert len(air.stops) >= 0.5 * 2.0 / REPEAT_S
