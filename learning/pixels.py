@@ -3,6 +3,8 @@
 All randomness comes from a given Generator.
 """
 
+from typing import Protocol
+
 import cv2
 import numpy as np
 
@@ -13,13 +15,31 @@ SKY = (200, 205, 210)  # BGR of fog and of falling snow
 RAIN = (190, 185, 180)
 
 
-def relight(
-    image: Image, rng: np.random.Generator, *, gain: float, gamma: float, colour: float, offset_grey: float
-) -> Image:
+class Light(Protocol):
+    """Bounds of another light."""
+
+    gain: float  # exposure between 1/gain and gain
+    gamma: float  # between 1/gamma and gamma
+    colour: float  # gain of each channel, ±
+    offset_grey: float  # black level, ±
+
+
+class Blemishes(Protocol):
+    """Shares of the images with a blemish, and their bounds."""
+
+    erase: float
+    erase_size: float  # largest side of a block, as a share of the image side
+    blur: float
+    blur_px: float  # range of σ
+    noise: float
+    noise_grey: float  # largest σ
+
+
+def relight(image: Image, rng: np.random.Generator, bounds: Light) -> Image:
     """Another exposure, gamma, colour balance and black level, each up to its bound."""
-    gains = gain ** rng.uniform(-1, 1) * (1 + colour * rng.uniform(-1, 1, (1, 3)))
-    power = gamma ** rng.uniform(-1, 1)
-    black = offset_grey * rng.uniform(-1, 1)
+    gains = bounds.gain ** rng.uniform(-1, 1) * (1 + bounds.colour * rng.uniform(-1, 1, (1, 3)))
+    power = bounds.gamma ** rng.uniform(-1, 1)
+    black = bounds.offset_grey * rng.uniform(-1, 1)
     grey = np.arange(256)[:, None] / 255
     table = 255 * gains * grey**power + black
     return as_pixels(cv2.LUT(image, np.clip(table, 0, 255).astype(np.uint8).reshape(256, 1, 3)))
@@ -46,6 +66,17 @@ def erase(image: Image, size: float, rng: np.random.Generator) -> Image:
         h, w = (rng.uniform(0.1, 1, 2) * size * (height, width)).astype(int) + 1
         top, left = rng.integers(0, height - h), rng.integers(0, width - w)
         image[top : top + h, left : left + w] = rng.integers(0, 256, 3)
+    return image
+
+
+def blemish(image: Image, rng: np.random.Generator, settings: Blemishes, *, least_blur_px: float) -> Image:
+    """Blocks of one colour, blur and noise, each by chance; the σ of the blur is ``least_blur_px`` at least."""
+    if rng.random() < settings.erase:
+        image = erase(image, settings.erase_size, rng)
+    if rng.random() < settings.blur:
+        image = as_pixels(cv2.GaussianBlur(image, (0, 0), least_blur_px + settings.blur_px * rng.random()))
+    if rng.random() < settings.noise:
+        image = add_noise(image, settings.noise_grey * rng.random(), rng)
     return image
 
 

@@ -7,11 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from learning.pixels import add_noise, as_pixels, erase, relight, shade
+from learning.pixels import add_noise, as_pixels, blemish, relight, shade
 from perception.net.canonical import lane_of_row, row_of_lane, scaled
 from trepid.car.camera import Camera
 from trepid.config import Settings
 from trepid.types import Floats, Image, NonNegative, Share
+
+LEAST_BLUR_PX = 0.3  # σ
 
 
 class Augmentation(Settings):
@@ -55,20 +57,8 @@ class Augmenter:
         lane = self.lane_from(lane, raised)
         if rng.random() < settings.shadows:
             image = shade(image, rng)
-        image = relight(
-            image,
-            rng,
-            gain=settings.gain,
-            gamma=settings.gamma,
-            colour=settings.colour,
-            offset_grey=settings.offset_grey,
-        )
-        if rng.random() < settings.erase:
-            image = erase(image, settings.erase_size, rng)
-        if rng.random() < settings.blur:
-            image = as_pixels(cv2.GaussianBlur(image, (0, 0), 0.3 + settings.blur_px * rng.random()))
-        if rng.random() < settings.noise:
-            image = add_noise(image, settings.noise_grey * rng.random(), rng)
+        image = relight(image, rng, settings)
+        image = blemish(image, rng, settings, least_blur_px=LEAST_BLUR_PX)
         if rng.random() < settings.border:
             image = _narrow(image, settings.border_size, rng)
         return image, lane

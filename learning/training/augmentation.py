@@ -8,10 +8,12 @@ import math
 import cv2
 import numpy as np
 
-from learning.pixels import add_noise, as_pixels, erase, fog, rain, relight, shade, snow
+from learning.pixels import as_pixels, blemish, fog, rain, relight, shade, snow
 from learning.training.recipe import Augmentation
 from trepid.car.camera import Camera
 from trepid.types import Floats, Image
+
+LEAST_BLUR_PX = 0.2  # σ
 
 
 class Augmenter:
@@ -50,26 +52,9 @@ class Augmenter:
         ):
             if rng.random() < share:
                 image = change(image, rng)
-        return self._pixels(image, rng), label_rad
-
-    def _pixels(self, image: Image, rng: np.random.Generator) -> Image:
-        settings = self._settings
         if rng.random() < settings.brightness:
-            image = relight(
-                image,
-                rng,
-                gain=settings.gain,
-                gamma=settings.gamma,
-                colour=settings.colour,
-                offset_grey=settings.offset_grey,
-            )
-        if rng.random() < settings.erase:
-            image = erase(image, settings.erase_size, rng)
-        if rng.random() < settings.blur:
-            image = as_pixels(cv2.GaussianBlur(image, (0, 0), 0.2 + settings.blur_px * rng.random()))
-        if rng.random() < settings.noise:
-            image = add_noise(image, settings.noise_grey * rng.random(), rng)
-        return image
+            image = relight(image, rng, settings)
+        return blemish(image, rng, settings, least_blur_px=LEAST_BLUR_PX), label_rad
 
     def seen_from(self, image: Image, left_m: float, turned_rad: float) -> Image:
         """The flat road of ``image``, seen from ``left_m`` further left and turned by ``turned_rad`` to the left.
