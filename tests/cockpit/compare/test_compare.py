@@ -1,38 +1,27 @@
 """``trepid compare``: two recordings, or two files of stored runs."""
 
 import json
-import sys
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from drive_rig import run
+from recorded_rig import recorded
 
 from cockpit.compare.drives import first_difference
 from cockpit.logbook.recall import recall
-from sim_harness.lockstep.closed_loop import run
-from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
-from trepid.cli import main
 from trepid.topics import DECISION
 from trepid.wire import to_cdr
 
 RUN = {"scenario": "circuit", "seed": 0, "status": "passed", "max_fear": 0.25, "realtime_factor": 3.0}
 
 
-def compared(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: object
-) -> tuple[int, str, str]:
-    monkeypatch.setattr(sys, "argv", ["trepid", "compare", *map(str, words)])
-    code = main()
-    out, err = capsys.readouterr()
-    return code, out, err
-
-
 @pytest.fixture
-def compare(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
-    return lambda *words: compared(capsys, monkeypatch, *words)
+def compare(capsys: pytest.CaptureFixture[str]) -> Any:
+    return lambda *words: (run("compare", *map(str, words)), *capsys.readouterr())
 
 
 def stored(path: Path, *runs: dict[str, Any]) -> Path:
@@ -79,9 +68,7 @@ def test_a_recording_is_not_compared_with_runs(tmp_path: Path, compare: Any) -> 
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
     scenario = load_scenario("straight", {"duration_s": "3"})
-    with recording(path, scenario) as witness:
-        run(scenario, witness=witness)
-    return path
+    return recorded(path, scenario)
 
 
 def test_a_recording_does_not_differ_from_itself_and_both_are_drawn(

@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
@@ -10,35 +9,27 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drive_rig import run
+from recorded_rig import recorded
 
 from cockpit.compare.page import unit_of
 from sim_harness.judging.trace import Trace
 from sim_harness.judging.trace_difference import compare_traces
-from sim_harness.lockstep.closed_loop import run
-from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
-from trepid.cli import main
 
 SCENARIO = load_scenario("straight", {"duration_s": "2", "sight": "truth"})
 
 
 @pytest.fixture
-def compare(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
-    def compared(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["trepid", "compare", *map(str, words)])
-        code = main()
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return compared
+def compare(capsys: pytest.CaptureFixture[str]) -> Any:
+    return lambda *words: (run("compare", *map(str, words)), *capsys.readouterr())
 
 
 @pytest.fixture(scope="module")
 def drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a recording and the trace of the same run."""
     folder = tmp_path_factory.mktemp("drives")
-    with recording(folder / "run.mcap", SCENARIO) as witness:
-        run(SCENARIO, witness=witness).trace.save(folder / "run.npz")
+    recorded(folder / "run.mcap", SCENARIO, trace=folder / "run.npz")
     return folder
 
 

@@ -11,14 +11,13 @@ import cv2
 import numpy as np
 import pyarrow.parquet
 import pytest
+from recorded_rig import recorded
 
 from cockpit.export.drive import STALE_S, Drive
 from cockpit.export.frames import DrivenFrame, rate_of
 from cockpit.export.table import Table, table, times
 from cockpit.export.tub import write_tub
 from learning.dataset.sources.tub import BY_PILOT, is_tub, read_tub
-from sim_harness.lockstep.closed_loop import run
-from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.car.vehicle import Vehicle
 from trepid.cli import main
@@ -38,9 +37,7 @@ START_S = 2000.0
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
-    with recording(path, SCENARIO) as witness:
-        run(SCENARIO, witness=witness)
-    return path
+    return recorded(path, SCENARIO)
 
 
 IMAGE = np.full((48, 64, 3), 90, np.uint8)

@@ -14,12 +14,11 @@ from foxglove_schemas_protobuf import ImageAnnotations_pb2, PointsAnnotation_pb2
 from google.protobuf import json_format
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from recorded_rig import recorded
 from scipy.spatial.transform import Rotation
 
 from cockpit.foxglove import convert, ros
 from cockpit.foxglove.shapes import CORNER_PX, camera_transform
-from sim_harness.lockstep.closed_loop import run
-from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.car.camera import Camera
 from trepid.cli import main
@@ -41,9 +40,7 @@ def exported(drive: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
     scenario = load_scenario("cut_in", {"duration_s": "6"})
-    with recording(path, scenario) as witness:
-        run(scenario, witness=witness)
-    return path
+    return recorded(path, scenario)
 
 
 @pytest.fixture(scope="module")

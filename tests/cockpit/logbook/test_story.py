@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_rig import recorded
 from supervisor_rig import STATE, Drive
 from typer.testing import CliRunner
 
@@ -16,8 +17,6 @@ from cockpit.logbook.rise import next_level, raising
 from cockpit.logbook.story import story
 from cockpit.logbook.story_text import story_text
 from cockpit.rulebook.cli import app
-from sim_harness.lockstep.closed_loop import run
-from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
 from supervisor.rules.inference import FearRules
 from supervisor.rules.proofs import calmest, worst
@@ -47,8 +46,7 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name, changes in DRIVES.items():
         scenario = load_scenario(name, changes)
         paths[name] = folder / f"{name}.mcap"
-        with recording(paths[name], scenario) as witness:
-            run(scenario, seed=5, witness=witness)
+        recorded(paths[name], scenario, seed=5)
     whole = paths["lying_cv"]
     paths["part"] = folder / "part.mcap"
     held = read_recording(whole)

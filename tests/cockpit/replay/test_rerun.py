@@ -8,12 +8,11 @@ from typing import Any
 
 import pytest
 from driving_network_rig import write_network
+from recorded_rig import recorded
 from typer.testing import CliRunner
 
 from cockpit.logbook.recall import recall
 from cockpit.replay.rerun import Rerun, rerun
-from sim_harness.lockstep.closed_loop import run
-from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.cli import app
@@ -32,18 +31,14 @@ SEEN = load_scenario("straight", {"duration_s": "1"})
 @pytest.fixture(scope="module")
 def unseen(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("unseen") / "drive.mcap"
-    with recording(path, UNSEEN) as witness:
-        run(UNSEEN, seed=3, witness=witness)
-    return path
+    return recorded(path, UNSEEN, seed=3)
 
 
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording with raw images."""
     path = tmp_path_factory.mktemp("seen") / "drive.mcap"
-    with recording(path, SEEN, raw_images=True) as witness:
-        run(SEEN, witness=witness)
-    return path
+    return recorded(path, SEEN, raw_images=True)
 
 
 @pytest.fixture
@@ -78,8 +73,7 @@ def test_supervisor_and_controller_repeat_a_drive_with_stops_from_its_estimates(
 
 def test_without_raw_images_all_leaves_out_the_nodes_that_see_and_says_so(tmp_path: Path) -> None:
     path = tmp_path / "jpeg.mcap"
-    with recording(path, SEEN) as witness:
-        run(SEEN, witness=witness)
+    recorded(path, SEEN)
     found = rerun(path, ["all"])
     assert set(found.left_out) == {"cv", "cnn", "statistics", "lead"}
     assert same(found) and set(found.topics) == {DECISION.key, COMMAND.key}
@@ -151,8 +145,7 @@ def test_the_car_of_the_recording_is_in_use_during_a_replay_and_no_longer(tmp_pa
     try:
         path = tmp_path / "drive.mcap"
         scenario = load_scenario("lying_cv", {"sight": "truth", "duration_s": "3"})
-        with recording(path, scenario) as witness:
-            run(scenario, witness=witness)
+        recorded(path, scenario)
     finally:
         use_car(None)
     assert same(rerun(path, ["controller"]))
@@ -204,8 +197,7 @@ def networked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("networked")
     network = write_network(folder / "turn.onnx", gain_rad=0.1, memory=True)
     scenario = load_scenario("straight", {"duration_s": "1", **changes_of(["cv", str(network)])})
-    with recording(folder / "drive.mcap", scenario, raw_images=True) as witness:
-        run(scenario, witness=witness)
+    recorded(folder / "drive.mcap", scenario, raw_images=True)
     return folder / "drive.mcap", network
 
 

@@ -8,12 +8,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from recorded_rig import recorded
 
 from perception.cli import estimate
 from sim_harness.footage.fear_cli import given_motion
 from sim_harness.footage.onlooker import Given
-from sim_harness.lockstep.closed_loop import run
-from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
@@ -91,8 +90,7 @@ def test_a_black_image_is_feared_more_than_the_road(folder, tmp_path, capsys):
 def test_a_recording_brings_its_own_speed_and_driver(tmp_path, capsys):
     scenario = load_scenario("straight", {"duration_s": "3"})
     path = tmp_path / "drive.mcap"
-    with recording(path, scenario) as witness:
-        run(scenario, seed=1, witness=witness)
+    recorded(path, scenario, seed=1)
     rows = look(capsys, path, speed=None)
     assert len(rows) > 10
     assert rows[-1]["mode"] == "KEEP"

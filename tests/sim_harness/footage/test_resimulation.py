@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from recorded_rig import recorded
 from typer.testing import CliRunner
 
 from perception.images.sources import sources
@@ -18,8 +19,6 @@ from sim_harness.footage.clip import Drive, load_drive, read_log, recorded_speed
 from sim_harness.footage.reprojection import Reprojection, Shift
 from sim_harness.footage.resimulation import Resimulation, resimulate
 from sim_harness.footage.visual_yaw import yaw_changes_rad
-from sim_harness.lockstep.closed_loop import run
-from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
@@ -322,8 +321,7 @@ def test_on_a_real_highway_the_supervised_car_takes_over_at_once_and_fear_stays_
 def test_a_recording_brings_speed_camera_and_images(tmp_path):
     scenario = load_scenario("straight", {"duration_s": "4"})
     path = tmp_path / "drive.mcap"
-    with recording(path, scenario) as witness:
-        run(scenario, seed=1, witness=witness)
+    recorded(path, scenario, seed=1)
     drive = load_drive(path, CAMERA)
     truth = read_recording(path, SIM_TRUTH.key).of(SIM_TRUTH)
     at_s = [at_s - truth[0][0] for at_s, _ in truth]
