@@ -316,7 +316,7 @@ def main() -> int:
     except (InputError, TyperException) as error:
         detail(traceback.format_exc().rstrip())
         text = error.format_message() if isinstance(error, TyperException) else str(error)
-        print("trepid:", *text.split(), file=sys.stderr)
+        print("trepid:", *text.replace(": Value error, ", ": ").split(), file=sys.stderr)  # pydantic's words
         return 2
     except (KeyboardInterrupt, typer.Abort):
         return 130

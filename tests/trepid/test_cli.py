@@ -175,3 +175,12 @@ def test_the_help_of_a_verb_does_not_import_what_only_some_runs_need(verb: list[
     )
     rare = {"matplotlib", "skfuzzy.control", "control", "torch", "casadi", "optuna", "distributed"}
     assert rare.isdisjoint(done.stderr.split()), rare & set(done.stderr.split())
+
+
+def test_a_choice_that_does_not_exist_is_named_in_plain_words(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["trepid", "export", "drive.mcap", "out", "--to", "nothing"])
+    assert trepid_main() == 2
+    said = capsys.readouterr().err
+    assert "Invalid value for '--to': 'nothing' is not one of 'csv'" in said and said.count("\n") == 1
