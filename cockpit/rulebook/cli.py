@@ -64,7 +64,7 @@ def import_(
     yaml.width = 10_000  # a rule stays on its line
     yaml.indent(mapping=2, sequence=4, offset=2)
     empty = {name for name in ("causes", "without") if not getattr(rules, name)}
-    yaml.dump(_plain(rules.model_dump(mode="json", exclude=empty)), sys.stdout)
+    yaml.dump(_plain(rules.model_dump(mode="json", exclude=empty, exclude_none=True)), sys.stdout)
 
 
 def _plain(data: Any) -> Any:

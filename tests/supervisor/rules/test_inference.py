@@ -46,6 +46,8 @@ def test_memberships_are_those_of_scikit_fuzzy(point: dict[str, float]) -> None:
     for name, spec in RULES.inputs.items():
         for level in LEVELS:
             points = getattr(spec.sets, level)
+            if not isinstance(points, tuple):  # a polyline
+                continue
             function = skfuzzy.trapmf if len(points) == 4 else skfuzzy.trimf
             expected = float(function(np.array([point[name]]), list(points))[0])
             assert memberships[name][level] == pytest.approx(expected, abs=1e-9)
@@ -58,6 +60,32 @@ def test_fear_never_falls_as_a_risk_rises(point: dict[str, float], name: str, pa
     assert (
         RULES.evaluate({**point, name: riskier}).fear >= RULES.evaluate(point).fear - 1e-12
     )  # rounding of a sum
+
+
+def fears_of(confidences: list[float], **others: float) -> list[float]:
+    alone = {**CALM, "lead_confidence": 0.0} | others  # no vehicle to follow
+    return [RULES.evaluate({**alone, "lane_confidence": c}).fear for c in confidences]
+
+
+def test_without_a_path_every_loss_of_confidence_raises_fear() -> None:
+    fears = fears_of([0.0, 0.01, 0.05, 0.1, 0.15, 0.18, 0.23, 0.3, 0.38, 0.45, 0.55, 0.65], lateral_error=2.0)
+    assert all(one > other for one, other in itertools.pairwise(fears))
+    assert fears[0] == 1.0
+
+
+def test_below_the_highest_level_confidence_alone_raises_fear_by_less_than_a_sixth_of_a_level() -> None:
+    step = RULES.file.fear.very_high.at - RULES.file.fear.high.at
+    high = fears_of([0.2, 0.4, 0.6], lateral_error=2.0)
+    assert all(RULES.file.fear.high.at < fear < RULES.file.fear.high.at + step / 6 for fear in high)
+
+
+@pytest.mark.parametrize("lateral_error", [0.0, 2.0])
+def test_the_highest_level_of_fear_begins_half_way_down_the_edge_of_very_low_confidence(
+    lateral_error: float,
+) -> None:
+    above, below = fears_of([0.151, 0.149], lateral_error=lateral_error)
+    assert RULES.mode(above) is Mode.CAUTION
+    assert RULES.mode(below) is Mode.STOP
 
 
 @settings(max_examples=60, deadline=None)
