@@ -17,6 +17,7 @@ import numpy as np
 
 from perception.lane.agreement import agreement, lane_columns
 from perception.lane.detection.evenness import unevenness
+from perception.lane.detection.marks import marks
 from perception.lane.detection.shown import shown
 from perception.lane.estimate import lane_estimate
 from perception.lane.model.geometry import KAPPA, KAPPA_RATE, WIDTH, E, LaneState
@@ -133,6 +134,7 @@ class WhichLane:
             agreement=same,
             searched=searched.confidence,
             shown=shown(frame.image, paired.left_boundary_px, paired.right_boundary_px) or 0.0,
+            along=marks(frame.image, paired.left_boundary_px, paired.right_boundary_px).along,
         )
         self.looks = Look(searched, of_search), Look(paired, of_pair)
         most = either(searched.confidence, lane.pair.probability, agreement=same)
@@ -186,6 +188,7 @@ def _of_search(
         agreement=agreement,
         street=street,
         shown=shown(image, searched.left_boundary_px, searched.right_boundary_px) or 0.0,
+        marks=marks(image, searched.left_boundary_px, searched.right_boundary_px),
     )
 
 

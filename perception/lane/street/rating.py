@@ -8,6 +8,7 @@ weights come from drawn streets and roads with unknown cameras.
 import math
 from collections.abc import Sequence
 
+from perception.lane.detection.marks import Marks
 from perception.lane.street.settings import SearchedWeights, StreetWeights
 
 MAX_LOGIT, MAX_OFFSET_M = 5.0, 2.0
@@ -21,12 +22,19 @@ def logit(probability: float) -> float:
 
 
 def searched_features(
-    probability: float, *, marked: bool, offset_m: float, agreement: float, street: float, shown: float
+    probability: float,
+    *,
+    marked: bool,
+    offset_m: float,
+    agreement: float,
+    street: float,
+    shown: float,
+    marks: Marks,
 ) -> tuple[float, ...]:
     """In the order of :class:`SearchedWeights`.
 
     ``street``: probability of the pair; ``agreement`` with it; ``shown``: as
-    :func:`perception.lane.detection.shown.shown`.
+    :func:`perception.lane.detection.shown.shown`; ``marks``: of the lane.
     """
     return (
         1.0,
@@ -36,6 +44,7 @@ def searched_features(
         agreement * street,
         (1 - agreement) * street,
         shown,
+        *marks,
     )
 
 
@@ -48,12 +57,14 @@ def street_features(
     agreement: float,
     searched: float,
     shown: float,
+    along: float,
 ) -> tuple[float, ...]:
     """In the order of :class:`StreetWeights`.
 
     ``steps``: number of boundaries that are no lines; ``uneven``: as
     :func:`perception.lane.detection.evenness.unevenness`; ``searched``: probability of the lane of the search
-    between heights; ``agreement`` with it; ``shown``: as :func:`perception.lane.detection.shown.shown`.
+    between heights; ``agreement`` with it; ``shown``: as :func:`perception.lane.detection.shown.shown`; ``along``:
+    of its :class:`perception.lane.detection.marks.Marks`.
     """
     return (
         1.0,
@@ -64,6 +75,7 @@ def street_features(
         agreement * searched,
         (1 - agreement) * searched,
         shown,
+        along,
     )
 
 

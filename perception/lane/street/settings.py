@@ -84,6 +84,9 @@ class SearchedWeights(Settings):
     same: float
     other: float
     shown: float
+    rough: float
+    inside: float
+    along: float
 
 
 class StreetWeights(Settings):
@@ -97,6 +100,7 @@ class StreetWeights(Settings):
     same: float
     other: float
     shown: float
+    along: float
 
 
 class StreetSettings(Settings):

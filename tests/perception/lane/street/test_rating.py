@@ -1,6 +1,7 @@
 import pytest
 
 from perception.estimators import lane_cv_settings
+from perception.lane.detection.marks import Marks
 from perception.lane.street.rating import (
     MAX_LOGIT,
     MAX_OFFSET_M,
@@ -13,8 +14,9 @@ from perception.lane.street.rating import (
 from perception.lane.street.settings import SearchedWeights, StreetWeights
 
 SETTINGS = lane_cv_settings().street
-SEARCHED = dict(marked=True, offset_m=0.1, agreement=1.0, street=0.8, shown=1.0)
-PAIRED = dict(steps=0, uneven=0.0, offset_m=0.1, agreement=1.0, searched=0.8, shown=1.0)
+CLEAN = Marks(rough=0.0, inside=0.0, along=1.0)
+SEARCHED = dict(marked=True, offset_m=0.1, agreement=1.0, street=0.8, shown=1.0, marks=CLEAN)
+PAIRED = dict(steps=0, uneven=0.0, offset_m=0.1, agreement=1.0, searched=0.8, shown=1.0, along=1.0)
 
 
 def by_search(probability=0.9, **changes):
@@ -27,7 +29,7 @@ def by_pair(probability=0.9, **changes):
 
 @pytest.mark.parametrize("probability", [0.01, 0.5, 0.9])
 def test_logit_is_the_inverse_of_the_logistic_function(probability):
-    weights = SearchedWeights(bias=0, probability=1, marked=0, offset=0, same=0, other=0, shown=0)
+    weights = SearchedWeights(**dict.fromkeys(SearchedWeights.model_fields, 0.0) | {"probability": 1.0})
     assert probability_of(searched_features(probability, **SEARCHED), weights) == pytest.approx(probability)
 
 
@@ -71,3 +73,14 @@ def test_one_of_two_lanes_is_right_as_often_as_the_better_one_at_least():
 @pytest.mark.parametrize("rated", [by_search, by_pair])
 def test_a_lane_whose_boundaries_are_not_visible_is_less_probable(rated):
     assert rated(shown=1.0) > rated(shown=0.3) > rated(shown=0.0)
+
+
+@pytest.mark.parametrize("doubt", [{"rough": 1.0}, {"inside": 0.5}, {"along": 0.2}])
+def test_marks_that_the_boundaries_do_not_explain_and_boundaries_without_paint_make_a_lane_less_probable(
+    doubt,
+):
+    assert by_search(marks=CLEAN._replace(**doubt)) < by_search(marks=CLEAN)
+
+
+def test_a_pair_with_paint_along_both_boundaries_is_more_probable():
+    assert by_pair(along=1.0) > by_pair(along=0.3) > by_pair(along=0.0)
