@@ -26,6 +26,7 @@ from trepid.config import CONFIG_DIR, ROOT, load
 from trepid.recording.reader import read_recording
 from trepid.topics import DECISION
 
+pytestmark = pytest.mark.long
 LAYOUT = Path(convert.__file__).with_name("layout.json")
 COLOURS = {"outline_color", "fill_color", "text_color", "background_color"}
 

@@ -24,6 +24,7 @@ from trepid.recording.writer import Recording, attachments
 from trepid.topics import COMMAND, DECISION, STEPS, VEHICLE_STATE
 from trepid.wire import to_cdr
 
+pytestmark = pytest.mark.long
 UNSEEN = load_scenario("lying_cv", {"sight": "truth", "duration_s": "7"})
 SEEN = load_scenario("straight", {"duration_s": "1"})
 

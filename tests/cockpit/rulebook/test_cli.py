@@ -187,6 +187,7 @@ def test_a_check_against_scikit_fuzzy_reports_differences_and_rank_agreement() -
     assert "rank agreement (Kendall)" in text
 
 
+@pytest.mark.long
 def test_the_shipped_rules_with_inputs_of_trust_alone_are_compared_with_scikit_fuzzy() -> None:
     assert "angle_jitter" not in {name for rule in RULES.fear_voice.rules for name in rule.inputs}
     code, out = fear("check", str(FILE), "--against-skfuzzy", "--points", "2", "--json")

@@ -16,6 +16,8 @@ from trepid.config import InputError
 from trepid.recording.reader import read_recording
 from trepid.topics import estimate_topic
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def straight_on(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:

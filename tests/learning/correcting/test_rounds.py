@@ -26,6 +26,7 @@ from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import CAR, InputError
 
+pytestmark = pytest.mark.long
 Row = dict[str, Any]
 BEND_1PM = 0.05
 

@@ -15,6 +15,7 @@ from trepid.car.camera import Camera  # noqa: E402
 from trepid.clothoid import Lane  # noqa: E402
 from trepid.config import CONFIG_DIR, InputError, load  # noqa: E402
 
+pytestmark = pytest.mark.long
 CANONICAL = cropped(
     load(CONFIG_DIR / "camera.yaml", Camera), top_px=82, bottom_px=202, width_px=200, height_px=66
 )
@@ -52,7 +53,6 @@ def test_the_command_row_is_pure_pursuit():
     assert float(command_row(10.0, 7.0).double().numpy() @ lane) == pytest.approx(expected, abs=1e-8)
 
 
-@pytest.mark.long
 def test_training_is_the_same_twice_and_the_loss_falls(tmp_path):
     one, progress, lines = fit(tmp_path)
     two, *_ = fit(tmp_path)

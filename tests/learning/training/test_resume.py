@@ -15,6 +15,7 @@ from learning.training.recipe import load_recipe  # noqa: E402
 from learning.training.run import batches_of, prepare  # noqa: E402
 from trepid.config import InputError  # noqa: E402
 
+pytestmark = pytest.mark.long
 STAGES = (
     "[{name: top, part: top, epochs: 1, learning_rate: 1.0e-3, schedule: constant, patience: 9}, "
     "{name: fine, part: all, epochs: 2, learning_rate: 1.0e-3, schedule: cosine, patience: 9}]"

@@ -18,6 +18,7 @@ from sim_harness.bench.security import (
     wrong_roles,
 )
 
+pytestmark = pytest.mark.long
 COUNT = 30
 
 

@@ -21,6 +21,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame
 
+pytestmark = pytest.mark.long
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 SPEED_MPS, COUNT = 8.0, 75

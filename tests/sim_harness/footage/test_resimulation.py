@@ -33,6 +33,7 @@ from trepid.recording.writer import Recording
 from trepid.topics import CAMERA_COMPRESSED, SIM_TRUTH, VEHICLE_STATE
 from trepid.wire import to_cdr
 
+pytestmark = pytest.mark.long
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 DATA = Path(os.environ.get("TREPID_DATA", ROOT.parent / "shared" / "data"))
@@ -305,7 +306,6 @@ def test_on_a_real_highway_the_car_leaves_an_offset_to_the_recorded_path():
     assert run.interventions == 0
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("speed_mps", [8.0, 15.0, 25.0, 33.0])
 def test_on_a_real_highway_the_supervised_car_takes_over_at_once_and_fear_stays_low(speed_mps):
     clip = DATA / "highway_udacity_p1" / "solidWhiteRight.mp4"

@@ -21,6 +21,7 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame, SteeringEstimate
 
+pytestmark = pytest.mark.long
 LOOKAHEAD_M = 8.0
 
 

@@ -14,6 +14,7 @@ from sim_harness.cli import app
 from sim_harness.sweep.fingerprint import hash_of_files
 from trepid.config import ROOT, InputError
 
+pytestmark = pytest.mark.long
 SECOND = """\
 description: a second of the straight, without pictures
 tags: [nominal]

@@ -18,6 +18,7 @@ from sim_harness.sweep.show import InPlanOrder
 from sim_harness.sweep.sweep import in_this_process, on_processes, sweep
 from trepid.config import InputError
 
+pytestmark = pytest.mark.long
 SECOND = Scenario(
     name="second", description="a second", tags=["nominal"], road="straight", duration_s=1.0, sight="truth"
 )

@@ -22,6 +22,7 @@ from sim_harness.world.road_file import load_road
 from trepid.car.camera import Camera
 from trepid.config import CONFIG_DIR, ROOT, InputError, load
 
+pytestmark = pytest.mark.long
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 LANE = [[0.2, 0.3, 0.4], [0.8, 0.7, 0.6]]
 

@@ -14,6 +14,8 @@ from learning.training.recipe import load_recipe
 from sim_harness.bench.study import learned
 from sim_harness.bench.study.learned import OURS, Variant, bench_data, bench_deep_steer, bench_histogram
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Dataset:
