@@ -99,8 +99,8 @@ def at_ease(seen):
 def test_the_page_shows_what_is_published(seen):
     assert seen.becomes("speed", "7.1") and seen.becomes("cap", "5.0")
     assert seen.becomes("fear", "0.12") and seen.text("level") == "low"
-    assert seen.text("source") == "cv+cnn" and seen.text("legend-cv") == "0.91"
-    assert seen.text("legend-cnn") == "0.42" and seen.text("legend-lead") == "23.4 m"
+    assert seen.becomes("source", "cv+cnn") and seen.becomes("legend-cv", "0.91")
+    assert seen.becomes("legend-cnn", "0.42") and seen.becomes("legend-lead", "23.4 m")
     rules = seen.js("return [...document.querySelectorAll('#firing li')].map(li => li.textContent)")
     assert rules == [
         "0.75if lane confidence is low then fear is high",
