@@ -46,7 +46,9 @@ class LiveDrive:
         Skips where frames take so long on this machine that the car rightly stands.
         """
         assert self.popen.stderr is not None
+        lines = []
         for line in self.popen.stderr:
+            lines.append(line)
             found = re.search(r"speed +([0-9.]+) m/s", line)
             if found and float(found[1]) >= speed_mps:
                 return True
@@ -59,7 +61,7 @@ class LiveDrive:
             pytest.skip(f"frames take {frame_to_command['p50']:.0f} ms to the command on this machine")
         if frame_to_command.get("max", 0.0) > STALLED_MS:
             return False
-        pytest.fail(f"the drive ended before {speed_mps} m/s: {out} {err}")
+        pytest.fail(f"the drive ended before {speed_mps} m/s: {''.join(lines[-5:])} {out} {err}")
 
     def pids(self) -> dict[str, int]:
         """Process ids by name, from the command lines of the children."""
