@@ -1,6 +1,6 @@
 """The live page: what it costs a drive, and how soon it shows what the camera sees.
 
-Drives of the circuit in turns: nobody looks, and a viewer that acknowledges every message at once, a thread of
+Drives of the circuit in turns: without a viewer, and with one that acknowledges every message at once, a thread of
 this process without a screen. Then one with a real browser, which also takes processor time to draw.
 """
 
@@ -27,7 +27,7 @@ ROUNDS = 3
 SETTLE_S = 8.0  # the browser opens the page when the processes have started
 LOOK_S = 15.0
 WINDOW = (1440, 1100)
-ALONE, VIEWED = "nobody looks", "a viewer"
+ALONE, VIEWED = "no viewer", "a viewer"
 SHARE = "share of a core of the page [%]"
 Row = dict[str, Any]
 

@@ -135,7 +135,7 @@ def test_a_viewer_that_draws_nothing_gets_one_message_and_delays_no_other(page: 
         )  # and the timeline has no gap
 
 
-def test_pictures_are_received_only_while_somebody_looks(page: LivePage) -> None:
+def test_pictures_are_received_only_with_a_viewer(page: LivePage) -> None:
     with stream(page) as viewer:
         assert until(lambda: "picture" in _next(viewer), patience_s=5)
     time.sleep(0.5)
