@@ -28,6 +28,8 @@ from trepid.recording.writer import Recording, attachments
 from trepid.topics import DECISION, VEHICLE_STATE
 from trepid.wire import to_cdr
 
+pytestmark = pytest.mark.long
+
 DRIVES = {
     "lying_cv": {"sight": "truth", "duration_s": "9"},
     "lost_cnn": {"sight": "truth", "duration_s": "6"},
@@ -65,7 +67,6 @@ def calm(drives: dict[str, Path]) -> Recall:
     return recall(drives["straight"])
 
 
-@pytest.mark.long
 def test_a_hundred_random_moments_of_recordings_are_answered(drives: dict[str, Path]) -> None:
     rng = np.random.default_rng(7)
     told = {name: recall(path) for name, path in drives.items()}

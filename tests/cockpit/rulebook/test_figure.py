@@ -20,6 +20,8 @@ from supervisor.rules.proofs import calmest
 from supervisor.rules.rule_file import LEVELS
 from trepid.config import CONFIG_DIR, ROOT, InputError
 
+pytestmark = pytest.mark.long
+
 FILE = CONFIG_DIR / "fear.yaml"
 RULES = FearRules.load(FILE)
 SURFACE = ["--surface", "lane_confidence", "speed"]

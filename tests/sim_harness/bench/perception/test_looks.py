@@ -12,6 +12,8 @@ from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame
 
+pytestmark = pytest.mark.long
+
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 
 
@@ -38,7 +40,6 @@ def test_every_kind_of_street_is_drawn(kind):
     assert any(True for _ in street.vehicles) or kind != StreetKind.PARKING
 
 
-@pytest.mark.long
 def test_most_lanes_of_drawn_streets_are_right_on_both_sides_of_the_traffic():
     settings, vehicle = lane_cv_settings(), load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     right = []
