@@ -91,8 +91,12 @@ def quantise(
     from learning.dataset.dataset import Dataset
     from learning.training.quantise import LEAST_GAIN, MOST_ERROR, quantise
 
-    with tempfile.TemporaryDirectory() as work:
-        found = quantise(network, Dataset.open(data), out, Path(work))
+    opened = Dataset.open(data)
+    try:
+        with tempfile.TemporaryDirectory() as work:
+            found = quantise(network, opened, out, Path(work))
+    except OSError as error:
+        raise InputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
     if as_json:
         print(json.dumps(found._asdict() | {"gain": found.gain, "written": found.pays}))
         return 0 if found.pays else 1

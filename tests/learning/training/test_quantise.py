@@ -115,6 +115,16 @@ def test_where_8_bits_do_not_pay_nothing_is_written_and_the_exit_code_is_1(
     assert not out.exists()
 
 
+def test_an_output_that_cannot_be_written_is_refused_in_one_line(data, large, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(module, "LEAST_GAIN", 0.0)
+    monkeypatch.setattr(module, "MOST_ERROR", 10.0)
+    out = tmp_path / "folder.onnx"
+    out.mkdir()
+    capfd.readouterr()
+    assert quantised(large, data, out) == 2
+    assert "cannot be written" in capfd.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("frame_ms", "mae_deg", "pays"),
     [
