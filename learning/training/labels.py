@@ -7,10 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from learning.dataset.dataset import Dataset, Rows
+from learning.dataset.dataset import Dataset, Rows, pieces_of
 from learning.dataset.motion import delay_of
 from learning.training.recipe import Recipe
 from trepid.config import InputError
+from trepid.recording.interpolation import GAP_S
 from trepid.types import Column, Floats
 
 REACH = 4.0  # standard deviations
@@ -43,12 +44,13 @@ def measured_delay_s(data: Dataset) -> float:
 def treated(rows: Rows, *, delay_s: float, smoothing_s: float) -> Column:
     """The labels of ``rows``, taken ``delay_s`` after each, as the mean under a normal curve of ``smoothing_s``.
 
-    label'(t) = Σ_k w(t_k - t - delay)·label(t_k)/Σ_k w over the rows k of the stretch, w(x) = exp(-x²/2s²): without
-    phase. Without smoothing, and where no label is within REACH, label(t + delay) is interpolated. At the ends of a
-    stretch the nearest labels count.
+    label'(t) = Σ_k w(t_k - t - delay)·label(t_k)/Σ_k w over the rows k of a part, w(x) = exp(-x²/2s²): without
+    phase. Without smoothing, and where no label is within REACH, label(t + delay) is interpolated. A part ends with
+    its stretch, and where rows of more than GAP_S were left out; at its ends the nearest labels count.
     """
     found = np.empty(len(rows))
-    borders = np.flatnonzero(np.diff(rows["stretch"])) + 1
+    near = (np.diff(rows["stretch"]) == 0) & (np.diff(rows["t_s"]) <= GAP_S)
+    borders = np.flatnonzero((np.diff(pieces_of(rows)) > 0) & ~near) + 1
     for first, end in pairwise([0, *borders.tolist(), len(rows)]):
         t_s, label = rows["t_s"][first:end], rows["road_wheel_rad"][first:end]
         at_s = np.clip(t_s + delay_s, t_s[0], t_s[-1])

@@ -15,7 +15,9 @@ from trepid.types import Column
 
 def rows(course: Column, stretches: list[int] | None = None) -> Rows:
     """Rows every 0.1 s with these labels."""
-    found = np.zeros(len(course), [("t_s", "<f8"), ("road_wheel_rad", "<f8"), ("stretch", "<i4")])
+    columns = {"frame": "<i8", "t_s": "<f8", "road_wheel_rad": "<f8", "route": "<U1", "stretch": "<i4"}
+    found = np.zeros(len(course), [*columns.items()])
+    found["frame"] = np.arange(len(course))
     found["t_s"], found["road_wheel_rad"] = 0.1 * np.arange(len(course)), course
     found["stretch"] = stretches or [0] * len(course)
     return found
@@ -46,10 +48,16 @@ def test_smoothing_has_no_phase_and_keeps_a_straight_course():
     )
 
 
-def test_a_delay_into_frames_that_are_left_out_still_gives_a_label():
+def test_no_label_comes_from_beyond_frames_that_are_left_out():
     held = rows(np.arange(80.0))[np.r_[0:40, 70:80]]  # 3 s are left out of the stretch
-    found = treated(held, delay_s=0.5, smoothing_s=0.02)
-    assert np.isfinite(found).all() and found[39] == pytest.approx(44) and found[44] == pytest.approx(79)
+    for smoothing_s in (0.0, 0.02):
+        found = treated(held, delay_s=0.5, smoothing_s=smoothing_s)
+        assert found[[30, 38, 39, 40, 44]] == pytest.approx([35, 39, 39, 75, 79])
+
+
+def test_a_single_frame_that_is_left_out_is_bridged():
+    held = rows(np.arange(20.0))[np.r_[0:10, 11:20]]
+    assert treated(held, delay_s=0.2, smoothing_s=0.0)[[7, 8, 9]] == pytest.approx([9, 10, 11])
 
 
 def test_the_recipe_as_shipped_learns_the_recorded_labels(tmp_path):
