@@ -1,6 +1,7 @@
-"""`trepid bench imitation`: networks that learn from real drives, each judged on the last fifth of its own drive.
+"""`trepid bench imitation`: networks that learn from drives, of the simulator and real ones.
 
-The networks of a set are trained on the same frames, with at most EPOCHS epochs and the seed of the recipe, and
+The simulated part is :mod:`.harness`. Real drives: each network is judged on the last fifth of its own drive. The
+networks of a set are trained on the same frames, with at most EPOCHS epochs and the seed of the recipe, and
 judged beside predictions without an image. Data sets and weights stay in FOLDER: they are made of the sets, whose
 licences do not permit distribution.
 """
@@ -24,12 +25,14 @@ from learning.judging.predictions import Model
 from learning.models.catalogue import MODELS
 from learning.rendered import need_torch, say
 from learning.training.recipe import Recipe, load_recipe
-from sim_harness.bench.imitation.verdict import verdicts
+from sim_harness.bench.imitation.harness import bench_harness
+from sim_harness.bench.imitation.verdict import simulated, verdicts
 from sim_harness.bench.real.sets import data_folder
 from sim_harness.sweep.fingerprint import fingerprint, import_closure
 from sim_harness.sweep.store import Row, stored_rows
 from trepid.config import WORK_DIR, InputError
 
+HARNESS = "harness"
 SETS = ("donkey_sim_carpet", "udacity_sim_track", "running_track_cart", "donkey_indoor_track")
 OURS, PEER = ("steer", "steer-motion"), "donkey-linear"
 FOLDER = WORK_DIR / "out" / "bench_imitation"
@@ -49,19 +52,31 @@ class Task:
 
 
 def bench_imitation(
-    *, quick: bool = False, data: Path | None = None, sets: tuple[str, ...] = (), jobs: int | None = None
+    *,
+    seed: int,
+    quick: bool = False,
+    data: Path | None = None,
+    sets: tuple[str, ...] = (),
+    jobs: int | None = None,
 ) -> dict[str, Any]:
-    """Tables "last fifth" (set -> network or baseline -> scores) and "figures" (set, network -> results and aims).
+    """Tables of the simulator (:func:`bench_harness`; ``seed`` draws its roads), "last fifth" (set -> network or
+    baseline -> scores; road wheel) and "figures" (results and aims).
 
-    Angles are of the road wheel. Stored rows are not computed again, and a training that was interrupted goes on.
-    Raises InputError for an unknown set, and without torch.
+    ``sets``: names among HARNESS and SETS; default: all. Stored rows are not computed again, and a training that
+    was interrupted goes on. Raises InputError for an unknown set, and without torch.
     """
     for name in sets:
-        if name not in SETS:
-            raise InputError(f"no set {name!r} in bench imitation; there are {', '.join(SETS)}")
+        if name not in (HARNESS, *SETS):
+            raise InputError(f"no set {name!r} in bench imitation; there are {', '.join((HARNESS, *SETS))}")
     need_torch("bench imitation")
+    tables: dict[str, Any] = {}
+    if HARNESS in sets or not sets:
+        tables = bench_harness(FOLDER / f"harness-{seed}", quick=quick, seed=seed, jobs=jobs or 1)
+        tables["figures of the simulator"] = simulated(tables)
     found, absent = {}, {}
     for name in sets or SETS:
+        if name == HARNESS:
+            continue
         folder = data_folder(data) / name
         if folder.is_dir():
             found[name] = built(folder)
@@ -78,11 +93,13 @@ def bench_imitation(
     for name, dataset in found.items():
         table[name] = {network: next(rows) for network in (PEER, *OURS)}
         table[name] |= Bench(dataset, "test").baselines
-    return ({"last fifth": table, "figures": verdicts(table, OURS, PEER)} if table else {}) | absent
+    if table:
+        tables |= {"last fifth": table, "figures": verdicts(table, OURS, PEER)}
+    return tables | absent
 
 
 def built(source: Path) -> Dataset:
-    """The data set of the drive in ``source``, built once for each content and code."""
+    """The data set of the real drive in ``source``, built once for each content and code."""
     faults = Faults(strict=False)
     logs = read_logs([source], faults, TableOptions())
     code = fingerprint(*import_closure(["learning.dataset.build"]))

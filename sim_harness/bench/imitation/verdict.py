@@ -1,4 +1,4 @@
-"""The aims of learning from real drives, and whether they are met."""
+"""The aims of learning from drives, and whether they are met."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,6 +9,13 @@ MOST_TO_PEER = 0.8  # of the error of donkeycar's network
 LEAST_R2, LEAST_R2_SIMULATED = 0.0, 0.6
 SIMULATED = ("donkey_sim_carpet", "udacity_sim_track")
 COVERAGE, COVERAGE_OFF = 0.9, 0.015
+MOST_DEG, MOST_SHARP_DEG, LEAST_R2_HARNESS = (
+    1.5,
+    3.0,
+    0.99,
+)  # of the steering wheel, on unseen roads of the simulator
+MOST_WEIGHTS, MOST_MS = 300_000, 1.0
+MOST_BESIDE_M, OPEN_ROADS = 0.3, ("driveways", "intersection")  # alone, past roads that branch off
 WITHOUT_IMAGE = ("always_straight", "mean")  # the angle of 0.2 s ago is the driver's own
 
 
@@ -37,6 +44,49 @@ def _verdict(row: Row, peer: Row, rows: Mapping[str, Row], *, simulated: bool) -
         "r2_enough": _met(r2 is not None and (r2 >= least if simulated else r2 > least)),
         "coverage_90": coverage,
         f"within_{COVERAGE_OFF}": _met(abs(coverage - COVERAGE) <= COVERAGE_OFF),
+    }
+
+
+def simulated(tables: Mapping[str, Mapping[str, Row]]) -> dict[str, dict[str, Any]]:
+    """Aim -> measured value, the aim and whether it is met: of the best network, and of the one that drives."""
+    networks = {name: row for name, row in tables["unseen roads"].items() if "weights" in row}
+    best = min(networks.values(), key=lambda row: row["mae_deg"])
+    alone = tables["alone"]
+    autonomy = [row[name] for row in alone.values() for name in row if name.endswith("autonomy [%]")]
+    beside_m = [
+        row[name]
+        for scenario, row in alone.items()
+        if scenario in OPEN_ROADS
+        for name in row
+        if name.endswith("farthest [m]")
+    ]
+    sharp_deg, r2 = best["mae_beyond_40_deg"], best["r2"]
+    departures = sum(row["supervised, departures"] for row in alone.values())
+    aims: dict[str, tuple[Any, str, bool]] = {
+        "mae_deg": (best["mae_deg"], f"at most {MOST_DEG}", best["mae_deg"] <= MOST_DEG),
+        "mae_beyond_40_deg": (
+            sharp_deg,
+            f"at most {MOST_SHARP_DEG}",
+            sharp_deg is not None and sharp_deg <= MOST_SHARP_DEG,
+        ),
+        "r2": (r2, f"at least {LEAST_R2_HARNESS}", r2 is not None and r2 >= LEAST_R2_HARNESS),
+        "weights": (best["weights"], f"at most {MOST_WEIGHTS}", best["weights"] <= MOST_WEIGHTS),
+        "latency_ms": (best["latency_ms"], f"at most {MOST_MS}", best["latency_ms"] <= MOST_MS),
+        "coverage_90": (
+            best["coverage_90"],
+            f"{COVERAGE} ± {COVERAGE_OFF}",
+            abs(best["coverage_90"] - COVERAGE) <= COVERAGE_OFF,
+        ),
+        "least autonomy alone [%]": (min(autonomy), "100", min(autonomy) >= 100.0),
+        "farthest at branches [m]": (
+            max(beside_m, default=None),
+            f"at most {MOST_BESIDE_M}",
+            bool(beside_m) and max(beside_m) <= MOST_BESIDE_M,
+        ),
+        "departures supervised": (departures, "0", departures == 0),
+    }
+    return {
+        name: {"measured": value, "aim": aim, "is": _met(met)} for name, (value, aim, met) in aims.items()
     }
 
 

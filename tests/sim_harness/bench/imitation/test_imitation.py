@@ -1,4 +1,4 @@
-"""`bench imitation` on a made-up drive, and its verdicts on known rows."""
+"""`bench imitation` on a made-up drive and on short simulated ones, and its verdicts on known rows."""
 
 import pytest
 
@@ -7,8 +7,9 @@ pytest.importorskip("torch", reason="training needs the extra: pip install -e '.
 from drive_rig import write_tub
 
 from sim_harness.bench.imitation import bench as module
+from sim_harness.bench.imitation import demonstrations, harness
 from sim_harness.bench.imitation.bench import OURS, PEER, SETS, bench_imitation
-from sim_harness.bench.imitation.verdict import verdicts
+from sim_harness.bench.imitation.verdict import simulated, verdicts
 from trepid.config import InputError
 
 BLIND = {"always_straight": {"mae_deg": 5.0}, "mean": {"mae_deg": 4.0}}
@@ -34,7 +35,7 @@ def drive(tmp_path, monkeypatch):
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the ONNX export in torch
 def test_a_drive_is_learned_once_and_its_rows_are_used_again(drive, monkeypatch):
-    found = bench_imitation(quick=True, data=drive)
+    found = bench_imitation(seed=1, quick=True, data=drive, sets=SETS)
     rows = found["last fifth"][SETS[0]]
     assert {*OURS, PEER, "always_straight", "mean", "previous_200ms"} == rows.keys()
     for network in (*OURS, PEER):
@@ -42,12 +43,69 @@ def test_a_drive_is_learned_once_and_its_rows_are_used_again(drive, monkeypatch)
         assert rows[network]["latency_ms"] > 0 and 0 <= rows[network]["coverage_90"] <= 1
     assert found[SETS[1]] == {"left out": f"no folder {SETS[1]} in the data folder"}
     monkeypatch.setattr(module, "judged", None)  # nothing is trained again
-    assert bench_imitation(quick=True, data=drive) == found
+    assert bench_imitation(seed=1, quick=True, data=drive, sets=SETS) == found
+
+
+@pytest.mark.long
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the ONNX export in torch
+def test_networks_learn_from_random_roads_and_drive_on_others(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "FOLDER", tmp_path)
+    monkeypatch.setattr(demonstrations, "UNSEEN", {"s_curve": {"start.station_m": "50", "distance_m": "30"}})
+    monkeypatch.setattr(harness, "NETWORKS", {harness.DRIVER: {}})
+    monkeypatch.setattr(harness, "QUICK_ROADS", 3)
+    monkeypatch.setattr(harness, "QUICK_SCENARIOS", ("unmarked_bend",))
+    monkeypatch.setattr(harness, "SUPERVISED_MPH", 20)
+    found = bench_imitation(seed=1, quick=True, sets=(module.HARNESS,))
+    row = found["unseen roads"][harness.DRIVER]
+    assert row["frames"] > 50 and 0 < row["mae_deg"] < 90 and row["weights"] < 300_000
+    assert row["mae_beyond_40_deg"] > 0 and found["unseen roads"]["always_straight"]["mae_deg"] > 10
+    assert found["alone"]["unmarked_bend"].keys() == {
+        "20 mph, autonomy [%]",
+        "20 mph, farthest [m]",
+        "supervised, departures",
+    }
+    for name in ("demonstrate", "judged", "driven"):  # nothing is done again
+        monkeypatch.setattr(demonstrations if name == "demonstrate" else harness, name, None)
+    assert bench_imitation(seed=1, quick=True, sets=(module.HARNESS,)) == found
+
+
+def tables(*, mae_deg: float = 1.4, autonomy: float = 100.0, departures: int = 0) -> dict:
+    network = {
+        "mae_deg": mae_deg,
+        "mae_beyond_40_deg": 2.9,
+        "r2": 0.995,
+        "weights": 200_000,
+        "latency_ms": 0.5,
+        "coverage_90": 0.9,
+    }
+    worse = network | {"mae_deg": 9.0, "weights": 900_000}
+    drive = {
+        "5 mph, autonomy [%]": autonomy,
+        "5 mph, farthest [m]": 0.2,
+        "supervised, departures": departures,
+    }
+    return {
+        "unseen roads": {"donkey-linear": worse, "steer": network, "always_straight": {"mae_deg": 1.0}},
+        "alone": {"straight": drive | {"5 mph, farthest [m]": 0.8}, "driveways": drive},
+    }
+
+
+def test_the_aims_of_the_simulator_are_those_of_the_best_network_and_of_every_drive():
+    assert {row["is"] for row in simulated(tables()).values()} == {"met"}
+    assert simulated(tables())["farthest at branches [m]"]["measured"] == 0.2
+    for missed, found in (
+        ("mae_deg", tables(mae_deg=1.6)),
+        ("least autonomy alone [%]", tables(autonomy=99.0)),
+        ("departures supervised", tables(departures=1)),
+    ):
+        assert [name for name, row in simulated(found).items() if row["is"] == "missed"] == [missed]
 
 
 def test_an_unknown_set_is_refused_with_the_names_of_the_others():
-    with pytest.raises(InputError, match="no set 'carpet' in bench imitation; there are donkey_sim_carpet, "):
-        bench_imitation(sets=("carpet",))
+    with pytest.raises(
+        InputError, match="no set 'carpet' in bench imitation; there are harness, donkey_sim_carpet, "
+    ):
+        bench_imitation(seed=1, sets=("carpet",))
 
 
 def test_an_error_is_compared_with_the_peer_and_with_predictions_without_an_image():

@@ -1,0 +1,139 @@
+"""Simulated drives at 5 mph to learn from: on random roads, and on shipped ones that are only tested.
+
+The driver follows the exact lane, from a start beside its centre on the random roads. The labels are the measured
+steering, as in every recording. Drives and data sets are kept under a hash of the code and of all else that they
+depend on.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from learning.correcting.alone import EXPERT
+from learning.dataset.build import BuildOptions, build, read_logs
+from learning.dataset.dataset import CARD, Dataset, Split
+from learning.dataset.sources.log import Faults
+from learning.dataset.sources.table import TableOptions
+from learning.dataset.wheel import WheelOptions
+from learning.drawn_frames import drawn_road, random_road
+from learning.rendered import say
+from sim_harness.bench.control.speeds import MPH
+from sim_harness.lockstep.closed_loop import Instant, build_parts, run
+from sim_harness.lockstep.oracle import Oracle
+from sim_harness.lockstep.recording import recording
+from sim_harness.lockstep.unsupervised import FollowedLane, UnsupervisedDriver
+from sim_harness.scenarios.scenario import Scenario, load_scenario
+from sim_harness.sweep.fingerprint import fingerprint, import_closure
+from sim_harness.sweep.store import finished
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, load
+from trepid.messages import Decision
+
+SPEED_MPS = 5 * MPH
+RATE_HZ = 10.0  # of the camera: 0.22 m between two frames
+OFFSET_M, HEADING_RAD = 0.25, 0.03  # standard deviations at the start
+END_M = 15.0  # of an open road that is not driven
+UNSEEN: Mapping[str, Mapping[str, str]] = {  # scenario -> changes
+    "circuit": {"start.station_m": "120", "distance_m": "300", "duration_s": "200"},
+    "curve_left_r15": {"duration_s": "110"},
+    "s_curve": {"duration_s": "110"},
+    "unmarked_bend": {"duration_s": "110"},
+}
+SPLITS = {
+    "random": Split(by="route", seed=1, gap_s=1.0, shares={"train": 0.85, "validation": 0.14, "test": 0.01}),
+    "unseen": Split(by="time", seed=1, gap_s=1.0, shares={"train": 0.0, "validation": 0.0, "test": 1.0}),
+}
+
+
+class Demonstration(NamedTuple):
+    """A drive, and the file of its recording."""
+
+    scenario: Scenario
+    seed: int
+    path: Path
+
+
+def demonstrations(folder: Path, *, roads: int, seed: int, jobs: int) -> dict[str, Dataset]:
+    """The data sets "random", of drives on ``roads`` random roads, and "unseen"; made where they are missing."""
+    code = fingerprint(*import_closure([__name__]), "config")
+    drives = folder / f"drives-{_digest(code, str(seed))}"
+    drives.mkdir(parents=True, exist_ok=True)
+    wanted = {
+        "random": [_on_random_road(drives, seed, number) for number in range(roads)],
+        "unseen": [_on_shipped_road(drives, name, changes) for name, changes in UNSEEN.items()],
+    }
+    missing = {one.path.stem: one for group in wanted.values() for one in group if not one.path.is_file()}
+    for name, row in finished(demonstrate, missing, jobs):
+        say(
+            f"{name}: {row['distance_m']:.0f} m, at most {row['max_lateral_error_m']:.2f} m beside the centre"
+        )
+    return {name: _built(folder, name, [one.path for one in group], code) for name, group in wanted.items()}
+
+
+def _digest(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:12]
+
+
+def _on_random_road(drives: Path, seed: int, number: int) -> Demonstration:
+    rng = np.random.default_rng((seed, number))
+    road = (drawn_road if rng.random() < 0.5 else random_road)(rng)
+    file = drives / f"road-{number:03}.yaml"
+    file.write_text(road.settings.model_dump_json(exclude_defaults=True), encoding="utf-8")  # JSON is YAML
+    changes = {
+        "road": str(file),
+        "start.offset_m": f"{rng.normal(0.0, OFFSET_M):.3f}",
+        "start.heading_rad": f"{rng.normal(0.0, HEADING_RAD):.4f}",
+        "start.speed_mps": str(SPEED_MPS),
+        "distance_m": f"{road.length_m - END_M:.1f}",
+    }
+    return Demonstration(_scenario("straight", changes), number, drives / f"random-{number:03}.mcap")
+
+
+def _on_shipped_road(drives: Path, name: str, changes: Mapping[str, str]) -> Demonstration:
+    return Demonstration(_scenario(name, changes), 0, drives / f"{name}.mcap")
+
+
+def _scenario(source: str, changes: Mapping[str, str]) -> Scenario:
+    fixed = {"speed_mps": str(SPEED_MPS), "camera.rate_hz": str(RATE_HZ), "estimators": json.dumps(["cv"])}
+    return load_scenario(source, {**fixed, **changes})
+
+
+def demonstrate(task: Demonstration) -> dict[str, float]:
+    """Drive along the exact lane and record; the scores of the drive."""
+    scenario, seed, path = task
+    parts = build_parts(scenario, seed=seed)
+    oracle = Oracle(EXPERT, parts.vehicle.road, load(CONFIG_DIR / "vehicle.yaml", Vehicle))
+    newest: FollowedLane | None = None
+
+    def choice(_: Decision, __: object) -> FollowedLane | None:
+        return newest
+
+    driver = UnsupervisedDriver(parts.supervisor, EXPERT, choice, cruise_speed_mps=SPEED_MPS)
+    partial = path.with_suffix(".partial")
+    partial.unlink(missing_ok=True)
+    with recording(partial, scenario) as witness:
+
+        def watched(now: Instant) -> None:
+            nonlocal newest
+            newest = FollowedLane.of(oracle.step(now.truth), now.truth.t_s)
+            witness(now)
+
+        parts = replace(parts, supervisor=driver, lead=None)  # type: ignore[arg-type]
+        metrics = run(scenario, seed=seed, parts=parts, witness=watched).metrics
+    partial.replace(path)
+    return {"distance_m": metrics.distance_m, "max_lateral_error_m": metrics.max_lateral_error_m}
+
+
+def _built(folder: Path, name: str, paths: list[Path], code: str) -> Dataset:
+    """The data set of some drives."""
+    out = folder / f"{name}-{_digest(code, SPLITS[name].model_dump_json(), *map(str, paths))}"
+    if not (out / CARD).is_file():
+        faults = Faults(strict=True)
+        logs = read_logs(paths, faults, TableOptions())
+        build(out, logs, BuildOptions(WheelOptions(), SPLITS[name], TableOptions()), faults)
+    return Dataset.open(out)

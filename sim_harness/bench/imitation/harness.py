@@ -1,0 +1,163 @@
+"""Networks that learn from simulated drives at 5 mph: judged on roads of no training, and alone in the simulator.
+
+Degrees are of a steering wheel with the ratio BIN_RATIO, as in Deep Steer. Scenarios with other vehicles are left
+out: a network steers, and does not keep a distance.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+
+from learning.correcting.alone import drive_alone, scenario_for
+from learning.dataset.dataset import Dataset
+from learning.judging.evaluate import BIN_RATIO, Bench
+from learning.judging.predictions import Model
+from learning.judging.scores import SHARP_DEG
+from learning.models.catalogue import MODELS
+from learning.rendered import say
+from learning.training.recipe import Recipe, load_recipe
+from sim_harness.bench.control.speeds import MPH
+from sim_harness.bench.imitation.demonstrations import demonstrations
+from sim_harness.lockstep.closed_loop import run
+from sim_harness.scenarios.scenario import Scenario, Sight, Tag, list_scenarios
+from sim_harness.sweep.fingerprint import fingerprint, import_closure
+from sim_harness.sweep.store import Row, stored_rows
+
+DRIVER = "steer"  # the network that also drives
+NETWORKS: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recipe
+    "donkey-linear": {},
+    DRIVER: {},
+    "steer-motion": {},
+}
+ROADS, EPOCHS = 88, 12
+QUICK_ROADS, QUICK_EPOCHS = 4, 1
+SPEEDS_MPH, QUICK_SPEEDS_MPH = (5, 10, 15, 20), (20,)
+QUICK_SCENARIOS = ("straight", "unmarked_bend")
+TAGS = {Tag.NOMINAL, Tag.UNMARKED}
+SUPERVISED_MPH = 5
+STAGE = "[{{name: all, part: all, epochs: {}, learning_rate: 1.0e-3, schedule: cosine, patience: 99}}]"
+
+
+class Task(NamedTuple):
+    """A network to train on the random roads and to judge on the unseen ones."""
+
+    random: Path
+    unseen: Path
+    network: str
+    recipe: Recipe
+    out: Path
+
+
+class Drive(NamedTuple):
+    """A drive of a network alone, or supervised."""
+
+    scenario: Scenario
+    supervised: bool
+
+
+def bench_harness(folder: Path, *, quick: bool, seed: int, jobs: int) -> dict[str, dict[str, Row]]:
+    """Tables "unseen roads" (network -> scores) and "alone" (scenario -> results by speed)."""
+    roads = QUICK_ROADS if quick else ROADS
+    sets = demonstrations(folder, roads=roads, seed=seed, jobs=jobs)
+    tasks = {name: _task(folder, sets, name, changes, quick=quick) for name, changes in NETWORKS.items()}
+    codes = {name: task.out.stem for name, task in tasks.items()}
+    rows = stored_rows(folder / "rows.jsonl", judged, tasks, codes=codes, jobs=jobs)
+    table = dict(zip(tasks, rows, strict=True))
+    table |= {
+        name: dict(row) for name, row in Bench(sets["unseen"], "test", ratio=BIN_RATIO).baselines.items()
+    }
+    return {"unseen roads": table, "alone": _drives(folder, tasks[DRIVER].out, quick=quick, jobs=jobs)}
+
+
+def _task(
+    folder: Path, sets: Mapping[str, Dataset], name: str, changes: Mapping[str, str], *, quick: bool
+) -> Task:
+    stages = STAGE.format(QUICK_EPOCHS if quick else EPOCHS)
+    recipe = load_recipe(name, None, overrides={"stages": stages, **changes})
+    modules = ["learning.training.run", "learning.judging.evaluate", __name__]
+    code = fingerprint(*import_closure([*modules, f"learning.models.{MODELS[name].module}"]), "config")
+    known = " ".join([code, recipe.model_dump_json(), *(data.sha256 for data in sets.values())])
+    digest = hashlib.sha256(known.encode()).hexdigest()[:12]
+    return Task(
+        sets["random"].folder,
+        sets["unseen"].folder,
+        name,
+        recipe,
+        folder / "weights" / f"{name}-{digest}.onnx",
+    )
+
+
+def judged(task: Task) -> Row:
+    """Train a network, and score it on the unseen roads."""
+    from learning.training.run import run as train
+
+    data = Dataset.open(task.random)
+    task.out.parent.mkdir(parents=True, exist_ok=True)
+    train(
+        data, task.network, task.out, task.recipe, resume=True, command="trepid bench imitation", report=say
+    )
+    cv2.setNumThreads(1)
+    unseen = Dataset.open(task.unseen)
+    bench, model = Bench(unseen, "test", ratio=BIN_RATIO), Model(str(task.out))
+    row = bench.row(model, model.predict(unseen, bench.rows))
+    sharp = [one["mae_deg"] for one in row["sharpness"] if one["from_deg"] == SHARP_DEG]
+    names = ("mae_deg", "rmse_deg", "r2", "slope", "rate_rms_degps", "latency_ms")
+    return {name: row[name] for name in names} | {
+        f"mae_beyond_{SHARP_DEG:.0f}_deg": sharp[0] if sharp else None,
+        "coverage_90": row["uncertainty"]["coverage_90"],
+        "weights": row["parameters"],
+        "frames": row["frames"],
+    }
+
+
+def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str, Row]:
+    """Scenario -> autonomy and farthest place beside the centre by speed, alone; departures supervised."""
+    names = QUICK_SCENARIOS if quick else steered()
+    speeds = QUICK_SPEEDS_MPH if quick else SPEEDS_MPH
+    drives = {
+        f"{name} {mph} mph": Drive(_scenario(name, network, mph), supervised=False)
+        for name in names
+        for mph in speeds
+    }
+    drives |= {
+        f"{name} supervised": Drive(_scenario(name, network, SUPERVISED_MPH), supervised=True)
+        for name in names
+    }
+    modules = ["learning.correcting.alone", __name__]
+    code = fingerprint(*import_closure(modules), "config", "perception/weights")
+    codes = dict.fromkeys(drives, f"{code} {network.stem}")
+    rows = dict(
+        zip(drives, stored_rows(folder / "drives.jsonl", driven, drives, codes=codes, jobs=jobs), strict=True)
+    )
+    table: dict[str, Row] = {}
+    for name in names:
+        table[name] = {}
+        for mph in speeds:
+            row = rows[f"{name} {mph} mph"]
+            table[name] |= {
+                f"{mph} mph, autonomy [%]": row["autonomy_percent"],
+                f"{mph} mph, farthest [m]": row["max_lateral_error_m"],
+            }
+        table[name]["supervised, departures"] = rows[f"{name} supervised"]["departures"]
+    return table
+
+
+def steered() -> list[str]:
+    """The nominal and the unmarked scenarios without other vehicles."""
+    found = [one for one in list_scenarios() if not one.traffic and one.sight is Sight.CAMERA]
+    return [one.name for one in found if set(one.tags) & TAGS]
+
+
+def _scenario(name: str, network: Path, mph: float) -> Scenario:
+    speed = str(mph * MPH)
+    return scenario_for(name, network, {"speed_mps": speed, "start.speed_mps": speed})
+
+
+def driven(task: Drive) -> Row:
+    """The scores of a drive."""
+    result = run(task.scenario) if task.supervised else drive_alone(task.scenario, seed=0)
+    row = result.row()
+    return {name: row[name] for name in ("autonomy_percent", "max_lateral_error_m", "departures")}
