@@ -75,6 +75,7 @@ class Recipe(Settings):
     unit: Literal["spread", "lock", "rad"]
     height_px: Count | None = None
     width_px: Count | None = None
+    dropout: Annotated[float, Field(ge=0, lt=1)] | None = None
     histogram: Literal["none", "equalise", "match"]
     initialisation: Literal["network", "glorot", "he"]
     weights: Path | None = None

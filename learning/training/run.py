@@ -93,7 +93,7 @@ def run(
 
 
 def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad: float | None) -> None:
-    """Unit, first weights and reference histogram of an untrained network."""
+    """Unit, dropout, first weights and reference histogram of an untrained network."""
     greatest = lock_rad or float(np.abs(train.labels_rad).max())
     spread = float(np.sqrt(np.mean(train.labels_rad.astype(float) ** 2)))
     units = dict(rad=1.0, lock=greatest, spread=spread)
@@ -102,6 +102,9 @@ def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad
     if not units[recipe.unit] > 0:
         raise InputError("all labels of the training frames are zero: nothing to learn")
     network.scale_rad.fill_(units[recipe.unit])
+    for layer in network.modules():
+        if isinstance(layer, torch.nn.Dropout) and recipe.dropout is not None:
+            layer.p = recipe.dropout
     if recipe.initialisation != "network":
         dict(glorot=glorot, he=he)[recipe.initialisation](network)
     network.view.histogram = recipe.histogram
