@@ -36,8 +36,11 @@ from trepid.messages import Decision
 
 SPEED_MPS = 5 * MPH
 RATE_HZ = 10.0  # of the camera: 0.22 m between two frames
-OFFSET_M, HEADING_RAD = 0.25, 0.03  # standard deviations at the start
-END_M = 15.0  # of an open road that is not driven
+OFFSET_M, HEADING_RAD = (
+    0.3,
+    0.04,
+)  # standard deviations at the start: the way back to the centre is learned there
+ROUTE_M, END_M = 60.0, 15.0  # of a random road that is driven, and behind it
 UNSEEN: Mapping[str, Mapping[str, str]] = {  # scenario -> changes
     "circuit": {"start.station_m": "120", "distance_m": "300", "duration_s": "200"},
     "curve_left_r15": {"duration_s": "110"},
@@ -45,7 +48,7 @@ UNSEEN: Mapping[str, Mapping[str, str]] = {  # scenario -> changes
     "unmarked_bend": {"duration_s": "110"},
 }
 SPLITS = {
-    "random": Split(by="route", seed=1, gap_s=1.0, shares={"train": 0.85, "validation": 0.14, "test": 0.01}),
+    "random": Split(by="route", seed=1, gap_s=1.0, shares={"train": 0.78, "validation": 0.12, "test": 0.1}),
     "unseen": Split(by="time", seed=1, gap_s=1.0, shares={"train": 0.0, "validation": 0.0, "test": 1.0}),
 }
 
@@ -89,7 +92,8 @@ def _on_random_road(drives: Path, seed: int, number: int) -> Demonstration:
         "start.offset_m": f"{rng.normal(0.0, OFFSET_M):.3f}",
         "start.heading_rad": f"{rng.normal(0.0, HEADING_RAD):.4f}",
         "start.speed_mps": str(SPEED_MPS),
-        "distance_m": f"{road.length_m - END_M:.1f}",
+        "start.station_m": f"{rng.uniform(0.0, road.length_m - ROUTE_M - END_M):.1f}",
+        "distance_m": str(ROUTE_M),
     }
     return Demonstration(_scenario("straight", changes), number, drives / f"random-{number:03}.mcap")
 
