@@ -26,7 +26,7 @@ from sim_harness.sweep.sweep import sweep as outcomes_of
 from sim_harness.sweep.sweep import workforce
 from trepid.config import CONFIG_DIR, InputError, load, refuse, using_car
 from trepid.images.files import NOMINAL_FPS
-from trepid.recording.writer import check_free
+from trepid.recording.writer import check_recording
 
 
 def run(
@@ -59,7 +59,7 @@ def run(
         check_configuration([scenario])
         if record is None:
             return run_scenario(scenario, seed=seed)
-        check_free(Path(record))
+        check_recording(Path(record))
         with recording(Path(record), scenario, raw_images=raw_images) as witness:
             return run_scenario(scenario, seed=seed, witness=witness)
 

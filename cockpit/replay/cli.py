@@ -74,10 +74,10 @@ def _again(
     as_json: bool,
 ) -> int:
     from cockpit.replay.rerun import rerun
-    from trepid.recording.writer import check_free
+    from trepid.recording.writer import check_recording
 
     if out is not None:
-        check_free(out)
+        check_recording(out)
     found = rerun(recording, through, rules=rules, networks=networks, out=out)
     print(json.dumps(_row(found)) if as_json else _text(found))
     return 1 if found.differences else 0

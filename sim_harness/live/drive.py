@@ -40,7 +40,7 @@ from trepid.processes.page_door import FOXGLOVE, PAGE, PageDoor
 from trepid.processes.register import Running, registered, ticks
 from trepid.processes.settings import RECORDER, ProcessSpec, load_processes
 from trepid.recording.ring import ring_name
-from trepid.recording.writer import check_free
+from trepid.recording.writer import check_recording
 from trepid.security import LAUNCHER, drive_endpoint, refuse_open_endpoints, session_settings
 from trepid.topics import DIAGNOSTICS
 from vehicle.keys.check import check_keys
@@ -83,7 +83,7 @@ def drive(
     served = {PAGE: page is not None, FOXGLOVE: foxglove is not None}
     specs, estimators, networks = _plan(scenario, recorded=recorded, chosen=chosen, **served)
     if record is not None:
-        check_free(record)
+        check_recording(record)
     offset_ns = epoch_offset_ns()
     clock = epoch_clock(offset_ns)
     endpoint = _endpoint()

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from trepid.recording.ring import kept, kept_name, ring_of, secured
-from trepid.recording.writer import check_free
+from trepid.recording.writer import check_recording
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -34,7 +34,7 @@ def keep(
     import shutil
 
     if out is not None:
-        check_free(out)
+        check_recording(out)
     safe = secured(ring_of(endpoint))
     path = kept_name("by-hand", now_s=time.time()) if out is None else out
     kept(safe, path)

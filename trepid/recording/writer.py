@@ -49,6 +49,13 @@ def check_free(path: Path) -> None:
         raise InputError(f"{path}: cannot be written: no right to write in {path.parent}")
 
 
+def check_recording(path: Path) -> None:
+    """As :func:`check_free`; also raise InputError for a name by which no verb would take it for a recording."""
+    if path.suffix.lower() != ".mcap":
+        raise InputError(f"{path}: a recording is an MCAP file: name it {path.name}.mcap")
+    check_free(path)
+
+
 def attachments(rules: Path) -> dict[str, bytes]:
     """The files that a recording keeps, by name: rules, and settings of the car in use. Raises InputError."""
     car = car_folder()

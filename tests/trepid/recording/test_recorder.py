@@ -22,7 +22,7 @@ from trepid.processes.launch import Fleet
 from trepid.processes.settings import LAUNCHER, Loss, ProcessSpec
 from trepid.recording.node import free_path
 from trepid.recording.reader import read_recording
-from trepid.recording.writer import BEGAN, Recording, check_free
+from trepid.recording.writer import BEGAN, Recording, check_free, check_recording
 from trepid.topics import DIAGNOSTICS, DRIVER_INPUT, VEHICLE_STATE
 
 
@@ -215,6 +215,12 @@ def test_after_a_restart_the_recorder_takes_the_next_name(tmp_path: Path) -> Non
     path.touch()
     (tmp_path / "drive-2.mcap").touch()
     assert free_path(path) == tmp_path / "drive-3.mcap"
+
+
+def test_a_name_by_which_no_verb_would_take_a_file_for_a_recording_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"drive: a recording is an MCAP file: name it drive\.mcap$"):
+        check_recording(tmp_path / "drive")
+    check_recording(tmp_path / "drive.MCAP")
 
 
 def test_a_recording_without_a_folder_is_refused_before_the_drive(tmp_path: Path) -> None:
