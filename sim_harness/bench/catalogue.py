@@ -11,6 +11,7 @@ class Benchmark(NamedTuple):
     module: str
     summary: str
     values: str = ""  # of the numbers in its figure, where their names do not give meaning and unit
+    pictured: bool = True  # False: its rows have hardly a column in common
 
 
 BENCHMARKS = {
@@ -36,6 +37,7 @@ BENCHMARKS = {
     "logbook": Benchmark(
         "logbook.bench",
         "recordings: random moments explained, opening of half an hour, what a crash leaves, replay",
+        pictured=False,
     ),
     "newcomer": Benchmark("newcomer", "clone, make drive: time until the car drives, disk space"),
     "drive": Benchmark("runs", "one lap live: tracking error, latency, load of each process"),

@@ -91,7 +91,9 @@ def save(result: Result, folder: Path) -> None:
 
 
 def _draw(result: Result, folder: Path) -> None:
-    draw(result.measured, folder / f"{result.name}.png", values=BENCHMARKS[result.name].values)
+    benchmark = BENCHMARKS[result.name]
+    if benchmark.pictured:
+        draw(result.measured, folder / f"{result.name}.png", values=benchmark.values)
 
 
 def stored(folder: Path) -> dict[str, Result]:

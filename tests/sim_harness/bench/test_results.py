@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sim_harness.bench.readme import BEGIN, END, ROWS, table, write_table
-from sim_harness.bench.results import index, page, stored
+from sim_harness.bench.results import index, page, save, stored
 from trepid.config import ROOT
 
 RESULTS = ROOT / "docs" / "results"
@@ -15,6 +15,13 @@ STORED = stored(RESULTS)
 @pytest.mark.parametrize("name", STORED)
 def test_a_page_is_generated_from_its_rows(name: str) -> None:
     assert (RESULTS / f"{name}.md").read_text(encoding="utf-8") == page(STORED[name], RESULTS)
+
+
+def test_rows_without_common_columns_get_a_page_and_no_figure(tmp_path: Path) -> None:
+    for name in ("logbook", "page"):
+        save(STORED[name], tmp_path)
+    assert {path.name for path in tmp_path.glob("*.png")} == {"page.png"}
+    assert ".png" not in (tmp_path / "logbook.md").read_text(encoding="utf-8")
 
 
 def test_the_index_lists_the_stored_results() -> None:
