@@ -1,5 +1,6 @@
 """The address of the live page of a drive, and the token without which it shows and does nothing."""
 
+import fcntl
 import os
 import secrets
 import socket
@@ -16,6 +17,7 @@ PAGE, FOXGLOVE = "page", "foxglove"
 """Names of the processes that serve the page, and Foxglove."""
 TOKEN_FILE = "page-token"
 TOKEN_BYTES = 16
+_held: dict[int, int] = {}  # port -> lock against other drives of this user; it ends with this process
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ def page_door(host: str, port: int, *, only: bool = False) -> PageDoor:
     if door.tls and load_security().folder is None:
         raise _refused(host)
     with suppress(OSError):
-        return PageDoor(host, _bound(host, port), door.token)
+        return PageDoor(host, _reserved(host, port), door.token)
     if only:
         raise InputError(f"--page {port}: the port is in use at {host}; choose another, or leave --page out")
     try:
@@ -72,7 +74,7 @@ def foxglove_port(port: int) -> int:
     if find_spec("foxglove") is None:
         raise InputError("--foxglove needs the SDK of Foxglove: pip install 'trepid[foxglove]'")
     with suppress(OSError):
-        return _bound("127.0.0.1", port)
+        return _reserved("127.0.0.1", port)
     return _bound("127.0.0.1", 0)
 
 
@@ -105,6 +107,24 @@ def listening(host: str, port: int) -> socket.socket:
         bound.close()
         raise
     return bound
+
+
+def _reserved(host: str, port: int) -> int:
+    """``port``, which is free and stays reserved until its process listens there. Raises OSError.
+
+    Seconds pass until then, in which another drive that starts finds the port free too.
+    """
+    if port in _held or not port:
+        return _bound(host, port)
+    lock = os.open(folder() / f"port-{port}", os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        found = _bound(host, port)
+    except OSError:
+        os.close(lock)
+        raise
+    _held[port] = lock
+    return found
 
 
 def _bound(host: str, port: int) -> int:

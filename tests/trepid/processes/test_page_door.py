@@ -1,6 +1,8 @@
 """The address of the live page: one token for all drives of a user, and beyond this machine only with keys."""
 
 import socket
+import subprocess
+import sys
 
 import pytest
 
@@ -34,6 +36,21 @@ def test_a_port_in_use_gives_way_to_a_free_one_unless_it_was_asked_for():
         assert page_door("127.0.0.1", port).port not in (0, port)
         with pytest.raises(InputError, match=f"--page {port}: the port is in use"):
             page_door("127.0.0.1", port, only=True)
+
+
+def test_two_drives_that_start_at_once_take_two_ports():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    drive = "from trepid.processes.page_door import page_door"
+    drive += f"; print(page_door('127.0.0.1', {port}).port, flush=True); input()"
+    with subprocess.Popen(
+        [sys.executable, "-c", drive], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:  # its page does not listen yet
+        assert int(other.stdout.readline()) == port
+        assert page_door("127.0.0.1", port).port not in (0, port)
+        other.communicate("\n")
+    assert page_door("127.0.0.1", port).port == port == page_door("127.0.0.1", port).port
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.7", "car.example"])
