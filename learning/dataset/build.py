@@ -10,7 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from learning.dataset.dataset import VERSION, DatasetFile, Source, Split, as_rows, sha256_of, write
+from learning.dataset.dataset import (
+    CARD,
+    VERSION,
+    Dataset,
+    DatasetFile,
+    Source,
+    Split,
+    as_rows,
+    sha256_of,
+    write,
+)
 from learning.dataset.likeness import SMALL, Look, changes, hash_of, shift_between, small_grey, upper_half
 from learning.dataset.pictures import Pictures
 from learning.dataset.sources.comma import is_comma, read_comma
@@ -67,6 +77,15 @@ def read_logs(paths: list[Path], faults: Faults, options: TableOptions) -> list[
     for number, log in enumerate(logs):
         log.route = [f"{name}#{number}" if names[name] > 1 else name for name in log.route]
     return logs
+
+
+def built_once(out: Path, paths: list[Path], split: Split) -> Dataset:
+    """The data set ``out`` of complete logs of this car, built where it is missing. Raises InputError."""
+    if not (out / CARD).is_file():
+        faults = Faults(strict=True)
+        logs = read_logs(paths, faults, TableOptions())
+        build(out, logs, BuildOptions(WheelOptions(), split, TableOptions()), faults)
+    return Dataset.open(out)
 
 
 def build(

@@ -33,6 +33,11 @@ def fingerprint(*parts: str) -> str:
     return hash_of_files(parts, car_folder())
 
 
+def short_hash(*texts: str) -> str:
+    """A hash for the name of a file that depends on ``texts``."""
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:12]
+
+
 @cache
 def hash_of_files(parts: tuple[str, ...], car: Path | None) -> str:
     """The hash of :func:`fingerprint` with the files of the folder ``car``, computed once."""

@@ -5,7 +5,6 @@ steering, as in every recording. Drives and data sets are kept under a hash of t
 depend on.
 """
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,11 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from learning.correcting.alone import EXPERT
-from learning.dataset.build import BuildOptions, build, read_logs
-from learning.dataset.dataset import CARD, Dataset, Split
-from learning.dataset.sources.log import Faults
-from learning.dataset.sources.table import TableOptions
-from learning.dataset.wheel import WheelOptions
+from learning.dataset.build import built_once
+from learning.dataset.dataset import Dataset, Split
 from learning.drawn_frames import drawn_road, random_road
 from learning.rendered import say
 from sim_harness.bench.control.speeds import MPH
@@ -28,7 +24,7 @@ from sim_harness.lockstep.oracle import Oracle
 from sim_harness.lockstep.recording import recording
 from sim_harness.lockstep.unsupervised import FollowedLane, UnsupervisedDriver
 from sim_harness.scenarios.scenario import Scenario, load_scenario
-from sim_harness.sweep.fingerprint import fingerprint, import_closure
+from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import finished
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
@@ -64,7 +60,7 @@ class Demonstration(NamedTuple):
 def demonstrations(folder: Path, *, roads: int, seed: int, jobs: int) -> dict[str, Dataset]:
     """The data sets "random", of drives on ``roads`` random roads, and "unseen"; made where they are missing."""
     code = fingerprint(*import_closure([__name__]), "config")
-    drives = folder / f"drives-{_digest(code, str(seed))}"
+    drives = folder / f"drives-{short_hash(code, str(seed))}"
     drives.mkdir(parents=True, exist_ok=True)
     wanted = {
         "random": [_on_random_road(drives, seed, number) for number in range(roads)],
@@ -75,11 +71,12 @@ def demonstrations(folder: Path, *, roads: int, seed: int, jobs: int) -> dict[st
         say(
             f"{name}: {row['distance_m']:.0f} m, at most {row['max_lateral_error_m']:.2f} m beside the centre"
         )
-    return {name: _built(folder, name, [one.path for one in group], code) for name, group in wanted.items()}
-
-
-def _digest(*parts: str) -> str:
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:12]
+    found = {}
+    for name, group in wanted.items():
+        paths = [one.path for one in group]
+        digest = short_hash(code, SPLITS[name].model_dump_json(), *map(str, paths))
+        found[name] = built_once(folder / f"{name}-{digest}", paths, SPLITS[name])
+    return found
 
 
 def _on_random_road(drives: Path, seed: int, number: int) -> Demonstration:
@@ -131,13 +128,3 @@ def demonstrate(task: Demonstration) -> dict[str, float]:
         metrics = run(scenario, seed=seed, parts=parts, witness=watched).metrics
     partial.replace(path)
     return {"distance_m": metrics.distance_m, "max_lateral_error_m": metrics.max_lateral_error_m}
-
-
-def _built(folder: Path, name: str, paths: list[Path], code: str) -> Dataset:
-    """The data set of some drives."""
-    out = folder / f"{name}-{_digest(code, SPLITS[name].model_dump_json(), *map(str, paths))}"
-    if not (out / CARD).is_file():
-        faults = Faults(strict=True)
-        logs = read_logs(paths, faults, TableOptions())
-        build(out, logs, BuildOptions(WheelOptions(), SPLITS[name], TableOptions()), faults)
-    return Dataset.open(out)

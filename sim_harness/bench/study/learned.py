@@ -5,7 +5,6 @@ The frames come from the drives of ROUTES by Trepid itself. Drives, data sets, n
 Degrees are of a steering wheel with the ratio 16, as in the paper.
 """
 
-import hashlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,11 +12,8 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from learning.dataset.build import BuildOptions, build, read_logs
-from learning.dataset.dataset import CARD, Dataset, Split
-from learning.dataset.sources.log import Faults
-from learning.dataset.sources.table import TableOptions
-from learning.dataset.wheel import WheelOptions
+from learning.dataset.build import built_once
+from learning.dataset.dataset import Dataset, Split
 from learning.judging.evaluate import BIN_RATIO, Bench
 from learning.judging.predictions import Model
 from learning.models.catalogue import MODELS
@@ -28,7 +24,7 @@ from sim_harness.bench.control.speeds import MPH
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.lockstep.recording import recording
 from sim_harness.scenarios.scenario import Scenario, load_scenario
-from sim_harness.sweep.fingerprint import fingerprint, import_closure
+from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import stored_rows
 from trepid.config import WORK_DIR
 
@@ -106,15 +102,12 @@ def study_sets(seed: int) -> Sets:
     """The drives as data sets, driven and built where they are missing."""
     scenarios = {name: load_scenario(name, {**SPEED, **changes}) for name, changes in ROUTES.items()}
     code = fingerprint(*import_closure(DRIVING), "perception/weights", "config")
-    drives = folder(seed) / f"drives-{_digest(code, *(one.model_dump_json() for one in scenarios.values()))}"
+    drives = (
+        folder(seed) / f"drives-{short_hash(code, *(one.model_dump_json() for one in scenarios.values()))}"
+    )
     paths = {name: _recorded(scenario, drives / f"{name}.mcap", seed) for name, scenario in scenarios.items()}
     unseen = paths.pop(TEST_ROUTE)
     return Sets(_built("seen", [*paths.values()], seed), _built("unseen", [unseen], seed))
-
-
-def _digest(*parts: str) -> str:
-    """A short hash of texts."""
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:12]
 
 
 def _recorded(scenario: Scenario, path: Path, seed: int) -> Path:
@@ -134,15 +127,9 @@ def _built(name: str, paths: list[Path], seed: int) -> Dataset:
     """The data set of some recordings."""
     split = Split(by="time", seed=seed, gap_s=1.0, shares=SHARES_OF[name])  # type: ignore[arg-type]
     code = fingerprint(*import_closure([BUILDING]), "config")
-    out = (
-        folder(seed)
-        / f"{name}-{_digest(code, split.model_dump_json(), *(path.stem for path in paths), paths[0].parent.name)}"
-    )
-    if not (out / CARD).is_file():
-        faults = Faults(strict=True)
-        logs = read_logs(paths, faults, TableOptions())
-        build(out, logs, BuildOptions(WheelOptions(), split, TableOptions()), faults)
-    return Dataset.open(out)
+    stems = [path.stem for path in paths]
+    digest = short_hash(code, split.model_dump_json(), *stems, paths[0].parent.name)
+    return built_once(folder(seed) / f"{name}-{digest}", paths, split)
 
 
 def trained_row(variant: Variant) -> Row:
@@ -166,7 +153,7 @@ def _network(variant: Variant, sets: Sets) -> Path:
     code = fingerprint(
         *import_closure([TRAINING, f"learning.models.{MODELS[variant.model].module}"]), "config"
     )
-    digest = _digest(code, _recipe(variant).model_dump_json(), sets.seen.folder.name, sets.seen.sha256)
+    digest = short_hash(code, _recipe(variant).model_dump_json(), sets.seen.folder.name, sets.seen.sha256)
     return folder(variant.seed) / f"{name.replace('.', '-')}-{digest}.onnx"
 
 
@@ -215,7 +202,7 @@ def _study(seed: int, name: str, variants: Mapping[str, Variant]) -> dict[str, R
     sets = study_sets(seed)
     code = fingerprint(*import_closure(JUDGING), "config")
     codes = {
-        case: _digest(code, _network(variant, sets).name, sets.unseen.folder.name)
+        case: short_hash(code, _network(variant, sets).name, sets.unseen.folder.name)
         for case, variant in variants.items()
     }
     rows = stored_rows(folder(seed) / f"{name}.jsonl", trained_row, dict(variants), codes=codes, jobs=1)
