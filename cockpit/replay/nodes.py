@@ -32,6 +32,8 @@ from trepid.topics import (
 )
 
 SUPERVISOR, CONTROLLER, ALL = "supervisor", "controller", "all"
+NO_ESTIMATORS = frozenset({STATISTICS, LEAD, SUPERVISOR, CONTROLLER})
+"""Names of the other nodes."""
 Read = Mapping[str, Any]
 """Key of a topic -> the message that the step uses; None: none so far."""
 Step = Callable[[Read, float, Collection[str]], Any]

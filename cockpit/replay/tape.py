@@ -33,7 +33,7 @@ READ = (
     *(DIAGNOSTICS.key, STEPS.key, estimate_topic("*").key),
 )
 HANDED_OVER_S = 5e-3  # between two nodes of one process a message is used this long before its publication
-KEPT_FRAMES = 64  # images that wait for slower nodes
+KEPT_FRAMES = 64  # images in memory; two nodes may step on images of different age at one instant
 
 
 class Track:

@@ -1,0 +1,119 @@
+"""Steps of the nodes of a recorded drive, in their order, each with the messages that it used in the drive."""
+
+import heapq
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+from typing import Any
+
+from cockpit.replay.difference import Comparison
+from cockpit.replay.nodes import SUPERVISOR, Node
+from cockpit.replay.nodes import Step as Call
+from cockpit.replay.schedule import Schedule, Step, schedule
+from cockpit.replay.tape import Frames, Tape
+from trepid.messages import Mode, SteeringEstimate, VehicleState
+from trepid.topics import CAMERA_IMAGE, DECISION, VEHICLE_STATE
+
+WARM_UP_S = 2.2  # the supervisor asks for 2 s of healthy inputs (reengage_after_s)
+
+
+class Player:
+    """Runs nodes in the order of their steps."""
+
+    def __init__(self, tape: Tape, nodes: Collection[Node]) -> None:
+        self._tape, self._nodes = tape, nodes
+        self._schedules = {node.name: schedule(node, tape) for node in nodes}
+        self._frames = Frames(tape)
+        self._call_of: dict[str, Call] = {}  # name of a node -> its step, once it is built
+        self._new: dict[str, dict[int, Any]] = {node.output.key: {} for node in nodes}
+        self.compared = {node.output.key: Comparison(node.output.key) for node in nodes}
+        self.doubts = {node.output.key: self._doubt(node) for node in nodes}
+        self.frames_s: set[float] = set()
+        self._warm_s = self._warm_until_s()
+
+    def run(self, ahead: Iterator[Any], names: Collection[str]) -> None:
+        """Run every step of every node, and compare; the outputs of the nodes ``names`` are those of ``ahead``."""
+        for node, step in self._in_order():
+            now = next(ahead) if node.name in names else self._output(node, step)
+            if now is not None:
+                self._keep(node, step, now)
+
+    def outputs_of(self, names: Collection[str]) -> Iterator[Any]:
+        """The output of each step of the nodes ``names``, whose inputs are all recorded; None: no image."""
+        for node, step in self._in_order():
+            if node.name in names:
+                yield self._output(node, step)
+
+    def recorded(self) -> dict[str, dict[float, Any]]:
+        """Key of a topic -> recorded time of each message that is replaced -> the new one, as it is recorded."""
+        recorded, track = self._tape.times.recorded, self._tape.track
+        return {
+            key: {track(key).recorded_s[place]: recorded(one) for place, one in new.items()}
+            for key, new in self._new.items()
+        }
+
+    def _doubt(self, node: Node) -> str:
+        doubts = [self._schedules[node.name].doubt]
+        if node.sees and not self._tape.has_raw_images:
+            doubts.append("its images are JPEG, not those of the drive")
+        return "; ".join(filter(None, doubts))
+
+    def _warm_until_s(self) -> float:
+        """End of the time in which a driver is assumed; -inf where the recording begins with the drive."""
+        found: Schedule | None = self._schedules.get(SUPERVISOR)
+        decisions = self._tape.recorded.of(DECISION)
+        if found is None or not found.steps or not decisions or decisions[0][1].mode is Mode.STOP:
+            return float("-inf")
+        return found.steps[0].began_s + WARM_UP_S
+
+    def _in_order(self) -> Iterator[tuple[Node, Step]]:
+        """The steps of all nodes by time; of one instant in the order of the data flow."""
+        rows = [
+            ((step.began_s, node.rank, number, node.name), (node, step))
+            for node in self._nodes
+            for number, step in enumerate(self._schedules[node.name].steps)
+        ]
+        heapq.heapify(rows)
+        while rows:
+            yield heapq.heappop(rows)[1]
+
+    def _output(self, node: Node, step: Step) -> Any:
+        """The output of a step; None where its image was not recorded."""
+        if step.starts or node.name not in self._call_of:
+            self._call_of[node.name] = node.build()
+        read = {key: self._message(key, place) for key, place in step.reads.items()}
+        read |= {topic.key: None for topic in node.inputs if topic.key not in read}
+        if node.sees:
+            if step.output is None:
+                return None
+            was = self._tape.track(node.output.key).messages[step.output]
+            frame = self._frames.of(was.t_s, by_s=step.began_s + 1.0)
+            if frame is None:
+                return None
+            read[CAMERA_IMAGE.key] = frame
+        state = read.get(VEHICLE_STATE.key)
+        if step.began_s < self._warm_s and isinstance(state, VehicleState):
+            read[VEHICLE_STATE.key] = replace(state, driver_override=True)
+        return self._call_of[node.name](read, step.began_s, step.broken)
+
+    def _keep(self, node: Node, step: Step, now: Any) -> None:
+        """Keep the output of a step and compare it with the recorded one."""
+        if step.output is None:
+            return
+        track = self._tape.track(node.output.key)
+        was = track.messages[step.output]
+        if isinstance(now, SteeringEstimate) and isinstance(was, SteeringEstimate):
+            now = replace(now, latency_ms=was.latency_ms)
+        self._new[node.output.key][step.output] = now
+        if step.began_s < self._warm_s:
+            return
+        recorded = track.recorded[step.output]
+        at_s = self._tape.times.recorded_s(step.began_s) - self._tape.zero_s
+        self.compared[node.output.key].add(at_s, recorded, self._tape.times.recorded(now))
+        if recorded.t_s is not None:
+            self.frames_s.add(recorded.t_s)
+
+    def _message(self, key: str, place: int | None) -> Any:
+        """The message at ``place`` of a topic, the new one where its node runs again too."""
+        if place is None:
+            return None
+        return self._new.get(key, {}).get(place, self._tape.track(key).messages[place])

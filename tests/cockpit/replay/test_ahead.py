@@ -1,0 +1,54 @@
+"""The estimators of a replay run in a process of their own, whose end and whose errors reach the starter."""
+
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cockpit.replay.ahead import estimated_ahead
+from trepid.config import InputError
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> "list[subprocess.Popen[bytes]]":
+    """The processes that were started."""
+    processes: list[subprocess.Popen[bytes]] = []
+
+    class Noted(subprocess.Popen[bytes]):
+        def __init__(self, *words: Any, **settings: Any) -> None:
+            super().__init__(*words, **settings)
+            processes.append(self)
+
+    monkeypatch.setattr(subprocess, "Popen", Noted)
+    return processes
+
+
+def test_other_nodes_need_no_process(tmp_path: Path, started: "list[subprocess.Popen[bytes]]") -> None:
+    with estimated_ahead(tmp_path / "drive.mcap", ["supervisor", "lead"], ()) as ahead:
+        assert next(ahead, "the end") == "the end"
+    assert not started
+
+
+def test_what_the_process_cannot_read_is_an_input_error_of_the_starter(tmp_path: Path) -> None:
+    absent = tmp_path / "drive.mcap"
+    with estimated_ahead(absent, ["all"], ()) as ahead, pytest.raises(InputError, match=str(absent)):
+        next(ahead)
+
+
+def test_a_process_that_is_killed_is_reported(
+    tmp_path: Path, started: "list[subprocess.Popen[bytes]]"
+) -> None:
+    with estimated_ahead(tmp_path / "drive.mcap", ["cv"], ()) as ahead:
+        started[0].kill()
+        with pytest.raises(InputError, match="ended too early, with exit code -9"):
+            next(ahead)
+
+
+def test_the_process_ends_with_the_use_of_its_outputs(
+    tmp_path: Path, started: "list[subprocess.Popen[bytes]]"
+) -> None:
+    with estimated_ahead(tmp_path / "drive.mcap", ["cv"], ()):
+        pass
+    assert [process.returncode for process in started] == [-signal.SIGKILL]
