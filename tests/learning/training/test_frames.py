@@ -26,8 +26,8 @@ def settings(**changes: float) -> Augmentation:
     return load_recipe("steer", None).augmentation.model_copy(update=NOTHING | changes)
 
 
-def augmenter(**changes: float) -> Augmenter:
-    return Augmenter(settings(**changes), CAMERA, wheelbase_m=WHEELBASE_M)
+def augmenter(camera: Camera = CAMERA, **changes: float) -> Augmenter:
+    return Augmenter(settings(**changes), camera, wheelbase_m=WHEELBASE_M)
 
 
 def frames(pieces: list[int]) -> Frames:
@@ -95,8 +95,22 @@ def test_an_epoch_continues_from_a_step_as_the_whole_one():
 
 def test_a_flip_mirrors_the_frame_and_the_sign_of_the_angle():
     data = frames([0, 0])
-    images, labels = augmenter(flip=1.0)(data.images, data.labels_rad, np.random.default_rng(0))
+    height, width = data.images.shape[1:3]
+    middle = CAMERA.resized(width, height).model_copy(update={"cx_px": (width - 1) / 2})
+    images, labels = augmenter(middle, flip=1.0)(data.images, data.labels_rad, np.random.default_rng(0))
     assert (images == data.images[:, :, ::-1]).all() and (labels == -data.labels_rad).all()
+
+
+@pytest.mark.parametrize(("cx_px", "yaw_rad"), [(160.0, 0.0), (150.0, 0.0), (160.0, 0.03)])
+def test_a_flip_shows_a_mark_on_the_road_at_the_other_side_of_the_car(cx_px: float, yaw_rad: float):
+    camera = CAMERA.model_copy(update={"cx_px": cx_px, "yaw_rad": yaw_rad})
+    left, right = camera.pixel_from_road([(60.0, 6.0), (60.0, -6.0)])
+    rows, columns = np.indices((camera.height_px, camera.width_px))
+    mark = np.exp(-0.5 * ((columns - left[0]) ** 2 + (rows - left[1]) ** 2) / 4.0)
+    image = np.repeat((250 * mark)[..., None], 3, axis=2).astype(np.uint8)
+    changed, _ = augmenter(camera, flip=1.0)(image[None], np.zeros(1, np.float32), np.random.default_rng(0))
+    weight = changed[0, :, :, 0] / changed[0, :, :, 0].sum()
+    assert (weight * columns).sum() == pytest.approx(right[0], abs=0.3)
 
 
 @pytest.mark.parametrize(
