@@ -31,12 +31,12 @@ from trepid.config import CONFIG_DIR, load
 from trepid.messages import Decision
 
 SPEED_MPS = 5 * MPH
-RATE_HZ = 10.0  # of the camera: 0.22 m between two frames
+RATE_HZ = 5.0  # of the camera: 0.45 m between two frames
 OFFSET_M, HEADING_RAD = (
     0.3,
     0.04,
 )  # standard deviations at the start: the way back to the centre is learned there
-ROUTE_M, END_M = 60.0, 15.0  # of a random road that is driven, and behind it
+ROUTE_M, END_M = 20.0, 15.0  # of a random road that is driven, and behind it
 UNSEEN: Mapping[str, Mapping[str, str]] = {  # scenario -> changes
     "circuit": {"start.station_m": "120", "distance_m": "300", "duration_s": "200"},
     "curve_left_r15": {"duration_s": "110"},
@@ -82,7 +82,7 @@ def demonstrations(folder: Path, *, roads: int, seed: int, jobs: int) -> dict[st
 def _on_random_road(drives: Path, seed: int, number: int) -> Demonstration:
     rng = np.random.default_rng((seed, number))
     road = (drawn_road if rng.random() < 0.5 else random_road)(rng)
-    file = drives / f"road-{number:03}.yaml"
+    file = drives / f"road-{number:04}.yaml"
     file.write_text(road.settings.model_dump_json(exclude_defaults=True), encoding="utf-8")  # JSON is YAML
     changes = {
         "road": str(file),
@@ -92,7 +92,7 @@ def _on_random_road(drives: Path, seed: int, number: int) -> Demonstration:
         "start.station_m": f"{rng.uniform(0.0, road.length_m - ROUTE_M - END_M):.1f}",
         "distance_m": str(ROUTE_M),
     }
-    return Demonstration(_scenario("straight", changes), number, drives / f"random-{number:03}.mcap")
+    return Demonstration(_scenario("straight", changes), number, drives / f"random-{number:04}.mcap")
 
 
 def _on_shipped_road(drives: Path, name: str, changes: Mapping[str, str]) -> Demonstration:

@@ -35,7 +35,7 @@ NETWORKS: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recip
     DRIVER: {"height_px": "96", "width_px": "128", **CLEAN},
     "steer-motion": CLEAN,
 }
-ROADS, EPOCHS = 200, 10
+ROADS, EPOCHS = 1000, 10
 QUICK_ROADS, QUICK_EPOCHS = 4, 1
 RATE, PEER_RATE = 2.0e-3, 1.0e-3  # of learning; that of donkeycar
 SPEEDS_MPH, QUICK_SPEEDS_MPH = (5, 10, 15, 20), (20,)
