@@ -34,6 +34,7 @@ NETWORKS: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recip
     PEER: {},
     DRIVER: {"height_px": "96", "width_px": "128", **CLEAN},
     "steer-motion": CLEAN,
+    "steer-lstm": {"window": "16", "frames_share": "0.125", "batch": "16", **CLEAN},  # 16 frames are 7 m
 }
 ROADS, EPOCHS = 1000, 10
 QUICK_ROADS, QUICK_EPOCHS = 4, 1

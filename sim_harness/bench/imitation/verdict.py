@@ -17,6 +17,8 @@ MOST_DEG, MOST_SHARP_DEG, LEAST_R2_HARNESS = (
 )  # of the steering wheel, on unseen roads of the simulator
 MOST_WEIGHTS, MOST_MS = 300_000, 1.0
 MOST_BESIDE_M, OPEN_ROADS = 0.3, ("driveways", "intersection")  # alone, past roads that branch off
+FRAME, SEQUENCE = "steer", "steer-lstm"
+MOST_RATE = 0.5  # rms of the steering rate of the sequence, relative to the frame
 WITHOUT_IMAGE = ("always_straight", "mean")  # the angle of 0.2 s ago is the driver's own
 
 
@@ -63,6 +65,8 @@ def simulated(tables: Mapping[str, Mapping[str, Row]]) -> dict[str, dict[str, An
     ]
     sharp_deg, r2 = best["mae_beyond_40_deg"], best["r2"]
     departures = sum(row["supervised, departures"] for row in alone.values())
+    frame, sequence = networks[FRAME], networks[SEQUENCE]
+    slower = sequence["rate_rms_degps"] / frame["rate_rms_degps"]
     aims: dict[str, tuple[Any, str, bool]] = {
         "mae_deg": (best["mae_deg"], f"at most {MOST_DEG}", best["mae_deg"] <= MOST_DEG),
         "mae_beyond_40_deg": (
@@ -73,6 +77,11 @@ def simulated(tables: Mapping[str, Mapping[str, Row]]) -> dict[str, dict[str, An
         "r2": (r2, f"at least {LEAST_R2_HARNESS}", r2 is not None and r2 >= LEAST_R2_HARNESS),
         "weights": (best["weights"], f"at most {MOST_WEIGHTS}", best["weights"] <= MOST_WEIGHTS),
         "latency_ms": (best["latency_ms"], f"at most {MOST_MS}", best["latency_ms"] <= MOST_MS),
+        f"steering rate, {SEQUENCE} to {FRAME}": (
+            slower,
+            f"at most {MOST_RATE}, at no greater mae_deg",
+            slower <= MOST_RATE and sequence["mae_deg"] <= frame["mae_deg"],
+        ),
         "coverage_90_random": (
             best["coverage_90_random"],
             f"{COVERAGE} ± {COVERAGE_OFF}",

@@ -19,6 +19,7 @@ from trepid.config import InputError  # noqa: E402
 SMALL = {
     "steer": (24, 32),
     "steer-motion": (24, 32),
+    "steer-lstm": (24, 32),
     "cnn-lstm": (32, 40),
     "jain": (8, 16),
     "pilotnet": (100, 100),
@@ -58,7 +59,7 @@ def test_a_frame_of_240_x_320_leaves_inception_as_6_x_8_x_2048():
 
 
 def test_the_networks_for_a_small_computer_have_at_most_300_000_weights():
-    assert MODELS["steer"].parameters <= 300_000
+    assert all(MODELS[name].parameters <= 300_000 for name in ("steer", "steer-motion", "steer-lstm"))
 
 
 @pytest.mark.parametrize("head", HEADS)

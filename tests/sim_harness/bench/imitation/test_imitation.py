@@ -70,7 +70,9 @@ def test_networks_learn_from_random_roads_and_drive_on_others(tmp_path, monkeypa
     assert bench_imitation(seed=1, quick=True, sets=(module.HARNESS,)) == found
 
 
-def tables(*, mae_deg: float = 1.4, autonomy: float = 100.0, departures: int = 0) -> dict:
+def tables(
+    *, mae_deg: float = 1.4, slower: float = 0.4, autonomy: float = 100.0, departures: int = 0
+) -> dict:
     network = {
         "mae_deg": mae_deg,
         "mae_beyond_40_deg": 2.9,
@@ -79,7 +81,9 @@ def tables(*, mae_deg: float = 1.4, autonomy: float = 100.0, departures: int = 0
         "latency_ms": 0.5,
         "coverage_90": 0.95,
         "coverage_90_random": 0.9,
+        "rate_rms_degps": 20.0,
     }
+    sequence = network | {"rate_rms_degps": slower * 20.0}
     worse = network | {"mae_deg": 9.0, "weights": 900_000}
     drive = {
         "5 mph, autonomy [%]": autonomy,
@@ -87,7 +91,12 @@ def tables(*, mae_deg: float = 1.4, autonomy: float = 100.0, departures: int = 0
         "supervised, departures": departures,
     }
     return {
-        "unseen roads": {"donkey-linear": worse, "steer": network, "always_straight": {"mae_deg": 1.0}},
+        "unseen roads": {
+            "donkey-linear": worse,
+            "steer": network,
+            "steer-lstm": sequence,
+            "always_straight": {"mae_deg": 1.0},
+        },
         "alone": {"straight": drive | {"5 mph, farthest [m]": 0.8}, "driveways": drive},
     }
 
@@ -97,6 +106,7 @@ def test_the_aims_of_the_simulator_are_those_of_the_best_network_and_of_every_dr
     assert simulated(tables())["farthest at branches [m]"]["measured"] == 0.2
     for missed, found in (
         ("mae_deg", tables(mae_deg=1.6)),
+        ("steering rate, steer-lstm to steer", tables(slower=0.6)),
         ("least autonomy alone [%]", tables(autonomy=99.0)),
         ("departures supervised", tables(departures=1)),
     ):
