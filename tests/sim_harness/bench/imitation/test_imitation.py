@@ -51,7 +51,7 @@ def test_a_drive_is_learned_once_and_its_rows_are_used_again(drive, monkeypatch)
 def test_networks_learn_from_random_roads_and_drive_on_others(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "FOLDER", tmp_path)
     monkeypatch.setattr(demonstrations, "UNSEEN", {"s_curve": {"start.station_m": "50", "distance_m": "30"}})
-    monkeypatch.setattr(harness, "NETWORKS", {harness.DRIVER: {}})
+    monkeypatch.setattr(harness, "NETWORKS", {name: {} for name in (harness.DRIVER, "steer-lstm")})
     monkeypatch.setattr(harness, "QUICK_ROADS", 3)
     monkeypatch.setattr(harness, "QUICK_SCENARIOS", ("unmarked_bend",))
     monkeypatch.setattr(harness, "SUPERVISED_MPH", 20)
