@@ -64,12 +64,11 @@ def estimators_among(picked: Collection[Node]) -> set[str]:
 
 def main(path: str, through: str, *networks: str) -> None:
     """Write the outputs to the standard output, each pickled, or the InputError that prevents them."""
-    with os.fdopen(os.dup(1), "wb") as out:
+    with suppress(BrokenPipeError), os.fdopen(os.dup(1), "wb") as out:  # broken: the starter has ended
         os.dup2(2, 1)  # what a library prints is no output
-        with suppress(BrokenPipeError):  # the starter has ended
-            for output in _outputs(Path(path), through.split(","), networks):
-                pickle.dump(output, out, pickle.HIGHEST_PROTOCOL)
-                out.flush()
+        for output in _outputs(Path(path), through.split(","), networks):
+            pickle.dump(output, out, pickle.HIGHEST_PROTOCOL)
+            out.flush()
 
 
 def _outputs(path: Path, through: Sequence[str], networks: Sequence[str]) -> Iterator[Any]:

@@ -2,13 +2,14 @@
 
 import signal
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from cockpit.replay.ahead import estimated_ahead
-from trepid.config import InputError
+from trepid.config import ROOT, InputError
 
 
 @pytest.fixture
@@ -52,3 +53,13 @@ def test_the_process_ends_with_the_use_of_its_outputs(
     with estimated_ahead(tmp_path / "drive.mcap", ["cv"], ()):
         pass
     assert [process.returncode for process in started] == [-signal.SIGKILL]
+
+
+def test_the_process_ends_quietly_when_its_starter_has_ended(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "cockpit.replay.ahead", str(tmp_path / "drive.mcap"), "all"]
+    process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None and process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    assert process.wait() == 0
