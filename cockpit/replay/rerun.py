@@ -6,7 +6,8 @@ outputs, bit for bit. The vehicle does not react: its recorded states are inputs
 would have decided, not where the car would have gone.
 
 A recording that begins in the middle of a drive lacks the state of the nodes. Its supervisor would stay in the STOP
-in which it starts; a driver is assumed for the first WARM_UP_S, whose outputs are not compared.
+in which it starts; :mod:`cockpit.replay.player` assumes a driver for the first WARM_UP_S, whose outputs are not
+compared.
 """
 
 import time
