@@ -23,6 +23,8 @@ class Augmenter:
         self._settings = settings
         self._camera = camera
         self._wheelbase_m = wheelbase_m
+        right, _, ahead = (camera.optical_from_vehicle @ (1.0, 0.0, 0.0)).tolist()
+        self._straight_px = camera.cx_px + camera.fx_px * right / ahead  # far end of a straight road
 
     def __call__(self, images: Image, labels_rad: Floats, rng: np.random.Generator) -> tuple[Image, Floats]:
         """Changed frames (t, H, W, 3) and labels (t,) [rad]; a mirrored frame has the label −label."""
@@ -63,9 +65,7 @@ class Augmenter:
         image: half a pixel of 320 is 0.15° of the heading.
         """
         height, width = image.shape[:2]
-        right, _, ahead = (self._camera.optical_from_vehicle @ (1.0, 0.0, 0.0)).tolist()
-        camera = self._camera.resized(width, height)
-        column_px = camera.cx_px + camera.fx_px * right / ahead
+        column_px = (self._straight_px + 0.5) * width / self._camera.width_px - 0.5
         matrix = np.array([[-1.0, 0.0, 2.0 * column_px], [0.0, 1.0, 0.0]])
         return as_pixels(cv2.warpAffine(image, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE))
 
