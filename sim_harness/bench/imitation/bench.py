@@ -6,7 +6,6 @@ judged beside predictions without an image. Data sets and weights stay in FOLDER
 licences do not permit distribution.
 """
 
-import hashlib
 import json
 import shlex
 from dataclasses import dataclass
@@ -28,7 +27,7 @@ from learning.training.recipe import Recipe, load_recipe
 from sim_harness.bench.imitation.harness import bench_harness
 from sim_harness.bench.imitation.verdict import simulated, verdicts
 from sim_harness.bench.real.sets import data_folder
-from sim_harness.sweep.fingerprint import fingerprint, import_closure
+from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import Row, stored_rows
 from trepid.config import WORK_DIR, InputError
 
@@ -103,8 +102,8 @@ def built(source: Path) -> Dataset:
     faults = Faults(strict=False)
     logs = read_logs([source], faults, TableOptions())
     code = fingerprint(*import_closure(["learning.dataset.build"]))
-    digest = hashlib.sha256(f"{source} {code} {sha256_of_files(logs[0].files)}".encode()).hexdigest()
-    folder = FOLDER / "sets" / f"{source.name}-{digest[:12]}"
+    digest = short_hash(str(source), code, sha256_of_files(logs[0].files))
+    folder = FOLDER / "sets" / f"{source.name}-{digest}"
     if not (folder / CARD).is_file():
         say(f"imitation: building {folder}")
         command = shlex.join(["trepid", "dataset", "build", str(folder), str(source)])
@@ -125,8 +124,8 @@ def _task(dataset: Dataset, network: str, *, quick: bool) -> Task:
     recipe = recipe.model_copy(update=changed)
     modules = ["learning.training.run", "learning.judging.evaluate", __name__]
     code = fingerprint(*import_closure([*modules, f"learning.models.{MODELS[network].module}"]))
-    digest = hashlib.sha256(f"{code} {recipe.model_dump_json()} {dataset.sha256}".encode()).hexdigest()
-    out = FOLDER / "weights" / f"{dataset.folder.name.rpartition('-')[0]}-{network}-{digest[:12]}.onnx"
+    digest = short_hash(code, recipe.model_dump_json(), dataset.sha256)
+    out = FOLDER / "weights" / f"{dataset.folder.name.rpartition('-')[0]}-{network}-{digest}.onnx"
     return Task(dataset.folder, network, recipe, out)
 
 

@@ -5,7 +5,6 @@ are of a steering wheel with the ratio BIN_RATIO, as in Deep Steer. Scenarios wi
 network steers, and does not keep a distance.
 """
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -24,7 +23,7 @@ from sim_harness.bench.control.speeds import MPH
 from sim_harness.bench.imitation.demonstrations import demonstrations
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import Scenario, Sight, Tag, list_scenarios
-from sim_harness.sweep.fingerprint import fingerprint, import_closure
+from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import Row, stored_rows
 
 CLEAN = {"dropout": "0", "weight_decay": "0.001"}  # labels without noise need no weaker networks
@@ -84,8 +83,7 @@ def _task(
     recipe = load_recipe(name, None, overrides={"stages": stages, **changes})
     modules = ["learning.training.run", "learning.judging.evaluate", __name__]
     code = fingerprint(*import_closure([*modules, f"learning.models.{MODELS[name].module}"]), "config")
-    known = " ".join([code, recipe.model_dump_json(), *(data.sha256 for data in sets.values())])
-    digest = hashlib.sha256(known.encode()).hexdigest()[:12]
+    digest = short_hash(code, recipe.model_dump_json(), *(data.sha256 for data in sets.values()))
     return Task(
         sets["random"].folder,
         sets["unseen"].folder,
