@@ -14,8 +14,8 @@ drives this motion shows how far the wheel is turned at present; a network that 
 well and drives badly (de Haan et al., Causal Confusion in Imitation Learning, NeurIPS 2019). It depends on the
 frame rate of the training.
 
-``steer-lstm``: the network of one frame, and a long short-term memory of 48 units (21 696) between its dense layer
-and the output (98), 191 290 weights together. The camera shows the road from some metres ahead of the axle on; the
+``steer-lstm``: the network of one frame, and a long short-term memory of 32 units (12 416) between its dense layer
+and the output (66), 181 978 weights together. The camera shows the road from some metres ahead of the axle on; the
 memory holds what it showed of the place where the car is now. It too depends on the frame rate of the training.
 """
 
@@ -31,7 +31,7 @@ DENSE = 64
 DROPOUT = 0.3
 BEFORE = 2  # frames
 JOINED = 32
-UNITS = 48
+UNITS = 32
 
 
 def steer(size: Size, head: Head) -> SteeringNetwork:

@@ -50,7 +50,6 @@ BENCHMARKS = {
     "imitation": Benchmark(
         "imitation.bench",
         "networks that learn from drives: on unseen simulated roads, alone, on the last fifth of real drives",
-        values="error [°], R², share within the interval of 90 %, autonomy [%]",
     ),
     "control-lateral": Benchmark(
         "control.lateral",

@@ -8,7 +8,7 @@ from typing import Any
 from cockpit.figure_style import BLUE, bare, new_figure, save
 from sim_harness.bench.text import Row, columns_of, grids, shown
 
-MAX_PANELS, MAX_BARS = 4, 24
+MAX_PANELS, MAX_BARS = 4, 32
 LOGARITHMIC_FROM = 400.0  # ratio of the greatest to the least value
 UNITS = {  # ending of the name of a column -> its unit
     "per_s": "1/s",

@@ -37,9 +37,9 @@ LAW = LawName.FEEDFORWARD  # back to the centre over twice the way of the shippe
 RATE_HZ = 5.0  # of the camera: 0.45 m between two frames
 OFFSET_M, HEADING_RAD = (
     0.3,
-    0.04,
+    0.1,
 )  # standard deviations at the start: the way back to the centre is learned there
-SETTLED_S = 1.5  # after the start the wheel, straight at first, has the angle that the lane asks for
+SETTLED_S = 0.8  # after the start the wheel, straight at first, has the angle that the lane asks for
 ROUTE_M, END_M = 24.0, 15.0  # of a random road that is driven, and behind it
 UNSEEN: Mapping[str, Mapping[str, str]] = {  # scenario -> changes
     "circuit": {"start.station_m": "120", "distance_m": "300", "duration_s": "200"},

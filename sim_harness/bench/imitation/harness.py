@@ -21,19 +21,21 @@ from learning.rendered import say
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.bench.control.speeds import MPH
 from sim_harness.bench.imitation.demonstrations import demonstrations
+from sim_harness.bench.imitation.verdict import AUTONOMY, FARTHEST, SUPERVISED
 from sim_harness.lockstep.closed_loop import run
 from sim_harness.scenarios.scenario import Scenario, Sight, Tag, list_scenarios
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import Row, stored_rows
 
 CLEAN = {"dropout": "0", "weight_decay": "0.001"}  # labels without noise need no weaker networks
+FINE = {"height_px": "96", "width_px": "128", **CLEAN}
 PEER = "donkey-linear"
 DRIVER = "steer"  # the network that also drives
 NETWORKS: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recipe
     PEER: {},
-    DRIVER: {"height_px": "96", "width_px": "128", **CLEAN},
+    DRIVER: FINE,
     "steer-motion": CLEAN,
-    "steer-lstm": {"window": "16", "frames_share": "0.125", "batch": "16", **CLEAN},  # 16 frames are 7 m
+    "steer-lstm": {"window": "16", "frames_share": "0.125", "batch": "16", **FINE},  # 16 frames are 7 m
 }
 ROADS, EPOCHS = 1000, 10
 QUICK_ROADS, QUICK_EPOCHS = 4, 1
@@ -63,7 +65,7 @@ class Drive(NamedTuple):
 
 
 def bench_harness(folder: Path, *, quick: bool, seed: int, jobs: int) -> dict[str, dict[str, Row]]:
-    """Tables "unseen roads" (network -> scores) and "alone" (scenario -> results by speed)."""
+    """Tables "unseen roads" (network -> scores), FARTHEST, AUTONOMY and SUPERVISED (scenario -> results)."""
     roads = QUICK_ROADS if quick else ROADS
     sets = demonstrations(folder, roads=roads, seed=seed, jobs=jobs)
     tasks = {name: _task(folder, sets, name, changes, quick=quick) for name, changes in NETWORKS.items()}
@@ -73,7 +75,7 @@ def bench_harness(folder: Path, *, quick: bool, seed: int, jobs: int) -> dict[st
     table |= {
         name: dict(row) for name, row in Bench(sets["unseen"], "test", ratio=BIN_RATIO).baselines.items()
     }
-    return {"unseen roads": table, "alone": _drives(folder, tasks[DRIVER].out, quick=quick, jobs=jobs)}
+    return {"unseen roads": table} | _drives(folder, tasks[DRIVER].out, quick=quick, jobs=jobs)
 
 
 def _task(
@@ -123,8 +125,8 @@ def _scores(model: Model, data: Dataset) -> Row:
     return bench.row(model, model.predict(data, bench.rows))
 
 
-def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str, Row]:
-    """Scenario -> autonomy and farthest place beside the centre by speed, alone; departures supervised."""
+def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str, dict[str, Row]]:
+    """Scenario -> farthest place beside the centre and autonomy by speed, alone; the scores, supervised."""
     names = QUICK_SCENARIOS if quick else steered()
     speeds = QUICK_SPEEDS_MPH if quick else SPEEDS_MPH
     drives = {
@@ -142,17 +144,13 @@ def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str,
     rows = dict(
         zip(drives, stored_rows(folder / "drives.jsonl", driven, drives, codes=codes, jobs=jobs), strict=True)
     )
-    table: dict[str, Row] = {}
-    for name in names:
-        table[name] = {}
-        for mph in speeds:
-            row = rows[f"{name} {mph} mph"]
-            table[name] |= {
-                f"{mph} mph, autonomy [%]": row["autonomy_percent"],
-                f"{mph} mph, farthest [m]": row["max_lateral_error_m"],
-            }
-        table[name]["supervised, departures"] = rows[f"{name} supervised"]["departures"]
-    return table
+    alone = {f"{mph} mph": {name: rows[f"{name} {mph} mph"] for name in names} for mph in speeds}
+    tables = {
+        title: {name: {speed: found[name][score] for speed, found in alone.items()} for name in names}
+        for title, score in ((FARTHEST, "max_lateral_error_m"), (AUTONOMY, "autonomy_percent"))
+    }
+    scores = {name: rows[f"{name} supervised"] for name in names}
+    return tables | {SUPERVISED: scores}
 
 
 def steered() -> list[str]:

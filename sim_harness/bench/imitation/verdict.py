@@ -1,9 +1,12 @@
 """The aims of learning from drives, and whether they are met."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 Row = Mapping[str, Any]
+FARTHEST, AUTONOMY = "alone, farthest beside the centre [m]", "alone, autonomy [%]"  # tables of drives
+SUPERVISED = "supervised"
 
 MOST_TO_PEER = 0.8  # of the error of donkeycar's network
 LEAST_R2, LEAST_R2_SIMULATED = 0.0, 0.6
@@ -54,17 +57,11 @@ def simulated(tables: Mapping[str, Mapping[str, Row]]) -> dict[str, dict[str, An
     """Aim -> measured value, the aim and whether it is met: of the best network, and of the one that drives."""
     networks = {name: row for name, row in tables["unseen roads"].items() if "weights" in row}
     best = min(networks.values(), key=lambda row: row["mae_deg"])
-    alone = tables["alone"]
-    autonomy = [row[name] for row in alone.values() for name in row if name.endswith("autonomy [%]")]
-    beside_m = [
-        row[name]
-        for scenario, row in alone.items()
-        if scenario in OPEN_ROADS
-        for name in row
-        if name.endswith("farthest [m]")
-    ]
+    autonomy = [share for row in tables[AUTONOMY].values() for share in row.values()]
+    beside_m = [tables[FARTHEST][name].values() for name in OPEN_ROADS if name in tables[FARTHEST]]
+    farthest_m = max(chain.from_iterable(beside_m), default=None)
     sharp_deg, r2 = best["mae_beyond_40_deg"], best["r2"]
-    departures = sum(row["supervised, departures"] for row in alone.values())
+    departures = sum(row["departures"] for row in tables[SUPERVISED].values())
     frame, sequence = networks[FRAME], networks[SEQUENCE]
     slower = sequence["rate_rms_degps"] / frame["rate_rms_degps"]
     aims: dict[str, tuple[Any, str, bool]] = {
@@ -94,9 +91,9 @@ def simulated(tables: Mapping[str, Mapping[str, Row]]) -> dict[str, dict[str, An
         ),
         "least autonomy alone [%]": (min(autonomy), "100", min(autonomy) >= 100.0),
         "farthest at branches [m]": (
-            max(beside_m, default=None),
+            farthest_m,
             f"at most {MOST_BESIDE_M}",
-            bool(beside_m) and max(beside_m) <= MOST_BESIDE_M,
+            farthest_m is not None and farthest_m <= MOST_BESIDE_M,
         ),
         "departures supervised": (departures, "0", departures == 0),
     }

@@ -9,7 +9,7 @@ from drive_rig import write_tub
 from sim_harness.bench.imitation import bench as module
 from sim_harness.bench.imitation import demonstrations, harness
 from sim_harness.bench.imitation.bench import OURS, PEER, SETS, bench_imitation
-from sim_harness.bench.imitation.verdict import simulated, verdicts
+from sim_harness.bench.imitation.verdict import AUTONOMY, FARTHEST, SUPERVISED, simulated, verdicts
 from trepid.config import InputError
 
 BLIND = {"always_straight": {"mae_deg": 5.0}, "mean": {"mae_deg": 4.0}}
@@ -60,11 +60,9 @@ def test_networks_learn_from_random_roads_and_drive_on_others(tmp_path, monkeypa
     assert row["frames"] > 50 and 0 < row["mae_deg"] < 90 and row["weights"] < 300_000
     assert 0 <= row["coverage_90_random"] <= 1 and row["mae_beyond_40_deg"] > 0
     assert found["unseen roads"]["always_straight"]["mae_deg"] > 10
-    assert found["alone"]["unmarked_bend"].keys() == {
-        "20 mph, autonomy [%]",
-        "20 mph, farthest [m]",
-        "supervised, departures",
-    }
+    for table in (AUTONOMY, FARTHEST):
+        assert found[table]["unmarked_bend"].keys() == {"20 mph"}
+    assert found[SUPERVISED]["unmarked_bend"]["departures"] == 0
     for name in ("demonstrate", "judged", "driven"):  # nothing is done again
         monkeypatch.setattr(demonstrations if name == "demonstrate" else harness, name, None)
     assert bench_imitation(seed=1, quick=True, sets=(module.HARNESS,)) == found
@@ -85,11 +83,6 @@ def tables(
     }
     sequence = network | {"rate_rms_degps": slower * 20.0}
     worse = network | {"mae_deg": 9.0, "weights": 900_000}
-    drive = {
-        "5 mph, autonomy [%]": autonomy,
-        "5 mph, farthest [m]": 0.2,
-        "supervised, departures": departures,
-    }
     return {
         "unseen roads": {
             "donkey-linear": worse,
@@ -97,7 +90,9 @@ def tables(
             "steer-lstm": sequence,
             "always_straight": {"mae_deg": 1.0},
         },
-        "alone": {"straight": drive | {"5 mph, farthest [m]": 0.8}, "driveways": drive},
+        FARTHEST: {"straight": {"5 mph": 0.8}, "driveways": {"5 mph": 0.1, "10 mph": 0.2}},
+        AUTONOMY: {"straight": {"5 mph": 100.0, "10 mph": autonomy}},
+        SUPERVISED: {"straight": {"departures": 0}, "driveways": {"departures": departures}},
     }
 
 
