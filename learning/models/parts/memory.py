@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 UPPER, HIGH = 0.6, 3  # part of the view, and rows that are averaged
-FINER = 2  # columns for each of the frame
+FINE_PX = 160  # about as many columns are compared
 REACH = 0.125  # of the width
 FLOOR = 1e-4
 
@@ -69,7 +69,8 @@ class Shift(Memory):
 
     The edges p(y, x) of a view are the differences of its grey over the columns, in rows of the upper part, with
     deviation 1. The shift s has the least d(s) = mean (p(y, x) - p_before(y, x - s))² up to REACH of the width
-    and is refined by a parabola. Output: the pixels flattened, then s/REACH and d(s)/mean d of each frame before.
+    and is refined by a parabola; d is computed as mean p² + mean p_before² - 2·mean p·p_before. Output: the pixels
+    flattened, then s/REACH and d(s)/mean d of each frame before.
     The state holds a number that is 0 before the first frame, and the edges of the frames before, the newest first;
     the first frame has not moved.
     """
@@ -80,9 +81,10 @@ class Shift(Memory):
         """``join`` makes ``units`` of the features of a trunk and the shifts."""
         super().__init__()
         self.size, self.count = size, count
-        self.edges_size = (round(UPPER * size[0]) // HIGH, FINER * size[1] - 2)
+        self.finer = max(1, round(FINE_PX / size[1]))
+        self.edges_size = (round(UPPER * size[0]) // HIGH, self.finer * size[1] - 2)
         self.state_size, self.moved = 1 + count * self.edges_size[0] * self.edges_size[1], 2 * count
-        self.reach = round(REACH * FINER * size[1])
+        self.reach = round(REACH * self.finer * size[1])
         inner = torch.arange(self.reach, self.edges_size[1] - self.reach)
         shifts = torch.arange(-self.reach, self.reach + 1)
         self.register_buffer("places", inner[None] - shifts[:, None], persistent=False)
@@ -93,7 +95,9 @@ class Shift(Memory):
         """The edges of views (n, c, h, w): (n, rows, columns)."""
         rows = HIGH * self.edges_size[0]
         grey = pixels.mean(dim=1)[:, :rows].unflatten(1, (-1, HIGH)).mean(dim=2)
-        fine = nn.functional.interpolate(grey, size=FINER * self.size[1], mode="linear", align_corners=False)
+        fine = nn.functional.interpolate(
+            grey, size=self.finer * self.size[1], mode="linear", align_corners=False
+        )
         edges = fine[..., 2:] - fine[..., :-2]
         return edges / ((edges**2).mean(dim=(1, 2), keepdim=True).sqrt() + FLOOR)
 
@@ -118,9 +122,12 @@ class Shift(Memory):
         return pixels, self.scale(output[:, -self.moved :])
 
     def _output(self, pixels: Tensor, now: Tensor, before: Tensor) -> Tensor:
-        inner = now.permute(2, 0, 1)[self.reach : self.edges_size[1] - self.reach, :, None]
-        shifted = before.permute(3, 0, 1, 2)[self.places]  # columns first: whole columns are copied
-        differences = ((inner - shifted) ** 2).mean(dim=(1, 4)).permute(1, 2, 0)
+        inner = now[:, :, self.reach : self.edges_size[1] - self.reach].transpose(1, 2)
+        columns = before.transpose(2, 3)  # whole columns are copied
+        products = columns[:, :, self.places].flatten(3) @ inner.flatten(1)[:, None, :, None]
+        squares = (columns**2).sum(dim=3)[:, :, self.places].sum(dim=3)
+        squares = squares + (inner**2).sum(dim=(1, 2))[:, None, None]
+        differences = (squares - 2 * products[..., 0]) / (inner.shape[1] * inner.shape[2])
         middle = differences[..., 1:-1].argmin(dim=-1, keepdim=True) + 1
         left, least, right = (differences.gather(-1, middle + i)[..., 0] for i in (-1, 0, 1))
         bend = (left - 2 * least + right).clamp(min=FLOOR)

@@ -34,7 +34,7 @@ DRIVER = "steer"  # the network that also drives
 NETWORKS: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recipe
     PEER: {},
     DRIVER: FINE,
-    "steer-motion": CLEAN,
+    "steer-motion": FINE,
     "steer-lstm": {"window": "16", "frames_share": "0.125", "batch": "16", **FINE},  # 16 frames are 7 m
 }
 ROADS, EPOCHS = 1000, 10
