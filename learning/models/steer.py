@@ -9,10 +9,10 @@ weights a channel are counted):
     conv 3x3, 64   ->  8 x 10    27 776      together                   169 626
 
 ``steer-motion``: the same, and the shift of the view to the side since each of the BEFORE frames before
-(:class:`Shift`): dense 64 and 4 numbers -> dense 32 -> angle and log scale, 171 770 weights together. In recorded
-drives this motion shows how far the wheel is turned at present; a network that only keeps up this angle imitates
-well and drives badly (de Haan et al., Causal Confusion in Imitation Learning, NeurIPS 2019). It depends on the
-frame rate of the training.
+(:class:`Shift`): dense 64 and 4 numbers -> dense 32; these and the 4 numbers -> angle and log scale, 171 778
+weights together. In recorded drives this motion shows how far the wheel is turned at present; a network that only
+keeps up this angle imitates well and drives badly (de Haan et al., Causal Confusion in Imitation Learning, NeurIPS
+2019). It depends on the frame rate of the training.
 
 ``steer-lstm``: the network of one frame, and a long short-term memory of 32 units (12 416) between its dense layer
 and the output (66), 181 978 weights together. The camera shows the road from some metres ahead of the axle on; the

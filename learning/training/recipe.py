@@ -77,6 +77,7 @@ class Recipe(Settings):
     width_px: Count | None = None
     dropout: Annotated[float, Field(ge=0, lt=1)] | None = None
     histogram: Literal["none", "equalise", "match"]
+    flip_bias: Share
     initialisation: Literal["network", "glorot", "he"]
     weights: Path | None = None
     pretrain_epochs: Annotated[int, Field(ge=0)]

@@ -66,7 +66,7 @@ def run(
     trainer = Trainer(
         recipe=recipe,
         network=network.to(device),
-        batches=batches_of(recipe, network, train),
+        batches=batches_of(recipe, network, train, report),
         validation=validation,
         checkpoints=Checkpoints(work / "checkpoint"),
         identity=_identity(name, recipe, data.sha256),
@@ -123,8 +123,10 @@ def first_weights(name: str, network: SteeringNetwork, recipe: Recipe) -> str:
     return f"{path.name}, sha256 {hashlib.sha256(path.read_bytes()).hexdigest()}"
 
 
-def batches_of(recipe: Recipe, network: SteeringNetwork, train: Frames) -> Batches:
-    """The batches of the training frames.
+def batches_of(
+    recipe: Recipe, network: SteeringNetwork, train: Frames, report: Callable[[str], None]
+) -> Batches:
+    """The batches of the training frames; none is mirrored where their labels lie to one side.
 
     Raises InputError when a memory needs longer pieces, or another window or stride.
     """
@@ -144,17 +146,21 @@ def batches_of(recipe: Recipe, network: SteeringNetwork, train: Frames) -> Batch
         raise InputError(
             f"no piece of the training frames without a gap is {recipe.window} frames x {recipe.stride} long"
         )
+    changes = recipe.augmentation
+    labels_rad = train.labels_rad.astype(float)
+    mean_rad, rms_rad = abs(labels_rad.mean()), math.sqrt(np.mean(labels_rad**2))
+    if mean_rad > recipe.flip_bias * rms_rad and changes.flip:
+        report(f"no frame is mirrored: |mean|/rms of the labels is {mean_rad / rms_rad:.2f}")
+        changes = changes.model_copy(update={"flip": 0.0})
     vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     return Batches(
         frames=train,
         places=places,
-        weights=weights(
-            train.labels_rad.astype(float), bins=recipe.balance_bins, power=recipe.balance
-        ).astype(np.float32),
+        weights=weights(labels_rad, bins=recipe.balance_bins, power=recipe.balance).astype(np.float32),
         size=recipe.batch,
         seed=recipe.seed,
-        augment=Augmenter(recipe.augmentation, camera, wheelbase_m=vehicle.wheelbase_m),
+        augment=Augmenter(changes, camera, wheelbase_m=vehicle.wheelbase_m),
         recurrent=recurrent,
     )
 

@@ -70,7 +70,8 @@ class SteeringNetwork(nn.Module):
         """Rows (n, o) of outputs of the memory."""
         if isinstance(self.memory, Shift):
             pixels, moved = self.memory.parts(output)
-            output = self.memory.join(torch.cat([self.top(self.trunk(pixels)), moved], dim=1))
+            joined = self.memory.join(torch.cat([self.top(self.trunk(pixels)), moved], dim=1))
+            output = torch.cat([joined, moved], dim=1)
         return self.head(output)
 
     def forward(self, image: Tensor) -> Tensor:

@@ -68,9 +68,9 @@ def test_a_window_crosses_neither_rows_that_are_left_out_nor_a_pause_nor_the_end
 @pytest.mark.parametrize("changes", [{"window": "2"}, {"stride": "2"}])
 def test_the_shift_of_the_view_needs_each_of_three_frames(changes: dict[str, str]):
     network = build("steer-motion", height=24, width=32)
-    assert len(batches_of(load_recipe("steer-motion", None), network, frames([0] * 9))) > 0
+    assert len(batches_of(load_recipe("steer-motion", None), network, frames([0] * 9), print)) > 0
     with pytest.raises(InputError, match="needs a window of 3 frames at least, and a stride of 1"):
-        batches_of(load_recipe("steer-motion", None, overrides=changes), network, frames([0] * 9))
+        batches_of(load_recipe("steer-motion", None, overrides=changes), network, frames([0] * 9), print)
 
 
 def test_windows_of_one_frame_are_all_frames():
@@ -160,3 +160,16 @@ def test_beside_the_recorded_path_the_angle_leads_back_to_it():
     curvature = math.tan(change.returning(0.0, 0.3, 0.0)) / WHEELBASE_M
     assert 0.3 + curvature * ahead_m**2 / 2 == pytest.approx(0.0, abs=1e-9)
     assert change.returning(0.1, 0.0, 0.0) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("offset_rad", "mirrored"), [(0.0, True), (0.2, False)])
+def test_frames_are_mirrored_unless_their_labels_lie_to_one_side(offset_rad: float, mirrored: bool):
+    recipe = load_recipe("steer", None, overrides={"augmentation.flip": "1.0", "batch": "9"})
+    network = build("steer", height=24, width=32)
+    images, labels_rad, *others = frames([0] * 9)
+    train = Frames(images, labels_rad + np.float32(offset_rad), *others)
+    reports: list[str] = []
+    (batch,) = batches_of(recipe, network, train, reports.append).epoch(0)
+    wanted_rad = np.sort(-train.labels_rad if mirrored else train.labels_rad)
+    assert np.sort(batch.labels_rad.numpy()).tolist() == wanted_rad.tolist()
+    assert reports == ([] if mirrored else ["no frame is mirrored: |mean|/rms of the labels is 0.84"])

@@ -39,7 +39,7 @@ def trainer(folder, model="steer", **changes) -> Trainer:
     return Trainer(
         recipe=recipe,
         network=network,
-        batches=batches_of(recipe, network, train),
+        batches=batches_of(recipe, network, train, print),
         validation=frames(16, 1),
         checkpoints=Checkpoints(folder / "checkpoint"),
         identity=recipe.model_dump_json(),
