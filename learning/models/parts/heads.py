@@ -33,7 +33,7 @@ class Head(nn.Module):
 
     def angle(self, raw: Tensor) -> tuple[Tensor, Tensor]:
         """Angle and standard deviation of its error, of rows (…, size)."""
-        return raw[..., 0], torch.ones_like(raw[..., 0]) * self.sigma
+        return raw[..., 0], self.sigma.expand_as(raw[..., 0])
 
     def losses(self, raw: Tensor, wanted: Tensor, *, loss: Loss, beta: float) -> Tensor:
         """The loss of each row, of the shape of ``wanted``."""
