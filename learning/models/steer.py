@@ -8,8 +8,8 @@ weights a channel are counted):
     conv 3x3/2, 48 ->  8 x 10    13 920      angle and log scale            130
     conv 3x3, 64   ->  8 x 10    27 776      together                   169 626
 
-``steer-motion``: the same, and the shift of the view to the side since each of the BEFORE frames before
-(:class:`Shift`): dense 64 and 4 numbers -> dense 32; these and the 4 numbers -> angle and log scale, 171 778
+``steer-motion``: the same, and the shifts of the view to the side between the last frames, BEFORE of them
+(:class:`Shift`): dense 64 and 6 numbers -> dense 32; these and the 6 numbers -> angle and log scale, 171 846
 weights together. In recorded drives this motion shows how far the wheel is turned at present; a network that only
 keeps up this angle imitates well and drives badly (de Haan et al., Causal Confusion in Imitation Learning, NeurIPS
 2019). It depends on the frame rate of the training.
@@ -29,7 +29,7 @@ from learning.models.parts.view import View
 CONVOLUTIONS = ((24, 5, 2), (32, 3, 2), (48, 3, 2), (64, 3, 1), (64, 3, 2))
 DENSE = 64
 DROPOUT = 0.3
-BEFORE = 2  # frames
+BEFORE = 3
 JOINED = 32
 UNITS = 32
 

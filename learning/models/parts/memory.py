@@ -65,14 +65,14 @@ class LSTM(Memory):
 
 
 class Shift(Memory):
-    """How far the view has moved to the side since each of the ``count`` frames before.
+    """How far the view has moved to the side from frame to frame, over the last ``count`` frames.
 
     The edges p(y, x) of a view are the differences of its grey over the columns, in rows of the upper part, with
-    deviation 1. The shift s has the least d(s) = mean (p(y, x) - p_before(y, x - s))² up to REACH of the width
-    and is refined by a parabola; d is computed as mean p² + mean p_before² - 2·mean p·p_before. Output: the pixels
-    flattened, then s/REACH and d(s)/mean d of each frame before.
-    The state holds a number that is 0 before the first frame, and the edges of the frames before, the newest first;
-    the first frame has not moved.
+    deviation 1. The shift s since the frame before has the least d(s) = mean (p(y, x) - p_before(y, x - s))² up to
+    REACH of the width and is refined by a parabola; d is computed as mean p² + mean p_before² - 2·mean p·p_before.
+    Output: the pixels flattened, then the last s/REACH, and their d(s)/mean d, the newest first. The state holds a
+    number that is 0 before the first frame, the edges of the frame before, and the older numbers of the output; the
+    first frame has not moved.
     """
 
     places: Tensor
@@ -83,7 +83,8 @@ class Shift(Memory):
         self.size, self.count = size, count
         self.finer = max(1, round(FINE_PX / size[1]))
         self.edges_size = (round(UPPER * size[0]) // HIGH, self.finer * size[1] - 2)
-        self.state_size, self.moved = 1 + count * self.edges_size[0] * self.edges_size[1], 2 * count
+        self.edges_count, self.moved = self.edges_size[0] * self.edges_size[1], 2 * count
+        self.state_size = 1 + self.edges_count + self.moved
         self.reach = round(REACH * self.finer * size[1])
         inner = torch.arange(self.reach, self.edges_size[1] - self.reach)
         shifts = torch.arange(-self.reach, self.reach + 1)
@@ -103,35 +104,37 @@ class Shift(Memory):
 
     def step(self, features: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         now = self.edges(features)
-        before = state[:, 1:].unflatten(1, (self.count, *self.edges_size))
-        before = torch.where(state[:, :1, None, None] > 0.5, before, now[:, None])
-        known = torch.cat([now[:, None], before[:, :-1]], dim=1).flatten(1)
-        state = torch.cat([torch.ones_like(state[:, :1]), known], dim=1)
-        return self._output(features, now, before), state
+        known, edges, older = state.split([1, self.edges_count, self.moved], dim=1)
+        before = torch.where(known[:, :, None] > 0.5, edges.unflatten(1, self.edges_size), now)
+        moved = torch.stack(self.between(now, before), dim=1)
+        moved = torch.cat([moved[..., None], older.unflatten(1, (2, -1))[..., :-1]], dim=2).flatten(1)
+        state = torch.cat([torch.ones_like(known), now.flatten(1), moved], dim=1)
+        return torch.cat([features.flatten(1), moved], dim=1), state
 
     def forward(self, features: Tensor) -> Tensor:
         """The output (n, o) of the last frame of sequences (n, t, c, h, w)."""
         last = features.shape[1] - 1
         places = [max(last - back, 0) for back in range(self.count + 1)]
-        now, *before = (self.edges(features[:, place]) for place in places)
-        return self._output(features[:, last], now, torch.stack(before, dim=1))
+        edges = self.edges(features[:, places].flatten(0, 1)).unflatten(0, (-1, self.count + 1))
+        pairs = self.between(edges[:, :-1].flatten(0, 1), edges[:, 1:].flatten(0, 1))
+        moved = [one.unflatten(0, (-1, self.count)) for one in pairs]
+        return torch.cat([features[:, last].flatten(1), *moved], dim=1)
 
     def parts(self, output: Tensor) -> tuple[Tensor, Tensor]:
         """Pixels (n, c, h, w), and scaled shifts and differences (n, m), of an output."""
         pixels = output[:, : -self.moved].unflatten(1, (-1, *self.size))
         return pixels, self.scale(output[:, -self.moved :])
 
-    def _output(self, pixels: Tensor, now: Tensor, before: Tensor) -> Tensor:
+    def between(self, now: Tensor, before: Tensor) -> tuple[Tensor, Tensor]:
+        """The shifts s/REACH (n,) and d(s)/mean d (n,) between edges (n, rows, columns)."""
         inner = now[:, :, self.reach : self.edges_size[1] - self.reach].transpose(1, 2)
-        columns = before.transpose(2, 3)  # whole columns are copied
-        products = columns[:, :, self.places].flatten(3) @ inner.flatten(1)[:, None, :, None]
-        squares = (columns**2).sum(dim=3)[:, :, self.places].sum(dim=3)
-        squares = squares + (inner**2).sum(dim=(1, 2))[:, None, None]
+        columns = before.transpose(1, 2)  # whole columns are copied
+        products = columns[:, self.places].flatten(2) @ inner.flatten(1)[..., None]
+        squares = (columns**2).sum(dim=2)[:, self.places].sum(dim=2) + (inner**2).sum(dim=(1, 2))[:, None]
         differences = (squares - 2 * products[..., 0]) / (inner.shape[1] * inner.shape[2])
-        middle = differences[..., 1:-1].argmin(dim=-1, keepdim=True) + 1
-        left, least, right = (differences.gather(-1, middle + i)[..., 0] for i in (-1, 0, 1))
+        middle = differences[:, 1:-1].argmin(dim=-1, keepdim=True) + 1
+        left, least, right = (differences.gather(-1, middle + i)[:, 0] for i in (-1, 0, 1))
         bend = (left - 2 * least + right).clamp(min=FLOOR)
         peak = (0.5 * (left - right) / bend).clamp(-1, 1)
-        shift = (middle[..., 0] - self.reach + peak) / self.reach
-        doubt = least / (differences.mean(dim=-1) + FLOOR)
-        return torch.cat([pixels.flatten(1), shift, doubt], dim=1)
+        shift = (middle[:, 0] - self.reach + peak) / self.reach
+        return shift, least / (differences.mean(dim=-1) + FLOOR)

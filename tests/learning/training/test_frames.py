@@ -65,11 +65,11 @@ def test_a_window_crosses_neither_rows_that_are_left_out_nor_a_pause_nor_the_end
     assert read.windows(2, 2).tolist() == [[2, 4], [7, 9]]
 
 
-@pytest.mark.parametrize("changes", [{"window": "2"}, {"stride": "2"}])
-def test_the_shift_of_the_view_needs_each_of_three_frames(changes: dict[str, str]):
+@pytest.mark.parametrize("changes", [{"window": "3"}, {"stride": "2"}])
+def test_the_shift_of_the_view_needs_each_of_four_frames(changes: dict[str, str]):
     network = build("steer-motion", height=24, width=32)
     assert len(batches_of(load_recipe("steer-motion", None), network, frames([0] * 9), print)) > 0
-    with pytest.raises(InputError, match="needs a window of 3 frames at least, and a stride of 1"):
+    with pytest.raises(InputError, match="needs a window of 4 frames at least, and a stride of 1"):
         batches_of(load_recipe("steer-motion", None, overrides=changes), network, frames([0] * 9), print)
 
 
