@@ -35,7 +35,7 @@ HARNESS = "harness"
 SETS = ("donkey_sim_carpet", "udacity_sim_track", "running_track_cart", "donkey_indoor_track")
 OURS, PEER = ("steer", "steer-motion"), "donkey-linear"
 FOLDER = WORK_DIR / "out" / "bench_imitation"
-EPOCHS, QUICK_EPOCHS = 25, 2
+EPOCHS, QUICK_EPOCHS = 15, 2
 QUICK_SHARE = 0.25  # of the training frames
 SPLIT = Split(by="time", seed=0, gap_s=2.0, shares={"train": 0.65, "validation": 0.15, "test": 0.2})
 
