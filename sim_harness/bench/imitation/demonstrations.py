@@ -1,9 +1,9 @@
 """Simulated drives at 5 mph to learn from: on random roads, and on shipped ones that are only tested.
 
-The driver follows the exact lane by the law LAW, from a start beside the centre on the random roads. A network that
-repeats its angles at four times the speed needs this gentler law: the lag of the car then is four times as long a
-way. The labels are the measured steering, as in every recording. Drives and data sets are kept under a hash of the
-code and of all else that they depend on.
+The driver follows the exact lane, from a start beside the centre on the random roads, and turns the wheel as the
+feed-forward law (:mod:`controller.laws.feedforward`) does at AS_MPS: a network repeats these angles at every speed
+up to it, where the lag of the car is four times as long a way. The labels are the measured steering, as in every
+recording. Drives and data sets are kept under a hash of the code and of all else that they depend on.
 """
 
 import json
@@ -14,14 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.controller import Controller
-from controller.laws.lateral import LawName
+from controller.laws.feedforward import path_curvature
+from controller.model.tyres import Tyres
 from learning.correcting.alone import EXPERT
 from learning.dataset.build import built_once
 from learning.dataset.dataset import Dataset, Split
 from learning.drawn_frames import drawn_road, random_road
 from learning.rendered import say
-from sim_harness.bench.control.contestants import nominal, shipped, with_law
+from sim_harness.bench.control.contestants import nominal, shipped
 from sim_harness.bench.control.speeds import MPH
 from sim_harness.lockstep.closed_loop import Instant, build_parts, run
 from sim_harness.lockstep.oracle import Oracle
@@ -30,10 +30,12 @@ from sim_harness.lockstep.unsupervised import FollowedLane, UnsupervisedDriver
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import finished
-from trepid.messages import Decision
+from trepid.car.vehicle import Vehicle, road_wheel_angle
+from trepid.clothoid import Lane
+from trepid.messages import Decision, SimTruth, SteeringEstimate
 
 SPEED_MPS = 5 * MPH
-LAW = LawName.FEEDFORWARD  # back to the centre over twice the way of the shipped law
+AS_MPS = 20 * MPH
 RATE_HZ = 5.0  # of the camera: 0.45 m between two frames
 OFFSET_M, HEADING_RAD = (
     0.3,
@@ -126,12 +128,29 @@ def demonstrate(task: Demonstration) -> dict[str, float]:
 
         def watched(now: Instant) -> None:
             nonlocal newest
-            newest = FollowedLane.of(oracle.step(now.truth), now.truth.t_s)
+            newest = turned(now.truth, oracle.step(now.truth), vehicle)
             if now.truth.t_s >= SETTLED_S:
                 witness(now)
 
-        controller = Controller(vehicle, with_law(shipped(), LAW))
-        parts = replace(parts, supervisor=driver, controller=controller, lead=None)  # type: ignore[arg-type]
+        parts = replace(parts, supervisor=driver, lead=None)  # type: ignore[arg-type]
         metrics = run(scenario, seed=seed, parts=parts, witness=watched).metrics
     partial.replace(path)
     return {"distance_m": metrics.distance_m, "max_lateral_error_m": metrics.max_lateral_error_m}
+
+
+def turned(truth: SimTruth, exact: SteeringEstimate, vehicle: Vehicle) -> FollowedLane | None:
+    """The arc that the law follows at AS_MPS, of the lane ``exact`` at ``truth``."""
+    lane = Lane(
+        truth.lateral_offset_m,
+        truth.heading_error_rad,
+        truth.curvature_1pm,
+        exact.curvature_rate_1pm2 or 0.0,
+    )
+    curvature_1pm = path_curvature(
+        lane,
+        speed_mps=AS_MPS,
+        lag_s=vehicle.steering_lag_s + Tyres(vehicle).lag_s(AS_MPS),
+        settings=shipped().lateral.feedforward,
+    )
+    angle_rad = road_wheel_angle(curvature_1pm, wheelbase_m=vehicle.wheelbase_m)
+    return FollowedLane.arc(replace(exact, road_wheel_angle_rad=angle_rad), wheelbase_m=vehicle.wheelbase_m)
