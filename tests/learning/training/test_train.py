@@ -128,7 +128,13 @@ ONE_EPOCH = (
 
 
 @pytest.mark.parametrize(
-    "model, more", [("cnn-lstm", "window=3"), ("jain", "height_px=8"), ("rausch", "head=gaussian")]
+    "model, more",
+    [
+        ("cnn-lstm", "window=3"),
+        ("jain", "height_px=8"),
+        ("rausch", "head=gaussian"),
+        ("steer-motion", "head=regression"),
+    ],
 )
 def test_other_networks_are_exported_as_torch_computes_them(data, tmp_path, model, more):
     sizes = ("--set", "width_px=16") if model == "jain" else ()
