@@ -23,7 +23,7 @@ from learning.drawn_frames import drawn_road, random_road
 from learning.rendered import say
 from sim_harness.bench.control.contestants import nominal, shipped
 from sim_harness.bench.control.speeds import MPH
-from sim_harness.lockstep.closed_loop import Instant, build_parts, run
+from sim_harness.lockstep.closed_loop import Instant, Result, Witness, build_parts, run
 from sim_harness.lockstep.oracle import Oracle
 from sim_harness.lockstep.recording import recording
 from sim_harness.lockstep.unsupervised import FollowedLane, UnsupervisedDriver
@@ -113,6 +113,21 @@ def _scenario(source: str, changes: Mapping[str, str]) -> Scenario:
 def demonstrate(task: Demonstration) -> dict[str, float]:
     """Drive along the exact lane and record from SETTLED_S on; the scores of the drive."""
     scenario, seed, path = task
+    partial = path.with_suffix(".partial")
+    partial.unlink(missing_ok=True)
+    with recording(partial, scenario) as witness:
+
+        def settled(now: Instant) -> None:
+            if now.truth.t_s >= SETTLED_S:
+                witness(now)
+
+        metrics = drive_exactly(scenario, seed=seed, witness=settled).metrics
+    partial.replace(path)
+    return {"distance_m": metrics.distance_m, "max_lateral_error_m": metrics.max_lateral_error_m}
+
+
+def drive_exactly(scenario: Scenario, *, seed: int, witness: Witness | None = None) -> Result:
+    """Drive at constant set speed along the arcs of :func:`turned`."""
     parts = build_parts(scenario, seed=seed)
     vehicle = nominal()
     oracle = Oracle(EXPERT, parts.vehicle.road, vehicle)
@@ -121,21 +136,16 @@ def demonstrate(task: Demonstration) -> dict[str, float]:
     def choice(_: Decision, __: object) -> FollowedLane | None:
         return newest
 
-    driver = UnsupervisedDriver(parts.supervisor, EXPERT, choice, cruise_speed_mps=SPEED_MPS)
-    partial = path.with_suffix(".partial")
-    partial.unlink(missing_ok=True)
-    with recording(partial, scenario) as witness:
+    def watched(now: Instant) -> None:
+        nonlocal newest
+        newest = turned(now.truth, oracle.step(now.truth), vehicle)
+        if witness is not None:
+            witness(now)
 
-        def watched(now: Instant) -> None:
-            nonlocal newest
-            newest = turned(now.truth, oracle.step(now.truth), vehicle)
-            if now.truth.t_s >= SETTLED_S:
-                witness(now)
-
-        parts = replace(parts, supervisor=driver, lead=None)  # type: ignore[arg-type]
-        metrics = run(scenario, seed=seed, parts=parts, witness=watched).metrics
-    partial.replace(path)
-    return {"distance_m": metrics.distance_m, "max_lateral_error_m": metrics.max_lateral_error_m}
+    speed_mps = scenario.speed_mps or SPEED_MPS
+    driver = UnsupervisedDriver(parts.supervisor, EXPERT, choice, cruise_speed_mps=speed_mps)
+    parts = replace(parts, supervisor=driver, lead=None)  # type: ignore[arg-type]
+    return run(scenario, seed=seed, parts=parts, witness=watched)
 
 
 def turned(truth: SimTruth, exact: SteeringEstimate, vehicle: Vehicle) -> FollowedLane | None:

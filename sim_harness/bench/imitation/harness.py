@@ -7,7 +7,7 @@ network steers, and does not keep a distance.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import cv2
 
@@ -20,10 +20,10 @@ from learning.models.catalogue import MODELS
 from learning.rendered import say
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.bench.control.speeds import MPH
-from sim_harness.bench.imitation.demonstrations import demonstrations
-from sim_harness.bench.imitation.verdict import AUTONOMY, FARTHEST, SUPERVISED
+from sim_harness.bench.imitation.demonstrations import demonstrations, drive_exactly
+from sim_harness.bench.imitation.verdict import AUTONOMY, EXACT, FARTHEST, SUPERVISED
 from sim_harness.lockstep.closed_loop import run
-from sim_harness.scenarios.scenario import Scenario, Sight, Tag, list_scenarios
+from sim_harness.scenarios.scenario import Scenario, Sight, Tag, list_scenarios, load_scenario
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import Row, stored_rows
 
@@ -59,14 +59,14 @@ class Task(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """A drive of a network alone, or supervised."""
+    """A drive of a network alone, supervised, or with the angles of the demonstrations instead."""
 
     scenario: Scenario
-    supervised: bool
+    driver: Literal["alone", "supervised", "exact"]
 
 
 def bench_harness(folder: Path, *, quick: bool, seed: int, jobs: int) -> dict[str, dict[str, Row]]:
-    """Tables "unseen roads" (network -> scores), FARTHEST, AUTONOMY and SUPERVISED (scenario -> results)."""
+    """Tables "unseen roads" (network -> scores), FARTHEST, AUTONOMY, SUPERVISED and EXACT (scenario -> results)."""
     roads = QUICK_ROADS if quick else ROADS
     sets = demonstrations(folder, roads=roads, seed=seed, jobs=jobs)
     tasks = {name: _task(folder, sets, name, changes, quick=quick) for name, changes in NETWORKS.items()}
@@ -127,16 +127,24 @@ def _scores(model: Model, data: Dataset) -> Row:
 
 
 def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str, dict[str, Row]]:
-    """Scenario -> farthest place beside the centre and autonomy by speed, alone; the scores, supervised."""
+    """Scenario -> farthest place beside the centre and autonomy by speed, alone; scores of the other drivers."""
     names = QUICK_SCENARIOS if quick else steered()
     speeds = QUICK_SPEEDS_MPH if quick else SPEEDS_MPH
     drives = {
-        f"{name} {mph} mph": Drive(_scenario(name, network, mph), supervised=False)
+        f"{name} {mph} mph": Drive(_scenario(name, network, mph), driver="alone")
         for name in names
         for mph in speeds
     }
     drives |= {
-        f"{name} supervised": Drive(_scenario(name, network, SUPERVISED_MPH), supervised=True)
+        f"{name} supervised": Drive(_scenario(name, network, SUPERVISED_MPH), driver="supervised")
+        for name in names
+    }
+    fastest = str(max(speeds) * MPH)
+    drives |= {
+        f"{name} exact": Drive(
+            load_scenario(name, {"speed_mps": fastest, "start.speed_mps": fastest, "sight": Sight.TRUTH}),
+            driver="exact",
+        )
         for name in names
     }
     modules = ["learning.correcting.alone", __name__]
@@ -150,8 +158,11 @@ def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str,
         title: {name: {speed: found[name][score] for speed, found in alone.items()} for name in names}
         for title, score in ((FARTHEST, "max_lateral_error_m"), (AUTONOMY, "autonomy_percent"))
     }
-    scores = {name: rows[f"{name} supervised"] for name in names}
-    return tables | {SUPERVISED: scores}
+    scores = {
+        title: {name: rows[f"{name} {driver}"] for name in names}
+        for title, driver in ((SUPERVISED, "supervised"), (EXACT.format(max(speeds)), "exact"))
+    }
+    return tables | scores
 
 
 def steered() -> list[str]:
@@ -167,6 +178,12 @@ def _scenario(name: str, network: Path, mph: float) -> Scenario:
 
 def driven(task: Drive) -> Row:
     """The scores of a drive."""
-    result = run(task.scenario) if task.supervised else drive_alone(task.scenario, seed=0)
+    match task.driver:
+        case "alone":
+            result = drive_alone(task.scenario, seed=0)
+        case "supervised":
+            result = run(task.scenario)
+        case "exact":
+            result = drive_exactly(task.scenario, seed=0)
     row = result.row()
     return {name: row[name] for name in ("autonomy_percent", "max_lateral_error_m", "departures")}

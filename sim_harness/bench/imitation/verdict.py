@@ -7,6 +7,7 @@ from typing import Any
 Row = Mapping[str, Any]
 FARTHEST, AUTONOMY = "alone, farthest beside the centre [m]", "alone, autonomy [%]"  # tables of drives
 SUPERVISED = "supervised"
+EXACT = "exact angles instead of a network, {} mph"  # bends that these leave are too tight for the limiter
 
 MOST_TO_PEER = 0.8  # of the error of donkeycar's network
 LEAST_R2, LEAST_R2_SIMULATED = 0.0, 0.6
