@@ -150,11 +150,9 @@ def drive_exactly(scenario: Scenario, *, seed: int, witness: Witness | None = No
 
 def turned(truth: SimTruth, exact: SteeringEstimate, vehicle: Vehicle) -> FollowedLane | None:
     """The arc that the law follows at AS_MPS, of the lane ``exact`` at ``truth``."""
+    assert exact.curvature_rate_1pm2 is not None  # of an Oracle
     lane = Lane(
-        truth.lateral_offset_m,
-        truth.heading_error_rad,
-        truth.curvature_1pm,
-        exact.curvature_rate_1pm2 or 0.0,
+        truth.lateral_offset_m, truth.heading_error_rad, truth.curvature_1pm, exact.curvature_rate_1pm2
     )
     curvature_1pm = path_curvature(
         lane,
