@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.laws.feedforward import path_curvature
-from controller.model.tyres import Tyres
+from controller.laws.feedforward import Feedforward
+from controller.laws.law import Acting
 from learning.correcting.alone import EXPERT
 from learning.dataset.build import built_once
 from learning.dataset.dataset import Dataset, Split
@@ -131,6 +131,7 @@ def drive_exactly(scenario: Scenario, *, seed: int, witness: Witness | None = No
     parts = build_parts(scenario, seed=seed)
     vehicle = nominal()
     oracle = Oracle(EXPERT, parts.vehicle.road, vehicle)
+    law = Feedforward(shipped().lateral.feedforward, vehicle)
     newest: FollowedLane | None = None
 
     def choice(_: Decision, __: object) -> FollowedLane | None:
@@ -138,7 +139,7 @@ def drive_exactly(scenario: Scenario, *, seed: int, witness: Witness | None = No
 
     def watched(now: Instant) -> None:
         nonlocal newest
-        newest = turned(now.truth, oracle.step(now.truth), vehicle)
+        newest = turned(now.truth, oracle.step(now.truth), law, vehicle)
         if witness is not None:
             witness(now)
 
@@ -148,17 +149,14 @@ def drive_exactly(scenario: Scenario, *, seed: int, witness: Witness | None = No
     return run(scenario, seed=seed, parts=parts, witness=watched)
 
 
-def turned(truth: SimTruth, exact: SteeringEstimate, vehicle: Vehicle) -> FollowedLane | None:
-    """The arc that the law follows at AS_MPS, of the lane ``exact`` at ``truth``."""
+def turned(
+    truth: SimTruth, exact: SteeringEstimate, law: Feedforward, vehicle: Vehicle
+) -> FollowedLane | None:
+    """The arc that ``law`` follows at AS_MPS, of the lane ``exact`` at ``truth``."""
     assert exact.curvature_rate_1pm2 is not None  # of an Oracle
-    lane = Lane(
-        truth.lateral_offset_m, truth.heading_error_rad, truth.curvature_1pm, exact.curvature_rate_1pm2
-    )
-    curvature_1pm = path_curvature(
-        lane,
-        speed_mps=AS_MPS,
-        lag_s=vehicle.steering_lag_s + Tyres(vehicle).lag_s(AS_MPS),
-        settings=shipped().lateral.feedforward,
-    )
-    angle_rad = road_wheel_angle(curvature_1pm, wheelbase_m=vehicle.wheelbase_m)
+    bend_1pm = truth.curvature_1pm
+    lane = Lane(truth.lateral_offset_m, truth.heading_error_rad, bend_1pm, exact.curvature_rate_1pm2)
+    # the law reads lane and speed only
+    now = Acting(lane, AS_MPS, wheel_rad=0.0, curvature_1pm=0.0, steady_1pm=0.0, seen=lane)
+    angle_rad = road_wheel_angle(law.curvature(now, dt_s=0.0), wheelbase_m=vehicle.wheelbase_m)
     return FollowedLane.arc(replace(exact, road_wheel_angle_rad=angle_rad), wheelbase_m=vehicle.wheelbase_m)
