@@ -37,10 +37,7 @@ from trepid.messages import Decision, SimTruth, SteeringEstimate
 SPEED_MPS = 5 * MPH
 AS_MPS = 20 * MPH
 RATE_HZ = 5.0  # of the camera: 0.45 m between two frames
-OFFSET_M, HEADING_RAD = (
-    0.3,
-    0.1,
-)  # standard deviations at the start: the way back to the centre is learned there
+OFFSET_M, HEADING_RAD = 0.3, 0.1  # deviations at the start: the way back to the centre is learned there
 SETTLED_S = 0.8  # after the start the wheel, straight at first, has the angle that the lane asks for
 ROUTE_M, END_M = 24.0, 15.0  # of a random road that is driven, and behind it
 UNSEEN: Mapping[str, Mapping[str, str]] = {  # scenario -> changes
