@@ -21,9 +21,9 @@ class View(nn.Module):
     """Uint8 BGR frames (n, H, W, 3) -> float32 (n, C, H − crop, W).
 
     In this order: rows above the crop are cut off; histogram (A20: grey levels mapped by the histogram of the
-    luminance, equalised or matched to that of the training images); colour space; scaling. ``unit``: 0 to 1.
-    ``signed``: −1 to 1. ``contrast``: mean 0 and deviation 1 of each frame. ``imagenet``: the mean and deviation of
-    ImageNet, as of the public weights.
+    luminance, equalised or matched to that of the training images, see :meth:`match`); colour space; scaling.
+    ``unit``: 0 to 1. ``signed``: −1 to 1. ``contrast``: mean 0 and deviation 1 of each frame. ``imagenet``: the
+    mean and deviation of ImageNet, as of the public weights.
     """
 
     reference: Tensor
@@ -52,19 +52,24 @@ class View(nn.Module):
     def match(self, counts: ArrayLike) -> None:
         """Match the histogram of each frame to the reference histogram ``counts`` (256,).
 
-        T(j) = ⌊(K−1)·H(j)⌋ of both, and v -> the smallest z with T_ref(z) ≥ T_in(v).
+        With h(v) the share of the pixels at level v, M(v) = Σ_{u<v} h(u) + h(v)/2 of both; v -> M_ref⁻¹(M(v)),
+        linear between levels. With Σ_{u≤v} h(u) instead of M, as in the paper, all saturated pixels would get the
+        brightest level of the reference, however many they are.
         """
-        share = np.cumsum(np.asarray(counts, float))
-        levels = np.floor((LEVELS - 1) * share / share[-1] + 1e-9)
-        nearest = np.minimum(np.searchsorted(levels, np.arange(LEVELS)), LEVELS - 1)
-        self.reference.copy_(torch.from_numpy(nearest.astype(np.float32)))
+        counts = np.asarray(counts, float)
+        middles = (np.cumsum(counts) - counts / 2) / counts.sum()
+        quantiles = np.interp(np.linspace(0.0, 1.0, LEVELS), middles, np.arange(LEVELS))
+        self.reference.copy_(torch.from_numpy(quantiles.astype(np.float32)))
 
     def _matched(self, pixels: Tensor) -> Tensor:
         luminance = sum(pixels[:, i] * GREY[i] for i in range(3)).round().long().flatten(1)
         ones = torch.ones_like(luminance, dtype=torch.float32)
         counts = torch.zeros(luminance.shape[0], LEVELS, device=pixels.device).scatter_add(1, luminance, ones)
-        share = counts.cumsum(1) / luminance.shape[1]
-        table = self.reference[((LEVELS - 1) * share + 1e-4).floor().long()]
+        place = (LEVELS - 1) * (counts.cumsum(1) - counts / 2) / luminance.shape[1]
+        below = place.floor()
+        index = below.long()
+        lower, upper = self.reference[index], self.reference[(index + 1).clamp(max=LEVELS - 1)]
+        table = lower + (place - below) * (upper - lower)
         levels = pixels.long().flatten(1)
         return torch.gather(table, 1, levels).reshape(pixels.shape)
 

@@ -168,6 +168,17 @@ def test_a_matched_histogram_does_not_depend_on_the_exposure():
     assert float((plain - View()(torch.from_numpy(image))).abs().max()) <= 2 / 255
 
 
+def test_a_saturated_half_of_a_frame_gets_the_middle_of_what_it_was():
+    view = View(histogram="match")
+    image = np.random.default_rng(0).integers(0, 200, (1, 64, 64, 1)).repeat(3, axis=3).astype(np.uint8)
+    view.match(np.bincount(image[..., 0].ravel(), minlength=256))
+    saturated = np.where(image >= 100, 255, image).astype(np.uint8)
+    plain, found = (view(torch.from_numpy(one)) * 255 for one in (image, saturated))
+    bright = torch.from_numpy(image >= 100).permute(0, 3, 1, 2)
+    assert float((found - plain)[~bright].abs().max()) <= 1
+    assert float(found[bright].min()) == float(found[bright].max()) == pytest.approx(149.5, abs=2)
+
+
 def test_weights_of_a_trunk_come_from_a_file_of_the_public_layout(tmp_path):
     torch.manual_seed(0)
     source, target = EfficientNetLite0(), EfficientNetLite0()
