@@ -16,7 +16,8 @@ from perception.lead.view import LeadView, Strips
 from sim_harness.scenarios.traffic import BODIES
 from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.render.scene.vehicles import Body, Pose, outline
+from sim_harness.world.render.scene.painter import Pose
+from sim_harness.world.render.scene.vehicles import Body, outline
 from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import DisturbanceKind

@@ -8,7 +8,8 @@ import numpy as np
 from sim_harness.scenarios.faults import BlackFrames, Fault, FrozenCamera, LateFrames
 from sim_harness.scenarios.scenario import Scenario
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.render.scene.vehicles import Body, Pose
+from sim_harness.world.render.scene.painter import Pose
+from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import STILL, Motion
 from trepid.messages import Frame, SimTruth
 from trepid.types import Image

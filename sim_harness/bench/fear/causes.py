@@ -17,7 +17,8 @@ import perception.estimators
 from perception.camera.image_statistics import ImageStatistician
 from sim_harness.scenarios.scenario import load_scenario
 from sim_harness.world.render.renderer import Renderer
-from sim_harness.world.render.scene.vehicles import Body, Pose
+from sim_harness.world.render.scene.painter import Pose
+from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.roads.disturbances import Disturbance, DisturbanceKind
 from supervisor.modes.analyser import analyse, explained

@@ -25,10 +25,10 @@ from perception.lane.street.settings import SearchedWeights, StreetWeights
 from perception.lane.which_lane import WhichLane
 from sim_harness.bench.perception.fit_confidence import fitted
 from sim_harness.bench.perception.looks import Look, looks
-from sim_harness.bench.perception.streets import StreetKind
 from sim_harness.bench.real.judgement import BESIDE, within
 from sim_harness.bench.real.look import LANE_ROWS, lane_at
 from sim_harness.world.roads.drawn import UNMARKED
+from sim_harness.world.streets import StreetKind
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, Settings, load
 from trepid.messages import Frame, PixelPath, SteeringEstimate

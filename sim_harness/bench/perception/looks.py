@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from sim_harness.bench.perception.streets import Street, StreetKind, random_street
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.roads.drawn import Kind, Shape, random_road
 from sim_harness.world.roads.road import Road
+from sim_harness.world.streets import Street, StreetKind, random_street
 from trepid.car.camera import Camera
 from trepid.types import Array, Image
 

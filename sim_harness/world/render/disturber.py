@@ -11,9 +11,10 @@ from sim_harness.world.render.optics.sensor import coded, noisy
 from sim_harness.world.render.scene.air import distances, rain, snowfall, through_air
 from sim_harness.world.render.scene.backdrop import Backdrop
 from sim_harness.world.render.scene.night import Headlights
+from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.standing import standing
 from sim_harness.world.render.scene.tunnel import exposure_stops, extent, in_tunnel
-from sim_harness.world.render.scene.vehicles import Body, Pose
+from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import Shot, View, grey_of, light_of
 from sim_harness.world.render.scene.wet import WetRoad
 from sim_harness.world.roads.disturbance_table import at, extinction_1pm, load_table

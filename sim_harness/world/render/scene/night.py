@@ -5,7 +5,8 @@ import math
 import cv2
 import numpy as np
 
-from sim_harness.world.render.scene.vehicles import SHIFT, outline
+from sim_harness.world.render.scene.painter import SHIFT
+from sim_harness.world.render.scene.vehicles import outline
 from sim_harness.world.render.scene.view import Shot, View, in_colour
 from sim_harness.world.roads.disturbance_table import Night, at
 from trepid.types import Floats

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim_harness.world.render.scene.vehicles import Body, Pose
+from sim_harness.world.render.scene.painter import Pose
+from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.roads.disturbance_table import Occlusion, at
 from sim_harness.world.roads.disturbances import Disturbance
 from sim_harness.world.roads.road import Road

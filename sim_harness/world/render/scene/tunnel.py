@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from sim_harness.world.render.scene.vehicles import SHIFT, Pixels, outline
+from sim_harness.world.render.scene.painter import SHIFT, Pixels
+from sim_harness.world.render.scene.vehicles import outline
 from sim_harness.world.render.scene.view import Shot, View, in_colour, polygon
 from sim_harness.world.render.scene.wet import carriageway
 from sim_harness.world.roads.disturbance_table import TunnelExit, at

@@ -11,7 +11,8 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from sim_harness.world.render.scene.vehicles import SHIFT, Body, Pixels, Pose
+from sim_harness.world.render.scene.painter import SHIFT, Pixels, Pose
+from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.roads.road import Road
 from trepid.car.camera import Camera
 from trepid.types import Array, Floats, Image

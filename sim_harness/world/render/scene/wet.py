@@ -7,7 +7,8 @@ import numpy as np
 
 from sim_harness.world.render.ground.noise import smooth_noise
 from sim_harness.world.render.scene.backdrop import MIRROR_MARGIN_PX, Backdrop
-from sim_harness.world.render.scene.vehicles import SHIFT, Pixels, draw_lead
+from sim_harness.world.render.scene.painter import SHIFT, Pixels
+from sim_harness.world.render.scene.vehicles import draw_lead
 from sim_harness.world.render.scene.view import AHEAD_M, Shot, View, in_colour, light_of, polygon
 from trepid.car.camera import Camera
 from trepid.types import Floats

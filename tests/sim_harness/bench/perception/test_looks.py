@@ -6,7 +6,6 @@ from perception.estimators import lane_cv_settings
 from perception.lane.which_lane import WhichLane
 from sim_harness.bench.perception.fit_which_lane import Samples, is_right, margin
 from sim_harness.bench.perception.looks import looks, with_lamps
-from sim_harness.bench.perception.streets import StreetKind, random_street
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
@@ -31,13 +30,6 @@ def test_lamps_are_white_spots_of_the_road_in_some_of_the_looks():
     lit = [level for level in brightest if level > 60]
     assert 3 < len(lit) < 25 and max(lit) > 200
     assert all(with_lamps(dark, camera, rng)[:100].max() == 60 for _ in range(20))  # above the horizon
-
-
-@pytest.mark.parametrize("kind", list(StreetKind))
-def test_every_kind_of_street_is_drawn(kind):
-    street = random_street(kind, np.random.default_rng(3), from_m=10.0)
-    assert street.road.name == kind
-    assert any(True for _ in street.vehicles) or kind != StreetKind.PARKING
 
 
 def test_most_lanes_of_drawn_streets_are_right_on_both_sides_of_the_traffic():

@@ -8,12 +8,13 @@ from enum import StrEnum
 
 import numpy as np
 
+from sim_harness.world.render.scene.painter import Pose
 from sim_harness.world.render.scene.standing import PAINTS_BGR, VAN, VANS
-from sim_harness.world.render.scene.vehicles import Body, Pose
+from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.roads.appearance import Light, Marking, NeighbourLane, Paint, Section, Stroke, Verge
 from sim_harness.world.roads.drawn import NONE, Shape, random_segments
 from sim_harness.world.roads.features import MarkKind, RoadMark
-from sim_harness.world.roads.road import Road, RoadSettings
+from sim_harness.world.roads.road import Road, RoadSettings, Segment
 
 DASHES_M = ((2.0, 4.0), (4.0, 2.0), (3.0, 6.0), (1.0, 5.0))  # of dashes and of gaps, in towns
 SLOT_M = 7.0  # of a parked car
@@ -44,8 +45,14 @@ class Street:
     vehicles: tuple[tuple[Pose, Body], ...]
 
 
-def random_street(kind: StreetKind, rng: np.random.Generator, *, from_m: float) -> Street:
-    """A random street of this kind, with vehicles beyond station ``from_m``."""
+def random_street(
+    kind: StreetKind,
+    rng: np.random.Generator,
+    *,
+    from_m: float,
+    segments: tuple[Segment, ...] | None = None,
+) -> Street:
+    """A random street of this kind, nearly straight without ``segments``; vehicles lie beyond ``from_m``."""
     width_m = float(rng.uniform(3.0, 4.2) if kind == StreetKind.ONE_WAY else rng.uniform(2.7, 3.6))
     section, parked_m = _section(kind, rng)
     marks = []
@@ -58,7 +65,7 @@ def random_street(kind: StreetKind, rng: np.random.Generator, *, from_m: float) 
             closed=False,
             lane_width_m=width_m,
             sun_azimuth_rad=float(rng.uniform(-np.pi, np.pi)),
-            segments=random_segments(Shape.STRAIGHT, rng),
+            segments=segments or random_segments(Shape.STRAIGHT, rng),
             sections=(section,),
             marks=tuple(marks),
         )
