@@ -13,13 +13,26 @@ from typing import TypeVar
 
 import numpy as np
 
+from learning.roadside import OPEN_COUNTRY, Scenery, things_beside
 from sim_harness.world.render.ground.ground import Ground
 from sim_harness.world.render.renderer import Renderer
+from sim_harness.world.render.scene.painter import Pose
+from sim_harness.world.render.scene.things import Thing
+from sim_harness.world.render.scene.vehicles import Body
 from sim_harness.world.render.scene.view import Motion
 from sim_harness.world.roads.appearance import Light, Marking, Paint, Section, Stroke, Surface, Verge
 from sim_harness.world.roads.disturbances import MAX_GRADE, Disturbance, DisturbanceKind, disturbed
-from sim_harness.world.roads.drawn import SNOW_COVER, UNMARKED, Kind, random_section, snow_on
+from sim_harness.world.roads.drawn import (
+    SNOW_COVER,
+    UNMARKED,
+    Kind,
+    Shape,
+    random_section,
+    random_segments,
+    snow_on,
+)
 from sim_harness.world.roads.road import Road, RoadSettings, Segment
+from sim_harness.world.streets import Street, StreetKind, random_street
 from trepid.car.camera import Camera
 from trepid.clothoid import Lane
 from trepid.types import Image
@@ -41,6 +54,8 @@ MAX_OFFSET_M, MAX_HEADING_ERROR_RAD = 1.2, 0.3
 LEAD_SHARE, GLARE_SHARE, BLIND_SHARE = 0.12, 0.08, 0.04
 DRAWN_SHARE = 0.5  # share of roads of one kind of the benches; the others change every SECTION_M
 DISTURBED_SHARE, SNOWED_UP_SHARE = 0.4, 0.06  # of the roads
+STREET_FROM_M, STREET_M = 10.0, 50.0  # where vehicles stand in a street, and the length that is shown
+STREETS = tuple(kind for kind in StreetKind if kind is not StreetKind.BARE)  # its lane cannot be seen
 DISTURBANCES = tuple(kind for kind in DisturbanceKind if kind is not DisturbanceKind.TUNNEL_EXIT)
 
 
@@ -54,29 +69,57 @@ class LaneSample:
     visible: bool  # False: the light hides the lane; an estimate would be wrong
 
 
-def road_samples(seed: int, camera: Camera, *, frames: int) -> Iterator[LaneSample]:
+def road_samples(
+    seed: int, camera: Camera, *, frames: int, scenery: Scenery = OPEN_COUNTRY
+) -> Iterator[LaneSample]:
     """``frames`` frames of the road of ``seed``, in the order along the road: shuffle before training."""
     rng = np.random.default_rng((seed, 10))
-    road = drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng)
+    street, things, (first_m, last_m) = _random_place(rng, np.random.default_rng((seed, 11)), scenery)
     disturbed_now = rng.random() < DISTURBED_SHARE
     disturbances = random_disturbances(rng, DISTURBANCES, MAX_GRADE) if disturbed_now else []
-    road = Road(disturbed(road.settings, disturbances))
+    road = Road(disturbed(street.road.settings, disturbances))
     ground = Ground(road, seed=seed)
     cameras = [_jittered(camera, rng) for _ in range(CAMERAS_PER_ROAD)]
 
     @cache
     def renderer_of(number: int, mirror: bool) -> Renderer:
         eye = _mirrored(cameras[number]) if mirror else cameras[number]
-        return Renderer(road, eye, seed=seed, ground=ground, disturbances=disturbances)
+        return Renderer(road, eye, seed=seed, ground=ground, disturbances=disturbances, things=things)
 
-    for index, station_m in enumerate(np.sort(rng.uniform(0, road.length_m, frames)).tolist()):
+    for index, station_m in enumerate(np.sort(rng.uniform(first_m, last_m, frames)).tolist()):
         mirror = bool(rng.random() < 0.5)
         renderer = renderer_of(int(rng.integers(CAMERAS_PER_ROAD)), mirror)
-        yield _sample(renderer, station_m, rng, index=index, mirror=mirror)
+        yield _sample(renderer, station_m, rng, index=index, mirror=mirror, vehicles=street.vehicles)
+
+
+def _random_place(
+    rng: np.random.Generator, town: np.random.Generator, scenery: Scenery
+) -> tuple[Street, list[tuple[Pose, Thing]], tuple[float, float]]:
+    """A road or street, the things beside it, and the stations that are shown.
+
+    ``town`` draws what ``scenery`` adds, so that the roads of open country stay the same.
+    """
+    if town.random() < scenery.streets:
+        kind = STREETS[int(town.integers(len(STREETS)))]
+        shape = Shape.BEND if town.random() < 0.5 else Shape.STRAIGHT
+        segments = random_segments(shape, town)
+        street = random_street(kind, town, from_m=STREET_FROM_M, segments=segments)
+        shown_m = (STREET_FROM_M, STREET_FROM_M + STREET_M)
+    else:
+        street = Street(drawn_road(rng) if rng.random() < DRAWN_SHARE else random_road(rng), ())
+        shown_m = (0.0, street.road.length_m)
+    things = things_beside(street.road, town) if town.random() < scenery.things else []
+    return street, things, shown_m
 
 
 def _sample(
-    renderer: Renderer, station_m: float, rng: np.random.Generator, *, index: int, mirror: bool
+    renderer: Renderer,
+    station_m: float,
+    rng: np.random.Generator,
+    *,
+    index: int,
+    mirror: bool,
+    vehicles: tuple[tuple[Pose, Body], ...],
 ) -> LaneSample:
     """A frame at a random pose near ``station_m``, or its mirror image."""
     road = renderer.road
@@ -90,7 +133,8 @@ def _sample(
         road.heading_at(station_m) + heading_error,
         t_s=float(index),
         station_m=station_m,
-        lead=_random_lead(road, station_m, rng),
+        lead=None if vehicles else _random_lead(road, station_m, rng),
+        vehicles=vehicles,
         motion=Motion(float(rng.uniform(0, 12)), float(rng.normal(0, 0.2))),
         light=light,
     )

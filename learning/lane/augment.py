@@ -36,6 +36,12 @@ class Augmentation(Settings):
     erase_size: Share
     border: Share
     border_size: Share
+    bonnet: Share
+    bonnet_size: Share
+    coarse: Share
+    coarse_scale: Share
+    coded: Share
+    coded_quality: Annotated[float, Field(ge=0, le=100)]
 
 
 class Augmenter:
@@ -58,7 +64,14 @@ class Augmenter:
         if rng.random() < settings.shadows:
             image = shade(image, rng)
         image = relight(image, rng, settings)
+        # without a draw where they are off: the other changes stay the same
+        if settings.bonnet and rng.random() < settings.bonnet:
+            image = _above_bonnet(image, settings.bonnet_size, rng)
+        if settings.coarse and rng.random() < settings.coarse:
+            image = _coarse(image, settings.coarse_scale, rng)
         image = blemish(image, rng, settings, least_blur_px=LEAST_BLUR_PX)
+        if settings.coded and rng.random() < settings.coded:
+            image = _coded(image, int(rng.uniform(settings.coded_quality, 100)))
         if rng.random() < settings.border:
             image = _narrow(image, settings.border_size, rng)
         return image, lane
@@ -96,6 +109,31 @@ def _narrow(image: Image, size: float, rng: np.random.Generator) -> Image:
     narrow = np.zeros_like(image)
     narrow[: height - bottom, left : width - right] = image[: height - bottom, left : width - right]
     return narrow
+
+
+def _above_bonnet(image: Image, size: float, rng: np.random.Generator) -> Image:
+    """The bonnet of the own car over the lowest rows: one colour, other towards the sides, an arched rim."""
+    height, width = image.shape[:2]
+    across = np.linspace(-1, 1, width)
+    middle, arch = rng.uniform(0.2, 1) * size * height, rng.uniform(0, 0.6)
+    rim = height - middle * (1 - arch * across**2)
+    cover = np.clip(np.arange(height)[:, None] - rim + 0.5, 0, 1)[..., None]
+    shine = 1 + rng.uniform(-0.5, 0.5) * across + rng.uniform(-0.5, 0.5) * across**2
+    colour = (rng.uniform(10, 220) + rng.normal(0, 20, 3)) * shine[:, None]
+    return np.clip(image + cover * (colour - image), 0, 255).astype(np.uint8)
+
+
+def _coarse(image: Image, scale: float, rng: np.random.Generator) -> Image:
+    """The image of a camera with fewer pixels, at least ``scale`` times as many on a side."""
+    share = rng.uniform(scale, 1)
+    size = (max(1, round(share * image.shape[1])), max(1, round(share * image.shape[0])))
+    return _stretched(as_pixels(cv2.resize(image, size, interpolation=cv2.INTER_AREA)), image)
+
+
+def _coded(image: Image, quality: int) -> Image:
+    """The image after coding as JPEG."""
+    coded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+    return np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)
 
 
 def nonsense(road: Image, rng: np.random.Generator) -> Image:

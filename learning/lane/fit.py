@@ -18,6 +18,7 @@ from learning.descent import ahead, descend, warm_up_cosine
 from learning.lane.augment import Augmentation, Augmenter, nonsense
 from learning.lane.network import Exported, SteerNetwork, loss
 from learning.lane.scores import Labelled
+from learning.roadside import Scenery
 from perception.net.steer_net import Network
 from trepid.car.camera import Camera
 from trepid.config import InputError, Settings
@@ -58,6 +59,7 @@ class Recipe(Settings):
     command_lookahead_m: Positive
     tolerance_deg: Positive
     crop: Crop
+    scenery: Scenery
     augmentation: Augmentation
 
 

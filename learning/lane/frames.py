@@ -9,6 +9,7 @@ import numpy as np
 from learning.drawn_frames import LaneSample, lane_at, road_samples
 from learning.lane.scores import Labelled
 from learning.rendered import Part, Report, rendered
+from learning.roadside import OPEN_COUNTRY, Scenery
 from perception.net.canonical import CanonicalView, row_of_lane
 from sim_harness.world.render.renderer import Renderer
 from sim_harness.world.road_file import load_road
@@ -26,6 +27,7 @@ class Shot:
     canonical: Camera  # whose images are kept
     lookahead_m: float  # of the fourth label
     frames_per_road: int
+    scenery: Scenery = OPEN_COUNTRY
 
     def labelled(self, frames: list[LaneSample]) -> Labelled:
         """Canonical images and lanes of rendered frames."""
@@ -38,7 +40,8 @@ class Shot:
 
     def part(self, seed: int) -> Part:
         """The frames of the random road ``seed``."""
-        part = self.labelled(list(road_samples(seed, self.camera, frames=self.frames_per_road)))
+        samples = road_samples(seed, self.camera, frames=self.frames_per_road, scenery=self.scenery)
+        part = self.labelled(list(samples))
         return dict(images=part.images, lanes=part.lanes, visible=part.visible)
 
 

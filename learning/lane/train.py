@@ -61,7 +61,7 @@ def run(recipe: "Recipe", out: Path, folder: Path, *, resume: bool) -> Record:
     started_s = time.monotonic()
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
     canonical = cropped(camera, **recipe.crop.model_dump())
-    shot = Shot(camera, canonical, recipe.lane_lookahead_m, recipe.frames_per_road)
+    shot = Shot(camera, canonical, recipe.lane_lookahead_m, recipe.frames_per_road, recipe.scenery)
     counts = dict(train=recipe.frames, validation=recipe.validation_frames, test=recipe.test_frames)
     data = {
         split: random_frames(

@@ -16,6 +16,7 @@ import typer
 from learning.lane.frames import Shot, random_frames
 from learning.lane.scores import outputs
 from learning.rendered import SHIPPED, WeightsFolder, origin, say, ship
+from learning.roadside import Scenery
 from learning.unlike import attach
 from perception.net.session import load_record
 from perception.net.steer_net import Calibration, Network, Record, World
@@ -61,7 +62,8 @@ def renew(
         raise InputError(f"{shipped}: no weights; `trepid train-lane` makes them")
     record = load_record(shipped, Record)
     camera = load(CONFIG_DIR / "camera.yaml", Camera)
-    shot = Shot(camera, record.camera, record.lane_lookahead_m, FRAMES_PER_ROAD)
+    scenery = Scenery.model_validate(record.recipe["scenery"])
+    shot = Shot(camera, record.camera, record.lane_lookahead_m, FRAMES_PER_ROAD, scenery)
     with tempfile.TemporaryDirectory() as folder:
         fresh = Path(folder) / shipped.name
         fresh.write_bytes(shipped.read_bytes())

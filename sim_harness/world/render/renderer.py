@@ -9,6 +9,7 @@ the ground is drawn, because OpenCV warps four channels twice as fast as three.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -19,7 +20,9 @@ from sim_harness.world.render.ground.strip_grid import LEVELS_M
 from sim_harness.world.render.optics.exposure import Exposure
 from sim_harness.world.render.optics.lens import Distortion
 from sim_harness.world.render.scene.backdrop import Backdrop
-from sim_harness.world.render.scene.vehicles import Body, Pose, draw_lead
+from sim_harness.world.render.scene.painter import Pose
+from sim_harness.world.render.scene.things import Thing, draw_thing
+from sim_harness.world.render.scene.vehicles import Body, draw_lead
 from sim_harness.world.render.scene.view import STILL, Motion, Shot
 from sim_harness.world.roads.appearance import Light
 from sim_harness.world.roads.disturbances import Disturbance, disturbed
@@ -35,6 +38,9 @@ HAZE_REACH_M = 220.0
 PAINT_AHEAD_M = 7.0  # distance at which tiles are painted in advance, one a frame
 LIGHT_RAMP_M = 10.0  # over which the light changes between sections
 LEAD = Body()
+THINGS_WITHIN_M = 80.0  # distance within which things beside the road are drawn
+
+T = TypeVar("T", Body, Thing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +66,10 @@ class Renderer:
         seed: int,
         ground: Ground | None = None,
         disturbances: Sequence[Disturbance] = (),
+        things: Sequence[tuple[Pose, Thing]] = (),
     ) -> None:
         """``ground``: shared between the cameras of one road, enlarged to the reference world of
-        :mod:`trepid.scale`; disturbances do not repaint it.
+        :mod:`trepid.scale`; disturbances do not repaint it. ``things``: beside the road, with their poses.
 
         Raises ValueError for a distortion that is not one-to-one, InputError for a bad table of disturbances.
         """
@@ -77,6 +84,7 @@ class Renderer:
         self._eye = self._lens.pinhole if self._lens else camera
         self._ground = ground or Ground(road, seed=seed)
         self._backdrop = Backdrop(self._eye, seed=seed)
+        self._things = _enlarged(things, self._enlargement)
         self._exposure = Exposure(camera)
         self._bands = _bands(self._eye, self._backdrop.rows)
         self._corners_m = np.array([band.corners_m for band in self._bands]).reshape(-1, 4, 2)
@@ -115,16 +123,13 @@ class Renderer:
         image = self._ground_and_sky(pose)
         self._paint_ahead(x_m, y_m, yaw_rad)
         others = [*vehicles, *([] if lead is None else [(lead, LEAD)])]
-        others = [
-            ((x * larger, y * larger, yaw), scaled_message(body, larger)) for (x, y, yaw), body in others
-        ]
         shot = Shot(
             road=self._world,
             pose=pose,
             station_m=0.0 if station_m is None else station_m,
             t_s=t_s,
             motion=motion,
-            vehicles=_far_first(others, pose),
+            vehicles=_far_first(_enlarged(others, larger), pose),
             sun_bearing_rad=self._world.settings.sun_azimuth_rad - yaw_rad - self.camera.yaw_rad,
             seed=self.seed,
         )
@@ -139,7 +144,11 @@ class Renderer:
         padded = np.empty((self._eye.height_px, self._eye.width_px, 4), np.uint8)
         self._backdrop.draw(padded, pose[2])
         self._draw_ground(padded, *pose)
-        return np.asarray(cv2.cvtColor(padded, cv2.COLOR_BGRA2BGR), np.uint8)
+        image = np.asarray(cv2.cvtColor(padded, cv2.COLOR_BGRA2BGR), np.uint8)
+        near = [one for one in self._things if math.dist(one[0][:2], pose[:2]) < THINGS_WITHIN_M]
+        for place, thing in _far_first(near, pose):
+            draw_thing(image, self._eye, thing, place)
+        return image
 
     def _draw(self, vehicles: Sequence[tuple[Pose, Body]], image: Image) -> None:
         for pose, body in vehicles:
@@ -215,18 +224,22 @@ class Renderer:
         return Light(**blend)
 
 
-def _far_first(vehicles: Sequence[tuple[Pose, Body]], origin: Pose) -> tuple[tuple[Pose, Body], ...]:
-    """``vehicles`` relative to ``origin``, the farthest first."""
+def _enlarged(placed: Sequence[tuple[Pose, T]], larger: float) -> list[tuple[Pose, T]]:
+    return [((x * larger, y * larger, yaw), scaled_message(one, larger)) for (x, y, yaw), one in placed]
+
+
+def _far_first(placed: Sequence[tuple[Pose, T]], origin: Pose) -> tuple[tuple[Pose, T], ...]:
+    """``placed`` relative to ``origin``, the farthest first."""
     cos, sin = math.cos(origin[2]), math.sin(origin[2])
     relative = []
-    for (x_m, y_m, yaw_rad), body in vehicles:
+    for (x_m, y_m, yaw_rad), one in placed:
         dx, dy = x_m - origin[0], y_m - origin[1]
-        relative.append(((cos * dx + sin * dy, cos * dy - sin * dx, yaw_rad - origin[2]), body))
+        relative.append(((cos * dx + sin * dy, cos * dy - sin * dx, yaw_rad - origin[2]), one))
     return tuple(sorted(relative, key=_distance, reverse=True))
 
 
-def _distance(vehicle: tuple[Pose, Body]) -> float:
-    (x_m, y_m, _), _ = vehicle
+def _distance(placed: tuple[Pose, T]) -> float:
+    (x_m, y_m, _), _ = placed
     return math.hypot(x_m, y_m)
 
 

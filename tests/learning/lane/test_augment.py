@@ -53,6 +53,25 @@ def test_images_keep_their_size_and_type(seed):
         assert image.shape == (66, 200, 3) and image.dtype == np.uint8
 
 
+def test_a_bonnet_hides_the_lowest_rows_alone():
+    settings = CALM.model_copy(update=dict(bonnet=1.0, bonnet_size=0.3))
+    for seed in range(20):
+        image, lane = augment(picture(), LANE, settings, np.random.default_rng(seed))
+        changed = (image != picture()).any(axis=2)
+        assert changed[-1, 100] and not changed[: int(0.7 * 66) - 1].any()
+        assert np.allclose(lane, LANE, atol=1e-7)
+
+
+@pytest.mark.parametrize("change", [dict(coarse=1.0, coarse_scale=0.4), dict(coded=1.0, coded_quality=20.0)])
+def test_fewer_pixels_and_coding_lose_noise_and_keep_the_lane(change):
+    settings, light = CALM.model_copy(update=change), np.full((66, 200, 3), 180, np.uint8)
+    for seed in range(5):
+        image, lane = augment(picture(), LANE, settings, np.random.default_rng(seed))
+        assert (image != picture()).any() and image.std() < picture().std()
+        assert np.allclose(lane, LANE, atol=1e-7)
+        assert np.abs(augment(light, LANE, settings, np.random.default_rng(seed))[0] - 180.0).max() <= 1
+
+
 @pytest.mark.parametrize("raised", [0.8, 1.0, 1.3])
 def test_the_lane_from_another_height_is_inverted_by_inference(raised):
     camera = CAMERA.model_copy(update=dict(height_m=raised * CAMERA.height_m))
