@@ -100,7 +100,7 @@ BENCHMARKS = {
         values="largest distance from the lane centre [m]",
     ),
     "study-frame-rate": Benchmark(
-        "study.loops", "a network of 0.1 s at 1 to 50 Hz, with a queue and with latest-wins"
+        "study.loops", "a network of 0.1 s at 1 to 100 Hz, with a queue and with latest-wins"
     ),
     "study-data": Benchmark("study.learned", "a driving network trained on 1 to 100 % of the frames"),
     "study-size": Benchmark("study.learned", "a driving network for images of 320×240 to 40×30"),

@@ -16,7 +16,7 @@ from trepid.messages import Command, Decision, VehicleState
 
 Row = dict[str, Any]
 SPEEDS_MPH = (5, 10, 15, 20, 25)
-PERIODS = (100, 50, 20, 10, 5, 4, 2)  # ticks between two frames: 1 to 50 Hz
+PERIODS = (100, 50, 20, 10, 5, 4, 2, 1)  # ticks between two frames: 1 to 100 Hz
 NETWORK_S = 0.1  # the time of the network of the paper for an image
 _SAME_INSTANT_S = 1e-9
 
