@@ -28,7 +28,7 @@ class Model(NamedTuple):
 MODELS: dict[str, Model] = {
     "steer": Model("steer", "steer", 60, 80, "gaussian", 169_626, "Trepid"),
     "steer-motion": Model("steer", "motion", 60, 80, "gaussian", 171_846, "Trepid", recurrent=True),
-    "steer-lstm": Model("steer", "lstm", 60, 80, "gaussian", 181_978, "Trepid", recurrent=True),
+    "steer-lstm": Model("steer", "lstm", 60, 80, "gaussian", 182_238, "Trepid", recurrent=True),
     "pilotnet": Model(
         "pilotnet", "pilotnet", 100, 200, "regression", 252_219, "Bojarski et al. 2016, DAVE-2; N01"
     ),

@@ -14,15 +14,17 @@ weights together. In recorded drives this motion shows how far the wheel is turn
 keeps up this angle imitates well and drives badly (de Haan et al., Causal Confusion in Imitation Learning, NeurIPS
 2019). It depends on the frame rate of the training.
 
-``steer-lstm``: the network of one frame, and a long short-term memory of 32 units (12 416) between its dense layer
-and the output (66), 181 978 weights together. The camera shows the road from some metres ahead of the axle on; the
-memory holds what it showed of the place where the car is now. It too depends on the frame rate of the training.
+``steer-lstm``: the network of one frame, and a long short-term memory of 32 units (12 672) of its dense layer and
+of the shift of the view since the frame before; their 34 numbers -> angle and log scale (70), 182 238 weights
+together (:class:`ShiftedLSTM`). The camera shows the road from some metres ahead of the axle on; the memory holds
+what it showed of the place where the car is now. It too depends on the frame rate of the training.
 """
 
 from torch import nn
 
 from learning.models.parts.heads import Head
-from learning.models.parts.memory import LSTM, Memory, Shift
+from learning.models.parts.memory import Memory
+from learning.models.parts.motion import Shift, ShiftedLSTM
 from learning.models.parts.network import Size, SteeringNetwork, convolutions
 from learning.models.parts.view import View
 
@@ -45,8 +47,8 @@ def motion(size: Size, head: Head) -> SteeringNetwork:
 
 
 def lstm(size: Size, head: Head) -> SteeringNetwork:
-    """The network of a frame and of what the frames before showed."""
-    return _network(size, head, LSTM(DENSE, UNITS))
+    """The network of a frame, of the shift of the view, and of what the frames before showed."""
+    return _network(size, head, ShiftedLSTM(size, DENSE, UNITS))
 
 
 def _network(size: Size, head: Head, memory: Memory | None = None) -> SteeringNetwork:

@@ -50,7 +50,7 @@ def write_card(
     licences = "\n".join(f"- {line}" for line in metadata["licence"]) or "- none stated"
     text = f"""# {path.stem}: {metadata["model"]}
 
-A network of {metadata["parameters"]} weights from one frame of {metadata["width"]} x {metadata["height"]} px to the
+A network of {metadata["parameters"]} weights from frames of {metadata["width"]} x {metadata["height"]} px to the
 road-wheel angle [rad, + = left], written by Trepid. First weights of its trunk: {metadata["trunk"]}.
 
 | fact | value |

@@ -69,9 +69,10 @@ def train(
     if as_json:
         print(json.dumps(found))
     else:
-        mae, sets = found["scores"]["mae_deg"], ", ".join(found["trained_on"])
+        mae, routes = found["scores"]["mae_deg"], len(found["trained_on"])
         typer.echo(
-            f"{out}: {found['parameters']} weights, {mae:.3f}° mean error on the validation frames of {sets}"
+            f"{out}: {found['parameters']} weights, {mae:.3f}° mean error on the validation frames;"
+            f" trained on {routes} {'route' if routes == 1 else 'routes'}"
         )
         typer.echo(f"{out.with_suffix('.md')}: its card")
 

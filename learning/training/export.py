@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import torch
 
-from learning.models.parts.memory import Shift
 from learning.models.parts.network import Exported, SteeringNetwork
 from learning.training.frames import Frames
 from learning.unlike import attach
@@ -32,7 +31,7 @@ def export(
     fresh = path.with_name(f"{path.name}.new")
     network = network.cpu().eval()
     _write(network, fresh)
-    before = network.memory.count if isinstance(network.memory, Shift) else 0
+    before = 0 if network.memory is None else network.memory.in_a_row - 1
     attach(fresh, train.images, others=validation.images, before=before)
     difference = largest_difference(network, fresh, validation)
     if not difference <= MAX_DIFFERENCE:

@@ -14,7 +14,8 @@ import torch
 from learning.dataset.balance import weights
 from learning.dataset.dataset import Dataset
 from learning.models.catalogue import build, packaged_weights
-from learning.models.parts.memory import Shift
+from learning.models.parts.memory import LSTM
+from learning.models.parts.motion import ShiftedLSTM
 from learning.models.parts.network import SteeringNetwork, glorot, he
 from learning.models.parts.weights import load_trunk
 from learning.training.augmentation import Augmenter
@@ -93,7 +94,7 @@ def run(
 
 
 def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad: float | None) -> None:
-    """Unit, dropout, first weights and reference histogram of an untrained network."""
+    """Unit, dropout, length of the memory, first weights and reference histogram of an untrained network."""
     greatest = lock_rad or float(np.abs(train.labels_rad).max())
     spread = float(np.sqrt(np.mean(train.labels_rad.astype(float) ** 2)))
     units = dict(rad=1.0, lock=greatest, spread=spread)
@@ -105,6 +106,8 @@ def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad
     for layer in network.modules():
         if isinstance(layer, torch.nn.Dropout) and recipe.dropout is not None:
             layer.p = recipe.dropout
+    if isinstance(network.memory, LSTM | ShiftedLSTM):
+        network.memory.remember(recipe.window)
     if recipe.initialisation != "network":
         dict(glorot=glorot, he=he)[recipe.initialisation](network)
     network.view.histogram = recipe.histogram
@@ -131,10 +134,11 @@ def batches_of(
     Raises InputError when a memory needs longer pieces, or another window or stride.
     """
     recurrent = network.memory is not None
-    if isinstance(network.memory, Shift) and (recipe.window <= network.memory.count or recipe.stride != 1):
+    least = 1 if network.memory is None else network.memory.in_a_row
+    if least > 1 and (recipe.window < least or recipe.stride != 1):
         raise InputError(
             f"window {recipe.window}, stride {recipe.stride}: the shift of the view needs a window of"
-            f" {network.memory.count + 1} frames at least, and a stride of 1"
+            f" {least} frames at least, and a stride of 1"
         )
     places = train.windows(recipe.window if recurrent else 1, recipe.stride)
     places = (

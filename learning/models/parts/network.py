@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from learning.models.parts.heads import Head
-from learning.models.parts.memory import Memory, Shift
+from learning.models.parts.memory import Memory
 from learning.models.parts.view import View
 from trepid.config import InputError
 
@@ -22,7 +22,7 @@ class SteeringNetwork(nn.Module):
     """Frames to rows of the head; ``scale_rad`` [rad] is the unit of its angles.
 
     ``trunk``: image features, frozen in the first stage of a transfer; ``top``: a vector (n, f) of them. The memory
-    stands between top and head, or as :class:`Shift` between view and trunk.
+    stands between top and head; some of them read the view too.
     """
 
     scale_rad: Tensor
@@ -62,31 +62,29 @@ class SteeringNetwork(nn.Module):
         return sum(p.numel() for p in self.parameters())
 
     def before_memory(self, image: Tensor) -> Tensor:
-        """Features (n, f), or pixels (n, c, h, w) for the shift of the view, of uint8 BGR frames (n, H, W, 3)."""
+        """What the memory, or else the head, reads of uint8 BGR frames (n, H, W, 3)."""
         pixels = self.view(image)
-        return pixels if isinstance(self.memory, Shift) else self.top(self.trunk(pixels))
+        return self.extract(pixels) if self.memory is None else self.memory.reads(pixels, self.extract)
 
     def after_memory(self, output: Tensor) -> Tensor:
-        """Rows (n, o) of outputs of the memory."""
-        if isinstance(self.memory, Shift):
-            pixels, moved = self.memory.parts(output)
-            joined = self.memory.join(torch.cat([self.top(self.trunk(pixels)), moved], dim=1))
-            output = torch.cat([joined, moved], dim=1)
-        return self.head(output)
+        """Rows (…, o) of the head, of outputs of the memory."""
+        return self.head(output if self.memory is None else self.memory.gives(output, self.extract))
+
+    def extract(self, pixels: Tensor) -> Tensor:
+        """Features (n, f) of pixels (n, c, h, w)."""
+        features: Tensor = self.top(self.trunk(pixels))
+        return features
 
     def forward(self, image: Tensor) -> Tensor:
         """Rows (n, o) of frames (n, H, W, 3); with a memory rows (n, t, o) of sequences (n, t, H, W, 3).
 
-        The shift of the view needs a sequence for one frame: it gives the rows (n, 1, o) of the last one.
+        Where the memory gives the last frame alone, (n, 1, o).
         """
         if self.memory is None:
             return self.after_memory(self.before_memory(image))
         output = self.memory(self.before_memory(image.flatten(0, 1)).unflatten(0, image.shape[:2]))
-        return (
-            self.after_memory(output)[:, None]
-            if isinstance(self.memory, Shift)
-            else self.after_memory(output)
-        )
+        rows = self.after_memory(output)
+        return rows[:, None] if self.memory.last_alone else rows
 
     def angle(self, raw: Tensor) -> tuple[Tensor, Tensor]:
         """Road-wheel angle and standard deviation of its error [rad], of rows of the head."""

@@ -9,7 +9,8 @@ from learning.models.catalogue import MODELS, build, model  # noqa: E402
 from learning.models.efficientnet import EfficientNetLite0  # noqa: E402
 from learning.models.inception import InceptionV3  # noqa: E402
 from learning.models.parts.heads import BINS, HEADS, Categorical  # noqa: E402
-from learning.models.parts.memory import LSTM, Shift, SimpleRNN  # noqa: E402
+from learning.models.parts.memory import LSTM, SimpleRNN  # noqa: E402
+from learning.models.parts.motion import Shift  # noqa: E402
 from learning.models.parts.network import Exported, Size  # noqa: E402
 from learning.models.parts.view import View  # noqa: E402
 from learning.models.parts.weights import load_trunk  # noqa: E402
@@ -124,14 +125,27 @@ def test_the_shift_of_the_view_is_measured_to_a_part_of_a_column_and_is_none_at_
     assert found[3] == pytest.approx([-0.8, 2.7], abs=0.1)
 
 
-def test_frames_one_by_one_give_the_angle_of_their_sequence():
-    network = build("steer-motion", height=24, width=32).eval()
-    images, state = frames(5, 24, 32), torch.zeros(1, network.memory.state_size)
+@pytest.mark.parametrize("name", ["steer-motion", "steer-lstm", "cnn-lstm"])
+def test_frames_one_by_one_give_the_angle_of_their_sequence(name):
+    network = build(name, height=32, width=40).eval()
+    images, state = frames(5, 32, 40), torch.zeros(1, network.memory.state_size)
     with torch.no_grad():
         for image in images:
             angle, _, state = Exported(network)(image[None], state)
         wanted, _ = network.angle(network(images[None]))
-    assert wanted.shape == (1, 1) and torch.allclose(angle, wanted[0], atol=1e-6)
+    assert wanted.shape == (1, 1 if network.memory.last_alone else 5)
+    assert torch.allclose(angle, wanted[0, -1:], atol=1e-6)
+
+
+def test_a_long_short_term_memory_depends_on_the_last_frames_of_its_window_alone():
+    memory = LSTM(6, 4)
+    memory.remember(3)
+    features = torch.randn(2, 40, 6, generator=torch.Generator().manual_seed(0))
+    state = torch.zeros(2, memory.state_size)
+    for t, seen in enumerate(features.unbind(1)):
+        output, state = memory.step(seen, state)
+        wanted = memory(features[:, max(t - 2, 0) : t + 1])[:, -1]
+        assert torch.allclose(output, wanted, atol=1e-6)
 
 
 def test_the_network_as_printed_has_no_memory():

@@ -134,6 +134,7 @@ ONE_EPOCH = (
         ("jain", "height_px=8"),
         ("rausch", "head=gaussian"),
         ("steer-motion", "head=regression"),
+        ("steer-lstm", "window=3"),
     ],
 )
 def test_other_networks_are_exported_as_torch_computes_them(data, tmp_path, model, more):
