@@ -38,7 +38,7 @@ NETWORKS: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recip
     "steer-motion": FINE,
     "steer-lstm": {"window": "16", "frames_share": "0.125", **FINE, "batch": "16"},  # 16 frames are 7 m
 }
-ROADS, EPOCHS = 1000, 10
+ROADS, EPOCHS = 1000, 6
 QUICK_ROADS, QUICK_EPOCHS = 4, 1
 RATE, PEER_RATE = 2.0e-3, 1.0e-3  # of learning; that of donkeycar
 SPEEDS_MPH, QUICK_SPEEDS_MPH = (5, 10, 15, 20), (20,)
