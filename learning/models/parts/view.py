@@ -14,6 +14,7 @@ LEVELS = 256
 FLOOR_GREY = 8.0  # added to the contrast [grey levels]: a black frame stays black
 GREY = (0.114, 0.587, 0.299)  # of blue, green and red: luminance of ITU-R BT.601
 YUV = ((0.299, 0.587, 0.114), (-0.147, -0.289, 0.436), (0.615, -0.515, -0.100))  # rows Y, U, V of R, G, B
+GREY_YUV = (0.0, 128.0, 128.0)  # added to it: levels of U and V of what has no colour, as in 8 bits
 IMAGENET_MEAN, IMAGENET_DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
 
@@ -77,7 +78,7 @@ class View(nn.Module):
         if self.colour == "grey":
             return (rgb * rgb.new_tensor(GREY[::-1])[:, None, None]).sum(1, keepdim=True)
         if self.colour == "yuv":
-            return nn.functional.conv2d(rgb, self.yuv[:, :, None, None])
+            return nn.functional.conv2d(rgb, self.yuv[:, :, None, None], rgb.new_tensor(GREY_YUV))
         return rgb
 
     def _scaled(self, pixels: Tensor) -> Tensor:

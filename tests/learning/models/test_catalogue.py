@@ -1,5 +1,6 @@
 """Claims about the networks: their sizes, their outputs, their memories."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -171,6 +172,13 @@ def test_the_likelihood_is_greatest_where_the_scale_is_the_error(name, squared):
     raw = torch.stack([torch.zeros_like(scales), scales.log()], dim=1)
     losses = head.losses(raw, torch.full_like(scales, error), loss="mse", beta=0.0)
     assert float(scales[losses.argmin()]) == pytest.approx(error, abs=0.006)
+
+
+def test_the_planes_y_u_v_are_those_of_opencv():
+    image = np.random.default_rng(0).integers(0, 256, (1, 24, 32, 3)).astype(np.uint8)
+    found = View(colour="yuv")(torch.from_numpy(image))[0].permute(1, 2, 0).numpy() * 255
+    wanted = cv2.cvtColor(image[0], cv2.COLOR_BGR2YUV).astype(float)
+    assert np.abs(np.clip(found, 0, 255) - wanted).max() <= 2
 
 
 def test_a_matched_histogram_does_not_depend_on_the_exposure():
