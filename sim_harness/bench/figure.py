@@ -16,6 +16,7 @@ UNITS = {  # ending of the name of a column -> its unit
     "mps3": "m/s³",
     "mps2": "m/s²",
     "mps": "m/s",
+    "degps": "°/s",
     "deg": "°",
     "hz": "Hz",
     "mb": "MB",

@@ -159,7 +159,8 @@ def under_light(sets: Sets, network: Path) -> Row:
             for gain in GAINS
         ]
         spreads.append(np.var(np.degrees(angles) * BIN_RATIO))
-    return scores(sets, network) | {"spread_under_light_deg": round(float(np.sqrt(np.mean(spreads))), 3)}
+    spread_deg = round(float(np.sqrt(np.mean(spreads))), 3)
+    return {"spread_under_light_deg": spread_deg} | scores(sets, network)
 
 
 def _study(seed: int, name: str, variants: Mapping[str, Variant]) -> dict[str, Row]:
