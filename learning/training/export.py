@@ -44,7 +44,10 @@ def export(
 
 
 def largest_difference(network: SteeringNetwork, path: Path, frames: Frames) -> float:
-    """Greatest |torch − ONNX Runtime| of angle, deviation and next state over the first frames."""
+    """Greatest |torch − ONNX Runtime| of angle, deviation and next state over the first frames.
+
+    That of the state is relative to its greatest number, where this is above 1: its numbers have no bound.
+    """
     images = frames.images[:COMPARED].copy()
     feeds: dict[str, Any] = {"image": images}
     inputs = [torch.from_numpy(images)]
@@ -61,7 +64,8 @@ def largest_difference(network: SteeringNetwork, path: Path, frames: Frames) -> 
     with torch.no_grad():
         wanted = Exported(network)(*inputs)
     found = open_session(path.read_bytes(), path).run(names, feeds)
-    return max(float(np.abs(w.numpy() - f).max()) for w, f in zip(wanted, found, strict=True))
+    pairs = ((w.numpy(), f) for w, f in zip(wanted, found, strict=True))
+    return max(float(np.abs(w - f).max() / max(1.0, np.abs(w).max())) for w, f in pairs)
 
 
 def origin_commit() -> str:
