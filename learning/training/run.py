@@ -14,8 +14,6 @@ import torch
 from learning.dataset.balance import weights
 from learning.dataset.dataset import Dataset
 from learning.models.catalogue import build, packaged_weights
-from learning.models.parts.memory import LSTM
-from learning.models.parts.motion import ShiftedLSTM
 from learning.models.parts.network import SteeringNetwork, glorot, he
 from learning.models.parts.weights import load_trunk
 from learning.training.augmentation import Augmenter
@@ -106,7 +104,7 @@ def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad
     for layer in network.modules():
         if isinstance(layer, torch.nn.Dropout) and recipe.dropout is not None:
             layer.p = recipe.dropout
-    if isinstance(network.memory, LSTM | ShiftedLSTM):
+    if network.memory is not None:
         network.memory.remember(recipe.window)
     if recipe.initialisation != "network":
         dict(glorot=glorot, he=he)[recipe.initialisation](network)

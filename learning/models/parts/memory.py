@@ -19,6 +19,9 @@ class Memory(nn.Module):
     last_alone = False  # whether ``forward`` gives the output of the last frame of a sequence alone
     in_a_row = 1  # frames that a window has to hold one after the other
 
+    def remember(self, length: int) -> None:
+        """Let an output depend on ``length`` frames, where the memory is one of the last frames."""
+
     def reads(self, pixels: Tensor, extract: Extract) -> Tensor:
         """The features for ``step``."""
         return extract(pixels)
