@@ -29,7 +29,7 @@ from sim_harness.sweep.store import Row, stored_rows
 
 CLEAN = {"dropout": "0", "weight_decay": "0.001"}  # labels without noise need no weaker networks
 # head: the median of the labels does not follow those of a few frames that do not show the lane
-FINE = {"height_px": "96", "width_px": "128", "batch": "64", "beta": "1.0", "head": "laplace", **CLEAN}
+FINE = {"height_px": "96", "width_px": "128", "batch": "32", "beta": "1.0", "head": "laplace", **CLEAN}
 PEER = "donkey-linear"
 DRIVER = "steer"  # the network that also drives
 NETWORKS: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recipe
@@ -38,7 +38,7 @@ NETWORKS: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recip
     "steer-motion": FINE,
     "steer-lstm": {"window": "16", "frames_share": "0.125", **FINE, "batch": "16"},  # 16 frames are 7 m
 }
-ROADS, EPOCHS = 1000, 6
+ROADS, EPOCHS = 2000, 4
 QUICK_ROADS, QUICK_EPOCHS = 4, 1
 RATE, PEER_RATE = 2.0e-3, 1.0e-3  # of learning; that of donkeycar
 SPEEDS_MPH, QUICK_SPEEDS_MPH = (5, 10, 15, 20), (20,)
