@@ -10,14 +10,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from learning.dataset.cleaning import cleaned
 from learning.dataset.dataset import (
     CARD,
+    NONE,
+    SPLITS,
     VERSION,
     Dataset,
     DatasetFile,
+    Rows,
     Source,
     Split,
     as_rows,
+    check_place,
     sha256_of,
     write,
 )
@@ -47,6 +52,7 @@ class BuildOptions:
     wheel: WheelOptions
     split: Split
     table: TableOptions
+    leave_out: tuple[str, ...] = ()  # names of RULES
     command: str = ""
 
 
@@ -65,8 +71,8 @@ def read_log(path: Path, faults: Faults, options: TableOptions) -> Log:
     if path.suffix.lower() == ".csv":
         return read_table(path, faults, options)
     raise InputError(
-        f"{path}: no known log of a drive; known: a recording (.mcap), a donkeycar tub, a segment of"
-        " comma2k19, a table (.csv)"
+        f"{path}: no known log of a drive; known: a recording (.mcap), a donkeycar tub, a segment or route of"
+        f" comma2k19, a folder with {UDACITY_LOG}, a table (.csv)"
     )
 
 
@@ -92,6 +98,8 @@ def build(
     out: Path, logs: list[Log], options: BuildOptions, faults: Faults, progress: Progress = lambda _: None
 ) -> DatasetFile:
     """Label, measure and divide the frames of ``logs``, and write the data set. Raises InputError."""
+    check_place(out)
+    _check_options(logs, options)
     wheel = wheel_of(logs, options.wheel)
     for log in logs:
         _check_steering(log, faults)
@@ -99,33 +107,34 @@ def build(
     route = np.array([name for log in logs for name in log.route])
     stretch = stretches(t_s, route)
     unusable, look = _measured(logs, stretch, faults, progress)
+    columns = {
+        "frame": _numbered(route),
+        "source": np.repeat(np.arange(len(logs)), [len(log) for log in logs]),
+        "image": [name for log in logs for name in log.image],
+        "item": np.concatenate([log.item for log in logs]),
+        "t_s": t_s,
+        "route": route,
+        "stretch": stretch,
+        "road_wheel_rad": np.concatenate([road_wheel_rad(log, wheel) for log in logs]),
+        "speed_mps": np.concatenate([log.speed_mps for log in logs]),
+        "split": np.where(unusable == "", SPLITS[0], NONE),
+        "why": unusable,
+        "light": look.light,
+        "hash": look.hash,
+        "change": look.change,
+        "shift": look.shift,
+        "yaw_rate_radps": np.concatenate([log.yaw_rate_radps for log in logs]),
+    }
+    unusable = cleaned(as_rows(columns), options.leave_out)
     split, why = divided(options.split, t_s, route, unusable, look)
-    rows = as_rows(
-        {
-            "frame": _numbered(route),
-            "source": np.repeat(np.arange(len(logs)), [len(log) for log in logs]),
-            "image": [name for log in logs for name in log.image],
-            "item": np.concatenate([log.item for log in logs]),
-            "t_s": t_s,
-            "route": route,
-            "stretch": stretch,
-            "road_wheel_rad": np.concatenate([road_wheel_rad(log, wheel) for log in logs]),
-            "speed_mps": np.concatenate([log.speed_mps for log in logs]),
-            "split": split,
-            "why": why,
-            "light": look.light,
-            "hash": look.hash,
-            "change": look.change,
-            "shift": look.shift,
-            "yaw_rate_radps": np.concatenate([log.yaw_rate_radps for log in logs]),
-        }
-    )
-    _check_splits(options.split, split)
+    rows = as_rows(columns | {"split": split, "why": why})
+    _check_splits(options.split, rows)
     file = DatasetFile(
         version=VERSION,
         sources=tuple(_source(log) for log in logs),
         wheel=wheel,
         split=options.split,
+        leave_out=options.leave_out,
         command=options.command,
         data_sha256=sha256_of(rows),
     )
@@ -133,25 +142,46 @@ def build(
     return file
 
 
-def _check_splits(rule: Split, split: NDArray[np.str_]) -> None:
+def _check_splits(rule: Split, rows: Rows) -> None:
     """Raise InputError when a split that should have rows has none."""
     for name, share in rule.shares.items():
-        if share > 0 and not (split == name).any():
+        if share > 0 and not (rows["split"] == name).any():
+            reasons = Counter(rows["why"][rows["why"] != ""].tolist())
+            most = "; ".join(f"{count} left out: {why}" for why, count in reasons.most_common(2))
             raise InputError(
-                f"no row is left for {name}: the drives are too short for a gap of {rule.gap_s:g} s (--gap-s),"
-                " or too many rows are left out"
+                f"no row of {len(rows)} is left for {name} with a gap of {rule.gap_s:g} s (--gap-s)"
+                + (f"; {most}" if most else "")
             )
+
+
+def _check_options(logs: list[Log], options: BuildOptions) -> None:
+    """Raise InputError for an option that no source uses."""
+    kinds, units = {log.kind for log in logs}, {log.unit for log in logs}
+    table, wheel = options.table, options.wheel
+    unused = {
+        "--column": table.renamed and "table" not in kinds and "no source is a table",
+        "--fps": table.fps and "table" not in kinds and "no source is a table",
+        "--video": table.video and "table" not in kinds and "no source is a table",
+        "--test-route": options.split.test_routes and options.split.by != "route" and "needs --split route",
+        "--lock-deg": wheel.lock_deg and Steering.LOCK not in units and "the logs hold angles",
+        "--steering-ratio": wheel.ratio
+        and Steering.WHEEL not in units
+        and "the logs hold no angles of a steering wheel",
+    }
+    for name, why in unused.items():
+        if why:
+            raise InputError(f"{name}: {why}")
 
 
 def _check_steering(log: Log, faults: Faults) -> None:
     """Name the rows without steering, and those beyond full lock."""
-    for number in np.flatnonzero([not reason for reason in log.why]):
+    for number in np.flatnonzero([not reason for reason in log.why]).tolist():
         value = log.steering[number]
         beyond = log.unit == Steering.LOCK and abs(value) > BEYOND_LOCK
         if math.isfinite(value) and not beyond:
             continue
         what = f"steering of {value:g} is beyond full lock" if beyond else "no steering"
-        faults(f"{log.path}: row {number} ({log.image[number]}): {what}")
+        faults(f"{log.place(number)}: {what}")
         log.why[number] = NO_LABEL
         log.steering[number] = math.nan
 

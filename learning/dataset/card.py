@@ -2,19 +2,18 @@
 
 import math
 from collections import Counter
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from learning.dataset.cleaning import BRIGHT, DARK, frozen_pieces, pieces
 from learning.dataset.dataset import NONE, SPLITS, Dataset, Rows
 from learning.dataset.likeness import STILL
 from learning.dataset.motion import Delay, delay_of, suspicious
-from trepid.types import Column, Mask
+from learning.dataset.road_kinds import ESTIMATOR, LOOKED_AT, road_kinds
+from trepid.types import Column
 
 STRAIGHT_DEG, SHARP_DEG = 1.0, 8.0
-DARK, BRIGHT = 0.2, 0.8
-FROZEN_S = 0.5  # still images at least this long are a frozen piece
 BINS = 15
 LATE_S = 0.05
 MOST_STRAIGHT, MOST_ONE_SIDED = 0.7, 0.75
@@ -26,7 +25,7 @@ def card_of(dataset: Dataset) -> dict[str, Any]:
     """The card as JSON: counts, distribution of the labels, light, likeness, delay, suspicious labels, findings."""
     rows = dataset.rows()
     used = rows[rows["split"] != NONE]
-    delay, bad, still = delay_of(rows), suspicious(rows), frozen(rows)
+    delay, bad, still = delay_of(rows), suspicious(rows), frozen_pieces(rows)
     angles = np.degrees(used["road_wheel_rad"])
     card = {
         "frames": len(rows),
@@ -35,21 +34,28 @@ def card_of(dataset: Dataset) -> dict[str, Any]:
         "routes": dict(Counter(rows["route"].tolist())),
         "stretches": len(set(rows["stretch"].tolist())),
         "duration_s": _duration_s(rows),
+        "time_runs_back": int(((np.diff(rows["t_s"]) < 0) & (rows["route"][1:] == rows["route"][:-1])).sum()),
         "rate_hz": _rate_hz(rows),
         "size": _size(dataset, used),
         "speed_mps": _range(used["speed_mps"]),
         "wheel": dataset.wheel.model_dump(mode="json"),
         "angle": _angles(angles),
         "light": _light(used),
+        "road": road_kinds(dataset, used),
         "still_share": float((used["change"] <= STILL).mean()) if len(used) else None,
         "repeated_views": int(len(used) - len(np.unique(used["hash"]))),
         "frozen": still,
         "delay": {"delay_s": delay.delay_s, "correlation": delay.correlation, "by": delay.by},
-        "suspicious": {"frames": int(bad.sum()), "pieces": _pieces(rows, bad)},
+        "suspicious": {"frames": int(bad.sum()), "pieces": pieces(rows, bad)},
         "data_sha256": dataset.sha256,
     }
     card["findings"] = _findings(dataset, card, delay)
     return card
+
+
+def counted(count: int, noun: str, nouns: str = "") -> str:
+    """``count`` and the noun in the right number."""
+    return f"{count} {noun if count == 1 else nouns or f'{noun}s'}"
 
 
 def _duration_s(rows: Rows) -> float:
@@ -110,36 +116,13 @@ def _light(used: Rows) -> dict[str, float] | None:
     }
 
 
-def frozen(rows: Rows) -> list[dict[str, Any]]:
-    """Pieces of at least FROZEN_S without change in the image, the longest first."""
-    return [piece for piece in _pieces(rows, rows["change"] <= STILL) if piece["duration_s"] >= FROZEN_S]
-
-
-def _pieces(rows: Rows, marked: Mask) -> list[dict[str, Any]]:
-    """Runs of marked rows inside a stretch, the longest first."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(int)))
-    found = []
-    for first, end in ends.reshape(-1, 2).tolist():
-        cuts = [first, *(first + 1 + np.flatnonzero(np.diff(rows["stretch"][first:end]))).tolist(), end]
-        for begin, after in pairwise(cuts):
-            piece = {
-                "route": str(rows["route"][begin]),
-                "frame": int(rows["frame"][begin]),
-                "frames": after - begin,
-                "image": str(rows["image"][begin]),
-                "duration_s": float(rows["t_s"][after - 1] - rows["t_s"][begin]),
-            }
-            found.append(piece)
-    return sorted(found, key=lambda piece: -int(piece["frames"]))
-
-
 def _findings(dataset: Dataset, card: dict[str, Any], delay: Delay) -> list[dict[str, str]]:
     """What is worth a look, and the remedy."""
     found: list[tuple[str, str]] = []
     angle, light = card["angle"], card["light"]
     if angle and angle["straight_share"] > MOST_STRAIGHT:
         share = f"{100 * angle['straight_share']:.0f} % of the frames are straight ahead"
-        found.append((share, "train with balanced angles, or record more bends"))
+        found.append((share, "train with --set balance=0.5, or record more bends"))
     if (
         angle
         and angle["left_share"] is not None
@@ -153,13 +136,15 @@ def _findings(dataset: Dataset, card: dict[str, Any], delay: Delay) -> list[dict
         share = (
             f"{100 * (light['dark_share'] + light['bright_share']):.0f} % of the images are dark or bright"
         )
-        found.append((share, "check exposure; train with changes of brightness"))
+        found.append((share, "check the exposure, or build again with --leave-out dark --leave-out bright"))
+    if card["time_runs_back"]:
+        found.append((f"time runs back {card['time_runs_back']} times", "sort the log by time"))
     if card["frozen"]:
         seconds = sum(piece["duration_s"] for piece in card["frozen"])
         found.append(
             (
                 f"{len(card['frozen'])} frozen pieces, {seconds:.1f} s",
-                "leave these pieces out of the log and build again",
+                "build again with --leave-out frozen",
             )
         )
     found += _about_labels(dataset, card, delay)
@@ -178,11 +163,15 @@ def _about_labels(dataset: Dataset, card: dict[str, Any], delay: Delay) -> list[
         first = card["suspicious"]["pieces"][0]
         text = f"{card['suspicious']['frames']} labels contradict the {delay.by}"
         found.append(
-            (text, f"look at {first['image']} ({first['route']}, frame {first['frame']}) and the others")
+            (
+                text,
+                f"look at {first['image']} ({first['route']}, frame {first['frame']}) and the others, or build"
+                " again with --leave-out suspicious",
+            )
         )
     if dataset.wheel.how.startswith("assumed"):
         found.append(("the lock angle is assumed", "give --lock-deg or --car; degrees scale with it"))
-    if dataset.wheel.lock_rad is not None and dataset.wheel.k_us == 0.0:
+    if dataset.wheel.k_us == 0.0 and any(source.kind != "recording" for source in dataset.file.sources):
         found.append(("understeer was not removed", "give --car, and a log with the speed"))
     if len(card["routes"]) == 1:
         found.append(("one route only: the test is the same road", "record another route for --split route"))
@@ -199,12 +188,16 @@ def as_text(card: dict[str, Any]) -> list[str]:
     rate = f"{card['rate_hz']:.1f} Hz" if card["rate_hz"] else "no rate"
     lines = [
         f"frames      {card['frames']}: " + ", ".join(f"{name} {n}" for name, n in card["splits"].items()),
-        f"drives      {len(card['routes'])} routes, {card['stretches']} stretches, {card['duration_s']:.0f} s,"
+        f"drives      {counted(len(card['routes']), 'route')},"
+        f" {counted(card['stretches'], 'stretch', 'stretches')}, {card['duration_s']:.0f} s,"
         f" {rate}, {size} pixels",
         *(f"left out    {count} {why}" for why, count in card["left_out"].items()),
     ]
     lock = f"{math.degrees(wheel['lock_rad']):.1f}° at full lock, " if wheel["lock_rad"] else ""
-    lines.append(f"wheel       {lock}{wheel['how']}; K_us {wheel['k_us']:g}")
+    understeer = (
+        f"understeer of {wheel['k_us']:g} rad/(m/s²) removed" if wheel["k_us"] else "no understeer removed"
+    )
+    lines.append(f"wheel       {lock}{wheel['how']}; {understeer}")
     if card["speed_mps"]:
         speed = card["speed_mps"]
         lines.append(f"speed       {speed['median']:.1f} m/s median, {speed['p5']:.1f} to {speed['p95']:.1f}")
@@ -215,6 +208,9 @@ def as_text(card: dict[str, Any]) -> list[str]:
             f"light       {light['mean']:.2f} ± {light['std']:.2f}, dark {100 * light['dark_share']:.0f} %,"
             f" bright {100 * light['bright_share']:.0f} %"
         )
+    if card["road"]:
+        shares = ", ".join(f"{kind} {100 * share:.0f} %" for kind, share in card["road"].items())
+        lines.append(f"road        {shares} of {LOOKED_AT} frames at most, by the estimator {ESTIMATOR}")
     lines.append(
         f"likeness    {card['repeated_views']} repeated views, {100 * (card['still_share'] or 0):.1f} % still,"
         f" {len(card['frozen'])} frozen pieces"

@@ -36,7 +36,11 @@ def dataset() -> None:
 def build(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder of the data set.")],
     sources: Annotated[
-        list[Path], typer.Argument(metavar="SOURCE…", help="Donkeycar tubs, Udacity logs, tables (.csv).")
+        list[Path],
+        typer.Argument(
+            metavar="SOURCE…",
+            help="Recordings (.mcap), donkeycar tubs, comma2k19 segments, Udacity logs, tables (.csv).",
+        ),
     ],
     lock_deg: Annotated[
         float | None,
@@ -47,11 +51,14 @@ def build(
     positive: Annotated[
         str | None,
         typer.Option(
-            "--sign", metavar="left|right", help="Side of positive steering; default: by the format."
+            "--sign",
+            metavar="left|right",
+            help="Side of positive steering; default: logged_positive of --car, or by the format.",
         ),
     ] = None,
     wheelbase_m: Annotated[
-        float | None, typer.Option(min=0.05, max=10.0, help="[m]; default: that of --car.")
+        float | None,
+        typer.Option(min=0.05, max=10.0, help="Distance of the axles [m]; default: that of --car."),
     ] = None,
     steering_ratio: Annotated[
         float | None,
@@ -67,12 +74,21 @@ def build(
         float, typer.Option(min=0.0, max=600.0, help="Time left out at a border between two splits [s].")
     ] = 2.0,
     test_route: Annotated[
-        list[str] | None, typer.Option(help="--split route: a route for the test; default: drawn.")
+        list[str] | None,
+        typer.Option(help="Route for the test of --split route, may be repeated; default: chosen at random."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="--split route: of the drawing.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of this choice.")] = 0,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="RULE",
+            help="Leave out frames that are frozen, dark, bright, standing or suspicious (the label contradicts the"
+            " motion of the car); may be repeated.",
+        ),
+    ] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=COLUMN", help="Column of a table that holds NAME."),
+        typer.Option(metavar="NAME=COLUMN", help="Column of a table that holds NAME, such as t_s."),
     ] = None,
     fps: Annotated[
         float | None, typer.Option(min=0.1, max=1000.0, help="Rate of a table without times [1/s].")
@@ -93,6 +109,7 @@ def build(
 ) -> int:
     """Build a data set from recorded drives: frames, road-wheel angles, splits. The images stay where they are."""
     from learning.dataset import build as building
+    from learning.dataset.cleaning import RULES
     from learning.dataset.dataset import Dataset, Split, need_arrow
     from learning.dataset.sources.log import Faults
     from learning.dataset.sources.table import TableOptions
@@ -110,6 +127,7 @@ def build(
             test_routes=tuple(test_route or ()),
         ),
         table=TableOptions(parse_columns(column or []), fps, video),
+        leave_out=tuple(_choice("--leave-out", rule, tuple(RULES)) for rule in leave_out or ()),
         command=shlex.join(["trepid", *sys.argv[1:]]),
     )
     faults = Faults(strict=strict)
@@ -205,6 +223,8 @@ def _shares(text: str) -> dict[str, float]:
 
 
 def _print_summary(made, left_out: int, *, as_json: bool) -> None:  # type: ignore[no-untyped-def]
+    from learning.dataset.card import counted
+
     rows = made.rows()
     splits, wheel = Counter(rows["split"].tolist()), made.wheel
     if as_json:
@@ -218,7 +238,7 @@ def _print_summary(made, left_out: int, *, as_json: bool) -> None:  # type: igno
         )
         print(json.dumps(summary))
         return
-    print(f"{made.folder}: {len(rows)} frames of {len(set(rows['route'].tolist()))} routes")
+    print(f"{made.folder}: {len(rows)} frames of {counted(len(set(rows['route'].tolist())), 'route')}")
     print("  " + ", ".join(f"{name} {splits[name]}" for name in ("train", "validation", "test", "none")))
     for why, count in Counter(rows["why"].tolist()).most_common():
         if why:

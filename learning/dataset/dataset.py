@@ -110,6 +110,7 @@ class DatasetFile(Settings):
     sources: Annotated[tuple[Source, ...], Field(min_length=1)]
     wheel: Wheel
     split: Split
+    leave_out: tuple[str, ...] = ()  # rules of the clean-up
     command: str = ""  # that built it
     data_sha256: str
 
@@ -225,6 +226,8 @@ def read_index(path: Path) -> Rows:
     import pyarrow as pa
     import pyarrow.parquet
 
+    if not path.is_file():
+        raise InputError(f"{path}: no such file: build the data set again")
     try:
         table = pa.parquet.read_table(path)
     except (OSError, pa.ArrowException) as error:
@@ -244,6 +247,17 @@ def _texts(table: Any) -> dict[str, Any]:
     }
 
 
+def check_place(folder: Path) -> None:
+    """Raise InputError where ``folder`` has a file of the name CARD that is not of a data set."""
+    if (folder / CARD).exists():
+        try:
+            load(folder / CARD, DatasetFile)
+        except InputError as error:
+            raise InputError(
+                f"{folder}: nothing is written here, for its {CARD} is not that of a data set: {error}"
+            ) from error
+
+
 def write(folder: Path, file: DatasetFile, rows: Rows) -> None:
     """Write a data set; dataset.yaml comes last, so that a folder with it is complete. Raises InputError."""
     need_arrow()
@@ -254,16 +268,16 @@ def write(folder: Path, file: DatasetFile, rows: Rows) -> None:
     def column(name: str) -> Any:
         return pa.array(rows[name].tolist() if DATA.get(name) == "str" else rows[name])
 
-    partial = folder / f"{INDEX}.partial"
+    index, card = folder / f"{INDEX}.partial", folder / f"{CARD}.partial"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / CARD).unlink(missing_ok=True)
-        pa.parquet.write_table(pa.table({name: column(name) for name in rows.dtype.names or ()}), partial)
-        partial.replace(folder / INDEX)
+        pa.parquet.write_table(pa.table({name: column(name) for name in rows.dtype.names or ()}), index)
         yaml = YAML()
         yaml.width = 1000
-        with (folder / f"{CARD}.partial").open("w", encoding="utf-8") as stream:
+        with card.open("w", encoding="utf-8") as stream:
             yaml.dump(file.model_dump(mode="json"), stream)
-        (folder / f"{CARD}.partial").replace(folder / CARD)
+        (folder / CARD).unlink(missing_ok=True)
+        index.replace(folder / INDEX)
+        card.replace(folder / CARD)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror or error}") from error

@@ -73,6 +73,10 @@ def _by_route(split: Split, route: NDArray[np.str_], usable: Mask, look: Look) -
 
     With a single route left beside the test, the validation is cut off its end.
     """
+    if split.shares["test"] == 1.0:
+        return np.full(len(route), SPLITS[2], dtype="<U10")
+    if not (split.shares["test"] or split.test_routes):
+        raise InputError("--shares: a split by route needs a share of the test above 0, or --test-route")
     routes = sorted(set(route.tolist()))
     strange = [name for name in split.test_routes if name not in routes]
     if strange:
@@ -88,8 +92,8 @@ def _by_route(split: Split, route: NDArray[np.str_], usable: Mask, look: Look) -
     if len(left) > 1:
         names[np.isin(route, _taken(left, split.shares["validation"], route, usable))] = SPLITS[1]
     else:
-        rest = 1.0 - split.shares["test"]
-        shares = {"train": split.shares["train"] / rest, "validation": split.shares["validation"] / rest}
+        rest = split.shares["train"] + split.shares["validation"]
+        shares = {name: split.shares[name] / rest for name in ("train", "validation")}
         mine = np.flatnonzero(route == left[0])
         names[mine] = _cut(mine, usable, {**shares, "test": 0.0}, look)
     return names

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 from controller.model.bicycle import curvature_from_angle
 from learning.dataset.dataset import Wheel
 from learning.dataset.sources.log import Log, Steering
-from trepid.car.vehicle import GRADIENT, Vehicle, road_wheel_angle
+from trepid.car.vehicle import GRADIENT, Side, Vehicle, road_wheel_angle
 from trepid.config import CONFIG_DIR, InputError, car_folder, load
 from trepid.types import Column
 
@@ -44,19 +44,25 @@ class WheelOptions:
 def wheel_of(logs: list[Log], options: WheelOptions) -> Wheel:
     """How the steering of ``logs``, of one car, becomes road-wheel angles. Raises InputError."""
     units, signs = {log.unit for log in logs}, {log.left_positive for log in logs}
-    if len(units) > 1 or (len(signs) > 1 and options.left_positive is None):
-        raise InputError("the sources hold steering in different units or signs: build a data set of each")
     log, car = logs[0], car_folder()
     vehicle = known_vehicle(logs)
-    left = log.left_positive if options.left_positive is None else options.left_positive
+    given = options.left_positive is not None or (vehicle is not None and vehicle.logged_positive is not None)
+    if len(units) > 1 or (len(signs) > 1 and not given):
+        raise InputError("the sources hold steering in different units or signs: build a data set of each")
+    left = log.left_positive
+    if vehicle is not None and vehicle.logged_positive is not None and log.unit != Steering.KINEMATIC:
+        left = vehicle.logged_positive == Side.LEFT
+    if options.left_positive is not None:
+        left = options.left_positive
     wheel = Wheel(
         lock_rad=None, how="angles in the log", sign=1 if left else -1, wheelbase_m=options.wheelbase_m
     )
     if log.unit == Steering.KINEMATIC:
         return wheel
     if vehicle is not None:
+        moving = any(np.isfinite(log.speed_mps).any() for log in logs)  # understeer needs the speed
         of_the_car = {
-            "k_us": vehicle.understeer_gradient_rad_per_mps2,
+            "k_us": vehicle.understeer_gradient_rad_per_mps2 if moving else 0.0,
             "wheelbase_m": options.wheelbase_m or vehicle.wheelbase_m,
         }
         wheel = wheel.model_copy(update=of_the_car)

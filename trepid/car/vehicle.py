@@ -48,6 +48,13 @@ class Traffic(StrEnum):
     UNKNOWN = "unknown"
 
 
+class Side(StrEnum):
+    """A side of the car."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
 class Chassis(Settings):
     """Mass and tyres, for a vehicle whose understeer gradient is not measured."""
 
@@ -83,6 +90,8 @@ class Vehicle(Settings):
     front_overhang_m: NonNegative  # front axle to bumper
     rear_overhang_m: NonNegative
     steering_ratio: Positive  # steering-wheel angle / road-wheel angle
+    # side of positive steering in logs of this car; None: by their format. Nothing drives by it: no part of dumps
+    logged_positive: Annotated[Side | None, Field(exclude=True)] = None
     max_road_wheel_angle_rad: Annotated[float, Field(gt=0, lt=1.2)]
     max_road_wheel_rate_radps: Positive
     steering_delay_s: NonNegative  # dead time of the steering actuator

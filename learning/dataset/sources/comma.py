@@ -15,7 +15,7 @@ from learning.dataset.sources.log import Log, Steering
 from trepid.config import InputError
 from trepid.images.files import IMAGE_SUFFIXES, natural_order
 from trepid.recording.interpolation import between
-from trepid.types import Column
+from trepid.types import Array, Column
 
 TIMES = "global_pose/frame_times"
 SPEED, ANGLE, GYRO = "processed_log/CAN/speed", "processed_log/CAN/steering_angle", "processed_log/IMU/gyro"
@@ -74,29 +74,45 @@ def _files(segment: Path) -> list[Path]:
     return [path for name in names if (path := _array(segment, name)) is not None]
 
 
-def _loaded(segment: Path, name: str) -> Column:
+def _loaded(segment: Path, name: str) -> Array:
     path = _array(segment, name)
     if path is None:
         raise InputError(f"{segment}: no {name} (nor {name}.npy): not a whole segment of comma2k19")
     try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: no array of NumPy: {error}") from error
-    return np.asarray(values, dtype=np.float64)
+        return np.asarray(np.load(path, allow_pickle=False), dtype=np.float64)
+    except (OSError, ValueError, TypeError, EOFError) as error:
+        raise InputError(f"{path}: no array of numbers of NumPy: {error}") from error
+
+
+def _series(segment: Path, quantity: str, width: int = 1) -> tuple[Column, Array]:
+    """Times (n,) and values (n, width) of a quantity. Raises InputError."""
+    t_s, values = _times(segment, f"{quantity}/t"), _loaded(segment, f"{quantity}/value")
+    if values.size != width * len(t_s) or values.shape[:1] != t_s.shape:
+        raise InputError(
+            f"{segment}: {quantity}: values of shape {values.shape} for {len(t_s)} times;"
+            f" expected {len(t_s)} × {width}"
+        )
+    return t_s, values.reshape(len(t_s), width)
+
+
+def _times(segment: Path, name: str) -> Column:
+    t_s = _loaded(segment, name)
+    if t_s.ndim != 1 or not np.isfinite(t_s).all():
+        raise InputError(f"{segment}: {name}: expected a column of times, got the shape {t_s.shape}")
+    return t_s
 
 
 def _segment(segment: Path) -> tuple[list[str], Column, Column, Column, Column, Column]:
     """Names of the images, their numbers, times, steering-wheel angle [rad], speed, yaw rate."""
-    t_s = _loaded(segment, TIMES)
+    t_s = _times(segment, TIMES)
     names, numbers = _images(segment, len(t_s))
-    columns = [
-        between(t_s, _loaded(segment, f"{quantity}/t"), _loaded(segment, f"{quantity}/value").ravel())
-        for quantity in (ANGLE, SPEED)
-    ]
+    (angle_s, angle_deg), (speed_s, speed_mps) = _series(segment, ANGLE), _series(segment, SPEED)
     yaw = np.full(len(t_s), math.nan)
     if _array(segment, f"{GYRO}/t") is not None:  # z down
-        yaw = between(t_s, _loaded(segment, f"{GYRO}/t"), -_loaded(segment, f"{GYRO}/value")[:, 2])
-    return names, numbers, t_s, np.radians(columns[0]), columns[1], yaw
+        then_s, rates = _series(segment, GYRO, width=3)
+        yaw = between(t_s, then_s, -rates[:, 2])
+    angle_rad = np.radians(between(t_s, angle_s, angle_deg[:, 0]))
+    return names, numbers, t_s, angle_rad, between(t_s, speed_s, speed_mps[:, 0]), yaw
 
 
 def _images(segment: Path, count: int) -> tuple[list[str], Column]:

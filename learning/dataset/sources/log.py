@@ -1,6 +1,7 @@
 """What a reader finds in the log of a drive, before it is labelled."""
 
 import hashlib
+import math
 import re
 import sys
 from collections.abc import Iterable
@@ -43,6 +44,7 @@ class Log:
     speed_mps: Column
     yaw_rate_radps: Column
     why: list[str]  # the reason to leave the frame out; empty: none
+    where: list[str] = field(default_factory=list)  # file and line of each row; empty: the log has no lines
     unit: Steering
     left_positive: bool  # as the format has it
     lock_rad: float | None = None  # that the format prescribes, or that is usual for it
@@ -53,6 +55,10 @@ class Log:
 
     def __len__(self) -> int:
         return len(self.image)
+
+    def place(self, row: int) -> str:
+        """Where row number ``row`` stands."""
+        return self.where[row] if self.where else f"{self.path}: frame {row} ({self.image[row]})"
 
 
 class Faults:
@@ -91,21 +97,28 @@ def sha256_of_files(paths: Iterable[Path]) -> str:
 
 
 def licence_beside(folder: Path) -> str | None:
-    """What a MANIFEST in ``folder`` says about the licence; None without one."""
-    for path in sorted(folder.glob("MANIFEST*")):
-        found = LICENCE.search(path.read_text(encoding="utf-8", errors="replace"))
+    """What a MANIFEST in ``folder`` says about the licence; None without one. Raises InputError."""
+    for path in sorted(path for path in folder.glob("MANIFEST*") if path.is_file()):
+        try:
+            text = path.read_text(encoding="utf-8", errors="replace")
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        found = LICENCE.search(text)
         if found:
             return found.group().strip()
     return None
 
 
 def number(value: object) -> float:
-    """``value`` as a number; NaN for None, empty text and null. Raises ValueError for something else."""
+    """``value`` as a number; NaN for None, empty text and null. Raises ValueError for others and infinite ones."""
     if value is None or value == "":
-        return float("nan")
+        return math.nan
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"expected a number, got {value!r}")
     try:
-        return float(value)
-    except ValueError:
+        found = float(value)
+    except (ValueError, OverflowError):
         raise ValueError(f"expected a number, got {value!r}") from None
+    if math.isinf(found):
+        raise ValueError(f"expected a finite number, got {value!r}")
+    return found

@@ -69,6 +69,8 @@ class TableOptions:
 
 def read_table(path: Path, faults: Faults, options: TableOptions) -> Log:
     """The rows of a table; an image is sought below the folder of the table. Raises InputError."""
+    if options.video is not None and not options.video.is_file():
+        raise InputError(f"--video {options.video}: no such file")
     rows = _cells(path)
     header = [name.strip() for name in rows[0]] if rows else []
     if _is_udacity(header) and not options.renamed:
@@ -95,19 +97,20 @@ def _is_udacity(header: list[str]) -> bool:
 
 
 def _udacity(path: Path, rows: list[list[str]], faults: Faults, *, first: int) -> Log:
-    found, names, before = [], [], faults.count
+    found, names, where, before = [], [], [], faults.count
     for line, row in enumerate(rows[first:], start=first + 1):
         try:
             if len(row) != len(UDACITY):
                 raise ValueError(f"expected {len(UDACITY)} columns, got {len(row)}")
             found.append((_stamp_s(row[0]), number(row[3].strip()), MPS_PER_MPH * number(row[6].strip())))
             names.append(_below(path.parent, row[0].strip()))
+            where.append(f"{path}:{line}")
         except ValueError as error:
             faults(f"{path}:{line}: {error}")
     if not found:
         raise InputError(f"{path}: no row can be read")
     t_s, steering, speed_mps = np.array(found, dtype=np.float64).T
-    log = _log("udacity", path, names, t_s, steering, Steering.LOCK)
+    log = _log("udacity", path, names, t_s, steering, Steering.LOCK, where)
     log.speed_mps, log.unread = speed_mps, faults.count - before
     log.lock_rad, log.lock_source = math.radians(UDACITY_LOCK_DEG), "of the Udacity simulator"
     if any(row[1].strip() for row in rows[first:] if len(row) == len(UDACITY)):
@@ -139,8 +142,10 @@ def _named(
     path: Path, header: list[str], rows: list[list[str]], faults: Faults, options: TableOptions
 ) -> Log:
     at, names = _chosen(path, header, options)
+    if "time" in at and options.fps is not None:
+        raise InputError(f"{path}:1: has times in the column {header[at['time']]!r}; leave out --fps")
     angle = next(quantity for quantity in ("road wheel", "steering wheel", "lock") if quantity in at)
-    texts: dict[str, list[str]] = {"image": [], "route": []}
+    texts: dict[str, list[str]] = {"image": [], "route": [], "where": []}
     numbers: list[list[float]] = []
     numeric = [quantity for quantity in ("frame", "time", angle, "speed", "yaw rate") if quantity in at]
     before = faults.count
@@ -151,6 +156,7 @@ def _named(
             if len(row) != len(header):
                 raise ValueError(f"expected {len(header)} columns, got {len(row)}")
             values = [_scaled(row[at[quantity]], names[quantity]) for quantity in numeric]
+            _check_counted(dict(zip(numeric, values, strict=True)))
             image = "" if options.video else _below(path.parent, row[at["image"]].strip())
         except ValueError as error:
             faults(f"{path}:{line}: {error}")
@@ -158,11 +164,12 @@ def _named(
         numbers.append(values)
         texts["image"].append(image)
         texts["route"].append(row[at["route"]].strip() if "route" in at else "")
+        texts["where"].append(f"{path}:{line}")
     if not numbers:
         raise InputError(f"{path}: no row can be read")
     columns = dict(zip(numeric, np.array(numbers, dtype=np.float64).T, strict=True))
     t_s = columns["time"] if "time" in columns else np.arange(len(numbers)) / (options.fps or math.nan)
-    log = _log("table", path, texts["image"], t_s, columns[angle], Steering(angle))
+    log = _log("table", path, texts["image"], t_s, columns[angle], Steering(angle), texts["where"])
     if any(texts["route"]):
         log.route = [f"{path.parent.name}/{route}" for route in texts["route"]]
     _filmed(log, columns, options)
@@ -210,6 +217,15 @@ def _scaled(text: str, name: str) -> float:
     return factor * number(text.strip())
 
 
+def _check_counted(values: Mapping[str, float]) -> None:
+    """Raise ValueError for a row without time, and for a frame number of a video that is none."""
+    if "time" in values and math.isnan(values["time"]):
+        raise ValueError("no time")
+    frame = values.get("frame", 0.0)
+    if not (0.0 <= frame < 2**53 and frame.is_integer()):
+        raise ValueError(f"expected the number of a frame, got {frame:g}")
+
+
 def _check_lock(path: Path, name: str, values: Column) -> None:
     """Raise InputError for a column without unit that cannot be a share of full steering."""
     if np.nanmax(np.abs(values), initial=0.0) > 1.0 and np.mean(np.abs(values) > 1.0) > 0.01:
@@ -228,7 +244,9 @@ def _filmed(log: Log, columns: Mapping[str, Column], options: TableOptions) -> N
     log.item = np.asarray(columns.get("frame", np.arange(len(log))), dtype=np.int64)
 
 
-def _log(kind: str, path: Path, image: list[str], t_s: Column, steering: Column, unit: Steering) -> Log:
+def _log(
+    kind: str, path: Path, image: list[str], t_s: Column, steering: Column, unit: Steering, where: list[str]
+) -> Log:
     unknown = np.full(len(image), math.nan)
     return Log(
         kind=kind,
@@ -243,6 +261,7 @@ def _log(kind: str, path: Path, image: list[str], t_s: Column, steering: Column,
         speed_mps=unknown,
         yaw_rate_radps=unknown,
         why=[""] * len(image),
+        where=where,
         unit=unit,
         left_positive=False,
     )

@@ -8,6 +8,7 @@ metadata, metadata, catalogs and deleted records), and catalogs of one record a 
 
 import json
 import math
+import re
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
@@ -21,8 +22,10 @@ from trepid.images.files import natural_order
 
 MANIFEST = "manifest.json"
 IMAGES = "images"
+NUMBERED = re.compile(r"record_\d+\.json")
 IMAGE_KEY, ANGLE, MODE = "cam/image_array", "user/angle", "user/mode"
 SPEEDS = ("enc/speed", "odom/speed", "pos/speed")  # [m/s]
+STAMPS_MS = ("_timestamp_ms", "milliseconds")
 LOOP_HZ = 20.0  # donkeycar's DRIVE_LOOP_HZ
 ASSUMED_LOCK_DEG = 25.0
 WHY_LOCK = "usual for RC cars; the tub does not have it"
@@ -33,7 +36,7 @@ Record = tuple[str, int, dict[str, Any]]  # where it stands, its number, its fie
 def is_tub(path: Path) -> bool:
     """Whether ``path`` is the folder of a tub of either version."""
     return path.is_dir() and (
-        (path / MANIFEST).is_file() or next(path.glob("record_*.json"), None) is not None
+        (path / MANIFEST).is_file() or any(NUMBERED.fullmatch(file.name) for file in path.iterdir())
     )
 
 
@@ -70,19 +73,22 @@ def _manifest(path: Path) -> tuple[list[str], list[str], list[str], set[int]]:
     for line, text in enumerate(lines[:5], start=1):
         try:
             parts.append(json.loads(text))
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"{path}:{line}: not JSON: {error}") from error
     inputs, types, _, _, catalogs = parts
-    fits = (
-        isinstance(inputs, list)
-        and isinstance(types, list)
-        and len(inputs) == len(types)
-        and isinstance(catalogs, dict)
-        and isinstance(catalogs.get("paths"), list)
-    )
-    if not fits:
+    if not (_all(inputs, str) and _all(types, str) and len(inputs) == len(types)):
         raise InputError(other)
-    return inputs, types, catalogs["paths"], {int(n) for n in catalogs.get("deleted_indexes") or []}
+    if not (isinstance(catalogs, dict) and _all(catalogs.get("paths"), str)):
+        raise InputError(f"{path}:5: no names of catalogs in paths")
+    deleted = catalogs.get("deleted_indexes") or []
+    if not _all(deleted, int):
+        raise InputError(f"{path}:5: deleted_indexes: expected numbers of records, got {deleted!r}")
+    return inputs, types, catalogs["paths"], set(deleted)
+
+
+def _all(values: object, kind: type) -> bool:
+    """Whether ``values`` is a list of ``kind``."""
+    return isinstance(values, list) and all(isinstance(value, kind) for value in values)
 
 
 def _catalogued(path: Path, catalogs: list[str], faults: Faults) -> Iterator[Record]:
@@ -95,12 +101,17 @@ def _catalogued(path: Path, catalogs: list[str], faults: Faults) -> Iterator[Rec
             continue
         for line, text in enumerate(lines, start=1):
             record = _json(text, f"{path / name}:{line}", faults)
-            if record is not None:
-                yield f"{path / name}:{line}", record.get("_index", -1), record
+            if record is None:
+                continue
+            index = record.get("_index", -1)
+            if isinstance(index, int):
+                yield f"{path / name}:{line}", index, record
+            else:
+                faults(f"{path / name}:{line}: _index: expected the number of the record, got {index!r}")
 
 
 def _version_1(path: Path, faults: Faults) -> Log:
-    files = natural_order(path.glob("record_*.json"))
+    files = natural_order(file for file in path.glob("record_*.json") if NUMBERED.fullmatch(file.name))
     before, records = faults.count, []
     for file in files:
         try:
@@ -120,7 +131,7 @@ def _version_1(path: Path, faults: Faults) -> Log:
 def _json(text: bytes, where: str, faults: Faults) -> dict[str, Any] | None:
     try:
         record = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         faults(f"{where}: not a record: {error}")
         return None
     if not isinstance(record, dict):
@@ -132,17 +143,21 @@ def _json(text: bytes, where: str, faults: Faults) -> dict[str, Any] | None:
 def _log(
     kind: str, path: Path, root: Path, records: list[Record], image: str, faults: Faults, deleted: set[int]
 ) -> Log:
-    rows, names, routes, why = [], [], [], []
+    timed = any(_stamp(record) is not None for _, _, record in records)
+    rows: list[tuple[float, float, float]] = []
+    names, routes, why, places = [], [], [], []
     for where, index, record in records:
         try:
-            if not isinstance(record.get(image), str):
+            if not isinstance(record.get(image), str) or not record[image]:
                 raise ValueError(f"no {image}")
             speed = next((record[name] for name in SPEEDS if name in record), None)
-            row = (_time_s(record), number(record.get(ANGLE)), number(speed))
+            steering, speed_mps = number(record.get(ANGLE)), number(speed)
+            row = (_time_s(record) if timed else len(rows) / LOOP_HZ, steering, speed_mps)
         except ValueError as error:
             faults(f"{where}: {error}")
             continue
         rows.append(row)
+        places.append(where)
         names.append(record[image])
         session = record.get("_session_id")
         routes.append(f"{path.name}/{session}" if session else path.name)
@@ -150,7 +165,7 @@ def _log(
         why.append(DELETED if index in deleted else BY_PILOT if by_pilot else "")
     if not rows:
         raise InputError(f"{path}: no record of this tub can be read")
-    t_s, steering, speed_mps = np.array(rows, dtype=np.float64).T
+    times_s, angles, speeds_mps = np.array(rows, dtype=np.float64).T
     log = Log(
         kind=kind,
         path=path,
@@ -158,27 +173,37 @@ def _log(
         files=(),
         image=names,
         item=np.full(len(rows), -1),
-        t_s=t_s,
+        t_s=times_s,
         route=routes,
-        steering=steering,
-        speed_mps=speed_mps,
+        steering=angles,
+        speed_mps=speeds_mps,
         yaw_rate_radps=np.full(len(rows), math.nan),
         why=why,
+        where=places,
         unit=Steering.LOCK,
         left_positive=False,
         lock_rad=math.radians(ASSUMED_LOCK_DEG),
         lock_source=WHY_LOCK,
     )
-    if np.isnan(t_s).any():
-        log.t_s = np.arange(len(rows)) / LOOP_HZ
+    if not timed:
         log.notes.append(f"the records have no times: {LOOP_HZ:g} Hz assumed, the default of donkeycar")
     return log
 
 
+def _stamp(record: dict[str, Any]) -> str | None:
+    """The name of the field with the time of a record; None without one."""
+    known = (name for name in STAMPS_MS if record.get(name) is not None)
+    return next(known, "timestamp" if isinstance(record.get("timestamp"), str) else None)
+
+
 def _time_s(record: dict[str, Any]) -> float:
-    """The time of a record; NaN where it has none. Raises ValueError."""
-    for name in ("_timestamp_ms", "milliseconds"):
-        if name in record:
-            return number(record[name]) / 1e3
-    stamp = record.get("timestamp")
-    return datetime.fromisoformat(stamp).timestamp() if isinstance(stamp, str) else math.nan
+    """The time of a record. Raises ValueError where it has none."""
+    name = _stamp(record)
+    if name is None:
+        raise ValueError("no time, and other records have one")
+    t_s = (
+        number(record[name]) / 1e3 if name in STAMPS_MS else datetime.fromisoformat(record[name]).timestamp()
+    )
+    if math.isnan(t_s):
+        raise ValueError(f"{name}: no time")
+    return t_s

@@ -1,6 +1,7 @@
 """``trepid dataset build``: what is left out, what is refused, and the line that says so."""
 
 import json
+import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -90,3 +91,31 @@ def test_the_summary_as_json_states_splits_and_wheel(
     assert summary["frames"] == 400
     assert summary["splits"]["train"] > summary["splits"]["test"] > 0
     assert summary["wheel"]["how"].startswith("assumed 25°")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--fps", "20"), "--fps: no source is a table"),
+        (("--column", "t_s=when"), "--column: no source is a table"),
+        (("--test-route", "a"), "--test-route: needs --split route"),
+        (("--steering-ratio", "16"), "--steering-ratio: the logs hold no angles of a steering wheel"),
+        (("--leave-out", "dull"), "--leave-out dull: expected frozen or suspicious"),
+        (("--video", "none.mp4"), "--video: no source is a table"),
+    ],
+)
+def test_an_option_without_effect_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, str], said: str
+) -> None:
+    assert said in refused(capsys, tmp_path / "set", write_tub(tmp_path / "tub", 20), *options)
+
+
+def test_frames_are_left_out_by_rule(tmp_path: Path) -> None:
+    tub = write_tub(tmp_path / "tub")
+    for number in range(61, 90):
+        shutil.copyfile(tub / "images/60_cam_image_array_.jpg", tub / f"images/{number}_cam_image_array_.jpg")
+    made = made_dataset(tmp_path / "set", tub, options=("--leave-out", "frozen", "--leave-out", "dark"))
+    rows = made.rows()
+    assert made.file.leave_out == ("frozen", "dark")
+    assert np.flatnonzero(rows["why"] == "rule frozen").tolist() == [*range(61, 90)]
+    assert not (rows["why"] == "rule dark").any() and set(rows["split"][61:90]) == {"none"}

@@ -81,3 +81,10 @@ def test_weights_favour_rare_angles_within_their_bound() -> None:
     assert found.mean() == pytest.approx(1.0)
     assert found[-1] == pytest.approx(10.0 * found[0])
     assert weights(angles, power=0.0) == pytest.approx(1.0)
+
+
+def test_the_card_names_the_kinds_of_road(made: Dataset) -> None:
+    road = card_of(made)["road"]
+    assert road.keys() == {"lane lines", "edges alone", "neither"} and sum(road.values()) == pytest.approx(
+        1.0
+    )

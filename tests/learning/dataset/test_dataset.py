@@ -89,7 +89,7 @@ def test_images_that_were_moved_are_missed_by_name(tmp_path: Path) -> None:
         made.image(made.rows()[0])
 
 
-def test_a_build_that_is_interrupted_leaves_no_data_set(
+def test_a_build_that_is_interrupted_leaves_the_old_data_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tub = write_tub(tmp_path / "tub")
@@ -99,8 +99,21 @@ def test_a_build_that_is_interrupted_leaves_no_data_set(
         raise KeyboardInterrupt
 
     monkeypatch.setattr("pyarrow.parquet.write_table", interrupted)
+    before = (tmp_path / "set" / CARD).read_text()
     assert run("dataset", "build", str(tmp_path / "set"), str(tub)) == 130
-    assert not (tmp_path / "set" / CARD).exists()
+    assert (tmp_path / "set" / CARD).read_text() == before
+    Dataset.open(tmp_path / "set")
+
+
+def test_a_folder_with_another_file_of_that_name_is_not_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tub = write_tub(tmp_path / "tub")
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / CARD).write_text("path: mine\nnames: [lane]\n")
+    assert run("dataset", "build", str(tmp_path / "set"), str(tub)) == 2
+    assert "nothing is written here" in capsys.readouterr().err
+    assert (tmp_path / "set" / CARD).read_text() == "path: mine\nnames: [lane]\n"
 
 
 def test_the_settings_of_a_data_set_name_log_and_hash(made: Dataset) -> None:

@@ -1,5 +1,6 @@
 """Readers of logs: what each format says, and which rows and logs are refused."""
 
+import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -68,7 +69,7 @@ def test_a_broken_line_of_a_catalog_is_named_and_left_out(
     ("content", "said"),
     [
         ('{"version": 3}', "1 lines, expected 5"),
-        ("[]\n[]\n{}\n{}\n[]", "not the manifest of a donkeycar tub of version 2"),
+        ("[]\n[]\n{}\n{}\n[]", "manifest.json:5: no names of catalogs"),
         ("[]\n[\n{}\n{}\n{}", "manifest.json:2: not JSON"),
     ],
 )
@@ -287,3 +288,78 @@ def test_an_unknown_lock_angle_is_fitted_to_yaw_rate_and_speed(tmp_path: Path, n
     assert wheel.how.startswith("fitted: to yaw rate and speed of 400 rows")
     assert wheel_of([log], WheelOptions()).how.startswith("assumed 25°")
     assert wheel_of([log], WheelOptions(lock_deg=30.0)).lock_rad == pytest.approx(math.radians(30.0))
+
+
+@pytest.mark.parametrize("text", ["", "nan", "inf"])
+def test_a_row_without_time_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    path = table(tmp_path, steering=[0.1] * 20)
+    lines = path.read_text().splitlines()
+    at = lines[0].split(",").index("t_s")
+    cells = lines[4].split(",")
+    cells[at] = text
+    path.write_text("\n".join([*lines[:4], ",".join(cells), *lines[5:]]))
+    log, faults = read(path)
+    assert (len(log), faults.count) == (19, 1) and np.isfinite(log.t_s).all()
+    assert "log.csv:5: " in capsys.readouterr().err
+
+
+def test_a_record_without_time_among_others_is_left_out_and_a_tub_without_any_has_20_hz(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tub = write_tub(tmp_path / "tub", 20)
+    catalog = tub / "catalog_0.catalog"
+    lines = [json.loads(line) for line in catalog.read_text().splitlines()]
+    del lines[4]["_timestamp_ms"]
+    catalog.write_text("\n".join(map(json.dumps, lines)))
+    log, _ = read(tub)
+    assert len(log) == 19 and not log.notes
+    assert "catalog_0.catalog:5: no time" in capsys.readouterr().err
+    catalog.write_text("\n".join(json.dumps({**line, "_timestamp_ms": None}) for line in lines))
+    log, _ = read(tub)
+    assert np.diff(log.t_s) == pytest.approx(0.05) and "20 Hz assumed" in log.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"deleted_indexes": ["x"]}, "manifest.json:5: deleted_indexes: expected numbers"),
+        ({"deleted_indexes": 5}, "manifest.json:5: deleted_indexes: expected numbers"),
+        ({"paths": [5]}, "manifest.json:5: no names of catalogs"),
+    ],
+)
+def test_a_damaged_manifest_is_refused_with_its_line(tmp_path: Path, change: dict, said: str) -> None:
+    tub = write_tub(tmp_path / "tub", 5)
+    lines = (tub / "manifest.json").read_text().splitlines()
+    lines[4] = json.dumps(json.loads(lines[4]) | change)
+    (tub / "manifest.json").write_text("\n".join(lines))
+    with pytest.raises(InputError, match=said):
+        read(tub)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("processed_log/CAN/speed/value", np.ones(39)),
+        ("processed_log/CAN/speed/value", np.array(["fast"] * 40)),
+        ("processed_log/CAN/steering_angle/t", np.ones((40, 2))),
+        ("global_pose/frame_times", np.full(40, np.nan)),
+    ],
+)
+def test_a_segment_of_other_shapes_is_refused(tmp_path: Path, name: str, values: np.ndarray) -> None:
+    with (segment(tmp_path / "4") / name).open("wb") as file:
+        np.save(file, values)
+    with pytest.raises(InputError, match=name.rsplit("/", 1)[0].rsplit("/", maxsplit=1)[-1]):
+        read(tmp_path / "4")
+
+
+def test_the_side_of_positive_steering_is_that_of_the_car_unless_given(tmp_path: Path, no_car: None) -> None:
+    car = tmp_path / "mycar"
+    car.mkdir()
+    (car / "vehicle.yaml").write_text("logged_positive: left\n")
+    log, _ = read(write_tub(tmp_path / "tub", 20))
+    assert wheel_of([log], WheelOptions()).sign == -1
+    use_car(car)
+    assert wheel_of([log], WheelOptions()).sign == 1
+    assert wheel_of([log], WheelOptions(left_positive=False)).sign == -1

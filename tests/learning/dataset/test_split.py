@@ -113,3 +113,15 @@ def test_a_stretch_ends_at_a_pause_at_a_new_route_and_where_time_runs_back() -> 
     t_s = np.array([0.0, 0.1, 0.2, 5.0, 5.1, 5.0, 5.1, 5.2])
     route = np.array([*["a"] * 7, "b"])
     assert stretches(t_s, route).tolist() == [0, 0, 0, 1, 1, 2, 2, 3]
+
+
+def test_a_split_by_route_can_be_the_test_alone_and_needs_a_share_of_it() -> None:
+    route, rest = np.repeat(["a", "b"], 50), (np.full(100, ""), different(100))
+    every = {"train": 0.0, "validation": 0.0, "test": 1.0}
+    split, _ = divided(
+        Split(by="route", seed=0, gap_s=0.0, shares=every), np.tile(times(50), 2), route, *rest
+    )
+    assert set(split) == {"test"}
+    none = {"train": 0.8, "validation": 0.2, "test": 0.0}
+    with pytest.raises(InputError, match="a share of the test above 0"):
+        divided(Split(by="route", seed=0, gap_s=0.0, shares=none), np.tile(times(50), 2), route, *rest)

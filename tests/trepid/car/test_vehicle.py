@@ -59,8 +59,8 @@ def test_a_file_may_give_mass_and_tyres_instead_and_the_vehicle_keeps_the_gradie
     "understeer,message",
     [
         ("", "'understeer_gradient_rad_per_mps2' is missing; 'chassis' would do instead"),
-        (f"{GIVEN}\n{CHASSIS}", "car.yaml:13:1: chassis: gives the understeer, and so does"),
-        (CHASSIS.replace("0.7", "1.75"), "car.yaml:12:26: chassis.cg_to_front_m: the centre of gravity must"),
+        (f"{GIVEN}\n{CHASSIS}", "car.yaml:14:1: chassis: gives the understeer, and so does"),
+        (CHASSIS.replace("0.7", "1.75"), "car.yaml:13:26: chassis.cg_to_front_m: the centre of gravity must"),
         (CHASSIS.replace("1000", "-1"), "chassis.mass_kg: Input should be greater than 0"),
         (CHASSIS.replace("mass_kg", "mas_kg"), "did you mean 'mass_kg'"),
     ],
