@@ -63,8 +63,8 @@ def erase(image: Image, size: float, rng: np.random.Generator) -> Image:
     image = image.copy()
     height, width = image.shape[:2]
     for _ in range(rng.integers(1, 3)):
-        h, w = (rng.uniform(0.1, 1, 2) * size * (height, width)).astype(int) + 1
-        top, left = rng.integers(0, height - h), rng.integers(0, width - w)
+        h, w = np.minimum((rng.uniform(0.1, 1, 2) * size * (height, width)).astype(int) + 1, (height, width))
+        top, left = rng.integers(0, max(1, height - h)), rng.integers(0, max(1, width - w))
         image[top : top + h, left : left + w] = rng.integers(0, 256, 3)
     return image
 

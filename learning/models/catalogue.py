@@ -79,7 +79,7 @@ def model(name: str) -> Model:
     """Raises InputError for an unknown name."""
     if name not in MODELS:
         raise InputError(
-            f"no model {name!r}; {did_you_mean(name, MODELS)} `trepid train --model list` prints all"
+            f"no model {name!r}; {did_you_mean(name, MODELS)}; `trepid train --model list` prints all"
         )
     return MODELS[name]
 

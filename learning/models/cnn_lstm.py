@@ -20,6 +20,6 @@ UNITS = 64
 
 
 def cnn_lstm(size: Size, head: Head) -> SteeringNetwork:
-    """The network; its state holds output and cell of the memory, 128 numbers."""
+    """The network; its state holds the features of the last frames of a window (:class:`LSTM`)."""
     trunk = convolutions(3, CONVOLUTIONS, norm=True, same=True)
     return SteeringNetwork(size, View(scaling="contrast"), trunk, dense(100, 50), head, LSTM(50, UNITS))

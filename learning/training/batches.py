@@ -1,6 +1,5 @@
 """Batches of an epoch. Their order and changes depend on (seed, epoch, step) alone: any step can be redone."""
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -39,14 +38,20 @@ class Batches:
     recurrent: bool
 
     def __len__(self) -> int:
-        return math.ceil(len(self.places) / self.size)
+        """Batches of an epoch; a single sequence that is left over goes into the batch before.
+
+        Batch normalisation has no variance of one row.
+        """
+        whole, left = divmod(len(self.places), self.size)
+        return max(1, whole + (left > 1))
 
     def epoch(self, epoch: int, first: int = 0) -> Iterator[Batch]:
         """The batches of ``epoch`` from step ``first`` on."""
         order = np.random.default_rng((self.seed, ORDER, epoch)).permutation(len(self.places))
         for step in range(first, len(self)):
             rng = np.random.default_rng((self.seed, CHANGE, epoch, step))
-            chosen = self.places[order[step * self.size : (step + 1) * self.size]]
+            end = (step + 1) * self.size if step + 1 < len(self) else None
+            chosen = self.places[order[step * self.size : end]]
             parts = [self.augment(self.frames.images[at], self.frames.labels_rad[at], rng) for at in chosen]
             images, labels = (np.stack(column) for column in zip(*parts, strict=True))
             weights = self.weights[chosen]

@@ -40,8 +40,13 @@ def interval(network: SteeringNetwork, validation: Frames, coverage: float = COV
 def block_quantile(ratios: Floats, coverage: float) -> float:
     """The quantile of ``ratios`` (n,), in the order of time, that covers ``coverage`` of a block left out.
 
-    The greatest one where no quantile does, as with fewer than two ratios.
+    The greatest one where no quantile does, as with fewer than two ratios; LEAST_SIGMA where it is zero, as with
+    labels and bins of angles that are equal.
     """
+    return max(_block_quantile(ratios, coverage), LEAST_SIGMA)
+
+
+def _block_quantile(ratios: Floats, coverage: float) -> float:
     blocks = np.array_split(ratios, BLOCKS)
     pairs = [
         (block, np.sort(np.concatenate(blocks[:n] + blocks[n + 1 :])))

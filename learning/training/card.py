@@ -7,7 +7,9 @@ from typing import Any
 
 from learning.training.loop import Progress
 from learning.training.recipe import Recipe
+from trepid.config import InputError
 
+MARK = "written by Trepid"
 LIMITS = """\
 - The network repeats what the drivers of these frames did on these routes in this light. Lanes, other vehicles and
   speed are no inputs.
@@ -15,6 +17,14 @@ LIMITS = """\
 - The interval and the border of `unlike` come from the validation frames, which also chose the best epoch; frames
   that follow each other are alike. On other routes both can be too narrow.
 - A driver of a car runs it beside another estimator and under the supervisor, never alone."""
+
+
+def check_card(path: Path) -> None:
+    """Raise InputError where ``path`` is a file that is no model card."""
+    if path.exists() and not (path.is_file() and MARK in path.read_text(encoding="utf-8", errors="replace")):
+        raise InputError(
+            f"{path}: is there, and is no model card of Trepid: it is not overwritten; name another --out"
+        )
 
 
 def write_curve(progress: Progress, folder: Path) -> None:
@@ -51,7 +61,7 @@ def write_card(
     text = f"""# {path.stem}: {metadata["model"]}
 
 A network of {metadata["parameters"]} weights from frames of {metadata["width"]} x {metadata["height"]} px to the
-road-wheel angle [rad, + = left], written by Trepid. First weights of its trunk: {metadata["trunk"]}.
+road-wheel angle [rad, + = left], {MARK}. First weights of its trunk: {metadata["trunk"]}.
 
 | fact | value |
 |---|---|
@@ -63,7 +73,8 @@ road-wheel angle [rad, + = left], written by Trepid. First weights of its trunk:
 |---|---|
 {scores}
 
-|error| ≤ {metadata["interval_90"]:.3f} σ in 90 % of them. Best epoch {progress.best_epoch} of {progress.epoch}.
+|error| ≤ {metadata["interval_90"]:.3f} σ in 90 % of frames like these.
+Best epoch {progress.best_epoch} of {progress.epoch}.
 
 ## Licences of the data
 

@@ -53,16 +53,17 @@ class Checkpoints:
             )
         return None
 
-    def remove(self) -> None:
-        """Delete the checkpoints."""
-        for path in (self.path, self.before):
-            path.unlink(missing_ok=True)
+    def exist(self) -> bool:
+        """Whether there is one, whole or not."""
+        return self.path.exists() or self.before.exists()
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    """The content of a whole file; None of a damaged one."""
+    """The content of a whole file, on the CPU; None of a damaged one."""
     data = path.read_bytes()
     if hashlib.sha256(data[DIGEST_BYTES:]).digest() != data[:DIGEST_BYTES]:
         return None
-    content: dict[str, Any] = torch.load(io.BytesIO(data[DIGEST_BYTES:]), weights_only=True)
+    content: dict[str, Any] = torch.load(
+        io.BytesIO(data[DIGEST_BYTES:]), map_location="cpu", weights_only=True
+    )
     return content

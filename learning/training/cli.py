@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from learning.models.catalogue import MODELS, model
 from learning.rendered import need_torch, say
@@ -86,6 +86,8 @@ def quantise(
     """Convert a driving network to 8 bits where this pays; needs the extra 'train'."""
     if out.suffix != ".onnx":
         raise InputError(f"--out {out}: the name of a weights file ends with .onnx")
+    if out.exists() and network.exists() and out.samefile(network):
+        raise InputError(f"--out {out}: is the network itself; name another file")
     if not out.parent.is_dir():
         raise InputError(f"--out {out}: there is no folder {out.parent}")
     need_torch("quantise")
@@ -124,7 +126,7 @@ def _list(as_json: bool) -> None:
     if as_json:
         print(json.dumps([{"model": name, **one._asdict()} for name, one in MODELS.items()]))
         return
-    table = Table("model", "frame", "weights", "head", "memory", "source")
+    table = Table(Column("model", no_wrap=True), "frame", "weights", "head", "memory", "source")
     for name, one in MODELS.items():
         memory = "yes" if one.recurrent else ""
         table.add_row(name, f"{one.width}x{one.height}", f"{one.parameters:,}", one.head, memory, one.source)

@@ -70,6 +70,8 @@ def largest_difference(network: SteeringNetwork, path: Path, frames: Frames) -> 
 
 def origin_commit() -> str:
     """The commit of this checkout; "" where it is none."""
+    if not (ROOT / ".git").exists():  # installed, perhaps below the checkout of something else
+        return ""
     command = ["git", "-C", str(ROOT), "rev-parse", "HEAD"]
     try:
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()

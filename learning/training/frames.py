@@ -35,9 +35,10 @@ class Frames(NamedTuple):
         last = last[self.pieces[last] == self.pieces[last - reach]] if len(last) else last
         return last[:, None] - np.arange(reach, -1, -stride)[None]
 
-    def share(self, share: float) -> NDArray[np.int64]:
-        """Places of ``share`` of the frames, evenly in time."""
-        return np.unique(np.linspace(0, len(self) - 1, max(1, round(share * len(self)))).astype(np.int64))
+
+def share_of(count: int, share: float) -> NDArray[np.int64]:
+    """Places of ``share`` of ``count`` sequences, evenly in time."""
+    return np.unique(np.linspace(0, count - 1, max(1, round(share * count))).astype(np.int64))
 
 
 def read_frames(

@@ -7,6 +7,7 @@ that its weights equal those of an undisturbed one bit by bit, for the same numb
 import copy
 import math
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -219,16 +220,17 @@ def predict(network: SteeringNetwork, frames: Frames) -> tuple[Floats, Floats]:
 def _rows(network: SteeringNetwork, frames: Frames) -> list[Tensor]:
     device = network.scale_rad.device
     memory, rows = network.memory, []
-    state = None if memory is None else torch.zeros(1, memory.state_size, device=device)
+    states: deque[Tensor] = deque()
     for start in range(0, len(frames), EVALUATION_BATCH):
         part = slice(start, start + EVALUATION_BATCH)
         features = network.before_memory(torch.from_numpy(frames.images[part].copy()).to(device))
-        if memory is not None and state is not None:
+        if memory is not None:
             outputs = []
             for place, feature in enumerate(features, start=start):
-                if place and frames.stretches[place] != frames.stretches[place - 1]:
-                    state = torch.zeros_like(state)
-                output, state = memory.step(feature[None], state)
+                if not place or frames.stretches[place] != frames.stretches[place - 1]:
+                    states = deque([torch.zeros(1, memory.state_size, device=device)] * network.stride)
+                output, state = memory.step(feature[None], states.popleft())
+                states.append(state)
                 outputs.append(output)
             features = torch.cat(outputs)
         rows.append(network.after_memory(features).float())

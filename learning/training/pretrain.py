@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from learning.models.parts.network import SteeringNetwork
 from learning.training.batches import seed_step
+from learning.training.checkpoint import Checkpoints
 from learning.training.frames import Frames
 from learning.training.recipe import Recipe
 from trepid.config import InputError
@@ -35,10 +36,20 @@ class Decoder(nn.Module):
         return self.layers(features)
 
 
-def pretrain(network: SteeringNetwork, recipe: Recipe, frames: Frames, report: Callable[[str], None]) -> None:
+def pretrain(
+    network: SteeringNetwork,
+    recipe: Recipe,
+    frames: Frames,
+    checkpoints: Checkpoints,
+    identity: str,
+    report: Callable[[str], None],
+    *,
+    resume: bool,
+) -> None:
     """Train the trunk to reproduce what the view gives it, the least mean square error; the decoder is dropped.
 
-    Raises InputError for a network without convolutions.
+    A checkpoint after every epoch. Raises InputError for a network without convolutions, and for a checkpoint of
+    another training (``identity``).
     """
     device = network.scale_rad.device
     with torch.no_grad():
@@ -51,7 +62,16 @@ def pretrain(network: SteeringNetwork, recipe: Recipe, frames: Frames, report: C
     weights = [*network.trunk.parameters(), *decoder.parameters()]
     optimiser = torch.optim.Adam(weights, lr=recipe.pretrain_rate)
     network.train()
-    for epoch in range(recipe.pretrain_epochs):
+    parts = dict(network=network, decoder=decoder, optimiser=optimiser)
+    saved = checkpoints.load(report) if resume else None
+    if saved is not None:
+        if saved["identity"] != identity:
+            raise InputError(
+                f"{checkpoints.path}: of another network, recipe or data set; train without --resume"
+            )
+        for name, part in parts.items():
+            part.load_state_dict(saved[name])
+    for epoch in range(saved["epochs"] if saved else 0, recipe.pretrain_epochs):
         order = np.random.default_rng((recipe.seed, PRETRAINING, epoch)).permutation(len(frames))
         losses = []
         for step, start in enumerate(range(0, len(order), recipe.batch)):
@@ -66,4 +86,6 @@ def pretrain(network: SteeringNetwork, recipe: Recipe, frames: Frames, report: C
             value.backward()
             optimiser.step()
             losses.append(value.item())
+        states = {name: part.state_dict() for name, part in parts.items()}
+        checkpoints.save(dict(identity=identity, epochs=epoch + 1, **states))
         report(f"auto-encoder: epoch {epoch + 1}/{recipe.pretrain_epochs}  loss {np.mean(losses):.4f}")

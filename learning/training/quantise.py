@@ -19,7 +19,7 @@ import numpy as np
 from learning.dataset.dataset import Dataset
 from learning.training.calibrate import COVERAGE, block_quantile, error_scores
 from learning.training.export import METADATA, describe
-from learning.training.frames import Frames, read_frames
+from learning.training.frames import Frames, read_frames, share_of
 from learning.unlike import attach, detach
 from perception.net.driver import DriverNetwork
 from trepid.config import InputError
@@ -117,7 +117,7 @@ def _convert(source: Path, small: Path, train: Frames) -> None:
         """Frames of the training, one after the other."""
 
         def __init__(self) -> None:
-            places = train.share(min(1.0, CALIBRATED / len(train)))
+            places = share_of(len(train), min(1.0, CALIBRATED / len(train)))
             self._images: Iterator[Image] = (train.images[place][None] for place in places)
 
         def get_next(self) -> dict[str, Image] | None:

@@ -18,7 +18,7 @@ Factor = Annotated[float, Field(ge=1)]
 
 
 class Augmentation(Settings):
-    """Section ``augmentation``; a name alone is the share of the frames that it changes."""
+    """Section ``augmentation``: a share of the frames for each change, and its bounds."""
 
     flip: Share
     brightness: Share
@@ -58,7 +58,7 @@ class Stage(Settings):
 class Recipe(Settings):
     """All numbers of a training."""
 
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
     threads: Count
     batch: Count
     optimiser: Literal["sgd", "nag", "rmsprop", "adam", "adamw"]
@@ -106,12 +106,16 @@ def load_recipe(name: str, given: Path | None, *, overrides: Mapping[str, str] |
 
 
 def _with_model(data: CommentedMap, source: Path, name: str) -> CommentedMap:
-    """``data`` overridden by its own section for the network ``name``."""
+    """``data`` overridden by its own section for the network ``name``. Raises InputError for an unknown name."""
     sections = data.get("models") or CommentedMap()
-    for other in sections:
+    for other, section in sections.items():
         if other not in MODELS:
             what = f"no such network; {did_you_mean(other, MODELS)}"
             raise InputError(located(["models", other], what, data, source))
+        for field in section or ():
+            if field not in Recipe.model_fields:
+                what = f"no such field; {did_you_mean(field, Recipe.model_fields)}"
+                raise InputError(located(["models", other, field], what, data, source))
     data.pop("models", None)
     overlay(data, sections.get(name) or CommentedMap(), source)
     return data

@@ -16,13 +16,14 @@ from learning.dataset.dataset import Dataset
 from learning.models.catalogue import build, packaged_weights
 from learning.models.parts.network import SteeringNetwork, glorot, he
 from learning.models.parts.weights import load_trunk
+from learning.rendered import VERSIONS
 from learning.training.augmentation import Augmenter
 from learning.training.batches import Batches
 from learning.training.calibrate import error_scores, interval, set_sigma
-from learning.training.card import write_card, write_curve
+from learning.training.card import check_card, write_card, write_curve
 from learning.training.checkpoint import Checkpoints
 from learning.training.export import export, origin_commit
-from learning.training.frames import Frames, read_frames
+from learning.training.frames import Frames, read_frames, share_of
 from learning.training.labels import training_labels
 from learning.training.loop import Progress, Trainer, predict
 from learning.training.pretrain import pretrain
@@ -31,7 +32,6 @@ from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 
-VERSIONS = ("torch", "onnx", "onnxruntime", "numpy", "opencv-python-headless")
 HISTOGRAM_FRAMES = 500
 
 
@@ -47,9 +47,13 @@ def run(
 ) -> dict[str, Any]:
     """Train the network ``name`` and write ``out`` with its card; the metadata of the file. Raises InputError.
 
-    The folder ``out`` + ``.train`` holds frames and checkpoint until the end, and the learning curve.
+    The folder ``out`` + ``.train`` holds the frames until the end, the checkpoints, and the learning curve.
     """
     work = out.with_name(f"{out.name}.train")
+    checkpoints = Checkpoints(work / "checkpoint")
+    check_card(out.with_suffix(".md"))
+    if not resume:
+        _check_unfinished(checkpoints, report)
     torch.manual_seed(recipe.seed)
     torch.set_num_threads(recipe.threads)
     network = build(name, height=recipe.height_px, width=recipe.width_px, head=recipe.head)
@@ -67,13 +71,14 @@ def run(
         network=network.to(device),
         batches=batches_of(recipe, network, train, report),
         validation=validation,
-        checkpoints=Checkpoints(work / "checkpoint"),
+        checkpoints=checkpoints,
         identity=_identity(name, recipe, data.sha256),
         report=report,
         on_epoch=lambda progress: write_curve(progress, work),
     )
-    if recipe.pretrain_epochs and not (resume and trainer.checkpoints.path.exists()):
-        pretrain(network, recipe, train, report)
+    if recipe.pretrain_epochs and not (resume and checkpoints.exist()):
+        early = Checkpoints(work / "auto-encoder")
+        pretrain(network, recipe, train, early, trainer.identity, report, resume=resume)
     progress = trainer.run(resume=resume)
     set_sigma(network, validation)
     metadata = dict(_metadata(data, name, network, recipe, train, validation), trunk=trunk)
@@ -106,11 +111,13 @@ def prepare(network: SteeringNetwork, recipe: Recipe, train: Frames, *, lock_rad
             layer.p = recipe.dropout
     if network.memory is not None:
         network.memory.remember(recipe.window)
+    network.stride = recipe.stride
     if recipe.initialisation != "network":
         dict(glorot=glorot, he=he)[recipe.initialisation](network)
     network.view.histogram = recipe.histogram
     if recipe.histogram == "match":
         chosen = train.images[np.linspace(0, len(train) - 1, min(HISTOGRAM_FRAMES, len(train))).astype(int)]
+        chosen = chosen[:, network.view.crop_px :]  # the view matches what it cuts out
         grey = np.concatenate([cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).ravel() for image in chosen])
         network.view.match(np.bincount(grey, minlength=256))
 
@@ -139,12 +146,9 @@ def batches_of(
             f" {least} frames at least, and a stride of 1"
         )
     places = train.windows(recipe.window if recurrent else 1, recipe.stride)
-    places = (
-        places[train.share(recipe.frames_share)]
-        if not recurrent
-        else places[:: round(1 / recipe.frames_share)]
-    )
-    if not len(places):
+    if len(places):
+        places = places[share_of(len(places), recipe.frames_share)]
+    else:
         raise InputError(
             f"no piece of the training frames without a gap is {recipe.window} frames x {recipe.stride} long"
         )
@@ -167,8 +171,22 @@ def batches_of(
     )
 
 
+def _check_unfinished(checkpoints: Checkpoints, report: Callable[[str], None]) -> None:
+    """Raise InputError where a training has begun and not ended."""
+    if checkpoints.exist():
+        saved = checkpoints.load(report)
+        if saved is not None and not saved["progress"]["finished"]:
+            raise InputError(
+                f"{checkpoints.path.parent}: a training has begun here: --resume continues it; remove the folder,"
+                " or name another --out"
+            )
+
+
 def _identity(name: str, recipe: Recipe, data_sha256: str) -> str:
-    return hashlib.sha256(f"{name} {recipe.model_dump_json()} {data_sha256}".encode()).hexdigest()
+    """Hash of all that decides about the weights: camera and wheelbase do by the changes of the frames."""
+    car = (load(CONFIG_DIR / "camera.yaml", Camera), load(CONFIG_DIR / "vehicle.yaml", Vehicle))
+    parts = [name, recipe.model_dump_json(), data_sha256, *(part.model_dump_json() for part in car)]
+    return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
 
 def _metadata(
@@ -188,6 +206,7 @@ def _metadata(
         trained_on=list(train.routes),
         licence=sorted({source.licence for source in data.file.sources if source.licence}),
         head=recipe.head,
+        stride=recipe.stride,
     )
 
 

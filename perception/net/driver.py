@@ -12,6 +12,7 @@ Conformal Prediction (2021), section 2.3.2), so that q·σ/1.645 is the standard
 
 import json
 import math
+from collections import deque
 from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
@@ -61,6 +62,7 @@ class DriverRecord(BaseModel):
     height: PositiveInt
     width: PositiveInt
     interval_90: PositiveFloat  # q: 90 % of errors are within q·σ
+    stride: PositiveInt = 1  # the memory reads every so-manieth frame
     data_sha256: str = ""  # of the data set of the training
 
     def sigma_rad(self, scale_rad: float) -> float:
@@ -152,11 +154,15 @@ class DriverNetwork:
 
 
 class Driver:
-    """A driving network as an estimator of kind ANGLE: it measures no lane. Recurrent networks keep a state."""
+    """A driving network as an estimator of kind ANGLE: it measures no lane.
+
+    A recurrent network has as many memories as its stride, used in turn: each reads every ``stride``-th frame.
+    """
 
     def __init__(self, name: str, network: DriverNetwork, vehicle: Vehicle) -> None:
         self._name, self._network, self._vehicle = name, network, vehicle
-        self._memory, self._last_s = network.initial_state, math.nan
+        self._memories = self._empty()
+        self._last_s = math.nan
 
     def steer(self, image: Image, t_s: float) -> Steering | None:
         """The outputs for an image (h, w, 3) uint8 BGR that was taken at ``t_s``; None where they are not finite.
@@ -166,11 +172,12 @@ class Driver:
         """
         if not 0.0 < t_s - self._last_s <= LONGEST_GAP_S:  # NaN: the first image
             self._restart()
-        steering = self._network(image, self._memory)
+        steering = self._network(image, self._memories.popleft())
         if not steering.finite or not (steering.state is None or np.isfinite(steering.state).all()):
             self._restart()
             return None
-        self._memory, self._last_s = steering.state, t_s
+        self._memories.append(steering.state)
+        self._last_s = t_s
         return steering
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
@@ -205,7 +212,10 @@ class Driver:
         return ahead_sigma_m(self._network.record.sigma_rad(steering.scale_rad) * slope_1pm, LOOKAHEAD_M)
 
     def _restart(self) -> None:
-        self._memory, self._last_s = self._network.initial_state, math.nan
+        self._memories, self._last_s = self._empty(), math.nan
+
+    def _empty(self) -> deque[Numbers | None]:
+        return deque([self._network.initial_state] * self._network.record.stride)
 
     def _nothing(self, frame: Frame, reason: str) -> SteeringEstimate:
         return SteeringEstimate.nothing(

@@ -1,5 +1,6 @@
 """A driving network: view, trunk, top, perhaps a memory, head."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import torch
@@ -46,6 +47,7 @@ class SteeringNetwork(nn.Module):
             head,
             memory,
         )
+        self.stride = 1  # the memory reads every so-manieth frame
         self.register_buffer("scale_rad", torch.tensor(1.0))
         shape = (1, *size, 3) if memory is None else (1, 1, *size, 3)
         try:
@@ -140,17 +142,24 @@ def dense(*units: int, dropout: float = 0.0) -> nn.Sequential:
 
 def glorot(network: nn.Module) -> None:
     """Weights as Keras starts them: Glorot uniform, biases zero. Batch normalisation and memories keep theirs."""
-    for layer in network.modules():
-        if isinstance(layer, nn.Conv2d | nn.Linear):
-            nn.init.xavier_uniform_(layer.weight)
-            if layer.bias is not None:
-                nn.init.zeros_(layer.bias)
+    for layer in _weighted(network):
+        nn.init.xavier_uniform_(layer.weight)
+        if layer.bias is not None:
+            nn.init.zeros_(layer.bias)
 
 
 def he(network: nn.Module) -> None:
-    """Weights after He et al. (ICCV 2015), for ReLU; biases zero."""
-    for layer in network.modules():
+    """Weights after He et al. (ICCV 2015), for ReLU; biases zero. Batch normalisation and memories keep theirs."""
+    for layer in _weighted(network):
+        nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+        if layer.bias is not None:
+            nn.init.zeros_(layer.bias)
+
+
+def _weighted(part: nn.Module) -> Iterator[nn.Conv2d | nn.Linear]:
+    """The convolutions and dense layers of a network that are no part of its memory."""
+    for layer in part.children():
         if isinstance(layer, nn.Conv2d | nn.Linear):
-            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
-            if layer.bias is not None:
-                nn.init.zeros_(layer.bias)
+            yield layer
+        elif not isinstance(layer, Memory):
+            yield from _weighted(layer)

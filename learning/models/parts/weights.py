@@ -17,9 +17,18 @@ def load_trunk(trunk: nn.Module, path: Path) -> None:
     """
     try:
         found = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: no file of weights: {str(error).splitlines()[0]}") from error
-    if not isinstance(found, dict):
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (
+        RuntimeError,
+        EOFError,
+        LookupError,
+        ValueError,
+        pickle.UnpicklingError,
+        zipfile.BadZipFile,
+    ) as error:
+        raise InputError(f"{path}: no file of weights: {' '.join(str(error).split())[:200]}") from error
+    if not isinstance(found, dict) or not all(isinstance(one, torch.Tensor) for one in found.values()):
         raise InputError(f"{path}: no dictionary of names to tensors, as torchvision's state_dict")
     wanted = trunk.state_dict()
     for name, tensor in wanted.items():

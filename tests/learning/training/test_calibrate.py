@@ -28,3 +28,7 @@ def test_the_interval_covers_a_new_stretch_more_often_than_the_quantile_of_all_f
 def test_a_few_errors_give_the_greatest():
     assert block_quantile(np.array([0.2]), 0.9) == 0.2
     assert block_quantile(np.array([0.3, 0.1, 0.2]), 0.9) == 0.3
+
+
+def test_an_interval_of_exact_answers_is_positive():
+    assert block_quantile(np.zeros(40), 0.9) > 0

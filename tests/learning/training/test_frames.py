@@ -9,9 +9,10 @@ pytest.importorskip("torch", reason="training needs the extra: pip install -e '.
 
 from learning.dataset.dataset import DATA, MEASURED, as_rows
 from learning.models.catalogue import build
+from learning.pixels import erase
 from learning.training.augmentation import Augmenter
 from learning.training.batches import Batches
-from learning.training.frames import Frames, read_frames
+from learning.training.frames import Frames, read_frames, share_of
 from learning.training.recipe import Augmentation, load_recipe
 from learning.training.run import batches_of
 from trepid.car.camera import Camera
@@ -78,7 +79,7 @@ def test_windows_of_one_frame_are_all_frames():
 
 
 def test_a_share_of_the_frames_is_spread_over_the_drive():
-    assert frames([0] * 9).share(0.34).tolist() == [0, 4, 8]
+    assert share_of(9, 0.34).tolist() == [0, 4, 8]
 
 
 def test_an_epoch_continues_from_a_step_as_the_whole_one():
@@ -173,3 +174,24 @@ def test_frames_are_mirrored_unless_their_labels_lie_to_one_side(offset_rad: flo
     wanted_rad = np.sort(-train.labels_rad if mirrored else train.labels_rad)
     assert np.sort(batch.labels_rad.numpy()).tolist() == wanted_rad.tolist()
     assert reports == ([] if mirrored else ["no frame is mirrored: |mean|/rms of the labels is 0.84"])
+
+
+def test_a_single_sequence_that_is_left_over_goes_into_the_batch_before():
+    data = frames([0] * 9)
+    batches = Batches(data, data.windows(1, 1), np.ones(9, np.float32), 4, 3, augmenter(), False)
+    found = list(batches.epoch(0))
+    assert len(batches) == 2 and [len(batch.images) for batch in found] == [4, 5]
+    assert sorted(np.concatenate([batch.labels_rad for batch in found])) == sorted(data.labels_rad)
+
+
+@pytest.mark.parametrize(("share", "count"), [(1.0, 17), (0.7, 12), (0.4, 7)])
+def test_a_share_of_the_windows_of_a_memory_is_that_share(share: float, count: int):
+    recipe = load_recipe("cnn-lstm", None, overrides={"window": "4", "frames_share": str(share)})
+    places = batches_of(recipe, build("cnn-lstm"), frames([0] * 20), print).places
+    assert len(places) == count and places[0].tolist() == [0, 1, 2, 3] and places[-1][-1] == 19
+
+
+def test_the_greatest_erased_block_is_the_whole_frame():
+    rng = np.random.default_rng(0)
+    image = np.full((60, 80, 3), 7, np.uint8)
+    assert {erase(image, 1.0, rng).shape for _ in range(300)} == {(60, 80, 3)}

@@ -24,3 +24,23 @@ def test_dropout_is_that_of_the_recipe_or_else_that_of_the_network(given, expect
     network = build("steer")
     prepare(network, load_recipe("steer", None, overrides=given), FRAMES, lock_rad=None)
     assert [layer.p for layer in network.modules() if isinstance(layer, torch.nn.Dropout)] == expected
+
+
+@pytest.mark.parametrize("initialisation", ["glorot", "he"])
+@pytest.mark.parametrize("name", ["cnn-lstm", "steer-lstm"])
+def test_a_memory_keeps_its_first_weights(name, initialisation):
+    network = build(name, height=48, width=64)
+    before = {key: one.clone() for key, one in network.memory.state_dict().items()}
+    prepare(
+        network, load_recipe(name, None, overrides={"initialisation": initialisation}), FRAMES, lock_rad=None
+    )
+    assert all(torch.equal(before[key], one) for key, one in network.memory.state_dict().items())
+
+
+def test_the_reference_histogram_is_that_of_the_part_that_the_network_reads():
+    network, rng = build("pilotnet"), np.random.default_rng(0)
+    images = rng.integers(40, 60, (2, *network.size, 3)).astype(np.uint8)
+    images[:, : network.view.crop_px] = 255  # sky
+    recipe = load_recipe("pilotnet", None, overrides={"histogram": "match"})
+    prepare(network, recipe, Frames(images, *FRAMES[1:]), lock_rad=None)
+    assert network.view.crop_px > 0 and network.view.reference[:-1].max() < 61

@@ -187,3 +187,43 @@ def test_the_list_names_every_network_with_its_weights(capfd):
     assert run("train", "--model", "list", "--json") == 0
     listed = {row["model"]: row for row in json.loads(capfd.readouterr().out)}
     assert listed.keys() == MODELS.keys() and listed["pilotnet"]["parameters"] == 252_219
+
+
+def test_an_unfinished_training_is_continued_or_kept(data, tmp_path, monkeypatch, capfd):
+    out = tmp_path / "f.onnx"
+
+    def killed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("learning.training.loop._status", killed)  # after the first epoch
+        assert trained(data, out, "steer", "--set", ONE_EPOCH) == 130
+    assert trained(data, out, "steer", "--set", ONE_EPOCH) == 2
+    assert "--resume continues it" in capfd.readouterr().err
+    assert trained(data, out, "steer", "--set", ONE_EPOCH, "--resume") == 0
+
+
+def test_an_auto_encoder_continues_after_its_last_epoch(data, tmp_path, monkeypatch, capfd):
+    out, more = tmp_path / "f.onnx", ("--set", ONE_EPOCH, "--set", "pretrain_epochs=2")
+
+    def killed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("learning.training.loop.Trainer.run", killed)
+        assert trained(data, out, "steer", *more) == 130
+    capfd.readouterr()
+    assert trained(data, out, "steer", *more, "--resume") == 0
+    assert "auto-encoder: epoch" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["train", "quantise"])
+def test_no_other_file_is_overwritten(verb, data, weights, tmp_path, capfd):
+    if verb == "train":
+        (tmp_path / "README.md").write_text("mine")
+        assert trained(data, tmp_path / "README.onnx", "steer", "--set", ONE_EPOCH) == 2
+        assert "is no model card" in capfd.readouterr().err and (tmp_path / "README.md").read_text() == "mine"
+    else:
+        before = weights.read_bytes()
+        assert run("quantise", str(weights), "--data", str(data.folder), "--out", str(weights)) == 2
+        assert "is the network itself" in capfd.readouterr().err and weights.read_bytes() == before

@@ -176,3 +176,10 @@ def test_a_process_names_the_file_and_the_estimator(path):
     assert estimate.estimator == "mine"
     with pytest.raises(InputError, match="'cnn' is the name of another estimator"):
         build("cnn", network=str(path))
+
+
+def test_a_memory_of_every_second_frame_reads_every_second_frame(path):
+    network = driver(write_network(path, memory=True, record={"stride": 2}))
+    one = 30 / 255
+    angles = [step(network, halves(120, 90), 0.1 * n).road_wheel_angle_rad for n in range(4)]
+    assert angles == pytest.approx([one / 2, one / 2, one * 3 / 4, one * 3 / 4], rel=1e-5)
