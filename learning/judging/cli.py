@@ -40,15 +40,20 @@ def evaluate(
     """Judge driving networks on recorded angles, beside predictions without an image, on one core."""
     import cv2
 
-    from learning.dataset.dataset import Dataset
+    from learning.dataset.dataset import SPLITS, Dataset
     from learning.judging.evaluate import Bench
     from learning.judging.predictions import Model
     from perception.images.frames import print_json, print_table
     from sim_harness.sweep.progress import SweepProgress
     from trepid.car.camera import Camera
+    from trepid.images.files import IMAGE_SUFFIXES
 
     if picture is not None and len(models) > 1:
         raise InputError(f"{picture}: shows the worst frames of one model, not of {len(models)}")
+    if split not in SPLITS:
+        raise InputError(f"--split {split}: expected {', '.join(SPLITS)}")
+    if picture is not None and picture.suffix.lower() not in IMAGE_SUFFIXES:
+        raise InputError(f"--picture {picture}: expected the name of an image, such as worst.png")
     if picture is not None and not picture.parent.is_dir():
         raise InputError(f"{picture}: there is no folder {picture.parent}")
     cv2.setNumThreads(1)

@@ -31,8 +31,13 @@ class Bench:
     those of a steering wheel with ``ratio``, or without it BIN_RATIO.
     """
 
-    def __init__(self, dataset: Dataset, split: str, *, ratio: float | None = None) -> None:
-        """Raises InputError for an unknown split and for one without labelled frames."""
+    def __init__(
+        self, dataset: Dataset, split: str, *, ratio: float | None = None, trained: Dataset | None = None
+    ) -> None:
+        """``trained``: the data set whose training frames have the angle of the baseline "mean", if it is another.
+
+        Raises InputError for an unknown split and for one without labelled frames.
+        """
         self.dataset = dataset
         dataset.rows(split)  # raises for an unknown name
         every = dataset.rows()
@@ -45,12 +50,12 @@ class Bench:
         self._wheel_ratio = 1.0 if ratio else BIN_RATIO  # degrees of the steering wheel per output degree
         self.true_deg: Angles = self.rows["road_wheel_rad"] * self.unit_deg
         self._lights = light_names(self.rows["light"])
-        self.baselines = self._baselines(labelled, judged)
+        learned = (trained or dataset).rows("train")["road_wheel_rad"]
+        self.baselines = self._baselines(labelled, judged, learned[np.isfinite(learned)])
 
-    def _baselines(self, labelled: Rows, judged: Flags) -> dict[str, Scores]:
-        """MAE of the predictions without an image, each on the frames that have one; the mean is that of train."""
+    def _baselines(self, labelled: Rows, judged: Flags, trained: Angles) -> dict[str, Scores]:
+        """MAE of the predictions without an image, each on the frames that have one; the mean is of ``trained``."""
         angles = labelled["road_wheel_rad"]
-        trained = angles[labelled["split"] == "train"]
         ago = previous(angles, labelled["t_s"], labelled["stretch"])[judged]
         found = {
             "always_straight": np.zeros(len(ago)),

@@ -53,8 +53,17 @@ class Model:
         self._entry = None if self.network else entry_of(text)
         self._vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 
-    def predict(self, dataset: Dataset, rows: Rows, tick: Callable[[], None] = lambda: None) -> Predictions:
-        """The predictions for ``rows``, in the order of the index; ``tick`` is called after every frame."""
+    def predict(
+        self,
+        dataset: Dataset,
+        rows: Rows,
+        tick: Callable[[], None] = lambda: None,
+        change: Callable[[Image], Image] = lambda image: image,
+    ) -> Predictions:
+        """The predictions for ``rows``, in the order of the index; ``tick`` is called after every frame.
+
+        ``change``: of the images, before the model reads them.
+        """
         answers = np.empty((len(rows), len(_NONE)))
         latency_ms = np.empty(len(rows))
         route, step = None, None
@@ -62,8 +71,9 @@ class Model:
             if step is None or row["route"] != route:
                 route = row["route"]
                 step = self._stepper(dataset, rows[rows["route"] == route], image)
+            changed = change(image)
             began_s = time.perf_counter()
-            answers[number] = step(image, float(row["t_s"]))
+            answers[number] = step(changed, float(row["t_s"]))
             latency_ms[number] = 1e3 * (time.perf_counter() - began_s)
             tick()
         angle_rad, interval_rad, unlike, confidence = answers.T

@@ -12,6 +12,7 @@ class Benchmark(NamedTuple):
     summary: str
     values: str = ""  # of the numbers in its figure, where their names do not give meaning and unit
     pictured: bool = True  # False: its rows have hardly a column in common
+    continued: bool = False  # an interrupted one is continued by the same command: its seed is fixed
 
 
 BENCHMARKS = {
@@ -50,6 +51,7 @@ BENCHMARKS = {
     "imitation": Benchmark(
         "imitation.bench",
         "networks that learn from drives: on unseen simulated roads, alone, on the last fifth of real drives",
+        continued=True,
     ),
     "control-lateral": Benchmark(
         "control.lateral",
@@ -102,13 +104,23 @@ BENCHMARKS = {
     "study-frame-rate": Benchmark(
         "study.loops", "a network of 0.1 s at 1 to 100 Hz, with a queue and with latest-wins"
     ),
-    "study-data": Benchmark("study.learned", "a driving network trained on 1 to 100 % of the frames"),
-    "study-size": Benchmark("study.learned", "a driving network for images of 320×240 to 40×30"),
-    "study-initialisation": Benchmark("study.learned", "a driving network by its first weights"),
-    "study-histogram": Benchmark(
-        "study.learned", "a driving network under changed light, with and without histogram matching"
+    "study-data": Benchmark(
+        "study.learned", "a driving network trained on 1 to 100 % of the frames", continued=True
     ),
-    "study-deep-steer": Benchmark("study.learned", "Deep Steer's tables 2 to 4 beside networks of Trepid"),
+    "study-size": Benchmark(
+        "study.learned", "a driving network for images of 320×240 to 40×30", continued=True
+    ),
+    "study-initialisation": Benchmark(
+        "study.learned", "a driving network by its first weights", continued=True
+    ),
+    "study-histogram": Benchmark(
+        "study.learned",
+        "a driving network under changed light, with and without histogram matching",
+        continued=True,
+    ),
+    "study-deep-steer": Benchmark(
+        "study.learned", "Deep Steer's tables 2 to 4 beside networks of Trepid", continued=True
+    ),
 }
 BY_DEFAULT = ("estimators", "renderer", "lockstep", "plants", "sweep")
 LONG = {"control-limits", "control-random"}

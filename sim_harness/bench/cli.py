@@ -19,6 +19,8 @@ from trepid.config import InputError
 from trepid.speech.loudness import note
 from trepid.spelling import did_you_mean_or_list
 
+CONTINUED_SEED = 1
+
 
 def bench(
     names: Annotated[
@@ -29,7 +31,11 @@ def bench(
         ),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of all random numbers; default: a fresh one, which is printed.")
+        int | None,
+        typer.Option(
+            help="Seed of all random numbers; default: a fresh one, which is printed; 1 where an interrupted run"
+            " is continued (imitation, study)."
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     list_only: Annotated[bool, typer.Option("--list", help="Print the benchmarks and stop.")] = False,
@@ -85,7 +91,8 @@ def bench(
     wanted = benchmarks(names or BY_DEFAULT)
     if save_in is not None and not save_in.is_dir():
         raise InputError(f"{save_in}: there is no such folder")
-    seed = secrets.randbits(32) if seed is None else seed
+    if seed is None:
+        seed = CONTINUED_SEED if any(BENCHMARKS[name].continued for name in wanted) else secrets.randbits(32)
     options: dict[str, Any] = dict(
         estimators=_listed(estimators), parts=_listed(parts), data=data, out=out, sets=_listed(sets)
     )

@@ -41,6 +41,7 @@ class Episode:
     nominal: Vehicle
     plant: PlantSettings = field(default_factory=PlantSettings)
     frame_every: int = FRAME_EVERY  # ticks
+    control_every: int = CONTROL_EVERY
     latency_s: float = LATENCY_S
     offset_noise_m: float = 0.0  # standard deviation of every frame's offset
     # Distance [s] at which the clothoid equals the road, in addition to the axle; None: it touches the road.
@@ -124,7 +125,7 @@ def drive_by(steering: Steering, episode: Episode) -> Track:
         measured = plant.measured(car, now_s)
         if tick % episode.frame_every == 0:
             sight.look(now_s, station_m, offset_m, heading_rad)
-        if tick % CONTROL_EVERY == 0 or command is None:
+        if tick % episode.control_every == 0 or command is None:
             command = steering.step(sight.decided(now_s), measured, now_s=now_s)
         offsets_m.append(offset_m)
         if abs(offset_m) > LOST_M:

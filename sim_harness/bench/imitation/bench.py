@@ -21,10 +21,10 @@ from learning.dataset.sources.table import TableOptions
 from learning.dataset.wheel import WheelOptions
 from learning.judging.evaluate import Bench
 from learning.judging.predictions import Model
-from learning.models.catalogue import MODELS
 from learning.rendered import need_torch, say
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.bench.imitation.harness import bench_harness
+from sim_harness.bench.imitation.training_code import code_of_training
 from sim_harness.bench.imitation.verdict import simulated, verdicts
 from sim_harness.bench.real.sets import data_folder
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
@@ -86,7 +86,8 @@ def bench_imitation(
         for name, dataset in found.items()
         for network in (PEER, *OURS)
     }
-    codes = {case: task.out.stem for case, task in tasks.items()}
+    judging = fingerprint(*import_closure(["learning.judging.evaluate", __name__]), "config")
+    codes = {case: short_hash(task.out.stem, judging) for case, task in tasks.items()}
     rows = iter(stored_rows(FOLDER / "rows.jsonl", judged, tasks, codes=codes, jobs=jobs or 1))
     table: dict[str, dict[str, Row]] = {}
     for name, dataset in found.items():
@@ -107,7 +108,7 @@ def built(source: Path) -> Dataset:
     if not (folder / CARD).is_file():
         say(f"imitation: building {folder}")
         command = shlex.join(["trepid", "dataset", "build", str(folder), str(source)])
-        build(folder, logs, BuildOptions(WheelOptions(), SPLIT, TableOptions(), command), faults)
+        build(folder, logs, BuildOptions(WheelOptions(), SPLIT, TableOptions(), command=command), faults)
     return Dataset.open(folder)
 
 
@@ -122,28 +123,20 @@ def _task(dataset: Dataset, network: str, *, quick: bool) -> Task:
     if quick:
         changed["frames_share"] = QUICK_SHARE
     recipe = recipe.model_copy(update=changed)
-    modules = ["learning.training.run", "learning.judging.evaluate", __name__]
-    code = fingerprint(*import_closure([*modules, f"learning.models.{MODELS[network].module}"]))
-    digest = short_hash(code, recipe.model_dump_json(), dataset.sha256)
+    digest = short_hash(code_of_training(network), recipe.model_dump_json(), dataset.sha256)
     out = FOLDER / "weights" / f"{dataset.folder.name.rpartition('-')[0]}-{network}-{digest}.onnx"
     return Task(dataset.folder, network, recipe, out)
 
 
 def judged(task: Task) -> Row:
-    """Train a network, and score it on the test split."""
-    from learning.training.run import run
+    """Train a network, unless it is there, and score it on the test split."""
+    from learning.training.run import run as train
 
     dataset = Dataset.open(task.data)
     task.out.parent.mkdir(parents=True, exist_ok=True)
-    run(
-        dataset,
-        task.network,
-        task.out,
-        task.recipe,
-        resume=True,
-        command="trepid bench imitation",
-        report=say,
-    )
+    if not task.out.with_suffix(".md").is_file():  # the card is written last
+        command = "trepid bench imitation"
+        train(dataset, task.network, task.out, task.recipe, resume=True, command=command, report=say)
     cv2.setNumThreads(1)
     bench, model = Bench(dataset, "test"), Model(str(task.out))
     row = bench.row(model, model.predict(dataset, bench.rows))

@@ -10,19 +10,30 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import cv2
+import numpy as np
 
 from learning.correcting.alone import drive_alone, scenario_for
 from learning.dataset.dataset import Dataset
 from learning.judging.evaluate import BIN_RATIO, Bench
 from learning.judging.predictions import Model
 from learning.judging.scores import SHARP_DEG
-from learning.models.catalogue import MODELS
+from learning.judging.shifts import SHIFTS
 from learning.rendered import say
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.bench.control.speeds import MPH
 from sim_harness.bench.imitation.demonstrations import demonstrations, drive_exactly
-from sim_harness.bench.imitation.verdict import AUTONOMY, EXACT, FARTHEST, SUPERVISED
+from sim_harness.bench.imitation.training_code import code_of_training
+from sim_harness.bench.imitation.verdict import (
+    AUTONOMY,
+    DEPARTURES,
+    DRIVEN,
+    EXACT,
+    FARTHEST,
+    SHIFTED,
+    UNLIKE,
+)
 from sim_harness.lockstep.closed_loop import run
+from sim_harness.scenarios.chosen_estimators import changes_of
 from sim_harness.scenarios.scenario import Scenario, Sight, Tag, list_scenarios, load_scenario
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import Row, stored_rows
@@ -44,7 +55,8 @@ RATE, PEER_RATE = 2.0e-3, 1.0e-3  # of learning; that of donkeycar
 SPEEDS_MPH, QUICK_SPEEDS_MPH = (5, 10, 15, 20), (20,)
 QUICK_SCENARIOS = ("straight", "unmarked_bend")
 TAGS = {Tag.NOMINAL, Tag.UNMARKED}
-SUPERVISED_MPH = 5
+BESIDE = ("cv", "cnn")  # estimators beside the network under supervision
+SLACK = 2.5  # of the time for the route there: the supervisor slows down
 STAGE = "[{{name: all, part: all, epochs: {}, learning_rate: {}, schedule: cosine, patience: 99}}]"
 
 
@@ -66,17 +78,23 @@ class Drive(NamedTuple):
 
 
 def bench_harness(folder: Path, *, quick: bool, seed: int, jobs: int) -> dict[str, dict[str, Row]]:
-    """Tables "unseen roads" (network -> scores), FARTHEST, AUTONOMY, SUPERVISED and EXACT (scenario -> results)."""
+    """Tables by network, "unseen roads"; by shift, SHIFTED and UNLIKE; by scenario, those of the drives."""
     roads = QUICK_ROADS if quick else ROADS
     sets = demonstrations(folder, roads=roads, seed=seed, jobs=jobs)
     tasks = {name: _task(folder, sets, name, changes, quick=quick) for name, changes in NETWORKS.items()}
-    codes = {name: task.out.stem for name, task in tasks.items()}
+    judging = fingerprint(*import_closure(["learning.judging.evaluate", __name__]), "config")
+    codes = {name: short_hash(task.out.stem, judging) for name, task in tasks.items()}
     rows = stored_rows(folder / "rows.jsonl", judged, tasks, codes=codes, jobs=jobs)
     table = dict(zip(tasks, rows, strict=True))
-    table |= {
-        name: dict(row) for name, row in Bench(sets["unseen"], "test", ratio=BIN_RATIO).baselines.items()
-    }
-    return {"unseen roads": table} | _drives(folder, tasks[DRIVER].out, quick=quick, jobs=jobs)
+    tables: dict[str, dict[str, Row]] = {"unseen roads": table}
+    shifts = {name: row.pop("shifts") for name, row in table.items()}
+    for title, score in ((SHIFTED, "coverage_90"), (UNLIKE, "unlike_share")):
+        tables[title] = {
+            shift: {name: found[shift][score] for name, found in shifts.items()} for shift in SHIFTS
+        }
+    without_image = Bench(sets["unseen"], "test", ratio=BIN_RATIO, trained=sets["random"]).baselines
+    table |= {name: dict(row) for name, row in without_image.items()}
+    return tables | _drives(folder, tasks[DRIVER].out, quick=quick, jobs=jobs)
 
 
 def _task(
@@ -84,9 +102,7 @@ def _task(
 ) -> Task:
     stages = STAGE.format(QUICK_EPOCHS if quick else EPOCHS, PEER_RATE if name == PEER else RATE)
     recipe = load_recipe(name, None, overrides={"stages": stages, **changes})
-    modules = ["learning.training.run", "learning.judging.evaluate", __name__]
-    code = fingerprint(*import_closure([*modules, f"learning.models.{MODELS[name].module}"]), "config")
-    digest = short_hash(code, recipe.model_dump_json(), *(data.sha256 for data in sets.values()))
+    digest = short_hash(code_of_training(name), recipe.model_dump_json(), sets["random"].sha256)
     return Task(
         sets["random"].folder,
         sets["unseen"].folder,
@@ -97,17 +113,17 @@ def _task(
 
 
 def judged(task: Task) -> Row:
-    """Train a network, and score it on the unseen roads."""
+    """Train a network, unless it is there, and score it on the unseen roads."""
     from learning.training.run import run as train
 
-    data = Dataset.open(task.random)
+    data, unseen = Dataset.open(task.random), Dataset.open(task.unseen)
     task.out.parent.mkdir(parents=True, exist_ok=True)
-    train(
-        data, task.network, task.out, task.recipe, resume=True, command="trepid bench imitation", report=say
-    )
+    if not task.out.with_suffix(".md").is_file():  # the card is written last
+        command = "trepid bench imitation"
+        train(data, task.network, task.out, task.recipe, resume=True, command=command, report=say)
     cv2.setNumThreads(1)
     model = Model(str(task.out))
-    alike, row = (_scores(model, one) for one in (data, Dataset.open(task.unseen)))
+    alike, row = (_scores(model, one) for one in (data, unseen))
     sharp = [one["mae_deg"] for one in row["sharpness"] if one["from_deg"] == SHARP_DEG]
     names = ("mae_deg", "rmse_deg", "r2", "slope", "rate_rms_degps", "latency_ms")
     return {name: row[name] for name in names} | {
@@ -115,8 +131,20 @@ def judged(task: Task) -> Row:
         "coverage_90": row["uncertainty"]["coverage_90"],
         "mae_random_deg": alike["mae_deg"],
         "coverage_90_random": alike["uncertainty"]["coverage_90"],
+        "error_rank_correlation": row["uncertainty"]["risk"]["spearman"],
         "weights": row["parameters"],
         "frames": row["frames"],
+        "shifts": {name: _shifted(model, unseen, name) for name in SHIFTS},
+    }
+
+
+def _shifted(model: Model, data: Dataset, shift: str) -> Row:
+    """Coverage of the 90 % intervals, and share of the images outside the network's world, under a shift."""
+    bench, rng = Bench(data, "test", ratio=BIN_RATIO), np.random.default_rng(0)
+    row = bench.row(model, model.predict(data, bench.rows, change=lambda image: SHIFTS[shift](image, rng)))
+    return {
+        "coverage_90": row["uncertainty"]["coverage_90"],
+        "unlike_share": row["uncertainty"]["outside"],
     }
 
 
@@ -136,8 +164,9 @@ def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str,
         for mph in speeds
     }
     drives |= {
-        f"{name} supervised": Drive(_scenario(name, network, SUPERVISED_MPH), driver="supervised")
+        f"{name} {mph} mph supervised": Drive(supervised(name, network, mph), driver="supervised")
         for name in names
+        for mph in speeds
     }
     fastest = str(max(speeds) * MPH)
     drives |= {
@@ -153,16 +182,19 @@ def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str,
     rows = dict(
         zip(drives, stored_rows(folder / "drives.jsonl", driven, drives, codes=codes, jobs=jobs), strict=True)
     )
-    alone = {f"{mph} mph": {name: rows[f"{name} {mph} mph"] for name in names} for mph in speeds}
+    titles = {
+        FARTHEST: ("", "max_lateral_error_m"),
+        AUTONOMY: ("", "autonomy_percent"),
+        DEPARTURES: (" supervised", "departures"),
+        DRIVEN: (" supervised", "driven_percent"),
+    }
     tables = {
-        title: {name: {speed: found[name][score] for speed, found in alone.items()} for name in names}
-        for title, score in ((FARTHEST, "max_lateral_error_m"), (AUTONOMY, "autonomy_percent"))
+        title: {
+            name: {f"{mph} mph": rows[f"{name} {mph} mph{driver}"][score] for mph in speeds} for name in names
+        }
+        for title, (driver, score) in titles.items()
     }
-    scores = {
-        title: {name: rows[f"{name} {driver}"] for name in names}
-        for title, driver in ((SUPERVISED, "supervised"), (EXACT.format(max(speeds)), "exact"))
-    }
-    return tables | scores
+    return tables | {EXACT.format(max(speeds)): {name: rows[f"{name} exact"] for name in names}}
 
 
 def steered() -> list[str]:
@@ -176,6 +208,15 @@ def _scenario(name: str, network: Path, mph: float) -> Scenario:
     return scenario_for(name, network, {"speed_mps": speed, "start.speed_mps": speed})
 
 
+def supervised(name: str, network: Path, mph: float) -> Scenario:
+    """The scenario with the network beside BESIDE, and SLACK times the time that its route takes at this speed."""
+    speed_mps = mph * MPH
+    speed = {"speed_mps": str(speed_mps), "start.speed_mps": str(speed_mps)}
+    scenario = load_scenario(name, {**speed, **changes_of([*BESIDE, str(network)])})
+    route_s = scenario.route_m(scenario.build_road()) / speed_mps
+    return scenario.model_copy(update={"duration_s": max(scenario.duration_s, SLACK * route_s)})
+
+
 def driven(task: Drive) -> Row:
     """The scores of a drive."""
     match task.driver:
@@ -186,4 +227,8 @@ def driven(task: Drive) -> Row:
         case "exact":
             result = drive_exactly(task.scenario, seed=0)
     row = result.row()
-    return {name: row[name] for name in ("autonomy_percent", "max_lateral_error_m", "departures")}
+    route_m = task.scenario.route_m(task.scenario.build_road())
+    names = ("autonomy_percent", "max_lateral_error_m", "departures")
+    return {name: row[name] for name in names} | {
+        "driven_percent": min(100.0, 100.0 * row["distance_m"] / route_m)
+    }

@@ -6,7 +6,9 @@ from typing import Any
 
 Row = Mapping[str, Any]
 FARTHEST, AUTONOMY = "alone, farthest beside the centre [m]", "alone, autonomy [%]"  # tables of drives
-SUPERVISED = "supervised"
+DEPARTURES, DRIVEN = "supervised beside cv and cnn, departures", "supervised beside cv and cnn, driven [%]"
+SHIFTED = "coverage of the 90 % intervals on changed images of the unseen roads"
+UNLIKE = "share of the changed images that the network finds unlike its training"
 EXACT = "exact angles instead of a network, {} mph"  # bends that these leave are too tight for the limiter
 
 MOST_TO_PEER = 0.8  # of the error of donkeycar's network
@@ -55,40 +57,53 @@ def _verdict(row: Row, peer: Row, rows: Mapping[str, Row], *, simulated: bool) -
 
 
 def simulated(tables: Mapping[str, Mapping[str, Row]]) -> dict[str, dict[str, Any]]:
-    """Aim -> measured value, the aim and whether it is met: of the best network, and of the one that drives."""
+    """Aim -> measured value, the aim and whether it is met.
+
+    Of the network with the least error on the random roads, and of the one that drives.
+    """
     networks = {name: row for name, row in tables["unseen roads"].items() if "weights" in row}
-    best = min(networks.values(), key=lambda row: row["mae_deg"])
+    chosen = min(
+        networks, key=lambda name: networks[name]["mae_random_deg"]
+    )  # on other roads than it is judged
+    best = networks[chosen]
     autonomy = [share for row in tables[AUTONOMY].values() for share in row.values()]
     beside_m = [tables[FARTHEST][name].values() for name in OPEN_ROADS if name in tables[FARTHEST]]
     farthest_m = max(chain.from_iterable(beside_m), default=None)
     sharp_deg, r2 = best["mae_beyond_40_deg"], best["r2"]
-    departures = sum(row["departures"] for row in tables[SUPERVISED].values())
+    departures = sum(chain.from_iterable(row.values() for row in tables[DEPARTURES].values()))
+    shift = min(tables[SHIFTED], key=lambda one: tables[SHIFTED][one][chosen])
+    covered = tables[SHIFTED][shift][chosen]
     frame, sequence = networks[FRAME], networks[SEQUENCE]
     slower = sequence["rate_rms_degps"] / frame["rate_rms_degps"]
     aims: dict[str, tuple[Any, str, bool]] = {
-        "mae_deg": (best["mae_deg"], f"at most {MOST_DEG}", best["mae_deg"] <= MOST_DEG),
-        "mae_beyond_40_deg": (
+        f"mae_deg of {chosen}": (best["mae_deg"], f"at most {MOST_DEG}", best["mae_deg"] <= MOST_DEG),
+        f"mae_beyond_40_deg of {chosen}": (
             sharp_deg,
             f"at most {MOST_SHARP_DEG}",
             sharp_deg is not None and sharp_deg <= MOST_SHARP_DEG,
         ),
-        "r2": (r2, f"at least {LEAST_R2_HARNESS}", r2 is not None and r2 >= LEAST_R2_HARNESS),
-        "weights": (best["weights"], f"at most {MOST_WEIGHTS}", best["weights"] <= MOST_WEIGHTS),
-        "latency_ms": (best["latency_ms"], f"at most {MOST_MS}", best["latency_ms"] <= MOST_MS),
+        f"r2 of {chosen}": (r2, f"at least {LEAST_R2_HARNESS}", r2 is not None and r2 >= LEAST_R2_HARNESS),
+        f"weights of {chosen}": (best["weights"], f"at most {MOST_WEIGHTS}", best["weights"] <= MOST_WEIGHTS),
+        f"latency_ms of {chosen}": (best["latency_ms"], f"at most {MOST_MS}", best["latency_ms"] <= MOST_MS),
         f"steering rate, {SEQUENCE} to {FRAME}": (
             slower,
             f"at most {MOST_RATE}, at no greater mae_deg",
             slower <= MOST_RATE and sequence["mae_deg"] <= frame["mae_deg"],
         ),
-        "coverage_90_random": (
+        f"coverage_90_random of {chosen}": (
             best["coverage_90_random"],
             f"{COVERAGE} ± {COVERAGE_OFF}",
             abs(best["coverage_90_random"] - COVERAGE) <= COVERAGE_OFF,
         ),
-        "coverage_90 on unseen roads": (
+        f"coverage_90 of {chosen} on unseen roads": (
             best["coverage_90"],
             f"at least {LEAST_COVERAGE}",
             best["coverage_90"] >= LEAST_COVERAGE,
+        ),
+        f"coverage_90 of {chosen} under its worst shift, {shift}": (
+            covered,
+            f"at least {LEAST_COVERAGE}",
+            covered >= LEAST_COVERAGE,
         ),
         "least autonomy alone [%]": (min(autonomy), "100", min(autonomy) >= 100.0),
         "farthest at branches [m]": (

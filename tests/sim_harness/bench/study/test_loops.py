@@ -1,5 +1,8 @@
 """A slow network behind a queue falls behind, and one that takes the newest frame does not; angles by speed."""
 
+from typing import Any
+
+import numpy as np
 import pytest
 from message_rig import decision
 
@@ -62,3 +65,23 @@ def test_transposed_angles_keep_nearer_to_the_centre_at_20_mph(monkeypatch: pyte
 def test_study_and_a_name_is_that_study_and_study_alone_are_all() -> None:
     assert benchmarks(["study", "speed", "data"]) == ["study-speed", "study-data"]
     assert benchmarks(["study"]) == named("study") and len(named("study")) == 7
+
+
+def test_a_network_behind_frames_of_100_hz_gets_each_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loops, "PERIODS", (1, 2))
+    seen: list[list[float]] = []
+
+    class Counting(SlowNetwork):
+        def __init__(self, *args: Any, **options: Any) -> None:
+            super().__init__(*args, **options)
+            seen.append([])
+
+        def step(self, decision: Decision | None, state: VehicleState | None, *, now_s: float) -> Command:
+            if decision is not None and decision.t_s is not None:
+                seen[-1].append(decision.t_s)
+            return super().step(decision, state, now_s=now_s)
+
+    monkeypatch.setattr(loops, "SlowNetwork", Counting)
+    loops.bench_frame_rate(1)
+    of_100_hz, of_50_hz = (np.unique(seen[number]) for number in (1, 3))  # by latest wins
+    assert np.diff(of_100_hz) == pytest.approx(0.01) and np.diff(of_50_hz) == pytest.approx(0.02)
