@@ -121,6 +121,9 @@ BENCHMARKS = {
     "study-deep-steer": Benchmark(
         "study.learned", "Deep Steer's tables 2 to 4 beside networks of Trepid", continued=True
     ),
+    "study-train-your-own": Benchmark(
+        "study.train_your_own", "a tub of 3000 frames to a judged network: time of the three commands"
+    ),
 }
 BY_DEFAULT = ("estimators", "renderer", "lockstep", "plants", "sweep")
 LONG = {"control-limits", "control-random"}

@@ -149,7 +149,7 @@ def test_light_is_named_by_the_mean_grey():
     [
         (["nowhere.onnx"], "nowhere.onnx: no such file"),
         (["cvv"], "no estimator 'cvv'"),
-        (["TURN", "--split", "tests"], "no split 'tests'"),
+        (["TURN", "--split", "tests"], "--split tests: expected train, validation, test"),
         (["TURN", "cv", "--picture", "a.png"], "the worst frames of one model"),
         (["TURN", "--picture", "no/a.png"], "there is no folder no"),
         (["TURN", "--data", "nothing"], "no data set"),
