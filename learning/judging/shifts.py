@@ -1,7 +1,8 @@
 """Changes of the images of a test that a network has not been trained on: light, weather, optics, mount."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -9,15 +10,26 @@ import numpy as np
 from learning.pixels import add_noise, as_pixels, fog, rain, shade, snow
 from trepid.types import Image
 
-Shift = Callable[[Image, np.random.Generator], Image]
+
 BLUR, NOISE_GREY, RISE = 0.008, 15.0, 0.03  # of the width; [grey levels]; of the height
 
 
+class Shift(Protocol):
+    """A change of an image."""
+
+    def __call__(self, image: Image, rng: np.random.Generator) -> Image:
+        """The changed image."""
+        ...
+
+
 def _lit(gain: float) -> Shift:
-    return lambda image, _: as_pixels(cv2.convertScaleAbs(image, alpha=gain))
+    def lit(image: Image, rng: np.random.Generator) -> Image:
+        return as_pixels(cv2.convertScaleAbs(image, alpha=gain))
+
+    return lit
 
 
-def _blurred(image: Image, _: np.random.Generator) -> Image:
+def _blurred(image: Image, rng: np.random.Generator) -> Image:
     return as_pixels(cv2.GaussianBlur(image, (0, 0), BLUR * image.shape[1]))
 
 
@@ -25,7 +37,7 @@ def _noisy(image: Image, rng: np.random.Generator) -> Image:
     return add_noise(image, NOISE_GREY, rng)
 
 
-def _raised(image: Image, _: np.random.Generator) -> Image:
+def _raised(image: Image, rng: np.random.Generator) -> Image:
     """The view of a camera that looks lower: everything is RISE of the height farther up."""
     rows = round(RISE * image.shape[0])
     return np.concatenate([image[rows:], np.repeat(image[-1:], rows, axis=0)])

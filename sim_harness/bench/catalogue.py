@@ -113,6 +113,11 @@ BENCHMARKS = {
     "study-initialisation": Benchmark(
         "study.learned", "a driving network by its first weights", continued=True
     ),
+    "study-heads": Benchmark(
+        "study.learned",
+        "a driving network that gives an angle, its error scale too, or one of 15 classes",
+        continued=True,
+    ),
     "study-histogram": Benchmark(
         "study.learned",
         "a driving network under changed light, with and without histogram matching",

@@ -6,6 +6,7 @@ network steers, and does not keep a distance.
 """
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -29,6 +30,7 @@ from sim_harness.bench.imitation.verdict import (
     DRIVEN,
     EXACT,
     FARTHEST,
+    MOVED,
     SHIFTED,
     UNLIKE,
 )
@@ -78,7 +80,7 @@ class Drive(NamedTuple):
 
 
 def bench_harness(folder: Path, *, quick: bool, seed: int, jobs: int) -> dict[str, dict[str, Row]]:
-    """Tables by network, "unseen roads"; by shift, SHIFTED and UNLIKE; by scenario, those of the drives."""
+    """Tables by network, "unseen roads"; by shift, SHIFTED, UNLIKE, MOVED; by scenario, those of the drives."""
     roads = QUICK_ROADS if quick else ROADS
     sets = demonstrations(folder, roads=roads, seed=seed, jobs=jobs)
     tasks = {name: _task(folder, sets, name, changes, quick=quick) for name, changes in NETWORKS.items()}
@@ -88,7 +90,7 @@ def bench_harness(folder: Path, *, quick: bool, seed: int, jobs: int) -> dict[st
     table = dict(zip(tasks, rows, strict=True))
     tables: dict[str, dict[str, Row]] = {"unseen roads": table}
     shifts = {name: row.pop("shifts") for name, row in table.items()}
-    for title, score in ((SHIFTED, "coverage_90"), (UNLIKE, "unlike_share")):
+    for title, score in ((SHIFTED, "coverage_90"), (UNLIKE, "unlike_share"), (MOVED, "moved_deg")):
         tables[title] = {
             shift: {name: found[shift][score] for name, found in shifts.items()} for shift in SHIFTS
         }
@@ -134,18 +136,25 @@ def judged(task: Task) -> Row:
         "error_rank_correlation": row["uncertainty"]["risk"]["spearman"],
         "weights": row["parameters"],
         "frames": row["frames"],
-        "shifts": {name: _shifted(model, unseen, name) for name in SHIFTS},
+        "shifts": shifted(model, unseen),
     }
 
 
-def _shifted(model: Model, data: Dataset, shift: str) -> Row:
-    """Coverage of the 90 % intervals, and share of the images outside the network's world, under a shift."""
-    bench, rng = Bench(data, "test", ratio=BIN_RATIO), np.random.default_rng(0)
-    row = bench.row(model, model.predict(data, bench.rows, change=lambda image: SHIFTS[shift](image, rng)))
-    return {
-        "coverage_90": row["uncertainty"]["coverage_90"],
-        "unlike_share": row["uncertainty"]["outside"],
-    }
+def shifted(model: Model, data: Dataset) -> dict[str, Row]:
+    """Shift -> coverage of the 90 % intervals, share of images outside the network's world, change of the angle."""
+    bench = Bench(data, "test", ratio=BIN_RATIO)
+    plain = model.predict(data, bench.rows).angle_rad
+    rows: dict[str, Row] = {}
+    for name, shift in SHIFTS.items():
+        rng = np.random.default_rng(0)
+        found = model.predict(data, bench.rows, change=partial(shift, rng=rng))
+        stated = bench.row(model, found)["uncertainty"]
+        rows[name] = {
+            "coverage_90": stated["coverage_90"],
+            "unlike_share": stated["outside"],
+            "moved_deg": float(np.degrees(np.abs(found.angle_rad - plain).mean())) * BIN_RATIO,
+        }
+    return rows
 
 
 def _scores(model: Model, data: Dataset) -> Row:

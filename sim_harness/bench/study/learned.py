@@ -34,6 +34,7 @@ EPOCHS = 8
 STAGE = "[{{name: all, part: all, epochs: {}, learning_rate: 1.0e-3, schedule: cosine, patience: 99}}]"
 SHARES = (0.01, 0.03, 0.1, 0.3, 1.0)
 SIZES = ((320, 240), (160, 120), (80, 60), (40, 30))
+HEADS = ("regression", "gaussian", "laplace", "categorical")
 HISTOGRAMS = ("none", "equalise", "match")
 GAINS = (0.5, 0.7, 1.0, 1.4, 2.0)
 BESIDE_PAPER: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recipe
@@ -213,6 +214,12 @@ def bench_initialisation(seed: int) -> Row:
     variants = {name: _variant(seed, initialisation=name) for name in ("network", "glorot", "he")}
     variants["auto-encoder first"] = _variant(seed, pretrain_epochs="4")
     return {"first weights": _study(seed, "initialisation", variants)}
+
+
+def bench_heads(seed: int) -> Row:
+    """Test error of an angle, of an angle with its error scale, and of 15 classes of angles (N23)."""
+    variants = {head: _variant(seed, head=head, beta="1.0") for head in HEADS}
+    return {"head": _study(seed, "heads", variants)}
 
 
 def bench_histogram(seed: int) -> Row:
