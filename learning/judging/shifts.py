@@ -10,7 +10,6 @@ import numpy as np
 from learning.pixels import add_noise, as_pixels, fog, rain, shade, snow
 from trepid.types import Image
 
-
 BLUR, NOISE_GREY, RISE = 0.008, 15.0, 0.03  # of the width; [grey levels]; of the height
 
 

@@ -48,7 +48,7 @@ DRIVER = "steer"  # the network that also drives
 NETWORKS: Mapping[str, Mapping[str, str]] = {  # network -> changes of its recipe
     PEER: {},
     DRIVER: FINE,
-    "steer-motion": FINE,
+    "steer-motion": {**FINE, "batch": "64"},
     "steer-lstm": {"window": "16", "frames_share": "0.125", **FINE, "batch": "16"},  # 16 frames are 7 m
 }
 ROADS, EPOCHS = 2000, 4
