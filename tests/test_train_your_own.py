@@ -13,13 +13,17 @@ SHORT = " --set stages.0.epochs=4"  # instead of 60: the page trains on thousand
 
 
 @pytest.mark.processes
-def test_three_commands_build_train_and_evaluate_and_the_network_answers_on_frames(tmp_path: Path) -> None:
-    assert [command.split()[1] for command in COMMANDS] == ["dataset", "train", "evaluate", "estimate"]
+def test_three_commands_build_train_and_evaluate_and_the_network_answers_on_frames_and_drives(
+    tmp_path: Path,
+) -> None:
+    verbs = ["dataset", "train", "evaluate", "estimate", "drive"]
+    assert [command.split()[1] for command in COMMANDS] == verbs
     folder = checkout_like(tmp_path)
     write_tub(folder / "mytub", frames=300)
     for command in COMMANDS:
         done = run(command + (SHORT if command.startswith("trepid train") else ""), folder)
         assert done.returncode == 0, f"{command}: {done.stderr}"
+    assert "process steer" in done.stdout
     assert {"steer.onnx", "steer.md", "worst.png", "seen"} <= {path.name for path in folder.iterdir()}
     judged = run("trepid evaluate steer.onnx --data drives --json", folder)
     row = json.loads(judged.stdout)
