@@ -20,6 +20,7 @@ from learning.correcting.corrections import Drift, build_corrections
 from learning.dataset.dataset import CARD, NONE, Dataset
 from learning.dataset.join import joined
 from learning.training.recipe import Recipe
+from learning.whole_files import write_whole
 from sim_harness.scenarios.scenario import Scenario, load_scenario
 from sim_harness.sweep.fingerprint import files_of_car
 from sim_harness.sweep.store import Row, stored_rows
@@ -121,7 +122,7 @@ def _claim(plan: Plan, *, resume: bool) -> None:
             )
         return
     plan.folder.mkdir(parents=True, exist_ok=True)
-    _replace(path, identity)
+    write_whole(path, identity.encode())
 
 
 def _make_network(plan: Plan, number: int, added: list[Dataset], train: Train, report: Report) -> None:
@@ -133,12 +134,12 @@ def _make_network(plan: Plan, number: int, added: list[Dataset], train: Train, r
     out.parent.mkdir(parents=True, exist_ok=True)
     if number == 0 and plan.start is not None:
         shutil.copyfile(plan.start, out)
-        _replace(done, "{}")
+        write_whole(done, b"{}")
         return
     data = joined(out.parent / "data", plan.data, added, command=plan.command) if added else plan.data
     report(f"round {number}: training on {len(data.rows('train'))} frames")
     found = train(data, plan.model, out, plan.recipe, resume=True, command=plan.command, report=report)
-    _replace(done, json.dumps(found["scores"]))
+    write_whole(done, json.dumps(found["scores"]).encode())
 
 
 def _drives(plan: Plan, number: int) -> dict[str, tuple[Scenario, int, Path]]:
@@ -190,7 +191,7 @@ def _corrections(plan: Plan, number: int, drives: list[Path]) -> Dataset | None:
         return Dataset.open(folder)
     found = build_corrections(folder, drives, plan.out.stem, plan.drift)
     if found is None:
-        _replace(nothing, "")
+        write_whole(nothing, b"")
     return found
 
 
@@ -216,18 +217,10 @@ def _keep(plan: Plan, rows: list[Row], best: int) -> None:
     ]
     table = ["| round | added frames | drives |", "|---|---:|---|", *lines]
     text = card.read_text(encoding="utf-8") if card.is_file() else f"# {plan.out.stem}\n"
-    _replace(plan.out.with_suffix(".md"), "\n".join([text, *(f"{line}\n" for line in head), *table]) + "\n")
-    fresh = plan.out.with_name(f"{plan.out.name}.new")
-    shutil.copyfile(network, fresh)
-    fresh.replace(plan.out)
+    described = "\n".join([text, *(f"{line}\n" for line in head), *table]) + "\n"
+    write_whole(plan.out.with_suffix(".md"), described.encode())
+    write_whole(plan.out, network.read_bytes())
 
 
 def _sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    fresh = path.with_name(f"{path.name}.new")
-    fresh.write_text(text, encoding="utf-8")
-    fresh.replace(path)

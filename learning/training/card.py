@@ -7,6 +7,7 @@ from typing import Any
 
 from learning.training.loop import Progress
 from learning.training.recipe import Recipe
+from learning.whole_files import write_whole
 from trepid.config import InputError
 
 MARK = "written by Trepid"
@@ -33,7 +34,7 @@ def write_curve(progress: Progress, folder: Path) -> None:
     from matplotlib.figure import Figure
 
     text = "".join(json.dumps(point) + "\n" for point in progress.curve)
-    _replace(folder / "curve.jsonl", text.encode())
+    write_whole(folder / "curve.jsonl", text.encode())
     figure = Figure(figsize=(6, 3.5), layout="constrained")
     FigureCanvasAgg(figure)
     left = figure.add_subplot()
@@ -92,10 +93,4 @@ Weights are made from these data: give them away only where the licences of the 
 {recipe.model_dump_json(indent=1)}
 ```
 """
-    _replace(path, text.encode())
-
-
-def _replace(path: Path, content: bytes) -> None:
-    fresh = path.with_name(f"{path.name}.new")
-    fresh.write_bytes(content)
-    fresh.replace(path)
+    write_whole(path, text.encode())

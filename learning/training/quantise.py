@@ -21,6 +21,7 @@ from learning.training.calibrate import COVERAGE, block_quantile, error_scores
 from learning.training.export import METADATA, describe
 from learning.training.frames import Frames, read_frames, share_of
 from learning.unlike import attach, detach
+from learning.whole_files import write_whole
 from perception.net.driver import DriverNetwork
 from trepid.config import InputError
 from trepid.types import Floats, Image
@@ -82,9 +83,7 @@ def quantise(source: Path, data: Dataset, out: Path, work: Path) -> Comparison:
         largest_change_deg=math.degrees(float(np.abs(after[0] - before[0]).max())),
     )
     if found.pays:
-        fresh = out.with_name(f"{out.name}.new")
-        fresh.write_bytes(small.read_bytes())
-        fresh.replace(out)
+        write_whole(out, small.read_bytes())
     return found
 
 
