@@ -11,7 +11,7 @@ from learning.models.efficientnet import EfficientNetLite0  # noqa: E402
 from learning.models.inception import InceptionV3  # noqa: E402
 from learning.models.parts.heads import BINS, HEADS, Categorical  # noqa: E402
 from learning.models.parts.memory import LSTM, SimpleRNN  # noqa: E402
-from learning.models.parts.motion import Shift  # noqa: E402
+from learning.models.parts.motion import Shift, Standardised  # noqa: E402
 from learning.models.parts.network import Exported, Size  # noqa: E402
 from learning.models.parts.view import View  # noqa: E402
 from learning.models.parts.weights import load_trunk  # noqa: E402
@@ -221,3 +221,17 @@ def test_weights_of_another_network_or_a_broken_file_are_refused(tmp_path):
 
 def test_the_size_of_a_network_is_rows_and_columns():
     assert build("steer", height=24, width=32).size == Size(24, 32)
+
+
+def test_the_scale_of_the_shifts_is_that_of_the_training_and_not_of_a_batch():
+    scale, rng = Standardised(2).train(), torch.Generator().manual_seed(0)
+
+    def batch() -> torch.Tensor:
+        return torch.randn(16, 2, generator=rng) * torch.tensor([2.0, 0.1]) + torch.tensor([0.0, 1.0])
+
+    for _ in range(400):
+        scale(batch())
+    one = torch.tensor([[2.0, 1.1]])
+    beside_others = [scale(torch.cat([one, batch()]))[0] for _ in range(20)]
+    assert torch.stack(beside_others).std(dim=0).max() < 0.01
+    assert scale.eval()(one)[0].tolist() == pytest.approx([1.0, 1.0], abs=0.1)
