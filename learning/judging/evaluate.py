@@ -93,6 +93,7 @@ class Bench:
             "straight_bias_deg": scores.straight_bias_deg(predicted, true, ratio),
             "rate_rms_degps": scores.rate_rms_degps(predicted, *rate),
             "recorded_rate_rms_degps": scores.rate_rms_degps(true, *rate),
+            "rate_error_rms_degps": scores.rate_rms_degps(predicted - true, *rate),
             "routes": scores.groups(predicted, true, rows["route"]),
             "light": scores.groups(predicted, true, self._lights[seen]),
             "uncertainty": self._uncertainty(found, predicted - true),

@@ -127,7 +127,8 @@ def judged(task: Task) -> Row:
     model = Model(str(task.out))
     alike, row = (_scores(model, one) for one in (data, unseen))
     sharp = [one["mae_deg"] for one in row["sharpness"] if one["from_deg"] == SHARP_DEG]
-    names = ("mae_deg", "rmse_deg", "r2", "slope", "rate_rms_degps", "latency_ms")
+    rates = ("rate_rms_degps", "recorded_rate_rms_degps", "rate_error_rms_degps")
+    names = ("mae_deg", "rmse_deg", "r2", "slope", *rates, "latency_ms")
     return {name: row[name] for name in names} | {
         f"mae_beyond_{SHARP_DEG:.0f}_deg": sharp[0] if sharp else None,
         "coverage_90": row["uncertainty"]["coverage_90"],

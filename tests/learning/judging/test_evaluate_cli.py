@@ -69,6 +69,9 @@ def test_the_errors_are_those_of_the_network_on_the_images_of_the_split(data, tu
     assert row["mae_deg"] == pytest.approx(np.abs(error).mean())
     assert row["rmse_deg"] == pytest.approx(math.sqrt(np.mean(error**2)))
     assert row["slope"] > 0.3
+    rate = math.sqrt(np.mean((np.diff(error) / np.diff(rows["t_s"])) ** 2))
+    assert row["rate_error_rms_degps"] == pytest.approx(rate)
+    assert rate >= abs(row["rate_rms_degps"] - row["recorded_rate_rms_degps"])
     share = (np.abs(error) <= math.degrees(1.645 * 0.01)).mean()
     assert row["uncertainty"]["coverage_90"] == pytest.approx(share)
 
