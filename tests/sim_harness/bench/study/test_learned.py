@@ -11,6 +11,7 @@ from drive_rig import made_dataset, write_table, write_tub  # noqa: F401
 
 from learning.dataset.dataset import Dataset
 from learning.training.recipe import load_recipe
+from sim_harness.bench.imitation import training_code
 from sim_harness.bench.study import learned
 from sim_harness.bench.study.learned import (
     BESIDE_PAPER,
@@ -99,12 +100,14 @@ def test_weights_are_used_again_only_with_the_code_that_trained_them(
         return {"mae_deg": 1.0}
 
     monkeypatch.setattr("learning.training.run.run", train)
-    monkeypatch.setattr(learned, "fingerprint", lambda *_: "False")
+    for module in (learned, training_code):
+        monkeypatch.setattr(module, "fingerprint", lambda *_: "False")
     variants = {"one": Variant(0, "steer", tuple(TINY.items()), judge)}
     learned._study(0, "light", variants)
     learned._study(0, "light", variants)
     assert (len(trained), len(judged)) == (1, 1)
-    monkeypatch.setattr(learned, "fingerprint", lambda *parts: f"{changed in parts}")
+    for module in (learned, training_code):
+        monkeypatch.setattr(module, "fingerprint", lambda *parts: f"{changed in parts}")
     learned._study(0, "light", variants)
     assert (len(trained), len(judged)) == (1 + trained_again, 1 + judged_again)
 
