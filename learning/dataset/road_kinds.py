@@ -3,8 +3,8 @@
 import numpy as np
 
 from learning.dataset.dataset import Dataset, Rows
-from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
-from perception.estimators import Estimator, entry_of, lane_cv_settings
+from learning.dataset.route_camera import route_camera
+from perception.estimators import Estimator, entry_of
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, load
 from trepid.messages import Frame
@@ -23,11 +23,10 @@ def road_kinds(dataset: Dataset, rows: Rows) -> dict[str, float] | None:
         return None
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, LOOKED_AT).astype(int))]
     counts = dict.fromkeys((MARKED, EDGES, NEITHER), 0)
+    vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
     for route in dict.fromkeys(rows["route"].tolist()):
         of_route = rows[rows["route"] == route]
-        some = of_route[np.unique(np.linspace(0, len(of_route) - 1, CALIBRATION_FRAMES).astype(int))]
-        camera = self_calibrated([*dataset.images(some)], lane_cv_settings().self_calibration)
-        vehicle = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
+        camera = route_camera(dataset, of_route)
         for row, image in zip(of_route, dataset.images(of_route), strict=True):
             cv: Estimator = entry_of(ESTIMATOR).build(camera, vehicle, assumed=True)
             found = cv.step(Frame(t_s=float(row["t_s"]), image=image), None, now_s=float(row["t_s"]))

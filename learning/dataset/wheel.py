@@ -46,14 +46,13 @@ def wheel_of(logs: list[Log], options: WheelOptions) -> Wheel:
     units, signs = {log.unit for log in logs}, {log.left_positive for log in logs}
     log, car = logs[0], car_folder()
     vehicle = known_vehicle(logs)
-    given = options.left_positive is not None or (vehicle is not None and vehicle.logged_positive is not None)
-    if len(units) > 1 or (len(signs) > 1 and not given):
+    left = options.left_positive
+    if left is None and vehicle is not None and vehicle.logged_positive is not None:
+        left = vehicle.logged_positive == Side.LEFT if log.unit != Steering.KINEMATIC else log.left_positive
+    if len(units) > 1 or (len(signs) > 1 and left is None):
         raise InputError("the sources hold steering in different units or signs: build a data set of each")
-    left = log.left_positive
-    if vehicle is not None and vehicle.logged_positive is not None and log.unit != Steering.KINEMATIC:
-        left = vehicle.logged_positive == Side.LEFT
-    if options.left_positive is not None:
-        left = options.left_positive
+    if left is None:
+        left = log.left_positive
     wheel = Wheel(
         lock_rad=None, how="angles in the log", sign=1 if left else -1, wheelbase_m=options.wheelbase_m
     )

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learning.dataset.dataset import Dataset, Rows
+from learning.dataset.route_camera import route_camera
 from learning.judging.scores import Angles
-from perception.camera.self_calibration import CALIBRATION_FRAMES, self_calibrated
-from perception.estimators import NETWORK_SUFFIX, Estimator, entry_of, lane_cv_settings, name_of
+from perception.estimators import NETWORK_SUFFIX, Estimator, entry_of, name_of
 from perception.net.driver import Driver, DriverNetwork
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
@@ -83,13 +83,9 @@ class Model:
         if self.network is not None:
             return _network_step(Driver(self.name, self.network, self._vehicle), self.network)
         assert self._entry is not None
-        camera = self._camera
-        if camera is None:
-            some = rows[np.linspace(0, len(rows) - 1, CALIBRATION_FRAMES).astype(int)]
-            camera = self_calibrated([*dataset.images(some)], lane_cv_settings().self_calibration)
-        else:
-            camera = camera.resized(first.shape[1], first.shape[0])
-        return _estimator_step(self._entry.build(camera, self._vehicle, assumed=self._camera is None))
+        known = self._camera
+        camera = known.resized(first.shape[1], first.shape[0]) if known else route_camera(dataset, rows)
+        return _estimator_step(self._entry.build(camera, self._vehicle, assumed=known is None))
 
 
 def _network_step(driver: Driver, network: DriverNetwork) -> Callable[[Image, float], Answer]:

@@ -172,12 +172,12 @@ class Driver:
         """
         if not 0.0 < t_s - self._last_s <= LONGEST_GAP_S:  # NaN: the first image
             self._restart()
-        steering = self._network(image, self._memories.popleft())
+        steering = self._network(image, self._memories[0])
         if not steering.finite or not (steering.state is None or np.isfinite(steering.state).all()):
             self._restart()
             return None
-        self._memories.append(steering.state)
-        self._last_s = t_s
+        self._memories[0], self._last_s = steering.state, t_s
+        self._memories.rotate(-1)
         return steering
 
     def step(self, frame: Frame, state: VehicleState | None, *, now_s: float) -> SteeringEstimate:
