@@ -24,7 +24,7 @@ from learning.judging.predictions import Model
 from learning.rendered import need_torch, say
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.bench.imitation.harness import bench_harness
-from sim_harness.bench.imitation.training_code import code_of_training
+from sim_harness.bench.imitation.training_code import code_of_training, train_once
 from sim_harness.bench.imitation.verdict import simulated, verdicts
 from sim_harness.bench.real.sets import data_folder
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
@@ -130,13 +130,8 @@ def _task(dataset: Dataset, network: str, *, quick: bool) -> Task:
 
 def judged(task: Task) -> Row:
     """Train a network, unless it is there, and score it on the test split."""
-    from learning.training.run import run as train
-
     dataset = Dataset.open(task.data)
-    task.out.parent.mkdir(parents=True, exist_ok=True)
-    if not task.out.with_suffix(".md").is_file():  # the card is written last
-        command = "trepid bench imitation"
-        train(dataset, task.network, task.out, task.recipe, resume=True, command=command, report=say)
+    train_once(dataset, task.network, task.out, task.recipe, "trepid bench imitation")
     cv2.setNumThreads(1)
     bench, model = Bench(dataset, "test"), Model(str(task.out))
     row = bench.row(model, model.predict(dataset, bench.rows))

@@ -16,14 +16,13 @@ import numpy as np
 from learning.correcting.alone import drive_alone, scenario_for
 from learning.dataset.dataset import Dataset
 from learning.judging.evaluate import BIN_RATIO, Bench
-from learning.judging.predictions import Model
+from learning.judging.predictions import Model, Predictions
 from learning.judging.scores import SHARP_DEG
 from learning.judging.shifts import SHIFTS
-from learning.rendered import say
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.bench.control.speeds import MPH
 from sim_harness.bench.imitation.demonstrations import demonstrations, drive_exactly
-from sim_harness.bench.imitation.training_code import code_of_training
+from sim_harness.bench.imitation.training_code import code_of_training, train_once
 from sim_harness.bench.imitation.verdict import (
     AUTONOMY,
     DEPARTURES,
@@ -116,16 +115,13 @@ def _task(
 
 def judged(task: Task) -> Row:
     """Train a network, unless it is there, and score it on the unseen roads."""
-    from learning.training.run import run as train
-
     data, unseen = Dataset.open(task.random), Dataset.open(task.unseen)
-    task.out.parent.mkdir(parents=True, exist_ok=True)
-    if not task.out.with_suffix(".md").is_file():  # the card is written last
-        command = "trepid bench imitation"
-        train(data, task.network, task.out, task.recipe, resume=True, command=command, report=say)
+    train_once(data, task.network, task.out, task.recipe, "trepid bench imitation")
     cv2.setNumThreads(1)
     model = Model(str(task.out))
-    alike, row = (_scores(model, one) for one in (data, unseen))
+    benches = [Bench(one, "test", ratio=BIN_RATIO) for one in (data, unseen)]
+    found = [model.predict(bench.dataset, bench.rows) for bench in benches]
+    alike, row = (bench.row(model, one) for bench, one in zip(benches, found, strict=True))
     sharp = [one["mae_deg"] for one in row["sharpness"] if one["from_deg"] == SHARP_DEG]
     rates = ("rate_rms_degps", "recorded_rate_rms_degps", "rate_error_rms_degps")
     names = ("mae_deg", "rmse_deg", "r2", "slope", *rates, "latency_ms")
@@ -137,31 +133,26 @@ def judged(task: Task) -> Row:
         "error_rank_correlation": row["uncertainty"]["risk"]["spearman"],
         "weights": row["parameters"],
         "frames": row["frames"],
-        "shifts": shifted(model, unseen),
+        "shifts": shifted(model, benches[1], found[1]),
     }
 
 
-def shifted(model: Model, data: Dataset) -> dict[str, Row]:
-    """Shift -> coverage of the 90 % intervals, share of images outside the network's world, change of the angle."""
-    bench = Bench(data, "test", ratio=BIN_RATIO)
-    plain = model.predict(data, bench.rows).angle_rad
+def shifted(model: Model, bench: Bench, plain: Predictions) -> dict[str, Row]:
+    """Shift -> coverage of the 90 % intervals, share of images outside the network's world, change of the angle.
+
+    ``plain``: the predictions without a shift.
+    """
     rows: dict[str, Row] = {}
     for name, shift in SHIFTS.items():
         rng = np.random.default_rng(0)
-        found = model.predict(data, bench.rows, change=partial(shift, rng=rng))
+        found = model.predict(bench.dataset, bench.rows, change=partial(shift, rng=rng))
         stated = bench.row(model, found)["uncertainty"]
         rows[name] = {
             "coverage_90": stated["coverage_90"],
             "unlike_share": stated["outside"],
-            "moved_deg": float(np.degrees(np.abs(found.angle_rad - plain).mean())) * BIN_RATIO,
+            "moved_deg": float(np.degrees(np.abs(found.angle_rad - plain.angle_rad).mean())) * BIN_RATIO,
         }
     return rows
-
-
-def _scores(model: Model, data: Dataset) -> Row:
-    """The scores of the test frames."""
-    bench = Bench(data, "test", ratio=BIN_RATIO)
-    return bench.row(model, model.predict(data, bench.rows))
 
 
 def _drives(folder: Path, network: Path, *, quick: bool, jobs: int) -> dict[str, dict[str, Row]]:

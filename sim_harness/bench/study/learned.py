@@ -17,11 +17,11 @@ import numpy as np
 from learning.dataset.dataset import Dataset
 from learning.judging.evaluate import BIN_RATIO, Bench
 from learning.judging.predictions import Model
-from learning.rendered import need_torch, say
+from learning.rendered import need_torch
 from learning.training.recipe import Recipe, load_recipe
 from perception.net.driver import DriverNetwork
 from sim_harness.bench.imitation.demonstrations import demonstrations
-from sim_harness.bench.imitation.training_code import code_of_training
+from sim_harness.bench.imitation.training_code import code_of_training, train_once
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import stored_rows
 from trepid.config import WORK_DIR
@@ -110,12 +110,9 @@ def study_sets(seed: int) -> Sets:
 
 def trained_row(variant: Variant) -> Row:
     """Train a variant, unless its network is there, and judge it on the unseen roads."""
-    from learning.training.run import run as train
-
     sets = study_sets(variant.seed)
     out, recipe = _network(variant, sets), _recipe(variant)
-    if not out.with_suffix(".md").is_file():  # the card is written last
-        train(sets.random, variant.model, out, recipe, resume=True, command="trepid bench study", report=say)
+    train_once(sets.random, variant.model, out, recipe, "trepid bench study")
     return variant.judge(sets, out)
 
 
