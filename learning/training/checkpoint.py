@@ -53,6 +53,13 @@ class Checkpoints:
             )
         return None
 
+    def of(self, identity: str, report: Callable[[str], None]) -> dict[str, Any] | None:
+        """:meth:`load`, of the training ``identity``; raises InputError for a checkpoint of another one."""
+        saved = self.load(report)
+        if saved is not None and saved["identity"] != identity:
+            raise InputError(f"{self.path}: of another network, recipe or data set; train without --resume")
+        return saved
+
     def exist(self) -> bool:
         """Whether there is one, whole or not."""
         return self.path.exists() or self.before.exists()

@@ -69,7 +69,7 @@ class Trainer:
         Raises InputError for a loss that is not finite, and for damaged checkpoints or those of another training.
         """
         torch.set_num_threads(self.recipe.threads)
-        saved = self.checkpoints.load(self.report) if resume else None
+        saved = self.checkpoints.of(self.identity, self.report) if resume else None
         if saved is not None:
             self._restore(saved)
         while not self.progress.finished:
@@ -193,10 +193,6 @@ class Trainer:
         )
 
     def _restore(self, saved: dict[str, Any]) -> None:
-        if saved["identity"] != self.identity:
-            raise InputError(
-                f"{self.checkpoints.path}: of another network, recipe or data set; train without --resume"
-            )
         self.network.load_state_dict(saved["network"])
         self.best, self.progress = saved["best"], Progress(**saved["progress"])
 

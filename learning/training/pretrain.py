@@ -63,12 +63,8 @@ def pretrain(
     optimiser = torch.optim.Adam(weights, lr=recipe.pretrain_rate)
     network.train()
     parts = dict(network=network, decoder=decoder, optimiser=optimiser)
-    saved = checkpoints.load(report) if resume else None
+    saved = checkpoints.of(identity, report) if resume else None
     if saved is not None:
-        if saved["identity"] != identity:
-            raise InputError(
-                f"{checkpoints.path}: of another network, recipe or data set; train without --resume"
-            )
         for name, part in parts.items():
             part.load_state_dict(saved[name])
     for epoch in range(saved["epochs"] if saved else 0, recipe.pretrain_epochs):
