@@ -158,18 +158,17 @@ def _check_options(logs: list[Log], options: BuildOptions) -> None:
     """Raise InputError for an option that no source uses."""
     kinds, units = {log.kind for log in logs}, {log.unit for log in logs}
     table, wheel = options.table, options.wheel
-    unused = {
-        "--column": table.renamed and "table" not in kinds and "no source is a table",
-        "--fps": table.fps and "table" not in kinds and "no source is a table",
-        "--video": table.video and "table" not in kinds and "no source is a table",
-        "--test-route": options.split.test_routes and options.split.by != "route" and "needs --split route",
-        "--lock-deg": wheel.lock_deg and Steering.LOCK not in units and "the logs hold angles",
-        "--steering-ratio": wheel.ratio
-        and Steering.WHEEL not in units
-        and "the logs hold no angles of a steering wheel",
-    }
-    for name, why in unused.items():
-        if why:
+    no_table, no_wheel = "no source is a table", "the logs hold no angles of a steering wheel"
+    uses = (  # option, its value, whether a source uses it, and why not
+        ("--column", table.renamed, "table" in kinds, no_table),
+        ("--fps", table.fps, "table" in kinds, no_table),
+        ("--video", table.video, "table" in kinds, no_table),
+        ("--test-route", options.split.test_routes, options.split.by == "route", "needs --split route"),
+        ("--lock-deg", wheel.lock_deg, Steering.LOCK in units, "the logs hold angles"),
+        ("--steering-ratio", wheel.ratio, Steering.WHEEL in units, no_wheel),
+    )
+    for name, value, used, why in uses:
+        if value and not used:
             raise InputError(f"{name}: {why}")
 
 
