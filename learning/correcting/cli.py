@@ -2,8 +2,6 @@
 
 import json
 import math
-import shlex
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +11,7 @@ from learning.models.catalogue import model
 from learning.rendered import need_torch, say
 from learning.training.recipe import load_recipe
 from trepid.commands.car_option import Car
+from trepid.commands.typed import typed_command
 from trepid.config import InputError, parse_overrides
 
 MPH = 0.44704
@@ -84,7 +83,7 @@ def correct(
         drift=Drift(drift_m, math.radians(drift_deg)),
         out=out,
         start=start,
-        command=shlex.join(["trepid", *sys.argv[1:]]),
+        command=typed_command(),
     )
     try:
         rows = do(plan, run, resume=resume, jobs=jobs, report=say)

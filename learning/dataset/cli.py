@@ -2,8 +2,6 @@
 
 import json
 import math
-import shlex
-import sys
 from collections import Counter
 from enum import StrEnum
 from pathlib import Path
@@ -12,6 +10,7 @@ from typing import Annotated
 import typer
 
 from trepid.commands.car_option import Car
+from trepid.commands.typed import typed_command
 from trepid.config import InputError, parse_overrides
 
 app = typer.Typer(no_args_is_help=True)
@@ -128,7 +127,7 @@ def build(
         ),
         table=TableOptions(parse_columns(column or []), fps, video),
         leave_out=tuple(_choice("--leave-out", rule, tuple(RULES)) for rule in leave_out or ()),
-        command=shlex.join(["trepid", *sys.argv[1:]]),
+        command=typed_command(),
     )
     faults = Faults(strict=strict)
     logs = building.read_logs(sources, faults, options.table)

@@ -1,6 +1,8 @@
 """Changes of training frames, with the label where a change moves it. All randomness comes from a given Generator.
 
-The frames of a sequence are changed alike: each gets the same random numbers.
+The frames of a sequence are changed alike: each gets the same random numbers. In a share ``flicker`` of the
+sequences light, weather and pixels are drawn anew for each frame, so that a network with a memory learns that the
+view changes not by motion alone.
 """
 
 import math
@@ -14,6 +16,7 @@ from trepid.car.camera import Camera
 from trepid.types import Floats, Image
 
 LEAST_BLUR_PX = 0.2  # σ
+FLICKER, PLACE, LOOK = 0, 1, 2  # streams of random numbers
 
 
 class Augmenter:
@@ -29,14 +32,20 @@ class Augmenter:
     def __call__(self, images: Image, labels_rad: Floats, rng: np.random.Generator) -> tuple[Image, Floats]:
         """Changed frames (t, H, W, 3) and labels (t,) [rad]; a mirrored frame has the label −label."""
         seed = int(rng.integers(2**63))
-        parts = [
-            self._one(image, label, np.random.default_rng(seed))
+        flickers = np.random.default_rng((seed, FLICKER)).random() < self._settings.flicker
+        places = [
+            self._moved(image, label, np.random.default_rng((seed, PLACE)))
             for image, label in zip(images, labels_rad, strict=True)
         ]
-        changed, labels = zip(*parts, strict=True)
-        return np.stack(changed), np.array(labels, np.float32)
+        moved, labels = zip(*places, strict=True)
+        looks = [
+            self._looking(image, np.random.default_rng((seed, LOOK, number if flickers else 0)))
+            for number, image in enumerate(moved)
+        ]
+        return np.stack(looks), np.array(labels, np.float32)
 
-    def _one(self, image: Image, label_rad: float, rng: np.random.Generator) -> tuple[Image, float]:
+    def _moved(self, image: Image, label_rad: float, rng: np.random.Generator) -> tuple[Image, float]:
+        """Seen from another place."""
         settings = self._settings
         if rng.random() < settings.flip:
             image, label_rad = self.mirrored(image), -label_rad
@@ -46,6 +55,11 @@ class Augmenter:
             label_rad = self.returning(label_rad, left_m, turned_rad)
         if rng.random() < settings.shift:
             image = _shifted(image, settings.shift_share, rng)
+        return image, label_rad
+
+    def _looking(self, image: Image, rng: np.random.Generator) -> Image:
+        """In other weather and light, by another sensor."""
+        settings = self._settings
         for share, change in (
             (settings.fog, fog),
             (settings.rain, rain),
@@ -56,7 +70,7 @@ class Augmenter:
                 image = change(image, rng)
         if rng.random() < settings.brightness:
             image = relight(image, rng, settings)
-        return blemish(image, rng, settings, least_blur_px=LEAST_BLUR_PX), label_rad
+        return blemish(image, rng, settings, least_blur_px=LEAST_BLUR_PX)
 
     def mirrored(self, image: Image) -> Image:
         """The image of the mirrored world.

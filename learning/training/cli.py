@@ -1,8 +1,6 @@
 """`trepid train`: a network that steers as the drivers of a data set did; `trepid quantise`: with 8 bits."""
 
 import json
-import shlex
-import sys
 import tempfile
 from pathlib import Path
 from typing import Annotated
@@ -15,6 +13,7 @@ from learning.models.catalogue import MODELS, model
 from learning.rendered import need_torch, say
 from learning.training.recipe import load_recipe
 from trepid.commands.car_option import Car
+from trepid.commands.typed import typed_command
 from trepid.config import InputError, parse_overrides
 
 LIST = "list"
@@ -57,22 +56,23 @@ def train(
         raise InputError(f"--out {out}: the name of a weights file ends with .onnx")
     recipe = load_recipe(name, config, overrides=parse_overrides(changes or []))
     need_torch("train")
+    from learning.dataset.card import counted
     from learning.dataset.dataset import Dataset
     from learning.training.run import run
 
     opened = Dataset.open(data)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        found = run(opened, name, out, recipe, resume=resume, command=_command(), report=say)
+        found = run(opened, name, out, recipe, resume=resume, command=typed_command(), report=say)
     except OSError as error:
         raise InputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
     if as_json:
         print(json.dumps(found))
     else:
-        mae, routes = found["scores"]["mae_deg"], len(found["trained_on"])
+        mae, routes = found["scores"]["mae_deg"], counted(len(found["trained_on"]), "route")
         typer.echo(
             f"{out}: {found['parameters']} weights, {mae:.3f}° mean error on the validation frames;"
-            f" trained on {routes} {'route' if routes == 1 else 'routes'}"
+            f" trained on {routes}"
         )
         typer.echo(f"{out.with_suffix('.md')}: its card")
 
@@ -116,10 +116,6 @@ def quantise(
         f" error, found {found.gain:.2f} and {found.mae_deg[1] / found.mae_deg[0]:.3f}"
     )
     return 1
-
-
-def _command() -> str:
-    return shlex.join(["trepid", *sys.argv[1:]])
 
 
 def _list(as_json: bool) -> None:

@@ -38,6 +38,7 @@ class Augmentation(Settings):
     rain: Share
     snow: Share
     fog: Share
+    flicker: Share
     viewpoint: Share
     viewpoint_m: NonNegative
     viewpoint_rad: NonNegative

@@ -22,7 +22,7 @@ from learning.judging.shifts import SHIFTS
 from learning.training.recipe import Recipe, load_recipe
 from sim_harness.bench.control.speeds import MPH
 from sim_harness.bench.imitation.demonstrations import demonstrations, drive_exactly
-from sim_harness.bench.imitation.training_code import code_of_training, train_once
+from sim_harness.bench.imitation.training_code import code_of_training, one_stage, train_once
 from sim_harness.bench.imitation.verdict import (
     AUTONOMY,
     DEPARTURES,
@@ -58,7 +58,6 @@ QUICK_SCENARIOS = ("straight", "unmarked_bend")
 TAGS = {Tag.NOMINAL, Tag.UNMARKED}
 BESIDE = ("cv", "cnn")  # estimators beside the network under supervision
 SLACK = 2.5  # of the time for the route there: the supervisor slows down
-STAGE = "[{{name: all, part: all, epochs: {}, learning_rate: {}, schedule: cosine, patience: 99}}]"
 
 
 class Task(NamedTuple):
@@ -101,7 +100,7 @@ def bench_harness(folder: Path, *, quick: bool, seed: int, jobs: int) -> dict[st
 def _task(
     folder: Path, sets: Mapping[str, Dataset], name: str, changes: Mapping[str, str], *, quick: bool
 ) -> Task:
-    stages = STAGE.format(QUICK_EPOCHS if quick else EPOCHS, PEER_RATE if name == PEER else RATE)
+    stages = one_stage(QUICK_EPOCHS if quick else EPOCHS, PEER_RATE if name == PEER else RATE)
     recipe = load_recipe(name, None, overrides={"stages": stages, **changes})
     digest = short_hash(code_of_training(name), recipe.model_dump_json(), sets["random"].sha256)
     return Task(

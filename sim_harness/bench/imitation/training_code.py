@@ -16,6 +16,13 @@ def code_of_training(network: str) -> str:
     return short_hash(fingerprint(*import_closure(modules), "config"), version("torch"))
 
 
+def one_stage(epochs: int, rate: float) -> str:
+    """The field ``stages`` of a recipe: all ``epochs`` in one, none left out."""
+    return (
+        f"[{{name: all, part: all, epochs: {epochs}, learning_rate: {rate}, schedule: cosine, patience: 99}}]"
+    )
+
+
 def train_once(data: Dataset, network: str, out: Path, recipe: Recipe, command: str) -> None:
     """Train ``network`` and write ``out``, unless it is there; an interrupted one goes on. Raises InputError."""
     from learning.training.run import run

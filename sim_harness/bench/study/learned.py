@@ -21,7 +21,7 @@ from learning.rendered import need_torch
 from learning.training.recipe import Recipe, load_recipe
 from perception.net.driver import DriverNetwork
 from sim_harness.bench.imitation.demonstrations import demonstrations
-from sim_harness.bench.imitation.training_code import code_of_training, train_once
+from sim_harness.bench.imitation.training_code import code_of_training, one_stage, train_once
 from sim_harness.sweep.fingerprint import fingerprint, import_closure, short_hash
 from sim_harness.sweep.store import stored_rows
 from trepid.config import WORK_DIR
@@ -31,7 +31,7 @@ ROADS = 150
 JUDGING = (__name__, "learning.judging.evaluate")
 """The modules that judge; their code, and what they import, is in the keys of the rows."""
 EPOCHS = 8
-STAGE = "[{{name: all, part: all, epochs: {}, learning_rate: 1.0e-3, schedule: cosine, patience: 99}}]"
+RATE = 1.0e-3  # of learning
 SHARES = (0.01, 0.03, 0.1, 0.3, 1.0)
 SIZES = ((320, 240), (160, 120), (80, 60), (40, 30))
 HEADS = ("regression", "gaussian", "laplace", "categorical")
@@ -184,13 +184,13 @@ def _study(seed: int, name: str, variants: Mapping[str, Variant]) -> dict[str, R
 def _variant(
     seed: int, model: str = "steer", judge: Callable[[Sets, Path], Row] = scores, **changes: str
 ) -> Variant:
-    recipe = {"seed": str(seed), "stages": STAGE.format(EPOCHS)} | changes
+    recipe = {"seed": str(seed), "stages": one_stage(EPOCHS, RATE)} | changes
     return Variant(seed, model, tuple(recipe.items()), judge)
 
 
 def bench_data(seed: int) -> Row:
     """Test error by the share of the training frames, with at most ten times the epochs for a smaller share."""
-    stages = {share: STAGE.format(round(min(10 * EPOCHS, EPOCHS / share))) for share in SHARES}
+    stages = {share: one_stage(round(min(10 * EPOCHS, EPOCHS / share)), RATE) for share in SHARES}
     variants = {
         f"{share:.0%}": _variant(seed, frames_share=str(share), stages=stages[share]) for share in SHARES
     }

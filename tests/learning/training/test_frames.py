@@ -127,10 +127,28 @@ def test_changes_of_light_weather_and_pixels_keep_the_angle_and_change_the_frame
 def test_the_frames_of_a_sequence_are_changed_alike():
     data = frames([0, 0])
     same = np.stack([data.images[0]] * 2)
-    images, _ = augmenter(brightness=1.0, noise=1.0, rain=1.0)(
+    images, _ = augmenter(brightness=1.0, noise=1.0, rain=1.0, flicker=0.0)(
         same, data.labels_rad, np.random.default_rng(2)
     )
     assert (images[0] == images[1]).all()
+
+
+@pytest.mark.parametrize("name", ["brightness", "shadow", "blur", "noise", "rain", "snow", "fog"])
+def test_in_a_flickering_sequence_each_frame_has_its_own_look(name):
+    data = frames([0, 0])
+    same = np.stack([data.images[0]] * 2)
+    images, _ = augmenter(**{name: 1.0}, flicker=1.0)(same, data.labels_rad, np.random.default_rng(2))
+    assert (images[0] != images[1]).any()
+
+
+def test_the_frames_of_a_flickering_sequence_are_seen_from_one_place():
+    data = frames([0, 0])
+    same, labels_rad = np.stack([data.images[0]] * 2), np.full(2, 0.1, np.float32)
+    for seed in range(4):
+        images, labels = augmenter(flip=0.5, viewpoint=0.5, shift=0.5, flicker=1.0)(
+            same, labels_rad, np.random.default_rng(seed)
+        )
+        assert (images[0] == images[1]).all() and labels[0] == labels[1]
 
 
 def test_a_seed_gives_the_same_frames_again():

@@ -12,6 +12,7 @@ from drive_rig import made_dataset, write_table, write_tub  # noqa: F401
 from learning.dataset.dataset import Dataset
 from learning.training.recipe import load_recipe
 from sim_harness.bench.imitation import training_code
+from sim_harness.bench.imitation.training_code import one_stage
 from sim_harness.bench.study import learned
 from sim_harness.bench.study.learned import (
     BESIDE_PAPER,
@@ -68,7 +69,7 @@ def test_a_study_that_is_started_again_trains_nothing_twice(asked: list[Variant]
     assert bench_histogram(seed=0) == before and len(asked) == count == 9
 
 
-TINY = dict(stages=learned.STAGE.format(1), height_px="24", width_px="32", batch="16")
+TINY = dict(stages=one_stage(1, 1.0e-3), height_px="24", width_px="32", batch="16")
 
 
 @pytest.mark.parametrize(
@@ -119,7 +120,7 @@ def test_the_table_of_the_paper_stands_beside_ours(asked: list[Variant]) -> None
 
 
 def test_a_variant_is_trained_and_judged_in_degrees_of_the_steering_wheel(data: Dataset) -> None:
-    stages = learned.STAGE.format(2)
+    stages = one_stage(2, 1.0e-3)
     changes = dict(stages=stages, height_px="24", width_px="32", batch="16")
     row = learned.trained_row(Variant(0, "steer", tuple(changes.items()), learned.under_light))
     straight_deg = row["always_straight_deg"]
