@@ -105,7 +105,9 @@ BENCHMARKS = {
         "study.loops", "a network of 0.1 s at 1 to 100 Hz, with a queue and with latest-wins"
     ),
     "study-data": Benchmark(
-        "study.learned", "a driving network trained on 1 to 100 % of the frames", continued=True
+        "study.learned",
+        "a driving network trained on 1 to 100 % of the frames, three times each",
+        continued=True,
     ),
     "study-size": Benchmark(
         "study.learned", "a driving network for images of 320×240 to 40×30", continued=True

@@ -32,6 +32,7 @@ JUDGING = (__name__, "learning.judging.evaluate")
 """The modules that judge; their code, and what they import, is in the keys of the rows."""
 EPOCHS = 8
 RATE = 1.0e-3  # of learning
+TRAININGS = 3
 SHARES = (0.01, 0.03, 0.1, 0.3, 1.0)
 SIZES = ((320, 240), (160, 120), (80, 60), (40, 30))
 HEADS = ("regression", "gaussian", "laplace", "categorical")
@@ -182,19 +183,49 @@ def _study(seed: int, name: str, variants: Mapping[str, Variant]) -> dict[str, R
 
 
 def _variant(
-    seed: int, model: str = "steer", judge: Callable[[Sets, Path], Row] = scores, **changes: str
+    seed: int, model: str = "steer", judge: Callable[[Sets, Path], Row] = scores, /, **changes: str
 ) -> Variant:
     recipe = {"seed": str(seed), "stages": one_stage(EPOCHS, RATE)} | changes
     return Variant(seed, model, tuple(recipe.items()), judge)
 
 
 def bench_data(seed: int) -> Row:
-    """Test error by the share of the training frames, with at most ten times the epochs for a smaller share."""
+    """Test error by the share of the training frames, with at most ten times the epochs for a smaller share.
+
+    Each is the mean of TRAININGS trainings on the same drives, which differ in their random numbers: one training
+    differs from another by as much as one share from the next.
+    """
     stages = {share: one_stage(round(min(10 * EPOCHS, EPOCHS / share)), RATE) for share in SHARES}
     variants = {
-        f"{share:.0%}": _variant(seed, frames_share=str(share), stages=stages[share]) for share in SHARES
+        f"{share:.0%}, training {number}": _variant(
+            seed, frames_share=str(share), stages=stages[share], seed=str(seed + number - 1)
+        )
+        for number in range(1, TRAININGS + 1)
+        for share in SHARES
     }
-    return {"share of the frames": _study(seed, "data", variants)}
+    rows = _study(seed, "data", variants)
+    by_share = {
+        f"{share:.0%}": {
+            f"training {number}": rows[f"{share:.0%}, training {number}"]
+            for number in range(1, TRAININGS + 1)
+        }
+        for share in SHARES
+    }
+    return {
+        "share of the frames": {share: _mean(list(found.values())) for share, found in by_share.items()},
+        "each training, mae_deg": {
+            share: {name: row["mae_deg"] for name, row in found.items()} for share, found in by_share.items()
+        },
+    }
+
+
+def _mean(rows: list[Row]) -> Row:
+    """The means of the numbers of rows with the same fields; whole where all rows have the same one."""
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    return {
+        name: found[0] if len(set(found)) == 1 else round(float(np.mean(found)), 3)
+        for name, found in columns.items()
+    }
 
 
 def bench_size(seed: int) -> Row:

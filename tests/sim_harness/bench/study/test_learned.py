@@ -53,7 +53,7 @@ def test_every_recipe_of_every_study_is_valid_and_differs_from_the_others(asked:
         getattr(learned, f"bench_{name}")(seed=3)
         recipes = [load_recipe(one.model, None, overrides=dict(one.changes)) for one in asked[first:]]
         assert len({(one.model, one.changes) for one in asked[first:]}) == len(recipes)
-        assert all(recipe.seed == 3 for recipe in recipes)
+        assert {recipe.seed for recipe in recipes} == ({3, 4, 5} if name == "data" else {3})
 
 
 def test_small_shares_take_about_as_many_steps(asked: list[Variant]) -> None:
@@ -61,6 +61,13 @@ def test_small_shares_take_about_as_many_steps(asked: list[Variant]) -> None:
     recipes = [load_recipe(one.model, None, overrides=dict(one.changes)) for one in asked]
     steps = [recipe.frames_share * recipe.stages[0].epochs for recipe in recipes]
     assert steps[-3:] == pytest.approx([learned.EPOCHS] * 3, rel=0.05)
+
+
+def test_a_share_has_the_mean_error_of_its_trainings(asked: list[Variant]) -> None:
+    tables = bench_data(seed=0)
+    each = tables["each training, mae_deg"]
+    assert each["1%"] == {"training 1": 1.0, "training 2": 6.0, "training 3": 11.0}
+    assert [row["mae_deg"] for row in tables["share of the frames"].values()] == [6.0, 7.0, 8.0, 9.0, 10.0]
 
 
 def test_a_study_that_is_started_again_trains_nothing_twice(asked: list[Variant]) -> None:
