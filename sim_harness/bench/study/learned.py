@@ -33,6 +33,7 @@ JUDGING = (__name__, "learning.judging.evaluate")
 EPOCHS = 8
 RATE = 1.0e-3  # of learning
 TRAININGS = 3
+MOVED_SHARES = (0.1, 1.0)
 SHARES = (0.01, 0.03, 0.1, 0.3, 1.0)
 SIZES = ((320, 240), (160, 120), (80, 60), (40, 30))
 HEADS = ("regression", "gaussian", "laplace", "categorical")
@@ -193,30 +194,37 @@ def bench_data(seed: int) -> Row:
     """Test error by the share of the training frames, with at most ten times the epochs for a smaller share.
 
     Each is the mean of TRAININGS trainings on the same drives, which differ in their random numbers: one training
-    differs from another by as much as one share from the next.
+    differs from another by as much as one share from the next. MOVED_SHARES are also learned with half of the
+    frames seen from beside the path.
     """
-    stages = {share: one_stage(round(min(10 * EPOCHS, EPOCHS / share)), RATE) for share in SHARES}
+    recipes = {f"{share:.0%}": _share(share) for share in SHARES}
+    recipes |= {
+        f"{share:.0%}, other viewpoints": _share(share) | {"augmentation.viewpoint": "0.5"}
+        for share in MOVED_SHARES
+    }
+    trainings = range(1, TRAININGS + 1)
     variants = {
-        f"{share:.0%}, training {number}": _variant(
-            seed, frames_share=str(share), stages=stages[share], seed=str(seed + number - 1)
-        )
-        for number in range(1, TRAININGS + 1)
-        for share in SHARES
+        f"{name}, training {number}": _variant(seed, **recipe, seed=str(seed + number - 1))
+        for number in trainings
+        for name, recipe in recipes.items()
     }
     rows = _study(seed, "data", variants)
-    by_share = {
-        f"{share:.0%}": {
-            f"training {number}": rows[f"{share:.0%}, training {number}"]
-            for number in range(1, TRAININGS + 1)
-        }
-        for share in SHARES
+    found = {
+        name: {f"training {number}": rows[f"{name}, training {number}"] for number in trainings}
+        for name in recipes
     }
     return {
-        "share of the frames": {share: _mean(list(found.values())) for share, found in by_share.items()},
+        "share of the frames": {name: _mean(list(each.values())) for name, each in found.items()},
         "each training, mae_deg": {
-            share: {name: row["mae_deg"] for name, row in found.items()} for share, found in by_share.items()
+            name: {training: row["mae_deg"] for training, row in each.items()} for name, each in found.items()
         },
     }
+
+
+def _share(share: float) -> dict[str, str]:
+    """The changes of the recipe for a share of the frames."""
+    epochs = round(min(10 * EPOCHS, EPOCHS / share))
+    return {"frames_share": str(share), "stages": one_stage(epochs, RATE)}
 
 
 def _mean(rows: list[Row]) -> Row:
