@@ -5,5 +5,5 @@ import sys
 
 
 def typed_command() -> str:
-    """The words after ``trepid``, quoted for a shell where they need it."""
+    """``trepid`` and the words after it, quoted for a shell where they need it."""
     return shlex.join(["trepid", *sys.argv[1:]])
