@@ -16,23 +16,23 @@ from typing import Any
 
 import cv2
 
-from cockpit.replay.nodes import NO_ESTIMATORS, Node, chosen, nodes_of, settings_of
+from cockpit.replay.nodes import NO_ESTIMATORS, Node, nodes_of, settings_of
 from cockpit.replay.player import Player
 from cockpit.replay.tape import Tape
 from trepid.config import ROOT, InputError
 
 
 @contextmanager
-def estimated_ahead(path: Path, through: Collection[str], networks: Sequence[str]) -> Iterator[Iterator[Any]]:
-    """The output of each step of the estimators among the nodes ``through``, which begin to run at once.
+def estimated_ahead(path: Path, names: Collection[str], networks: Sequence[str]) -> Iterator[Iterator[Any]]:
+    """The output of each step of the estimators ``names``, which begin to run at once.
 
-    None: the image of the step was not recorded. The iterator raises InputError when a node cannot be built, and
-    when the process ends before the last step.
+    None: the image of the step was not recorded. The iterator raises InputError when an estimator cannot be built,
+    and when the process ends before the last step. Without names there is no process.
     """
-    if NO_ESTIMATORS.issuperset(through):
+    if not names:
         yield iter(())
         return
-    words = [sys.executable, "-m", __name__, str(path.absolute()), ",".join(through)]
+    words = [sys.executable, "-m", __name__, str(path.absolute()), ",".join(names)]
     files = [str(Path(file).absolute()) for file in networks]
     with subprocess.Popen(
         [*words, *files], cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, start_new_session=True
@@ -62,22 +62,22 @@ def estimators_among(picked: Collection[Node]) -> set[str]:
     return {node.name for node in picked} - NO_ESTIMATORS
 
 
-def main(path: str, through: str, *networks: str) -> None:
+def main(path: str, names: str, *networks: str) -> None:
     """Write the outputs to the standard output, each pickled, or the InputError that prevents them."""
     with suppress(BrokenPipeError), os.fdopen(os.dup(1), "wb") as out:  # broken: the starter has ended
         os.dup2(2, 1)  # what a library prints is no output
-        for output in _outputs(Path(path), through.split(","), networks):
+        for output in _outputs(Path(path), names.split(","), networks):
             pickle.dump(output, out, pickle.HIGHEST_PROTOCOL)
             out.flush()
 
 
-def _outputs(path: Path, through: Sequence[str], networks: Sequence[str]) -> Iterator[Any]:
+def _outputs(path: Path, names: Sequence[str], networks: Sequence[str]) -> Iterator[Any]:
     cv2.setNumThreads(1)
     try:
         tape = Tape(path)
         with settings_of(tape, None, networks) as setup:
-            picked, _ = chosen(nodes_of(tape, setup), through, tape, setup.missing)
-            yield from Player(tape, picked).outputs_of(estimators_among(picked))
+            nodes = nodes_of(tape, setup)
+            yield from Player(tape, [nodes[name] for name in names]).outputs_of(names)
     except InputError as error:
         yield error
 

@@ -68,14 +68,15 @@ def rerun(
     cv2.setNumThreads(1)
     started_s = time.perf_counter()
     with ExitStack() as used:
-        ahead = used.enter_context(estimated_ahead(path, through, networks))
         tape = Tape(path)
         setup = used.enter_context(settings_of(tape, rules, networks))
         picked, left_out = chosen(nodes_of(tape, setup), through, tape, setup.missing)
         if not picked:
             raise InputError(f"{path}: {'; '.join(f'{name}: {why}' for name, why in left_out.items())}")
+        estimators = estimators_among(picked)
+        ahead = used.enter_context(estimated_ahead(path, estimators, networks))
         player = Player(tape, picked)
-        player.run(ahead, estimators_among(picked))
+        player.run(ahead, estimators)
         if out is not None:
             copied(path, out, player.recorded(), notes=_notes(picked, path), rules=setup.rules.read_bytes())
     return Rerun(

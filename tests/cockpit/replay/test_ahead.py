@@ -26,15 +26,17 @@ def started(monkeypatch: pytest.MonkeyPatch) -> "list[subprocess.Popen[bytes]]":
     return processes
 
 
-def test_other_nodes_need_no_process(tmp_path: Path, started: "list[subprocess.Popen[bytes]]") -> None:
-    with estimated_ahead(tmp_path / "drive.mcap", ["supervisor", "lead"], ()) as ahead:
+def test_without_estimators_there_is_no_process(
+    tmp_path: Path, started: "list[subprocess.Popen[bytes]]"
+) -> None:
+    with estimated_ahead(tmp_path / "drive.mcap", [], ()) as ahead:
         assert next(ahead, "the end") == "the end"
     assert not started
 
 
 def test_what_the_process_cannot_read_is_an_input_error_of_the_starter(tmp_path: Path) -> None:
     absent = tmp_path / "drive.mcap"
-    with estimated_ahead(absent, ["all"], ()) as ahead, pytest.raises(InputError, match=str(absent)):
+    with estimated_ahead(absent, ["cv"], ()) as ahead, pytest.raises(InputError, match=str(absent)):
         next(ahead)
 
 
@@ -56,7 +58,7 @@ def test_the_process_ends_with_the_use_of_its_outputs(
 
 
 def test_the_process_ends_quietly_when_its_starter_has_ended(tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "cockpit.replay.ahead", str(tmp_path / "drive.mcap"), "all"]
+    words = [sys.executable, "-m", "cockpit.replay.ahead", str(tmp_path / "drive.mcap"), "cv"]
     process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdout is not None and process.stderr is not None
     process.stdout.close()
