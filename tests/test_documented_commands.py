@@ -1,4 +1,4 @@
-"""The commands in README.md, CONTRIBUTING.md and docs/*.md: each one parses, and the quick ones run.
+"""The commands in README.md, CONTRIBUTING.md, docs/*.md and the help: each one parses, and the quick ones run.
 
 A command is a line of a fenced block that begins with ``trepid`` or ``make``, after an optional ``$``. It ends at a
 comment, a redirection or three spaces. A line in which ``[`` or ``…`` stands for optional parts is a synopsis; it
@@ -19,7 +19,7 @@ import pytest
 import typer
 from typer.exceptions import TyperException
 
-from trepid.cli import app, main
+from trepid.cli import EXAMPLES, app, main
 from trepid.config import CAR, ROOT, use_car
 
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -39,6 +39,7 @@ EXECUTED: dict[str, Callable[[list[str]], list[str] | None]] = {
     "sim schema": lambda words: words,
     "fear check": lambda words: words,
     "fear schema": lambda words: words,
+    "fear show": lambda words: words,
     "fear explain": lambda words: words,
     "fear export": lambda words: words,
     "estimate": lambda words: words,
@@ -84,6 +85,7 @@ def documented(page: Path, text: str) -> Iterator[Documented]:
 
 
 COMMANDS = [command for page in PAGES for command in documented(page, page.read_text(encoding="utf-8"))]
+COMMANDS += [Documented(f"help of {verb}", example) for verb, example in EXAMPLES.items()]
 TREPID = [command for command in COMMANDS if command.words[0] == "trepid"]
 MAKE = [command for command in COMMANDS if command.words[0] == "make"]
 

@@ -53,7 +53,7 @@ def replay(
     """Play a recording onto the bus, or run nodes on its inputs again and show what differs.
 
     The settings are those of the recorded drive, unless --car, --rules or --estimator gives others. Exit code 1
-    when an output differs. Example: trepid replay drive.mcap --through all --rules mine.yaml
+    when an output differs.
     """
     if through:
         return _again(recording, through, rules=rules, networks=estimator or [], out=out, as_json=as_json)

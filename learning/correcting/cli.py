@@ -28,10 +28,20 @@ def correct(
     speed: Annotated[float, typer.Option(min=0.1, max=60.0, help="Set speed of the drives [m/s].")] = 5 * MPH,
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Drives of each scenario.")] = 1,
     drift_m: Annotated[
-        float, typer.Option(min=0.0, max=5.0, help="Label where the car is so far beside the centre [m] ...")
+        float,
+        typer.Option(
+            min=0.0,
+            max=5.0,
+            help="Label frames in which the car is farther than this beside the lane centre [m].",
+        ),
     ] = 0.15,
     drift_deg: Annotated[
-        float, typer.Option(min=0.0, max=45.0, help="... or the road-wheel angle is so wrong [deg].")
+        float,
+        typer.Option(
+            min=0.0,
+            max=45.0,
+            help="Label frames in which the road-wheel angle is wrong by more than this [deg].",
+        ),
     ] = 1.0,
     start: Annotated[
         Path | None,

@@ -64,7 +64,10 @@ def calibrate(
         int, typer.Option(help="0, 90, 180 or 270: clockwise turn that makes the images upright.")
     ] = 0,
     mirror: Annotated[
-        str, typer.Option(help="none, horizontal or vertical: how the images are mirrored before.")
+        str,
+        typer.Option(
+            help="none, horizontal or vertical: how the images are mirrored before they are turned."
+        ),
     ] = "none",
     camera: Annotated[
         Path, typer.Option(help="Camera file with the values that are not measured.")

@@ -33,8 +33,8 @@ def bench(
     seed: Annotated[
         int | None,
         typer.Option(
-            help="Seed of all random numbers; default: a fresh one, which is printed; 1 where an interrupted run"
-            " is continued (imitation, study)."
+            help="Seed of all random numbers; default: a random one, which is printed; 1 for benchmarks that"
+            " continue an interrupted run (imitation, most studies)."
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,

@@ -42,7 +42,7 @@ def disturbances_verb(
         Path | None, typer.Option(help="Draw every kind at every grade, .png or .jpg.")
     ] = None,
     road: Annotated[str, typer.Option(help="A name in config/roads/.")] = "circuit",
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of textures and noise.")] = 0,
     car: Car = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> int:

@@ -42,7 +42,7 @@ MOTION = Motion(speed_mps=6.0, yaw_rate_radps=0.0)
 def leads_verb(
     picture: Annotated[Path, typer.Option(help="File to draw into, .png or .jpg.")],
     road: Annotated[str, typer.Option(help="A name in config/roads/.")] = "circuit",
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of textures and noise.")] = 0,
     car: Car = None,
 ) -> int:
     """Draw the detections of the lead detector on a road, near and far, in good and bad light."""

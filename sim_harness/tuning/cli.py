@@ -44,7 +44,12 @@ def tune(
         list[str] | None,
         typer.Option(metavar="NAME=LOW..HIGH", help="Tune this number of the file; may be repeated."),
     ] = None,
-    trials: Annotated[int, typer.Option(min=1, help="Number of trials in the study at its end.")] = 50,
+    trials: Annotated[
+        int,
+        typer.Option(
+            min=1, help="Total number of trials, those of earlier runs with the same storage included."
+        ),
+    ] = 50,
     workers: Annotated[int, typer.Option(min=1, help="Processes on this machine.")] = 1,
     storage: Annotated[
         str | None,

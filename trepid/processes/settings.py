@@ -33,7 +33,8 @@ from trepid.types import NonNegative
 
 FILE = CONFIG_DIR / "processes.yaml"
 RECORDER = "recorder"
-"""Name of the process that runs only in drives that are recorded or can be: with ``--record`` or driver input."""
+"""Name of the process that runs only in drives that are recorded or can be: with ``--record``, a ring of the last
+minutes, or driver input."""
 LAUNCHER = "launcher"
 """Name under which the launcher itself reports."""
 PROGRAMS = ("module", "command", "entry_point")

@@ -27,10 +27,7 @@ def keep(
         str | None, typer.Option(help="Zenoh endpoint of the drive, where several run.")
     ] = None,
 ) -> None:
-    """Keep the last minutes of the running drive, or of the last one, as one recording, and print its name.
-
-    Example: trepid record keep --out near-miss.mcap
-    """
+    """Keep the last minutes of the running drive, or of the last one, as one recording, and print its name."""
     import shutil
 
     if out is not None:
