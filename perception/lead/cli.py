@@ -1,5 +1,6 @@
 """``trepid estimate --estimator lead``: the vehicles in images, folders and videos."""
 
+import math
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -120,7 +121,7 @@ def as_row(one: FrameResult[Leads]) -> dict[str, Any]:
         "distance_m": lead.distance_m,
         "lateral_m": lead.lateral_m,
         "speed_mps": lead.speed_mps,
-        "confidence": lead.confidence,
+        "confidence": None if math.isnan(lead.confidence) else lead.confidence,
         "latency_ms": one.latency_ms,
         "detections": [
             {

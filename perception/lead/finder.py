@@ -4,8 +4,11 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
+import cv2
 import numpy as np
 
+from perception.lane.model.prediction import Motion
+from perception.lane.view import as_bgr, unusable
 from perception.lead.boxes import BoxDetector, BoxSettings
 from perception.lead.detection import Detection, Detector, StripDetector
 from perception.lead.published import PUBLISHED, fetched
@@ -62,7 +65,7 @@ class LeadFinder:
         self._reference = ReferenceWorld(vehicle.scale)
         camera, vehicle = scaled_settings(camera, 1 / vehicle.scale), vehicle.in_reference_world
         self._detect, self._settings, self._vehicle = detector, settings, vehicle
-        self._shape = (camera.height_px, camera.width_px, 3)
+        self._size = camera.width_px, camera.height_px
         self._eye_m, self._nose_m = camera.x_m, vehicle.wheelbase_m + vehicle.front_overhang_m
         self._restart()
 
@@ -80,7 +83,7 @@ class LeadFinder:
         *,
         now_s: float,
     ) -> LeadVehicle:
-        """The vehicle ahead in ``frame``; confidence 0 without one.
+        """The vehicle ahead in ``frame``; confidence 0 without one, NaN when the image cannot be processed.
 
         ``state`` gives the ego motion; without it a vehicle has a place but no speed. The most confident of
         ``lanes``, the newest estimates, defines the corridor; without one, the arc that the ego vehicle drives.
@@ -92,8 +95,15 @@ class LeadFinder:
             self._restart()
             gap_s = 0.0
         self._t_s = frame.t_s
-        good = frame.image.dtype == np.uint8 and frame.image.shape == self._shape
-        self.detections = self._detect(frame.image) if good else []
+        if unusable(frame.image):
+            self._restart()
+            return LeadVehicle(
+                t_s=frame.t_s, distance_m=None, lateral_m=None, speed_mps=None, confidence=math.nan
+            )
+        image = as_bgr(frame.image)
+        if image.shape[1::-1] != self._size:
+            image = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
+        self.detections = self._detect(image)
         motion = _motion(state)
         speed_mps, yaw_rate_radps = motion or (0.0, 0.0)
         self._tracker.step(self.detections, speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps, dt_s=gap_s)
@@ -135,11 +145,13 @@ class LeadFinder:
 
     def _arc_1pm(self, state: VehicleState | None) -> float:
         """Curvature of the ego path: r/v, at low speed tan δ/L (predicted path of ISO 15622); 0 when unknown."""
-        if state is None:
+        speed_mps, yaw_rate_radps = Motion.of(state)
+        if speed_mps is not None and yaw_rate_radps is not None and speed_mps > SLOW_MPS:
+            return yaw_rate_radps / speed_mps
+        wheel_rad = None if state is None else state.road_wheel_angle_rad
+        if wheel_rad is None or not abs(wheel_rad) < math.pi / 2:
             return 0.0
-        if state.speed_mps is not None and state.yaw_rate_radps is not None and state.speed_mps > SLOW_MPS:
-            return state.yaw_rate_radps / state.speed_mps
-        return math.tan(state.road_wheel_angle_rad or 0.0) / self._vehicle.wheelbase_m
+        return math.tan(wheel_rad) / self._vehicle.wheelbase_m
 
 
 def usable_lane(
@@ -158,10 +170,9 @@ def usable_lane(
 
 
 def _motion(state: VehicleState | None) -> tuple[float, float] | None:
-    """Speed and yaw rate; None unless both are known."""
-    if state is None or state.speed_mps is None or state.yaw_rate_radps is None:
-        return None
-    return state.speed_mps, state.yaw_rate_radps
+    """Speed and yaw rate; None unless both are known, and possible."""
+    speed_mps, yaw_rate_radps = Motion.of(state)
+    return None if speed_mps is None or yaw_rate_radps is None else (speed_mps, yaw_rate_radps)
 
 
 class Corridor:

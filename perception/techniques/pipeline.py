@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.lane.model.prediction import Motion as VehicleMotion
 from perception.lane.view import as_bgr, unusable
 from perception.techniques.confidence import clarity, lane_score
 from perception.techniques.image.picture import (
@@ -101,8 +102,7 @@ class Pipeline:
             self._last, self._score, dt_s = None, 0.0, 0.0
             self._track = _bound(self._recipe.of("track"))
             self._rule = next(iter(_bound(self._recipe.of("rule"))), None)
-        speed, rate = (state.speed_mps, state.yaw_rate_radps) if state else (None, None)
-        return Motion(dt_s, _finite(speed), _finite(rate))
+        return Motion(dt_s, *VehicleMotion.of(state))
 
     def _evidence(
         self, picture: Image, view: View, predicted: Boundaries | None, speed_mps: float | None
@@ -194,10 +194,6 @@ def _all_of(features: list[Features]) -> Features:
         return features[0]
     shares = [one.response / max(float(one.response.max()), 1e-6) for one in features]
     return Features(np.minimum.reduce(shares).astype(np.float32), features[0].kind)
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
 
 
 def boundary_path(boundary: Boundary | None, camera: Camera) -> PixelPath:

@@ -13,6 +13,11 @@ from trepid.config import Settings
 from trepid.messages import VehicleState
 from trepid.types import Array, Positive, Share
 
+MAX_SPEED_MPS = (
+    100.0  # a state beyond it, or beyond the next one, is none (supervisor.yaml has the same limits)
+)
+MAX_YAW_RATE_RADPS = 5.0
+
 
 class TrackSettings(Settings):
     """Section ``track`` of ``config/perception.yaml``: process noise, limits of the memory, gates of a match."""
@@ -48,14 +53,16 @@ class Motion(NamedTuple):
 
     @classmethod
     def of(cls, state: VehicleState | None) -> "Motion":
-        """The motion that ``state`` reports, without values that are not finite."""
+        """The motion that ``state`` reports, without values that no vehicle has."""
         if state is None:
             return cls(None, None)
-        return cls(_finite(state.speed_mps), _finite(state.yaw_rate_radps))
+        return cls(
+            _possible(state.speed_mps, MAX_SPEED_MPS), _possible(state.yaw_rate_radps, MAX_YAW_RATE_RADPS)
+        )
 
 
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
+def _possible(value: float | None, limit: float) -> float | None:
+    return value if value is not None and abs(value) <= limit else None
 
 
 def travelled_m(motion: Motion, dt_s: float, track: TrackSettings) -> float:

@@ -1,6 +1,7 @@
 """The lead detector: geometry, tracking, and the choice of the lead."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +23,14 @@ from perception.lead.view import (
     LeadView,
     strip_pixels,
 )
+from supervisor.path.follow import judge_lead
+from supervisor.supervisor import SupervisorSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
 from trepid.types import Image
+from trepid.wire import from_cdr, to_cdr
 
 CAMERA = load(CONFIG_DIR / "camera.yaml", Camera)
 VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
@@ -176,8 +180,10 @@ class FixedDetector:
 
     def __init__(self, detections: list[Detection]) -> None:
         self.detections = detections
+        self.shape: tuple[int, ...] = ()
 
     def __call__(self, image: Image) -> list[Detection]:
+        self.shape = image.shape
         return self.detections
 
 
@@ -231,10 +237,38 @@ def test_without_odometry_there_is_no_speed() -> None:
     assert answer.speed_mps is None
 
 
-def test_a_picture_of_the_wrong_size_gives_no_detection() -> None:
+@pytest.mark.parametrize("shape", [(240, 320, 3), (480, 640, 3), (240, 320), (120, 160, 4)])
+def test_the_detector_gets_every_image_in_the_size_of_its_camera(shape: tuple[int, ...]) -> None:
+    detector = FixedDetector([Detection(15.0, 0.0, 1.8, 0.95)])
+    finder = LeadFinder(detector, SETTINGS, CAMERA, VEHICLE)
+    finder.step(Frame(t_s=0.0, image=np.full(shape, 90, np.uint8)), state(0.0), [], now_s=0.0)
+    assert detector.shape == (CAMERA.height_px, CAMERA.width_px, 3)
+    assert len(finder.detections) == 1
+
+
+def test_an_image_that_cannot_be_processed_is_no_road_without_vehicles() -> None:
+    finder = LeadFinder(FixedDetector([]), SETTINGS, CAMERA, VEHICLE)
+    answer = finder.step(Frame(t_s=1.0, image=np.zeros((2, 2, 3), np.uint8)), state(1.0), [], now_s=1.0)
+    assert math.isnan(answer.confidence)
+    assert math.isnan(from_cdr(to_cdr(answer), LeadVehicle).confidence)
+    limits = load(CONFIG_DIR / "supervisor.yaml", SupervisorSettings).validation
+    assert judge_lead(answer, None, now_s=1.0, settings=limits).confidence is None
+
+
+@pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan, 1e6])
+@pytest.mark.parametrize("name", ["speed_mps", "yaw_rate_radps", "road_wheel_angle_rad"])
+def test_an_impossible_state_costs_no_leader(name: str, value: float) -> None:
     finder = LeadFinder(FixedDetector([Detection(15.0, 0.0, 1.8, 0.95)]), SETTINGS, CAMERA, VEHICLE)
-    answer = finder.step(Frame(t_s=0.0, image=np.zeros((10, 10, 3), np.uint8)), state(0.0), [], now_s=0.0)
-    assert answer.confidence == 0
+    for n in range(20):
+        t_s = n * PERIOD_S
+        frame = Frame(t_s=t_s, image=np.zeros((240, 320, 3), np.uint8))
+        own = state(t_s)
+        own = replace(own, **{name: value}) if n == 15 else own
+        answer = finder.step(frame, own, [], now_s=t_s)
+        if n >= 3:
+            assert answer.confidence > 0.5
+    assert answer.distance_m == pytest.approx(15.0 - NOSE_M, abs=0.3)
+    assert answer.speed_mps is not None
 
 
 def lane(t_s: float, confidence: float = 0.9, offset_m: float | None = 0.5) -> SteeringEstimate:
