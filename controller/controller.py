@@ -150,11 +150,14 @@ class Controller:
         frame_s = decision.t_s if decision is not None else None
         if frame_s is not None and not math.isfinite(frame_s):
             frame_s = None
-        stamps_s = {
-            "decision": decision.decided_s if decision else None,
-            "state": state.t_s if state else None,
+        stamps_s = [
+            ("decision", decision.decided_s if decision else None),
+            ("state", state.t_s if state else None),
+        ]
+        possible = {
+            name: t_s for name, t_s in stamps_s if t_s is not None and self._fresh(t_s, now_s, math.inf)
         }
-        late = self._lateness.step(stamps_s, now_s=now_s)
+        late = self._lateness.step(possible, now_s=now_s)
         decision = self._usable_decision(decision, now_s)
         state = self._usable_state(state, now_s)
         if state is not None:  # below, angles are those of the tyres

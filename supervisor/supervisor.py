@@ -174,10 +174,13 @@ class Supervisor:
             lead_s=world.ahead.age_s if lead else None,
             state_s=world.state_age_s,
             driver_override=driver,
+            now_s=now_s,
             process_lost=losses is not None and bool(losses.stop),
         )
         senders = {**estimates, STATISTICS: statistics, LEAD: lead}
-        late = self._lateness.step({n: m.t_s if m else None for n, m in senders.items()}, now_s=now_s)
+        ages_s = {name: self._settings.validation.age_s(sent, now_s=now_s) for name, sent in senders.items()}
+        possible = {n: m.t_s for n, m in senders.items() if m and math.isfinite(ages_s[n])}
+        late = self._lateness.step(possible, now_s=now_s)
         now = moment(
             world,
             rules,

@@ -54,15 +54,15 @@ class Lateness:
         self._senders: dict[str, _Sender] = {}
         self._now_s = -math.inf
 
-    def step(self, stamps_s: Mapping[str, float | None], *, now_s: float) -> frozenset[str]:
+    def step(self, stamps_s: Mapping[str, float], *, now_s: float) -> frozenset[str]:
         """Names of the senders whose next message is late at ``now_s``.
 
-        ``stamps_s``: time in the newest message of each, which increases from message to message; None: no message.
+        ``stamps_s``: time in the newest message of each, which increases from message to message, without senders
+        that have sent none and without impossible times.
         """
         self._now_s = now_s
         for name, stamp_s in stamps_s.items():
-            if stamp_s is not None:
-                self._senders.setdefault(name, _Sender(self._limits)).step(stamp_s, now_s=now_s)
+            self._senders.setdefault(name, _Sender(self._limits)).step(stamp_s, now_s=now_s)
         return frozenset(name for name, sender in self._senders.items() if sender.late_at_s <= now_s)
 
     @property

@@ -26,12 +26,12 @@ class Fault(NamedTuple):
 
 
 class Watchdog:
-    """Holds the senders that have sent a message; only these can be lost."""
+    """Holds when each sender sent its newest usable message; a sender without any cannot be lost."""
 
     def __init__(self, limits: ValidationSettings, *, frames_s: float) -> None:
         """No frames for longer than ``frames_s`` from any estimator are a fault."""
         self._limits, self._frames_s = limits, frames_s
-        self._heard: set[str] = set()
+        self._heard_s: dict[str, float] = {}
 
     def step(
         self,
@@ -41,26 +41,29 @@ class Watchdog:
         lead_s: float | None,
         state_s: float,
         driver_override: bool,
+        now_s: float,
         process_lost: bool = False,
     ) -> Fault:
-        """The worst fault by these ages (inf: no message), a common cause before its consequences.
+        """The worst fault by these ages (inf: no message, or none with a possible time), a common cause first.
 
         ``lead_s`` is None where no lead detector runs. ``process_lost``: the launcher reports a lost process.
         """
         ages = {**estimator_ages_s, STATISTICS: statistics_s, STATE: state_s}
         if lead_s is None:
-            self._heard.discard(LEAD)
+            self._heard_s.pop(LEAD, None)
         else:
             ages[LEAD] = lead_s
-        self._heard.update([name for name, age in ages.items() if age <= self._limits.fresh_s])
-        lost = {name for name in self._heard if ages.get(name, math.inf) > self._limits.lost_s}
-        estimators = self._heard & estimator_ages_s.keys()
+        for name, age in ages.items():
+            if age <= self._limits.fresh_s or (name in self._heard_s and math.isfinite(age)):
+                self._heard_s[name] = now_s - age
+        lost = {name for name, sent_s in self._heard_s.items() if now_s - sent_s > self._limits.lost_s}
+        estimators = self._heard_s.keys() & estimator_ages_s.keys()
         cause: str = ""
         if estimators and min(estimator_ages_s.values()) > self._frames_s:
             cause = Cause.STALE_DATA
         elif lost & estimators:
             cause = Cause.LOST_ESTIMATOR
-        elif STATE in self._heard and state_s > self._limits.state_fresh_s:
+        elif STATE in self._heard_s and state_s > self._limits.state_fresh_s:
             cause = Cause.VEHICLE_STATE_LOST
         elif STATISTICS in lost:
             cause = Cause.IMAGE_STATISTICS_LOST

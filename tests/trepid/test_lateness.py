@@ -50,5 +50,5 @@ def test_a_repeated_older_or_broken_stamp_is_no_message() -> None:
 
 def test_a_sender_without_a_usual_period_or_without_a_message_is_not_late() -> None:
     lateness, last_s = after(0.03125, messages=3)
-    assert lateness.step({"cv": None, "cnn": None}, now_s=last_s + 10.0) == frozenset()
+    assert lateness.step({}, now_s=last_s + 10.0) == frozenset()
     assert lateness.next_s == math.inf
