@@ -9,7 +9,7 @@ Every input is checked for age, finiteness and plausibility. A missing or bad in
 | no usable vehicle state | the same | holds the last wheel angle |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
 | no path, but one younger than ``stop_memory_s`` | comfort stop, or the demanded emergency stop | likewise |
-| no path at all | comfort stop, or the demanded emergency stop | holds the last curvature |
+| no path at all | comfort stop, or the demanded emergency stop | holds the last curvature; after a driver the wheel as it is |
 | a report that a process is lost whose loss means a stop | comfort stop | – |
 | mode STOP | the stop of the decision | along the path |
 
@@ -173,6 +173,8 @@ class Controller:
         if driver:  # lost inputs do not matter while a driver steers
             self._healthy_s, self._emergency = now_s, False
             self._law.release()
+            if acting is None:  # without a path the next step holds the wheels as the driver has them
+                self._curvature_1pm = None
         drivable = self._fresh(self._path_t_s, now_s, self._settings.inputs.path_memory_s)
         lane = acting.lane if acting is not None and drivable else None
         lost = losses is not None and bool(losses.stop)
@@ -255,7 +257,7 @@ class Controller:
             self._law.release()
         if acting is not None:
             self._curvature_1pm = self._law.curvature(acting, dt_s=dt_s)
-        elif self._curvature_1pm is None:  # no path so far: hold the wheels
+        elif self._curvature_1pm is None:  # no path so far, or a driver steered: hold the wheels
             self._curvature_1pm = curvature_from_angle(
                 state.road_wheel_angle_rad or 0.0, speed_mps=model_mps, vehicle=self._vehicle
             )

@@ -412,3 +412,33 @@ def test_a_gain_too_high_for_the_drive_is_refused_with_its_bound():
         InputError, match=r"controller\.yaml: speed\.gain_1ps 0\.8 is too high.*at most 0\.25"
     ):
         build(vehicle(accel_lag_s=1.0), CONFIG_DIR / "controller.yaml")
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_after_a_driver_without_a_path_the_wheels_are_held_as_he_left_them(side):
+    one, now_s, _ = rolling(curvature_1pm=0.02 * side)
+    for n in range(500):  # of the driver, the last seconds straight on
+        now_s += 0.02
+        wheel_rad = 0.035 * side if n < 200 else 0.0
+        driven = replace(state(now_s, speed_mps=6.0, road_wheel_angle_rad=wheel_rad), driver_override=True)
+        one.step(decision(now_s, mode=Mode.STOP, stop=Stop.COMFORT, **LOST), driven, now_s=now_s)
+    for _ in range(50):
+        now_s += 0.02
+        stopped = decision(now_s, mode=Mode.STOP, stop=Stop.COMFORT, **LOST)
+        last = one.step(stopped, state(now_s, speed_mps=6.0), now_s=now_s)
+    assert last.road_wheel_angle_rad == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("sender", ["decision", "state"])
+def test_one_time_in_the_future_brakes_until_the_next_good_message(sender):
+    one, start_s, _ = rolling()
+    accels = []
+    for n in range(40):
+        now_s = start_s + 0.02 * n
+        decided, measured = decision(now_s), state(now_s, speed_mps=4.0)
+        if n == 10 and sender == "decision":
+            decided = replace(decided, decided_s=now_s + 1000.0)
+        if n == 10 and sender == "state":
+            measured = replace(measured, t_s=now_s + 1000.0)
+        accels.append(one.step(decided, measured, now_s=now_s).accel_mps2)
+    assert accels[10] <= 0.0 < min(accels[20:])
