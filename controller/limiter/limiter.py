@@ -117,6 +117,7 @@ class Limiter:
         sound = command if command is not None and is_finite(command) else None
         frame_s = None if sound is None else sound.t_s
         seen = plausible_state(state, now_s, self._limits)
+        seldom = self._arrivals.too_seldom(received_s, now_s)
         self.handed_over = seen is not None and self._driven_by_hand(seen)
         if seen is not None and self.handed_over:
             return self._hand_over(seen, frame_s, dt_s)
@@ -124,7 +125,6 @@ class Limiter:
         usable = sound if fresh(received_s, now_s, timeout_s, self._limits) else None
         waiting = command is None and fresh(self._start_s, now_s, timeout_s, self._limits)
         self._judge(seen, lost=usable is None and not waiting)
-        seldom = self._arrivals.too_seldom(received_s, now_s)
         calm = fresh(received_s, now_s, self._limits.command_late_s, self._limits) and not seldom
         if seen is None:
             accel_mps2 = self._demand(usable, -self._limits.comfort_decel_mps2)

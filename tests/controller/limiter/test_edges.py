@@ -304,3 +304,12 @@ def test_without_a_state_a_command_may_brake_more_than_gently(requested, given_o
     one = limiter()
     stepped(one, 0.0)
     assert one.step(command(DT_S, accel_mps2=requested), DT_S, None, now_s=DT_S).accel_mps2 == given_out
+
+
+def test_the_hand_back_brakes_for_no_command_that_came_under_the_driver():
+    """Commands arrive all the time; eight of them in the last half second are often enough."""
+    one = limiter(EXACT)
+    for n in range(400):
+        hands = 100 <= n < 300
+        out = stepped(one, n * DT_S, accel=0.0, driver_override=hands)
+        assert out.accel_mps2 == 0.0, n
