@@ -24,6 +24,7 @@ from trepid.messages import VehicleState
 _PRIOR = 3e-6  # λ [rad²/s]: a tenth of a second at the rate of the wheel in an S at 25 m/s
 _WINDOW = 1e-3  # [rad²/s] of excitation after which older data has faded to 1/e
 _GAP_S = 0.2  # after a longer gap between states the model restarts
+_LONGEST_S = 1.0  # older commands are dropped: without a measured angle nothing takes them
 
 
 class SteeringTiming:
@@ -47,8 +48,12 @@ class SteeringTiming:
         return within(-(xy - x * y / one) / (xx - x * x / one + _PRIOR), self._most_s)
 
     def commanded(self, angle_rad: float, *, now_s: float) -> None:
-        """Add a command given at ``now_s``."""
+        """Add a command given at ``now_s``; without a limit for the estimate there is nothing to learn."""
+        if self._most_s == 0.0:
+            return
         self._coming.append((now_s + self._delay_s, angle_rad))
+        while self._coming[0][0] < now_s - _LONGEST_S:
+            self._coming.popleft()
 
     def measured(self, state: VehicleState) -> None:
         """Update with a vehicle state; one under a driver is not used."""

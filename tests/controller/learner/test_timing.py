@@ -86,3 +86,11 @@ def test_a_state_without_a_wheel_angle_or_from_the_past_changes_nothing():
     for t_s, angle_rad in ((0.0, 0.1), (0.01, None), (-1.0, 0.3), (0.02, 0.1)):
         timing.measured(state(t_s, road_wheel_angle_rad=angle_rad))
     assert timing.late_s == 0.0
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6])
+def test_commands_without_a_measured_angle_take_no_memory(share):
+    timing = SteeringTiming(ASSUMED, delay_s=ASSUMED.steering_delay_s, share=share)
+    for n in range(10_000):
+        timing.commanded(0.0, now_s=0.02 * n)
+    assert len(timing._coming) <= 100
