@@ -22,6 +22,7 @@ SPOT_DEPTH = 0.1  # share by which a spot is darker than its surroundings; aspha
 SPOT_DEPTH_GREY = 5.0  # added to that; more than the noise of an image at night
 SPOT_MEMORY_S = 0.2  # of the running mean of the dark spots: what stands still by chance is gone after it
 STANDING_SHARE = 0.7  # of that mean, from which on a spot stands still: after 0.24 s
+LARGEST_SHARE = 0.34  # of one frame in that mean, after however long a time: three frames at the least
 SPATTERED = 0.45  # share of spotted tiles in two consecutive frames that counts at once
 TILES = (6, 8)  # rows (a multiple of 3) and columns of tiles in which spots are counted
 MIN_SPOTTED = 0.03  # share of the area of a tile with dirt: three pixels of the map in its hundred
@@ -78,7 +79,8 @@ class ImageStatistician:
         if before is None or self._standing is None:
             self._standing = np.zeros(spots.shape, np.float32)
             return 0.0
-        cv2.accumulateWeighted(spots, self._standing, 1.0 - math.exp(-dt_s / SPOT_MEMORY_S))
+        share = min(1.0 - math.exp(-dt_s / SPOT_MEMORY_S), LARGEST_SHARE)
+        cv2.accumulateWeighted(spots, self._standing, share)
         seen = _areas(spots)
         at_once = _spotted_share(cv2.min(before, spots), seen)
         lasting = np.multiply(self._standing > 255 * STANDING_SHARE, 255, dtype=np.uint8)

@@ -129,3 +129,22 @@ def test_a_loop_of_images_is_a_frozen_camera(loop):
     ]
     since_s = np.maximum(np.arange(3 * loop + 2) - (loop - 1), 0) * 0.04
     assert seen == pytest.approx(list(since_s))
+
+
+@pytest.mark.parametrize("period_s", [0.25, 0.5, 1.0])
+def test_dark_spots_of_a_slow_camera_that_move_are_no_dirt(period_s):
+    statistician, few = ImageStatistician(), blots(slice(None)) & (np.arange(320) < 80)
+    for number in range(20):
+        image, t_s = 100 + scene(number) // 8, period_s * number
+        moved = np.roll(few, 20 * number, axis=(0, 1))
+        image[moved] = image[moved] // 4
+        assert statistician.step(Frame(t_s=t_s, image=image), now_s=t_s).spots == 0.0
+
+
+def test_spots_of_a_slow_camera_are_dirt_after_three_frames():
+    few, statistician, seen = blots(slice(None)) & (np.arange(320) < 80), ImageStatistician(), []
+    for number in range(6):
+        image = 100 + scene(number) // 8
+        image[few] = image[few] // 4
+        seen.append(statistician.step(Frame(t_s=0.5 * number, image=image), now_s=0.5 * number).spots)
+    assert seen[:3] == [0.0] * 3 and min(seen[3:]) > 0.2
