@@ -28,6 +28,7 @@ from trepid.processes.settings import ProcessSpec, Restart, working_folder
 
 ABORT_GRACE_S = 0.3
 FRAME = re.compile(r'  File "(.+)", line (\d+)')
+WEIGH_PERIOD_S = 0.02
 TERM_GRACE_S = 1.2  # SIGTERM to SIGKILL; with the kill this keeps a stop below 2 s
 
 
@@ -40,6 +41,7 @@ class Child:
     log: IO[bytes]
     restarts: int = 0
     restart_at_s: float | None = None  # when it is to start again, after its end [monotonic s]
+    weighed: bool = False  # its session has the niceness of its entry
 
     @property
     def alive(self) -> bool:
@@ -148,9 +150,10 @@ class Fleet:
         child = Child(spec, popen, log, restarts)
         try:
             _schedule(spec, popen.pid)
-        except InputError:
+        except BaseException:
             _end(child, deadline_s=time.monotonic())
             raise
+        child.weighed = not spec.nice or weigh_session(popen.pid, spec.nice)
         return child
 
     def collect_exits(self) -> list[UnexpectedExit]:
@@ -166,6 +169,8 @@ class Fleet:
                 continue
             if not child.log.closed:
                 shorten(child.log)
+            if not child.weighed and child.alive:
+                child.weighed = weigh_session(child.popen.pid, child.spec.nice)
             returncode = child.popen.poll()
             if returncode is None or child.log.closed:
                 continue
@@ -269,12 +274,27 @@ def _environment(spec: ProcessSpec, assignment: str) -> dict[str, str]:
 
 
 def set_niceness(pid: int, nice: int) -> None:
-    """Set the niceness of a process with a session of its own. Raises PermissionError, ProcessLookupError."""
+    """Set the niceness of a process with a session of its own, and that of its session.
+
+    Raises PermissionError, ProcessLookupError.
+    """
     os.setpriority(os.PRIO_PROCESS, pid, nice)
-    # Linux weighs sessions against each other by the niceness of their group, if it groups at all.
-    group = Path(f"/proc/{pid}/autogroup")
-    if group.exists():
-        group.write_text(str(nice))
+    while not weigh_session(pid, nice):
+        time.sleep(WEIGH_PERIOD_S)
+
+
+def weigh_session(pid: int, nice: int) -> bool:
+    """Set the niceness of the session of ``pid``, by which Linux weighs sessions, where it does and permits it.
+
+    False: to be tried again, because without CAP_SYS_ADMIN Linux accepts one change in 0.1 s on the whole machine.
+    """
+    try:
+        Path(f"/proc/{pid}/autogroup").write_text(str(nice))
+    except BlockingIOError:
+        return False
+    except OSError:  # Linux has no such groups, or refuses the change, or the process has ended
+        return True
+    return True
 
 
 def _schedule(spec: ProcessSpec, pid: int) -> None:
@@ -284,7 +304,7 @@ def _schedule(spec: ProcessSpec, pid: int) -> None:
             os.sched_setaffinity(pid, spec.cores)
         if spec.nice:
             try:
-                set_niceness(pid, spec.nice)
+                os.setpriority(os.PRIO_PROCESS, pid, spec.nice)
             except PermissionError as error:
                 remedy = "give at least 0, or the right CAP_SYS_NICE (LimitNICE= of a systemd unit)"
                 raise InputError(f"{_place(spec)}: nice: {spec.nice} is refused; {remedy}") from error

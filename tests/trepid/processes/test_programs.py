@@ -1,6 +1,7 @@
 """Modules of a car, commands and cores: started as the entry says, and gone with the launcher."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ from process_rig import alive, ends_with_its_launcher, until
 from trepid.config import CAR
 from trepid.processes.launch import Fleet
 from trepid.processes.settings import ProcessSpec
+
+SLEEP = ProcessSpec("horn", command=("sleep", "1000"), nice=7)
 
 
 def fleet(*specs: ProcessSpec) -> Fleet:
@@ -54,3 +57,49 @@ def test_a_module_in_the_folder_of_the_car_runs_on_its_cores_with_its_niceness(
     with fleet(ProcessSpec("horn", "horn", cores=(core,), nice=7)):
         assert until(lambda: said.exists() and said.read_text().endswith("."), patience_s=20)
     assert said.read_text() == f"{{{core}}} 7."
+
+
+def test_a_session_whose_niceness_linux_refuses_for_now_gets_it_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without CAP_SYS_ADMIN Linux accepts one change in 0.1 s."""
+    refusals: list[OSError] = [BlockingIOError(), BlockingIOError()]
+    written: list[tuple[str, str]] = []
+
+    def write(path: Path, text: str) -> None:
+        if refusals:
+            raise refusals.pop()
+        written.append((str(path), text))
+
+    monkeypatch.setattr(Path, "write_text", write)
+    with fleet(SLEEP) as running:
+        pid = running.children["horn"].popen.pid
+        assert os.getpriority(os.PRIO_PROCESS, pid) == 7
+        for _ in range(4):
+            assert running.collect_exits() == []
+    assert written == [(f"/proc/{pid}/autogroup", "7")]
+
+
+@pytest.mark.parametrize("refusal", [FileNotFoundError, PermissionError, ProcessLookupError])
+def test_a_process_runs_where_linux_does_not_weigh_its_session(
+    monkeypatch: pytest.MonkeyPatch, refusal: type[OSError]
+) -> None:
+    def refuse(path: Path, text: str) -> None:
+        raise refusal
+
+    monkeypatch.setattr(Path, "write_text", refuse)
+    with fleet(SLEEP) as running:
+        assert running.children["horn"].alive
+
+
+def test_a_process_whose_start_fails_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[int] = []
+
+    def refuse(pid: int, cores: object) -> None:
+        started.append(pid)
+        raise OSError("no such core")
+
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    with pytest.raises(OSError, match="no such core"), fleet(replace(SLEEP, cores=(0,))):
+        pass
+    assert not alive(started[0])
