@@ -10,6 +10,7 @@ from sim_harness.live.drive_log import DriveLog
 from sim_harness.live.evaluation import evaluated
 from sim_harness.live.losses import LossReport
 from sim_harness.live.overview import Overview
+from sim_harness.live.silence import Silence
 from sim_harness.scenarios.scenario import Scenario
 from trepid.bus import Bus
 from trepid.clock import Clock
@@ -69,6 +70,9 @@ class Referee:
         self._log = DriveLog(bus, clock, assigned.estimators)
         self._losses = LossReport(bus, clock, fleet)
         self._overview = Overview(bus, self._log, fleet)
+        self._silence = Silence(
+            clock, fleet, longest_s=settings.silence_s, longest_start_s=settings.ready_timeout_s
+        )
         self._problems: list[str] = []
         self._notes: list[str] = []  # losses that do not end the drive
         self._began_s = clock()
@@ -76,7 +80,6 @@ class Referee:
         self._lost_s: float | None = None  # time of the first loss of a process
         self._ended_s: float | None = None  # from when on the car stops because the drive ends
         self._paused: set[str] = set()  # processes that a fault of the scenario has paused
-        self._resumed_s: dict[str, float] = {}  # time of their resumption
 
     def wait_until_ready(self, signals: list[str]) -> bool:
         """Wait for a heartbeat of every process, a first decision, and the end of any run-up.
@@ -190,7 +193,6 @@ class Referee:
             self._fleet.pause(name)
         for name in self._paused - lost:
             self._fleet.resume(name)
-            self._resumed_s[name] = self._clock()
         self._paused = lost
 
     def _receive(self, message: str) -> None:
@@ -214,15 +216,11 @@ class Referee:
 
     def _end_silent_processes(self) -> None:
         """End processes that run without heartbeats, so that they are started again."""
-        for name, beat in self._log.diagnostics.items():
-            silent_s = self._clock() - max(beat.t_s, self._resumed_s.get(name, beat.t_s))
-            if name in self._paused or name not in self._fleet.children:
-                continue
-            child = self._fleet.children[name]
-            if silent_s > self._settings.silence_s and child.alive:
-                said = f"process {name} was silent for {silent_s:.1f} s"
-                (self._problems if child.spec.loss is Loss.STOP else self._notes).append(said)
-                self._fleet.kill(name)
+        for name, silent_s in self._silence.silent(self._log.diagnostics, paused=self._paused):
+            loss = self._fleet.children[name].spec.loss
+            said = f"process {name} was silent for {silent_s:.1f} s"
+            (self._problems if loss is Loss.STOP else self._notes).append(said)
+            self._fleet.kill(name)
 
     def _stopped_after_loss(self) -> bool:
         """True at standstill after the loss of a process, or after the time limit for it."""

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from trepid.clock import epoch_clock
 from trepid.config import ROOT, InputError, car_folder
 from trepid.processes.access import published_by
 from trepid.processes.log import new_log, shorten
@@ -39,6 +40,7 @@ class Child:
     spec: ProcessSpec
     popen: subprocess.Popen[bytes]
     log: IO[bytes]
+    started_s: float  # on the clock of the drive
     restarts: int = 0
     restart_at_s: float | None = None  # when it is to start again, after its end [monotonic s]
     weighed: bool = False  # its session has the niceness of its entry
@@ -103,6 +105,7 @@ class Fleet:
             clock_offset_ns=clock_offset_ns,
             publishes=published_by(specs),
         )
+        self._now_s = epoch_clock(clock_offset_ns)
         self._specs = specs
         self._context = dict(context or {})
         self._started = started
@@ -131,6 +134,7 @@ class Fleet:
         )
         text = assignment.model_dump_json()
         log = new_log()
+        started_s = self._now_s()
         try:
             popen = subprocess.Popen(
                 _arguments(spec, text),
@@ -147,7 +151,7 @@ class Fleet:
         except OSError as error:
             log.close()
             raise InputError(f"{_place(spec)}: cannot be started: {error.strerror}") from error
-        child = Child(spec, popen, log, restarts)
+        child = Child(spec, popen, log, started_s, restarts)
         try:
             _schedule(spec, popen.pid)
         except BaseException:
