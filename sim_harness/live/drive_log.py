@@ -4,7 +4,7 @@ from array import array
 from typing import Any
 
 from sim_harness.judging.trace import Recorder, Trace
-from sim_harness.live.loads import Loads
+from sim_harness.live.loads import Loads, number
 from sim_harness.live.tally import Tally
 from trepid.bus import Bus, Stream
 from trepid.clock import Clock
@@ -101,7 +101,9 @@ class DriveLog:
     def malformed(self, process: str) -> int:
         """Number of malformed messages that a process has reported over its life."""
         beat = self.diagnostics.get(process)
-        return sum(int(count) for key, count in beat.values if key.startswith(MALFORMED)) if beat else 0
+        values = beat.values if beat else ()
+        counts = (number(values, key) for key, _ in values if key.startswith(MALFORMED))
+        return sum(int(count) for count in counts if count is not None)
 
     def trace(self) -> Trace:
         """The drive so far."""

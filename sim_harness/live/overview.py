@@ -4,6 +4,7 @@ import json
 from typing import Any
 
 from sim_harness.live.drive_log import DriveLog
+from sim_harness.live.loads import number
 from trepid.bus import Bus
 from trepid.clock import nanoseconds
 from trepid.messages import Diagnostic, Health
@@ -60,16 +61,15 @@ class Overview:
     def _state(self, name: str, now_s: float) -> dict[str, Any]:
         """One process as `trepid status` prints it."""
         child, beat = self._fleet.children[name], self._log.diagnostics.get(name)
-        values = dict(beat.values) if beat else {}
-        numbers = {key: float(values[key]) if key in values else None for key in ("rate_hz", "cpu_percent")}
+        values = beat.values if beat else ()
         message = " ".join(beat.message.split()) if beat else self._ends.get(name, "")
         return {
             "name": name,
             "pid": child.popen.pid,
             "alive": child.alive,
-            "rate_hz": numbers["rate_hz"],
+            "rate_hz": number(values, "rate_hz"),
             "age_s": round(now_s - beat.t_s, 2) if beat else None,
-            "cpu_percent": numbers["cpu_percent"],
+            "cpu_percent": number(values, "cpu_percent"),
             "restarts": child.restarts,
             "message": message,
             "health": str(beat.health) if beat else "",

@@ -1,10 +1,18 @@
 """The load of processes over a drive."""
 
+import time
+from types import SimpleNamespace
+
 import pytest
 
-from sim_harness.live.loads import Loads
+from sim_harness.live.drive_log import DriveLog
+from sim_harness.live.loads import Loads, number
+from sim_harness.live.overview import Overview
+from trepid.bus import free_endpoint, open_bus
 from trepid.messages import Diagnostic, Health
 from trepid.processes.process import READY
+from trepid.processes.settings import ProcessSpec
+from trepid.topics import DIAGNOSTICS
 
 
 def beat(t_s: float, cpu_percent: float, message: str = "", rate_hz: float = 2.0) -> Diagnostic:
@@ -33,3 +41,38 @@ def test_without_an_interval_the_load_is_unknown():
     loads = Loads()
     loads.add(beat(1.0, 10.0))
     assert loads.of("page") == loads.of("cv") == {"rate_hz": None, "cpu_percent": None}
+
+
+@pytest.mark.parametrize("text", ["n/a", "", "nan", "inf", "-", "1e999", "4,0"])
+def test_a_value_that_is_no_finite_number_is_absent(text):
+    assert number((("rate_hz", text),), "rate_hz") is None
+
+
+def test_the_load_counts_only_the_heartbeats_that_give_it():
+    loads = Loads()
+    loads.add(beat(1.0, 10.0))
+    for t_s, values in (
+        (2.0, (("rate_hz", "4"),)),
+        (3.0, (("temperature", "40"),)),
+        (4.0, (("rate_hz", "n/a"),)),
+    ):
+        loads.add(Diagnostic(t_s=t_s, process="page", health=Health.OK, message="", values=values))
+    loads.add(beat(5.0, 30.0, rate_hz=6.0))
+    assert loads.of("page") == {"rate_hz": 5.0, "cpu_percent": 30.0}
+
+
+def test_the_launcher_goes_on_after_a_heartbeat_without_the_usual_values():
+    values = (("rate_hz", "n/a"), ("malformed a", "?"), ("malformed b", "2"), ("temperature", "40"))
+    child = SimpleNamespace(
+        spec=ProcessSpec("horn", "horn"), popen=SimpleNamespace(pid=7), alive=True, restarts=0
+    )
+    with open_bus("car", time.monotonic, listen=free_endpoint()) as bus:
+        log = DriveLog(bus, time.monotonic, ())
+        overview = Overview(bus, log, SimpleNamespace(children={"horn": child}))
+        send = bus.publisher(DIAGNOSTICS)
+        for process in ("horn", "horn", "foreign", "foreign"):
+            send(Diagnostic(t_s=1.0, process=process, health=Health.OK, message="fine", values=values))
+        log.receive(timeout_s=0.0)
+        overview.publish(Health.OK, "driving")
+    assert log.malformed("horn") == 2
+    assert log.loads.of("horn") == {"rate_hz": None, "cpu_percent": None}
