@@ -215,6 +215,7 @@ def shown(dashboard: bool) -> "Iterator[Show]":
 def status(log: "DriveLog", fleet: "Fleet", *, elapsed_s: float) -> "Group":
     """Table of the processes with rates and ages, and below it a line about the car and its fear."""
     from rich.console import Group
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
@@ -226,11 +227,11 @@ def status(log: "DriveLog", fleet: "Fleet", *, elapsed_s: float) -> "Group":
         table.add_row(
             name,
             str(child.popen.pid),
-            values.get("rate_hz", "-"),
+            escape(values.get("rate_hz", "-")),
             f"{log.now_s() - beat.t_s:.1f} s" if beat else "-",
-            values.get("cpu_percent", "-"),
+            escape(values.get("cpu_percent", "-")),
             str(child.restarts),
-            beat.message if beat else "starting" if child.alive else "ended",
+            escape(beat.message) if beat else "starting" if child.alive else "ended",
         )
     return Group(table, driving_line(log, elapsed_s=elapsed_s))
 
@@ -257,18 +258,18 @@ def driving_line(log: "DriveLog", *, elapsed_s: float) -> "Text":
 
 def summary(row: dict[str, Any]) -> "Table":
     """The result as a table."""
+    from rich.markup import escape
     from rich.table import Table
 
     verdict = "[green]passed[/]" if row["status"] == "passed" else "[red]failed[/]"
-    table = Table(
-        title=f"{row['scenario'] or 'drive'} (seed {row['seed']}): {verdict}", title_justify="left", box=None
-    )
+    title = f"{escape(row['scenario'] or 'drive')} (seed {row['seed']}): {verdict}"
+    table = Table(title=title, title_justify="left", box=None)
     table.add_column("what", style="dim")
     table.add_column("value")
     for reason in row["reasons"]:
-        table.add_row("reason", f"[red]{reason}[/]")
+        table.add_row("reason", f"[red]{escape(reason)}[/]")
     for note in row["notes"]:
-        table.add_row("note", f"[yellow]{note}[/]")
+        table.add_row("note", f"[yellow]{escape(note)}[/]")
     for key, value in row.items():
         if key in ("scenario", "seed", "status", "reasons", "notes", "processes", "latency_ms", "stages_ms"):
             continue

@@ -4,7 +4,9 @@ from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
-from sim_harness.live.drive_cli import say, shown
+from rich.console import Console
+
+from sim_harness.live.drive_cli import say, shown, status, summary
 from trepid.messages import Diagnostic, Health
 
 KEPT = "old rules kept: fear.yaml:3:5: no such input"
@@ -38,3 +40,20 @@ def test_a_full_disk_behind_standard_error_does_not_end_the_drive(monkeypatch):
     monkeypatch.undo()
     with suppress(OSError):  # the line is still in its buffer
         full.close()
+
+
+def test_the_words_of_a_process_are_text_and_no_markup(capsys):
+    """Rich takes [/dev/video0] for the end of a style that never began, which is an error."""
+    words = "[/dev/video0] is absent"
+    beat = Diagnostic(
+        t_s=0.0, process="camera", health=Health.WARN, message=words, values=(("rate_hz", "[/]"),)
+    )
+    log = SimpleNamespace(
+        waiting="", truth=None, state=None, decision=None, diagnostics={"camera": beat}, now_s=lambda: 1.0
+    )
+    child = SimpleNamespace(popen=SimpleNamespace(pid=7), restarts=0, alive=True)
+    row = {"scenario": None, "seed": 0, "status": "failed", "reasons": [words], "notes": [words]}
+    console = Console(width=120)
+    console.print(status(log, SimpleNamespace(children={"camera": child}), elapsed_s=1.0))
+    console.print(summary(row))
+    assert capsys.readouterr().out.count(words) == 3
