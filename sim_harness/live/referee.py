@@ -135,7 +135,7 @@ class Referee:
             if self._ended_s is None:
                 self._ended_s = self._clock()
                 self._losses.request_stop()
-            return self._clock() - self._ended_s > self._settings.stop_timeout_s
+            return self._fails_to_stop(self._clock() - self._ended_s, "the end")
         return over or self._stopped_after_loss()
 
     def _stands(self) -> bool:
@@ -230,9 +230,13 @@ class Referee:
         if speed_mps is not None and abs(speed_mps) < self._settings.standstill_mps:
             self._problems.append(f"the car stopped {self._elapsed_s() - self._lost_s:.1f} s after that")
             return True
-        if self._elapsed_s() - self._lost_s > self._settings.stop_timeout_s:
-            self._problems.append(
-                f"the car did not stop within {self._settings.stop_timeout_s:.0f} s after that"
-            )
-            return True
-        return False
+        return self._fails_to_stop(self._elapsed_s() - self._lost_s, "that")
+
+    def _fails_to_stop(self, since_s: float, what: str) -> bool:
+        """True, and a problem, when the car has moved on for longer than the time limit since ``what``."""
+        if since_s <= self._settings.stop_timeout_s:
+            return False
+        self._problems.append(
+            f"the car did not stop within {self._settings.stop_timeout_s:.0f} s after {what}"
+        )
+        return True

@@ -1,5 +1,6 @@
 """The monitor of a live drive, without processes."""
 
+import itertools
 import time
 from types import SimpleNamespace
 
@@ -9,8 +10,10 @@ from sim_harness.live.referee import Assigned, DriveSettings, Referee
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.bus import free_endpoint, open_bus
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.messages import VehicleState
 from trepid.processes.launch import UnexpectedExit
 from trepid.processes.settings import ProcessSpec
+from trepid.topics import VEHICLE_STATE
 
 
 def test_a_process_that_refuses_its_input_ends_the_drive_with_that_line():
@@ -27,3 +30,29 @@ def test_a_process_that_refuses_its_input_ends_the_drive_with_that_line():
         )
         with pytest.raises(InputError, match=r"^process supervisor: rules\.yaml:3:5: no such cause$"):
             referee.wait_until_ready([])
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "problems"), [(6.0, ["the car did not stop within 10 s after the end"]), (0.0, [])]
+)
+def test_a_real_car_that_moves_on_after_the_end_fails_the_drive(
+    speed_mps: float, problems: list[str]
+) -> None:
+    fleet = SimpleNamespace(children={}, collect_exits=list)
+    settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)
+    clock = map(float, itertools.count()).__next__  # a second passes at every reading
+    with open_bus("car", clock, listen=free_endpoint()) as bus:
+        send = bus.publisher(VEHICLE_STATE)
+        referee = Referee(bus, clock, fleet, Assigned(None, (), 5.0, "x", ""), settings, lambda *_: None)
+        send(
+            VehicleState(
+                t_s=0.0,
+                speed_mps=speed_mps,
+                road_wheel_angle_rad=None,
+                yaw_rate_radps=None,
+                driver_override=False,
+            )
+        )
+        referee.watch([])
+        row = referee.row(0)
+    assert (row["status"], row["reasons"]) == ("failed" if problems else "passed", problems)
