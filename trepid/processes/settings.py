@@ -168,7 +168,8 @@ class ProcessSpec:
         """Time from the end of the process to its restart after ``restarts`` earlier ones: 0, b, 2b, 4b, … [s]."""
         if restarts == 0:
             return 0.0
-        return min(self.longest_backoff_s, self.backoff_s * 2.0 ** (restarts - 1))
+        doublings = min(restarts, sys.float_info.max_exp) - 1
+        return min(self.longest_backoff_s, self.backoff_s * 2.0**doublings)
 
 
 class ProcessesFile(Settings):

@@ -121,6 +121,12 @@ def test_the_first_restart_comes_at_once_and_each_further_one_after_twice_the_ti
     assert [spec.backoff_after_s(restarts) for restarts in range(6)] == [0.0, 0.5, 1.0, 2.0, 3.0, 3.0]
 
 
+@pytest.mark.parametrize("backoff_s", [0.0, 0.5, 1e-9])
+def test_the_time_before_a_restart_stays_finite_however_often_a_process_ends(backoff_s: float) -> None:
+    spec = ProcessSpec("cv", "perception.node", backoff_s=backoff_s, longest_backoff_s=3.0)
+    assert [spec.backoff_after_s(restarts) for restarts in (1025, 10**9)] == [min(3.0, 1e99 * backoff_s)] * 2
+
+
 def test_modules_for_a_real_car_publish_their_topics_without_being_told(
     car: Callable[[str], dict[str, ProcessSpec]],
 ) -> None:
