@@ -10,13 +10,14 @@ from trepid.processes.settings import LAUNCHER, Loss
 from trepid.topics import LOSSES
 
 PERIOD_S = 0.2
+RUNS_S = 1.0
 
 
 class LossReport:
     """Publishes the lost processes by the effect of their loss, at every change and while there is one.
 
     A process whose loss stops the car stays in the report: the stop is final. A process whose loss slows the car
-    leaves the report with its first heartbeat after the restart.
+    leaves the report with its first heartbeat after the restart; without heartbeats, when it has run for RUNS_S.
     """
 
     def __init__(self, bus: Bus, clock: Clock, fleet: Fleet) -> None:
@@ -43,11 +44,17 @@ class LossReport:
 
     def publish(self, beats: Mapping[str, Diagnostic]) -> None:
         """Publish if the report has changed or is due. ``beats``: the newest heartbeat of the processes."""
-        for name, beat in beats.items():
-            if beat.t_s > self._slow.get(name, beat.t_s):
-                del self._slow[name]
+        for name in [name for name in self._slow if self._is_back(name, beats.get(name))]:
+            del self._slow[name]
         now = tuple(sorted(self._stop)), tuple(sorted(self._slow))
         due = any(now) and self._clock() - self._sent_s >= PERIOD_S
         if now != self._reported or due:
             self._reported, self._sent_s = now, self._clock()
             self._send(Losses(t_s=self._clock(), stop=now[0], slow=now[1]))
+
+    def _is_back(self, name: str, beat: Diagnostic | None) -> bool:
+        """True when the process runs again after its loss. ``beat``: its newest heartbeat."""
+        child, lost_s = self._fleet.children[name], self._slow[name]
+        if child.spec.heartbeat:
+            return beat is not None and beat.t_s > lost_s
+        return child.alive and child.started_s > lost_s and self._clock() - child.started_s >= RUNS_S
