@@ -57,5 +57,6 @@ def part(group: Group, name: str, own: Mapping[str, Callable[..., Any]]) -> Call
         raise InputError(f"{group.removeprefix('trepid.')}: unknown name {name!r}; {hint}")
     try:
         return point.load()
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"{group} {name!r} = {point.value}: cannot be imported: {error}") from error
+    except Exception as error:  # an import runs the code of the package
+        problem = f"cannot be imported: {type(error).__name__}: {error}"
+        raise InputError(f"{group} {name!r} = {point.value}: {problem}") from error

@@ -266,8 +266,8 @@ def _refuse(path: Sequence[str | int], problem: str, data: CommentedMap) -> NoRe
 
 def missing_program(entry: ProcessSettings) -> str:
     """What is wrong with the program of ``entry`` on this machine; "" when it can be started."""
-    if entry.module is not None and not _module_exists(entry.module):
-        return f"no module {entry.module!r}; install its package, or put the file into the folder of the car"
+    if entry.module is not None and (problem := _missing_module(entry.module)):
+        return problem
     if entry.command is not None and not _command_exists(entry.command[0]):
         return f"no program {entry.command[0]!r}; install it, or give its whole path"
     if entry.entry_point is not None and entry.entry_point not in added(Group.PROCESSES):
@@ -286,14 +286,17 @@ def _command_exists(name: str) -> bool:
     return shutil.which(str(working_folder() / name) if os.sep in name else name) is not None
 
 
-def _module_exists(name: str) -> bool:
-    """True when ``python -m name`` finds the module, also in the folder of the car."""
+def _missing_module(name: str) -> str:
+    """Why ``python -m name`` cannot find the module, also in the folder of the car; "" when it can."""
+    missing = f"no module {name!r}; install its package, or put the file into the folder of the car"
     car = car_folder()
     before = list(sys.path)
     sys.path += [str(car)] if car else []
     try:
-        return importlib.util.find_spec(name) is not None
-    except (ImportError, ValueError):
-        return False
+        return missing if importlib.util.find_spec(name) is None else ""
+    except Exception as error:  # noqa: BLE001 - of the packages above the module, which are imported
+        if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
+            return missing
+        return f"the package of {name!r} cannot be imported: {type(error).__name__}: {error}"
     finally:
         sys.path[:] = before

@@ -116,6 +116,24 @@ def test_a_wrong_entry_is_one_line_with_its_place_and_the_remedy(
     assert str(raised.value).startswith(f"{tmp_path}/processes.yaml{problem}")
 
 
+@pytest.mark.parametrize(
+    ("package", "code", "problem"),
+    [
+        ("divides", "1 / 0", "cannot be imported: ZeroDivisionError: division by zero"),
+        ("needs", "import absent", "cannot be imported: ModuleNotFoundError: No module named 'absent'"),
+    ],
+)
+def test_the_error_of_a_package_above_the_module_of_a_process_is_one_line(
+    car: Callable[[str], dict[str, ProcessSpec]], tmp_path: Path, package: str, code: str, problem: str
+) -> None:
+    (tmp_path / package).mkdir()
+    (tmp_path / package / "__init__.py").write_text(code)
+    with pytest.raises(InputError) as raised:
+        car(f"processes: {{horn: {{module: {package}.node}}}}")
+    said = f"processes.horn.module: the package of '{package}.node' {problem}"
+    assert str(raised.value) == f"{tmp_path}/processes.yaml:1:20: {said}"
+
+
 def test_the_first_restart_comes_at_once_and_each_further_one_after_twice_the_time() -> None:
     spec = ProcessSpec("cv", "perception.node", backoff_s=0.5, longest_backoff_s=3.0)
     assert [spec.backoff_after_s(restarts) for restarts in range(6)] == [0.0, 0.5, 1.0, 2.0, 3.0, 3.0]
