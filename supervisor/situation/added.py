@@ -8,11 +8,15 @@ Such an input is a function of the validated inputs of one moment, with the rang
 
 A rule file names it under ``inputs`` with its sets and the direction of its risk, like every other input; the
 proofs of the rule file hold for all values in its range, so for all values of the function. A value outside the
-range of the function, NaN, None, or an error in the function is a missing value: fear is 1.
+range of the function, NaN, None, or an error in the function is a missing value: fear is 1. The place of an error
+is printed once.
 """
 
 import math
+import sys
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -38,7 +42,6 @@ class Moment(NamedTuple):
 
 
 Measure = Callable[[Moment], float | None]
-_WRONG = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 
 
 class FearInput(NamedTuple):
@@ -53,9 +56,23 @@ class FearInput(NamedTuple):
         try:
             found = self.measure(moment)
             valid = found is not None and math.isfinite(found) and self.low <= found <= self.high
-        except _WRONG:
+        except Exception as error:  # noqa: BLE001 - the function is code of another package
+            _report(getattr(self.measure, "__name__", ""), type(error).__name__, _place(error))
             return None
         return found if valid else None
+
+
+@lru_cache(maxsize=64)  # of each place one line, however often the function fails there
+def _report(function: str, error: str, where: str) -> None:
+    """Print that a function has failed."""
+    with suppress(OSError):
+        print(f"trepid: {where}: {error}: the fear input {function} is missing", file=sys.stderr)
+
+
+def _place(error: Exception) -> str:
+    """File and line of ``error``."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{frame.filename}:{frame.lineno}"
 
 
 def fear_input(*, low: float, high: float) -> Callable[[Measure], FearInput]:

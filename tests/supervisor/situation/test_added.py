@@ -76,12 +76,30 @@ def test_a_value_that_is_none_in_the_range_is_missing(value: Any) -> None:
     assert FearInput(lambda moment: value, 0.0, 1.0)(NOW) is None
 
 
-@pytest.mark.parametrize("error", [ZeroDivisionError, KeyError, AttributeError, TypeError, ValueError])
-def test_an_error_in_the_function_is_a_missing_value(error: type[Exception]) -> None:
+@pytest.mark.parametrize(
+    "error",
+    [
+        ZeroDivisionError,
+        KeyError,
+        AttributeError,
+        TypeError,
+        ValueError,
+        RuntimeError,
+        OSError,
+        StopIteration,
+    ],
+)
+def test_an_error_in_the_function_is_a_missing_value_and_its_place_is_printed_once(
+    error: type[Exception], capsys: pytest.CaptureFixture[str]
+) -> None:
     def fails(moment: Moment) -> float:
         raise error
 
-    assert FearInput(fails, 0.0, 1.0)(NOW) is None
+    added._report.cache_clear()
+    wrong = FearInput(fails, 0.0, 1.0)
+    assert [wrong(NOW) for _ in range(3)] == [None] * 3
+    place = f"{__file__}:{fails.__code__.co_firstlineno + 1}"
+    assert capsys.readouterr().err == f"trepid: {place}: {error.__name__}: the fear input fails is missing\n"
 
 
 def test_the_range_must_rise() -> None:
