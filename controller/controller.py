@@ -9,7 +9,7 @@ Every input is checked for age, finiteness and plausibility. A missing or bad in
 | no usable vehicle state | the same | holds the last wheel angle |
 | no path, but one younger than ``path_memory_s`` | as decided | along the remembered path |
 | no path, but one younger than ``stop_memory_s`` | comfort stop, or the demanded emergency stop | likewise |
-| no path at all | comfort stop, or the demanded emergency stop | holds the last curvature; after a driver the wheel as it is |
+| no path at all | comfort stop, or the demanded emergency stop | holds the last curvature, or the wheel angle |
 | a report that a process is lost whose loss means a stop | comfort stop | – |
 | mode STOP | the stop of the decision | along the path |
 
