@@ -33,11 +33,13 @@ from supervisor.supervisor import SupervisorSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
+from trepid.recording.interpolation import GAP_S, between
 from trepid.recording.notes import CRUISE
 from trepid.recording.notes import number as number_of
 from trepid.recording.reader import read_recording
 from trepid.speech.loudness import note
 from trepid.topics import VEHICLE_STATE
+from trepid.types import Array
 
 COLUMNS = (
     "file",
@@ -54,11 +56,12 @@ NO_DETECTOR = (
     " others for --detector or config/lead.yaml"
 )
 YAW = "yaw_rate_radps"
+SILENT_ROWS = 2.5  # a longer time without a row, in usual times between rows, is a silence of the log
 
 
 @dataclass(frozen=True)
 class GivenMotion:
-    """Speed and, where known, yaw rate over the time since the first frame."""
+    """Speed and, where known, yaw rate over the time since the first frame; NaN: not logged."""
 
     speed_mps_at: Callable[[float], float]
     yaw_radps_at: Callable[[float], float] | None
@@ -72,18 +75,26 @@ def given_motion(speed_mps: float | None, log: Path | None) -> GivenMotion | Non
     if speed_mps is not None:
         raise InputError("give --speed or --speeds, not both")
     t_s, speeds_mps = read_log(log)
-    since_s = t_s - t_s[0]
     yaws = _yaw_rates(log, len(t_s))
     return GivenMotion(
-        lambda at_s: float(np.interp(at_s, since_s, speeds_mps)),
-        None if yaws is None else lambda at_s: float(np.interp(at_s, since_s, yaws)),
+        _logged(t_s, speeds_mps),
+        None if yaws is None else _logged(t_s, np.array(yaws)),
         float(speeds_mps.max()),
     )
 
 
+def _logged(t_s: Array, values: Array) -> Callable[[float], float]:
+    """``values`` over the time since the first row; NaN outside the log, and in silences of SILENT_ROWS rows."""
+    since_s = t_s - t_s[0]
+    gap_s = max(GAP_S, SILENT_ROWS * float(np.median(np.diff(t_s)))) if len(t_s) > 1 else GAP_S
+    late_s = since_s[-1] + gap_s  # the last value holds as long as a gap may be
+    since_s, values = np.append(since_s, late_s), np.append(values, values[-1])
+    return lambda at_s: float(between(np.array([at_s]), since_s, values, gap_s=gap_s * (1 + 1e-9))[0])
+
+
 def _yaw_rates(log: Path, count: int) -> list[float] | None:
     """The column yaw_rate_radps of ``log``, NaN where a cell is empty; None without it. Raises InputError."""
-    rows = list(csv.reader(log.read_text(encoding="utf-8").splitlines()))
+    rows = list(csv.reader(log.read_text(encoding="utf-8-sig").splitlines()))
     if YAW not in rows[0]:
         return None
     column, found = rows[0].index(YAW), []

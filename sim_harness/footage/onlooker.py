@@ -104,7 +104,7 @@ class Given:
         speed_mps_at: Callable[[float], float],
         yaw_radps_at: Callable[[float], float] | None = None,
     ) -> None:
-        """Both functions take the time since the first frame [s]."""
+        """Both functions take the time since the first frame [s]; NaN: unknown."""
         width_px = min(camera.width_px, YAW_WIDTH_PX)
         self._camera = camera.resized(width_px, round(camera.height_px * width_px / camera.width_px))
         self._vehicle, self._speed_mps_at, self._yaw_radps_at = vehicle, speed_mps_at, yaw_radps_at
@@ -119,14 +119,14 @@ class Given:
         speed_mps = self._speed_mps_at(since_s)
         given = self._yaw_radps_at
         yaw_radps = given(since_s) if given is not None else self._measured(frame, speed_mps)
-        known = math.isfinite(yaw_radps)
+        known = math.isfinite(yaw_radps) and math.isfinite(speed_mps)
         bend_1pm = yaw_radps / speed_mps if speed_mps > STANDING_MPS else 0.0
         angle_rad = road_wheel_angle(bend_1pm, wheelbase_m=self._vehicle.wheelbase_m)
         return VehicleState(
             t_s=frame.t_s,
-            speed_mps=speed_mps,
+            speed_mps=speed_mps if math.isfinite(speed_mps) else None,
             road_wheel_angle_rad=angle_rad if known else None,
-            yaw_rate_radps=yaw_radps if known else None,
+            yaw_rate_radps=yaw_radps if math.isfinite(yaw_radps) else None,
             driver_override=since_s < RUN_UP_S,
         )
 
@@ -139,10 +139,11 @@ class Given:
         if before is None or speed_mps <= STANDING_MPS:
             return 0.0
         dt_s = frame.t_s - before[0]
-        step_m: Array = np.array([speed_mps * dt_s])
-        rate = float(yaw_changes_rad([before[1], image], self._camera, step_m)[0]) / dt_s
-        if math.isfinite(rate):
-            self._rates.append((frame.t_s, rate))
+        if dt_s > 0.0 and math.isfinite(speed_mps):  # else nothing is measured
+            step_m: Array = np.array([speed_mps * dt_s])
+            rate = float(yaw_changes_rad([before[1], image], self._camera, step_m)[0]) / dt_s
+            if math.isfinite(rate):
+                self._rates.append((frame.t_s, rate))
         while self._rates and self._rates[0][0] < frame.t_s - SMOOTH_S:
             self._rates.popleft()
         return float(np.mean([rate for _, rate in self._rates])) if self._rates else math.nan

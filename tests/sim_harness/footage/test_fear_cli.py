@@ -136,6 +136,29 @@ def test_a_log_gives_speeds_and_yaw_rates_between_its_rows(tmp_path):
     assert motion.top_mps == 6.0
 
 
+@pytest.mark.parametrize(("at_s", "known"), [(0.3, True), (1.1, True), (3.0, False), (600.0, False)])
+def test_where_a_log_has_no_rows_the_motion_is_unknown(tmp_path, at_s, known):
+    log = tmp_path / "log.csv"
+    times = (*np.arange(10) / 10, *(5.0 + np.arange(6) / 10))
+    rows = "".join(f"{t:.1f},10,0.1\n" for t in times)
+    log.write_text(f"t_s,speed_mps,yaw_rate_radps\n{rows}")
+    motion = given_motion(None, log)
+    state = Given(CAMERA, VEHICLE, motion.speed_mps_at, motion.yaw_radps_at)
+    grey = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
+    state(Frame(t_s=100.0, image=grey))
+    found = state(Frame(t_s=100.0 + at_s, image=grey))
+    expected = (pytest.approx(10.0), pytest.approx(0.1)) if known else (None, None)
+    assert (found.speed_mps, found.yaw_rate_radps) == expected
+    assert (found.road_wheel_angle_rad is not None) is known
+
+
+def test_two_frames_of_one_time_measure_no_yaw_rate(folder):
+    state_of = Given(CAMERA, VEHICLE, lambda _: SPEED_MPS)
+    image = cv2.imread(str(folder / "0.png"))
+    assert state_of(Frame(t_s=1.0, image=image)).yaw_rate_radps == 0.0
+    assert state_of(Frame(t_s=1.0, image=image)).yaw_rate_radps is None
+
+
 @pytest.mark.parametrize(
     ("speed_mps", "text", "reason"),
     [
