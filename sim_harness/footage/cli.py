@@ -83,6 +83,8 @@ def resimulate_verb(
         raise InputError(
             "the speed of the footage is missing: give --speed or --log, or both for another speed"
         )
+    if scale != 1.0 and log is None:
+        raise InputError("--scale: is a factor of the speed of --log, which is missing")
     estimators = tuple(dict.fromkeys(estimator or SUPERVISED))
     for name in estimators:
         entry_of(name)  # raises for an unknown name before the footage is read

@@ -153,7 +153,7 @@ def read_log(path: Path) -> tuple[Array, Array]:
     behavioural-cloning simulator, with the times in the names of its images.
     """
     try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     header = rows[0] if rows else []

@@ -38,6 +38,7 @@ PERIOD_S = 0.01  # of the vehicle; as in lock-step
 CONTROL_TICKS = 2
 CAMERA_TICKS = 4  # 25 frames/s
 SAME_STATION_M = 1e-6
+SAME_TIME_S = 1e-6
 LATENCY_S = 0.02  # capture to estimate; as in lock-step
 RUN_UP_S = 2.2  # a driver must have driven for 2 s before the supervisor takes over (supervisor.yaml)
 SUPERVISED = ("cv", "cnn")  # estimators of the default drive
@@ -183,10 +184,10 @@ class _Loop:
         return self._result()
 
     def _view(self, now_s: float) -> tuple[Image, float]:
-        """The last recorded frame before the present station, reprojected, and its share of unrecorded pixels."""
+        """The last recorded frame, reprojected to the present station, and its share of unrecorded pixels."""
         drive, beside = self._drive, self._state
         station_m = float(np.interp(now_s, drive.t_s, self._stations_m))
-        number = int(np.searchsorted(self._stations_m, station_m + SAME_STATION_M, side="right")) - 1
+        number = int(np.searchsorted(drive.t_s, now_s + SAME_TIME_S, side="right")) - 1
         ahead_m = max(station_m - float(self._stations_m[number]), 0.0)
         turned_rad = float(np.interp(now_s, drive.t_s, self._yaws_rad) - self._yaws_rad[number])
         if ahead_m < SAME_STATION_M:

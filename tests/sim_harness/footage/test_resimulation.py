@@ -229,6 +229,20 @@ def test_the_same_run_twice_is_the_same_to_the_last_bit():
     assert a.row() == b.row()
 
 
+def test_at_standstill_the_frames_of_that_time_are_shown(monkeypatch):
+    whole, shown = rendered_drive("straight", 20.0, 150), []
+    speeds = np.where(whole.t_s < 3.0, SPEED_MPS, 0.0)
+    view = Reprojection.view
+
+    def noted(self, image, shift):
+        shown.append(next(n for n, frame in enumerate(whole.frames) if frame is image))
+        return view(self, image, shift)
+
+    monkeypatch.setattr(Reprojection, "view", noted)
+    resimulate(Drive(whole.name, whole.frames, whole.t_s, speeds, CAMERA), VEHICLE, start=Shift())
+    assert shown == list(range(150))
+
+
 # Bad input.
 
 
@@ -286,6 +300,7 @@ def test_a_clip_that_is_too_short_or_longer_than_its_log_is_refused(tmp_path):
     [
         ([], "give --speed"),
         (["--speed", "5", "--estimator", "x"], "no estimator 'x'"),
+        (["--speed", "5", "--scale", "3"], "--scale: is a factor of the speed of --log"),
         (["--speed", "5", "--camera", "no.yaml"], "no.yaml: cannot be read"),
         (["--speed", "5"], "no such file or folder"),
     ],
