@@ -46,6 +46,9 @@ TABLE: dict[str, dict[str, float]] = {
     "command": {"command_rad": 1.0, "command_deg": RAD},
     "driver_override": {"driver_override": 1.0},
 }
+LONGEST_SPAN = (
+    100.0  # of the time from the first row to the last, in times that the rows would take without pauses
+)
 OPTIONAL = ("command", "driver_override")
 NAMES = [name for names in TABLE.values() for name in names]
 
@@ -103,6 +106,12 @@ def log_of(
     back = np.flatnonzero(np.diff(table[:, 0]) <= 0.0)
     if len(back):
         raise InputError(f"{path}: time does not go on after t_s = {table[back[0], 0]:.3f}")
+    steps_s = np.diff(table[:, 0])
+    if steps_s.sum() > LONGEST_SPAN * len(steps_s) * np.median(steps_s):
+        silent_s = table[int(np.argmax(steps_s)), 0]
+        raise InputError(
+            f"{path}: no rows for {steps_s.max():.0f} s after t_s = {silent_s:.3f}: leave out one part"
+        )
     return DriveLog(
         t_s=table[:, 0],
         speed_mps=table[:, 1],
@@ -168,7 +177,7 @@ def _from_table(path: Path, renamed: Mapping[str, str]) -> DriveLog:
 
 def _cells(path: Path) -> tuple[list[str], list[list[str]]]:
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             header, *rows = csv.reader(file)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error

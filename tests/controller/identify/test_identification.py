@@ -339,6 +339,12 @@ def test_a_poor_log_ends_in_exit_code_1_and_one_line_per_reason(tmp_path):
         ),
         ("a.csv", "t_s,speed_mps,road_wheel_angle_rad,yaw_rate_dps\n0,1,2,3\n", "no two rows"),
         ("a.csv", "t_s,speed_mps,road_wheel_angle_rad,yaw_rate_dps\n0,1,2,3\n0,1,2,3\n", "does not go on"),
+        (
+            "a.csv",
+            "t_s,speed_mps,road_wheel_angle_rad,yaw_rate_dps\n0,1,2,3\n1700000000,1,2,3\n1700000000.1,1,2,3\n"
+            "1700000000.2,1,2,3\n",
+            "no rows for 1700000000 s after t_s = 0.000",
+        ),
         ("a.mcap", "nothing", "not a recording"),
         ("a.npz", "nothing", "is no saved trace"),
         ("a.txt", "nothing", "expected a recording"),
