@@ -104,6 +104,7 @@ class DriverNetwork:
         grey = np.full((self.record.height, self.record.width, 3), 128, np.uint8)
         try:
             steering = self(grey, self.initial_state)
+            steering = self(grey, steering.state)  # also with the state of the first one
         except _FAILURES as error:
             raise self._refused(f"fails on a grey image: {_line(error)}") from error
         if not steering.finite:

@@ -22,7 +22,10 @@ class WeightsRecord(Settings):
 R = TypeVar("R", bound=WeightsRecord)
 
 _ERRORS = onnxruntime.capi.onnxruntime_pybind11_state
-_NO_NETWORK = (_ERRORS.InvalidProtobuf, _ERRORS.InvalidGraph, _ERRORS.InvalidArgument, _ERRORS.Fail)
+_NO_NETWORK = (
+    *(_ERRORS.InvalidProtobuf, _ERRORS.InvalidGraph, _ERRORS.InvalidArgument, _ERRORS.Fail),
+    *(_ERRORS.NotImplemented, _ERRORS.RuntimeException),
+)
 
 
 def load_record(weights: Path, kind: type[R]) -> R:
@@ -44,4 +47,6 @@ def open_session(network: bytes, path: Path) -> onnxruntime.InferenceSession:
     try:
         return onnxruntime.InferenceSession(network, options, providers=["CPUExecutionProvider"])
     except _NO_NETWORK as error:
-        raise InputError(f"{path}: not an ONNX network") from error
+        fault = "it computes with a kind of number or an operator that ONNX Runtime lacks"
+        unknown = isinstance(error, _ERRORS.NotImplemented)
+        raise InputError(f"{path}: {fault if unknown else 'not an ONNX network'}") from error

@@ -29,11 +29,13 @@ def write_network(
     record: Mapping[str, object] | None = None,
     without: str = "",
     image_type: int = TensorProto.UINT8,
+    numbers_out: int = 1,
 ) -> Path:
     """A network with the angle gain·(mean of the left half - mean of the right half)/255, + = bright on the left.
 
     With ``memory`` the angle is the mean of that and of the state, which is the last angle; the first state is 0.
     ``record`` changes the metadata; ``without`` names an input, an output, or "metadata", to leave out.
+    ``numbers_out``: of ``next_state``; ``state`` has one.
     """
     n, f = "N", TensorProto.FLOAT
     weights = np.zeros((HEIGHT, WIDTH, 3), np.float32)
@@ -63,12 +65,13 @@ def write_network(
     ]
     if memory:
         inputs.append(helper.make_tensor_value_info("state", f, [n, 1]))
-        outputs.append(helper.make_tensor_value_info("next_state", f, [n, 1]))
+        outputs.append(helper.make_tensor_value_info("next_state", f, [n, numbers_out]))
         nodes += [
             helper.make_node("Squeeze", ["state", "one"], ["before"]),
             helper.make_node("Add", ["before", "now"], ["sum"]),
             helper.make_node("Mul", ["sum", "half"], ["road_wheel_rad"]),
-            helper.make_node("Unsqueeze", ["road_wheel_rad", "one"], ["next_state"]),
+            helper.make_node("Unsqueeze", ["road_wheel_rad", "one"], ["last"]),
+            helper.make_node("Concat", ["last"] * numbers_out, ["next_state"], axis=1),
         ]
     else:
         nodes.append(helper.make_node("Identity", ["now"], ["road_wheel_rad"]))

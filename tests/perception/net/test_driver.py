@@ -8,7 +8,7 @@ import pytest
 from driving_network_rig import halves, write_network
 from hypothesis import given
 from hypothesis import strategies as st
-from onnx import TensorProto
+from onnx import TensorProto, helper, save
 from scipy.stats import norm
 
 from perception.estimators import build, entry_of, name_of
@@ -132,6 +132,7 @@ def test_two_estimators_of_one_file_have_separate_memories(path):
         (dict(without="sigma_rad"), "has no output 'sigma_rad'"),
         (dict(without="unlike"), "has no output 'unlike'"),
         (dict(without="next_state", memory=True), "expected both"),
+        (dict(numbers_out=2, memory=True), "fails on a grey image"),
         (dict(image_type=TensorProto.FLOAT), "expected tensor(uint8)"),
         (dict(sigma_rad=-0.1), "sigma_rad is not positive"),
         (dict(unlike=math.nan), "not finite"),
@@ -143,6 +144,18 @@ def test_a_file_that_breaks_the_contract_is_refused_in_one_line(path, changes, f
         DriverNetwork(path)
     text = str(refusal.value)
     assert text.startswith(f"{path}: no driving network: ") and fault in text and "\n" not in text
+
+
+def test_a_network_that_onnx_runtime_cannot_compute_is_refused_in_one_line(path):
+    images, kernel = (helper.make_tensor_value_info(name, TensorProto.DOUBLE, [1, 1, 4, 4]) for name in "xk")
+    out = helper.make_tensor_value_info("y", TensorProto.DOUBLE, [1, 1, 1, 1])
+    graph = helper.make_graph(
+        [helper.make_node("Conv", ["x", "k"], ["y"])], "double", [images, kernel], [out]
+    )
+    save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9), path)
+    with pytest.raises(InputError, match="ONNX Runtime lacks") as refusal:
+        DriverNetwork(path)
+    assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
