@@ -63,7 +63,7 @@ def _defuzzify(name: str, at: tuple[float, ...]) -> list[str]:
 
 def _rule(rule: Rule) -> str:
     """The sentence in FCL's words; its cause stands among the options."""
-    sentence = re.split(r" with weight | because ", rule.text)[0]
+    sentence = re.split(r" with weight | because ", " ".join(rule.text.split()))[0]
     words = re.findall(r"\w+|\S", sentence)
     text = " ".join(word.upper() if word in FCL_WORDS else word for word in words)
     return text + ("" if rule.weight == 1 else f" WITH {rule.weight!r}")

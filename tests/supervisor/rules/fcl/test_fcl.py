@@ -52,6 +52,13 @@ def test_exported_and_imported_rules_infer_the_same_to_the_last_bit(rules: FearR
             assert again.memberships(values) == own.memberships(values)
 
 
+def test_spaces_between_the_words_of_a_rule_change_nothing() -> None:
+    rules = [rule.replace(" ", "  ") for rule in SMALL.file.rules]
+    spaced = compiled(SMALL.file.model_copy(update={"rules": type(SMALL.file.rules)(rules)}))
+    assert any("with  weight" in rule for rule in rules)
+    assert fcl(spaced) == fcl(SMALL)
+
+
 def test_export_and_import_lose_no_part_of_a_file() -> None:
     assert read_back(SMALL).file == SMALL.file
     assert fcl(read_back(SHIPPED)) == fcl(SHIPPED)
