@@ -80,6 +80,9 @@ def calibrate(
     """Measure a camera: lens and focal length from a chessboard, pitch, yaw and height from driving straight."""
     if not boards and straight is None:
         raise InputError("expected images of a chessboard, or --straight with a clip of driving straight")
+    if straight is None and (lane_width is not None or speed is not None):
+        name = "--speed" if lane_width is None else "--lane-width"
+        raise InputError(f"{name}: is of the drive of --straight, which is missing")
     _check_options(out if not force else None, lane_width, speed, width)
     mount = _mount(rotate, mirror)
     start = load(camera, Camera)

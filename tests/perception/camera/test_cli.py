@@ -108,6 +108,7 @@ def test_an_existing_file_is_kept_unless_forced(
         (["{tmp}", "--corners", "9by6"], "expected columns x rows"),
         (["{tmp}", "--corners", "2x2"], "expected columns x rows"),
         (["--straight", "{tmp}", "--lane-width", "-3"], "--lane-width: must be a number of at least 0.1"),
+        (["{tmp}", "--lane-width", "3"], "--lane-width: is of the drive of --straight"),
         (["--straight", "{tmp}", "--speed", "nan"], "--speed: must be a number of at least 1"),
         (["--straight", "{tmp}/wide.png"], "64 x 16 px, but the camera file is for 320 x 240"),
         (["--straight", "{tmp}/bad.mcap"], "bad.mcap"),
