@@ -8,11 +8,10 @@ end: an error in one ends all of them, and the vehicle process then stops the ca
 """
 
 import importlib
-import importlib.util
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
+from importlib.abc import InspectLoader
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -22,7 +21,7 @@ from trepid.config import InputError, Settings
 from trepid.messages import Health
 from trepid.processes.access import published_by
 from trepid.processes.process import Process, Values, process
-from trepid.processes.settings import ProcessSpec
+from trepid.processes.settings import RESERVED, ProcessSpec, missing_module, module_spec
 from trepid.processes.turns import NodeModule, repeat
 
 FUSED = "trepid.processes.fused"
@@ -41,14 +40,17 @@ class FusedNode(Settings):
 def gathered(specs: Iterable[ProcessSpec]) -> tuple[ProcessSpec, ...]:
     """``specs`` with one process in place of those that share the value of ``together``.
 
-    It is treated as the first of them is. Raises InputError for a program whose node cannot share a process.
+    It is treated as the first of them is. Raises InputError for a program whose node cannot share a process, and
+    for a shared process with the name of another one.
     """
+    specs = tuple(specs)
+    taken = {*RESERVED, *(spec.name for spec in specs)}
     found: dict[str, ProcessSpec] = {}
     for spec in specs:
         if not spec.together:
             found[spec.name] = spec
             continue
-        problem = _unfit(spec)
+        problem = _unfit(spec, taken)
         if problem:
             where = f"{spec.place}: " if spec.place else ""
             raise InputError(f"{where}process {spec.name}: together: {spec.together}: {problem}")
@@ -64,17 +66,22 @@ def gathered(specs: Iterable[ProcessSpec]) -> tuple[ProcessSpec, ...]:
     return tuple(found.values())
 
 
-def _unfit(spec: ProcessSpec) -> str:
-    """Why ``spec`` cannot share a process; "" when it can."""
-    if spec.name == spec.together:
-        return "the shared process needs a name of its own"
+def _unfit(spec: ProcessSpec, taken: Collection[str]) -> str:
+    """Why ``spec`` cannot share a process of a name that is not among ``taken``; "" when it can."""
+    if spec.together in taken:
+        return f"the shared process needs a name of its own, other than {', '.join(sorted(taken))}"
     if spec.is_vehicle:
         return f"it holds the limiter, {OUTLIVES}"
-    found = importlib.util.find_spec(spec.module) if spec.module else None
-    source = Path(found.origin).read_text(encoding="utf-8") if found and found.origin else ""
-    if "\ndef node(" not in source:
+    if "\ndef node(" not in _source(spec.module):
         return f"{spec.program} has no function node(me), so that it needs a process of its own"
     return ""
+
+
+def _source(module: str) -> str:
+    """The text of ``module``; "" without one, and where its package cannot be imported."""
+    found = module_spec(module) if module and not missing_module(module) else None
+    loader = found.loader if found else None
+    return (loader.get_source(module) or "") if isinstance(loader, InspectLoader) else ""
 
 
 class Heartbeats:

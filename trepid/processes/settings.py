@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, Self
 
@@ -37,6 +38,8 @@ RECORDER = "recorder"
 minutes, or driver input."""
 LAUNCHER = "launcher"
 """Name under which the launcher itself reports."""
+RESERVED = (LAUNCHER, OBSERVER, AUTHORITY)
+"""Names that no process may have: their certificates belong to others."""
 PROGRAMS = ("module", "command", "entry_point")
 SIMULATOR = "sim_harness."
 PUBLISHED: Mapping[str, tuple[str, ...]] = {
@@ -223,7 +226,7 @@ def _specs(file: ProcessesFile, data: CommentedMap) -> Iterator[ProcessSpec]:
         if not given:
             hint = did_you_mean(name, [*(other for other in file.processes if other != name)], "")
             _refuse(where, f"has no program: give module, command or entry_point; {hint}".rstrip("; "), data)
-        if name in (LAUNCHER, OBSERVER, AUTHORITY):
+        if name in RESERVED:
             _refuse(
                 where, f"is reserved: the certificate {name}.crt is another one's; use another name", data
             )
@@ -266,7 +269,7 @@ def _refuse(path: Sequence[str | int], problem: str, data: CommentedMap) -> NoRe
 
 def missing_program(entry: ProcessSettings) -> str:
     """What is wrong with the program of ``entry`` on this machine; "" when it can be started."""
-    if entry.module is not None and (problem := _missing_module(entry.module)):
+    if entry.module is not None and (problem := missing_module(entry.module)):
         return problem
     if entry.command is not None and not _command_exists(entry.command[0]):
         return f"no program {entry.command[0]!r}; install it, or give its whole path"
@@ -286,17 +289,26 @@ def _command_exists(name: str) -> bool:
     return shutil.which(str(working_folder() / name) if os.sep in name else name) is not None
 
 
-def _missing_module(name: str) -> str:
+def missing_module(name: str) -> str:
     """Why ``python -m name`` cannot find the module, also in the folder of the car; "" when it can."""
     missing = f"no module {name!r}; install its package, or put the file into the folder of the car"
-    car = car_folder()
-    before = list(sys.path)
-    sys.path += [str(car)] if car else []
     try:
-        return missing if importlib.util.find_spec(name) is None else ""
+        return missing if module_spec(name) is None else ""
     except Exception as error:  # noqa: BLE001 - of the packages above the module, which are imported
         if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
             return missing
         return f"the package of {name!r} cannot be imported: {type(error).__name__}: {error}"
+
+
+def module_spec(name: str) -> ModuleSpec | None:
+    """The module that ``python -m name`` finds, also in the folder of the car; None without one.
+
+    The packages above it are imported: raises what they raise.
+    """
+    car = car_folder()
+    before = list(sys.path)
+    sys.path += [str(car)] if car else []
+    try:
+        return importlib.util.find_spec(name)
     finally:
         sys.path[:] = before

@@ -3,12 +3,13 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from trepid.config import InputError
+from trepid.config import CAR, InputError
 from trepid.messages import Health
 from trepid.processes.fused import gathered, run
 from trepid.processes.settings import ProcessSpec
@@ -122,8 +123,32 @@ def test_entries_that_name_the_same_process_become_one() -> None:
             " another node hangs or ends",
         ),
         (spec("frame", "controller.node"), "needs a name of its own"),
+        (spec("cv", "controller.node", together="observer"), "needs a name of its own, other than ca, cv, "),
     ],
 )
 def test_a_process_that_cannot_share_is_refused(wrong: ProcessSpec, problem: str) -> None:
     with pytest.raises(InputError, match=problem):
         gathered((wrong,))
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_shared_process_with_the_name_of_another_process_is_refused(order: int) -> None:
+    entries = (
+        spec("supervisor", "supervisor.node", together=""),
+        spec("cv", "perception.node", together="supervisor", place="p.yaml:2:9"),
+    )
+    with pytest.raises(
+        InputError, match=r"^p\.yaml:2:9: process cv: together: supervisor: .* a name of its own"
+    ):
+        gathered(entries[::order])
+
+
+@pytest.mark.parametrize("module", ["horn", "sounds.horn"])
+def test_a_node_in_the_folder_of_the_car_can_share_a_process(
+    module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / f"{module.replace('.', '/')}.py"
+    file.parent.mkdir(exist_ok=True)
+    file.write_text('"""A horn."""\n\n\ndef node(me):\n    ...\n')
+    monkeypatch.setenv(CAR, str(tmp_path))
+    assert [one.name for one in gathered([spec("horn", module)])] == ["frame"]
