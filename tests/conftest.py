@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import tempfile
+from pathlib import Path
 
 for library in (
     "OMP",
@@ -16,7 +17,8 @@ os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(
     prefix="trepid-state-"
 )  # drives write their last minutes there
 
-from hypothesis import settings  # noqa: E402  after the limits, which libraries read when they are imported
+import pytest  # noqa: E402  after the limits, which libraries read when they are imported
+from hypothesis import settings  # noqa: E402
 
 settings.register_profile("untimed", deadline=None)  # timing decides no test, on however loaded a machine
 settings.load_profile("untimed")
@@ -32,3 +34,14 @@ def pytest_collection_finish() -> None:
     """Spare the garbage collector the thousands of tests and modules, which stay to the end."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture
+def own_register(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A register of drives, in ``$XDG_RUNTIME_DIR``, which no other drive of this machine is in; that folder."""
+    runtime = tmp_path / "runtime"
+    for folder in (runtime, tmp_path / "temporary"):
+        folder.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    return runtime

@@ -4,20 +4,22 @@ import fcntl
 import os
 import secrets
 import socket
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import IO
 
 from trepid.config import CONFIG_DIR, InputError, located, read
-from trepid.processes.register import folder
+from trepid.processes.register import folder, folders
 from trepid.security import certificate, load_security, on_loopback, private_key
 
 PAGE, FOXGLOVE = "page", "foxglove"
 """Names of the processes that serve the page, and Foxglove."""
 TOKEN_FILE = "page-token"
+TOKEN = "TREPID_PAGE_TOKEN"  # environment variable
 TOKEN_BYTES = 16
-_held: dict[int, int] = {}  # port -> lock against other drives of this user; it ends with this process
+_held: dict[int, ExitStack] = {}  # port -> lock against other drives of this user; it ends with this process
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,20 +81,30 @@ def foxglove_port(port: int) -> int:
 
 
 def page_token() -> str:
-    """The token of this user, the same for all drives until the machine restarts. Raises InputError."""
+    """The token of this user, the same for all drives until the machine restarts.
+
+    Where no folder can hold it, one of this drive, in the environment of its processes.
+    """
+    if TOKEN not in os.environ:
+        kept = [path for one in folders() if (path := one / TOKEN_FILE).exists()]
+        with suppress(OSError, InputError):
+            return (kept[0] if kept else _fresh_token()).read_text(encoding="utf-8")
+        os.environ[TOKEN] = secrets.token_urlsafe(TOKEN_BYTES)
+    return os.environ[TOKEN]
+
+
+def _fresh_token() -> Path:
+    """The file of a new token. Raises InputError and OSError where no folder can hold it."""
     path = folder() / TOKEN_FILE
     fresh = path.with_suffix(f".{os.getpid()}")
     try:
-        if not path.exists():
-            with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
-                file.write(secrets.token_urlsafe(TOKEN_BYTES))
-            with suppress(FileExistsError):  # another drive was faster
-                os.link(fresh, path)
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written or read: {error.strerror}") from error
+        with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+            file.write(secrets.token_urlsafe(TOKEN_BYTES))
+        with suppress(FileExistsError):  # another drive was faster
+            os.link(fresh, path)
     finally:
         fresh.unlink(missing_ok=True)
+    return path
 
 
 def listening(host: str, port: int) -> socket.socket:
@@ -116,15 +128,20 @@ def _reserved(host: str, port: int) -> int:
     """
     if port in _held or not port:
         return _bound(host, port)
-    lock = os.open(folder() / f"port-{port}", os.O_RDWR | os.O_CREAT, 0o600)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    with ExitStack() as held:
+        lock = _lock_file(port)
+        if lock is not None:
+            fcntl.flock(held.enter_context(lock), fcntl.LOCK_EX | fcntl.LOCK_NB)
         found = _bound(host, port)
-    except OSError:
-        os.close(lock)
-        raise
-    _held[port] = lock
+        _held[port] = held.pop_all()
     return found
+
+
+def _lock_file(port: int) -> IO[str] | None:
+    """The file whose lock reserves ``port``; None where no folder can hold it."""
+    with suppress(OSError, InputError):
+        return (folder() / f"port-{port}").open("a", encoding="utf-8")
+    return None
 
 
 def _bound(host: str, port: int) -> int:

@@ -31,17 +31,46 @@ class Running(Settings):
 
 
 def folder() -> Path:
-    """Folder of the register, for this user alone. Raises InputError when another user owns it."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    path = Path(runtime) / "trepid" if runtime else Path(tempfile.gettempdir()) / f"trepid-{os.getuid()}"
+    """Folder of the register in which this process writes, for this user alone.
+
+    The first that can be made, in ``$XDG_RUNTIME_DIR`` or in the folder for temporary files, and that no other user
+    owns. Raises InputError without one.
+    """
+    problem = ""
+    for path in _places()[
+        0 if os.environ.get("XDG_RUNTIME_DIR") else 1 :
+    ]:  # /run/user ends with the last login
+        try:
+            path.mkdir(mode=0o700, exist_ok=True)
+        except OSError as error:
+            problem = f"{path}: cannot be created: {error.strerror}"
+        else:
+            if _is_own(path):
+                return path
+            problem = f"{path}: belongs to another user"
+    raise InputError(f"{problem}; set XDG_RUNTIME_DIR to a folder of your own")
+
+
+def folders() -> list[Path]:
+    """The folders of the register that this user owns.
+
+    A drive and the shell of its user can have different ones: a service of the system has no ``$XDG_RUNTIME_DIR``.
+    """
+    return [path for path in _places() if _is_own(path)]
+
+
+def _places() -> tuple[Path, Path]:
+    user = os.getuid()
+    runtime = os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{user}"
+    return Path(runtime) / "trepid", Path(tempfile.gettempdir()) / f"trepid-{user}"
+
+
+def _is_own(path: Path) -> bool:
+    """False also for a link of another user, which may lead to a folder of this one."""
     try:
-        path.mkdir(mode=0o700, exist_ok=True)
-        owner = path.lstat().st_uid  # a link of another user may lead to a folder of this one
-    except OSError as error:
-        raise InputError(f"{path}: cannot be created: {error.strerror}; set XDG_RUNTIME_DIR") from error
-    if owner != os.getuid():
-        raise InputError(f"{path}: belongs to another user; set XDG_RUNTIME_DIR to a folder of your own")
-    return path
+        return path.lstat().st_uid == os.getuid()
+    except OSError:
+        return False
 
 
 def ticks(pid: int) -> int | None:
@@ -71,7 +100,7 @@ def registered(drive: Running) -> Iterator[None]:
 def running() -> list[Running]:
     """The drives of this user that run, the oldest first; entries of killed launchers are removed."""
     found = []
-    for path in folder().glob("*.json"):
+    for path in (path for one in folders() for path in one.glob("*.json")):
         try:
             drive = Running.model_validate_json(path.read_text(encoding="utf-8"))
         except (OSError, ValidationError):

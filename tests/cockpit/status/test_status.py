@@ -35,8 +35,8 @@ def report(*rows: dict[str, Any]) -> Diagnostic:
 
 
 @pytest.fixture
-def register(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+def register(own_register: Path) -> None:
+    pass
 
 
 @contextmanager

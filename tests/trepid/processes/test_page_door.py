@@ -3,17 +3,18 @@
 import socket
 import subprocess
 import sys
+import tempfile
 
 import pytest
 
 from trepid.config import InputError, use_car
-from trepid.processes.page_door import TOKEN_FILE, page_door, page_token
+from trepid.processes.page_door import TOKEN, TOKEN_FILE, page_door, page_token
 from trepid.processes.register import folder
 
 
 @pytest.fixture(autouse=True)
-def own_register(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+def _own_register(own_register, monkeypatch):
+    monkeypatch.delenv(TOKEN, raising=False)
 
 
 def test_the_token_is_long_kept_and_readable_by_its_owner_alone():
@@ -21,6 +22,34 @@ def test_the_token_is_long_kept_and_readable_by_its_owner_alone():
     assert len(token) >= 20 and page_token() == token
     assert (folder() / TOKEN_FILE).stat().st_mode & 0o777 == 0o600
     assert [path.name for path in folder().iterdir()] == [TOKEN_FILE]
+
+
+def test_the_token_is_the_same_for_a_service_of_the_system_and_the_shell_of_its_user(monkeypatch):
+    with monkeypatch.context() as service:
+        service.delenv("XDG_RUNTIME_DIR")
+        token = page_token()
+    assert page_token() == token
+
+
+def test_where_no_folder_can_hold_the_token_the_processes_of_the_drive_inherit_it(monkeypatch, tmp_path):
+    monkeypatch.setenv(TOKEN, "")  # restored after the test
+    monkeypatch.delenv(TOKEN)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "missing"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
+    door = page_door("127.0.0.1", 0)
+    printed = "from trepid.processes.page_door import page_token; print(page_token())"
+    page = subprocess.run([sys.executable, "-c", printed], capture_output=True, text=True, check=True)
+    assert len(door.token) >= 20 and page.stdout.strip() == door.token
+
+
+def test_a_port_is_used_where_no_folder_can_hold_its_lock(monkeypatch, tmp_path):
+    monkeypatch.setenv(TOKEN, "any")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "missing"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    assert page_door("127.0.0.1", port).port == port
 
 
 def test_the_token_is_no_part_of_a_request():

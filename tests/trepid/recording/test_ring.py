@@ -78,9 +78,8 @@ def test_a_recorder_that_is_started_again_goes_on_in_the_ring_of_its_drive(tmp_p
 
 
 @pytest.fixture
-def drives(home: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+def drives(home: Path, own_register: Path) -> Callable[..., None]:
     """A function that makes drives run, each with an endpoint and the name of its ring."""
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(home))
 
     def run(**rings: str | None) -> None:
         for endpoint, ring in rings.items():
