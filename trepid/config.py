@@ -220,8 +220,18 @@ def overlay(data: CommentedMap, over: CommentedMap, source: Path) -> None:
             data.pop(key, None)
         else:
             data[key] = value
-            data.lc.add_kv_line_col(key, over.lc.data[key])
+            data.lc.add_kv_line_col(key, _position_of(over, key))
             vars(data).setdefault("sources", {})[key] = source
+
+
+def _position_of(data: CommentedMap, key: Any) -> list[int] | None:
+    """Line and column, from 0, of the name ``key`` and its value; None for a field that is from no file.
+
+    ``key`` may also be in a mapping that ``<<`` merges into ``data``.
+    """
+    own: list[int] | None = (data.lc.data or {}).get(key)
+    merged = (_position_of(below, key) for below in data.merge if key in below)
+    return own or next(merged, None)
 
 
 def texts(path: Path) -> tuple[str, ...]:
@@ -431,10 +441,12 @@ def position(data: Any, path: Sequence[str | int]) -> tuple[int, int]:
         if not _has(data, part):
             continue  # the name of a union member, or a field that is missing
         try:
-            place = (data.lc.key if isinstance(data, CommentedMap) else data.lc.item)(part)
-            line, column = place[0] + 1, place[1] + 1
+            found = _position_of(data, part) if isinstance(data, CommentedMap) else data.lc.item(part)
         except (KeyError, TypeError, AttributeError):
+            found = None
+        if found is None:
             break  # from the command line: no place in the file
+        line, column = found[0] + 1, found[1] + 1
         data = data[part]
     return line, column
 

@@ -40,6 +40,14 @@ def test_single_fields_change_and_the_others_stay(car: Callable[[str], dict[str,
     assert (cv.module, cv.options) == ("perception.node", {"estimator": "cv"})
 
 
+@pytest.mark.parametrize("entry", ["cnn: {<<: *d}", "cnn:\n    <<: *d", "cnn: {<<: [{cores: []}, *d]}"])
+def test_merged_fields_change_an_entry_as_fields_of_its_own(
+    car: Callable[[str], dict[str, ProcessSpec]], entry: str
+) -> None:
+    cnn = car(f"processes:\n  cv: &d {{nice: 5}}\n  {entry}\n")["cnn"]
+    assert (cnn.nice, cnn.module) == (5, "perception.node")
+
+
 def test_another_program_replaces_the_entry_as_a_whole(car: Callable[[str], dict[str, ProcessSpec]]) -> None:
     specs = car("processes: {vehicle: {module: controller.node}, cv: {command: [echo], loss: nothing}}")
     vehicle, cv = specs["vehicle"], specs["cv"]
@@ -102,6 +110,7 @@ def test_a_command_need_not_report_and_may(car: Callable[[str], dict[str, Proces
             "processes: {cv: {loss: crash}}",
             ":1:18: processes.cv.loss: Input should be 'stop', 'slow' or 'nothing'",
         ),
+        ("processes: {cv: {<<: {loss: crash}}}", ":1:23: processes.cv.loss: Input should be"),
         (
             "processes: {launcher: {command: [echo]}}",
             ":1:13: processes.launcher: is reserved: the certificate launcher.crt is another one's",
