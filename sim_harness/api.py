@@ -175,7 +175,7 @@ def drive(
     """
     from sim_harness.live.drive import drive as drive_live
     from sim_harness.live.drive import has_simulator
-    from sim_harness.live.referee import DriveSettings
+    from trepid.processes.drive_settings import DriveSettings
 
     refuse("raw_images needs record", raw_images and record is None)
     with using_car(None if car is None else Path(car)):

@@ -16,9 +16,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from sim_harness.live.drive import DriveSettings
 from trepid.bus import free_endpoint, open_graph
 from trepid.config import CONFIG_DIR, load
+from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.settings import load_processes
 from trepid.security import LAUNCHER, OBSERVER, load_security, session_settings
 from trepid.topics import COMMAND

@@ -26,7 +26,7 @@ from sim_harness.live.plan import (
     networks_in,
     planned,
 )
-from sim_harness.live.referee import Assigned, DriveSettings, Referee, Show
+from sim_harness.live.referee import Assigned, Referee, Show
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.faults import EstimatorBias, LostLane
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
@@ -34,6 +34,7 @@ from trepid.bus import Bus, free_endpoint, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CONFIG_DIR, InputError, car_folder, located, read
 from trepid.processes.access import published_by
+from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.fused import gathered
 from trepid.processes.launch import Child, Fleet
 from trepid.processes.page_door import FOXGLOVE, PAGE, PageDoor
@@ -48,8 +49,6 @@ from vehicle.keys.check import check_keys
 RECORDER_READY_S = (
     5.0  # longest wait for the recorder; a drive without its first steps is recorded all the same
 )
-
-__all__ = ["DriveSettings", "drive", "has_simulator", "lockstep_only"]
 
 
 def has_simulator() -> bool:

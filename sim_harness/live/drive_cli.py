@@ -24,7 +24,8 @@ if TYPE_CHECKING:  # heavy; the first line of a drive comes before them
     from rich.text import Text
 
     from sim_harness.live.drive_log import DriveLog
-    from sim_harness.live.referee import DriveSettings, Show
+    from sim_harness.live.referee import Show
+    from trepid.processes.drive_settings import DriveSettings
     from trepid.processes.launch import Fleet
     from trepid.processes.page_door import PageDoor
 
@@ -121,8 +122,8 @@ def _drive(
     """The row of the drive. ``life`` prints a line after SIGN_OF_LIFE_S; the first line of the drive cancels it."""
     from sim_harness.live.drive import drive as drive_scenario
     from sim_harness.live.drive import has_simulator
-    from sim_harness.live.referee import DriveSettings
     from sim_harness.scenarios.chosen_estimators import changes_of, networks_of
+    from trepid.processes.drive_settings import DriveSettings
     from trepid.processes.page_door import foxglove_port
 
     settings = load(CONFIG_DIR / "drive.yaml", DriveSettings)

@@ -1,10 +1,7 @@
 """The launcher's monitor of one drive: its beginning, the losses of processes, its end, and its evaluation."""
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import Annotated, Any, NamedTuple
-
-from pydantic import Field
+from typing import Any, NamedTuple
 
 from sim_harness.live.drive_log import DriveLog
 from sim_harness.live.evaluation import evaluated
@@ -14,35 +11,17 @@ from sim_harness.live.silence import Silence
 from sim_harness.scenarios.scenario import Scenario
 from trepid.bus import Bus
 from trepid.clock import Clock
-from trepid.config import InputError, Settings
+from trepid.config import InputError
 from trepid.messages import Health
+from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.launch import Fleet, UnexpectedExit
 from trepid.processes.settings import Loss, Restart
-from trepid.recording.ring import RingSettings
-from trepid.types import Positive
 
 Show = Callable[[DriveLog, Fleet, float], None]
 """Displays the drive so far: log, processes, elapsed time [s]."""
 LISTEN_S = 0.02
 ENDINGS = ("stopped by SIGINT", "stopped by SIGTERM")
 """How a drive of a real car without duration ends normally."""
-
-
-class DriveSettings(Settings):
-    """``config/drive.yaml``."""
-
-    vehicle_name: str
-    scenario: str
-    ready_timeout_s: Positive
-    silence_s: Positive
-    standstill_mps: Positive
-    stop_timeout_s: Positive
-    status_period_s: Positive
-    ring: RingSettings
-    record_folder: Path
-    page_host: str
-    page_port: Annotated[int, Field(ge=0, le=65535)]
-    foxglove_port: Annotated[int, Field(ge=0, le=65535)]
 
 
 class Assigned(NamedTuple):

@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping
 
 from trepid.config import InputError
 from trepid.messages import Decision, SimTruth, Stop, VehicleState
+from trepid.processes.drive_settings import RingSettings
 from trepid.processes.process import Process
-from trepid.recording.ring import MB, Ring, RingSettings, keep_apart, kept_name, size_of_kept
+from trepid.recording.ring import MB, Ring, keep_apart, kept_name, size_of_kept
 from trepid.recording.writer import RECORDED
 from trepid.topics import DECISION, SIM_TRUTH, VEHICLE_STATE
 

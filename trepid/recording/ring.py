@@ -17,43 +17,23 @@ from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
-from pydantic import ConfigDict
-
 from trepid.bus import Tap
 from trepid.clock import seconds
-from trepid.config import CONFIG_DIR, ROOT, InputError, Settings, parse, read
+from trepid.config import CONFIG_DIR, ROOT, InputError, load
+from trepid.processes.drive_settings import DriveSettings, RingSettings
 from trepid.processes.register import choose, running
 from trepid.recording.foreign import in_order
 from trepid.recording.reader import read_recording
 from trepid.recording.writer import BEGAN, Recording
-from trepid.types import NonNegative, Positive
 
 MB = 1_000_000
 STAMP = "%Y-%m-%d-%H-%M-%S"
 KEPT_NICE = 19  # of the process that joins parts during a drive
 
 
-class RingSettings(Settings):
-    """``ring`` in ``config/drive.yaml``."""
-
-    max_mb: NonNegative  # of the parts of all drives; 0: no ring
-    part_s: Positive  # length of one part
-    after_s: NonNegative  # what is kept by an event lasts so long beyond it
-    max_kept_mb: NonNegative  # beyond it, events keep nothing more
-
-
 def ring_settings() -> RingSettings:
     """``ring`` of ``drive.yaml``. Raises InputError."""
-    path = CONFIG_DIR / "drive.yaml"
-    return parse(read(path), _DriveFile, source=path).ring
-
-
-class _DriveFile(Settings):
-    """The part of ``drive.yaml`` that the ring reads."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    ring: RingSettings
+    return load(CONFIG_DIR / "drive.yaml", DriveSettings).ring
 
 
 def state_folder(name: str) -> Path:

@@ -6,11 +6,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from sim_harness.live.referee import Assigned, DriveSettings, Referee
+from sim_harness.live.referee import Assigned, Referee
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.bus import free_endpoint, open_bus
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.messages import VehicleState
+from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.launch import UnexpectedExit
 from trepid.processes.settings import ProcessSpec
 from trepid.topics import VEHICLE_STATE

@@ -13,11 +13,12 @@ import pytest
 from trepid.cli import main
 from trepid.config import InputError
 from trepid.messages import Stop, VehicleState
+from trepid.processes.drive_settings import RingSettings
 from trepid.processes.register import Running, folder, ticks
 from trepid.recording import keeper
 from trepid.recording.keeper import EMERGENCY, INTERVENTION, Events
 from trepid.recording.reader import read_recording
-from trepid.recording.ring import Ring, RingSettings, kept, newest, prune, ring_of, ring_settings, secured
+from trepid.recording.ring import Ring, kept, newest, prune, ring_of, ring_settings, secured
 from trepid.topics import DECISION, VEHICLE_STATE
 from trepid.wire import to_cdr
 

@@ -1,0 +1,35 @@
+"""The settings of a live drive: ``config/drive.yaml``."""
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from trepid.config import Settings
+from trepid.types import NonNegative, Positive
+
+
+class RingSettings(Settings):
+    """The last minutes of every drive (:mod:`trepid.recording.ring`)."""
+
+    max_mb: NonNegative  # of the parts of all drives; 0: no ring
+    part_s: Positive  # length of one part
+    after_s: NonNegative  # what is kept by an event lasts so long beyond it
+    max_kept_mb: NonNegative  # beyond it, events keep nothing more
+
+
+class DriveSettings(Settings):
+    """``drive.yaml``."""
+
+    vehicle_name: str
+    scenario: str
+    ready_timeout_s: Positive
+    silence_s: Positive
+    standstill_mps: Positive
+    stop_timeout_s: Positive
+    status_period_s: Positive
+    ring: RingSettings
+    record_folder: Path
+    page_host: str
+    page_port: Annotated[int, Field(ge=0, le=65535)]
+    foxglove_port: Annotated[int, Field(ge=0, le=65535)]
