@@ -23,11 +23,15 @@ LAUNCHER_TOPICS = ("drive/losses",)
 HEARTBEATS = ("diagnostics", "diagnostics/**")
 """What every process of a drive may publish besides its topics in ``processes.yaml``."""
 AUTHORITY = "ca"
+HIGHEST_PORT = 65535
+LONGEST_LABEL = 63  # of a name of a host, between its dots
 ROLE = r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$"
 
 
 def _host_and_port(text: str) -> str:
-    if not re.fullmatch(r"[^/]+:\d+", text):
+    host, _, port = text.rpartition(":")
+    fits = re.fullmatch(r"[^/?#]+:[0-9]{1,5}", text) and 0 < int(port) <= HIGHEST_PORT
+    if not fits or not all(0 < len(label) <= LONGEST_LABEL for label in host.split(".")):
         raise ValueError(f"{text!r} is no HOST:PORT, such as 127.0.0.1:7447")
     return text
 

@@ -1,6 +1,5 @@
 """Checks of the software and the settings of a car: packages, files, models, endpoint."""
 
-import socket
 from collections.abc import Callable, Iterator
 
 from cockpit.car.finding import Finding
@@ -129,35 +128,16 @@ def _loaded_models() -> Iterator[str]:
 
 def endpoint() -> Finding:
     """The port on which the processes of a drive meet is free; keys of all processes are there and private."""
-    from trepid.bus import free_endpoint
+    from trepid.processes.endpoint import usable_endpoint
     from trepid.processes.settings import FILE, ProcessesFile
-    from trepid.security import LAUNCHER, drive_endpoint, session_settings
+    from trepid.security import LAUNCHER, session_settings
     from vehicle.keys.check import check_keys
 
     try:
-        found = drive_endpoint(free_endpoint())
+        found = usable_endpoint()
         session_settings(LAUNCHER, listen=found)
         check_keys(load(FILE, ProcessesFile).processes)
     except InputError as error:
-        return Finding(
-            "endpoint", False, str(error), "correct security.yaml, or make keys: `trepid keys create`"
-        )
-    return judged_endpoint(found, _refusal(found))
-
-
-def _refusal(endpoint: str) -> str:
-    """Why no program can listen at ``endpoint``, such as ``tcp/127.0.0.1:7447``; "" if one can."""
-    host, _, port = endpoint.partition("/")[2].rpartition(":")
-    try:
-        with socket.create_server((host.strip("[]"), int(port))):
-            return ""
-    except OSError as error:
-        return error.strerror or str(error)
-
-
-def judged_endpoint(endpoint: str, refusal: str) -> Finding:
-    """``refusal`` is the error of the operating system, "" for none."""
-    if refusal:
-        remedy = "end the other drive or program, or change `listen` in security.yaml"
-        return Finding("endpoint", False, f"{endpoint}: {refusal}", remedy)
-    return Finding("endpoint", True, f"{endpoint} is free")
+        remedy = "correct security.yaml, make keys: `trepid keys create`, or end the other drive or program"
+        return Finding("endpoint", False, str(error), remedy)
+    return Finding("endpoint", True, f"{found} is free")

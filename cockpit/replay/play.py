@@ -9,12 +9,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from trepid.bus import free_endpoint, open_bus
+from trepid.bus import open_bus
 from trepid.clock import NANO, epoch_clock
 from trepid.config import InputError
+from trepid.processes.endpoint import usable_endpoint
 from trepid.processes.register import Running, registered, ticks
 from trepid.recording.foreign import in_order
-from trepid.security import LAUNCHER, drive_endpoint, session_settings
+from trepid.security import LAUNCHER, session_settings
 
 LISTENERS_S = 0.5  # for subscribers to connect before the first message
 BEHIND_S = 0.2  # later than this, a message is published at once
@@ -25,7 +26,8 @@ def play(
 ) -> int:
     """Publish every message of ``path`` in its order, ``rate`` times as fast as it was recorded, while ``running``.
 
-    Returns the number of messages. Raises InputError when ``path`` holds none.
+    Returns the number of messages. Raises InputError when ``path`` holds none, and for an endpoint that
+    cannot be used.
     """
     coming = in_order(path)
     first = next(coming, None)
@@ -33,7 +35,7 @@ def play(
         raise InputError(f"{path}: holds no message to play")
     first_ns = first[0]
     offset_ns = first_ns - time.monotonic_ns() - round(LISTENERS_S * NANO)
-    endpoint = drive_endpoint(free_endpoint())
+    endpoint = usable_endpoint()
     secured = session_settings(LAUNCHER, publishes=None, listen=endpoint)
     entry = Running(
         pid=os.getpid(),

@@ -7,7 +7,6 @@ process, or on a signal; a drive of a real car after the duration or on a signal
 
 import os
 import signal
-import socket
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -30,11 +29,12 @@ from sim_harness.live.referee import Assigned, Referee, Show
 from sim_harness.lockstep.closed_loop import check_configuration
 from sim_harness.scenarios.faults import EstimatorBias, LostLane
 from sim_harness.scenarios.scenario import LeadSensor, Scenario, Sight
-from trepid.bus import Bus, free_endpoint, open_bus
+from trepid.bus import Bus, open_bus
 from trepid.clock import epoch_clock, epoch_offset_ns
-from trepid.config import CONFIG_DIR, InputError, car_folder, located, read
+from trepid.config import InputError, car_folder
 from trepid.processes.access import published_by
 from trepid.processes.drive_settings import DriveSettings
+from trepid.processes.endpoint import usable_endpoint
 from trepid.processes.fused import gathered
 from trepid.processes.launch import Child, Fleet
 from trepid.processes.page_door import FOXGLOVE, PAGE, PageDoor
@@ -42,7 +42,7 @@ from trepid.processes.register import Running, registered, ticks
 from trepid.processes.settings import RECORDER, ProcessSpec, load_processes
 from trepid.recording.ring import ring_name
 from trepid.recording.writer import check_recording
-from trepid.security import LAUNCHER, drive_endpoint, refuse_open_endpoints, session_settings
+from trepid.security import LAUNCHER, session_settings
 from trepid.topics import DIAGNOSTICS
 from vehicle.keys.check import check_keys
 
@@ -85,7 +85,7 @@ def drive(
         check_recording(record)
     offset_ns = epoch_offset_ns()
     clock = epoch_clock(offset_ns)
-    endpoint = _endpoint()
+    endpoint = usable_endpoint()
     check_keys([spec.name for spec in specs])
     secured = session_settings(LAUNCHER, publishes=published_by(specs), listen=endpoint)
     car = car_folder()
@@ -192,25 +192,6 @@ def _check_losable(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> N
                 f"the fault {fault.kind} of the scenario concerns {process!r}, which is "
                 f"no process of its own in this drive; there are {', '.join(sorted(names))}"
             )
-
-
-def _endpoint() -> str:
-    """The Zenoh endpoint of the drive. Raises InputError when it may not, or cannot, be used."""
-    endpoint, file = drive_endpoint(free_endpoint()), CONFIG_DIR / "security.yaml"
-    if not endpoint.startswith("tls/"):
-        try:
-            refuse_open_endpoints({"listen/endpoints": [endpoint], "connect/endpoints": []})
-        except InputError as error:
-            raise InputError(located(("listen",), str(error), read(file), file)) from error
-    host, _, port = endpoint.partition("/")[2].rpartition(":")
-    try:
-        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as Zenoh does
-            probe.bind((host.strip("[]"), int(port)))
-    except OSError as error:
-        what = f"{endpoint} cannot be used: {error.strerror}; give another HOST:PORT, or null for a free port"
-        raise InputError(located(("listen",), what, read(file), file)) from error
-    return endpoint
 
 
 def lockstep_only(scenario: Scenario) -> Iterator[str]:

@@ -65,6 +65,19 @@ def test_the_address_of_a_drive_is_that_of_the_settings_of_the_car(
     assert load_security().folder == tmp_path / "keys"
 
 
+@pytest.mark.parametrize(
+    "listen",
+    ["127.0.0.1:70000", "127.0.0.1:0", "127.0.0.1", ":7447", "a..b:1", f"{'x' * 64}:1", "car?x:1", "a/b:1"],
+)
+def test_an_address_that_no_program_can_listen_at_is_refused_with_its_place(
+    listen: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(CAR, str(tmp_path))
+    (tmp_path / "security.yaml").write_text(f'listen: "{listen}"\n')
+    with pytest.raises(InputError, match=r"security\.yaml:1:1: listen: .* is no HOST:PORT"):
+        load_security()
+
+
 def test_without_keys_only_the_size_of_messages_is_limited() -> None:
     assert session_settings("camera") == {"transport/link/rx/max_message_size": 16 * 2**20}
 

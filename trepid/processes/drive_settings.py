@@ -8,6 +8,9 @@ from pydantic import Field
 from trepid.config import Settings
 from trepid.types import NonNegative, Positive
 
+VehicleName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][\w.-]*$")]
+"""One part of a key of Zenoh: the access rules (:mod:`trepid.security`) are for ``trepid/*/…``."""
+
 
 class RingSettings(Settings):
     """The last minutes of every drive (:mod:`trepid.recording.ring`)."""
@@ -21,7 +24,7 @@ class RingSettings(Settings):
 class DriveSettings(Settings):
     """``drive.yaml``."""
 
-    vehicle_name: str
+    vehicle_name: VehicleName
     scenario: str
     ready_timeout_s: Positive
     silence_s: Positive
