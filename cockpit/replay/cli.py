@@ -85,15 +85,17 @@ def _again(
 
 def _play(recording: Path, rate: float) -> int:
     from cockpit.replay.play import play
-    from trepid.config import CONFIG_DIR, read
+    from trepid.config import CONFIG_DIR, load
+    from trepid.processes.drive_settings import DriveSettings
 
+    vehicle_name = load(CONFIG_DIR / "drive.yaml", DriveSettings).vehicle_name
     ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.append(1))
     count = play(
         recording,
         rate=rate,
-        vehicle_name=str(read(CONFIG_DIR / "drive.yaml")["vehicle_name"]),
+        vehicle_name=vehicle_name,
         say=lambda text: note(f"trepid replay: {text}"),
         running=lambda: not ended,
     )

@@ -5,7 +5,8 @@ import shlex
 import sys
 from pathlib import Path
 
-from trepid.config import CONFIG_DIR, ROOT, InputError, read, use_car
+from trepid.config import CONFIG_DIR, ROOT, InputError, load, use_car
+from trepid.processes.drive_settings import DriveSettings
 from trepid.processes.process import STOP_S
 from trepid.processes.settings import load_processes
 
@@ -51,7 +52,7 @@ def write_units(car: Path, out: Path, *, user: bool = False) -> list[Path]:
     """
     use_car(car)
     load_processes()
-    limits = read(CONFIG_DIR / "drive.yaml")
+    limits = load(CONFIG_DIR / "drive.yaml", DriveSettings)
     folder = car.resolve()
     path = out / f"trepid-{folder.name}.service"
     if user:
@@ -68,8 +69,8 @@ def write_units(car: Path, out: Path, *, user: bool = False) -> list[Path]:
             shlex.join([sys.executable, "-m", "trepid", "drive", "--car", str(folder), "--no-dashboard"])
         ),
         account="" if user else f"User={getpass.getuser()}\n",
-        start_s=float(limits["ready_timeout_s"]) + 30.0,
-        stop_s=float(limits["stop_timeout_s"]) + STOP_S + 5.0,
+        start_s=limits.ready_timeout_s + 30.0,
+        stop_s=limits.stop_timeout_s + STOP_S + 5.0,
         watchdog_s=WATCHDOG_S,
         target="default.target" if user else "multi-user.target",
     )

@@ -40,13 +40,16 @@ def check_free(path: Path) -> None:
 
     A disk that is full or read-only is no reason not to drive; :mod:`trepid.recording.node` reports it.
     """
-    if path.exists():
-        raise InputError(f"{path}: exists already and is kept; give another name")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: cannot be written: no such folder; `mkdir -p {path.parent}` makes it")
-    read_only = os.statvfs(path.parent).f_flag & os.ST_RDONLY
-    if not read_only and not os.access(path.parent, os.W_OK):
-        raise InputError(f"{path}: cannot be written: no right to write in {path.parent}")
+    try:
+        if path.exists():
+            raise InputError(f"{path}: exists already and is kept; give another name")
+        if not path.parent.is_dir():
+            raise InputError(f"{path}: cannot be written: no such folder; `mkdir -p {path.parent}` makes it")
+        read_only = os.statvfs(path.parent).f_flag & os.ST_RDONLY
+        if not read_only and not os.access(path.parent, os.W_OK):
+            raise InputError(f"{path}: cannot be written: no right to write in {path.parent}")
+    except OSError as error:  # such as a name that is too long
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def check_recording(path: Path) -> None:

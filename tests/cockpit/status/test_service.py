@@ -38,6 +38,12 @@ def test_the_unit_waits_for_readiness_has_a_watchdog_and_leaves_time_to_stop(
     )  # the processes of a killed launcher bring the car to a standstill
 
 
+def test_a_wrong_setting_of_the_drive_is_one_line_with_its_place(car: Path, tmp_path: Path) -> None:
+    (car / "drive.yaml").write_text("ready_timeout_s: soon\n")
+    with pytest.raises(InputError, match=r"drive\.yaml:1:1: ready_timeout_s: "):
+        write_units(car, tmp_path)
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")
 @pytest.mark.parametrize("user", [False, True])
 def test_systemd_finds_no_fault_in_the_unit(car: Path, tmp_path: Path, user: bool) -> None:

@@ -223,6 +223,11 @@ def test_a_name_by_which_no_verb_would_take_a_file_for_a_recording_is_refused(tm
     check_recording(tmp_path / "drive.MCAP")
 
 
+def test_a_name_that_is_too_long_is_refused_before_the_drive(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"\.mcap: cannot be written: File name too long$"):
+        check_recording(tmp_path / f"{'a' * 300}.mcap")
+
+
 def test_a_recording_without_a_folder_is_refused_before_the_drive(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no such folder; `mkdir -p .*/missing` makes it$"):
         check_free(tmp_path / "missing" / "drive.mcap")
