@@ -16,11 +16,14 @@ from perception.lead.tracker import Track, Tracker, TrackSettings
 from trepid.car.camera import Camera
 from trepid.car.vehicle import Vehicle
 from trepid.clothoid import Lane
-from trepid.config import CONFIG_DIR, Settings, load, resource
+from trepid.config import CONFIG_DIR, InputError, Settings, load, located, read, resource
 from trepid.messages import Frame, LeadVehicle, SteeringEstimate, VehicleState
+from trepid.processes.settings import ProcessSpec
 from trepid.scale import ReferenceWorld, scaled_settings
+from trepid.topics import CAMERA_IMAGE
 from trepid.types import OpenShare, Positive
 
+NODE = "perception.lead.node"  # the module of the process
 MAX_STEP_S = 0.5  # a longer gap between two frames drops all tracks
 SLOW_MPS = 1.0  # below, the wheel angle gives the arc more exactly than the yaw rate
 
@@ -55,6 +58,19 @@ def lead_settings(detector: Path | None = None) -> LeadSettings:
         return settings
     named = str(detector) in PUBLISHED
     return settings.model_copy(update={"detector": detector if named else detector.absolute()})
+
+
+def check_lead(specs: Iterable[ProcessSpec]) -> None:
+    """Raise InputError where the embedded lead detector, trained on drawn vehicles, would get real images."""
+    specs = tuple(specs)
+    real = any(CAMERA_IMAGE.key in spec.publishes and not spec.simulates for spec in specs)
+    if real and any(spec.module == NODE for spec in specs) and lead_settings().detector is None:
+        file = CONFIG_DIR / "lead.yaml"
+        what = (
+            "the embedded detector is trained on drawn vehicles, and the camera is real: name a detector that"
+            " `trepid detector list` prints, or leave the process out by `lead: null` in processes.yaml"
+        )
+        raise InputError(located(("detector",), what, read(file), file))
 
 
 class LeadFinder:

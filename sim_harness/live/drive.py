@@ -14,11 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from perception.estimators import misfits
+from perception.lead.finder import check_lead
 from sim_harness.live.plan import (
     Networks,
     check_car,
-    check_lead,
-    check_vehicle,
     context_of,
     estimators_of,
     is_simulated,
@@ -39,7 +38,7 @@ from trepid.processes.fused import gathered
 from trepid.processes.launch import Child, Fleet
 from trepid.processes.page_door import FOXGLOVE, PAGE, PageDoor
 from trepid.processes.register import Running, registered, ticks
-from trepid.processes.settings import RECORDER, ProcessSpec, load_processes
+from trepid.processes.settings import RECORDER, ProcessSpec, check_vehicle, load_processes
 from trepid.recording.ring import ring_name
 from trepid.recording.writer import check_recording
 from trepid.security import LAUNCHER, session_settings

@@ -7,9 +7,9 @@ from typing import Any
 
 from sim_harness.scenarios.scenario import LeadSensor, Scenario
 from trepid.car.camera import Camera
-from trepid.config import CONFIG_DIR, InputError, default_file, load, located, read, resource
+from trepid.config import CONFIG_DIR, InputError, default_file, load, resource
 from trepid.processes.page_door import FOXGLOVE, PAGE
-from trepid.processes.settings import RECORDER, ProcessSpec, Restart
+from trepid.processes.settings import RECORDER, ProcessSpec, Restart, estimators_in
 from trepid.topics import (
     CAMERA_COMPRESSED,
     CAMERA_IMAGE,
@@ -117,38 +117,7 @@ def estimators_of(specs: Iterable[ProcessSpec], scenario: Scenario | None) -> tu
     """Names of the estimators of the drive. Raises InputError without any."""
     if scenario is not None:
         return scenario.estimators
-    names = tuple(name for spec in specs for name in spec.estimators)
-    if not names:
-        raise InputError(
-            "processes.yaml: no process publishes an estimate of the lane; add one, such as"
-            " `cv: {module: perception.node, options: {estimator: cv}}`"
-        )
-    return names
-
-
-def check_vehicle(specs: Iterable[ProcessSpec]) -> None:
-    """Raise InputError without a process next to the actuator, which drives the car and stops it at the end."""
-    if not any(spec.is_vehicle for spec in specs):
-        raise InputError(
-            "processes.yaml: no process publishes vehicle/state, so that nothing drives the car;"
-            " `vehicle: {module: vehicle.actuators.node}` does; one of your own needs `publishes: [vehicle/state]`"
-        )
-
-
-def check_lead(specs: Iterable[ProcessSpec]) -> None:
-    """Raise InputError where the embedded lead detector, trained on drawn vehicles, would get real images."""
-    specs = tuple(specs)
-    real = any(CAMERA_IMAGE.key in spec.publishes and not spec.simulates for spec in specs)
-    if real and any(spec.module == LEAD for spec in specs):
-        from perception.lead.finder import lead_settings
-
-        if lead_settings().detector is None:
-            file = CONFIG_DIR / "lead.yaml"
-            what = (
-                "the embedded detector is trained on drawn vehicles, and the camera is real: name a detector that"
-                " `trepid detector list` prints, or leave the process out by `lead: null` in processes.yaml"
-            )
-            raise InputError(located(("detector",), what, read(file), file))
+    return estimators_in(specs)
 
 
 def check_car(specs: Iterable[ProcessSpec]) -> None:

@@ -5,7 +5,7 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
 from importlib.machinery import ModuleSpec
@@ -265,6 +265,26 @@ def _specs(file: ProcessesFile, data: CommentedMap) -> Iterator[ProcessSpec]:
 
 def _refuse(path: Sequence[str | int], problem: str, data: CommentedMap) -> NoReturn:
     raise InputError(located(path, problem, data, FILE))
+
+
+def check_vehicle(specs: Iterable[ProcessSpec]) -> None:
+    """Raise InputError without a process next to the actuator, which drives the car and stops it at the end."""
+    if not any(spec.is_vehicle for spec in specs):
+        raise InputError(
+            "processes.yaml: no process publishes vehicle/state, so that nothing drives the car;"
+            " `vehicle: {module: vehicle.actuators.node}` does; one of your own needs `publishes: [vehicle/state]`"
+        )
+
+
+def estimators_in(specs: Iterable[ProcessSpec]) -> tuple[str, ...]:
+    """Names of the estimators of ``specs``. Raises InputError without any."""
+    names = tuple(name for spec in specs for name in spec.estimators)
+    if not names:
+        raise InputError(
+            "processes.yaml: no process publishes an estimate of the lane; add one, such as"
+            " `cv: {module: perception.node, options: {estimator: cv}}`"
+        )
+    return names
 
 
 def missing_program(entry: ProcessSettings) -> str:

@@ -7,10 +7,9 @@ import pytest
 from driving_network_rig import write_network
 
 from cockpit.car.init import Like, write_car
+from perception.lead.finder import check_lead
 from sim_harness.live.plan import (
     check_car,
-    check_lead,
-    check_vehicle,
     context_of,
     estimators_of,
     networks_in,
@@ -18,7 +17,7 @@ from sim_harness.live.plan import (
 )
 from sim_harness.scenarios.scenario import load_scenario
 from trepid.config import CAR, InputError
-from trepid.processes.settings import load_processes
+from trepid.processes.settings import check_vehicle, load_processes
 
 
 @pytest.fixture
