@@ -78,6 +78,30 @@ def _security() -> None:
     load_security()
 
 
+def _drive() -> None:
+    from trepid.processes.drive_settings import DriveSettings
+
+    load(CONFIG_DIR / "drive.yaml", DriveSettings)
+
+
+def _driver() -> None:
+    from vehicle.driver.settings import load_driver
+
+    load_driver()
+
+
+def _lead() -> None:
+    from perception.lead.finder import lead_settings
+
+    lead_settings()
+
+
+def _ros() -> None:
+    from vehicle.ros.bridge import load_settings
+
+    load_settings()
+
+
 def _files() -> None:
     """All other files of the car are at least YAML."""
     car = car_folder()
@@ -93,6 +117,10 @@ SETTINGS: tuple[Callable[[], None], ...] = (
     _supervisor,
     _estimators,
     _security,
+    _drive,
+    _driver,
+    _lead,
+    _ros,
     _files,
 )
 
@@ -103,7 +131,7 @@ def models() -> Finding:
         loaded = list(_loaded_models())
     except InputError as error:
         return Finding(
-            "models", False, str(error), "install Trepid again, or train: `trepid train`, `trepid train-lead`"
+            "models", False, str(error), "name other files, install Trepid again, or train: `trepid train`"
         )
     return Finding("models", True, "; ".join(loaded))
 
@@ -113,15 +141,25 @@ def _loaded_models() -> Iterator[str]:
     import perception.lead.finder
     from trepid.processes.settings import load_processes
 
+    specs = load_processes()
+    given = {
+        spec.options["estimator"]: spec.options.get("network")
+        for spec in specs
+        if spec.module == "perception.node" and "estimator" in spec.options
+    }
     unused = perception.estimators.misfits()
-    if not unused:
-        perception.estimators.build("cnn")
-        yield "steer_net: hash agrees"
     for name, why in unused.items():
         yield f"the estimator {name} does not run: {why}"
-    if any(spec.module == "perception.lead.node" for spec in load_processes()):
+    if any(spec.simulates for spec in specs):  # the scenario names the estimators that run
+        given = {name: network for name, network in given.items() if name not in unused}
+    if "cnn" not in unused:
+        given = {"cnn": None} | given
+    for name, network in given.items():
+        perception.estimators.build(name, network=network)
+        yield f"{name} starts" + (f" ({network})" if network else "")
+    if any(spec.module == perception.lead.finder.NODE for spec in specs):
         perception.lead.finder.build()
-        yield "lead: hash agrees"
+        yield "lead starts"
     else:
         yield "no process detects vehicles ahead"
 

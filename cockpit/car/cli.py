@@ -24,6 +24,7 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     machine.clock,
     machine.cores,
     lambda: machine.disk(Path()),
+    machine.ring,
     machine.real_time,
 )
 

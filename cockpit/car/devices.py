@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 from cockpit.car.finding import Finding
 from trepid.car.vehicle import Vehicle
 from trepid.config import CONFIG_DIR, InputError, load
-from trepid.processes.settings import load_processes
+from trepid.processes.fused import gathered
+from trepid.processes.settings import check_vehicle, estimators_in, load_processes
 
 if TYPE_CHECKING:
     from vehicle.actuators.actuator import Actuator
@@ -20,9 +21,16 @@ ON_THE_BUS = frozenset({"ackermann"})  # actuators that need the bus of a drive
 
 
 def processes() -> Finding:
-    """The programs of all processes exist on this machine."""
+    """The programs of all processes exist on this machine, and together they make a drive."""
+    from perception.lead.finder import check_lead
+
     try:
         specs = load_processes()
+        check_vehicle(specs)
+        if not any(spec.simulates for spec in specs):  # else the scenario names them
+            estimators_in(specs)
+        check_lead(specs)
+        gathered(specs)
     except InputError as error:
         return Finding("processes", False, str(error), "correct the entry in processes.yaml")
     return Finding("processes", True, ", ".join(spec.name for spec in specs))

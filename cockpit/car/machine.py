@@ -13,6 +13,8 @@ import time
 from pathlib import Path
 
 from cockpit.car.finding import Finding
+from trepid.config import InputError
+from trepid.recording.ring import MB, ring_settings, state_folder
 
 CLOCK_SOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 SLOW_SOURCES = frozenset({"acpi_pm", "hpet", "jiffies", "pit"})  # a microsecond and more a reading, or coarse
@@ -113,12 +115,12 @@ def judged_cores(count: int, load: float) -> Finding:
     return Finding("cores", load <= count, message, remedy if load > count / 2 else "")
 
 
-def disk(folder: Path) -> Finding:
-    """Free space and write speed where a recording would go."""
+def disk(folder: Path, *, check: str = "disk", needed: float = FREE_BYTES) -> Finding:
+    """Free space and write speed where a recording would go; ``needed`` in bytes."""
     try:
         free = shutil.disk_usage(folder).free
-        if free < FREE_BYTES + SAMPLE_BYTES:
-            return judged_disk(folder, free, None)
+        if free < needed + SAMPLE_BYTES:
+            return judged_disk(folder, free, None, check=check, needed=needed)
         with tempfile.NamedTemporaryFile(dir=folder) as file:
             started_s = time.perf_counter()
             file.write(os.urandom(SAMPLE_BYTES // 16) * 16)
@@ -126,19 +128,34 @@ def disk(folder: Path) -> Finding:
             os.fsync(file.fileno())
             speed_mbps = SAMPLE_BYTES / 1e6 / (time.perf_counter() - started_s)
     except OSError as error:
-        return Finding("disk", False, f"{folder}: {error.strerror}", "change to a folder that can be written")
-    return judged_disk(folder, free, speed_mbps)
+        return Finding(check, False, f"{folder}: {error.strerror}", "change to a folder that can be written")
+    return judged_disk(folder, free, speed_mbps, check=check, needed=needed)
 
 
-def judged_disk(folder: Path, free: int, speed_mbps: float | None) -> Finding:
+def judged_disk(
+    folder: Path, free: int, speed_mbps: float | None, *, check: str = "disk", needed: float = FREE_BYTES
+) -> Finding:
     """``free`` in bytes; ``speed_mbps`` None when too little is free for a measurement."""
     message = f"{folder}: {free / 1e9:.1f} GB free"
-    if free < FREE_BYTES or speed_mbps is None:
-        return Finding("disk", False, message, f"free {FREE_BYTES / 1e9:.0f} GB, or record to another disk")
+    if free < needed or speed_mbps is None:
+        return Finding(check, False, message, f"free {needed / 1e9:.1f} GB, or record to another disk")
     message += f", writes {speed_mbps:.0f} MB/s"
     if speed_mbps < WRITE_MBPS:
-        return Finding("disk", False, message, f"record to a disk that writes {WRITE_MBPS:.0f} MB/s")
-    return Finding("disk", True, message)
+        return Finding(check, False, message, f"record to a disk that writes {WRITE_MBPS:.0f} MB/s")
+    return Finding(check, True, message)
+
+
+def ring() -> Finding:
+    """Free space and write speed where the last minutes of every drive go."""
+    try:
+        needed = MB * ring_settings().max_mb
+        folder = state_folder("ring")
+        present = next(path for path in (folder, *folder.parents) if path.is_dir())
+    except (InputError, OSError) as error:
+        return Finding("ring", False, str(error), "correct `ring` in drive.yaml, or set XDG_STATE_HOME")
+    if not needed:
+        return Finding("ring", True, "no drive writes its last minutes: ring.max_mb of drive.yaml is 0")
+    return disk(present, check="ring", needed=needed)
 
 
 def real_time() -> Finding:

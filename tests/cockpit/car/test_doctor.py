@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from driving_network_rig import write_network
 
 from cockpit.car import checks, devices, machine
 from cockpit.car import cli as doctor_cli
@@ -61,6 +62,31 @@ def test_every_wrong_file_counts(car: Path) -> None:
     edit(car / "drive.yaml", "#silence_s: 3.0", "silence_s: [")
     faults = checks.configuration().message.split("; ")
     assert [any(fault.startswith(f"{car}/{name}:") for fault in faults) for name in FOUR] == [True] * 4
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "place"),
+    [
+        ("drive.yaml", "silence_s: -1\n", ":1:1: silence_s: "),
+        ("drive.yaml", "vehicle_name: a/b\n", ":1:1: vehicle_name: "),
+        ("driver.yaml", "timeout_s: soon\n", ":1:1: timeout_s: "),
+        ("lead.yaml", "detector: [a]\n", ":1:1: detector: "),
+        ("ros.yaml", "domain: 300\n", ":1:1: domain: "),
+    ],
+)
+def test_a_file_that_only_some_processes_read_counts_too(car: Path, name: str, text: str, place: str) -> None:
+    (car / name).write_text(text)
+    found = checks.configuration()
+    assert not found.ok and f"{car}/{name}{place}" in found.message
+
+
+def test_a_missing_network_of_a_process_is_found(car: Path) -> None:
+    entry = "{module: perception.node, options: {estimator: mine, network: turn.onnx}}"
+    (car / "processes.yaml").write_text(f"processes: {{mine: {entry}}}\n")
+    found = checks.models()
+    assert not found.ok and "turn.onnx" in found.message
+    write_network(car / "turn.onnx")
+    assert "mine starts (turn.onnx)" in checks.models().message
 
 
 def test_damaged_weights_are_found(car: Path) -> None:
@@ -142,6 +168,23 @@ def test_a_full_and_a_slow_disk_fail(free: float, speed_mbps: float | None, ok: 
     assert machine.judged_disk(Path(), int(free), speed_mbps).ok == ok
 
 
+def test_the_disk_of_the_last_minutes_is_measured_without_making_their_folder(
+    car: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    found = machine.ring()
+    assert found.check == "ring" and str(tmp_path) in found.message
+    assert not (tmp_path / "state").exists()
+    (car / "drive.yaml").write_text("ring: {max_mb: 1e9}\n")
+    found = machine.ring()
+    assert (found.ok, found.remedy) == (False, "free 1000000.0 GB, or record to another disk")
+    (car / "drive.yaml").write_text("ring: {max_mb: 0}\n")
+    assert machine.ring().ok
+    monkeypatch.setenv("XDG_STATE_HOME", "/proc/no/state")
+    (car / "drive.yaml").write_text("")
+    assert not machine.ring().ok
+
+
 def test_the_disk_is_measured_and_nothing_stays_there(tmp_path: Path) -> None:
     assert "MB/s" in machine.disk(tmp_path).message or not machine.disk(tmp_path).ok
     assert list(tmp_path.iterdir()) == []
@@ -184,6 +227,34 @@ def test_a_program_that_does_not_exist_is_found(car: Path) -> None:
     found = devices.processes()
     assert not found.ok
     assert f"{car}/processes.yaml:2:" in found.message
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("vehicle: null", "no process publishes vehicle/state"),
+        ("cv: {together: camera}", ":1:18: process cv: together: camera: the shared process needs a name"),
+        ("camera: {module: vehicle.cameras.node}", "the embedded detector is trained on drawn vehicles"),
+        (
+            "camera: null, vehicle: {module: vehicle.actuators.node}, cv: null, cnn: null, lead: null",
+            "no process publishes an estimate of the lane",
+        ),
+    ],
+)
+def test_processes_that_make_no_drive_are_found(car: Path, text: str, problem: str) -> None:
+    (car / "processes.yaml").write_text(f"processes: {{{text}}}\n")
+    found = devices.processes()
+    assert not found.ok and problem in found.message
+
+
+@pytest.mark.parametrize("like", Like)
+def test_the_processes_of_every_template_make_a_drive(
+    like: Like, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_car(tmp_path / "car", like)
+    monkeypatch.setenv(CAR, str(tmp_path / "car"))
+    for check in (checks.configuration, checks.models, devices.processes):
+        assert check().ok, check().message
 
 
 @pytest.mark.parametrize(
