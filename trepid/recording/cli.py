@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from trepid.recording.ring import kept, kept_name, ring_of, secured
+from trepid.recording.ring import joined, kept_name, ring_of, secured
 from trepid.recording.writer import check_recording
 
 app = typer.Typer(no_args_is_help=True)
@@ -28,12 +28,9 @@ def keep(
     ] = None,
 ) -> None:
     """Keep the last minutes of the running drive, or of the last one, as one recording, and print its name."""
-    import shutil
-
     if out is not None:
         check_recording(out)
     safe = secured(ring_of(endpoint))
     path = kept_name("by-hand", now_s=time.time()) if out is None else out
-    kept(safe, path)
-    shutil.rmtree(safe)
+    joined(safe, path)
     print(path)

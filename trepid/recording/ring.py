@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from trepid.processes.drive_settings import DriveSettings, RingSettings
 from trepid.processes.register import choose, running
 from trepid.recording.foreign import in_order
 from trepid.recording.reader import read_recording
-from trepid.recording.writer import BEGAN, Recording
+from trepid.recording.writer import BEGAN, Recording, remove
 
 MB = 1_000_000
 STAMP = "%Y-%m-%d-%H-%M-%S"
@@ -61,13 +61,17 @@ class Ring:
         self._tap, self._settings = tap, settings
         self._files, self.notes = dict(files), dict(notes)
         self.folder = state_folder("ring") / name
+        self._make_folder()
+        self._part: Recording | None = None
+        self._count = max((int(part.stem) for part in self.folder.glob("*.mcap")), default=0)
+        self._until_s = -1.0
+
+    def _make_folder(self) -> None:
+        """Also again: while it is empty, another drive deletes it."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"{self.folder}: cannot be made: {error.strerror}") from error
-        self._part: Recording | None = None
-        self._count = max((int(part.stem) for part in self.folder.glob("*.mcap")), default=0)
-        self._until_s = -1.0
 
     def write(self) -> None:
         """Write all messages since the last call. Raises InputError when the disk refuses them."""
@@ -92,6 +96,7 @@ class Ring:
     def _next(self, at_s: float) -> None:
         self.close()
         prune(self.folder.parent, MB * self._settings.max_mb, own=self.folder)
+        self._make_folder()
         self._count += 1
         self._until_s = at_s + self._settings.part_s
         self._part = Recording(self.folder / f"{self._count:06d}.mcap", self._files, self.notes)
@@ -145,39 +150,54 @@ def newest() -> Path:
 
 
 def kept(folder: Path, out: Path) -> None:
-    """Join the parts in ``folder`` into the new recording ``out``. Raises InputError."""
+    """Join the parts in ``folder`` into the new recording ``out``, whole or not at all. Raises InputError."""
     # a part that has just been begun is still empty
     parts = [part for part in sorted(folder.glob("*.mcap")) if part.stat().st_size]
     if not parts:
         raise InputError(f"{folder}: holds no recording")
     held = [read_recording(part) for part in parts]
     notes = {name: text for one in held for name, text in one.notes.items()}
-    with Recording(out, held[0].files, notes) as recording:
-        for part in parts:
-            for log_ns, key, data in in_order(part):
-                recording.add(key, data, at_s=seconds(log_ns))
+    recording = Recording(out, held[0].files, notes)
+    with ExitStack() as undo:
+        undo.callback(remove, out)
+        with recording:
+            for part in parts:
+                for log_ns, key, data in in_order(part):
+                    recording.add(key, data, at_s=seconds(log_ns))
+        undo.pop_all()
+
+
+def joined(safe: Path, out: Path) -> None:
+    """As :func:`kept` for secured parts, which are deleted, also where the recording fails."""
+    try:
+        kept(safe, out)
+    finally:
+        shutil.rmtree(safe, ignore_errors=True)
 
 
 def secured(folder: Path) -> Path:
     """A new folder beside the kept recordings with the present parts of ``folder``, which no ring deletes.
 
-    Raises InputError.
+    Raises InputError, and then leaves nothing.
     """
     if not any(folder.glob("*.mcap")):
         raise InputError(f"{folder}: holds nothing to keep yet")
     top = state_folder("kept")
-    try:
-        top.mkdir(parents=True, exist_ok=True)
-        safe = Path(tempfile.mkdtemp(prefix="parts-", dir=top))
-        for part in sorted(folder.glob("*.mcap")):
-            try:
-                os.link(part, safe / part.name)
-            except FileNotFoundError:
-                continue  # the ring has just deleted it
-            except OSError:  # a file system without hard links
-                shutil.copy2(part, safe / part.name)
-    except OSError as error:
-        raise InputError(f"{top}: cannot be written: {error.strerror}") from error
+    with ExitStack() as undo:
+        try:
+            top.mkdir(parents=True, exist_ok=True)
+            safe = Path(tempfile.mkdtemp(prefix="parts-", dir=top))
+            undo.callback(shutil.rmtree, safe, ignore_errors=True)
+            for part in sorted(folder.glob("*.mcap")):
+                try:
+                    os.link(part, safe / part.name)
+                except FileNotFoundError:
+                    continue  # the ring has just deleted it
+                except OSError:  # a file system without hard links
+                    shutil.copy2(part, safe / part.name)
+        except OSError as error:
+            raise InputError(f"{top}: cannot be written: {error.strerror}") from error
+        undo.pop_all()
     return safe
 
 
@@ -229,11 +249,10 @@ def main(folder: str, out: str) -> int:
     """Join the parts in ``folder``, which is deleted afterwards."""
     os.nice(KEPT_NICE)
     try:
-        kept(Path(folder), Path(out))
+        joined(Path(folder), Path(out))
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
-    shutil.rmtree(folder)
     return 0
 
 

@@ -9,7 +9,7 @@ After a crash at most the last half second is missing: see FLUSH_S and :mod:`tre
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Self
 
@@ -59,6 +59,12 @@ def check_recording(path: Path) -> None:
     check_free(path)
 
 
+def remove(path: Path) -> None:
+    """Delete a file that is not whole, where the disk permits it."""
+    with suppress(OSError):
+        path.unlink()
+
+
 def attachments(rules: Path) -> dict[str, bytes]:
     """The files that a recording keeps, by name: rules, and settings of the car in use. Raises InputError."""
     car = car_folder()
@@ -73,7 +79,8 @@ def attachments(rules: Path) -> dict[str, bytes]:
 class Recording:
     """One MCAP file being written. Use as a context manager.
 
-    Every method raises InputError when the disk refuses the file; what was written until then stays readable.
+    Every method raises InputError when the disk refuses the file; what was written until then stays readable. Of a
+    file whose beginning it refuses nothing is left.
     """
 
     def __init__(
@@ -99,12 +106,15 @@ class Recording:
         self._channels: dict[str, int] = {}
         self._flushed_s: float | None = None
         self._refused = False  # the disk has refused a part
-        with self._on_disk():
-            self._writer.start(profile="ros2", library=f"trepid {__version__}")
-            for name, data in (files or {}).items():
-                self._writer.add_attachment(0, 0, name, "application/yaml", data)
-            if notes:
-                self._writer.add_metadata(DRIVE, dict(notes))
+        with ExitStack() as undo:
+            undo.callback(remove, path)
+            with self._on_disk():
+                self._writer.start(profile="ros2", library=f"trepid {__version__}")
+                for name, data in (files or {}).items():
+                    self._writer.add_attachment(0, 0, name, "application/yaml", data)
+                if notes:
+                    self._writer.add_metadata(DRIVE, dict(notes))
+            undo.pop_all()
 
     def __enter__(self) -> Self:
         return self

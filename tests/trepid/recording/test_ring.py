@@ -1,8 +1,11 @@
 """The last minutes of a drive are bounded on disk, readable after a crash, and kept as one recording."""
 
 import os
+import resource
+import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -145,6 +148,56 @@ def test_the_oldest_parts_are_deleted_beyond_the_size_and_secured_ones_stay(tmp_
     prune(ring.folder.parent, sum(part.stat().st_size for part in parts[-2:]), own=ring.folder)
     assert sorted(ring.folder.glob("*.mcap")) == parts[-2:]
     assert len(list(safe.glob("*.mcap"))) == len(parts)
+
+
+def test_another_drive_that_deletes_the_empty_folder_of_a_drive_does_not_end_its_ring() -> None:
+    message = (VEHICLE_STATE.key, to_cdr(STATE), STATE.t_s)
+    tap: Any = SimpleNamespace(drain=lambda: [message])
+    settings = RingSettings(max_mb=1.0, part_s=2.0, after_s=1.0, max_kept_mb=1.0)
+    ring = Ring(tap, "a drive", settings, {}, {})
+    written(3, name="another drive").close()
+    assert not ring.folder.exists()
+    ring.write()
+    ring.close()
+    assert [part.name for part in ring.folder.iterdir()] == ["000001.mcap"]
+
+
+@contextmanager
+def small_files(size: int) -> Iterator[None]:
+    """Within the context the system refuses files beyond ``size`` bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("size", [0, 3000])
+def test_a_disk_that_refuses_a_kept_recording_keeps_no_part_of_it(
+    size: int,
+    home: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    own_register: Path,
+) -> None:
+    written(9).close()
+    out = home / "mine.mcap"
+    monkeypatch.setattr(sys, "argv", ["trepid", "record", "keep", "--out", str(out)])
+    with small_files(size):
+        assert main() == 2
+    assert "mine.mcap: cannot be written: File too large" in capsys.readouterr().err
+    assert (list((home / "trepid" / "kept").iterdir()), out.exists()) == ([], False)
+    assert main() == 0
+    assert out.stat().st_size > 3000
+
+
+def test_a_process_that_joins_parts_deletes_them_also_where_it_fails(home: Path) -> None:
+    safe, out = secured(written(3).folder), home / "mine.mcap"
+    out.touch()
+    joining = [sys.executable, "-m", "trepid.recording.ring", str(safe), str(out)]
+    assert subprocess.run(joining, check=False, capture_output=True).returncode == 2
+    assert (safe.exists(), out.exists()) == (False, True)
 
 
 def test_nothing_kept_is_overwritten_and_no_ring_is_one_line(tmp_path: Path) -> None:
