@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from cockpit.car.finding import Finding
 from trepid.car.vehicle import Vehicle
+from trepid.clock import epoch_clock, epoch_offset_ns
 from trepid.config import CONFIG_DIR, InputError, load
 from trepid.processes.fused import gathered
 from trepid.processes.settings import check_vehicle, estimators_in, load_processes
@@ -41,11 +42,15 @@ def camera() -> Finding:
     process = _process_with(CAMERA_NODE)
     if process is None:
         return Finding("camera", True, "simulated: no process runs vehicle.cameras.node")
+    from vehicle.cameras.ros_topic import RosTopicSettings
     from vehicle.cameras.source import Drive
-    from vehicle.cameras.table import build
+    from vehicle.cameras.table import build, configured
 
     try:
-        name, source, common = build(Drive(bus=None, now_s=time.monotonic))
+        name, settings, _ = configured()
+        if isinstance(settings, RosTopicSettings) and settings.connect is None:
+            return Finding("camera", True, f"{name}: {settings.key} is on the bus of a drive")
+        name, source, common = build(Drive(bus=None, now_s=epoch_clock(epoch_offset_ns())))
     except InputError as error:
         return Finding(
             "camera", False, str(error), "correct camera_source.yaml; `v4l2-ctl --list-devices` lists cameras"

@@ -3,6 +3,7 @@
 import json
 import socket
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from cockpit.car.init import Like, write_car
 from trepid.cli import main
 from trepid.config import CAR, ROOT, InputError
 from trepid.processes.settings import load_processes
+from vehicle.cameras.source import Drive
 from vehicle.keys.certificates import create
 
 FOUR = ("vehicle.yaml", "camera.yaml", "fear.yaml", "drive.yaml")
@@ -270,6 +272,33 @@ def test_the_processes_of_every_template_make_a_drive(
 def test_a_camera_below_its_rate_fails(count: int, period_s: float, rate_hz: float | None, ok: bool) -> None:
     found = devices.judged_camera("v4l2", [k * period_s for k in range(count)], rate_hz, "")
     assert (found.ok, bool(found.remedy)) == (ok, not ok)
+
+
+def with_camera(car: Path, source: str) -> None:
+    (car / "processes.yaml").write_text("processes: {camera: {module: vehicle.cameras.node}}\n")
+    (car / "camera_source.yaml").write_text(source)
+
+
+def test_a_camera_gets_the_clock_of_a_drive(car: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stamps of a topic of ROS 2 are compared with it."""
+    now_s: list[float] = []
+
+    def build(drive: Drive) -> None:
+        now_s.append(drive.now_s())
+        raise InputError("no camera here")
+
+    monkeypatch.setattr("vehicle.cameras.table.build", build)
+    with_camera(car, "source: ros2\nros2: {key: 0/image/**, connect: tcp/127.0.0.1:7447}\n")
+    assert "no camera here" in devices.camera().message
+    assert now_s == [pytest.approx(time.time(), abs=60.0)]
+
+
+def test_a_topic_on_the_bus_of_a_drive_is_no_fault_before_the_drive(car: Path) -> None:
+    with_camera(car, "source: ros2\nros2: {key: 0/image/**}\n")
+    found = devices.camera()
+    assert found.ok and "0/image/** is on the bus of a drive" in found.message
+    with_camera(car, "source: ros2\nros2: {stamp: now}\n")
+    assert not devices.camera().ok
 
 
 def test_a_silent_camera_and_a_silent_car_say_why() -> None:
