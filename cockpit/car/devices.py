@@ -83,7 +83,7 @@ def judged_camera(name: str, stamps: list[float], rate_hz: float | None, trouble
 
 
 def actuator() -> Finding:
-    """The device or bus of the actuator opens, and the car reports its state."""
+    """The device or bus of the actuator opens, and the car reports its speed and wheel angle."""
     process = _process_with(ACTUATOR_NODE)
     if process is None:
         return Finding("actuator", True, "simulated: no process runs vehicle.actuators.node")
@@ -106,11 +106,12 @@ def actuator() -> Finding:
 
 
 def _reports(wire: "Actuator") -> tuple[bool, str]:
-    """True when a state arrives within REPORT_S; the last fault of the wire."""
+    """True when speed and wheel angle arrive within REPORT_S: without them the limiter brakes; the last fault."""
     began_s, fault = time.monotonic(), ""
     while time.monotonic() - began_s < REPORT_S:
         try:
-            if wire.read(now_s=time.monotonic()) is not None:
+            state = wire.read(now_s=time.monotonic())
+            if state is not None and None not in (state.speed_mps, state.road_wheel_angle_rad):
                 return True, ""
         except OSError as error:
             fault = str(error)
@@ -119,11 +120,14 @@ def _reports(wire: "Actuator") -> tuple[bool, str]:
 
 
 def judged_actuator(name: str, reported: bool, fault: str) -> Finding:
-    """``reported``: the car has sent its state; ``fault``: of the wire."""
+    """``reported``: the car has sent its speed and wheel angle; ``fault``: of the wire."""
     if reported:
-        return Finding("actuator", True, f"{name}: open, the car reports its state")
-    message = f"{name}: open, but the car reports nothing" + (f": {fault}" if fault else "")
-    return Finding("actuator", False, message, "switch the car on; check channel, bit rate and wiring")
+        return Finding("actuator", True, f"{name}: open, the car reports its speed and wheel angle")
+    message = f"{name}: open, but the car does not report its speed and wheel angle"
+    message += f": {fault}" if fault else ""
+    return Finding(
+        "actuator", False, message, "switch the car on; check channel, bit rate, sensor and wiring"
+    )
 
 
 def _process_with(module: str) -> str | None:

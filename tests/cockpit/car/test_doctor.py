@@ -5,6 +5,7 @@ import socket
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from driving_network_rig import write_network
@@ -15,6 +16,7 @@ from cockpit.car.finding import Finding
 from cockpit.car.init import Like, write_car
 from trepid.cli import main
 from trepid.config import CAR, ROOT, InputError
+from trepid.messages import VehicleState
 from trepid.processes.settings import load_processes
 from vehicle.cameras.source import Drive
 from vehicle.keys.certificates import create
@@ -305,6 +307,32 @@ def test_a_silent_camera_and_a_silent_car_say_why() -> None:
     assert "unplugged" in devices.judged_camera("v4l2", [], None, "unplugged").message
     assert "bus-off" in devices.judged_actuator("can", False, "bus-off").message
     assert devices.judged_actuator("can", True, "").ok
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "angle_rad", "ok"), [(None, 0.0, False), (0.0, None, False), (0.0, 0.0, True)]
+)
+def test_a_car_that_reports_no_speed_or_no_wheel_angle_is_found(
+    car: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    speed_mps: float | None,
+    angle_rad: float | None,
+    ok: bool,
+) -> None:
+    """Such as a servo board whose sensor is silent."""
+    state = VehicleState(
+        t_s=0.0,
+        speed_mps=speed_mps,
+        road_wheel_angle_rad=angle_rad,
+        yaw_rate_radps=None,
+        driver_override=False,
+    )
+    wire = SimpleNamespace(read=lambda *, now_s: state, close=lambda: None)
+    monkeypatch.setattr("vehicle.actuators.table.build", lambda car: ("serial", wire))
+    monkeypatch.setattr(devices, "REPORT_S", 0.05)
+    (car / "processes.yaml").write_text("processes: {vehicle: {module: vehicle.actuators.node}}\n")
+    (car / "actuator.yaml").write_text("actuator: serial\n")
+    assert devices.actuator().ok == ok
 
 
 def test_an_actuator_whose_device_is_missing_is_found(car: Path) -> None:
