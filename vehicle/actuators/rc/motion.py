@@ -1,8 +1,10 @@
 """From acceleration to speed: an RC car takes no acceleration, its speed controller takes a speed.
 
-The demand is the integral v_d += a·dt, from 0 up to the fastest speed of the throttle table. With a sensor it stays
-within ``LEAD_MPS`` of the measured speed, so that it does not wind up on a hill or with a flat battery. The
-modelled speed follows the demand with a lag of first order: v += (v_d - v)·(1 - exp(-dt/T)).
+The demand is the integral v_d += a·dt, from 0 up to the fastest speed of the throttle table. With a sensor it is at
+most ``LEAD_MPS`` above the measured speed, so that it does not wind up on a hill or with a flat battery; after
+neutral an acceleration starts it at most ``LEAD_MPS`` below. Nothing else raises it: a car that is faster than its
+table would be driven faster by a demand that follows its speed. The modelled speed follows the demand with a lag of
+first order: v += (v_d - v)·(1 - exp(-dt/T)).
 """
 
 import math
@@ -29,9 +31,12 @@ class Motion:
         self._then_s = now_s
         part = 1.0 if self._lag_s <= 0.0 else 1.0 - math.exp(-dt_s / self._lag_s)
         self.modelled_mps += part * (self.demand_mps - self.modelled_mps)
-        demand_mps = self.demand_mps + accel_mps2 * dt_s
+        demand_mps = self.demand_mps
+        if measured_mps is not None and demand_mps == 0.0 and accel_mps2 > 0.0:
+            demand_mps = max(0.0, measured_mps - LEAD_MPS)
+        demand_mps += accel_mps2 * dt_s
         if measured_mps is not None:
-            demand_mps = max(measured_mps - LEAD_MPS, min(measured_mps + LEAD_MPS, demand_mps))
+            demand_mps = min(measured_mps + LEAD_MPS, demand_mps)
         if accel_mps2 <= 0.0 and demand_mps < CREEP_MPS:
             demand_mps = 0.0
         self.demand_mps = max(0.0, min(most_mps, demand_mps))
