@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -24,11 +25,15 @@ from rc_rig import (
     pca,
 )
 
-from trepid.config import ROOT, InputError
+from controller.limiter import build as build_limiter
+from trepid.car.vehicle import Vehicle
+from trepid.config import CONFIG_DIR, ROOT, InputError, load
+from vehicle.actuators.node import ActuatorStep, Wire
 from vehicle.actuators.rc.actuator import BRAKE_FROM_MPS2, PcaActuator, SerialActuator
 from vehicle.actuators.rc.guard import Guard
 from vehicle.actuators.rc.motion import LEAD_MPS, Motion
 
+VEHICLE = load(CONFIG_DIR / "vehicle.yaml", Vehicle)
 COUNT_US = 1e6 / 60 / 4096
 CRASHING = """
 import json, os, signal, sys, time
@@ -231,6 +236,66 @@ def test_both_protocols_carry_the_pulses(tmp_path, protocol) -> None:
     )
     assert sent[THROTTLE_CHANNEL] == pytest.approx(1590.0, abs=2.0)
     assert there.board.errors == 0
+
+
+def looped(wire: Wire, node: ActuatorStep, clock: Time, turns: int, accel_mps2: float) -> None:
+    """Turns of the actuator process with fresh commands."""
+    for _ in range(turns):
+        clock.now_s += 0.01
+        failures, state = wire.failures, wire.read(clock.now_s)
+        order = replace(command(0.0, accel_mps2), t_s=clock.now_s)
+        failed = wire.failures > failures
+        applied = node.step(order, clock.now_s, state, stop=failed, now_s=clock.now_s)
+        if applied.command is not None:
+            wire.write(applied.command, clock.now_s)
+
+
+@pytest.mark.parametrize("pause_s", [0.3, 0.6])
+def test_after_a_freeze_of_the_process_the_throttle_stays_neutral_until_standstill(tmp_path, pause_s) -> None:
+    clock = Time()
+    with chip_on(tmp_path / "i2c") as chip:
+        actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
+        wire, node = Wire(actuator, "pca9685"), ActuatorStep(build_limiter(VEHICLE))
+        looped(wire, node, clock, 300, 0.7)
+        assert chip.pulse_us(THROTTLE_CHANNEL) > THROTTLE["neutral_us"] + 50
+        before_mps = actuator.read(now_s=clock.now_s).speed_mps
+        clock.now_s += pause_s
+        looped(wire, node, clock, 1, 0.7)
+        assert "went to neutral" in wire.last
+        assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
+        decayed_mps = before_mps * math.exp(-(pause_s - 0.19) / 0.3)
+        assert actuator.read(now_s=clock.now_s).speed_mps == pytest.approx(decayed_mps, abs=0.005)
+        looped(wire, node, clock, 10, 0.7)
+        assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
+        assert wire.failures == 1
+        actuator.close()
+
+
+def test_after_a_freeze_until_standstill_the_car_starts_from_standstill(tmp_path) -> None:
+    clock = Time()
+    with chip_on(tmp_path / "i2c") as chip:
+        actuator = PcaActuator(pca(tmp_path / "i2c"), car(clock))
+        wire, node = Wire(actuator, "pca9685"), ActuatorStep(build_limiter(VEHICLE))
+        looped(wire, node, clock, 300, 0.7)
+        clock.now_s += 5.0
+        looped(wire, node, clock, 1, 0.7)
+        assert chip.pulse_us(THROTTLE_CHANNEL) == pytest.approx(THROTTLE["neutral_us"], abs=COUNT_US)
+        looped(wire, node, clock, 20, 0.7)
+        assert chip.pulse_us(THROTTLE_CHANNEL) < 1540.0
+        actuator.close()
+
+
+def test_a_silence_of_the_serial_board_is_a_failure_of_the_wire_once(there, tmp_path) -> None:
+    clock = Time()
+    actuator = SerialActuator(board(tmp_path / "tty", speed="modelled"), car(clock))
+    drive(actuator, clock, 1.0, 1.0)
+    clock.now_s += 0.2
+    drive(actuator, clock, 1.0, 0.1)
+    clock.now_s += 0.3
+    with pytest.raises(OSError, match=r"no pulses for 0\.31 s"):
+        drive(actuator, clock, 1.0, 0.01)
+    assert actuator._motion.demand_mps == 0.0
+    drive(actuator, clock, 0.0, 0.1)
 
 
 def test_a_maestro_that_does_not_answer_is_a_failure_of_the_wire(tmp_path) -> None:

@@ -99,11 +99,14 @@ class RcActuator:
         self._models_yaw = settings.yaw_rate == "modelled"
         self._angle_rad = self._turned_rad = 0.0
         self._then_s = car.now_s()
+        self._neutral_after_s = settings.neutral_after_s
+        self._written_s = math.inf  # time of the last pulses; inf: none so far
         self._writes = 0
         self._measured: tuple[float, float] | None = None
 
     def read(self, *, now_s: float) -> VehicleState:
         """Speed as measured or as modelled, the angle of the last pulse; an unknown speed is None."""
+        self._notice_silence(now_s)
         self._measured = self._board.speed_mps(now_s=now_s)
         speed_mps, t_s = None, now_s
         if self._source is SpeedSource.MODELLED:
@@ -120,6 +123,7 @@ class RcActuator:
 
     def write(self, command: Command, *, now_s: float) -> None:
         """Set the pulses for ``command``: its angle, and the speed that its acceleration leads to."""
+        self._notice_silence(now_s)
         self._writes += 1
         if self._writes % CHECK_EVERY == 0:
             self._calibration.refresh()
@@ -138,6 +142,7 @@ class RcActuator:
         self._board.write(
             {steering.channel: steering.pulse_us(self._angle_rad), throttle.channel: throttle_us}, now_s=now_s
         )
+        self._written_s = now_s
 
     def values(self) -> tuple[tuple[str, str], ...]:
         """Speed source, values of the board, and the fault of a refused calibration."""
@@ -151,6 +156,14 @@ class RcActuator:
             self._board.write({throttle.channel: throttle.neutral_us}, now_s=0.0)
         finally:
             self._board.close()
+
+    def _notice_silence(self, now_s: float) -> None:
+        """Raise OSError, once, when no pulses were sent for so long that guard or board have set neutral."""
+        silent_s = now_s - self._written_s
+        if silent_s > self._neutral_after_s:
+            self._written_s = now_s
+            self._motion.rest(silent_s - self._neutral_after_s, now_s=now_s)
+            raise OSError(errno.ETIMEDOUT, f"no pulses for {silent_s:.2f} s: the throttle went to neutral")
 
     def _yaw_rate_radps(self, speed_mps: float | None, now_s: float) -> float | None:
         """ψ' = v·tan δ/(L + K_us·v²), δ behind the pulse by delay and lag; None: not modelled."""

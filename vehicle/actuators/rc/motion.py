@@ -43,3 +43,9 @@ class Motion:
         if self.demand_mps == 0.0 and self.modelled_mps < CREEP_MPS:
             self.modelled_mps = 0.0
         return self.demand_mps
+
+    def rest(self, for_s: float, *, now_s: float) -> None:
+        """The throttle has been neutral for ``for_s`` up to ``now_s``, without a command."""
+        self._then_s = now_s
+        self.demand_mps = 0.0
+        self.modelled_mps *= math.exp(-for_s / self._lag_s) if self._lag_s > 0.0 else 0.0

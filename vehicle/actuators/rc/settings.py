@@ -9,6 +9,8 @@ from trepid.config import Settings, wrong_at
 from trepid.types import NonNegative, Positive
 from vehicle.actuators.rc.pulses import Steering, Throttle
 
+BOARD_SILENCE_S = 0.25  # of the watchdog of a serial board: docs/actuators.md
+
 
 class SpeedSource(StrEnum):
     """Where the speed of the car comes from."""
@@ -49,6 +51,11 @@ class RcSettings(Settings):
             self.throttle.channel: self.throttle.neutral_us,
         }
 
+    @property
+    def neutral_after_s(self) -> float:
+        """The throttle is neutral when no pulse has been sent for this time."""
+        return BOARD_SILENCE_S
+
     def _measures(self) -> bool:
         return False
 
@@ -61,6 +68,11 @@ class PcaSettings(RcSettings):
     frequency_hz: Annotated[float, Field(ge=40, le=400)]
     oscillator_hz: Annotated[float, Field(ge=20e6, le=32e6)]
     guard_s: Annotated[float, Field(gt=0.03, le=1.0)]
+
+    @property
+    def neutral_after_s(self) -> float:
+        """That of the guard."""
+        return self.guard_s
 
     @model_validator(mode="after")
     def _channels(self) -> Self:
